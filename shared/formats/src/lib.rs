@@ -1,0 +1,3 @@
+//! Files and packets of the field: bytes in, values out, and back.
+
+pub mod manifest;

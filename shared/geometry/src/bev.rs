@@ -1,0 +1,59 @@
+//! Top-down grids (bird's eye view).
+
+/// The raster of a top-down view: cells of `cell_m` over a rectangle, row by x (forward), column by y (left).
+#[derive(Clone, Debug, PartialEq)]
+pub struct BevGrid {
+    /// x of the lower edge of row 0, m.
+    pub x0: f64,
+    /// y of the lower edge of column 0, m.
+    pub y0: f64,
+    /// Side of a cell, m.
+    pub cell_m: f64,
+    /// Rows.
+    pub rows: usize,
+    /// Columns.
+    pub cols: usize,
+}
+
+impl BevGrid {
+    /// The grid over `min` to `max` (x, y, m), its origin on a multiple of `cell_m` so that neighboring grids line up.
+    /// `None` if the bounds are no numbers, empty, or give more than `max_cells` cells.
+    pub fn covering(min: [f64; 2], max: [f64; 2], cell_m: f64, max_cells: usize) -> Option<Self> {
+        let first = |v: f64| (v / cell_m).floor();
+        let (x0, y0) = (first(min[0]), first(min[1]));
+        let (rows, cols) = (first(max[0]) - x0 + 1.0, first(max[1]) - y0 + 1.0);
+        let fits = rows >= 1.0 && cols >= 1.0 && rows * cols <= max_cells as f64;
+        fits.then(|| Self { x0: x0 * cell_m, y0: y0 * cell_m, cell_m, rows: rows as usize, cols: cols as usize })
+    }
+    /// Row and column of a point, `None` outside.
+    pub fn cell(&self, x: f64, y: f64) -> Option<(usize, usize)> {
+        let row = ((x - self.x0) / self.cell_m).floor();
+        let col = ((y - self.y0) / self.cell_m).floor();
+        let inside = row >= 0.0 && col >= 0.0 && row < self.rows as f64 && col < self.cols as f64;
+        inside.then_some((row as usize, col as usize))
+    }
+    /// x and y of a cell's center, m.
+    pub fn center(&self, row: usize, col: usize) -> (f64, f64) {
+        (self.x0 + (row as f64 + 0.5) * self.cell_m, self.y0 + (col as f64 + 0.5) * self.cell_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_and_centers_agree() {
+        let grid = BevGrid::covering([-3.05, 1.0], [2.0, 4.4], 0.1, 10_000).expect("fits");
+        for row in 0..grid.rows {
+            for col in 0..grid.cols {
+                let (x, y) = grid.center(row, col);
+                assert_eq!(grid.cell(x, y), Some((row, col)));
+            }
+        }
+        assert_eq!(grid.cell(-3.2, 2.0), None);
+        assert_eq!(grid.cell(f64::NAN, 2.0), None);
+        assert_eq!(BevGrid::covering([0.0, 0.0], [100.0, 100.0], 0.1, 1000), None);
+        assert_eq!(BevGrid::covering([f64::NAN, 0.0], [1.0, 1.0], 0.1, 1000), None);
+    }
+}

@@ -1,0 +1,14 @@
+//! Stamps, poses, rigs, camera models and top-down grids. Frames, axes and units: `docs/conventions.md`.
+
+mod bev;
+mod camera;
+mod pose;
+mod rig;
+mod stamp;
+
+pub use bev::BevGrid;
+pub use camera::{CameraModel, KannalaBrandt, Pinhole};
+pub use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector2, Vector3};
+pub use pose::{Pose, Trajectory, interpolate};
+pub use rig::{Rig, RigCamera};
+pub use stamp::Stamp;

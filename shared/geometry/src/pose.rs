@@ -1,0 +1,83 @@
+//! Poses and trajectories.
+
+use crate::Stamp;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+
+/// A rigid transform, named by its direction: `world_from_body`.
+pub type Pose = Isometry3<f64>;
+
+/// From `a` (share 0) to `b` (share 1): translation linearly, rotation along the shorter arc. Shares outside 0 to 1
+/// extrapolate.
+pub fn interpolate(a: &Pose, b: &Pose, share: f64) -> Pose {
+    let translation = a.translation.vector.lerp(&b.translation.vector, share);
+    let rotation_a_from_b = a.rotation.inverse() * b.rotation;
+    let rotation = a.rotation * UnitQuaternion::from_scaled_axis(rotation_a_from_b.scaled_axis() * share);
+    Isometry3::from_parts(Translation3::from(translation), rotation)
+}
+
+/// `world_from_body` over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trajectory {
+    poses: Vec<(Stamp, Pose)>,
+}
+
+impl Trajectory {
+    /// Appends a pose. `false`, and nothing is kept, if its stamp is before the last one; an equal stamp replaces it.
+    pub fn push(&mut self, stamp: Stamp, world_from_body: Pose) -> bool {
+        match self.poses.last_mut() {
+            Some((last, _)) if stamp < *last => return false,
+            Some((last, pose)) if stamp == *last => *pose = world_from_body,
+            _ => self.poses.push((stamp, world_from_body)),
+        }
+        true
+    }
+    /// All poses in order.
+    pub fn poses(&self) -> &[(Stamp, Pose)] {
+        &self.poses
+    }
+    /// Forgets poses that no stamp at or after `stamp` needs.
+    pub fn forget_before(&mut self, stamp: Stamp) {
+        let keep_from = self.poses.partition_point(|(s, _)| *s <= stamp).saturating_sub(1);
+        self.poses.drain(..keep_from);
+    }
+    /// The pose at `stamp`, interpolated; `None` before the first or after the last pose.
+    pub fn at(&self, stamp: Stamp) -> Option<Pose> {
+        let after = self.poses.partition_point(|(s, _)| *s < stamp);
+        let (stamp_b, b) = self.poses.get(after)?;
+        if *stamp_b == stamp {
+            return Some(*b);
+        }
+        let (stamp_a, a) = self.poses.get(after.checked_sub(1)?)?;
+        Some(interpolate(a, b, stamp.seconds_since(*stamp_a) / stamp_b.seconds_since(*stamp_a)))
+    }
+    /// Length of the path, m.
+    pub fn length_m(&self) -> f64 {
+        self.poses.windows(2).map(|pair| (pair[1].1.translation.vector - pair[0].1.translation.vector).norm()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn pose(x: f64, yaw: f64) -> Pose {
+        Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::z() * yaw)
+    }
+
+    #[test]
+    fn poses_between_are_interpolated_and_none_is_invented_outside() {
+        let mut trajectory = Trajectory::default();
+        assert!(trajectory.push(Stamp(0), pose(0.0, 0.0)));
+        assert!(trajectory.push(Stamp(100), pose(2.0, 0.4)));
+        assert!(!trajectory.push(Stamp(50), pose(9.0, 9.0)));
+        let quarter = trajectory.at(Stamp(25)).expect("inside");
+        assert!((quarter.translation.x - 0.5).abs() < 1e-12);
+        assert!((quarter.rotation.angle() - 0.1).abs() < 1e-12);
+        assert_eq!(trajectory.at(Stamp(-1)), None);
+        assert_eq!(trajectory.at(Stamp(101)), None);
+        assert_eq!(trajectory.at(Stamp(100)), Some(pose(2.0, 0.4)));
+        trajectory.forget_before(Stamp(60));
+        assert_eq!(trajectory.poses().len(), 2);
+    }
+}

@@ -1,0 +1,24 @@
+//! How the sensors are mounted.
+
+use crate::{CameraModel, Pose};
+
+/// Mounting of all sensors, everything relative to the body frame (`T_body_lidar` and `T_body_camera` in the literature).
+/// `camera_from_lidar` is derived, never stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rig {
+    /// Lidar mounting.
+    pub body_from_lidar: Pose,
+    /// Color cameras by index.
+    pub cameras: Vec<RigCamera>,
+    /// Mosaic cameras by index. Their model is that of the raw image.
+    pub mosaics: Vec<RigCamera>,
+}
+
+/// One camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigCamera {
+    /// Camera mounting.
+    pub body_from_camera: Pose,
+    /// Lens.
+    pub model: CameraModel,
+}

@@ -1,0 +1,74 @@
+//! Topic `cube`: calibrated reflectance of one mosaic exposure.
+
+use crate::{Message, pod, pod::cast_slice};
+
+/// Bands of the largest cube: the 5x5 mosaic has 25; the next power of two leaves room for virtual bands.
+pub const MAX_CUBE_BANDS: usize = 32;
+
+pod! {
+    /// What holds for the whole cube.
+    pub struct CubeHeader {
+        /// Index into the rig's mosaic cameras.
+        pub camera: u32,
+        /// Columns of the cube.
+        pub width: u32,
+        /// Rows of the cube.
+        pub height: u32,
+        /// Bands in use.
+        pub n_bands: u32,
+        /// Side of a mosaic pattern cell in raw pixels; cell (c, r) covers raw columns `x0 + c*pattern ..`.
+        pub pattern: u32,
+        /// Bit b: band b is usable at all.
+        pub valid_bands: u32,
+        /// Left column of the active area in the raw image.
+        pub x0: u32,
+        /// Top row of the active area in the raw image.
+        pub y0: u32,
+        /// Exposure time in ns; the stamp is its middle.
+        pub exposure_nanos: u64,
+        /// Center of each band in nm, in band order; unused entries are zero.
+        pub wavelengths_nm: [f32; MAX_CUBE_BANDS],
+    }
+}
+
+/// A reflectance cube. Rows are 4-byte words: `n_bands * height * width` reflectances (f32, band-sequential), then
+/// `height * width` masks (bit b set: band b was measured here, neither saturated nor dead). See [`CubeView`].
+pub struct Cube;
+impl Message for Cube {
+    const TOPIC: &'static str = "cube";
+    const VERSION: u32 = 1;
+    const QUEUE: usize = 4;
+    // As `image`, by two cameras.
+    const BORROWED: usize = 32;
+    type Header = CubeHeader;
+    type Row = u32;
+}
+
+/// A cube's payload, read in place.
+#[derive(Clone, Copy)]
+pub struct CubeView<'a> {
+    n_cells: usize,
+    reflectances: &'a [f32],
+    masks: &'a [u32],
+}
+
+impl<'a> CubeView<'a> {
+    /// `None` if the number of rows does not fit the header.
+    pub fn new(header: &CubeHeader, rows: &'a [u32]) -> Option<Self> {
+        let n_cells = header.width as usize * header.height as usize;
+        let n_bands = header.n_bands as usize;
+        if n_bands > MAX_CUBE_BANDS || rows.len() != (n_bands + 1) * n_cells {
+            return None;
+        }
+        let (reflectances, masks) = rows.split_at(n_bands * n_cells);
+        Some(Self { n_cells, reflectances: cast_slice(reflectances), masks })
+    }
+    /// Reflectances of one band, row-major.
+    pub fn band(&self, band: usize) -> &'a [f32] {
+        &self.reflectances[band * self.n_cells..][..self.n_cells]
+    }
+    /// Which bands were measured, per cell, row-major.
+    pub fn masks(&self) -> &'a [u32] {
+        self.masks
+    }
+}

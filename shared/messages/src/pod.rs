@@ -1,0 +1,154 @@
+//! Plain data: types whose bytes may be shared between processes.
+
+#![allow(unsafe_code, reason = "the one place that turns rows into bytes and back; each block states why it may")]
+
+/// A type that is nothing but its bytes: `repr(C)`, no padding, no pointers, every bit pattern valid.
+///
+/// # Safety
+/// The implementor has a defined layout without padding bytes, and any bytes of its size are a valid value.
+/// [`pod!`](crate::pod!) proves the layout at compile time; implement it by that macro only.
+pub unsafe trait Pod: Copy + Send + Sync + 'static {
+    /// Fingerprint of the field names and types in order. Two processes that differ in it must not talk.
+    const LAYOUT: u64;
+
+    /// The value whose bytes are all zero.
+    fn zeroed() -> Self {
+        // SAFETY: every bit pattern is a valid value of a `Pod`, all zeros too.
+        unsafe { std::mem::zeroed() }
+    }
+}
+
+/// FNV-1a over `bytes`, continued from `state`.
+pub const fn fingerprint(mut state: u64, bytes: &[u8]) -> u64 {
+    let mut i = 0;
+    while i < bytes.len() {
+        state = (state ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);
+        i += 1;
+    }
+    state
+}
+
+/// Where a fingerprint starts: the FNV-1a offset basis.
+pub const FINGERPRINT_START: u64 = 0xcbf2_9ce4_8422_2325;
+
+macro_rules! pod_number {
+    ($($t:ty),*) => {$(
+        // SAFETY: a primitive number has no padding and every bit pattern is a value.
+        unsafe impl Pod for $t {
+            const LAYOUT: u64 = fingerprint(FINGERPRINT_START, stringify!($t).as_bytes());
+        }
+    )*};
+}
+pod_number!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
+
+// SAFETY: an array of `Pod` has no padding between its elements and none of its own.
+unsafe impl<T: Pod, const N: usize> Pod for [T; N] {
+    const LAYOUT: u64 = fingerprint(T::LAYOUT, &(N as u64).to_le_bytes());
+}
+
+/// Declares a `repr(C)` struct and proves at compile time that it is [`Pod`]: every field is, and no padding is left.
+#[macro_export]
+macro_rules! pod {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $kind:ty),* $(,)? }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $kind),* }
+
+        const _: () = assert!(
+            size_of::<$name>() == 0 $(+ size_of::<$kind>())*,
+            concat!(stringify!($name), " has padding: order its fields by size or name the padding")
+        );
+
+        #[allow(unsafe_code, reason = "the layout is proved right here")]
+        // SAFETY: `repr(C)`, every field is `Pod` (bound below), and the assertion above excludes padding.
+        unsafe impl $crate::Pod for $name where $($kind: $crate::Pod),* {
+            const LAYOUT: u64 = {
+                let state = $crate::pod::FINGERPRINT_START;
+                $(
+                    let state = $crate::pod::fingerprint(state, stringify!($field).as_bytes());
+                    let state = $crate::pod::fingerprint(state, &<$kind as $crate::Pod>::LAYOUT.to_le_bytes());
+                )*
+                state
+            };
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                $crate::Pod::zeroed()
+            }
+        }
+    };
+}
+
+/// The bytes of `rows`, in place.
+pub fn bytes_from_rows<T: Pod>(rows: &[T]) -> &[u8] {
+    // SAFETY: a `Pod` has no padding, so each of the `size_of_val` bytes is initialised; u8 has no alignment; the
+    // lifetime is that of `rows`.
+    unsafe { std::slice::from_raw_parts(rows.as_ptr().cast(), size_of_val(rows)) }
+}
+
+/// Copies `bytes` into rows. `None` if the length is no multiple of the row's size.
+pub fn rows_from_bytes<T: Pod>(bytes: &[u8]) -> Option<Vec<T>> {
+    if size_of::<T>() == 0 || !bytes.len().is_multiple_of(size_of::<T>()) {
+        return None;
+    }
+    let mut rows = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    // SAFETY: both regions are `bytes.len()` long and distinct; every bit pattern is a valid `T`.
+    unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), rows.as_mut_ptr().cast(), bytes.len()) };
+    Some(rows)
+}
+
+/// The same memory read as rows of another type of the same size and alignment, e.g. `u32` words as `f32`.
+pub fn cast_slice<T: Pod, U: Pod>(rows: &[T]) -> &[U] {
+    const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
+    // SAFETY: same size and alignment (asserted at compile time), and every bit pattern is a valid `U`.
+    unsafe { std::slice::from_raw_parts(rows.as_ptr().cast(), rows.len()) }
+}
+
+/// [`cast_slice`] for writing.
+pub fn cast_slice_mut<T: Pod, U: Pod>(rows: &mut [T]) -> &mut [U] {
+    const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
+    // SAFETY: as `cast_slice`; the exclusive borrow passes on, and every bit pattern written is a valid `T`.
+    unsafe { std::slice::from_raw_parts_mut(rows.as_mut_ptr().cast(), rows.len()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pod! {
+        /// Two fields.
+        pub struct Pair { /// First.
+            pub a: u32, /// Second.
+            pub b: f32 }
+    }
+    pod! {
+        /// The same bytes under other names.
+        pub struct Swapped { /// First.
+            pub b: u32, /// Second.
+            pub a: f32 }
+    }
+
+    #[test]
+    fn rows_survive_the_way_through_bytes() {
+        let rows = [Pair { a: 7, b: 0.5 }, Pair { a: u32::MAX, b: -1.0 }];
+        let bytes = bytes_from_rows(&rows);
+        assert_eq!(bytes.len(), 16);
+        assert_eq!(rows_from_bytes::<Pair>(bytes).as_deref(), Some(&rows[..]));
+        assert_eq!(rows_from_bytes::<Pair>(&bytes[..15]), None);
+    }
+
+    #[test]
+    fn words_read_as_floats_keep_their_bits() {
+        let mut words = [1.5_f32.to_bits(), (-2.0_f32).to_bits()];
+        cast_slice_mut::<u32, f32>(&mut words)[0] = 4.0;
+        assert_eq!(cast_slice::<u32, f32>(&words), [4.0, -2.0]);
+    }
+
+    #[test]
+    fn a_renamed_field_changes_the_layout() {
+        assert_ne!(Pair::LAYOUT, Swapped::LAYOUT);
+        assert_ne!(<[f32; 3]>::LAYOUT, <[f32; 4]>::LAYOUT);
+    }
+}

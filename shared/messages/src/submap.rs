@@ -1,0 +1,113 @@
+//! Topic `submap`: the registered, deskewed points of the next stretch of street. Written once; later stages publish
+//! columns for it.
+
+use crate::{Message, PoseRow, pod};
+
+/// Sweeps of one submap at most: 5 s at 20 Hz is 100; the table below is in every header, so it stays short.
+pub const MAX_SWEEPS_PER_SUBMAP: usize = 256;
+
+/// Bit of [`SubmapPoint::flags`]: the point is on a moving object.
+pub const POINT_DYNAMIC: u8 = 1;
+
+/// [`SubmapPoint::incidence`] where the surface around the point is not known.
+pub const POINT_INCIDENCE_UNKNOWN: u8 = 255;
+
+pod! {
+    /// One point, 28 bytes (the fields of thesis figure 2.23).
+    ///
+    /// | offset | field | unit |
+    /// |---|---|---|
+    /// | 0 | `x y z` f32 | m, submap frame |
+    /// | 12 | `offset_nanos` u32 | ns after the stamp of its sweep |
+    /// | 16 | `azimuth` u16 | scan angle, 0.01 deg |
+    /// | 18 | `elevation` i16 | vertical laser angle, 0.01 deg, up positive |
+    /// | 20 | `sweep_idx` u16 | row of [`SubmapHeader::sweeps`]: frame, sensor position |
+    /// | 22 | `intensity` u8 | raw |
+    /// | 23 | `ring` u8 | laser, 0 = lowest |
+    /// | 24 | `incidence` u8 | cosine of ray and surface normal, 0 to 254 = 0 to 1; 255 = unknown |
+    /// | 25 | `flags` u8 | [`POINT_DYNAMIC`] |
+    /// | 26 | `reserved` u16 | zero |
+    pub struct SubmapPoint {
+        /// m, submap frame.
+        pub x: f32,
+        /// m, submap frame.
+        pub y: f32,
+        /// m, submap frame.
+        pub z: f32,
+        /// ns after the stamp of its sweep.
+        pub offset_nanos: u32,
+        /// Raw encoder angle, 0.01 deg, 0 to 35999.
+        pub azimuth: u16,
+        /// Vertical angle of the beam, 0.01 deg.
+        pub elevation: i16,
+        /// Row of [`SubmapHeader::sweeps`].
+        pub sweep_idx: u16,
+        /// Raw strength of the return.
+        pub intensity: u8,
+        /// Beam, 0 = lowest.
+        pub ring: u8,
+        /// Cosine of the angle between ray and normal, 0 to 254 for 0 to 1.
+        pub incidence: u8,
+        /// Bits: [`POINT_DYNAMIC`].
+        pub flags: u8,
+        /// Zero.
+        pub reserved: u16,
+    }
+}
+
+pod! {
+    /// One sweep inside a submap, 88 bytes. Its points are `first_point .. first_point + n_points`.
+    pub struct SubmapSweep {
+        /// ns since the Unix epoch, first shot.
+        pub stamp: i64,
+        /// Number of the sweep in the drive.
+        pub seq: u64,
+        /// ns from first to last shot.
+        pub duration_nanos: u32,
+        /// Index of its first point.
+        pub first_point: u32,
+        /// How many points.
+        pub n_points: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// Lidar position and rotation (x y z, qx qy qz qw) in the submap frame at the first shot.
+        pub submap_from_lidar_begin: [f32; 7],
+        /// The same at the last shot; in between, positions are interpolated linearly and rotations by slerp.
+        pub submap_from_lidar_end: [f32; 7],
+    }
+}
+
+pod! {
+    /// What holds for the whole submap. The envelope's seq is the submap's number, its stamp that of the first shot.
+    pub struct SubmapHeader {
+        /// ns since the Unix epoch, first shot.
+        pub stamp_begin: i64,
+        /// ns since the Unix epoch, last shot.
+        pub stamp_end: i64,
+        /// Where the submap lies: local east-north-up, m.
+        pub world_from_submap: PoseRow,
+        /// Smallest x y z, m, submap frame.
+        pub min: [f32; 3],
+        /// Largest x y z, m, submap frame.
+        pub max: [f32; 3],
+        /// Rows of `sweeps` in use.
+        pub n_sweeps: u32,
+        /// Rings of the sensor.
+        pub n_rings: u32,
+        /// The sweeps that it was made of.
+        pub sweeps: [SubmapSweep; MAX_SWEEPS_PER_SUBMAP],
+    }
+}
+
+/// A finished stretch of street in its own frame.
+pub struct Submap;
+impl Message for Submap {
+    const TOPIC: &'static str = "submap";
+    const VERSION: u32 = 1;
+    // Ticks come every sweep, submaps every 20 to 50 ticks: a queue of 8 holds one submap and the ticks around it.
+    const QUEUE: usize = 8;
+    // One in work and the one before it, for consumers that match across the border.
+    const BORROWED: usize = 2;
+    type Header = SubmapHeader;
+    type Row = SubmapPoint;
+}

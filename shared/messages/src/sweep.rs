@@ -1,0 +1,56 @@
+//! Topic `sweep`: the points of one LiDAR revolution, in the moving lidar frame.
+
+use crate::{Message, pod};
+
+pod! {
+    /// One return, 20 bytes. A pulse without a return has no row.
+    ///
+    /// | offset | field | unit |
+    /// |---|---|---|
+    /// | 0 | `x y z` f32 | m, lidar frame at the time of the shot |
+    /// | 12 | `offset_nanos` u32 | ns after the sweep's stamp |
+    /// | 16 | `azimuth` u16 | raw encoder angle, 0.01 deg, 0 to 35999, clockwise from +y of the sensor |
+    /// | 18 | `intensity` u8 | as the device gives it |
+    /// | 19 | `ring` u8 | 0 = lowest beam |
+    pub struct SweepPoint {
+        /// m, forward.
+        pub x: f32,
+        /// m, left.
+        pub y: f32,
+        /// m, up.
+        pub z: f32,
+        /// ns after the sweep's stamp; all zero if the recording has no point times.
+        pub offset_nanos: u32,
+        /// Raw encoder angle, 0.01 deg, 0 to 35999.
+        pub azimuth: u16,
+        /// Raw strength of the return.
+        pub intensity: u8,
+        /// Beam by elevation, 0 = lowest.
+        pub ring: u8,
+    }
+}
+
+pod! {
+    /// What holds for the whole sweep.
+    pub struct SweepHeader {
+        /// ns from the sweep's stamp to the end of the revolution.
+        pub duration_nanos: u32,
+        /// Packets missing inside the revolution, by their times.
+        pub lost_packets: u32,
+        /// Rings of the sensor.
+        pub n_rings: u32,
+        /// 1 if `offset_nanos` of the points is measured, 0 if the recording has none.
+        pub has_times: u32,
+    }
+}
+
+/// One revolution. Its stamp is that of its first shot.
+pub struct Sweep;
+impl Message for Sweep {
+    const TOPIC: &'static str = "sweep";
+    const VERSION: u32 = 1;
+    const QUEUE: usize = 4;
+    const BORROWED: usize = 4;
+    type Header = SweepHeader;
+    type Row = SweepPoint;
+}

@@ -1,0 +1,241 @@
+//! How a step reads and writes messages.
+
+use crate::StepError;
+use messages::{Envelope, Message, Pod, pod};
+use std::any::Any;
+use std::collections::BTreeMap;
+
+/// A message that the stage may read, and keep for later steps (at most [`Message::BORROWED`] at a time).
+pub struct Received<T: Message>(Source<T>);
+
+enum Source<T: Message> {
+    /// In memory of this process: from a saved state, a recording or a test.
+    Owned { envelope: Envelope, header: Box<T::Header>, rows: Vec<T::Row> },
+}
+
+impl<T: Message> Received<T> {
+    pub(crate) fn owned(envelope: Envelope, header: T::Header, rows: Vec<T::Row>) -> Self {
+        Self(Source::Owned { envelope, header: Box::new(header), rows })
+    }
+    fn envelope(&self) -> &Envelope {
+        match &self.0 {
+            Source::Owned { envelope, .. } => envelope,
+        }
+    }
+    /// Number of the message on its topic; on a column, of the submap.
+    pub fn seq(&self) -> u64 {
+        self.envelope().seq
+    }
+    /// Nanoseconds since the Unix epoch.
+    pub fn stamp(&self) -> i64 {
+        self.envelope().stamp
+    }
+    /// The fixed part.
+    pub fn header(&self) -> &T::Header {
+        match &self.0 {
+            Source::Owned { header, .. } => header,
+        }
+    }
+    /// The rows, in place.
+    pub fn rows(&self) -> &[T::Row] {
+        match &self.0 {
+            Source::Owned { rows, .. } => rows,
+        }
+    }
+    /// A copy of the whole message as bytes, for [`crate::Stage::save`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = pod::bytes_from_rows(std::slice::from_ref(self.envelope())).to_vec();
+        bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.header())));
+        bytes.extend_from_slice(pod::bytes_from_rows(self.rows()));
+        bytes
+    }
+    /// The inverse of [`Received::to_bytes`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, StepError> {
+        let cut = || StepError::data(format!("saved {} message of {} bytes is cut", T::TOPIC, bytes.len()));
+        let (envelope, rest) = bytes.split_at_checked(size_of::<Envelope>()).ok_or_else(cut)?;
+        let (header, rest) = rest.split_at_checked(size_of::<T::Header>()).ok_or_else(cut)?;
+        let envelope = pod::rows_from_bytes::<Envelope>(envelope).ok_or_else(cut)?[0];
+        let header = pod::rows_from_bytes::<T::Header>(header).ok_or_else(cut)?[0];
+        let rows = pod::rows_from_bytes::<T::Row>(rest).ok_or_else(cut)?;
+        if rows.len() != envelope.len as usize {
+            return Err(cut());
+        }
+        Ok(Self::owned(envelope, header, rows))
+    }
+}
+
+/// All messages of one tick.
+#[derive(Default)]
+pub struct Inputs {
+    pub(crate) by_topic: BTreeMap<&'static str, Box<dyn Any>>,
+}
+
+impl Inputs {
+    /// The tick's messages of `T` in the order they were published; empty if there are none (any more).
+    pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
+        self.by_topic
+            .get_mut(T::TOPIC)
+            .and_then(|messages| messages.downcast_mut::<Vec<Received<T>>>())
+            .map(std::mem::take)
+            .unwrap_or_default()
+    }
+    pub(crate) fn push<T: Message>(&mut self, message: Received<T>) {
+        let messages = self.by_topic.entry(T::TOPIC).or_insert_with(|| Box::new(Vec::<Received<T>>::new()));
+        if let Some(messages) = messages.downcast_mut::<Vec<Received<T>>>() {
+            messages.push(message);
+        }
+    }
+}
+
+/// A message under construction, in the slot from which its consumers will read it. May be kept over several steps.
+pub struct Loan<T: Message>(Slot<T>);
+
+enum Slot<T: Message> {
+    Owned { capacity: usize, header: Box<T::Header>, rows: Vec<T::Row> },
+}
+
+impl<T: Message> Loan<T> {
+    fn owned(capacity: usize) -> Self {
+        Self(Slot::Owned { capacity, header: Box::default(), rows: Vec::new() })
+    }
+    /// Rows that fit.
+    pub fn capacity(&self) -> usize {
+        match &self.0 {
+            Slot::Owned { capacity, .. } => *capacity,
+        }
+    }
+    /// Rows written so far.
+    pub fn rows(&self) -> &[T::Row] {
+        match &self.0 {
+            Slot::Owned { rows, .. } => rows,
+        }
+    }
+    /// The fixed part, zero at first.
+    pub fn header_mut(&mut self) -> &mut T::Header {
+        match &mut self.0 {
+            Slot::Owned { header, .. } => header,
+        }
+    }
+    /// Appends `n` zeroed rows and lends them for writing. `None` if they do not fit.
+    pub fn grow(&mut self, n: usize) -> Option<&mut [T::Row]> {
+        match &mut self.0 {
+            Slot::Owned { capacity, rows, .. } => {
+                let start = rows.len();
+                if n > *capacity - start {
+                    return None;
+                }
+                rows.resize(start + n, T::Row::zeroed());
+                Some(&mut rows[start..])
+            }
+        }
+    }
+    /// Appends copies of `new_rows`. `None` if they do not fit.
+    #[must_use = "rows that do not fit are not written"]
+    pub fn extend_from_slice(&mut self, new_rows: &[T::Row]) -> Option<()> {
+        self.grow(new_rows.len())?.copy_from_slice(new_rows);
+        Some(())
+    }
+}
+
+/// Where a step's results go.
+#[derive(Default)]
+pub struct Outputs {
+    pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
+    pub(crate) counters: BTreeMap<&'static str, u64>,
+    pub(crate) notes: Vec<String>,
+    pub(crate) drive_time: Option<i64>,
+    pub(crate) progress: Option<f64>,
+}
+
+impl Outputs {
+    fn port<T: Message>(&mut self) -> Result<&mut Box<dyn AnyOutput>, StepError> {
+        self.by_topic
+            .get_mut(T::TOPIC)
+            .ok_or_else(|| StepError::Contract(format!("topic {} is not among the stage's outputs", T::TOPIC)))
+    }
+
+    /// A slot for at most `capacity` rows. Memory that is never written is never used.
+    pub fn loan<T: Message>(&mut self, capacity: usize) -> Result<Loan<T>, StepError> {
+        let output = self.port::<T>()?;
+        if output.as_any().is::<MemoryOutput<T>>() {
+            return Ok(Loan::owned(capacity));
+        }
+        Err(StepError::Contract(format!("topic {} has another type", T::TOPIC)))
+    }
+
+    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full.
+    pub fn publish<T: Message>(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
+        self.publish_as(loan, stamp, None)
+    }
+
+    /// Publishes a column of submap `seq`. Columns come in the order of submaps, one for each.
+    pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {
+        self.publish_as(loan, stamp, Some(seq))
+    }
+
+    fn publish_as<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
+        let output = self.port::<T>()?;
+        let next = output.next_seq();
+        if let Some(seq) = seq
+            && seq != next
+        {
+            return Err(StepError::Contract(format!("{} for submap {seq} published when that of {next} was due", T::TOPIC)));
+        }
+        if let Some(memory) = output.as_any().downcast_mut::<MemoryOutput<T>>() {
+            let Slot::Owned { header, rows, .. } = loan.0;
+            let envelope = Envelope { seq: next, stamp, len: rows.len() as u32, ..Envelope::default() };
+            memory.published.push(Received::owned(envelope, *header, rows));
+            memory.next_seq += 1;
+            return Ok(());
+        }
+        Err(StepError::Contract(format!("topic {} has another type", T::TOPIC)))
+    }
+
+    /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.
+    pub fn count(&mut self, name: &'static str, n: u64) {
+        *self.counters.entry(name).or_default() += n;
+    }
+
+    /// Says something to the operator, once per distinct text.
+    pub fn note(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.notes.contains(&text) {
+            self.notes.push(text);
+        }
+    }
+
+    /// Sources only: the drive's time at this tick, from which barriers and rates are reckoned.
+    pub fn set_drive_time(&mut self, stamp: i64) {
+        self.drive_time = Some(stamp);
+    }
+
+    /// Sources only: share of the drive that has been read, 0 to 1.
+    pub fn set_progress(&mut self, share: f64) {
+        self.progress = Some(share.clamp(0.0, 1.0));
+    }
+}
+
+/// An output whose type is known to the step alone.
+pub(crate) trait AnyOutput {
+    fn as_any(&mut self) -> &mut dyn Any;
+    fn next_seq(&self) -> u64;
+}
+
+/// Keeps what was published, for tests.
+pub(crate) struct MemoryOutput<T: Message> {
+    pub(crate) next_seq: u64,
+    pub(crate) published: Vec<Received<T>>,
+}
+
+pub(crate) fn memory_output<T: Message>() -> Box<dyn AnyOutput> {
+    Box::new(MemoryOutput::<T> { next_seq: 0, published: Vec::new() })
+}
+
+impl<T: Message> AnyOutput for MemoryOutput<T> {
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
+    fn next_seq(&self) -> u64 {
+        self.next_seq
+    }
+}

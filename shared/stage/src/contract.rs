@@ -1,0 +1,159 @@
+//! What a stage promises, and what it may rely on.
+//!
+//! Time is cut into *ticks*: one tick is one step of the source (one LiDAR revolution). In tick n a stage gets all
+//! messages of tick n, from all its inputs, in the order they were published, and publishes whatever follows from them.
+//! Nothing depends on when a message arrives, so the same input gives the same output, always.
+
+use crate::{Inputs, Outputs, Problem, Settings};
+use messages::Message;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// One process of the pipeline, without its process: a function of settings, state and inputs.
+///
+/// `step` reads no clock, no environment and no unseeded randomness, and logs nothing: what is worth saying goes into
+/// [`Outputs::count`] and [`Outputs::note`].
+pub trait Stage: Sized {
+    /// Folder, crate, table in launch.toml, log target; the binary is `replica-<NAME>`.
+    const NAME: &'static str;
+
+    /// See [`settings!`](crate::settings!).
+    type Settings: Settings;
+
+    /// Topics that it reads, in the order in which their messages are of one tick are to be thought of.
+    fn inputs() -> Vec<Port>;
+
+    /// Topics that it writes.
+    fn outputs() -> Vec<Port>;
+
+    /// What can be said before the start beyond the settings' own rules: absent files, settings that contradict each other.
+    fn check(_settings: &Self::Settings, _context: &Context) -> Vec<Problem> {
+        Vec::new()
+    }
+
+    /// Makes the stage ready for tick 0. Reads calibration and models; takes no sensor data yet.
+    fn new(settings: &Self::Settings, context: &Context) -> Result<Self, StepError>;
+
+    /// One tick. A source (no inputs) says here when it is done.
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError>;
+
+    /// After the last tick: publish what is still held.
+    fn finish(&mut self, _outputs: &mut Outputs) -> Result<(), StepError> {
+        Ok(())
+    }
+
+    /// Everything that the next tick depends on. Called between ticks, at a barrier; [`crate::encode_state`] helps.
+    fn save(&mut self) -> Result<Vec<u8>, StepError>;
+
+    /// Takes up where [`Stage::save`] left off. Called on a new stage before its first tick.
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError>;
+}
+
+/// Whether a source has more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// There may be a next tick.
+    Continue,
+    /// This was the last tick. Only sources decide; the answer of other stages is ignored.
+    End,
+}
+
+/// Where and how the run happens. Paths are absolute.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Context {
+    /// The drive's folder.
+    pub drive: PathBuf,
+    /// Where results go.
+    pub output: PathBuf,
+    /// Folder of launch.toml; relative paths in settings start here. See [`Context::resolve`].
+    pub launch_folder: PathBuf,
+    /// See [`Mode`].
+    pub mode: Mode,
+}
+
+impl Context {
+    /// A path from the settings, made absolute.
+    pub fn resolve(&self, path: &std::path::Path) -> PathBuf {
+        self.launch_folder.join(path)
+    }
+}
+
+/// Lossless or newest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Lossless and deterministic: who is ahead waits.
+    Offline,
+    /// Bounded latency: the oldest unprocessed message is dropped and counted.
+    Live,
+}
+
+/// One topic that a stage reads or writes, by type.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    pub(crate) topic: &'static str,
+    pub(crate) version: u32,
+    pub(crate) layout: u64,
+    pub(crate) optional: bool,
+    pub(crate) make: PortMakers,
+}
+
+/// How the runner and the test bench make the typed halves of a port.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PortMakers {
+    pub(crate) memory_output: fn() -> Box<dyn crate::access::AnyOutput>,
+}
+
+impl Port {
+    /// The topic of `T`. As an input: the run does not start unless somebody produces it.
+    pub fn of<T: Message>() -> Self {
+        Self {
+            topic: T::TOPIC,
+            version: T::VERSION,
+            layout: T::LAYOUT,
+            optional: false,
+            make: PortMakers { memory_output: crate::access::memory_output::<T> },
+        }
+    }
+
+    /// As [`Port::of`]; as an input it may have no producer, then it is always empty.
+    pub fn optional<T: Message>() -> Self {
+        Self { optional: true, ..Self::of::<T>() }
+    }
+
+    /// The topic's name.
+    pub fn topic(&self) -> &'static str {
+        self.topic
+    }
+}
+
+/// Why a stage cannot go on. The text names the file or message, the place, the value and the rule.
+#[derive(Debug, thiserror::Error)]
+pub enum StepError {
+    /// Input that the stage cannot work with.
+    #[error("{0}")]
+    Data(String),
+    /// A file or the operating system.
+    #[error("{0}")]
+    Io(String),
+    /// The run is being stopped; not a failure of the stage.
+    #[error("stopped while waiting to publish on {topic}")]
+    Stopped {
+        /// Where it waited.
+        topic: &'static str,
+    },
+    /// The stage broke the contract, e.g. published a column for the wrong submap.
+    #[error("{0}")]
+    Contract(String),
+}
+
+impl StepError {
+    /// An input that the stage cannot work with.
+    pub fn data(error: impl std::fmt::Display) -> Self {
+        StepError::Data(error.to_string())
+    }
+    /// A file or the operating system.
+    pub fn io(error: impl std::fmt::Display) -> Self {
+        StepError::Io(error.to_string())
+    }
+}

@@ -1,0 +1,24 @@
+//! Everything that a stage needs to be a process of REPLICA.
+//!
+//! A stage implements [`Stage`] and ends its `main.rs` with `stage::run::<MyStage>()`. The runner does the rest: settings
+//! with every problem reported at once, `--describe` and `--check`, topics, ticks, barriers, heartbeat, back-pressure,
+//! signals, drain and exit code. See `docs/stage.md` for a stage from first line to last.
+
+mod access;
+mod contract;
+mod settings;
+mod state;
+pub mod testing;
+
+pub use access::{Inputs, Loan, Outputs, Received};
+pub use contract::{Context, Flow, Mode, Port, Stage, StepError};
+pub use messages;
+pub use settings::{Field, Problem, Rule, Settings, any, at_least, each_one_of, one_of, parse_table, within};
+pub use state::{StateError, decode_state, encode_state};
+
+#[doc(hidden)]
+pub use settings::{default_text, read_value};
+#[doc(hidden)]
+pub use {serde, toml};
+
+extern crate self as stage;

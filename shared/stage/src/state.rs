@@ -1,0 +1,93 @@
+//! A stage's state as bytes: versioned, checksummed, exact.
+
+use crate::StepError;
+use messages::pod::{FINGERPRINT_START, fingerprint};
+use serde::{Serialize, de::DeserializeOwned};
+
+/// First bytes of a saved state.
+const MAGIC: [u8; 8] = *b"REPLICAS";
+
+/// Why a saved state cannot be taken up.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum StateError {
+    /// Too short or without the magic bytes.
+    #[error("not a saved state: {0} bytes")]
+    Foreign(usize),
+    /// Written by another version of the stage.
+    #[error("saved state has version {got}, expected {expected}")]
+    Version {
+        /// In the file.
+        got: u32,
+        /// Of this program.
+        expected: u32,
+    },
+    /// Torn or changed.
+    #[error("saved state has checksum {got:016x}, expected {expected:016x}")]
+    Checksum {
+        /// Of the bytes.
+        got: u64,
+        /// In the file.
+        expected: u64,
+    },
+    /// The content does not decode.
+    #[error("saved state does not decode: {0}")]
+    Content(String),
+}
+
+impl From<StateError> for StepError {
+    fn from(error: StateError) -> Self {
+        StepError::data(error)
+    }
+}
+
+/// Encodes `state`: magic, version, checksum, content. Floats keep their bits.
+pub fn encode_state<S: Serialize>(version: u32, state: &S) -> Result<Vec<u8>, StateError> {
+    let content = postcard::to_stdvec(state).map_err(|error| StateError::Content(error.to_string()))?;
+    let mut bytes = Vec::with_capacity(content.len() + 20);
+    bytes.extend_from_slice(&MAGIC);
+    bytes.extend_from_slice(&version.to_le_bytes());
+    bytes.extend_from_slice(&fingerprint(FINGERPRINT_START, &content).to_le_bytes());
+    bytes.extend_from_slice(&content);
+    Ok(bytes)
+}
+
+/// The inverse of [`encode_state`].
+pub fn decode_state<S: DeserializeOwned>(version: u32, bytes: &[u8]) -> Result<S, StateError> {
+    let foreign = StateError::Foreign(bytes.len());
+    let Some((head, content)) = bytes.split_first_chunk::<20>() else { return Err(foreign) };
+    let (magic, rest) = head.split_at(8);
+    if magic != MAGIC {
+        return Err(foreign);
+    }
+    let got_version = u32::from_le_bytes([rest[0], rest[1], rest[2], rest[3]]);
+    if got_version != version {
+        return Err(StateError::Version { got: got_version, expected: version });
+    }
+    let expected = u64::from_le_bytes([rest[4], rest[5], rest[6], rest[7], rest[8], rest[9], rest[10], rest[11]]);
+    let got = fingerprint(FINGERPRINT_START, content);
+    if got != expected {
+        return Err(StateError::Checksum { got, expected });
+    }
+    postcard::from_bytes(content).map_err(|error| StateError::Content(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn floats_come_back_to_the_bit() {
+        let state = (vec![0.1_f64, -0.0, f64::MIN_POSITIVE], 3_u32);
+        let bytes = encode_state(2, &state).expect("encodes");
+        let back: (Vec<f64>, u32) = decode_state(2, &bytes).expect("decodes");
+        assert_eq!(back.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), state.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn torn_foreign_and_old_states_are_refused() {
+        let bytes = encode_state(2, &vec![1_u64; 9]).expect("encodes");
+        assert!(matches!(decode_state::<Vec<u64>>(2, &bytes[..bytes.len() - 1]), Err(StateError::Checksum { .. })));
+        assert_eq!(decode_state::<Vec<u64>>(2, &bytes[..10]), Err(StateError::Foreign(10)));
+        assert_eq!(decode_state::<Vec<u64>>(3, &bytes), Err(StateError::Version { got: 2, expected: 3 }));
+    }
+}
