@@ -1,3 +1,5 @@
 //! Files and packets of the field: bytes in, values out, and back.
 
 pub mod manifest;
+pub mod ply;
+pub mod trajectory;

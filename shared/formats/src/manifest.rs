@@ -157,7 +157,9 @@ impl Manifest {
     /// The mounting of all sensors. The error names the entry whose pose is no rigid transform.
     pub fn rig(&self) -> Result<Rig, String> {
         let pose = |name: &str, entry: &PoseEntry| {
-            entry.to_pose().ok_or_else(|| format!("{name}: {entry:?} is no rigid transform (finite, unit quaternion x y z w)"))
+            entry
+                .to_pose()
+                .ok_or_else(|| format!("{name}: {entry:?} is no rigid transform (finite, unit quaternion x y z w)"))
         };
         let camera = |name: &str, entry: &PoseEntry, model: &CameraModel| {
             Ok::<_, String>(RigCamera { body_from_camera: pose(name, entry)?, model: model.clone() })

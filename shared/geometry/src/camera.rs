@@ -73,7 +73,8 @@ impl CameraModel {
             CameraModel::KannalaBrandt(m) => m.project(p_in_camera)?,
         };
         let (width, height) = self.size();
-        let inside = pixel.x >= -0.5 && pixel.y >= -0.5 && pixel.x < width as f64 - 0.5 && pixel.y < height as f64 - 0.5;
+        let inside =
+            pixel.x >= -0.5 && pixel.y >= -0.5 && pixel.x < width as f64 - 0.5 && pixel.y < height as f64 - 0.5;
         inside.then_some(pixel)
     }
 

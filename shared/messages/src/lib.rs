@@ -22,6 +22,8 @@ pub use cube::{Cube, CubeHeader, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Kind, Message};
 pub use pod::Pod;
 pub use raw::{Gnss, GnssRow, Image, ImageHeader, Imu, ImuRow, Mosaic, MosaicHeader, NoHeader};
-pub use submap::{MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep};
+pub use submap::{
+    MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
+};
 pub use sweep::{Sweep, SweepHeader, SweepPoint};
 pub use trajectory::{PoseRow, StampedPose, Trajectory};

@@ -26,7 +26,9 @@ impl PoseRow {
         let [x, y, z, w] = self.rotation;
         let quaternion = Quaternion::new(w, x, y, z);
         let sound = self.translation.iter().all(|v| v.is_finite()) && (quaternion.norm() - 1.0).abs() < 1e-6;
-        sound.then(|| Isometry3::from_parts(Translation3::from(self.translation), UnitQuaternion::new_unchecked(quaternion)))
+        sound.then(|| {
+            Isometry3::from_parts(Translation3::from(self.translation), UnitQuaternion::new_unchecked(quaternion))
+        })
     }
 }
 

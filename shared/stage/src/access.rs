@@ -179,7 +179,10 @@ impl Outputs {
         if let Some(seq) = seq
             && seq != next
         {
-            return Err(StepError::Contract(format!("{} for submap {seq} published when that of {next} was due", T::TOPIC)));
+            return Err(StepError::Contract(format!(
+                "{} for submap {seq} published when that of {next} was due",
+                T::TOPIC
+            )));
         }
         if let Some(memory) = output.as_any().downcast_mut::<MemoryOutput<T>>() {
             let Slot::Owned { header, rows, .. } = loan.0;

@@ -80,7 +80,10 @@ mod tests {
         let state = (vec![0.1_f64, -0.0, f64::MIN_POSITIVE], 3_u32);
         let bytes = encode_state(2, &state).expect("encodes");
         let back: (Vec<f64>, u32) = decode_state(2, &bytes).expect("decodes");
-        assert_eq!(back.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>(), state.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+        assert_eq!(
+            back.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>(),
+            state.0.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+        );
     }
 
     #[test]
