@@ -1,1 +1,194 @@
-//! Under construction.
+//! export: joins the columns of each submap and writes files.
+//!
+//! | file | content |
+//! |---|---|
+//! | `clouds/submap_0003.ply` | all points of submap 3 with their columns, world frame (local east-north-up, m) |
+//! | `clouds/submap_0003_spectra.ply` | the points that a mosaic camera saw, one float per band |
+//! | `clouds/index.json` | per cloud: file, points, stamps, bounds, pose, classes, instances |
+//! | `trajectory.txt` | `world_from_body` of every sweep, TUM format |
+//!
+//! A cloud is written as soon as the last of its expected columns is there; which are expected is fixed before the start
+//! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: a cloud is synced
+//! before it is listed, and after a restart clouds that are not listed are removed and written again.
+
+mod cloud;
+mod columns;
+mod folder;
+mod index;
+mod join;
+mod spectra;
+mod sweeps;
+
+pub use index::{CloudEntry, Index, SpectraEntry};
+
+use folder::Folder;
+use formats::trajectory::{kitti_from_trajectory, tum_from_trajectory};
+use geometry::Stamp;
+use join::{Expected, Join, Joined, SavedJoin};
+use messages::{Class, Color, Instance, Spectra, StampedPose, Submap, Trajectory};
+use serde::{Deserialize, Serialize};
+use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Stage, StepError, decode_state, encode_state};
+
+/// Raised when [`State`] changes.
+const STATE_VERSION: u32 = 1;
+
+stage::settings! {
+    /// Settings of export.
+    pub struct Settings {
+        /// What to write of each submap.
+        pub formats: Vec<String> = vec!["ply".to_owned()] => stage::each_one_of(&["ply"]);
+        /// Type of the coordinates in a cloud: float keeps 1 mm up to 8 km from the origin.
+        pub coordinates: String = "float".to_owned() => stage::one_of(&["float", "double"]);
+        /// Whether spectra get a cloud of their own.
+        pub spectra: bool = true => stage::any();
+        /// How to write the trajectory.
+        pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti"]);
+    }
+}
+
+/// The sink of the pipeline.
+pub struct Export {
+    settings: Settings,
+    folder: Folder,
+    join: Join,
+    clouds: Vec<CloudEntry>,
+    trajectory: geometry::Trajectory,
+    /// Whether the folder holds what is in `clouds` and nothing else of ours.
+    is_folder_clean: bool,
+}
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    clouds: Vec<CloudEntry>,
+    join: SavedJoin,
+    /// Rows of the trajectory.
+    poses: Vec<(i64, [f64; 3], [f64; 4])>,
+}
+
+impl Stage for Export {
+    const NAME: &'static str = "export";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        vec![
+            Port::of::<Trajectory>(),
+            Port::of::<Submap>(),
+            Port::optional::<Color>(),
+            Port::optional::<Spectra>(),
+            Port::optional::<Class>(),
+            Port::optional::<Instance>(),
+        ]
+    }
+
+    fn outputs() -> Vec<Port> {
+        Vec::new()
+    }
+
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let expected = Expected {
+            color: context.is_connected::<Color>(),
+            spectra: context.is_connected::<Spectra>() && settings.spectra,
+            class: context.is_connected::<Class>(),
+            instance: context.is_connected::<Instance>(),
+        };
+        Ok(Self {
+            settings: settings.clone(),
+            folder: Folder::new(&context.output),
+            join: Join::new(expected, context.mode == Mode::Live),
+            clouds: Vec::new(),
+            trajectory: geometry::Trajectory::default(),
+            is_folder_clean: false,
+        })
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        self.prepare(outputs)?;
+        for message in inputs.take::<Trajectory>() {
+            message.rows().iter().try_for_each(|row| self.push_pose(row))?;
+        }
+        self.join.take(inputs)?;
+        while let Some(joined) = self.join.next_complete() {
+            self.write(&joined, outputs)?;
+        }
+        self.join.check_bounds()?;
+        Ok(Flow::Continue)
+    }
+
+    fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        self.prepare(outputs)?;
+        for format in &self.settings.trajectory {
+            let (name, text) = match format.as_str() {
+                "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(&self.trajectory)),
+                _ => ("trajectory.txt", tum_from_trajectory(&self.trajectory)),
+            };
+            self.folder.write_text(name, &text)?;
+        }
+        self.folder.write_text(folder::INDEX, &Index::new(&self.clouds).to_json())?;
+        self.join.check_empty()
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        let poses = self.trajectory.poses().iter();
+        let state = State {
+            clouds: self.clouds.clone(),
+            join: self.join.save(),
+            poses: poses
+                .map(|(stamp, pose)| (stamp.0, pose.translation.vector.into(), pose.rotation.coords.into()))
+                .collect(),
+        };
+        Ok(encode_state(STATE_VERSION, &state)?)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        let state: State = decode_state(STATE_VERSION, state)?;
+        self.trajectory = geometry::Trajectory::default();
+        for (stamp, translation, rotation) in state.poses {
+            let world_from_body = messages::PoseRow { translation, rotation };
+            self.push_pose(&StampedPose { stamp, world_from_body })?;
+        }
+        self.join.load(&state.join)?;
+        self.clouds = state.clouds;
+        self.folder.keep_only(&self.clouds)?;
+        self.is_folder_clean = true;
+        Ok(())
+    }
+}
+
+impl Export {
+    /// Before the first tick of a fresh run: clouds of an earlier run in the same folder go.
+    fn prepare(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        if self.is_folder_clean {
+            return Ok(());
+        }
+        for topic in self.join.absent_topics() {
+            outputs.note(format!("nobody publishes {topic}: the clouds are written without it"));
+        }
+        self.folder.keep_only(&self.clouds)?;
+        self.is_folder_clean = true;
+        Ok(())
+    }
+
+    fn push_pose(&mut self, row: &StampedPose) -> Result<(), StepError> {
+        let stamp = Stamp(row.stamp);
+        let pose = row.world_from_body.to_pose().ok_or_else(|| {
+            StepError::data(format!("trajectory at {stamp}: {:?} is no rigid transform", row.world_from_body))
+        })?;
+        if self.trajectory.push(stamp, pose) {
+            return Ok(());
+        }
+        Err(StepError::data(format!("trajectory at {stamp}: stamps must not fall")))
+    }
+
+    fn write(&mut self, joined: &Joined, outputs: &mut Outputs) -> Result<(), StepError> {
+        if self.settings.formats.is_empty() {
+            return Ok(());
+        }
+        let entry = cloud::write(joined, &self.settings, &self.folder)?;
+        outputs.count("clouds", 1);
+        outputs.count("points", entry.n_points);
+        outputs.count("spectra", entry.spectra.as_ref().map_or(0, |spectra| spectra.n_spectra));
+        outputs.count("lost_columns", joined.lost.len() as u64);
+        self.clouds.push(entry);
+        Ok(())
+    }
+}

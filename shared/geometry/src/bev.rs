@@ -3,9 +3,9 @@
 /// The raster of a top-down view: cells of `cell_m` over a rectangle, row by x (forward), column by y (left).
 #[derive(Clone, Debug, PartialEq)]
 pub struct BevGrid {
-    /// x of the lower edge of row 0, m.
+    /// x of the lower edge of row 0, m, a multiple of `cell_m`.
     pub x0: f64,
-    /// y of the lower edge of column 0, m.
+    /// y of the lower edge of column 0, m, a multiple of `cell_m`.
     pub y0: f64,
     /// Side of a cell, m.
     pub cell_m: f64,
@@ -25,10 +25,20 @@ impl BevGrid {
         let fits = rows >= 1.0 && cols >= 1.0 && rows * cols <= max_cells as f64;
         fits.then(|| Self { x0: x0 * cell_m, y0: y0 * cell_m, cell_m, rows: rows as usize, cols: cols as usize })
     }
-    /// Row and column of a point, `None` outside.
+    /// As [`BevGrid::covering`], with cells twice, four times … as large if they would be too many. `None` if the bounds
+    /// are no numbers or empty, or if even cells of 1024 times `cell_m` are too many.
+    pub fn covering_coarsened(min: [f64; 2], max: [f64; 2], cell_m: f64, max_cells: usize) -> Option<Self> {
+        (0..=10).find_map(|doublings| Self::covering(min, max, cell_m * f64::from(1 << doublings), max_cells))
+    }
+    /// Cells.
+    pub fn n_cells(&self) -> usize {
+        self.rows * self.cols
+    }
+    /// Row and column of a point, `None` outside. Every point within the bounds given to [`BevGrid::covering`] has one.
     pub fn cell(&self, x: f64, y: f64) -> Option<(usize, usize)> {
-        let row = ((x - self.x0) / self.cell_m).floor();
-        let col = ((y - self.y0) / self.cell_m).floor();
+        // Whole cells are subtracted, not metres: x - x0 rounds, and a point on the edge would fall off the grid.
+        let row = (x / self.cell_m).floor() - (self.x0 / self.cell_m).round();
+        let col = (y / self.cell_m).floor() - (self.y0 / self.cell_m).round();
         let inside = row >= 0.0 && col >= 0.0 && row < self.rows as f64 && col < self.cols as f64;
         inside.then_some((row as usize, col as usize))
     }
@@ -55,5 +65,24 @@ mod tests {
         assert_eq!(grid.cell(f64::NAN, 2.0), None);
         assert_eq!(BevGrid::covering([0.0, 0.0], [100.0, 100.0], 0.1, 1000), None);
         assert_eq!(BevGrid::covering([f64::NAN, 0.0], [1.0, 1.0], 0.1, 1000), None);
+    }
+
+    #[test]
+    fn bounds_are_inside_wherever_they_lie() {
+        for i in 0..20_000_u32 {
+            let low = (f64::from(i) * 12.345_678_9).rem_euclid(2000.0) - 1000.0;
+            let high = low + f64::from(i % 97) * 0.1;
+            let grid = BevGrid::covering([low, low], [high, high], 0.1, 10_000).expect("fits");
+            assert_eq!(grid.cell(low, low), Some((0, 0)), "{low}");
+            assert_eq!(grid.cell(high, high), Some((grid.rows - 1, grid.cols - 1)), "{low} to {high}");
+        }
+    }
+
+    #[test]
+    fn cells_grow_until_they_are_few_enough() {
+        let grid = BevGrid::covering_coarsened([-50.0, 0.0], [50.0, 100.0], 0.1, 70_000).expect("fits when coarser");
+        assert_eq!((grid.cell_m, grid.rows, grid.cols), (0.4, 251, 251));
+        assert_eq!(BevGrid::covering_coarsened([0.0, 0.0], [f64::INFINITY, 1.0], 0.1, 70_000), None);
+        assert_eq!(BevGrid::covering_coarsened([0.0, 0.0], [1e9, 1e9], 0.1, 70_000), None);
     }
 }

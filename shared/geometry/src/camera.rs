@@ -97,12 +97,33 @@ impl Pinhole {
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         )
     }
+    /// Whether the radial distortion is monotone from the axis to the squared radius `r2` (of x/z, y/z). Beyond the first
+    /// turning point the polynomial folds far-off directions back into the image, where the real lens sees nothing.
+    pub fn is_monotone_to(&self, r2: f64) -> bool {
+        let [k1, k2, _, _, k3] = self.distortion;
+        let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
+        // A cubic is positive on [0, r2] if it is so at the ends and at its turning points inside.
+        let (a, b, c) = (21.0 * k3, 10.0 * k2, 3.0 * k1);
+        let discriminant = b * b - 4.0 * a * c;
+        let turning_points = if discriminant < 0.0 {
+            [0.0; 2]
+        } else {
+            // The cancellation-free form of the quadratic formula; a zero divisor gives a point outside.
+            let q = -0.5 * (b + discriminant.sqrt().copysign(b));
+            [q / a, c / q]
+        };
+        slope(r2) > 0.0 && turning_points.iter().all(|s| !(*s > 0.0 && *s < r2) || slope(*s) > 0.0)
+    }
     fn project(&self, p: &Point3<f64>) -> Option<Vector2<f64>> {
         // Closer than a nanometre in front of the lens is as good as behind it.
         if p.z <= 1e-9 {
             return None;
         }
-        let (x, y) = self.distort(p.x / p.z, p.y / p.z);
+        let (x, y) = (p.x / p.z, p.y / p.z);
+        if self.distortion != [0.0; 5] && !self.is_monotone_to(x * x + y * y) {
+            return None;
+        }
+        let (x, y) = self.distort(x, y);
         Some(Vector2::new(self.fx * x + self.cx, self.fy * y + self.cy))
     }
     fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
@@ -196,6 +217,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// With k1 = -0.3 the bare polynomial puts a point 61 degrees off the axis 25 px from the image center.
+    #[test]
+    fn directions_beyond_the_turn_of_the_distortion_are_not_seen() {
+        let barrel = Pinhole {
+            width: 640,
+            height: 480,
+            fx: 500.0,
+            fy: 500.0,
+            cx: 320.0,
+            cy: 240.0,
+            distortion: [-0.3, 0.0, 0.0, 0.0, 0.0],
+        };
+        // The slope 1 - 0.9 r2 turns at r2 = 1.11.
+        assert!(barrel.is_monotone_to(1.1) && !barrel.is_monotone_to(1.12));
+        let model = CameraModel::Pinhole(barrel.clone());
+        assert!(model.pixel_from_camera(&Point3::new(0.5, 0.0, 1.0)).is_some());
+        for r in [1.2, 1.8, 1.9, 3.7] {
+            assert_eq!(model.pixel_from_camera(&Point3::new(r, 0.0, 1.0)), None, "r = {r}");
+        }
+        // Down and up again: the slope 1 - 3 r2 + 2.1 r2^2 is negative from 0.54 to 0.89 only.
+        let wavy = Pinhole { distortion: [-1.0, 0.42, 0.0, 0.0, 0.0], ..barrel };
+        assert!(wavy.is_monotone_to(0.5) && !wavy.is_monotone_to(0.7) && !wavy.is_monotone_to(2.0));
     }
 
     #[test]

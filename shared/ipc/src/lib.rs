@@ -1,1 +1,26 @@
-//! Under construction.
+//! Topics over iceoryx2: loan, publish, receive. The only crate that names it.
+//!
+//! A [`Domain`] is one run's own world in shared memory. In it the supervisor creates every service and keeps it
+//! ([`Keeper`]); stages open them. Lossless by credits: a consumer acknowledges what it took, a producer sends only what
+//! fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
+
+mod channel;
+mod domain;
+mod error;
+mod latest;
+mod loan;
+mod publisher;
+mod subscriber;
+mod wake;
+
+pub use channel::{Channel, Keeper};
+pub use domain::{Domain, Node};
+pub use error::IpcError;
+pub use latest::{LatestPublisher, LatestSubscriber};
+pub use loan::Loan;
+pub use publisher::Publisher;
+pub use subscriber::{Received, Subscriber};
+pub use wake::{Wake, Waker};
+
+/// The kind of service: processes on one machine, ports used by the thread that made them.
+type Iox = iceoryx2::prelude::ipc::Service;

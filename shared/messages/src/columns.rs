@@ -30,7 +30,7 @@ pub struct Color;
 impl Message for Color {
     const TOPIC: &'static str = "color";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 8;
+    const QUEUE: usize = 2;
     const BORROWED: usize = 2;
     type Header = ColorHeader;
     type Row = ColorRow;
@@ -67,7 +67,7 @@ pub struct Spectra;
 impl Message for Spectra {
     const TOPIC: &'static str = "spectra";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 8;
+    const QUEUE: usize = 2;
     const BORROWED: usize = 2;
     type Header = SpectraHeader;
     type Row = u32;
@@ -127,7 +127,7 @@ pub struct Class;
 impl Message for Class {
     const TOPIC: &'static str = "class";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 8;
+    const QUEUE: usize = 2;
     const BORROWED: usize = 2;
     type Header = ClassHeader;
     type Row = ClassRow;
@@ -148,7 +148,7 @@ pub struct Instance;
 impl Message for Instance {
     const TOPIC: &'static str = "instance";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 8;
+    const QUEUE: usize = 2;
     const BORROWED: usize = 2;
     type Header = InstanceHeader;
     type Row = u32;

@@ -11,6 +11,7 @@ pub mod pod;
 mod raw;
 mod submap;
 mod sweep;
+mod tick;
 mod trajectory;
 
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, class_name};
@@ -19,11 +20,12 @@ pub use columns::{
     Spectra, SpectraHeader, SpectraView, UNSEEN,
 };
 pub use cube::{Cube, CubeHeader, CubeView, MAX_CUBE_BANDS};
-pub use envelope::{Envelope, Kind, Message};
+pub use envelope::{Envelope, Message};
 pub use pod::Pod;
 pub use raw::{Gnss, GnssRow, Image, ImageHeader, Imu, ImuRow, Mosaic, MosaicHeader, NoHeader};
 pub use submap::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
 };
 pub use sweep::{Sweep, SweepHeader, SweepPoint};
+pub use tick::{Tick, TickRow};
 pub use trajectory::{PoseRow, StampedPose, Trajectory};

@@ -29,8 +29,8 @@ pub struct Image;
 impl Message for Image {
     const TOPIC: &'static str = "image";
     const VERSION: u32 = 1;
-    // Six cameras fire in one tick; two such bursts may wait.
-    const QUEUE: usize = 16;
+    // Six cameras fire in one tick.
+    const QUEUE: usize = 8;
     // A submap lasts 5 s at most, at 1 Hz by six cameras, plus the burst before and after it, in both of two submaps.
     const BORROWED: usize = 96;
     type Header = ImageHeader;

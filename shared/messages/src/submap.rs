@@ -104,8 +104,8 @@ pub struct Submap;
 impl Message for Submap {
     const TOPIC: &'static str = "submap";
     const VERSION: u32 = 1;
-    // Ticks come every sweep, submaps every 20 to 50 ticks: a queue of 8 holds one submap and the ticks around it.
-    const QUEUE: usize = 8;
+    // One in work at the consumer and one waiting keep both sides busy; each is tens of MB.
+    const QUEUE: usize = 2;
     // One in work and the one before it, for consumers that match across the border.
     const BORROWED: usize = 2;
     type Header = SubmapHeader;

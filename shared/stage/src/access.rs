@@ -1,6 +1,7 @@
 //! How a step reads and writes messages.
 
 use crate::StepError;
+use crate::ports::{SharedOutput, TickedOutput};
 use messages::{Envelope, Message, Pod, pod};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -9,7 +10,9 @@ use std::collections::BTreeMap;
 pub struct Received<T: Message>(Source<T>);
 
 enum Source<T: Message> {
-    /// In memory of this process: from a saved state, a recording or a test.
+    /// In shared memory, where its producer wrote it.
+    Shared(ipc::Received<T>),
+    /// In memory of this process: from a saved state or a test.
     Owned { envelope: Envelope, header: Box<T::Header>, rows: Vec<T::Row> },
 }
 
@@ -17,8 +20,12 @@ impl<T: Message> Received<T> {
     pub(crate) fn owned(envelope: Envelope, header: T::Header, rows: Vec<T::Row>) -> Self {
         Self(Source::Owned { envelope, header: Box::new(header), rows })
     }
+    pub(crate) fn shared(message: ipc::Received<T>) -> Self {
+        Self(Source::Shared(message))
+    }
     fn envelope(&self) -> &Envelope {
         match &self.0 {
+            Source::Shared(message) => message.envelope(),
             Source::Owned { envelope, .. } => envelope,
         }
     }
@@ -33,12 +40,14 @@ impl<T: Message> Received<T> {
     /// The fixed part.
     pub fn header(&self) -> &T::Header {
         match &self.0 {
+            Source::Shared(message) => message.header(),
             Source::Owned { header, .. } => header,
         }
     }
     /// The rows, in place.
     pub fn rows(&self) -> &[T::Row] {
         match &self.0 {
+            Source::Shared(message) => message.rows(),
             Source::Owned { rows, .. } => rows,
         }
     }
@@ -91,6 +100,7 @@ impl Inputs {
 pub struct Loan<T: Message>(Slot<T>);
 
 enum Slot<T: Message> {
+    Shared(ipc::Loan<T>),
     Owned { capacity: usize, header: Box<T::Header>, rows: Vec<T::Row> },
 }
 
@@ -98,27 +108,40 @@ impl<T: Message> Loan<T> {
     fn owned(capacity: usize) -> Self {
         Self(Slot::Owned { capacity, header: Box::default(), rows: Vec::new() })
     }
+    pub(crate) fn shared(loan: ipc::Loan<T>) -> Self {
+        Self(Slot::Shared(loan))
+    }
+    pub(crate) fn into_shared(self) -> Option<ipc::Loan<T>> {
+        match self.0 {
+            Slot::Shared(loan) => Some(loan),
+            Slot::Owned { .. } => None,
+        }
+    }
     /// Rows that fit.
     pub fn capacity(&self) -> usize {
         match &self.0 {
+            Slot::Shared(loan) => loan.capacity(),
             Slot::Owned { capacity, .. } => *capacity,
         }
     }
     /// Rows written so far.
     pub fn rows(&self) -> &[T::Row] {
         match &self.0 {
+            Slot::Shared(loan) => loan.rows(),
             Slot::Owned { rows, .. } => rows,
         }
     }
     /// The fixed part, zero at first.
     pub fn header_mut(&mut self) -> &mut T::Header {
         match &mut self.0 {
+            Slot::Shared(loan) => loan.header_mut(),
             Slot::Owned { header, .. } => header,
         }
     }
     /// Appends `n` zeroed rows and lends them for writing. `None` if they do not fit.
     pub fn grow(&mut self, n: usize) -> Option<&mut [T::Row]> {
         match &mut self.0 {
+            Slot::Shared(loan) => loan.grow(n),
             Slot::Owned { capacity, rows, .. } => {
                 let start = rows.len();
                 if n > *capacity - start {
@@ -141,7 +164,7 @@ impl<T: Message> Loan<T> {
 #[derive(Default)]
 pub struct Outputs {
     pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
-    pub(crate) counters: BTreeMap<&'static str, u64>,
+    pub(crate) counters: BTreeMap<String, u64>,
     pub(crate) notes: Vec<String>,
     pub(crate) drive_time: Option<i64>,
     pub(crate) progress: Option<f64>,
@@ -156,8 +179,11 @@ impl Outputs {
 
     /// A slot for at most `capacity` rows. Memory that is never written is never used.
     pub fn loan<T: Message>(&mut self, capacity: usize) -> Result<Loan<T>, StepError> {
-        let output = self.port::<T>()?;
-        if output.as_any().is::<MemoryOutput<T>>() {
+        let output = self.port::<T>()?.as_any();
+        if let Some(shared) = output.downcast_mut::<SharedOutput<T>>() {
+            return Ok(Loan::shared(shared.loan(capacity)?));
+        }
+        if output.is::<MemoryOutput<T>>() {
             return Ok(Loan::owned(capacity));
         }
         Err(StepError::Contract(format!("topic {} has another type", T::TOPIC)))
@@ -184,8 +210,11 @@ impl Outputs {
                 T::TOPIC
             )));
         }
-        if let Some(memory) = output.as_any().downcast_mut::<MemoryOutput<T>>() {
-            let Slot::Owned { header, rows, .. } = loan.0;
+        let output = output.as_any();
+        if let Some(shared) = output.downcast_mut::<SharedOutput<T>>() {
+            return shared.publish(loan, stamp);
+        }
+        if let (Some(memory), Slot::Owned { header, rows, .. }) = (output.downcast_mut::<MemoryOutput<T>>(), loan.0) {
             let envelope = Envelope { seq: next, stamp, len: rows.len() as u32, ..Envelope::default() };
             memory.published.push(Received::owned(envelope, *header, rows));
             memory.next_seq += 1;
@@ -196,7 +225,10 @@ impl Outputs {
 
     /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.
     pub fn count(&mut self, name: &'static str, n: u64) {
-        *self.counters.entry(name).or_default() += n;
+        match self.counters.get_mut(name) {
+            Some(count) => *count += n,
+            None => drop(self.counters.insert(name.to_owned(), n)),
+        }
     }
 
     /// Says something to the operator, once per distinct text.
@@ -222,6 +254,10 @@ impl Outputs {
 pub(crate) trait AnyOutput {
     fn as_any(&mut self) -> &mut dyn Any;
     fn next_seq(&self) -> u64;
+    /// What the runner needs of an output in shared memory.
+    fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
+        None
+    }
 }
 
 /// Keeps what was published, for tests.

@@ -4,6 +4,9 @@
 //! messages of tick n, from all its inputs, in the order they were published, and publishes whatever follows from them.
 //! Nothing depends on when a message arrives, so the same input gives the same output, always.
 
+use crate::access::AnyOutput;
+use crate::assignment::PortDescription;
+use crate::ports::{SharedInputMaker, SharedOutputMaker};
 use crate::{Inputs, Outputs, Problem, Settings};
 use messages::Message;
 use serde::{Deserialize, Serialize};
@@ -69,12 +72,19 @@ pub struct Context {
     pub launch_folder: PathBuf,
     /// See [`Mode`].
     pub mode: Mode,
+    /// Topics that have a producer in this run. What an optional input brings cannot be told from what has arrived so
+    /// far; it can from this. See [`Context::is_connected`].
+    pub connected: Vec<String>,
 }
 
 impl Context {
     /// A path from the settings, made absolute.
     pub fn resolve(&self, path: &std::path::Path) -> PathBuf {
         self.launch_folder.join(path)
+    }
+    /// Whether anybody produces the topic of `T` in this run.
+    pub fn is_connected<T: Message>(&self) -> bool {
+        self.connected.iter().any(|topic| topic == T::TOPIC)
     }
 }
 
@@ -92,16 +102,20 @@ pub enum Mode {
 #[derive(Clone, Copy, Debug)]
 pub struct Port {
     pub(crate) topic: &'static str,
-    pub(crate) version: u32,
-    pub(crate) layout: u64,
-    pub(crate) optional: bool,
+    version: u32,
+    layout: u64,
+    queue: usize,
+    borrowed: usize,
+    optional: bool,
     pub(crate) make: PortMakers,
 }
 
 /// How the runner and the test bench make the typed halves of a port.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PortMakers {
-    pub(crate) memory_output: fn() -> Box<dyn crate::access::AnyOutput>,
+    pub(crate) memory_output: fn() -> Box<dyn AnyOutput>,
+    pub(crate) shared_output: SharedOutputMaker,
+    pub(crate) shared_input: SharedInputMaker,
 }
 
 impl Port {
@@ -111,8 +125,14 @@ impl Port {
             topic: T::TOPIC,
             version: T::VERSION,
             layout: T::LAYOUT,
+            queue: T::QUEUE,
+            borrowed: T::BORROWED,
             optional: false,
-            make: PortMakers { memory_output: crate::access::memory_output::<T> },
+            make: PortMakers {
+                memory_output: crate::access::memory_output::<T>,
+                shared_output: crate::ports::shared_output::<T>,
+                shared_input: crate::ports::shared_input::<T>,
+            },
         }
     }
 
@@ -124,6 +144,18 @@ impl Port {
     /// The topic's name.
     pub fn topic(&self) -> &'static str {
         self.topic
+    }
+
+    /// As the supervisor sees it.
+    pub(crate) fn describe(&self) -> PortDescription {
+        PortDescription {
+            topic: self.topic.to_owned(),
+            version: self.version,
+            layout: self.layout,
+            queue: self.queue,
+            borrowed: self.borrowed,
+            optional: self.optional,
+        }
     }
 }
 
@@ -142,6 +174,9 @@ pub enum StepError {
         /// Where it waited.
         topic: &'static str,
     },
+    /// Shared memory.
+    #[error(transparent)]
+    Ipc(#[from] ipc::IpcError),
     /// The stage broke the contract, e.g. published a column for the wrong submap.
     #[error("{0}")]
     Contract(String),

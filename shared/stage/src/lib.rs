@@ -5,15 +5,26 @@
 //! signals, drain and exit code. See `docs/stage.md` for a stage from first line to last.
 
 mod access;
+pub mod assignment;
+mod command;
 mod contract;
+pub mod health;
+mod histogram;
+pub mod launch_file;
+mod ports;
+pub mod process;
+mod runner;
 mod settings;
 mod state;
 pub mod testing;
 
 pub use access::{Inputs, Loan, Outputs, Received};
+pub use command::{CheckRequest, SUPERVISOR_KEYS, exit, run};
 pub use contract::{Context, Flow, Mode, Port, Stage, StepError};
 pub use messages;
-pub use settings::{Field, Problem, Rule, Settings, any, at_least, each_one_of, one_of, parse_table, within};
+pub use settings::{
+    Field, Problem, Rule, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
+};
 pub use state::{StateError, decode_state, encode_state};
 
 #[doc(hidden)]

@@ -165,7 +165,7 @@ pub fn parse_table<S: Settings>(table: &DeTable<'_>) -> (S, Vec<Problem>) {
             None => {
                 let fields = S::fields();
                 let known = fields.iter().map(|field| field.key.as_str());
-                problems.push(Problem { key: name.to_owned(), span: Some(key.span()), text: unknown_key(name, known) });
+                problems.push(Problem { key: name.to_owned(), span: Some(key.span()), text: nearest_key(name, known) });
             }
         }
     }
@@ -173,7 +173,7 @@ pub fn parse_table<S: Settings>(table: &DeTable<'_>) -> (S, Vec<Problem>) {
 }
 
 /// "unknown key", with the nearest known one.
-pub(crate) fn unknown_key<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+pub fn nearest_key<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
     let nearest = known.iter().map(|candidate| (edit_distance(name, candidate), *candidate)).min();
     match nearest {

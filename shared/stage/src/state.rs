@@ -1,8 +1,12 @@
 //! A stage's state as bytes: versioned, checksummed, exact.
 
 use crate::StepError;
+use crate::health::Traffic;
 use messages::pod::{FINGERPRINT_START, fingerprint};
-use serde::{Serialize, de::DeserializeOwned};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
 
 /// First bytes of a saved state.
 const MAGIC: [u8; 8] = *b"REPLICAS";
@@ -69,6 +73,46 @@ pub fn decode_state<S: DeserializeOwned>(version: u32, bytes: &[u8]) -> Result<S
         return Err(StateError::Checksum { got, expected });
     }
     postcard::from_bytes(content).map_err(|error| StateError::Content(error.to_string()))
+}
+
+/// Version of [`RunnerState`].
+const RUNNER_STATE_VERSION: u32 = 1;
+
+/// A stage and its runner at a barrier.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct RunnerState {
+    pub(crate) tick: u64,
+    pub(crate) barrier: u64,
+    pub(crate) barrier_time: Option<i64>,
+    pub(crate) inputs: BTreeMap<String, Traffic>,
+    pub(crate) outputs: BTreeMap<String, Traffic>,
+    pub(crate) counters: BTreeMap<String, u64>,
+    pub(crate) notes: Vec<String>,
+    pub(crate) stage: Vec<u8>,
+}
+
+/// Writes the state so that the file is whole or absent, whatever happens meanwhile.
+pub(crate) fn save_state(path: &Path, state: &RunnerState) -> Result<(), StepError> {
+    let bytes = encode_state(RUNNER_STATE_VERSION, state)?;
+    write_atomically(path, &bytes).map_err(|error| StepError::Io(format!("{}: {error}", path.display())))
+}
+
+pub(crate) fn load_state(path: &Path) -> Result<RunnerState, StepError> {
+    let error = |text: String| StepError::Io(format!("{}: {text}", path.display()));
+    let bytes = std::fs::read(path).map_err(|cause| error(cause.to_string()))?;
+    decode_state(RUNNER_STATE_VERSION, &bytes).map_err(|cause| error(cause.to_string()))
+}
+
+fn write_atomically(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let unfinished = path.with_extension("unfinished");
+    let mut file = std::fs::File::create(&unfinished)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    std::fs::rename(&unfinished, path)?;
+    // The new name itself must be on disk too.
+    std::fs::File::open(folder)?.sync_all()
 }
 
 #[cfg(test)]

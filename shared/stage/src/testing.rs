@@ -6,9 +6,16 @@ use messages::{Envelope, Message};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A context whose three folders are `folder`, offline.
+/// A context whose three folders are `folder`, offline, every topic connected.
 pub fn context(folder: &Path) -> Context {
-    Context { drive: folder.into(), output: folder.into(), launch_folder: folder.into(), mode: Mode::Offline }
+    let topics = "sweep image mosaic gnss imu cube trajectory submap color spectra class instance";
+    Context {
+        drive: folder.into(),
+        output: folder.into(),
+        launch_folder: folder.into(),
+        mode: Mode::Offline,
+        connected: topics.split(' ').map(str::to_owned).collect(),
+    }
 }
 
 /// Drives a stage by hand: [`Bench::send`] messages, [`Bench::tick`], [`Bench::take`] what it published.

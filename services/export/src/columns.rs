@@ -1,0 +1,90 @@
+//! The messages of one topic that wait for their submap (or, of `submap` itself, for their columns).
+
+use messages::Message;
+use serde::{Deserialize, Serialize};
+use stage::{Inputs, Received, StepError};
+use std::collections::VecDeque;
+
+/// Messages in the order of submaps, one for each.
+pub(crate) struct Columns<T: Message> {
+    is_expected: bool,
+    /// The submap whose message is due.
+    next_seq: u64,
+    held: VecDeque<Received<T>>,
+}
+
+/// [`Columns`] as bytes.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedColumns {
+    next_seq: u64,
+    messages: Vec<Vec<u8>>,
+}
+
+impl<T: Message> Columns<T> {
+    pub(crate) fn new(is_expected: bool) -> Self {
+        Self { is_expected, next_seq: 0, held: VecDeque::new() }
+    }
+    pub(crate) fn is_expected(&self) -> bool {
+        self.is_expected
+    }
+    pub(crate) fn len(&self) -> usize {
+        self.held.len()
+    }
+    pub(crate) fn front_seq(&self) -> Option<u64> {
+        self.held.front().map(Received::seq)
+    }
+
+    /// Takes the tick's messages; those that nobody asked for are let go. Live, numbers may be left out.
+    pub(crate) fn take(&mut self, inputs: &mut Inputs, is_live: bool) -> Result<(), StepError> {
+        for message in inputs.take::<T>() {
+            let (seq, due) = (message.seq(), self.next_seq);
+            if seq < due || (seq > due && !is_live) {
+                return Err(StepError::Contract(format!(
+                    "{} of submap {seq} arrived when that of {due} was due",
+                    T::TOPIC
+                )));
+            }
+            self.next_seq = seq + 1;
+            if self.is_expected {
+                self.held.push_back(message);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the message of submap `seq` is here, or will never be.
+    pub(crate) fn is_settled(&self, seq: u64) -> bool {
+        !self.is_expected || self.next_seq > seq
+    }
+
+    /// The message of submap `seq`. Older ones, whose submap was lost, go.
+    pub(crate) fn take_seq(&mut self, seq: u64) -> Option<Received<T>> {
+        while self.front_seq().is_some_and(|front| front < seq) {
+            self.held.pop_front();
+        }
+        if self.front_seq() == Some(seq) { self.held.pop_front() } else { None }
+    }
+
+    pub(crate) fn check_bound(&self) -> Result<(), StepError> {
+        if self.held.len() <= T::BORROWED {
+            return Ok(());
+        }
+        let seq = self.front_seq().unwrap_or_default();
+        Err(StepError::Contract(format!(
+            "{} of submap {seq} still waits for the submap itself, but {} messages are held, {} may be",
+            T::TOPIC,
+            self.held.len(),
+            T::BORROWED
+        )))
+    }
+
+    pub(crate) fn save(&self) -> SavedColumns {
+        SavedColumns { next_seq: self.next_seq, messages: self.held.iter().map(Received::to_bytes).collect() }
+    }
+
+    pub(crate) fn load(&mut self, saved: &SavedColumns) -> Result<(), StepError> {
+        self.next_seq = saved.next_seq;
+        self.held = saved.messages.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+}

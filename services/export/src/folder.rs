@@ -1,0 +1,92 @@
+//! Where the results lie.
+
+use crate::index::CloudEntry;
+use formats::atomic_file::write_atomic;
+use stage::StepError;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The list of clouds.
+pub(crate) const INDEX: &str = "clouds/index.json";
+
+/// Files that [`crate::Export`] writes once, at the end.
+const AT_THE_END: [&str; 3] = [INDEX, "trajectory.txt", "trajectory_kitti.txt"];
+
+/// The run's output folder.
+pub(crate) struct Folder(PathBuf);
+
+impl Folder {
+    pub(crate) fn new(output: &Path) -> Self {
+        Self(output.to_owned())
+    }
+
+    /// A file of ours; `name` is relative to the output folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    pub(crate) fn write_text(&self, name: &str, text: &str) -> Result<(), StepError> {
+        let path = self.path(name);
+        write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
+    }
+
+    /// Makes the folder hold these clouds and nothing else of ours. Files of others stay.
+    pub(crate) fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
+        let folder = self.path("clouds");
+        fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
+        let kept: Vec<(&str, u64)> = clouds.iter().flat_map(CloudEntry::files).collect();
+        for entry in fs::read_dir(&folder).map_err(fault(&folder, "list"))? {
+            let name = entry.map_err(fault(&folder, "list"))?.file_name();
+            let name = name.to_string_lossy();
+            if is_cloud(&name) && !kept.iter().any(|(file, _)| file.strip_prefix("clouds/") == Some(&*name)) {
+                remove(&folder.join(&*name))?;
+            }
+        }
+        AT_THE_END.iter().try_for_each(|name| remove(&self.path(name)))?;
+        kept.iter().try_for_each(|(name, size)| self.check_size(name, *size))
+    }
+
+    fn check_size(&self, name: &str, expected: u64) -> Result<(), StepError> {
+        let path = self.path(name);
+        let got = fs::metadata(&path).map_err(fault(&path, "look at"))?.len();
+        if got == expected {
+            return Ok(());
+        }
+        Err(StepError::data(format!("{}: {got} bytes, the saved state says {expected}", path.display())))
+    }
+}
+
+/// Whether a file in `clouds/` is one of ours, finished or not.
+fn is_cloud(name: &str) -> bool {
+    let finished = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial")).unwrap_or(name);
+    let seq = finished.strip_prefix("submap_").and_then(|name| name.strip_suffix(".ply"));
+    let seq = seq.map(|seq| seq.strip_suffix("_spectra").unwrap_or(seq));
+    seq.is_some_and(|seq| seq.len() >= 4 && seq.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+fn remove(path: &Path) -> Result<(), StepError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(fault(path, "remove")(error)),
+        _ => Ok(()),
+    }
+}
+
+fn fault<'a>(path: &'a Path, action: &'a str) -> impl FnOnce(io::Error) -> StepError + 'a {
+    move |cause| StepError::io(format!("{}: cannot {action}: {cause}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_our_own_files_are_ours() {
+        for name in ["submap_0000.ply", "submap_12345.ply", "submap_0003_spectra.ply", ".submap_0000.ply.partial"] {
+            assert!(is_cloud(name), "{name}");
+        }
+        for name in ["submap_.ply", "submap_mine.ply", "submap_1.ply", "cloud.ply", "index.json", "submap_0000.las"] {
+            assert!(!is_cloud(name), "{name}");
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Clouds from the disk.
+
+use super::{Kind, PlyError, Property, odd};
+use ply_rs::parser::{Parser, Reader};
+use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The longest header that is looked at. Ours are under 2 KiB; a file without a header ends here.
+const MAX_HEADER: usize = 1 << 20;
+
+/// The points of a PLY file, kept as packed little-endian rows.
+#[derive(Clone, Debug)]
+pub struct Vertices {
+    path: PathBuf,
+    comments: Vec<String>,
+    infos: Vec<String>,
+    properties: Vec<Property>,
+    n_points: usize,
+    row_size: usize,
+    bytes: Vec<u8>,
+    rows: Range<usize>,
+}
+
+impl Vertices {
+    /// Reads the whole file.
+    pub fn load(path: &Path) -> Result<Self, PlyError> {
+        Self::decode(std::fs::read(path).map_err(PlyError::io(path, "read"))?, path)
+    }
+
+    /// Decodes a file's content; `path` is for messages only. Lists and elements other than `vertex` are passed over.
+    pub fn decode(bytes: Vec<u8>, path: &Path) -> Result<Self, PlyError> {
+        let start = header_len(&bytes, path)?;
+        let head = parse_header(&bytes[..start], path)?;
+        let vertex =
+            head.elements.get("vertex").ok_or_else(|| PlyError::header(path, 1, "there is no element `vertex`"))?;
+        let properties = scalar_properties(vertex);
+        let row_size: usize = properties.iter().map(|property| property.kind.size()).sum();
+        if row_size == 0 && vertex.count > 0 {
+            return Err(PlyError::header(path, 1, format!("{} vertices without a scalar property", vertex.count)));
+        }
+        let mut vertices = Self {
+            path: path.to_owned(),
+            comments: head.comments.clone(),
+            infos: head.obj_infos.clone(),
+            n_points: vertex.count,
+            properties,
+            row_size,
+            bytes: Vec::new(),
+            rows: 0..0,
+        };
+        if head.encoding == Encoding::BinaryLittleEndian && is_plain(&head, vertex) {
+            vertices.rows = plain_rows(&head, start, bytes.len(), path)?;
+            vertices.bytes = bytes;
+        } else {
+            vertices.bytes = odd::packed_rows(&head, &bytes, start, path)?;
+            vertices.rows = 0..vertices.bytes.len();
+        }
+        Ok(vertices)
+    }
+
+    /// How many points.
+    pub fn len(&self) -> usize {
+        self.n_points
+    }
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.n_points == 0
+    }
+    /// The columns.
+    pub fn properties(&self) -> &[Property] {
+        &self.properties
+    }
+    /// Lines `comment …`.
+    pub fn comments(&self) -> &[String] {
+        &self.comments
+    }
+    /// Lines `obj_info …`.
+    pub fn infos(&self) -> &[String] {
+        &self.infos
+    }
+    /// Whether there is a column of that name.
+    pub fn has(&self, name: &str) -> bool {
+        self.properties.iter().any(|property| property.name == name)
+    }
+    /// Packed rows, little-endian, in the order of [`Vertices::properties`].
+    pub fn rows(&self) -> &[u8] {
+        &self.bytes[self.rows.clone()]
+    }
+
+    /// A column of any type as f64; exact.
+    pub fn f64s(&self, name: &str) -> Result<Vec<f64>, PlyError> {
+        let (kind, at) = self.column(name)?;
+        Ok(match kind {
+            Kind::Char => self.gather(at, |b| f64::from(i8::from_le_bytes(b))),
+            Kind::UChar => self.gather(at, |b| f64::from(u8::from_le_bytes(b))),
+            Kind::Short => self.gather(at, |b| f64::from(i16::from_le_bytes(b))),
+            Kind::UShort => self.gather(at, |b| f64::from(u16::from_le_bytes(b))),
+            Kind::Int => self.gather(at, |b| f64::from(i32::from_le_bytes(b))),
+            Kind::UInt => self.gather(at, |b| f64::from(u32::from_le_bytes(b))),
+            Kind::Float => self.gather(at, |b| f64::from(f32::from_le_bytes(b))),
+            Kind::Double => self.gather(at, f64::from_le_bytes),
+        })
+    }
+
+    /// A column of any type as f32: `double`, `int` and `uint` are rounded.
+    pub fn f32s(&self, name: &str) -> Result<Vec<f32>, PlyError> {
+        match self.column(name)? {
+            (Kind::Float, at) => Ok(self.gather(at, f32::from_le_bytes)),
+            _ => Ok(self.f64s(name)?.into_iter().map(|value| value as f32).collect()),
+        }
+    }
+
+    /// A column of whole numbers. Values of another type must be whole and within the range of i64.
+    pub fn i64s(&self, name: &str) -> Result<Vec<i64>, PlyError> {
+        let values = self.f64s(name)?;
+        // 2^53: up to here every whole number is an f64.
+        match values.iter().position(|value| value.fract() != 0.0 || value.abs() > 9_007_199_254_740_992.0) {
+            Some(point) => {
+                Err(self.property_error(name, format!("point {point} has {}, no whole number", values[point])))
+            }
+            None => Ok(values.into_iter().map(|value| value as i64).collect()),
+        }
+    }
+
+    /// A column of whole numbers from 0 to 255, of any type.
+    pub fn u8s(&self, name: &str) -> Result<Vec<u8>, PlyError> {
+        if let (Kind::UChar, at) = self.column(name)? {
+            return Ok(self.gather(at, u8::from_le_bytes));
+        }
+        let small = |value: i64| u8::try_from(value).map_err(|_| format!("{value} is not within 0 to 255"));
+        let values: Result<Vec<u8>, String> = self.i64s(name)?.into_iter().map(small).collect();
+        values.map_err(|rule| self.property_error(name, rule))
+    }
+
+    fn column(&self, name: &str) -> Result<(Kind, usize), PlyError> {
+        let mut at = 0;
+        for property in &self.properties {
+            if property.name == name {
+                return Ok((property.kind, at));
+            }
+            at += property.kind.size();
+        }
+        let known: Vec<&str> = self.properties.iter().map(|property| property.name.as_str()).collect();
+        Err(self.property_error(name, format!("not in this file, which has {}", known.join(" "))))
+    }
+
+    fn gather<const N: usize, T>(&self, at: usize, value: impl Fn([u8; N]) -> T) -> Vec<T> {
+        let field = |row: &[u8]| row[at..].first_chunk::<N>().map(|bytes| value(*bytes));
+        self.rows().chunks_exact(self.row_size.max(1)).filter_map(field).collect()
+    }
+
+    fn property_error(&self, name: &str, rule: String) -> PlyError {
+        PlyError::Property { path: self.path.clone(), name: name.to_owned(), rule }
+    }
+}
+
+/// Where the first row starts.
+fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
+    if !bytes.starts_with(b"ply") {
+        return Err(PlyError::header(path, 1, "a PLY file starts with `ply`"));
+    }
+    let mut start = 0;
+    for (index, line) in bytes[..bytes.len().min(MAX_HEADER)].split_inclusive(|byte| *byte == b'\n').enumerate() {
+        start += line.len();
+        if line.trim_ascii_end() == b"end_header" {
+            return Ok(start);
+        }
+        if !line.ends_with(b"\n") {
+            return Err(PlyError::header(path, index + 1, "the header ends without `end_header`"));
+        }
+    }
+    Err(PlyError::header(path, 1, "the header ends without `end_header`"))
+}
+
+fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Header, PlyError> {
+    let head = Parser::<DefaultElement>::new()
+        .read_header(&mut Reader::new(bytes))
+        .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), error.to_string()))?;
+    // The parser keeps the last of two properties of one name, which would shift every later field.
+    let lines = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"property")).count();
+    let kept: usize = head.elements.values().map(|element| element.properties.len()).sum();
+    let elements = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"element")).count();
+    if lines != kept || elements != head.elements.len() {
+        return Err(PlyError::header(path, 1, "two properties or elements have the same name"));
+    }
+    Ok(head)
+}
+
+/// The columns that can be had: the scalars.
+pub(super) fn scalar_properties(element: &ElementDef) -> Vec<Property> {
+    let scalars = element.properties.values().filter_map(|property| match &property.data_type {
+        PropertyType::Scalar(scalar) => Some(Property::new(property.name.clone(), kind_of(scalar))),
+        PropertyType::List(..) => None,
+    });
+    scalars.collect()
+}
+
+fn kind_of(scalar: &ScalarType) -> Kind {
+    match scalar {
+        ScalarType::Char => Kind::Char,
+        ScalarType::UChar => Kind::UChar,
+        ScalarType::Short => Kind::Short,
+        ScalarType::UShort => Kind::UShort,
+        ScalarType::Int => Kind::Int,
+        ScalarType::UInt => Kind::UInt,
+        ScalarType::Float => Kind::Float,
+        ScalarType::Double => Kind::Double,
+    }
+}
+
+/// Whether rows up to and with the vertices have a fixed size.
+fn is_plain(head: &ply_rs::ply::Header, vertex: &ElementDef) -> bool {
+    let up_to_vertex = head.elements.values().take_while(|element| element.name != vertex.name);
+    up_to_vertex.chain([vertex]).all(|element| scalar_properties(element).len() == element.properties.len())
+}
+
+/// Where the rows of a plain file lie.
+fn plain_rows(head: &ply_rs::ply::Header, start: usize, len: usize, path: &Path) -> Result<Range<usize>, PlyError> {
+    let mut start = start;
+    for element in head.elements.values() {
+        let row_size: usize = scalar_properties(element).iter().map(|property| property.kind.size()).sum();
+        let end = element.count.checked_mul(row_size).and_then(|size| size.checked_add(start));
+        let Some(end) = end.filter(|end| *end <= len) else {
+            let rule =
+                format!("the file ends before the {} rows of {}, {row_size} bytes each", element.count, element.name);
+            return Err(PlyError::payload(path, len, rule));
+        };
+        if element.name == "vertex" {
+            return Ok(start..end);
+        }
+        start = end;
+    }
+    Err(PlyError::header(path, 1, "there is no element `vertex`"))
+}

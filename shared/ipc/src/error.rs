@@ -1,0 +1,54 @@
+//! What can go wrong between processes.
+
+use std::fmt::Debug;
+
+/// An operation on shared memory that failed.
+#[derive(Debug, thiserror::Error)]
+pub enum IpcError {
+    /// iceoryx2 refused.
+    #[error("{what}: {cause}")]
+    Transport {
+        /// Operation and service.
+        what: String,
+        /// Name of iceoryx2's error.
+        cause: String,
+    },
+    /// Fewer consumers got the message than there are: it would be lost.
+    #[error("{service}: message {seq} reached {reached} of {expected} consumers")]
+    Lost {
+        /// Service.
+        service: String,
+        /// Message.
+        seq: u64,
+        /// Consumers that got it.
+        reached: usize,
+        /// Consumers that should have.
+        expected: usize,
+    },
+    /// A message that does not fit its own envelope or its type.
+    #[error("{service}: message of {bytes} bytes cannot hold {len} rows of {row_bytes} bytes")]
+    Torn {
+        /// Service.
+        service: String,
+        /// Size of the payload.
+        bytes: usize,
+        /// Rows that it claims to have.
+        len: usize,
+        /// Size of a row.
+        row_bytes: usize,
+    },
+    /// The operating system.
+    #[error("{what}: {cause}")]
+    Io {
+        /// Operation and path.
+        what: String,
+        /// Why.
+        cause: std::io::Error,
+    },
+}
+
+impl IpcError {
+    pub(crate) fn transport(what: impl Into<String>, cause: impl Debug) -> Self {
+        IpcError::Transport { what: what.into(), cause: format!("{cause:?}") }
+    }
+}

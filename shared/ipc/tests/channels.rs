@@ -1,0 +1,180 @@
+//! What a channel promises: in place, in order, nothing lost, nobody else's.
+
+use ipc::{Channel, Domain, IpcError, Keeper, LatestPublisher, LatestSubscriber, Node, Publisher, Subscriber, Wake};
+use messages::{ClassRow, Envelope, Message, Pod, SweepHeader, SweepPoint};
+use std::time::Duration;
+
+/// A domain that leaves nothing behind, also when its test fails.
+struct TestDomain(Domain);
+
+impl TestDomain {
+    fn new(name: &str) -> Self {
+        let domain = Domain::new(&format!("test{name}{}", std::process::id())).expect("name fits");
+        domain.wipe().expect("wiped");
+        Self(domain)
+    }
+}
+
+impl Drop for TestDomain {
+    fn drop(&mut self) {
+        self.0.wipe().expect("wiped");
+    }
+}
+
+struct Pair {
+    publisher: Publisher<messages::Sweep>,
+    subscriber: Subscriber<messages::Sweep>,
+    consumer_wake: Wake,
+    _keeper: Keeper,
+    _nodes: Vec<Node>,
+}
+
+fn pair(domain: &Domain) -> Pair {
+    let supervisor = domain.node("supervisor").expect("node");
+    let channel = Channel::of::<messages::Sweep>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
+    let mut keeper = Keeper::default();
+    keeper.create_channel(&supervisor, &channel).expect("created");
+    keeper.create_wake(&supervisor, "producer.wake", 1).expect("created");
+    keeper.create_wake(&supervisor, "consumer.wake", 1).expect("created");
+    let (producer, consumer) = (domain.node("producer").expect("node"), domain.node("consumer").expect("node"));
+    let consumer_wake = Wake::open(&consumer, "consumer.wake").expect("opened");
+    let publisher = Publisher::open(&producer, &channel).expect("opened");
+    let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
+    assert!(subscriber.connect().expect("connects"));
+    assert!(publisher.connect().expect("connects"));
+    Pair { publisher, subscriber, consumer_wake, _keeper: keeper, _nodes: vec![supervisor, producer, consumer] }
+}
+
+fn send(publisher: &mut Publisher<messages::Sweep>, seq: u64, n_points: usize) -> usize {
+    let mut loan = publisher.loan(n_points + 5).expect("loaned");
+    *loan.header_mut() = SweepHeader { n_rings: 32, ..SweepHeader::default() };
+    let rows = loan.grow(n_points).expect("fits");
+    for (i, row) in rows.iter_mut().enumerate() {
+        row.x = (seq * 1000 + i as u64) as f32;
+    }
+    let address = rows.as_ptr().addr();
+    publisher.send(loan, Envelope { seq, ..Envelope::zeroed() }).expect("sent");
+    address
+}
+
+/// The mapping of /proc/self/maps that holds `address`.
+fn mapping_of(address: usize) -> String {
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("Linux");
+    let holds = |line: &&str| {
+        let range = line.split(' ').next().and_then(|range| range.split_once('-')).expect("a range");
+        let bound = |text: &str| usize::from_str_radix(text, 16).expect("hexadecimal");
+        (bound(range.0)..bound(range.1)).contains(&address)
+    };
+    maps.lines().find(holds).expect("mapped").to_owned()
+}
+
+#[test]
+fn rows_are_read_where_they_were_written() {
+    let domain = TestDomain::new("inplace");
+    let mut pair = pair(&domain.0);
+    let written_at = send(&mut pair.publisher, 0, 100_000);
+    pair.consumer_wake.wait(Duration::from_secs(5)).expect("woken");
+    let received = pair.subscriber.receive().expect("no error").expect("a message");
+    assert_eq!(received.rows().len(), 100_000);
+    assert_eq!(received.rows()[4321].x, 4321.0);
+    assert_eq!(received.header().n_rings, 32);
+    let bytes = size_of_val(received.rows());
+    let first = received.rows().as_ptr().addr();
+    let segment = format!("/dev/shm/{}", domain.0.prefix());
+    for address in [written_at, first, first + bytes - 1] {
+        let mapping = mapping_of(address);
+        assert!(mapping.contains(&segment), "{address:x} lies in {mapping}");
+    }
+    assert_eq!(first % 64, 0, "rows start on a cache line");
+}
+
+#[test]
+fn a_full_queue_stops_the_producer_and_nothing_is_lost() {
+    let domain = TestDomain::new("credit");
+    let mut pair = pair(&domain.0);
+    let mut sent = 0;
+    while pair.publisher.has_credit().expect("no error") {
+        send(&mut pair.publisher, sent, 10 + sent as usize);
+        sent += 1;
+    }
+    assert_eq!(sent as usize, messages::Sweep::QUEUE);
+    let mut held = Vec::new();
+    // Sizes grow, so slots are reallocated while older messages are still held.
+    for expected in 0..200 {
+        let received = pair.subscriber.receive().expect("no error").expect("a message");
+        assert_eq!(received.envelope().seq, expected);
+        assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
+        held.push(received);
+        if held.len() > messages::Sweep::BORROWED {
+            held.remove(0);
+        }
+        assert!(pair.publisher.has_credit().expect("no error"));
+        send(&mut pair.publisher, sent, 10 + sent as usize);
+        sent += 1;
+    }
+}
+
+#[test]
+fn another_layout_or_version_is_refused() {
+    let domain = TestDomain::new("layout");
+    let pair = pair(&domain.0);
+    let node = domain.0.node("stranger").expect("node");
+    let mut channel = Channel::of::<messages::Sweep>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
+    channel.version += 1;
+    assert!(matches!(Publisher::<messages::Sweep>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    channel.version -= 1;
+    channel.layout = messages::Class::LAYOUT;
+    assert!(matches!(Publisher::<messages::Sweep>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    drop(pair);
+}
+
+#[test]
+fn a_reader_sees_the_latest_value_only() {
+    let domain = TestDomain::new("latest");
+    let node = domain.0.node("supervisor").expect("node");
+    let mut keeper = Keeper::default();
+    keeper.create_latest(&node, "health").expect("created");
+    let writer = LatestPublisher::open(&node, "health").expect("opened");
+    let reader = LatestSubscriber::open(&node, "health").expect("opened");
+    assert!(reader.connect().expect("connects"));
+    for size in [10, 20_000, 30] {
+        writer.publish(&vec![7; size]).expect("published");
+    }
+    assert_eq!(reader.poll().expect("no error").map(|value| value.len()), Some(30));
+    assert_eq!(reader.poll().expect("no error"), None);
+}
+
+#[test]
+fn shared_memory_is_the_owners_alone_and_a_wipe_leaves_nothing() {
+    use std::os::unix::fs::PermissionsExt;
+    let domain = TestDomain::new("wipe");
+    let other = TestDomain::new("other");
+    let files = |domain: &Domain| -> Vec<std::path::PathBuf> {
+        let entries = std::fs::read_dir("/dev/shm").expect("Linux").flatten();
+        entries.map(|e| e.path()).filter(|p| p.to_string_lossy().contains(&domain.prefix())).collect()
+    };
+    let mut pair = pair(&domain.0);
+    send(&mut pair.publisher, 0, 1000);
+    let _other_pair = self::pair(&other.0);
+    let present = files(&domain.0);
+    assert!(!present.is_empty());
+    for file in present {
+        let mode = std::fs::metadata(&file).expect("there").permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", file.display());
+    }
+    // As after SIGKILL: nobody runs a destructor.
+    std::mem::forget(pair);
+    domain.0.wipe().expect("wiped");
+    assert_eq!(files(&domain.0), Vec::<std::path::PathBuf>::new());
+    assert!(!domain.0.root().exists());
+    assert!(!files(&other.0).is_empty(), "another run's memory is not touched");
+}
+
+#[test]
+fn rows_have_the_sizes_of_their_byte_tables() {
+    assert_eq!(size_of::<SweepPoint>(), 20);
+    assert_eq!(size_of::<messages::SubmapPoint>(), 28);
+    assert_eq!(size_of::<Envelope>(), 64);
+    assert_eq!(size_of::<ClassRow>(), 2);
+    assert_eq!(size_of::<messages::TickRow>(), 48);
+}

@@ -1,0 +1,97 @@
+//! What the ground model's file holds.
+
+use super::{ARCHITECTURE, VERSION};
+use crate::LearningError;
+use crate::model_file::{self, ModelFile};
+use candle_core::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Longest gap between cells that a model may bridge, cells.
+const MAX_GAP_CELLS: usize = 256;
+
+/// Scalars, in the file's metadata.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Side of a cell of the grid, m, 0.02 to 2.
+    pub cell_m: f64,
+    /// How far from the sensor's path points are looked at, m, 5 to 500.
+    pub reach_m: f64,
+    /// Side of the square of the opening, m, 1 to 50: wider than anything that hides the ground under it.
+    pub window_m: f64,
+    /// How far ground may lie above the opening, m, 0.05 to 5.
+    pub low_m: f64,
+    /// Least area of a ground zone, square metres of cells with points, 0 to 1000.
+    pub min_zone_m2: f64,
+}
+
+/// All of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Scalars.
+    pub settings: Settings,
+    /// Tensor `steps_m`: the step allowed between ground cells that are 1, 2 … cells apart, m; 1 to 256 elements.
+    pub steps_m: Vec<f32>,
+    /// Tensor `tolerance_m`: how far below and above the terrain a point is still ground, m, above 0.
+    pub tolerance_m: [f32; 2],
+}
+
+impl Default for Parameters {
+    /// What `models/ground.safetensors` holds. Chosen by hand from the size of kerbs, cars and sensor noise, learned
+    /// from no data.
+    fn default() -> Self {
+        let settings = Settings { cell_m: 0.2, reach_m: 100.0, window_m: 10.0, low_m: 0.5, min_zone_m2: 2.0 };
+        // Noise of 8 cm and a slope of 15 %, over gaps of up to 3 m.
+        let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();
+        Self { settings, steps_m, tolerance_m: [0.2, 0.2] }
+    }
+}
+
+impl Parameters {
+    pub(super) fn from_file(file: &ModelFile) -> Result<Self, LearningError> {
+        let settings: Settings = file.settings()?;
+        settings.check(file)?;
+        let steps_m = file.vector("steps_m", 1..=MAX_GAP_CELLS)?;
+        if let Some(idx) = steps_m.iter().position(|&step| step < 0.0) {
+            return Err(file.bad_tensor("steps_m", format!("element {idx} is {}, must be at least 0", steps_m[idx])));
+        }
+        let tolerance_m = file.vector("tolerance_m", 2..=2)?;
+        if tolerance_m.iter().any(|&tolerance| tolerance <= 0.0) {
+            return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, both must be above 0")));
+        }
+        Ok(Self { settings, steps_m, tolerance_m: [tolerance_m[0], tolerance_m[1]] })
+    }
+
+    /// The model file's bytes; the same parameters give the same bytes.
+    ///
+    /// # Errors
+    /// If the tensors cannot be made.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, LearningError> {
+        let tensor = |values: &[f32]| Tensor::from_slice(values, values.len(), &Device::Cpu);
+        let tensors =
+            BTreeMap::from([("steps_m", tensor(&self.steps_m)?), ("tolerance_m", tensor(&self.tolerance_m)?)]);
+        model_file::encode(ARCHITECTURE, VERSION, &self.settings, tensors)
+    }
+}
+
+impl Settings {
+    fn check(&self, file: &ModelFile) -> Result<(), LearningError> {
+        let rules = [
+            ("cell_m", self.cell_m, 0.02, 2.0),
+            ("reach_m", self.reach_m, 5.0, 500.0),
+            ("window_m", self.window_m, 1.0, 50.0),
+            ("low_m", self.low_m, 0.05, 5.0),
+            ("min_zone_m2", self.min_zone_m2, 0.0, 1000.0),
+        ];
+        match rules.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((key, value, low, high)) => Err(LearningError::Setting {
+                path: file.path.clone(),
+                key,
+                value,
+                rule: format!("must be between {low} and {high}"),
+            }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Beside every topic runs its tick channel: it says when a tick is complete, where a barrier is and where the end.
+
+use crate::{Message, NoHeader, pod};
+
+pod! {
+    /// Everything of one tick has been published on the topic. 48 bytes.
+    ///
+    /// | offset | field | meaning |
+    /// |---|---|---|
+    /// | 0 | `tick` | 0, 1, 2 … |
+    /// | 8 | `n_published` | messages of the topic up to and including this tick |
+    /// | 16 | `barrier` | number of the barrier after this tick, from 1; 0 = none |
+    /// | 24 | `drive_time` | ns since the Unix epoch at the source |
+    /// | 32 | `born_nanos` | monotonic clock when the source began the tick |
+    /// | 40 | `progress` | share of the drive that the source has read, 0 to 1 |
+    /// | 44 | `end` | 1: nothing follows |
+    pub struct TickRow {
+        /// Number of the tick.
+        pub tick: u64,
+        /// Messages of the topic so far.
+        pub n_published: u64,
+        /// Number of the barrier after this tick, 0 = none.
+        pub barrier: u64,
+        /// ns since the Unix epoch at the source.
+        pub drive_time: i64,
+        /// Monotonic clock when the source began the tick. For latency figures only.
+        pub born_nanos: u64,
+        /// Share of the drive that the source has read.
+        pub progress: f32,
+        /// 1: nothing follows.
+        pub end: u32,
+    }
+}
+
+/// The tick channel of a topic.
+pub struct Tick;
+impl Message for Tick {
+    const TOPIC: &'static str = "tick";
+    const VERSION: u32 = 1;
+    // A topic without messages lets its producer run ahead by this many ticks: 1.6 s of drive at 10 Hz.
+    const QUEUE: usize = 16;
+    const BORROWED: usize = 1;
+    type Header = NoHeader;
+    type Row = TickRow;
+}

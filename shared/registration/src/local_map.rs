@@ -1,0 +1,217 @@
+//! The sliding map that sweeps are matched against.
+
+use crate::voxel::{EMPTY_KEY, VoxelIndex, first_slot, table_bits};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// A point of a surface, 40 bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapPoint {
+    /// x y z, m, odom frame. f64: the odom frame may be kilometres away from its origin.
+    pub position: [f64; 3],
+    /// Unit normal, odom frame.
+    pub normal: [f32; 3],
+    /// Number of the insertion that brought it.
+    pub batch: u32,
+}
+
+/// Extent of the map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapSettings {
+    /// One point per cube of this side, m.
+    pub spacing_m: f64,
+    /// Insertions after which a point leaves.
+    pub batches: u32,
+    /// Points at most; the oldest leave first.
+    pub max_points: usize,
+}
+
+impl Default for MapSettings {
+    /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10 m/s,
+    /// as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
+    fn default() -> Self {
+        Self { spacing_m: 0.2, batches: 60, max_points: 80_000 }
+    }
+}
+
+/// Side of a search cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the
+/// default spacing.
+const CELL_M: f64 = 1.0;
+/// Largest radius of [`LocalMap::nearest`], m.
+pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
+
+/// Points with normals, thinned, found by place. Points stay in the order of their insertion; the index over them is
+/// derived, so the list alone is the state.
+#[derive(Clone, Debug, Default)]
+pub struct LocalMap {
+    points: Vec<MapPoint>,
+    index: Index,
+}
+
+/// Open addressing over cells; each cell's points lie beside each other, in insertion order.
+#[derive(Clone, Debug, Default)]
+struct Index {
+    bits: u32,
+    keys: Vec<u64>,
+    ends: Vec<u32>,
+    sorted: Vec<MapPoint>,
+}
+
+impl LocalMap {
+    /// From a saved list. See [`LocalMap::points`].
+    pub fn from_points(points: Vec<MapPoint>) -> Self {
+        let index = Index::over(&points);
+        Self { points, index }
+    }
+    /// In the order of insertion.
+    pub fn points(&self) -> &[MapPoint] {
+        &self.points
+    }
+    /// Adds the points whose cube is still free, drops what is older than the settings allow, and keeps within bounds.
+    /// New points are expected to be thinned among themselves.
+    pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
+        let per_m = 1.0 / settings.spacing_m;
+        let free = |point: &&MapPoint| {
+            let cube = VoxelIndex::containing(point.position, per_m);
+            self.index.cell(cell_of(point.position)).iter().all(|p| VoxelIndex::containing(p.position, per_m) != cube)
+        };
+        let free: Vec<MapPoint> = new_points.iter().filter(free).map(|point| MapPoint { batch, ..*point }).collect();
+        let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
+        let expired = self.points.partition_point(|point| point.batch < oldest);
+        self.points.drain(..expired);
+        self.points.extend(free);
+        let excess = self.points.len().saturating_sub(settings.max_points);
+        self.points.drain(..excess);
+        self.index = Index::over(&self.points);
+    }
+    /// The nearest point within `radius_m` (at most [`MAX_RADIUS_M`]) whose normal is within about 37 degrees of
+    /// `normal`: the other side of a wall, or the road under a bumper, is no match.
+    #[inline]
+    pub fn nearest(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<&MapPoint> {
+        let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
+        let mut best = None;
+        let mut best_squared = radius_m.min(MAX_RADIUS_M).powi(2);
+        for corner in 0..8 {
+            let cell = VoxelIndex([base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2)]);
+            for point in self.index.cell(cell) {
+                let [x, y, z] = point.position;
+                let (dx, dy, dz) = (x - position[0], y - position[1], z - position[2]);
+                let squared = dx * dx + dy * dy + dz * dz;
+                if squared < best_squared && Vector3::from(point.normal).dot(normal) > 0.8 {
+                    best_squared = squared;
+                    best = Some(point);
+                }
+            }
+        }
+        best
+    }
+}
+
+fn cell_of(position: [f64; 3]) -> VoxelIndex {
+    VoxelIndex::containing(position, 1.0 / CELL_M)
+}
+
+impl Index {
+    fn over(points: &[MapPoint]) -> Self {
+        let bits = table_bits(points.len());
+        let mut index = Self { bits, keys: vec![EMPTY_KEY; 1 << bits], ends: vec![0; 1 << bits], sorted: Vec::new() };
+        let slots: Vec<u32> = points
+            .iter()
+            .map(|point| {
+                let key = cell_of(point.position).key();
+                let slot = index.slot(key);
+                index.keys[slot] = key;
+                index.ends[slot] += 1;
+                slot as u32
+            })
+            .collect();
+        // Counts become starts; placing each point then moves its cell's start to its end.
+        let mut start = 0;
+        for end in &mut index.ends {
+            let count = *end;
+            *end = start;
+            start += count;
+        }
+        if let Some(&any) = points.first() {
+            index.sorted = vec![any; points.len()];
+        }
+        for (point, &slot) in points.iter().zip(&slots) {
+            let place = &mut index.ends[slot as usize];
+            index.sorted[*place as usize] = *point;
+            *place += 1;
+        }
+        index
+    }
+    /// Where the key is, or where it would go.
+    #[inline]
+    fn slot(&self, key: u64) -> usize {
+        let mut slot = first_slot(key, self.bits);
+        while self.keys[slot] != key && self.keys[slot] != EMPTY_KEY {
+            slot = (slot + 1) & (self.keys.len() - 1);
+        }
+        slot
+    }
+    #[inline]
+    fn cell(&self, cell: VoxelIndex) -> &[MapPoint] {
+        if self.keys.is_empty() {
+            return &[];
+        }
+        let slot = self.slot(cell.key());
+        if self.keys[slot] == EMPTY_KEY {
+            return &[];
+        }
+        let start = if slot == 0 { 0 } else { self.ends[slot - 1] };
+        &self.sorted[start as usize..self.ends[slot] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(x: f64, y: f64, z: f64) -> MapPoint {
+        MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], batch: 0 }
+    }
+
+    /// Positions spread over some metres on both sides of the origin, by an irrational step.
+    fn scattered(n: usize) -> Vec<MapPoint> {
+        (0..n)
+            .map(|i| {
+                let along = |step: f64, size: f64| ((i as f64 * step).fract() - 0.5) * size;
+                point(along(0.618_033_988_749, 20.0), along(0.754_877_666_246, 20.0), along(0.569_840_290_998, 6.0))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn nearest_agrees_with_looking_at_every_point() {
+        let map = LocalMap::from_points(scattered(5000));
+        let up = Vector3::z();
+        let mut found = 0;
+        for query in scattered(5700).iter().skip(5000) {
+            let distance = |p: &MapPoint| (Vector3::from(p.position) - Vector3::from(query.position)).norm();
+            let by_force = map.points().iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("not empty");
+            let nearest = map.nearest(query.position, &up, 0.5);
+            assert_eq!(nearest, (distance(by_force) < 0.5).then_some(by_force));
+            found += usize::from(nearest.is_some());
+        }
+        assert!(found > 400 && found < 700, "both outcomes must occur: {found} of 700");
+        assert_eq!(map.nearest([0.0; 3], &Vector3::x(), 0.5), None, "normals disagree everywhere");
+        assert_eq!(LocalMap::default().nearest([0.0; 3], &up, 0.5), None);
+    }
+
+    #[test]
+    fn a_map_is_thin_ages_and_stays_bounded() {
+        let settings = MapSettings { spacing_m: 0.2, batches: 3, max_points: 1000 };
+        let mut map = LocalMap::default();
+        map.insert(0, &[point(0.05, 0.05, 0.05), point(0.3, 0.0, 0.0)], &settings);
+        map.insert(1, &[point(0.1, 0.1, 0.1), point(-0.05, 0.0, 0.0)], &settings);
+        assert_eq!(map.points().len(), 3, "the first cube was taken");
+        map.insert(2, &[], &settings);
+        assert_eq!(map.points().len(), 3);
+        map.insert(3, &[], &settings);
+        assert_eq!(map.points().len(), 1, "batch 0 is three insertions old");
+        map.insert(4, &scattered(5000), &settings);
+        assert_eq!(map.points().len(), 1000);
+    }
+}

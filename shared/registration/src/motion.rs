@@ -1,0 +1,179 @@
+//! Motion during a sweep, and points moved into one frame by it.
+
+use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3, interpolate};
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+/// Pose of the lidar during one sweep: at its middle, and what it gains from first to last shot.
+///
+/// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation
+/// `mid * exp(s * rotation)`; that is the same as linear interpolation and slerp between both ends. The middle is the
+/// reference because a wrong guess of the motion bends the sweep symmetrically around it and so hardly moves the match.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SweepMotion {
+    /// `odom_from_lidar` half way between first and last shot.
+    pub mid: Pose,
+    /// Way from first to last shot, m, odom frame.
+    pub translation: Vector3<f64>,
+    /// Rotation vector from first to last shot, rad, lidar frame.
+    pub rotation: Vector3<f64>,
+}
+
+impl SweepMotion {
+    /// At rest.
+    pub fn still(mid: Pose) -> Self {
+        Self { mid, translation: Vector3::zeros(), rotation: Vector3::zeros() }
+    }
+    /// `odom_from_lidar` at `share` of the sweep, -0.5 to 0.5.
+    pub fn at(&self, share: f64) -> Pose {
+        Isometry3::from_parts(
+            Translation3::from(self.mid.translation.vector + self.translation * share),
+            self.mid.rotation * UnitQuaternion::from_scaled_axis(self.rotation * share),
+        )
+    }
+    /// `odom_from_lidar` at the first shot.
+    pub fn begin(&self) -> Pose {
+        self.at(-0.5)
+    }
+    /// `odom_from_lidar` at the last shot.
+    pub fn end(&self) -> Pose {
+        self.at(0.5)
+    }
+}
+
+/// Speed and turn rate in the lidar's own axes: what "the motion goes on" means on a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Velocity {
+    /// m/s.
+    pub linear: Vector3<f64>,
+    /// rad/s.
+    pub angular: Vector3<f64>,
+}
+
+impl Velocity {
+    /// At rest.
+    pub fn zero() -> Self {
+        Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
+    }
+    /// Mean velocity from one pose to another, that is, the one half way in time. `seconds` is positive.
+    pub fn between(from: &Pose, to: &Pose, seconds: f64) -> Self {
+        let angular = (from.rotation.inverse() * to.rotation).scaled_axis() / seconds;
+        let half_way = from.rotation * UnitQuaternion::from_scaled_axis(angular * (seconds / 2.0));
+        let linear = half_way.inverse() * (to.translation.vector - from.translation.vector) / seconds;
+        Self { linear, angular }
+    }
+    /// The velocity over a sweep of `duration_s` > 0.
+    pub fn during(motion: &SweepMotion, duration_s: f64) -> Self {
+        Self {
+            linear: motion.mid.rotation.inverse() * motion.translation / duration_s,
+            angular: motion.rotation / duration_s,
+        }
+    }
+    /// The pose after `seconds` at this velocity.
+    pub fn advance(&self, from: &Pose, seconds: f64) -> Pose {
+        let half_turn = UnitQuaternion::from_scaled_axis(self.angular * (seconds / 2.0));
+        let half_way = from.rotation * half_turn;
+        let mut rotation = half_way * half_turn;
+        rotation.renormalize();
+        Isometry3::from_parts(
+            Translation3::from(from.translation.vector + half_way * self.linear * seconds),
+            rotation,
+        )
+    }
+    /// The motion of a sweep of `duration_s` with this velocity at its middle.
+    pub fn motion_at(&self, mid: Pose, duration_s: f64) -> SweepMotion {
+        SweepMotion {
+            mid,
+            translation: mid.rotation * self.linear * duration_s,
+            rotation: self.angular * duration_s,
+        }
+    }
+}
+
+/// Poses of a sweep tabulated over time, so that a point costs one look-up and one matrix product.
+///
+/// 2048 bins over a revolution of 100 ms are 49 µs each, one firing of the HDL-32E: the error is half a bin, below
+/// 25 µrad and 0.5 mm at a yaw rate of 1 rad/s and 20 m/s.
+#[derive(Clone, Debug)]
+pub struct DeskewTable {
+    bins: Vec<([[f32; 3]; 3], [f32; 3])>,
+    bins_per_nano: f64,
+}
+
+const BINS: usize = 2048;
+
+impl DeskewTable {
+    /// From the poses at the first and at the last shot, `target_from_lidar`, `duration_nanos` apart. The target frame
+    /// must be near (some km at most): results are f32.
+    pub fn new(begin: &Pose, end: &Pose, duration_nanos: u32) -> Self {
+        let n_bins = if duration_nanos == 0 { 1 } else { BINS };
+        let bins = (0..n_bins)
+            .map(|bin| {
+                let pose = interpolate(begin, end, (bin as f64 + 0.5) / n_bins as f64);
+                let rotation: Matrix3<f32> = pose.rotation.to_rotation_matrix().matrix().cast();
+                (rotation.transpose().into(), pose.translation.vector.cast::<f32>().into())
+            })
+            .collect();
+        Self { bins, bins_per_nano: n_bins as f64 / f64::from(duration_nanos.max(1)) }
+    }
+    /// The point, shot `offset_nanos` after the first, in the target frame. Offsets past the end count as the end.
+    #[inline]
+    pub fn deskew(&self, position: [f32; 3], offset_nanos: u32) -> [f32; 3] {
+        let bin = ((f64::from(offset_nanos) * self.bins_per_nano) as usize).min(self.bins.len() - 1);
+        let (rows, translation) = &self.bins[bin];
+        let mut moved = *translation;
+        for (value, row) in moved.iter_mut().zip(rows) {
+            *value += row[0] * position[0] + row[1] * position[1] + row[2] * position[2];
+        }
+        moved
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::Point3;
+
+    #[test]
+    fn both_ends_interpolate_to_the_poses_between() {
+        let motion = SweepMotion {
+            mid: Isometry3::new(Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.1, 0.2, 1.0)),
+            translation: Vector3::new(1.0, 0.3, 0.0),
+            rotation: Vector3::new(0.01, -0.02, 0.1),
+        };
+        for share in [0.0, 0.25, 0.5, 0.9, 1.0] {
+            let between = interpolate(&motion.begin(), &motion.end(), share);
+            let direct = motion.at(share - 0.5);
+            assert!((between.translation.vector - direct.translation.vector).norm() < 1e-12);
+            assert!(between.rotation.angle_to(&direct.rotation) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn velocity_leads_from_one_pose_to_the_next() {
+        let from = Isometry3::new(Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.1, 0.2, 1.0));
+        let to = Isometry3::new(Vector3::new(4.0, -1.5, 1.1), Vector3::new(0.12, 0.18, 1.1));
+        let velocity = Velocity::between(&from, &to, 0.1);
+        let arrived = velocity.advance(&from, 0.1);
+        assert!((arrived.translation.vector - to.translation.vector).norm() < 1e-12);
+        assert!(arrived.rotation.angle_to(&to.rotation) < 1e-12);
+        let again = Velocity::during(&velocity.motion_at(to, 0.1), 0.1);
+        assert!((again.linear - velocity.linear).norm() + (again.angular - velocity.angular).norm() < 1e-12);
+    }
+
+    #[test]
+    fn points_shot_on_the_way_meet_where_they_were_hit() {
+        let begin = Isometry3::new(Vector3::new(5.0, 1.0, 0.0), Vector3::z() * 0.2);
+        let end = Isometry3::new(Vector3::new(6.5, 1.2, 0.0), Vector3::new(0.01, 0.0, 0.28));
+        let table = DeskewTable::new(&begin, &end, 100_000_000);
+        let target = Point3::new(30.0, 10.0, 2.0);
+        for offset in (0..=100_000_000_u32).step_by(3_333_333) {
+            let pose = interpolate(&begin, &end, f64::from(offset) / 1e8);
+            let seen = (pose.inverse() * target).cast::<f32>();
+            let moved = table.deskew(seen.into(), offset);
+            let error = (Point3::from(moved).cast::<f64>() - target).norm();
+            // The table's half bin; without deskew the error is up to 2 m.
+            assert!(error < 1.5e-3, "{offset} ns: {error} m");
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Sweep after sweep onto the local map.
+
+use crate::matching::{Prediction, match_features};
+use crate::motion::Velocity;
+use crate::start::find_start;
+use crate::voxel::{VoxelIndex, VoxelSet};
+use crate::{
+    Feature, FeatureSettings, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sweep, SweepMotion,
+    planar_features,
+};
+use geometry::{Pose, Stamp, Vector3};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+/// Settings of all steps. The parts say why their defaults are what they are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OdometrySettings {
+    /// Which points are features.
+    pub features: FeatureSettings,
+    /// Extent of the map.
+    pub map: MapSettings,
+    /// Matching.
+    pub matching: MatchSettings,
+}
+
+/// Share of the features that must find the map for a match to count. New ground takes 10 to 20 % away at 10 m/s.
+const MIN_MATCHED_SHARE: f64 = 0.3;
+/// Largest root mean square distance from the map's planes: five times range noise.
+const MAX_RMS_M: f64 = 0.12;
+/// Largest jump off the prediction: 15 m/s^2 and 10 rad/s^2, more than a crash test's vehicle does on a road, plus what
+/// a coarse round may shift at any time.
+const MAX_JUMP_MPS2: f64 = 15.0;
+const MAX_JUMP_RADPS2: f64 = 10.0;
+const JUMP_SLACK_M: f64 = 0.5;
+const JUMP_SLACK_RAD: f64 = 0.05;
+/// After so many bridged sweeps (half a second) the old map may be out of reach: a new one is begun.
+const MAX_BRIDGED: u32 = 5;
+/// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light neither
+/// does the map age nor the pose drift.
+const MIN_WAY_M: f64 = 0.1;
+const MIN_TURN_RAD: f64 = 0.01;
+
+/// A sweep in its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Registered {
+    /// Time of the first shot.
+    pub stamp: Stamp,
+    /// ns from first to last shot.
+    pub duration_nanos: u32,
+    /// `odom_from_lidar` over the sweep.
+    pub motion: SweepMotion,
+    /// The match; `None` if there was none to be trusted and the last motion was carried on (or, for a first sweep that
+    /// found no second, rest was assumed).
+    pub matched: Option<Matched>,
+    /// A new map was begun with this sweep because the old one was lost.
+    pub map_restarted: bool,
+}
+
+impl Registered {
+    /// `odom_from_lidar` at the first shot.
+    pub fn begin(&self) -> Pose {
+        self.motion.begin()
+    }
+    /// `odom_from_lidar` at the last shot.
+    pub fn end(&self) -> Pose {
+        self.motion.end()
+    }
+    /// Whether constant motion stands in for a measurement.
+    pub fn is_bridged(&self) -> bool {
+        self.matched.is_none()
+    }
+}
+
+/// Why a sweep cannot be taken.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum RegistrationError {
+    /// Sweeps come in the order of time.
+    #[error("sweep of {got} follows that of {last}: the middle of a sweep must be later than that of the one before")]
+    Order {
+        /// Middle of the sweep before.
+        last: Stamp,
+        /// Middle of this sweep.
+        got: Stamp,
+    },
+}
+
+/// Features of a sweep, without its points.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct HeldSweep {
+    stamp: Stamp,
+    mid_stamp: Stamp,
+    duration_nanos: u32,
+    pub duration_s: f64,
+    /// All, for the map.
+    pub features: Vec<Feature>,
+    /// Some, for matching.
+    pub matching: Vec<Feature>,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Last {
+    mid_stamp: Stamp,
+    mid: Pose,
+    velocity: Velocity,
+}
+
+/// Everything that the next sweep depends on, see [`Odometry::save`].
+///
+/// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
+/// (at most two lists of one feature per range image cell and column step, 32 bytes each): 3.2 MB with the defaults, as
+/// a street fills them about 2 MB.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct State {
+    begin: Pose,
+    held: Option<HeldSweep>,
+    last: Option<Last>,
+    /// Where the map grew last.
+    grown_at: Option<Pose>,
+    next_batch: u32,
+    bridged_in_a_row: u32,
+    map_points: Vec<MapPoint>,
+}
+
+/// Scan-to-map odometry. Same sweeps, same poses, to the bit, on any number of threads and after any save and load.
+#[derive(Debug)]
+pub struct Odometry {
+    settings: OdometrySettings,
+    /// `map_points` lives in `map` while running.
+    state: State,
+    map: LocalMap,
+}
+
+impl Odometry {
+    /// `odom_from_lidar` is the pose at the very first shot. Its frame decides what odom is: with `body_from_lidar`,
+    /// odom is the body frame at that moment. The x axis of odom must point forward; the start is searched along it.
+    pub fn new(settings: OdometrySettings, odom_from_lidar: Pose) -> Self {
+        let state = State {
+            begin: odom_from_lidar,
+            held: None,
+            last: None,
+            grown_at: None,
+            next_batch: 0,
+            bridged_in_a_row: 0,
+            map_points: Vec::new(),
+        };
+        Self { settings, state, map: LocalMap::default() }
+    }
+
+    /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
+    /// needs two), both for the second, from then on each at once.
+    pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        let sweep = self.hold(sweep);
+        let before = self.state.last.as_ref().map(|last| last.mid_stamp);
+        if let Some(last) = before.or(self.state.held.as_ref().map(|held| held.mid_stamp))
+            && sweep.mid_stamp <= last
+        {
+            return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
+        }
+        if let Some(last) = self.state.last.take() {
+            return Ok(vec![self.follow(&sweep, &last)]);
+        }
+        match self.state.held.take() {
+            Some(first) => Ok(self.start(first, sweep)),
+            None => {
+                self.state.held = Some(sweep);
+                Ok(Vec::new())
+            }
+        }
+    }
+
+    /// The first sweep if no second ever came: at rest.
+    pub fn finish(&mut self) -> Option<Registered> {
+        let held = self.state.held.take()?;
+        Some(held.registered(SweepMotion::still(self.state.begin), None, false))
+    }
+
+    /// The map as it is now.
+    pub fn map(&self) -> &LocalMap {
+        &self.map
+    }
+
+    /// Everything that the next sweep depends on; numbers keep their bits in any format that keeps floats.
+    pub fn save(&self) -> impl Serialize + use<> {
+        State { map_points: self.map.points().to_vec(), ..self.state.clone() }
+    }
+
+    /// The odometry that [`Odometry::save`] wrote. The settings must be those of then.
+    pub fn load<'de, D: serde::Deserializer<'de>>(settings: OdometrySettings, saved: D) -> Result<Self, D::Error> {
+        let mut state = State::deserialize(saved)?;
+        let map = LocalMap::from_points(std::mem::take(&mut state.map_points));
+        Ok(Self { settings, state, map })
+    }
+
+    fn hold(&self, sweep: &Sweep) -> HeldSweep {
+        let features = planar_features(sweep, &self.settings.features);
+        HeldSweep {
+            stamp: sweep.stamp(),
+            mid_stamp: sweep.mid_stamp(),
+            duration_nanos: sweep.duration_nanos(),
+            duration_s: f64::from(sweep.duration_nanos()) * 1e-9,
+            matching: evenly_chosen(&features, &self.settings.matching),
+            features,
+        }
+    }
+
+    fn start(&mut self, first: HeldSweep, second: HeldSweep) -> Vec<Registered> {
+        let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
+        let settings = &self.settings.matching;
+        let start = find_start(&first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
+            .filter(|start| is_plausible(&start.second));
+        let Some(start) = start else {
+            // The second is the next one's first, from the same place: nothing is known of the motion.
+            let unmoved = first.registered(SweepMotion::still(self.state.begin), None, false);
+            self.state.held = Some(second);
+            return vec![unmoved];
+        };
+        self.grow(&first.features, &start.first);
+        self.state.last = Some(Last {
+            mid_stamp: first.mid_stamp,
+            mid: start.first.mid,
+            velocity: Velocity::between(&start.first.mid, &start.second.motion.mid, seconds),
+        });
+        let first_match = start.second.clone();
+        let first = first.registered(start.first, Some(first_match), false);
+        let second = self.arrive(&second, start.second.motion, Some(start.second), seconds);
+        vec![first, second]
+    }
+
+    fn follow(&mut self, sweep: &HeldSweep, last: &Last) -> Registered {
+        let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
+        let mid = last.velocity.advance(&last.mid, seconds);
+        let prediction = Prediction {
+            motion: last.velocity.motion_at(mid, sweep.duration_s),
+            previous: (last.mid, seconds),
+            duration_s: sweep.duration_s,
+        };
+        let matched = match_features(&sweep.matching, &self.map, &prediction, &self.settings.matching)
+            .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
+        let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
+        self.state.last = Some(last.clone());
+        self.arrive(sweep, motion, matched, seconds)
+    }
+
+    /// Books the sweep's motion, and grows the map by it if it was matched.
+    fn arrive(
+        &mut self,
+        sweep: &HeldSweep,
+        motion: SweepMotion,
+        matched: Option<Matched>,
+        seconds: f64,
+    ) -> Registered {
+        let velocity = match (&self.state.last, &matched) {
+            (Some(last), None) => last.velocity,
+            (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
+            (Some(last), Some(_)) => Velocity::between(&last.mid, &motion.mid, seconds),
+            (None, _) => Velocity::zero(),
+        };
+        self.state.last = Some(Last { mid_stamp: sweep.mid_stamp, mid: motion.mid, velocity });
+        self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
+        let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !sweep.features.is_empty();
+        if map_restarted {
+            self.map = LocalMap::default();
+            self.state.bridged_in_a_row = 0;
+            self.state.grown_at = None;
+        }
+        if map_restarted || matched.is_some() {
+            self.grow(&sweep.features, &motion);
+        }
+        sweep.registered(motion, matched, map_restarted)
+    }
+
+    fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
+        let moved = self.state.grown_at.is_none_or(|at| {
+            (at.translation.vector - motion.mid.translation.vector).norm() > MIN_WAY_M
+                || at.rotation.angle_to(&motion.mid.rotation) > MIN_TURN_RAD
+        });
+        if moved {
+            let batch = self.state.next_batch;
+            self.map.insert(batch, &map_points(features, motion, batch), &self.settings.map);
+            self.state.next_batch += 1;
+            self.state.grown_at = Some(motion.mid);
+        }
+    }
+}
+
+impl HeldSweep {
+    fn registered(&self, motion: SweepMotion, matched: Option<Matched>, map_restarted: bool) -> Registered {
+        Registered { stamp: self.stamp, duration_nanos: self.duration_nanos, motion, matched, map_restarted }
+    }
+}
+
+fn is_plausible(matched: &Matched) -> bool {
+    matched.n_matches as f64 >= MIN_MATCHED_SHARE * matched.n_features as f64 && matched.rms_m <= MAX_RMS_M
+}
+
+fn is_reachable(mid: &Pose, predicted: &Pose, seconds: f64) -> bool {
+    let jump_m = (mid.translation.vector - predicted.translation.vector).norm();
+    let jump_rad = mid.rotation.angle_to(&predicted.rotation);
+    let square = seconds * seconds;
+    jump_m <= JUMP_SLACK_M + MAX_JUMP_MPS2 * square && jump_rad <= JUMP_SLACK_RAD + MAX_JUMP_RADPS2 * square
+}
+
+/// Features in the odom frame.
+pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
+    let in_odom = |feature: &Feature| {
+        let pose = motion.at(f64::from(feature.share));
+        let position = pose * Point3::from(feature.position).cast::<f64>();
+        let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
+        MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
+    };
+    features.iter().map(in_odom).collect()
+}
+
+fn evenly_chosen(features: &[Feature], settings: &MatchSettings) -> Vec<Feature> {
+    let mut taken = VoxelSet::for_at_most(features.len());
+    let per_m = 1.0 / settings.spacing_m;
+    let new = |feature: &&Feature| taken.insert(VoxelIndex::containing(feature.position.map(f64::from), per_m));
+    let thinned: Vec<Feature> = features.iter().filter(new).copied().collect();
+    let step = thinned.len().div_ceil(settings.max_features.max(1)).max(1);
+    thinned.into_iter().step_by(step).collect()
+}

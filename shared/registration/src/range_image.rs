@@ -1,0 +1,165 @@
+//! The returns of a sweep as an image: which points lie beside each other.
+
+use crate::TimedPoint;
+use nalgebra::Vector3;
+
+/// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two points.
+const COLS: usize = 2048;
+/// Rows where rings are not known: one degree of elevation each, about a ring of a 32-beam sensor.
+const ELEVATION_ROWS: usize = 90;
+/// Empty cell.
+const EMPTY: u32 = u32::MAX;
+/// Half height of a neighborhood: the ring spacing of the HDL-32E, 1.33 degrees, so that it has three of its rings.
+const REACH_DEG: f32 = 1.4;
+
+/// Point indices by row (ring, or elevation) and column (azimuth). The first point of a cell is kept.
+#[derive(Clone, Debug)]
+pub struct RangeImage {
+    rows: usize,
+    cells: Vec<u32>,
+    /// Row and column of each point; [`EMPTY`] for one that is not finite.
+    places: Vec<u32>,
+    /// Rows up or down that a neighborhood reaches.
+    reach: usize,
+}
+
+impl RangeImage {
+    /// Sorts points into cells. See [`crate::Sweep::new`] for `n_rings`.
+    pub(crate) fn new(points: &[TimedPoint], n_rings: u32) -> Self {
+        let rings_known = (2..=256).contains(&n_rings)
+            && points.iter().all(|point| u32::from(point.ring) < n_rings)
+            && points.iter().any(|point| point.ring != points[0].ring);
+        let rows = if rings_known { n_rings as usize } else { ELEVATION_ROWS };
+        let mut image =
+            Self { rows, cells: vec![EMPTY; rows * COLS], places: Vec::with_capacity(points.len()), reach: 2 };
+        let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
+        for (point_idx, point) in points.iter().enumerate() {
+            let [x, y, z] = point.position;
+            let slope = z / x.hypot(y);
+            if !slope.is_finite() || !(x + y).is_finite() {
+                image.places.push(EMPTY);
+                continue;
+            }
+            (lowest, highest) = (lowest.min(slope), highest.max(slope));
+            let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
+            let col = ((y.atan2(x) / std::f32::consts::TAU + 0.5) * COLS as f32) as usize % COLS;
+            let place = row * COLS + col;
+            image.places.push(place as u32);
+            if image.cells[place] == EMPTY {
+                image.cells[place] = point_idx as u32;
+            }
+        }
+        if rings_known && highest > lowest {
+            let step_deg = (highest.atan() - lowest.atan()).to_degrees() / (rows - 1) as f32;
+            image.reach = ((REACH_DEG / step_deg).round() as usize).clamp(1, 4);
+        }
+        image
+    }
+    /// Rows: rings, or bins of elevation.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+    /// Columns over the full turn.
+    pub fn cols(&self) -> usize {
+        COLS
+    }
+    /// Index of the point in a cell; columns wrap around.
+    #[inline]
+    pub fn point(&self, row: usize, col: usize) -> Option<usize> {
+        let idx = self.cells[row * COLS + col % COLS];
+        (idx != EMPTY).then_some(idx as usize)
+    }
+    /// Rows up or down that make about the angle of [`REACH_DEG`].
+    pub(crate) fn reach(&self) -> usize {
+        self.reach
+    }
+
+    /// See [`crate::Sweep::incidence`]. The surface is spanned by the point's neighbors in its row and in its column.
+    pub(crate) fn incidence(&self, points: &[TimedPoint], point_idx: usize) -> Option<f32> {
+        let place = *self.places.get(point_idx)?;
+        if place == EMPTY {
+            return None;
+        }
+        let (row, col) = (place as usize / COLS, place as usize % COLS);
+        let center = Vector3::from(points[point_idx].position);
+        let range = center.norm();
+        let near = |row: usize, col: usize| {
+            let offset = Vector3::from(points[self.point(row, col)?].position) - center;
+            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known.
+            (offset.norm_squared() < (0.1 + 0.06 * range).powi(2) && offset.norm_squared() > 0.0).then_some(offset)
+        };
+        // Two columns to each side: one step is often shorter than the range noise.
+        let along = difference(near(row, col + 2), near(row, col + COLS - 2))?;
+        let up = (row + self.reach < self.rows).then(|| near(row + self.reach, col)).flatten();
+        let down = (row >= self.reach).then(|| near(row - self.reach, col)).flatten();
+        let normal = along.cross(&difference(up, down)?);
+        let cosine = normal.dot(&center).abs() / (normal.norm() * range);
+        cosine.is_finite().then(|| cosine.min(1.0))
+    }
+}
+
+/// From the second to the first neighbor; where one is missing the other alone, seen from the center.
+fn difference(a: Option<Vector3<f32>>, b: Option<Vector3<f32>>) -> Option<Vector3<f32>> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a - b),
+        (Some(a), None) => Some(a),
+        (None, Some(b)) => Some(-b),
+        (None, None) => None,
+    }
+}
+
+fn elevation_row(slope: f32) -> usize {
+    let half = ELEVATION_ROWS as f32 / 2.0;
+    (slope.atan().to_degrees() + half).clamp(0.0, ELEVATION_ROWS as f32 - 1.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall 10 m ahead, `turn` rad out of square, seen by beams 1.33 degrees apart.
+    fn wall(turn: f32, rings: bool) -> Vec<TimedPoint> {
+        let mut points = Vec::new();
+        for column in -100..100 {
+            for ring in 0..8_u8 {
+                let azimuth = column as f32 * 0.166_f32.to_radians();
+                let elevation = (f32::from(ring) - 4.0) * 1.33_f32.to_radians();
+                let ray = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
+                let normal = Vector3::new(turn.cos(), turn.sin(), 0.0);
+                let position = (ray * (10.0 * turn.cos() / ray.dot(&normal))).into();
+                points.push(TimedPoint { position, offset_nanos: 0, ring: if rings { ring } else { 0 } });
+            }
+        }
+        points
+    }
+
+    #[test]
+    fn incidence_is_the_cosine_between_ray_and_wall() {
+        for rings in [true, false] {
+            for turn in [0.0_f32, 0.5, 1.0] {
+                let points = wall(turn, rings);
+                let image = RangeImage::new(&points, 8);
+                let mut known = 0;
+                for (idx, point) in points.iter().enumerate() {
+                    let Some(cosine) = image.incidence(&points, idx) else { continue };
+                    let ray = Vector3::from(point.position).normalize();
+                    let expected = ray.dot(&Vector3::new(turn.cos(), turn.sin(), 0.0)).abs();
+                    assert!((cosine - expected).abs() < 0.03, "{cosine} {expected}");
+                    known += 1;
+                }
+                assert!(known > points.len() / 2, "rings {rings}, turn {turn}: known for {known} of {}", points.len());
+            }
+        }
+    }
+
+    #[test]
+    fn points_that_are_no_numbers_have_no_place() {
+        let mut points = wall(0.0, true);
+        points[5].position = [f32::NAN, 1.0, 1.0];
+        points[6].position = [0.0; 3];
+        points[7].position = [f32::INFINITY, 1.0, 1.0];
+        let image = RangeImage::new(&points, 8);
+        assert!((5..8).all(|idx| image.incidence(&points, idx).is_none()));
+        assert_eq!(RangeImage::new(&[], 32).point(0, 0), None);
+    }
+}

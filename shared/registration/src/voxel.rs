@@ -1,0 +1,79 @@
+//! Cubes of space and a fast set of them.
+
+/// Cube of a regular grid. Indices wrap at 2^20 cubes from the origin: 200 km for cubes of 0.2 m.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct VoxelIndex(pub [i32; 3]);
+
+impl VoxelIndex {
+    /// The cube around `p` in a grid of `1 / per_m` metres.
+    #[inline]
+    pub fn containing(p: [f64; 3], per_m: f64) -> Self {
+        Self([(p[0] * per_m).floor() as i32, (p[1] * per_m).floor() as i32, (p[2] * per_m).floor() as i32])
+    }
+    /// 21 bits of each index; never [`EMPTY_KEY`].
+    #[inline]
+    pub fn key(self) -> u64 {
+        let bits = |i: i32| u64::from(i as u32) & 0x1f_ffff;
+        bits(self.0[0]) | bits(self.0[1]) << 21 | bits(self.0[2]) << 42
+    }
+}
+
+/// No voxel has it: keys have 63 bits.
+pub(crate) const EMPTY_KEY: u64 = u64::MAX;
+
+/// Where the search for a key starts in a table of `1 << bits` slots: Fibonacci hashing spreads neighbors well.
+#[inline]
+pub(crate) fn first_slot(key: u64, bits: u32) -> usize {
+    // Folding mixes the z bits, which the product alone would leave in the top only.
+    ((key ^ (key >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - bits)) as usize
+}
+
+/// A power of two with room for `n` keys at half load; at least 2 so that shifts stay valid.
+pub(crate) fn table_bits(n: usize) -> u32 {
+    (n * 2).next_power_of_two().trailing_zeros().max(1)
+}
+
+/// Voxels seen so far, at most as many as it was made for.
+pub(crate) struct VoxelSet {
+    bits: u32,
+    keys: Vec<u64>,
+}
+
+impl VoxelSet {
+    /// Room for `n` voxels.
+    pub fn for_at_most(n: usize) -> Self {
+        let bits = table_bits(n);
+        Self { bits, keys: vec![EMPTY_KEY; 1 << bits] }
+    }
+    /// Whether the voxel is new.
+    pub fn insert(&mut self, voxel: VoxelIndex) -> bool {
+        let key = voxel.key();
+        let mut slot = first_slot(key, self.bits);
+        loop {
+            if self.keys[slot] == key {
+                return false;
+            }
+            if self.keys[slot] == EMPTY_KEY {
+                self.keys[slot] = key;
+                return true;
+            }
+            slot = (slot + 1) & (self.keys.len() - 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_voxel_is_new_once() {
+        let mut set = VoxelSet::for_at_most(9 * 9 * 9);
+        for round in 0..2 {
+            for i in 0..9 * 9 * 9 {
+                let voxel = VoxelIndex([i / 81 - 4, i / 9 % 9 - 4, i % 9 - 4]);
+                assert_eq!(set.insert(voxel), round == 0, "{voxel:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Real HDL-64E sweeps, without point times: do we arrive where others arrive?
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod support;
+
+use geometry::{Isometry3, Pose};
+use real_data::real_data;
+use registration::{Odometry, OdometrySettings, Registered, Sweep};
+use support::{path_length, read_bin, read_kitti_poses, read_pcd, untimed};
+
+fn register_all(sweeps: &[Sweep]) -> Vec<Registered> {
+    let mut odometry = Odometry::new(OdometrySettings::default(), Isometry3::identity());
+    sweeps.iter().flat_map(|sweep| odometry.register(sweep).unwrap()).collect()
+}
+
+#[test]
+fn kitti_raw_ends_where_two_reference_trajectories_end() {
+    let Some(folder) = real_data("kitti_raw_0048") else { return };
+    let sweeps: Vec<Sweep> =
+        (0..22).map(|number| untimed(&read_pcd(&folder.join(format!("{number:010}.pcd"))), number)).collect();
+    let registered = register_all(&sweeps);
+    assert_eq!(registered.len(), 22);
+    assert!(registered.iter().all(|sweep| !sweep.is_bridged()), "a sweep was not matched");
+    let poses: Vec<Pose> = registered.iter().map(Registered::begin).collect();
+    let references = ["ref_traj_kiss_icp_1.3.0.txt", "ref_traj_small_gicp_f2f.txt"]
+        .map(|name| read_kitti_poses(&folder.join(name)));
+    let mean_end = (references[0][21].translation.vector + references[1][21].translation.vector) / 2.0;
+    let off = (poses[21].translation.vector - mean_end).norm();
+    println!("path {:.3} m, end {:?}, {off:.4} m off", path_length(&poses), poses[21].translation.vector);
+    assert!(off < 0.05, "end point is {off} m from the references' mean");
+    for reference in &references {
+        let share = path_length(&poses) / path_length(reference);
+        assert!((share - 1.0).abs() < 0.01, "path length is {share} of the reference");
+        for (pose, expected) in poses.iter().zip(reference) {
+            assert!((pose.translation.vector - expected.translation.vector).norm() < 0.15);
+            assert!(pose.rotation.angle_to(&expected.rotation) < 0.01);
+        }
+    }
+}
+
+#[test]
+fn kitti_00_sweep_95_lies_where_the_poses_say() {
+    let Some(folder) = real_data("kitti00") else { return };
+    let sweeps: Vec<Sweep> = [(94, 0), (95, 1)]
+        .map(|(file, number)| untimed(&read_bin(&folder.join(format!("{file:06}.bin"))), number))
+        .into();
+    let registered = register_all(&sweeps);
+    let poses = read_kitti_poses(&folder.join("poses_00_velodyne_frame.txt"));
+    let expected = poses[94].inverse() * poses[95];
+    let found = registered[0].begin().inverse() * registered[1].begin();
+    let off = (found.translation.vector - expected.translation.vector).norm();
+    let turned_off = found.rotation.angle_to(&expected.rotation);
+    println!("{:?} against {:?}: {off:.4} m, {turned_off:.5} rad", found.translation.vector, expected.translation.vector);
+    assert!(expected.translation.vector.norm() > 0.4, "the vehicle moved");
+    assert!(off < 0.02, "{off} m");
+    assert!(turned_off < 0.003, "{turned_off} rad");
+}

@@ -1,0 +1,165 @@
+//! A street with its truth, small enough to be cast in a test: ground, rough facades with recesses, poles and parked
+//! boxes; a spinning lidar, tilted, that moves while it turns.
+
+use geometry::{Isometry3, Pose, Stamp, UnitQuaternion, Vector3};
+use registration::{Sweep, TimedPoint};
+
+/// Firings of one revolution, and time between them: an HDL-32E at 10 Hz.
+const FIRINGS: u32 = 2170;
+const FIRING_NANOS: u32 = 46_080;
+const RINGS: u8 = 32;
+
+/// One drive through the street.
+pub struct Drive {
+    /// Speed at the start, m/s.
+    pub speed: f64,
+    /// Range noise, m.
+    pub noise_m: f32,
+    /// Without facades' roughness, poles and boxes: nothing tells how far along the vehicle is.
+    pub bare: bool,
+}
+
+pub fn body_from_lidar() -> Pose {
+    Isometry3::new(Vector3::new(0.3, 0.0, 2.1), Vector3::y() * 30_f64.to_radians())
+}
+
+impl Drive {
+    /// `world_from_body` at a time in s: speed swells by a fifth and the road winds.
+    pub fn world_from_body(&self, t: f64) -> Pose {
+        let x = self.speed * (t + 0.2 * (1.0 - (t * 0.9).cos()) / 0.9);
+        let heading = 0.16 * (x / 17.0).sin();
+        // y is the integral of the heading along x, to first order; the truth need not be a drivable path.
+        let y = 0.16 * 17.0 * (1.0 - (x / 17.0).cos());
+        let sway = Vector3::new(0.006 * (t * 7.0).sin(), 0.008 * (t * 9.0).sin(), heading);
+        Isometry3::from_parts(
+            Vector3::new(x, y, 0.01 * (t * 8.0).sin()).into(),
+            UnitQuaternion::from_euler_angles(sway.x, sway.y, sway.z),
+        )
+    }
+    /// `world_from_lidar` at a time in s.
+    pub fn world_from_lidar(&self, t: f64) -> Pose {
+        self.world_from_body(t) * body_from_lidar()
+    }
+    /// Sweep `number` with its true times.
+    pub fn sweep(&self, number: u32) -> Sweep {
+        let begin_nanos = i64::from(number) * i64::from(FIRINGS * FIRING_NANOS);
+        let mut points = Vec::new();
+        for firing in 0..FIRINGS {
+            let offset_nanos = firing * FIRING_NANOS;
+            let pose = self.world_from_lidar((begin_nanos + i64::from(offset_nanos)) as f64 * 1e-9);
+            let azimuth = -f64::from(firing) / f64::from(FIRINGS) * std::f64::consts::TAU;
+            for ring in 0..RINGS {
+                let elevation = (-30.67 + f64::from(ring) * 1.333_33_f64).to_radians();
+                let ray = Vector3::new(
+                    azimuth.cos() * elevation.cos(),
+                    azimuth.sin() * elevation.cos(),
+                    elevation.sin(),
+                );
+                let Some(range) = self.range(&pose.translation.vector, &(pose.rotation * ray)) else { continue };
+                let seed = (u64::from(number) * u64::from(FIRINGS) + u64::from(firing)) * 32 + u64::from(ring);
+                let measured = range as f32 + self.noise_m * gauss(seed);
+                points.push(TimedPoint { position: (ray.cast::<f32>() * measured).into(), offset_nanos, ring });
+            }
+        }
+        Sweep::new(Stamp(begin_nanos), points, u32::from(RINGS))
+    }
+
+    fn range(&self, from: &Vector3<f64>, ray: &Vector3<f64>) -> Option<f64> {
+        let mut nearest = f64::MAX;
+        let mut hit = |range: f64| {
+            if range > 0.5 && range < nearest {
+                nearest = range;
+            }
+        };
+        if ray.z < 0.0 {
+            hit(-from.z / ray.z);
+        }
+        for side in [-1.0, 1.0] {
+            // Facades: planes whose distance changes by house, so each house is hit by its own plane.
+            let first = if self.bare { 0 } else { -8 };
+            let last = if self.bare { 0 } else { 24 };
+            for house in first..=last {
+                let setback = if self.bare { 0.0 } else { 1.2 * noise(house * 2 + i32::from(side > 0.0)) };
+                let range = (side * (9.0 + setback) - from.y) / ray.y;
+                let along = from.x + range * ray.x;
+                let height = from.z + range * ray.z;
+                let inside = self.bare || (along >= f64::from(house) * 7.0 && along < f64::from(house + 1) * 7.0);
+                if range > 0.0 && inside && height < 9.0 {
+                    hit(range - self.relief(along, height, side));
+                }
+                if !self.bare {
+                    // The wall across, where neighboring houses stand back differently.
+                    let range = (f64::from(house) * 7.0 - from.x) / ray.x;
+                    let (y, z) = (from.y + range * ray.y, from.z + range * ray.z);
+                    let before = 9.0 + 1.2 * noise((house - 1) * 2 + i32::from(side > 0.0));
+                    let (low, high) = (before.min(9.0 + setback), before.max(9.0 + setback));
+                    if range > 0.0 && z < 9.0 && y * side > low && y * side < high {
+                        hit(range);
+                    }
+                    hit(box_range(from, ray, house, side));
+                    hit(pole_range(from, ray, house, side));
+                }
+            }
+        }
+        (nearest < 90.0).then_some(nearest)
+    }
+
+    /// Windows and courses: the surface is no mirror.
+    fn relief(&self, along: f64, height: f64, side: f64) -> f64 {
+        if self.bare {
+            return 0.0;
+        }
+        let window = (along.rem_euclid(2.3) > 1.2) && (height.rem_euclid(2.8) > 1.1);
+        let cell = (along * 3.0).floor() as i32 * 7919 + (height * 3.0).floor() as i32 * 31 + side as i32;
+        if window { -0.18 } else { 0.03 * noise(cell) }
+    }
+}
+
+/// A parked box of 4 x 1.8 x 1.5 m beside the road, at two houses of three.
+fn box_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
+    if (house + i32::from(side > 0.0)).rem_euclid(3) == 0 {
+        return f64::MAX;
+    }
+    let low = Vector3::new(f64::from(house) * 7.0 + 1.0 + noise(house), side * 5.0 - 0.9, 0.2);
+    let high = low + Vector3::new(4.0, 1.8, 1.3);
+    let (mut enter, mut leave) = (0.0_f64, f64::MAX);
+    for axis in 0..3 {
+        let (a, b) = ((low[axis] - from[axis]) / ray[axis], (high[axis] - from[axis]) / ray[axis]);
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    if enter > 0.0 && enter < leave { enter } else { f64::MAX }
+}
+
+/// A pole of 12 cm radius at the kerb.
+fn pole_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
+    let (dx, dy) = (f64::from(house) * 7.0 + 3.0 * noise(house + 500) - from.x, side * 6.6 - from.y);
+    let a = ray.x * ray.x + ray.y * ray.y;
+    let b = ray.x * dx + ray.y * dy;
+    let root = b * b - a * (dx * dx + dy * dy - 0.0144);
+    if root < 0.0 || b < 0.0 {
+        return f64::MAX;
+    }
+    let range = (b - root.sqrt()) / a;
+    if from.z + range * ray.z < 5.0 { range } else { f64::MAX }
+}
+
+/// Seeded, uniform in -0.5 to 0.5.
+fn noise(seed: i32) -> f64 {
+    hash(seed as u64) - 0.5
+}
+
+/// Seeded, normally distributed to a good approximation: sum of twelve uniforms.
+fn gauss(seed: u64) -> f32 {
+    let sum: f64 = (0..4).map(|i| hash(seed * 4 + i)).sum();
+    // Four uniforms have variance 1/3.
+    ((sum - 2.0) * 3.0_f64.sqrt()) as f32
+}
+
+/// Uniform in 0 to 1 (splitmix64).
+fn hash(seed: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x1234_5678_9abc_def1);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}

@@ -1,0 +1,316 @@
+//! What rays meet: triangles, cylinders, spheres, and porous spheres that stand for leaves.
+
+use super::{Ray, Vec3};
+use crate::random::{hash, mix, unit};
+use nalgebra::Isometry3;
+
+/// Closer hits are the surface that the ray starts on.
+const MIN_RANGE_M: f32 = 1e-3;
+
+/// A shape and what it is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Primitive {
+    /// Geometry.
+    pub shape: Shape,
+    /// Index into the scene's surfaces.
+    pub surface: u32,
+}
+
+/// The geometry of a primitive, m.
+#[derive(Clone, Copy, Debug)]
+pub enum Shape {
+    /// Seen from both sides.
+    Triangle {
+        /// One corner.
+        corner: Vec3,
+        /// From it to the second.
+        edge1: Vec3,
+        /// From it to the third.
+        edge2: Vec3,
+    },
+    /// A tube with flat ends.
+    Cylinder {
+        /// Middle of one end.
+        base: Vec3,
+        /// Unit vector to the other end.
+        axis: Vec3,
+        /// Between the ends.
+        length: f32,
+        /// Of the tube.
+        radius: f32,
+    },
+    /// A ball.
+    Sphere {
+        /// Its middle.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A ball of leaves: a ray ends in it at a depth that is exponentially distributed, or passes.
+    Porous {
+        /// Its middle.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+        /// Mean depth at which rays end.
+        free_path: f32,
+    },
+}
+
+impl Shape {
+    /// The triangle of three corners.
+    pub fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Self {
+        Self::Triangle { corner: a, edge1: b - a, edge2: c - a }
+    }
+    /// The tube between two points. A tube without length is none: callers give distinct points.
+    pub fn cylinder(from: Vec3, to: Vec3, radius: f32) -> Self {
+        let along = to - from;
+        let length = along.norm().max(1e-6);
+        Self::Cylinder { base: from, axis: along / length, length, radius }
+    }
+    /// The same shape elsewhere.
+    #[must_use]
+    pub fn moved(&self, by: &Isometry3<f32>) -> Self {
+        let point = |p: Vec3| (by * nalgebra::Point3::from(p)).coords;
+        match *self {
+            Self::Triangle { corner, edge1, edge2 } => {
+                Self::Triangle { corner: point(corner), edge1: by.rotation * edge1, edge2: by.rotation * edge2 }
+            }
+            Self::Cylinder { base, axis, length, radius } => {
+                Self::Cylinder { base: point(base), axis: by.rotation * axis, length, radius }
+            }
+            Self::Sphere { center, radius } => Self::Sphere { center: point(center), radius },
+            Self::Porous { center, radius, free_path } => Self::Porous { center: point(center), radius, free_path },
+        }
+    }
+    /// Smallest and largest coordinates.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        match *self {
+            Self::Triangle { corner, edge1, edge2 } => {
+                let (b, c) = (corner + edge1, corner + edge2);
+                [corner.inf(&b).inf(&c), corner.sup(&b).sup(&c)]
+            }
+            Self::Cylinder { base, axis, length, radius } => {
+                let tip = base + axis * length;
+                // A disc of that radius reaches radius * sin(angle to the coordinate axis) along it.
+                let reach = axis.map(|a| radius * (1.0 - a * a).max(0.0).sqrt());
+                [base.inf(&tip) - reach, base.sup(&tip) + reach]
+            }
+            Self::Sphere { center, radius } | Self::Porous { center, radius, .. } => {
+                [center.add_scalar(-radius), center.add_scalar(radius)]
+            }
+        }
+    }
+    /// Range of the first hit before `max_m`.
+    pub fn range(&self, ray: &Ray, max_m: f32) -> Option<f32> {
+        let range = match *self {
+            Self::Triangle { corner, edge1, edge2 } => triangle_range(ray, &corner, &edge1, &edge2)?,
+            Self::Cylinder { base, axis, length, radius } => cylinder_range(ray, &base, &axis, length, radius)?,
+            Self::Sphere { center, radius } => {
+                let [enter, leave] = sphere_ranges(ray, &center, radius)?;
+                if enter > MIN_RANGE_M { enter } else { leave }
+            }
+            Self::Porous { center, radius, free_path } => {
+                let [enter, leave] = sphere_ranges(ray, &center, radius)?;
+                let depth = -(1.0 - unit(porous_hash(ray, &center))).ln() * free_path;
+                let range = enter.max(0.0) + depth;
+                (range < leave).then_some(range)?
+            }
+        };
+        (range > MIN_RANGE_M && range < max_m).then_some(range)
+    }
+    /// Unit normal at a hit, against the ray.
+    pub fn normal(&self, ray: &Ray, range: f32) -> Vec3 {
+        let point = ray.at(range);
+        let outward = match *self {
+            Self::Triangle { edge1, edge2, .. } => edge1.cross(&edge2),
+            Self::Cylinder { base, axis, length, radius } => {
+                let along = (point - base).dot(&axis);
+                let radial = point - base - axis * along;
+                // On an end the hit lies inside the tube.
+                let on_end = radial.norm() < 0.999 * radius && (along < 0.01 * length || along > 0.99 * length);
+                if on_end { axis } else { radial }
+            }
+            Self::Sphere { center, .. } => point - center,
+            Self::Porous { center, radius, .. } => {
+                let h = mix(porous_hash(ray, &center));
+                let part = |shift: u32| ((h >> shift) & 0xffff) as f32 / 32768.0 - 1.0;
+                // Leaves stand every way, those outside rather outward: that gives a crown its light and shade.
+                (point - center) / radius + Vec3::new(part(0), part(16), part(32)) * 0.6
+            }
+        };
+        let outward = outward.try_normalize(1e-12).unwrap_or(-ray.direction);
+        if outward.dot(&ray.direction) > 0.0 { -outward } else { outward }
+    }
+}
+
+fn porous_hash(ray: &Ray, center: &Vec3) -> u64 {
+    hash(ray.seed, u64::from(center.x.to_bits()) << 32 | u64::from(center.z.to_bits()))
+}
+
+/// Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
+fn triangle_range(ray: &Ray, corner: &Vec3, edge1: &Vec3, edge2: &Vec3) -> Option<f32> {
+    let p = ray.direction.cross(edge2);
+    let determinant = edge1.dot(&p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let inverse = 1.0 / determinant;
+    let from_corner = ray.origin - corner;
+    let u = from_corner.dot(&p) * inverse;
+    if !(0.0..=1.0).contains(&u) {
+        return None;
+    }
+    let q = from_corner.cross(edge1);
+    let v = ray.direction.dot(&q) * inverse;
+    (v >= 0.0 && u + v <= 1.0).then(|| edge2.dot(&q) * inverse)
+}
+
+/// Where the line enters and leaves the ball; `None` if it misses or the ball lies behind.
+fn sphere_ranges(ray: &Ray, center: &Vec3, radius: f32) -> Option<[f32; 2]> {
+    let to_center = center - ray.origin;
+    let along = to_center.dot(&ray.direction);
+    // Distance of the line from the center by the perpendicular, which keeps its precision far away.
+    let off2 = (to_center - ray.direction * along).norm_squared();
+    let half2 = radius * radius - off2;
+    if half2 <= 0.0 {
+        return None;
+    }
+    let half = half2.sqrt();
+    (along + half > MIN_RANGE_M).then_some([along - half, along + half])
+}
+
+fn cylinder_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radius: f32) -> Option<f32> {
+    let from_base = ray.origin - base;
+    let (direction_along, start_along) = (ray.direction.dot(axis), from_base.dot(axis));
+    let direction_off = ray.direction - axis * direction_along;
+    let start_off = from_base - axis * start_along;
+    let a = direction_off.norm_squared();
+    let mut best = f32::INFINITY;
+    if a > 1e-12 {
+        let nearest = -direction_off.dot(&start_off) / a;
+        let half2 = (radius * radius - (start_off + direction_off * nearest).norm_squared()) / a;
+        if half2 <= 0.0 {
+            return None;
+        }
+        let half = half2.sqrt();
+        for range in [nearest - half, nearest + half] {
+            let along = start_along + direction_along * range;
+            if range > MIN_RANGE_M && (0.0..=length).contains(&along) {
+                best = best.min(range);
+            }
+        }
+    }
+    if direction_along.abs() > 1e-6 {
+        for end in [0.0, length] {
+            let range = (end - start_along) / direction_along;
+            let inside = (start_off + direction_off * range).norm_squared() <= radius * radius;
+            if range > MIN_RANGE_M && inside {
+                best = best.min(range);
+            }
+        }
+    }
+    (best < f32::INFINITY).then_some(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+        Ray { origin: origin.into(), direction: Vec3::from(direction).normalize(), seed: 1 }
+    }
+
+    #[test]
+    fn a_triangle_is_hit_inside_and_missed_outside() {
+        let shape = Shape::triangle(Vec3::new(5.0, 0.0, 0.0), Vec3::new(5.0, 2.0, 0.0), Vec3::new(5.0, 0.0, 2.0));
+        let inside = ray([0.0, 0.5, 0.5], [1.0, 0.0, 0.0]);
+        assert_eq!(shape.range(&inside, 100.0), Some(5.0));
+        assert_eq!(shape.range(&inside, 4.9), None);
+        assert_eq!(shape.normal(&inside, 5.0), Vec3::new(-1.0, 0.0, 0.0));
+        assert_eq!(shape.range(&ray([0.0, 1.1, 1.1], [1.0, 0.0, 0.0]), 100.0), None);
+        assert_eq!(shape.range(&ray([10.0, 0.5, 0.5], [1.0, 0.0, 0.0]), 100.0), None);
+        let slanted = ray([0.0, 0.5, -4.5], [1.0, 0.0, 1.0]);
+        let range = shape.range(&slanted, 100.0).expect("hit");
+        assert!((range - 5.0 * 2.0_f32.sqrt()).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_sphere_is_hit_where_the_closed_form_says() {
+        let shape = Shape::Sphere { center: Vec3::new(0.0, 80.0, 0.0), radius: 2.0 };
+        let off = 1.2_f32;
+        let hit = ray([off, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let range = shape.range(&hit, 100.0).expect("hit");
+        assert!((range - (80.0 - (4.0 - off * off).sqrt())).abs() < 1e-4);
+        assert!((shape.normal(&hit, range) - Vec3::new(0.6, -0.8, 0.0)).norm() < 1e-4);
+        assert_eq!(shape.range(&ray([2.1, 0.0, 0.0], [0.0, 1.0, 0.0]), 100.0), None);
+        let from_inside = shape.range(&ray([0.0, 80.0, 0.0], [0.0, 0.0, 1.0]), 100.0).expect("hit");
+        assert!((from_inside - 2.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_cylinder_is_hit_on_its_side_and_on_its_ends() {
+        let shape = Shape::cylinder(Vec3::new(10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, 3.0), 0.5);
+        let side = ray([0.0, 0.3, 1.0], [1.0, 0.0, 0.0]);
+        let range = shape.range(&side, 100.0).expect("side");
+        assert!((range - 9.6).abs() < 1e-4);
+        assert!((shape.normal(&side, range) - Vec3::new(-0.8, 0.6, 0.0)).norm() < 1e-3);
+        let top = ray([10.2, 0.0, 8.0], [0.0, 0.0, -1.0]);
+        let range = shape.range(&top, 100.0).expect("top");
+        assert!((range - 5.0).abs() < 1e-5);
+        assert_eq!(shape.normal(&top, range), Vec3::new(0.0, 0.0, 1.0));
+        assert_eq!(shape.range(&ray([0.0, 0.0, 3.1], [1.0, 0.0, 0.0]), 100.0), None);
+        assert_eq!(shape.range(&ray([0.0, 0.6, 1.0], [1.0, 0.0, 0.0]), 100.0), None);
+    }
+
+    #[test]
+    fn leaves_let_the_expected_share_of_rays_pass() {
+        let (radius, free_path) = (1.0_f32, 0.8_f32);
+        let shape = Shape::Porous { center: Vec3::new(10.0, 0.0, 0.0), radius, free_path };
+        let n = 20_000_u64;
+        let mut passed = 0;
+        for seed in 0..n {
+            let through = Ray { seed, ..ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]) };
+            match shape.range(&through, 100.0) {
+                Some(range) => assert!((9.0..=11.0).contains(&range)),
+                None => passed += 1,
+            }
+        }
+        let expected = (-2.0 * radius / free_path).exp();
+        assert!((passed as f32 / n as f32 - expected).abs() < 0.01);
+    }
+
+    #[test]
+    fn bounds_hold_the_hits_of_moved_shapes() {
+        let pose = Isometry3::new(Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.4, -0.9, 0.3));
+        let shapes = [
+            Shape::triangle(Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 2.0, 0.0), Vec3::new(0.0, 0.0, 3.0)),
+            Shape::cylinder(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.5, 0.5, 1.0), 0.7),
+            Shape::Sphere { center: Vec3::new(0.5, 0.5, 0.5), radius: 1.1 },
+        ];
+        for shape in shapes {
+            let moved = shape.moved(&pose);
+            let [low, high] = moved.bounds();
+            let mut hits = 0;
+            for i in 0..4000_u64 {
+                let part = |k| 2.0 * unit(hash(k, i)) - 1.0;
+                let origin = Vec3::new(part(1), part(2), part(3)) * 4.0;
+                let direction = Vec3::new(part(4), part(5), part(6)).normalize();
+                let local = Ray { origin, direction, seed: 0 };
+                let world = Ray {
+                    origin: (pose * nalgebra::Point3::from(origin)).coords,
+                    direction: pose.rotation * direction,
+                    seed: 0,
+                };
+                let (a, b) = (shape.range(&local, 50.0), moved.range(&world, 50.0));
+                if let (Some(a), Some(b)) = (a, b) {
+                    assert!((a - b).abs() < 1e-3);
+                    let p = world.at(b);
+                    assert!((0..3).all(|k| p[k] > low[k] - 1e-3 && p[k] < high[k] + 1e-3));
+                    hits += 1;
+                }
+            }
+            assert!(hits > 50, "{hits}");
+        }
+    }
+}

@@ -1,0 +1,60 @@
+/// Why a frame or a calibration cannot be used. Numbers are as they were given.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SpectralError {
+    /// Filter pattern outside what a cell's mask can hold.
+    #[error("pattern of {0} px; must be 1 to {max}", max = crate::MAX_PATTERN)]
+    Pattern(u32),
+    /// Sample depth outside what a u16 can hold.
+    #[error("bit depth {0}; must be 1 to 16")]
+    BitDepth(u32),
+    /// The active area does not lie in the image, or holds no whole cell.
+    #[error(
+        "active area x {x} y {y} width {width} height {height} in an image of {image_width}x{image_height} px with a \
+         pattern of {pattern} px; must lie inside and hold at least one cell"
+    )]
+    ActiveArea {
+        /// Left column.
+        x: u32,
+        /// Top row.
+        y: u32,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Columns of the image.
+        image_width: u32,
+        /// Rows of the image.
+        image_height: u32,
+        /// Side of the pattern.
+        pattern: u32,
+    },
+    /// A buffer that does not fit the mosaic.
+    #[error("{what} of {got} values; must have {expected}")]
+    Length {
+        /// Which buffer.
+        what: &'static str,
+        /// Values in it.
+        got: usize,
+        /// Values that it must have.
+        expected: usize,
+    },
+    /// A reference without frames, or with more than its sums can hold.
+    #[error("{what} reference of {n_frames} frames; must have 1 to {max}", max = crate::reference::MAX_FRAMES)]
+    Frames {
+        /// Dark or white.
+        what: &'static str,
+        /// Frames in it.
+        n_frames: u32,
+    },
+    /// An exposure time by which nothing can be divided.
+    #[error("{what} exposure of {nanos} ns; must be above zero")]
+    Exposure {
+        /// Of which frame.
+        what: &'static str,
+        /// As given.
+        nanos: u64,
+    },
+    /// A white target that is no diffuse reflector.
+    #[error("white target with reflectance {0}; must be above 0 and at most 1")]
+    WhiteReflectance(f64),
+}

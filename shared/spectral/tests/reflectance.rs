@@ -1,0 +1,242 @@
+//! Reflectance of synthetic scenes whose truth is known: the sensor model is written down here once more, on its own.
+
+use spectral::{Calibration, FrameCounts, Mosaic, Reference, SpectralError, WhiteTarget};
+
+const RHO_WHITE: f64 = 0.98;
+const T_WHITE: u64 = 4_000_000;
+const T_RAW: u64 = 5_000_000;
+
+/// A camera whose every pixel has its own bias and sensitivity (counts per ms at reflectance 1).
+struct Camera {
+    mosaic: Mosaic,
+    bias: Vec<u16>,
+    sensitivity: Vec<f64>,
+}
+
+impl Camera {
+    fn new(size: [u32; 2], pattern: u32, active_area: [u32; 4]) -> Self {
+        let mosaic = Mosaic::new(size, pattern, active_area, 12).expect("sound");
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1_u32 << 31)
+        };
+        let bias = (0..mosaic.n_samples()).map(|_| 20 + (random() * 40.0) as u16).collect();
+        let sensitivity = (0..mosaic.n_samples()).map(|_| 300.0 + 300.0 * random()).collect();
+        Self { mosaic, bias, sensitivity }
+    }
+    /// What the camera records of a scene of `reflectance(x, y)`.
+    fn expose(&self, nanos: u64, reflectance: impl Fn(u32, u32) -> f64) -> Vec<u16> {
+        let [width, height] = self.mosaic.size();
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        pixels
+            .zip(self.bias.iter().zip(&self.sensitivity))
+            .map(|((x, y), (bias, sensitivity))| {
+                let counts = f64::from(*bias) + sensitivity * nanos as f64 * 1e-6 * reflectance(x, y);
+                (counts.round() as u16).min(self.mosaic.saturation())
+            })
+            .collect()
+    }
+    fn reference(&self, what: &'static str, frames: &[Vec<u16>]) -> Reference {
+        let mut reference = Reference::new(what, &self.mosaic);
+        for frame in frames {
+            reference.add(frame).expect("fits");
+        }
+        reference
+    }
+    fn calibration(&self) -> Calibration {
+        let dark = self.reference("dark", std::slice::from_ref(&self.bias));
+        let white = self.reference("white", &[self.expose(T_WHITE, |_, _| RHO_WHITE)]);
+        Calibration::new(&self.mosaic, &dark, &white, TARGET).expect("sound")
+    }
+    fn cube(&self, raw: &[u16]) -> (Vec<f32>, Vec<u32>, FrameCounts) {
+        // Garbage in the buffers must not come through.
+        let mut cube = vec![f32::NAN; self.mosaic.n_bands() * self.mosaic.n_cells()];
+        let mut masks = vec![u32::MAX; self.mosaic.n_cells()];
+        let counts = self.calibration().cube_into(raw, T_RAW, &mut cube, &mut masks).expect("fits");
+        assert!(cube.iter().all(|value| value.is_finite()));
+        (cube, masks, counts)
+    }
+}
+
+const TARGET: WhiteTarget = WhiteTarget { reflectance: RHO_WHITE, exposure_nanos: T_WHITE };
+
+/// Reflectance of band k in the scenes below: 0.1 to 0.58, all different.
+fn band_reflectance(band: usize) -> f64 {
+    0.1 + 0.02 * band as f64
+}
+
+fn cameras() -> [Camera; 2] {
+    [Camera::new([68, 43], 4, [3, 2, 64, 40]), Camera::new([70, 47], 5, [1, 3, 67, 41])]
+}
+
+#[test]
+fn a_scene_that_is_constant_per_band_comes_back_in_the_right_planes() {
+    for camera in cameras() {
+        let pattern = camera.mosaic.pattern();
+        let [x0, y0] = camera.mosaic.origin();
+        // Left and above the origin the pattern goes on; wrapping_sub keeps the phase there out of the way.
+        let raw = camera.expose(T_RAW, |x, y| {
+            let phase = |v: u32, v0: u32| (v + 100 * pattern - v0) % pattern;
+            band_reflectance((phase(y, y0) * pattern + phase(x, x0)) as usize)
+        });
+        let (cube, masks, counts) = camera.cube(&raw);
+        assert_eq!(counts, FrameCounts::default());
+        let all_bands = u32::MAX >> (32 - camera.mosaic.n_bands());
+        assert!(masks.iter().all(|mask| *mask == all_bands));
+        for (band, plane) in cube.chunks_exact(camera.mosaic.n_cells()).enumerate() {
+            // Half a count of rounding in raw and in white, out of 1200 counts at least: 0.001.
+            let worst = plane.iter().map(|r| (f64::from(*r) - band_reflectance(band)).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.001, "band {band} is off by {worst}");
+        }
+    }
+}
+
+#[test]
+fn equal_samples_give_equal_reflectances_to_the_bit() {
+    let mosaic = Mosaic::new([40, 40], 5, [0, 0, 40, 40], 10).expect("sound");
+    let band_value = |i: usize, base: u16| base + ((i / 40 % 5) * 5 + i % 5) as u16;
+    let frame = |base: u16| (0..1600).map(|i| band_value(i, base)).collect::<Vec<_>>();
+    let camera = Camera { bias: frame(10), sensitivity: Vec::new(), mosaic };
+    let dark = camera.reference("dark", &[frame(10)]);
+    let white = camera.reference("white", &[frame(810)]);
+    let calibration = Calibration::new(&camera.mosaic, &dark, &white, TARGET).expect("sound");
+    let (mut cube, mut masks) = (vec![0.0; 1600], vec![0; 64]);
+    calibration.cube_into(&frame(210), T_WHITE, &mut cube, &mut masks).expect("fits");
+    for plane in cube.chunks_exact(64) {
+        assert!(plane.iter().all(|r| r.to_bits() == plane[0].to_bits()), "{plane:?}");
+        assert!((plane[0] - 0.98 * 200.0 / 800.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_white_target_has_its_own_reflectance() {
+    for camera in cameras() {
+        let raw = camera.expose(T_RAW, |_, _| RHO_WHITE);
+        let (reflectances, valid, _) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
+        assert!(valid.iter().all(|valid| *valid));
+        assert!(reflectances.iter().all(|r| (r - 0.98).abs() < 0.001));
+    }
+}
+
+#[test]
+fn pixel_by_pixel_and_binned_are_the_same_numbers() {
+    for camera in cameras() {
+        let raw = camera.expose(T_RAW, |x, y| 0.01 * f64::from((x * 31 + y * 17) % 200));
+        let (pixels, valid, pixel_counts) = camera.calibration().reflectance(&raw, T_RAW).expect("fits");
+        let (cube, masks, counts) = camera.cube(&raw);
+        assert_eq!(pixel_counts, counts);
+        assert!(counts.saturated > 0, "the scene is meant to saturate here and there");
+        let pattern = camera.mosaic.pattern() as usize;
+        let columns = camera.mosaic.cells()[0] as usize;
+        for ((y, x), r) in pixels.indexed_iter() {
+            let (band, cell) = ((y % pattern) * pattern + x % pattern, (y / pattern) * columns + x / pattern);
+            assert_eq!(cube[band * camera.mosaic.n_cells() + cell].to_bits(), r.to_bits());
+            assert_eq!(masks[cell] >> band & 1 == 1, valid[(y, x)]);
+        }
+    }
+}
+
+#[test]
+fn saturated_clipped_and_dead_samples_are_masked_each_for_its_reason() {
+    let [camera, _] = cameras();
+    let width = camera.mosaic.size()[0] as usize;
+    let [x0, y0] = camera.mosaic.origin().map(|v| v as usize);
+    let at = |x: usize, y: usize| (y0 + y) * width + x0 + x;
+    let mut raw = camera.expose(T_RAW, |_, _| 0.5);
+    raw[at(0, 0)] = 4095;
+    raw[at(5, 0)] = 0;
+    let mut whites = [camera.expose(T_WHITE, |_, _| RHO_WHITE), camera.expose(T_WHITE, |_, _| RHO_WHITE)];
+    whites[0][at(10, 1)] = camera.bias[at(10, 1)];
+    whites[1][at(10, 1)] = camera.bias[at(10, 1)];
+    whites[1][at(15, 3)] = 4095;
+    // A dead pixel stays dead, whatever the raw frame shows there.
+    raw[at(15, 3)] = 4095;
+    let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
+    let white = camera.reference("white", &whites);
+    let calibration = Calibration::new(&camera.mosaic, &dark, &white, TARGET).expect("sound");
+    let n_cells = camera.mosaic.n_cells();
+    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let counts = calibration.cube_into(&raw, T_RAW, &mut cube, &mut masks).expect("fits");
+    assert_eq!(counts, FrameCounts { dead: 2, saturated: 1, clipped: 1 });
+    assert_eq!(counts.masked(), 4);
+    for (cell, band) in [(0, 0), (1, 1), (2, 6), (3, 15)] {
+        assert_eq!(masks[cell], 0xffff & !(1 << band), "cell {cell}");
+        assert_eq!(cube[band * n_cells + cell], 0.0);
+    }
+    assert!(masks[4..].iter().all(|mask| *mask == 0xffff));
+}
+
+#[test]
+fn frames_without_light_give_no_numbers_out_of_nothing() {
+    let [camera, _] = cameras();
+    // As dark as the dark reference: measured, and black.
+    let (cube, masks, counts) = camera.cube(&camera.bias.clone());
+    assert_eq!(counts.masked(), 0);
+    assert!(cube.iter().all(|r| *r == 0.0) && masks.iter().all(|mask| *mask == 0xffff));
+    // Nothing but zeros: the black level is gone, nothing was measured.
+    let (cube, masks, counts) = camera.cube(&vec![0; camera.mosaic.n_samples()]);
+    assert_eq!(counts.clipped, 16 * camera.mosaic.n_cells() as u64);
+    assert!(cube.iter().all(|r| *r == 0.0) && masks.iter().all(|mask| *mask == 0));
+    // A white reference taken with the cap on: everything is dead.
+    let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
+    let calibration = Calibration::new(&camera.mosaic, &dark, &dark, TARGET).expect("sound");
+    assert_eq!(calibration.valid_bands(), 0);
+    let (reflectances, valid, counts) =
+        calibration.reflectance(&camera.expose(T_RAW, |_, _| 0.5), T_RAW).expect("fits");
+    assert_eq!(counts.dead, valid.len() as u64);
+    assert!(reflectances.iter().all(|r| *r == 0.0) && valid.iter().all(|valid| !valid));
+}
+
+#[test]
+fn a_pixel_darker_than_dark_keeps_its_sign() {
+    let [camera, _] = cameras();
+    let raw: Vec<u16> = camera.bias.iter().map(|bias| bias - 4).collect();
+    let (cube, _, counts) = camera.cube(&raw);
+    assert_eq!(counts.masked(), 0);
+    assert!(cube.iter().all(|r| *r < 0.0 && *r > -0.01));
+}
+
+#[test]
+fn the_exposure_times_matter() {
+    let [camera, _] = cameras();
+    let calibration = camera.calibration();
+    for nanos in [1_000_000, 2_500_000, 5_000_000] {
+        let raw = camera.expose(nanos, |_, _| 0.4);
+        let (reflectances, _, _) = calibration.reflectance(&raw, nanos).expect("fits");
+        let mean = f64::from(reflectances.mean().expect("not empty"));
+        assert!((mean - 0.4).abs() < 0.0005, "at {nanos} ns: {mean}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let [camera, _] = cameras();
+    let calibration = camera.calibration();
+    let n_cells = camera.mosaic.n_cells();
+    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let raw = camera.expose(T_RAW, |_, _| 0.5);
+    let length = |result: Result<FrameCounts, SpectralError>| match result {
+        Err(SpectralError::Length { what, .. }) => what,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(length(calibration.cube_into(&raw[1..], T_RAW, &mut cube, &mut masks)), "raw");
+    assert_eq!(length(calibration.cube_into(&raw, T_RAW, &mut cube[1..], &mut masks)), "cube");
+    assert_eq!(length(calibration.cube_into(&raw, T_RAW, &mut cube, &mut masks[1..])), "mask");
+    let unexposed = calibration.cube_into(&raw, 0, &mut cube, &mut masks);
+    assert_eq!(unexposed, Err(SpectralError::Exposure { what: "raw", nanos: 0 }));
+
+    let dark = camera.reference("dark", std::slice::from_ref(&camera.bias));
+    let none = Reference::new("white", &camera.mosaic);
+    assert!(matches!(
+        Calibration::new(&camera.mosaic, &dark, &none, TARGET),
+        Err(SpectralError::Frames { what: "white", n_frames: 0 })
+    ));
+    for reflectance in [0.0, -0.5, 1.5, f64::NAN] {
+        let target = WhiteTarget { reflectance, ..TARGET };
+        assert!(matches!(
+            Calibration::new(&camera.mosaic, &dark, &dark, target),
+            Err(SpectralError::WhiteReflectance(_))
+        ));
+    }
+}

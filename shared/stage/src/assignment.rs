@@ -1,0 +1,114 @@
+//! What the supervisor hands to a stage at its start, and what it tells it while it runs.
+
+use crate::{Context, Field, Port, Settings, Stage};
+use ipc::Channel;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Raised when the supervisor and stages of different ages could misunderstand each other.
+pub const CONTRACT_VERSION: u32 = 1;
+
+/// Answer to `--describe`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// [`CONTRACT_VERSION`].
+    pub contract: u32,
+    /// [`Stage::NAME`].
+    pub name: String,
+    /// Topics that it reads.
+    pub inputs: Vec<PortDescription>,
+    /// Topics that it writes.
+    pub outputs: Vec<PortDescription>,
+    /// Its settings.
+    pub settings: Vec<Field>,
+}
+
+/// A topic and its type.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PortDescription {
+    /// Name.
+    pub topic: String,
+    /// [`messages::Message::VERSION`].
+    pub version: u32,
+    /// [`messages::Message::LAYOUT`].
+    pub layout: u64,
+    /// [`messages::Message::QUEUE`].
+    pub queue: usize,
+    /// [`messages::Message::BORROWED`].
+    pub borrowed: usize,
+    /// An input that may lack a producer.
+    pub optional: bool,
+}
+
+impl Description {
+    /// Of a stage.
+    pub fn of<S: Stage>() -> Self {
+        let describe = |port: &Port| port.describe();
+        Self {
+            contract: CONTRACT_VERSION,
+            name: S::NAME.to_owned(),
+            inputs: S::inputs().iter().map(describe).collect(),
+            outputs: S::outputs().iter().map(describe).collect(),
+            settings: S::Settings::fields(),
+        }
+    }
+}
+
+/// A topic's two channels: its messages and its ticks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TopicChannels {
+    /// Name of the topic.
+    pub topic: String,
+    /// Messages.
+    pub messages: Channel,
+    /// Ticks.
+    pub ticks: Channel,
+}
+
+/// Everything that a stage process needs to know to run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Assignment {
+    /// Table in launch.toml: the stage's name in this run.
+    pub stage: String,
+    /// Domain of the run ([`ipc::Domain`]).
+    pub domain: String,
+    /// Process id of the supervisor.
+    pub supervisor: u32,
+    /// Drive, output, mode.
+    pub context: Context,
+    /// The launch file.
+    pub launch_file: PathBuf,
+    /// `--set` of the command line.
+    pub overrides: Vec<String>,
+    /// Topics that it reads and that have a producer.
+    pub inputs: Vec<TopicChannels>,
+    /// Topics that it writes.
+    pub outputs: Vec<TopicChannels>,
+    /// Drive time between barriers, s.
+    pub barrier_s: f64,
+    /// Folder of saved states: `<barrier>/<stage>.state`.
+    pub states: PathBuf,
+    /// Barrier to go on from.
+    pub resume: Option<u64>,
+}
+
+impl Assignment {
+    /// File of the state at a barrier.
+    pub fn state_file(&self, barrier: u64) -> PathBuf {
+        self.states.join(barrier.to_string()).join(format!("{}.state", self.stage))
+    }
+}
+
+/// Name of the wake on which a stage sleeps.
+pub fn wake_name(stage: &str) -> String {
+    format!("{stage}.wake")
+}
+
+/// What the supervisor tells a stage, over and over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Command {
+    /// All are ready: sources may begin.
+    pub go: bool,
+    /// Sources end at the next tick; everything on the way is finished.
+    pub drain: bool,
+}

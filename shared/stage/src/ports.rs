@@ -1,0 +1,290 @@
+//! The typed ends of a stage's topics in shared memory, and what the runner does with them without knowing the type.
+
+use crate::access::{AnyOutput, Loan, Received};
+use crate::assignment::TopicChannels;
+use crate::health::{Activity, Pulse, Traffic};
+use crate::process::monotonic_nanos;
+use crate::{Inputs, StepError};
+use ipc::{Node, Publisher, Subscriber, Wake};
+use messages::{Envelope, Message, Tick, TickRow};
+use std::any::Any;
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// How long a sleeper trusts its wake before it looks by itself: bounds the reaction to a stop, and to a lost ring.
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// Sleeping and stopping, shared by all ports of a stage.
+pub(crate) struct Waiter {
+    pub(crate) wake: Wake,
+    pub(crate) stop: Arc<AtomicBool>,
+    pub(crate) pulse: Arc<Pulse>,
+}
+
+impl Waiter {
+    /// Sleeps until `done`, with the heartbeat saying `activity` meanwhile. `false` if the run is being stopped.
+    pub(crate) fn wait_until(
+        &self,
+        activity: impl Fn() -> Activity,
+        mut done: impl FnMut() -> Result<bool, StepError>,
+    ) -> Result<bool, StepError> {
+        let mut said = false;
+        while !done()? {
+            if self.stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            if !said {
+                self.pulse.set(activity());
+                said = true;
+            }
+            self.wake.wait(LOOK_AGAIN)?;
+        }
+        Ok(true)
+    }
+}
+
+/// The tick that a stage is in.
+#[derive(Default)]
+pub(crate) struct Clock {
+    pub(crate) tick: Cell<u64>,
+    pub(crate) born_nanos: Cell<u64>,
+}
+
+/// What all ports of a stage share.
+#[derive(Clone)]
+pub(crate) struct PortContext {
+    pub(crate) node: Rc<Node>,
+    pub(crate) waiter: Rc<Waiter>,
+    pub(crate) clock: Rc<Clock>,
+}
+
+pub(crate) type SharedInputMaker =
+    fn(&PortContext, &TopicChannels, consumer: &str) -> Result<Box<dyn TickedInput>, StepError>;
+pub(crate) type SharedOutputMaker = fn(&PortContext, &TopicChannels) -> Result<Box<dyn AnyOutput>, StepError>;
+
+/// An input as the runner sees it.
+pub(crate) trait TickedInput {
+    fn topic(&self) -> &str;
+    /// Whether its producer is there.
+    fn connect(&self) -> Result<bool, StepError>;
+    /// Takes what has arrived; `Some` when everything of `tick` is here.
+    fn gather(&mut self, tick: u64) -> Result<Option<TickRow>, StepError>;
+    /// Hands the gathered tick's messages over.
+    fn deliver(&mut self, inputs: &mut Inputs);
+    /// Goes on behind what was delivered before this process began.
+    fn resume(&mut self, delivered: Traffic);
+    fn traffic(&self) -> Traffic;
+}
+
+struct SharedInput<T: Message> {
+    topic: String,
+    messages: Subscriber<T>,
+    ticks: Subscriber<Tick>,
+    /// Messages that wait for their tick to be complete.
+    pending: VecDeque<ipc::Received<T>>,
+    row: Option<TickRow>,
+    n_received: u64,
+    traffic: Traffic,
+}
+
+pub(crate) fn shared_input<T: Message>(
+    context: &PortContext,
+    channels: &TopicChannels,
+    consumer: &str,
+) -> Result<Box<dyn TickedInput>, StepError> {
+    Ok(Box::new(SharedInput::<T> {
+        topic: channels.topic.clone(),
+        messages: Subscriber::open(&context.node, &channels.messages, consumer)?,
+        ticks: Subscriber::open(&context.node, &channels.ticks, consumer)?,
+        pending: VecDeque::new(),
+        row: None,
+        n_received: 0,
+        traffic: Traffic::default(),
+    }))
+}
+
+impl<T: Message> TickedInput for SharedInput<T> {
+    fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    fn connect(&self) -> Result<bool, StepError> {
+        Ok(self.messages.connect()? & self.ticks.connect()?)
+    }
+
+    fn gather(&mut self, tick: u64) -> Result<Option<TickRow>, StepError> {
+        if self.row.is_none()
+            && let Some(message) = self.ticks.receive()?
+        {
+            self.row = message.rows().first().copied();
+        }
+        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` sees to it).
+        while self.pending.len() < T::QUEUE {
+            let Some(message) = self.messages.receive()? else { break };
+            let seq = message.envelope().seq;
+            if seq != self.n_received {
+                let text = format!("{}: message {seq} came when {} was due", self.topic, self.n_received);
+                return Err(StepError::Contract(text));
+            }
+            self.n_received += 1;
+            self.pending.push_back(message);
+        }
+        let Some(row) = self.row else { return Ok(None) };
+        if row.tick != tick {
+            return Err(StepError::Contract(format!("{}: tick {} came when {tick} was due", self.topic, row.tick)));
+        }
+        Ok((self.n_received >= row.n_published).then_some(row))
+    }
+
+    fn deliver(&mut self, inputs: &mut Inputs) {
+        let Some(row) = self.row.take() else { return };
+        while self.pending.front().is_some_and(|message| message.envelope().tick <= row.tick) {
+            let Some(message) = self.pending.pop_front() else { break };
+            self.traffic.messages += 1;
+            self.traffic.rows += message.rows().len() as u64;
+            self.traffic.bytes += size_of_val(message.rows()) as u64;
+            inputs.push(Received::shared(message));
+        }
+    }
+
+    fn resume(&mut self, delivered: Traffic) {
+        self.n_received = delivered.messages;
+        self.traffic = delivered;
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic.clone()
+    }
+}
+
+/// An output as the runner sees it.
+pub(crate) trait TickedOutput {
+    fn topic(&self) -> &str;
+    /// Whether all consumers are there.
+    fn connect(&self) -> Result<bool, StepError>;
+    /// Says that the tick is complete.
+    fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError>;
+    /// Whether consumers have taken everything.
+    fn is_drained(&mut self) -> Result<bool, StepError>;
+    /// Goes on behind what was published before this process began.
+    fn resume(&mut self, published: Traffic);
+    fn traffic(&self) -> Traffic;
+}
+
+/// A topic's producing end.
+pub(crate) struct SharedOutput<T: Message> {
+    topic: String,
+    messages: Publisher<T>,
+    ticks: Publisher<Tick>,
+    context: PortContext,
+    next_seq: u64,
+    n_in_tick: usize,
+    traffic: Traffic,
+}
+
+pub(crate) fn shared_output<T: Message>(
+    context: &PortContext,
+    channels: &TopicChannels,
+) -> Result<Box<dyn AnyOutput>, StepError> {
+    Ok(Box::new(SharedOutput::<T> {
+        topic: channels.topic.clone(),
+        messages: Publisher::open(&context.node, &channels.messages)?,
+        ticks: Publisher::open(&context.node, &channels.ticks)?,
+        context: context.clone(),
+        next_seq: 0,
+        n_in_tick: 0,
+        traffic: Traffic::default(),
+    }))
+}
+
+impl<T: Message> SharedOutput<T> {
+    pub(crate) fn loan(&self, capacity: usize) -> Result<ipc::Loan<T>, StepError> {
+        Ok(self.messages.loan(capacity)?)
+    }
+
+    pub(crate) fn publish(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
+        let Some(loan) = loan.into_shared() else {
+            return Err(StepError::Contract(format!("{}: a loan that was not made by this run", self.topic)));
+        };
+        if self.n_in_tick == T::QUEUE {
+            let text = format!("{}: more than {} messages in one tick", self.topic, T::QUEUE);
+            return Err(StepError::Contract(text));
+        }
+        let (messages, waiter) = (&mut self.messages, &self.context.waiter);
+        let room = waiter.wait_until(|| Activity::Blocked(T::TOPIC.to_owned()), || Ok(messages.has_credit()?))?;
+        if !room {
+            return Err(StepError::Stopped { topic: T::TOPIC });
+        }
+        waiter.pulse.set(Activity::Working);
+        self.traffic.messages += 1;
+        self.traffic.rows += loan.rows().len() as u64;
+        self.traffic.bytes += size_of_val(loan.rows()) as u64;
+        let clock = &self.context.clock;
+        let envelope = Envelope {
+            seq: self.next_seq,
+            stamp,
+            tick: clock.tick.get(),
+            born_nanos: clock.born_nanos.get(),
+            sent_nanos: monotonic_nanos(),
+            ..Envelope::default()
+        };
+        self.messages.send(loan, envelope)?;
+        waiter.pulse.mark_progress();
+        self.next_seq += 1;
+        self.n_in_tick += 1;
+        Ok(())
+    }
+}
+
+impl<T: Message> AnyOutput for SharedOutput<T> {
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
+    fn next_seq(&self) -> u64 {
+        self.next_seq
+    }
+    fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
+        Some(self)
+    }
+}
+
+impl<T: Message> TickedOutput for SharedOutput<T> {
+    fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    fn connect(&self) -> Result<bool, StepError> {
+        Ok(self.messages.connect()? & self.ticks.connect()?)
+    }
+
+    fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError> {
+        self.n_in_tick = 0;
+        let (ticks, waiter) = (&mut self.ticks, &self.context.waiter);
+        if !waiter.wait_until(|| Activity::Blocked(T::TOPIC.to_owned()), || Ok(ticks.has_credit()?))? {
+            return Err(StepError::Stopped { topic: T::TOPIC });
+        }
+        let mut loan = self.ticks.loan(1)?;
+        if let Some(rows) = loan.grow(1) {
+            rows[0] = TickRow { n_published: self.next_seq, ..row };
+        }
+        let envelope = Envelope { seq: row.tick, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
+        Ok(self.ticks.send(loan, envelope)?)
+    }
+
+    fn is_drained(&mut self) -> Result<bool, StepError> {
+        Ok(self.messages.n_waiting()? == 0 && self.ticks.n_waiting()? == 0)
+    }
+
+    fn resume(&mut self, published: Traffic) {
+        self.next_seq = published.messages;
+        self.traffic = published;
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic.clone()
+    }
+}

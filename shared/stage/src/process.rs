@@ -1,0 +1,49 @@
+//! What the operating system says about this process, and what it is told.
+
+use crate::StepError;
+
+/// CPU time and memory.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Usage {
+    /// User and system time of all threads, s.
+    pub cpu_s: f64,
+    /// Resident memory, bytes; shared memory that was touched counts too.
+    pub rss_bytes: u64,
+    /// Largest resident memory so far, bytes.
+    pub peak_rss_bytes: u64,
+}
+
+/// From /proc/self; zeros where it cannot be read.
+pub fn usage() -> Usage {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The command in parentheses may hold blanks; fields are counted behind it: utime and stime are 14 and 15 of all.
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |index: usize| fields.get(index).and_then(|field| field.parse::<u64>().ok()).unwrap_or_default();
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let kib = |key: &str| {
+        let line = status.lines().find(|line| line.starts_with(key));
+        line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or_default()
+    };
+    Usage {
+        cpu_s: (ticks(11) + ticks(12)) as f64 / rustix::param::clock_ticks_per_second() as f64,
+        rss_bytes: kib("VmRSS:") * 1024,
+        peak_rss_bytes: kib("VmHWM:") * 1024,
+    }
+}
+
+/// The monotonic clock, the same for all processes of the machine.
+pub fn monotonic_nanos() -> u64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Asks the kernel to kill this process when its supervisor dies: no run leaves orphans.
+pub fn die_with(supervisor: u32) -> Result<(), StepError> {
+    rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL)).map_err(StepError::io)?;
+    // It may have died before the request.
+    let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
+    if parent == i32::try_from(supervisor).ok() {
+        return Ok(());
+    }
+    Err(StepError::Io(format!("the supervisor (process {supervisor}) is gone")))
+}

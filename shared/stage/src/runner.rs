@@ -1,0 +1,342 @@
+//! The life of a stage's process: open, connect, tick by tick, barriers, drain.
+
+use crate::assignment::{Assignment, Command, wake_name};
+use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
+use crate::histogram::Histogram;
+use crate::ports::{Clock, PortContext, TickedInput, TickedOutput, Waiter};
+use crate::process::{die_with, monotonic_nanos};
+use crate::state::{RunnerState, load_state, save_state};
+use crate::{Flow, Inputs, Outputs, Stage, StepError};
+use ipc::{Domain, LatestSubscriber, Wake};
+use messages::TickRow;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// How a run of a stage ended.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// Everything came and went.
+    Done,
+    /// The supervisor asked for a stop.
+    Stopped,
+}
+
+/// Runs a stage to its end.
+pub(crate) fn run<S: Stage>(
+    settings: &S::Settings,
+    assignment: &Assignment,
+    stop: Arc<AtomicBool>,
+) -> Result<Ending, StepError> {
+    die_with(assignment.supervisor)?;
+    let domain = Domain::new(&assignment.domain)?;
+    let pulse = Arc::new(Pulse::default());
+    // The heart beats before anything that may take long.
+    let heartbeat = Heartbeat::start(&domain, &assignment.stage, Arc::clone(&pulse)).map_err(StepError::io)?;
+    let mut runner = Runner::<S>::open(settings, assignment, &domain, &pulse, stop)?;
+    let ending = runner.connect().and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
+    runner.report();
+    if matches!(ending, Ok(Ending::Done)) {
+        pulse.set(Activity::Done);
+    }
+    drop(heartbeat);
+    match ending {
+        Err(StepError::Stopped { .. }) => Ok(Ending::Stopped),
+        other => other,
+    }
+}
+
+struct Runner<'a, S: Stage> {
+    stage: S,
+    assignment: &'a Assignment,
+    inputs: Vec<Box<dyn TickedInput>>,
+    outputs: Outputs,
+    control: LatestSubscriber,
+    command: Command,
+    ports: PortContext,
+    pulse: &'a Pulse,
+    tick: u64,
+    barrier: u64,
+    /// Drive time of the last barrier, or of the first tick.
+    barrier_time: Option<i64>,
+    step_times: Histogram,
+    ages: Histogram,
+}
+
+impl<'a, S: Stage> Runner<'a, S> {
+    fn open(
+        settings: &S::Settings,
+        assignment: &'a Assignment,
+        domain: &Domain,
+        pulse: &'a Arc<Pulse>,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, StepError> {
+        let node = Rc::new(domain.node(&assignment.stage)?);
+        let wake = Wake::open(&node, &wake_name(&assignment.stage))?;
+        let control = LatestSubscriber::open(&node, &format!("{}.control", assignment.stage))?;
+        let waiter = Rc::new(Waiter { wake, stop, pulse: Arc::clone(pulse) });
+        let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
+        let mut inputs = Vec::new();
+        for port in S::inputs() {
+            // An optional topic without a producer has no channels and stays silent.
+            if let Some(channels) = assignment.inputs.iter().find(|channels| channels.topic == port.topic()) {
+                inputs.push((port.make.shared_input)(&ports, channels, &wake_name(&assignment.stage))?);
+            }
+        }
+        let mut outputs = Outputs::default();
+        for port in S::outputs() {
+            let channels = assignment.outputs.iter().find(|channels| channels.topic == port.topic());
+            let channels =
+                channels.ok_or_else(|| StepError::Contract(format!("no channels for output {}", port.topic())))?;
+            outputs.by_topic.insert(port.topic(), (port.make.shared_output)(&ports, channels)?);
+        }
+        let mut runner = Self {
+            stage: S::new(settings, &assignment.context)?,
+            assignment,
+            inputs,
+            outputs,
+            control,
+            command: Command::default(),
+            ports,
+            pulse,
+            tick: 0,
+            barrier: 0,
+            barrier_time: None,
+            step_times: Histogram::default(),
+            ages: Histogram::default(),
+        };
+        if let Some(barrier) = assignment.resume {
+            runner.load(barrier)?;
+        }
+        Ok(runner)
+    }
+
+    fn is_source(&self) -> bool {
+        self.inputs.is_empty()
+    }
+
+    fn ticked_outputs(outputs: &mut Outputs) -> impl Iterator<Item = &mut dyn TickedOutput> {
+        outputs.by_topic.values_mut().filter_map(|output| output.ticked())
+    }
+
+    /// Waits until everybody is there, then, as a source, for the word to go. `false` if the run is being stopped.
+    fn connect(&mut self) -> Result<bool, StepError> {
+        let (inputs, outputs, control) = (&self.inputs, &mut self.outputs, &self.control);
+        let missing = std::cell::RefCell::new(String::new());
+        let waiter = Rc::clone(&self.ports.waiter);
+        let connected = waiter.wait_until(
+            || Activity::Connecting(missing.borrow().clone()),
+            || {
+                let mut all = control.connect()?;
+                for input in inputs {
+                    if !input.connect()? {
+                        missing.replace(input.topic().to_owned());
+                        all = false;
+                    }
+                }
+                for output in Self::ticked_outputs(outputs) {
+                    if !output.connect()? {
+                        missing.replace(output.topic().to_owned());
+                        all = false;
+                    }
+                }
+                Ok(all)
+            },
+        )?;
+        if !connected {
+            return Ok(false);
+        }
+        self.pulse.set(Activity::Ready);
+        if !self.is_source() {
+            return Ok(true);
+        }
+        let (control, command) = (&self.control, &mut self.command);
+        waiter.wait_until(|| Activity::Ready, || read_command(control, command).map(|()| command.go))
+    }
+
+    fn ticks(&mut self) -> Result<Ending, StepError> {
+        loop {
+            let ended = if self.is_source() { self.source_tick()? } else { self.tick()? };
+            match ended {
+                None => return Ok(Ending::Stopped),
+                Some(true) => break,
+                Some(false) => {}
+            }
+        }
+        let outputs = &mut self.outputs;
+        let taken = self.ports.waiter.wait_until(
+            || Activity::Draining,
+            || {
+                let mut all = true;
+                for output in Self::ticked_outputs(outputs) {
+                    all &= output.is_drained()?;
+                }
+                Ok(all)
+            },
+        )?;
+        Ok(if taken { Ending::Done } else { Ending::Stopped })
+    }
+
+    /// One tick of a source. `Some(true)`: the last one. `None`: the run is being stopped.
+    fn source_tick(&mut self) -> Result<Option<bool>, StepError> {
+        if self.ports.waiter.stop.load(std::sync::atomic::Ordering::Relaxed) {
+            return Ok(None);
+        }
+        read_command(&self.control, &mut self.command)?;
+        let born = monotonic_nanos();
+        self.ports.clock.tick.set(self.tick);
+        self.ports.clock.born_nanos.set(born);
+        self.pulse.set(Activity::Working);
+        let flow = self.stage.step(&mut Inputs::default(), &mut self.outputs)?;
+        self.step_times.add(monotonic_nanos() - born);
+        let end = flow == Flow::End || self.command.drain;
+        if self.command.drain && flow == Flow::Continue {
+            self.outputs.note("drained on request: the rest of the drive was not read");
+        }
+        let drive_time = self.outputs.drive_time.unwrap_or_default();
+        let since = *self.barrier_time.get_or_insert(drive_time);
+        let barrier_due = !end && (drive_time - since) as f64 >= self.assignment.barrier_s * 1e9;
+        let row = TickRow {
+            tick: self.tick,
+            barrier: if barrier_due { self.barrier + 1 } else { 0 },
+            drive_time,
+            born_nanos: born,
+            progress: self.outputs.progress.unwrap_or_default() as f32,
+            end: u32::from(end),
+            ..TickRow::default()
+        };
+        self.complete(row)?;
+        Ok(Some(end))
+    }
+
+    /// One tick of any other stage.
+    fn tick(&mut self) -> Result<Option<bool>, StepError> {
+        let Some(row) = self.gather()? else { return Ok(None) };
+        self.ports.clock.tick.set(row.tick);
+        self.ports.clock.born_nanos.set(row.born_nanos);
+        let mut inputs = Inputs::default();
+        for input in &mut self.inputs {
+            input.deliver(&mut inputs);
+        }
+        let has_input = !inputs.by_topic.is_empty();
+        self.pulse.set(Activity::Working);
+        let start = monotonic_nanos();
+        self.stage.step(&mut inputs, &mut self.outputs)?;
+        if has_input {
+            self.step_times.add(monotonic_nanos() - start);
+        }
+        self.complete(row)?;
+        self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
+        Ok(Some(row.end != 0))
+    }
+
+    /// Waits until every input has the whole tick, and checks that they agree on what follows it.
+    fn gather(&mut self) -> Result<Option<TickRow>, StepError> {
+        let (inputs, tick) = (&mut self.inputs, self.tick);
+        let late = std::cell::RefCell::new(String::new());
+        let mut agreed: Option<TickRow> = None;
+        let here = self.ports.waiter.wait_until(
+            || Activity::Waiting(late.borrow().clone()),
+            || {
+                agreed = None;
+                for input in inputs.iter_mut() {
+                    let Some(row) = input.gather(tick)? else {
+                        late.replace(input.topic().to_owned());
+                        return Ok(false);
+                    };
+                    let first = agreed.get_or_insert(row);
+                    if (first.barrier, first.end) != (row.barrier, row.end) {
+                        let text =
+                            format!("tick {tick}: {} disagrees with the other inputs on what follows", input.topic());
+                        return Err(StepError::Contract(text));
+                    }
+                }
+                Ok(true)
+            },
+        )?;
+        Ok(if here { agreed } else { None })
+    }
+
+    /// What follows a step: the end's rest, the barrier's state, the ticks on all outputs.
+    fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
+        if row.end != 0 {
+            self.stage.finish(&mut self.outputs)?;
+        }
+        self.tick += 1;
+        if row.barrier != 0 {
+            self.barrier = row.barrier;
+            self.barrier_time = Some(row.drive_time);
+            self.pulse.set(Activity::Saving);
+            self.save()?;
+        }
+        for output in Self::ticked_outputs(&mut self.outputs) {
+            output.publish_tick(row)?;
+        }
+        self.pulse.mark_progress();
+        {
+            let mut health = self.pulse.update();
+            health.ticks = self.tick;
+            health.drive_time = Some(row.drive_time);
+            health.progress = f64::from(row.progress);
+            health.barrier = self.barrier;
+        }
+        self.report();
+        Ok(())
+    }
+
+    /// Brings the figures of the heartbeat up to date.
+    fn report(&mut self) {
+        let inputs: BTreeMap<_, _> = self.inputs.iter().map(|i| (i.topic().to_owned(), i.traffic())).collect();
+        let outputs: BTreeMap<_, _> =
+            Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
+        let busiest = if inputs.is_empty() { &outputs } else { &inputs };
+        let mut health = self.pulse.update();
+        // Images have more rows than any cloud; points are what the stage's first topic carries.
+        let first = if self.inputs.is_empty() { S::outputs() } else { S::inputs() };
+        health.points = first.first().and_then(|port| busiest.get(port.topic())).map_or(0, |traffic| traffic.rows);
+        let Health { step, age, .. } = &mut *health;
+        (*step, *age) = (Latency::from(&self.step_times), Latency::from(&self.ages));
+        (health.inputs, health.outputs) = (inputs, outputs);
+        health.counters.clone_from(&self.outputs.counters);
+        health.notes.clone_from(&self.outputs.notes);
+    }
+
+    fn save(&mut self) -> Result<(), StepError> {
+        let state = RunnerState {
+            tick: self.tick,
+            barrier: self.barrier,
+            barrier_time: self.barrier_time,
+            inputs: self.inputs.iter().map(|input| (input.topic().to_owned(), input.traffic())).collect(),
+            outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
+            counters: self.outputs.counters.clone(),
+            notes: self.outputs.notes.clone(),
+            stage: self.stage.save()?,
+        };
+        save_state(&self.assignment.state_file(self.barrier), &state)
+    }
+
+    fn load(&mut self, barrier: u64) -> Result<(), StepError> {
+        let state = load_state(&self.assignment.state_file(barrier))?;
+        self.stage.load(&state.stage)?;
+        (self.tick, self.barrier, self.barrier_time) = (state.tick, state.barrier, state.barrier_time);
+        for output in Self::ticked_outputs(&mut self.outputs) {
+            let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
+            output.resume(traffic);
+        }
+        for input in &mut self.inputs {
+            input.resume(state.inputs.get(input.topic()).cloned().unwrap_or_default());
+        }
+        self.outputs.counters = state.counters;
+        self.outputs.notes = state.notes;
+        Ok(())
+    }
+}
+
+fn read_command(control: &LatestSubscriber, command: &mut Command) -> Result<(), StepError> {
+    if let Some(bytes) = control.poll()? {
+        *command = serde_json::from_slice(&bytes)
+            .map_err(|error| StepError::Contract(format!("a command that this stage does not know: {error}")))?;
+    }
+    Ok(())
+}
