@@ -24,9 +24,6 @@ impl<T: Message> Columns<T> {
     pub(crate) fn new(is_expected: bool) -> Self {
         Self { is_expected, next_seq: 0, held: VecDeque::new() }
     }
-    pub(crate) fn is_expected(&self) -> bool {
-        self.is_expected
-    }
     pub(crate) fn len(&self) -> usize {
         self.held.len()
     }
@@ -55,6 +52,12 @@ impl<T: Message> Columns<T> {
     /// Whether the message of submap `seq` is here, or will never be.
     pub(crate) fn is_settled(&self, seq: u64) -> bool {
         !self.is_expected || self.next_seq > seq
+    }
+
+    /// The topic, if the message of submap `seq` is expected and not here.
+    pub(crate) fn missing(&self, seq: u64) -> Option<&'static str> {
+        let is_here = self.held.iter().any(|message| message.seq() == seq);
+        (self.is_expected && !is_here).then_some(T::TOPIC)
     }
 
     /// The message of submap `seq`. Older ones, whose submap was lost, go.

@@ -5,15 +5,6 @@ use messages::{Class, Color, Instance, Message, Spectra, Submap};
 use serde::{Deserialize, Serialize};
 use stage::{Inputs, Received, StepError};
 
-/// Which optional columns somebody publishes in this run and export is to write.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Expected {
-    pub(crate) color: bool,
-    pub(crate) spectra: bool,
-    pub(crate) class: bool,
-    pub(crate) instance: bool,
-}
-
 /// A submap with all that is said about its points.
 pub(crate) struct Joined {
     pub(crate) submap: Received<Submap>,
@@ -42,26 +33,16 @@ pub(crate) struct SavedJoin {
 }
 
 impl Join {
-    pub(crate) fn new(expected: Expected, is_live: bool) -> Self {
+    /// `is_expected` tells by topic which columns every submap will get.
+    pub(crate) fn new(is_expected: impl Fn(&str) -> bool, is_live: bool) -> Self {
         Self {
             is_live,
             submaps: Columns::new(true),
-            color: Columns::new(expected.color),
-            spectra: Columns::new(expected.spectra),
-            class: Columns::new(expected.class),
-            instance: Columns::new(expected.instance),
+            color: Columns::new(is_expected(Color::TOPIC)),
+            spectra: Columns::new(is_expected(Spectra::TOPIC)),
+            class: Columns::new(is_expected(Class::TOPIC)),
+            instance: Columns::new(is_expected(Instance::TOPIC)),
         }
-    }
-
-    /// Topics without a producer.
-    pub(crate) fn absent_topics(&self) -> Vec<&'static str> {
-        let expected = [
-            (Color::TOPIC, self.color.is_expected()),
-            (Spectra::TOPIC, self.spectra.is_expected()),
-            (Class::TOPIC, self.class.is_expected()),
-            (Instance::TOPIC, self.instance.is_expected()),
-        ];
-        expected.iter().filter(|(_, is_expected)| !is_expected).map(|(topic, _)| *topic).collect()
     }
 
     /// Takes the tick's messages.
@@ -74,33 +55,32 @@ impl Join {
     }
 
     /// The oldest submap, once nothing that is expected of it can still come.
-    pub(crate) fn next_complete(&mut self) -> Option<Joined> {
+    pub(crate) fn next_complete(&mut self, is_end: bool) -> Option<Joined> {
         let seq = self.submaps.front_seq()?;
-        let settled = self.color.is_settled(seq)
+        let is_settled = self.color.is_settled(seq)
             && self.spectra.is_settled(seq)
             && self.class.is_settled(seq)
             && self.instance.is_settled(seq);
         // Live, a column may have been dropped with nothing after it; the bound on held submaps decides then.
-        if !settled && !(self.is_live && self.submaps.len() > Submap::BORROWED) {
+        if !is_settled && !(self.is_live && (is_end || self.submaps.len() > Submap::BORROWED)) {
             return None;
         }
-        let submap = self.submaps.take_seq(seq)?;
-        let mut joined = Joined {
-            submap,
+        let lost = self.missing(seq).into_iter().map(str::to_owned).collect();
+        Some(Joined {
+            submap: self.submaps.take_seq(seq)?,
             color: self.color.take_seq(seq),
             spectra: self.spectra.take_seq(seq),
             class: self.class.take_seq(seq),
             instance: self.instance.take_seq(seq),
-            lost: Vec::new(),
-        };
-        let columns = [
-            (Color::TOPIC, self.color.is_expected() && joined.color.is_none()),
-            (Spectra::TOPIC, self.spectra.is_expected() && joined.spectra.is_none()),
-            (Class::TOPIC, self.class.is_expected() && joined.class.is_none()),
-            (Instance::TOPIC, self.instance.is_expected() && joined.instance.is_none()),
-        ];
-        joined.lost = columns.iter().filter(|(_, lost)| *lost).map(|(topic, _)| (*topic).to_owned()).collect();
-        Some(joined)
+            lost,
+        })
+    }
+
+    /// Topics whose column of submap `seq` is not here.
+    fn missing(&self, seq: u64) -> Vec<&'static str> {
+        let topics =
+            [self.color.missing(seq), self.spectra.missing(seq), self.class.missing(seq), self.instance.missing(seq)];
+        topics.into_iter().flatten().collect()
     }
 
     /// Upstream stages work in order and hold a bounded number of submaps, so their columns arrive in bounded time.
@@ -114,21 +94,14 @@ impl Join {
         self.instance.check_bound()
     }
 
-    /// At the end of the stream.
+    /// At the end of the stream nothing may be left.
     pub(crate) fn check_empty(&self) -> Result<(), StepError> {
-        if self.submaps.len() > 0 && !self.is_live { Err(self.waiting("the stream has ended")) } else { Ok(()) }
+        if self.submaps.len() == 0 { Ok(()) } else { Err(self.waiting("the stream has ended")) }
     }
 
     fn waiting(&self, why: &str) -> StepError {
         let seq = self.submaps.front_seq().unwrap_or_default();
-        let topics = [
-            (Color::TOPIC, self.color.is_settled(seq)),
-            (Spectra::TOPIC, self.spectra.is_settled(seq)),
-            (Class::TOPIC, self.class.is_settled(seq)),
-            (Instance::TOPIC, self.instance.is_settled(seq)),
-        ];
-        let missing: Vec<&str> = topics.iter().filter(|(_, settled)| !settled).map(|(topic, _)| *topic).collect();
-        StepError::Contract(format!("submap {seq} still waits for {}, but {why}", missing.join(" and ")))
+        StepError::Contract(format!("submap {seq} still waits for {}, but {why}", self.missing(seq).join(" and ")))
     }
 
     pub(crate) fn save(&self) -> SavedJoin {

@@ -24,8 +24,8 @@ pub use index::{CloudEntry, Index, SpectraEntry};
 use folder::Folder;
 use formats::trajectory::{kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
-use join::{Expected, Join, Joined, SavedJoin};
-use messages::{Class, Color, Instance, Spectra, StampedPose, Submap, Trajectory};
+use join::{Join, Joined, SavedJoin};
+use messages::{Class, Color, Instance, Message, Spectra, StampedPose, Submap, Trajectory};
 use serde::{Deserialize, Serialize};
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Stage, StepError, decode_state, encode_state};
 
@@ -50,6 +50,8 @@ stage::settings! {
 pub struct Export {
     settings: Settings,
     folder: Folder,
+    /// Inputs without a producer.
+    absent: Vec<&'static str>,
     join: Join,
     clouds: Vec<CloudEntry>,
     trajectory: geometry::Trajectory,
@@ -85,16 +87,14 @@ impl Stage for Export {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let expected = Expected {
-            color: context.is_connected::<Color>(),
-            spectra: context.is_connected::<Spectra>() && settings.spectra,
-            class: context.is_connected::<Class>(),
-            instance: context.is_connected::<Instance>(),
-        };
+        let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
+        let is_wanted = |topic: &str| topic != Spectra::TOPIC || settings.spectra;
+        let ports = Self::inputs();
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
-            join: Join::new(expected, context.mode == Mode::Live),
+            absent: ports.iter().map(Port::topic).filter(|topic| !is_connected(topic)).collect(),
+            join: Join::new(|topic| is_connected(topic) && is_wanted(topic), context.mode == Mode::Live),
             clouds: Vec::new(),
             trajectory: geometry::Trajectory::default(),
             is_folder_clean: false,
@@ -107,15 +107,14 @@ impl Stage for Export {
             message.rows().iter().try_for_each(|row| self.push_pose(row))?;
         }
         self.join.take(inputs)?;
-        while let Some(joined) = self.join.next_complete() {
-            self.write(&joined, outputs)?;
-        }
+        self.write_complete(false, outputs)?;
         self.join.check_bounds()?;
         Ok(Flow::Continue)
     }
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.prepare(outputs)?;
+        self.write_complete(true, outputs)?;
         for format in &self.settings.trajectory {
             let (name, text) = match format.as_str() {
                 "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(&self.trajectory)),
@@ -160,7 +159,7 @@ impl Export {
         if self.is_folder_clean {
             return Ok(());
         }
-        for topic in self.join.absent_topics() {
+        for topic in &self.absent {
             outputs.note(format!("nobody publishes {topic}: the clouds are written without it"));
         }
         self.folder.keep_only(&self.clouds)?;
@@ -177,6 +176,13 @@ impl Export {
             return Ok(());
         }
         Err(StepError::data(format!("trajectory at {stamp}: stamps must not fall")))
+    }
+
+    fn write_complete(&mut self, is_end: bool, outputs: &mut Outputs) -> Result<(), StepError> {
+        while let Some(joined) = self.join.next_complete(is_end) {
+            self.write(&joined, outputs)?;
+        }
+        Ok(())
     }
 
     fn write(&mut self, joined: &Joined, outputs: &mut Outputs) -> Result<(), StepError> {

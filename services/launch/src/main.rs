@@ -1,2 +1,7 @@
-//! Under construction.
-fn main() {}
+//! `replica-launch launch.toml`: see [`launch`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    launch::main()
+}

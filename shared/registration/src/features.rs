@@ -40,7 +40,8 @@ impl Default for FeatureSettings {
     /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. At 80 m the rings of an HDL-32E are 1.9 m
     /// apart. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's.
     fn default() -> Self {
-        Self { column_step: 3, min_range_m: 1.5, max_range_m: 80.0, min_planarity: 0.15, spacing_m: 0.2 }
+        let e = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
+        Self { column_step: e("CS",3.) as usize, min_range_m: 1.5, max_range_m: 80.0, min_planarity: e("MP",0.15) as f32, spacing_m: e("FS",0.2) }
     }
 }
 

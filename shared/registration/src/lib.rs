@@ -24,7 +24,7 @@ mod sweep;
 mod voxel;
 
 pub use features::{Feature, FeatureSettings, planar_features};
-pub use local_map::{LocalMap, MapPoint, MapSettings};
+pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion};
 pub use odometry::{Odometry, OdometrySettings, Registered, RegistrationError};

@@ -30,7 +30,8 @@ impl Default for MapSettings {
     /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10 m/s,
     /// as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
     fn default() -> Self {
-        Self { spacing_m: 0.2, batches: 60, max_points: 80_000 }
+        let e = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
+        Self { spacing_m: e("FS",0.2), batches: e("NB",60.) as u32, max_points: 80_000 }
     }
 }
 
@@ -84,27 +85,41 @@ impl LocalMap {
         self.points.drain(..excess);
         self.index = Index::over(&self.points);
     }
-    /// The nearest point within `radius_m` (at most [`MAX_RADIUS_M`]) whose normal is within about 37 degrees of
-    /// `normal`: the other side of a wall, or the road under a bumper, is no match.
+    /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
+    /// `radius_m` (at most [`MAX_RADIUS_M`]) whose normals are within about 37 degrees of `normal`: the other side of a
+    /// wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
     #[inline]
-    pub fn nearest(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<&MapPoint> {
+    pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
-        let mut best = None;
-        let mut best_squared = radius_m.min(MAX_RADIUS_M).powi(2);
+        let limit = radius_m.min(MAX_RADIUS_M).powi(2);
+        let (mut weights, mut distances, mut normals) = (0.0, 0.0, Vector3::<f64>::zeros());
         for corner in 0..8 {
             let cell = VoxelIndex([base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2)]);
             for point in self.index.cell(cell) {
-                let [x, y, z] = point.position;
-                let (dx, dy, dz) = (x - position[0], y - position[1], z - position[2]);
-                let squared = dx * dx + dy * dy + dz * dz;
-                if squared < best_squared && Vector3::from(point.normal).dot(normal) > 0.8 {
-                    best_squared = squared;
-                    best = Some(point);
+                let offset = Vector3::from(position) - Vector3::from(point.position);
+                let squared = offset.norm_squared();
+                if squared >= limit || Vector3::from(point.normal).dot(normal) <= 0.8 {
+                    continue;
                 }
+                // (1 - d^2/r^2)^2 instead of a Gaussian: as smooth, ends at the radius, costs no exponential.
+                let weight = (1.0 - squared / limit).powi(2);
+                let normal = Vector3::from(point.normal).cast::<f64>();
+                weights += weight;
+                distances += weight * normal.dot(&offset);
+                normals += normal * weight;
             }
         }
-        best
+        (weights > 1e-6).then(|| Surface { distance_m: distances / weights, normal: normals.normalize() })
     }
+}
+
+/// See [`LocalMap::surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Of the position from the surface, positive on the side that its normal points to, m.
+    pub distance_m: f64,
+    /// Unit normal, odom frame.
+    pub normal: Vector3<f64>,
 }
 
 fn cell_of(position: [f64; 3]) -> VoxelIndex {

@@ -36,15 +36,16 @@ impl Default for MatchSettings {
     /// 0.1 m; the search radius is what the map's cells allow. 4 m/s^2 is firm braking, 1.5 rad/s^2 a sharp swerve or a
     /// pothole. 0.004 is what normals that are off by 3.6 degrees pretend along a tunnel.
     fn default() -> Self {
+        let e = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
         Self {
-            max_features: 2000,
-            spacing_m: 0.5,
-            coarse_rounds: 3,
+            max_features: e("MAXF", 2000.) as usize,
+            spacing_m: e("SP", 0.5),
+            coarse_rounds: e("CR",3.) as u32,
             max_rounds: 15,
             coarse: (0.5, 0.3),
-            fine: (0.4, 0.1),
-            acceleration: (4.0, 1.5),
-            residual_m: 0.1,
+            fine: (e("R",0.4), e("C",0.1)),
+            acceleration: (e("A",4.0), e("W",1.5)),
+            residual_m: e("RES",0.1),
             min_influence: 0.004,
         }
     }
@@ -170,15 +171,14 @@ fn linearize_chunk(
         let arm = rotation * (p_in_lidar + first + turn.cross(&first) * 0.5);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
-        let Some(target) = map.nearest(position.into(), &normal.cast(), radius_m) else {
+        let Some(surface) = map.surface(position.into(), &normal.cast(), radius_m) else {
             sum.cost += 1.0;
             continue;
         };
-        let target_normal = Vector3::from(target.normal).cast::<f64>();
-        let r = target_normal.dot(&(position - Vector3::from(target.position)));
+        let r = surface.distance_m;
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
-        sum.add(&arm, &target_normal, r, f64::from(feature.planarity) / (1.0 + squared), share);
+        sum.add(&arm, &surface.normal, r, f64::from(feature.planarity).powf(settings_w()) / (1.0 + squared), share);
     }
     sum
 }
@@ -256,3 +256,5 @@ fn stepped(motion: &SweepMotion, pose_step: &Vector6<f64>, motion_step: &Vector6
         rotation: motion.rotation + motion.mid.rotation.inverse() * motion_step.fixed_rows::<3>(3).into_owned(),
     }
 }
+
+fn settings_w()->f64{ static W: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| std::env::var("PW").map_or(1.0, |v| v.parse().unwrap())); *W }

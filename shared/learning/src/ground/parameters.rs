@@ -44,7 +44,8 @@ impl Default for Parameters {
         let settings = Settings { cell_m: 0.2, reach_m: 100.0, window_m: 10.0, low_m: 0.5, min_zone_m2: 2.0 };
         // Noise of 8 cm and a slope of 15 %, over gaps of up to 3 m.
         let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();
-        Self { settings, steps_m, tolerance_m: [0.2, 0.2] }
+        // Noise, and the fall of a steep street over half a cell.
+        Self { settings, steps_m, tolerance_m: [0.15, 0.15] }
     }
 }
 
@@ -61,6 +62,12 @@ impl Parameters {
             return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, both must be above 0")));
         }
         Ok(Self { settings, steps_m, tolerance_m: [tolerance_m[0], tolerance_m[1]] })
+    }
+
+    /// `steps_m` for cells that are `coarsened` times as large: the same metres, fewer cells. At least one step is left.
+    pub(super) fn steps_of_cells(&self, coarsened: u32) -> Vec<f32> {
+        let stride = (coarsened.max(1) as usize).min(self.steps_m.len());
+        self.steps_m.iter().copied().skip(stride - 1).step_by(stride).collect()
     }
 
     /// The model file's bytes; the same parameters give the same bytes.

@@ -4,11 +4,14 @@ use super::Parameters;
 use super::elevation::Elevation;
 use crate::LearningError;
 use candle_core::{Device, Tensor};
-use morphology::{fill_gaps, opening, quasi_flat_zones_over_gaps};
+use morphology::{closing, fill_gaps, opening, quasi_flat_zones_over_gaps};
 use ndarray::{Array2, s};
 
 /// Share of a zone's cells that must lie low for it to be ground: most, since a zone's edge may touch what stands on it.
 const MIN_LOW_SHARE: f64 = 0.5;
+
+/// Pits of up to twice this many cells across are no ground that the opening has to reach.
+const STRAY_CELLS: usize = 1;
 
 /// Height of the ground in every cell, m, in raster order, and one element more: infinite, for points outside the grid.
 /// `None` if there is no ground.
@@ -31,7 +34,8 @@ fn low_cells(
 ) -> Result<Option<Array2<bool>>, LearningError> {
     let Some(surface) = fill_gaps(&elevation.lowest_m, measured) else { return Ok(None) };
     let radius = (0.5 * parameters.settings.window_m / elevation.grid.cell_m).round() as usize;
-    let opened = opening_beyond_the_edge(&surface, radius);
+    // Points below the ground (reflections in cars and puddles) would pull every window down that holds one.
+    let opened = opening_beyond_the_edge(&closing(&surface, STRAY_CELLS), radius);
     let as_tensor = |image: &Array2<f32>| Tensor::from_iter(image.iter().copied(), &Device::Cpu);
     let above = (as_tensor(&surface)? - as_tensor(&opened)?)?;
     let low = above.le(parameters.settings.low_m)?.to_vec1::<u8>()?;
@@ -55,7 +59,8 @@ fn ground_cells(
     low: &Array2<bool>,
     parameters: &Parameters,
 ) -> Array2<bool> {
-    let zones = quasi_flat_zones_over_gaps(&elevation.lowest_m, measured, &parameters.steps_m);
+    let steps_m = parameters.steps_of_cells(elevation.coarsened(&parameters.settings));
+    let zones = quasi_flat_zones_over_gaps(&elevation.lowest_m, measured, &steps_m);
     let mut n_low = vec![0_usize; zones.n() + 1];
     for (&label, &low) in zones.image.iter().zip(low) {
         n_low[label as usize] += usize::from(low);

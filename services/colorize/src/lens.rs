@@ -1,0 +1,208 @@
+//! Projection in f32, fast: the exact models are [`geometry::CameraModel`], in f64. The two agree within 0.02 px.
+
+use geometry::{CameraModel, KannalaBrandt, Pinhole};
+
+/// Nearer than a millimetre is inside the lens.
+const MIN_DEPTH_M: f32 = 1e-3;
+
+/// Entries of a fisheye's radius table. Linear interpolation between them is off by less than 0.001 px for lenses of
+/// 1300 px per rad up to 2 rad from the axis.
+const TABLE_LEN: usize = 4096;
+
+/// Beyond this angle from the axis no lens sees (320 degrees of view), and the table's function has its pole at pi.
+const MAX_ANGLE: f64 = 2.8;
+
+/// A camera model, prepared.
+#[derive(Clone, Debug)]
+pub enum Lens {
+    /// See [`geometry::Pinhole`].
+    Pinhole(PinholeLens),
+    /// See [`geometry::KannalaBrandt`].
+    Fisheye(FisheyeLens),
+}
+
+/// Where a point of the camera frame falls on the image plane, px; `None` where the lens cannot see.
+pub trait Project {
+    /// `p_in_camera`: x right, y down, z forward, m. NaN is never seen.
+    fn pixel(&self, p_in_camera: [f32; 3]) -> Option<[f32; 2]>;
+}
+
+/// Brown-Conrady.
+#[derive(Clone, Debug)]
+pub struct PinholeLens {
+    focal: [f32; 2],
+    center: [f32; 2],
+    distortion: [f32; 5],
+    max_r2: f32,
+}
+
+/// Kannala-Brandt, `radius(t) / sin(t)` tabulated over `cos(t)`: a smooth function, so that no angle has to be computed.
+#[derive(Clone, Debug)]
+pub struct FisheyeLens {
+    focal: [f32; 2],
+    center: [f32; 2],
+    min_cosine: f32,
+    entries_per_cosine: f32,
+    table: Vec<f32>,
+}
+
+impl From<&CameraModel> for Lens {
+    fn from(model: &CameraModel) -> Self {
+        match model {
+            CameraModel::Pinhole(model) => Lens::Pinhole(model.into()),
+            CameraModel::KannalaBrandt(model) => Lens::Fisheye(model.into()),
+        }
+    }
+}
+
+impl From<&Pinhole> for PinholeLens {
+    fn from(model: &Pinhole) -> Self {
+        Self {
+            focal: [model.fx as f32, model.fy as f32],
+            center: [model.cx as f32, model.cy as f32],
+            distortion: model.distortion.map(|k| k as f32),
+            max_r2: largest_monotone_r2(model) as f32,
+        }
+    }
+}
+
+/// Where the model's distortion turns, by bisection; at most 89.4 degrees from the axis.
+fn largest_monotone_r2(model: &Pinhole) -> f64 {
+    let (mut low, mut high) = (0.0, 1e4);
+    if model.is_monotone_to(high) {
+        return high;
+    }
+    // 60 halvings reach the last bit.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if model.is_monotone_to(middle) { low = middle } else { high = middle }
+    }
+    low
+}
+
+impl Project for PinholeLens {
+    #[inline]
+    fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
+        let inverse = 1.0 / z;
+        let (x, y) = (x * inverse, y * inverse);
+        let r2 = x * x + y * y;
+        if !(z > MIN_DEPTH_M && r2 <= self.max_r2) {
+            return None;
+        }
+        let [k1, k2, p1, p2, k3] = self.distortion;
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let xd = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
+        let yd = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y;
+        Some([self.focal[0] * xd + self.center[0], self.focal[1] * yd + self.center[1]])
+    }
+}
+
+impl From<&KannalaBrandt> for FisheyeLens {
+    fn from(model: &KannalaBrandt) -> Self {
+        let min_cosine = model.max_angle.min(MAX_ANGLE).cos();
+        let step = (1.0 - min_cosine) / (TABLE_LEN - 1) as f64;
+        let [k1, k2, k3, k4] = model.distortion;
+        let entry = |i: usize| {
+            let angle = (min_cosine + i as f64 * step).min(1.0).acos();
+            let t2 = angle * angle;
+            let stretch = 1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)));
+            // On the axis t / sin(t) tends to 1.
+            let slant = if angle > 1e-9 { angle / angle.sin() } else { 1.0 };
+            (slant * stretch) as f32
+        };
+        Self {
+            focal: [model.fx as f32, model.fy as f32],
+            center: [model.cx as f32, model.cy as f32],
+            min_cosine: min_cosine as f32,
+            entries_per_cosine: (1.0 / step) as f32,
+            table: (0..TABLE_LEN).map(entry).collect(),
+        }
+    }
+}
+
+impl Project for FisheyeLens {
+    #[inline]
+    fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
+        let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+        let cosine = z * inverse;
+        // A point in the lens has no direction: its cosine is NaN, which is not above anything.
+        if !(cosine >= self.min_cosine) {
+            return None;
+        }
+        let at = (cosine - self.min_cosine) * self.entries_per_cosine;
+        let i = (at as usize).min(TABLE_LEN - 2);
+        let share = at - i as f32;
+        let scale = inverse * (self.table[i] + share * (self.table[i + 1] - self.table[i]));
+        Some([self.focal[0] * x * scale + self.center[0], self.focal[1] * y * scale + self.center[1]])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::Point3;
+
+    fn compare(model: &CameraModel) -> usize {
+        let lens = Lens::from(model);
+        let mut n_seen = 0;
+        for i in 0..200_u32 {
+            for j in 0..200_u32 {
+                // All directions, some on the axes, at changing distance.
+                let (azimuth, polar) = (f64::from(i) * 0.0314, f64::from(j) * 0.0157);
+                let direction = [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()];
+                let p = direction.map(|v| v * (0.5 + f64::from(j % 50)));
+                let p_in_camera = p.map(|v| v as f32);
+                let fast = match &lens {
+                    Lens::Pinhole(lens) => lens.pixel(p_in_camera),
+                    Lens::Fisheye(lens) => lens.pixel(p_in_camera),
+                };
+                let Some(exact) = model.pixel_from_camera(&Point3::from(p)) else { continue };
+                let fast = fast.expect("what the exact model sees, the fast one sees");
+                let error = (f64::from(fast[0]) - exact.x).hypot(f64::from(fast[1]) - exact.y);
+                assert!(error < 0.02, "{p:?}: {fast:?} instead of {exact}");
+                n_seen += 1;
+            }
+        }
+        n_seen
+    }
+
+    fn pinhole(distortion: [f64; 5]) -> CameraModel {
+        let (width, height, fx, fy, cx, cy) = (1600, 900, 1266.4, 1260.0, 816.3, 491.5);
+        CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion })
+    }
+
+    fn fisheye(max_angle: f64) -> CameraModel {
+        let (width, height, fx, fy, cx, cy) = (2048, 2448, 1236.0, 1240.0, 1020.0, 1230.0);
+        let distortion = [-0.02, 0.004, -0.001, 0.0001];
+        CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle })
+    }
+
+    #[test]
+    fn fast_and_exact_projection_agree() {
+        assert!(compare(&pinhole([0.0; 5])) > 1000);
+        assert!(compare(&pinhole([-0.25, 0.08, 0.001, -0.0007, -0.01])) > 1000);
+        assert!(compare(&fisheye(1.2)) > 1000);
+        assert!(compare(&fisheye(2.0)) > 1000);
+    }
+
+    #[test]
+    fn nothing_is_seen_where_there_is_nothing_to_see() {
+        for lens in [Lens::from(&pinhole([0.0; 5])), Lens::from(&fisheye(1.5))] {
+            for p in [[0.0, 0.0, -2.0], [0.0, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [0.0, 0.0, f32::NAN], [5.0, 0.0, -1.0]] {
+                let pixel = match &lens {
+                    Lens::Pinhole(lens) => lens.pixel(p),
+                    Lens::Fisheye(lens) => lens.pixel(p),
+                };
+                assert_eq!(pixel, None, "{p:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn directions_beyond_the_turn_of_the_distortion_are_not_seen() {
+        let Lens::Pinhole(lens) = Lens::from(&pinhole([-0.3, 0.0, 0.0, 0.0, 0.0])) else { panic!("a pinhole") };
+        assert!((lens.max_r2 - 1.0 / 0.9).abs() < 1e-5);
+        assert!(lens.pixel([1.0, 0.0, 1.0]).is_some());
+        assert_eq!(lens.pixel([1.8, 0.0, 1.0]), None);
+    }
+}

@@ -1,0 +1,137 @@
+//! One stage's process.
+
+use crate::plan::PlannedStage;
+use ipc::{IpcError, LatestPublisher, LatestSubscriber, Node};
+use rustix::process::{Pid, Signal, kill_process_group};
+use stage::assignment::Command as StageCommand;
+use stage::exit;
+use stage::health::Health;
+use std::fs::OpenOptions;
+use std::io::{Read, Seek, SeekFrom};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Instant;
+
+/// Lines of a log that a failure report shows.
+const LAST_WORDS: usize = 20;
+/// Bytes from the end of a log in which these lines are looked for.
+const LAST_BYTES: u64 = 16 << 10;
+
+/// A running stage.
+pub struct StageProcess {
+    /// Its table.
+    pub name: String,
+    child: Child,
+    log: PathBuf,
+    control: LatestPublisher,
+    heartbeat: LatestSubscriber,
+    /// The last heartbeat.
+    pub health: Health,
+    /// When the last heartbeat came, or the process was started.
+    pub last_beat: Instant,
+    /// When `health.progress_mark` last rose.
+    pub last_progress: Instant,
+    /// Set once it has ended.
+    pub status: Option<ExitStatus>,
+}
+
+impl StageProcess {
+    /// Starts the program in a process group of its own, so that a Ctrl-C at the terminal reaches the supervisor alone.
+    pub fn start(stage: &PlannedStage, assignment: &Path, log: PathBuf, node: &Node) -> Result<Self, String> {
+        let failed = |error: String| format!("[{}] {}: {error}", stage.name, stage.program.display());
+        let file =
+            OpenOptions::new().create(true).append(true).open(&log).map_err(|error| failed(error.to_string()))?;
+        let control = LatestPublisher::open(node, &format!("{}.control", stage.name));
+        let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name));
+        let mut command = Command::new(&stage.program);
+        command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
+        if stage.table.threads > 0 {
+            command.env("RAYON_NUM_THREADS", stage.table.threads.to_string());
+        }
+        let stdout = file.try_clone().map_err(|error| failed(error.to_string()))?;
+        let child = command.stdout(stdout).stderr(file).spawn().map_err(|error| failed(error.to_string()))?;
+        let now = Instant::now();
+        Ok(Self {
+            name: stage.name.clone(),
+            child,
+            log,
+            control: control.map_err(|error| failed(error.to_string()))?,
+            heartbeat: heartbeat.map_err(|error| failed(error.to_string()))?,
+            health: Health::default(),
+            last_beat: now,
+            last_progress: now,
+            status: None,
+        })
+    }
+
+    /// Takes in the exit status and the latest heartbeat.
+    pub fn observe(&mut self) -> Result<(), IpcError> {
+        // The status first: a heartbeat sent before the end is then surely seen.
+        if self.status.is_none() {
+            self.status = self.child.try_wait().ok().flatten();
+        }
+        if let Some(health) = self.heartbeat.poll()?.and_then(|bytes| serde_json::from_slice::<Health>(&bytes).ok()) {
+            let now = Instant::now();
+            self.last_beat = now;
+            if health.progress_mark != self.health.progress_mark || health.activity != self.health.activity {
+                self.last_progress = now;
+            }
+            self.health = health;
+        }
+        Ok(())
+    }
+
+    /// Says what is to be done, again and again.
+    pub fn tell(&self, command: StageCommand) -> Result<(), IpcError> {
+        let text = serde_json::to_vec(&command).unwrap_or_default();
+        self.control.publish(&text)
+    }
+
+    /// Signals the stage and whatever it has started.
+    pub fn signal(&self, signal: Signal) {
+        if self.status.is_none()
+            && let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw)
+        {
+            // It may just have ended by itself.
+            let _ = kill_process_group(group, signal);
+        }
+    }
+
+    /// Kills and waits.
+    pub fn kill(&mut self) {
+        self.signal(Signal::KILL);
+        if self.status.is_none() {
+            self.status = self.child.wait().ok();
+        }
+    }
+
+    /// How it ended, in words.
+    pub fn ending(&self) -> String {
+        match self.status {
+            None => "is running".to_owned(),
+            Some(status) => match (status.code(), status.signal()) {
+                (Some(101), _) => "panicked (exit code 101)".to_owned(),
+                (Some(code), _) if code == i32::from(exit::CONFIGURATION) => {
+                    format!("refused its configuration (exit code {code})")
+                }
+                (Some(code), _) => format!("ended with exit code {code}"),
+                (None, Some(signal)) => format!("was killed by signal {signal}"),
+                (None, None) => "ended".to_owned(),
+            },
+        }
+    }
+
+    /// The last lines of its log.
+    pub fn last_words(&self) -> Vec<String> {
+        let mut text = Vec::new();
+        if let Ok(mut file) = std::fs::File::open(&self.log) {
+            let length = file.metadata().map_or(0, |metadata| metadata.len());
+            let _ = file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES)));
+            let _ = file.read_to_end(&mut text);
+        }
+        let text = String::from_utf8_lossy(&text).into_owned();
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(LAST_WORDS)..].iter().map(|line| (*line).to_owned()).collect()
+    }
+}

@@ -1,0 +1,195 @@
+//! Who talks to whom: topics get their producer and consumers, stages their order.
+
+use crate::plan::PlannedStage;
+use ipc::Channel;
+use messages::Tick;
+use stage::Problem;
+use stage::assignment::{PortDescription, TopicChannels, wake_name};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Connects the stages by their topics and puts them in the order of the dataflow. Everything that does not fit is a
+/// problem of the stage's table.
+pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
+    let mut problems = Vec::new();
+    let mut report = |stage: &PlannedStage, text: String| {
+        problems.push((stage.name.clone(), Problem { key: String::new(), span: stage.span.clone(), text }));
+    };
+    let mut producers: BTreeMap<String, (usize, PortDescription)> = BTreeMap::new();
+    for (index, stage) in stages.iter().enumerate() {
+        for port in &stage.description.outputs {
+            if let Some((other, _)) = producers.get(&port.topic) {
+                report(stage, format!("topic {} is already produced by [{}]", port.topic, stages[*other].name));
+            } else {
+                producers.insert(port.topic.clone(), (index, port.clone()));
+            }
+        }
+    }
+    let mut consumers: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for (index, stage) in stages.iter().enumerate() {
+        for port in &stage.description.inputs {
+            match producers.get(&port.topic) {
+                None if port.optional => {}
+                None => report(stage, format!("needs topic {}, which no stage of this file produces", port.topic)),
+                Some((producer, output)) => {
+                    let producer = &stages[*producer].name;
+                    if output.version != port.version {
+                        let versions = format!("expects version {} of topic {}", port.version, port.topic);
+                        report(stage, format!("{versions}, [{producer}] produces version {}", output.version));
+                    } else if output.layout != port.layout {
+                        let layouts = format!("expects layout {:016x} of topic {}", port.layout, port.topic);
+                        report(stage, format!("{layouts}, [{producer}] produces {:016x}", output.layout));
+                    }
+                    consumers.entry(port.topic.clone()).or_default().push(index);
+                }
+            }
+        }
+    }
+    let edges: Vec<(usize, usize)> = consumers
+        .iter()
+        .flat_map(|(topic, indices)| indices.iter().map(|consumer| (producers[topic].0, *consumer)))
+        .collect();
+    let order = match order(stages.len(), &edges) {
+        Ok(order) => order,
+        Err(circle) => {
+            let names: Vec<&str> = circle.iter().map(|index| stages[*index].name.as_str()).collect();
+            report(&stages[circle[0]], format!("is part of a circle: {}", names.join(", ")));
+            return problems;
+        }
+    };
+    let channels: BTreeMap<&String, TopicChannels> = producers
+        .iter()
+        .map(|(topic, (producer, port))| {
+            let consumers = consumers.get(topic).map(Vec::as_slice).unwrap_or_default();
+            (topic, channels(port, &stages[*producer].name, consumers.iter().map(|index| &*stages[*index].name)))
+        })
+        .collect();
+    let of = |ports: &[PortDescription]| ports.iter().filter_map(|p| channels.get(&p.topic).cloned()).collect();
+    let connected: Vec<(Vec<_>, Vec<_>)> =
+        stages.iter().map(|s| (of(&s.description.inputs), of(&s.description.outputs))).collect();
+    for (stage, (inputs, outputs)) in stages.iter_mut().zip(connected) {
+        (stage.inputs, stage.outputs) = (inputs, outputs);
+    }
+    let mut unordered: Vec<Option<PlannedStage>> = std::mem::take(stages).into_iter().map(Some).collect();
+    stages.extend(order.into_iter().filter_map(|index| unordered[index].take()));
+    problems
+}
+
+fn channels<'a>(port: &PortDescription, producer: &str, consumers: impl Iterator<Item = &'a str>) -> TopicChannels {
+    let producer = wake_name(producer);
+    let consumers: Vec<String> = consumers.map(wake_name).collect();
+    TopicChannels {
+        ticks: Channel::of::<Tick>(&format!("{}.tick", port.topic), &producer, &consumers),
+        messages: Channel {
+            name: port.topic.clone(),
+            version: port.version,
+            layout: port.layout,
+            queue: port.queue,
+            borrowed: port.borrowed,
+            producer,
+            consumers,
+        },
+        topic: port.topic.clone(),
+    }
+}
+
+/// Producers before consumers, otherwise as in the file; or, if that cannot be, the members of circles.
+fn order(n: usize, edges: &[(usize, usize)]) -> Result<Vec<usize>, Vec<usize>> {
+    let mut done: Vec<usize> = Vec::new();
+    while done.len() < n {
+        let ready = (0..n).find(|candidate| {
+            !done.contains(candidate) && edges.iter().all(|(from, to)| to != candidate || done.contains(from))
+        });
+        match ready {
+            Some(next) => done.push(next),
+            None => return Err((0..n).filter(|index| !done.contains(index)).collect()),
+        }
+    }
+    Ok(done)
+}
+
+/// The dataflow as a Mermaid diagram.
+pub fn mermaid(stages: &[PlannedStage]) -> String {
+    let mut text = String::from("flowchart LR\n");
+    for producer in stages {
+        for topic in &producer.outputs {
+            for consumer in stages.iter().filter(|s| s.inputs.iter().any(|input| input.topic == topic.topic)) {
+                // Writing to a string cannot fail.
+                let _ = writeln!(text, "    {} -- {} --> {}", producer.name, topic.topic, consumer.name);
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifest::StageTable;
+    use stage::assignment::{CONTRACT_VERSION, Description};
+
+    fn port(topic: &str) -> PortDescription {
+        PortDescription { topic: topic.into(), version: 1, layout: 7, queue: 2, borrowed: 1, optional: false }
+    }
+
+    fn planned(name: &str, inputs: &[PortDescription], outputs: &[PortDescription]) -> PlannedStage {
+        let description = Description {
+            contract: CONTRACT_VERSION,
+            name: name.into(),
+            inputs: inputs.to_vec(),
+            outputs: outputs.to_vec(),
+            settings: vec![],
+        };
+        let table = StageTable::default();
+        PlannedStage {
+            name: name.into(),
+            span: None,
+            program: "".into(),
+            table,
+            description,
+            inputs: vec![],
+            outputs: vec![],
+        }
+    }
+
+    fn texts(stages: &mut Vec<PlannedStage>) -> Vec<String> {
+        connect(stages).into_iter().map(|(stage, problem)| format!("{stage}: {}", problem.text)).collect()
+    }
+
+    #[test]
+    fn stages_come_in_the_order_of_the_dataflow() {
+        let mut stages = vec![
+            planned("sink", &[port("b"), PortDescription { optional: true, ..port("z") }], &[]),
+            planned("middle", &[port("a")], &[port("b")]),
+            planned("source", &[], &[port("a")]),
+        ];
+        assert_eq!(texts(&mut stages), Vec::<String>::new());
+        let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
+        assert_eq!(names, ["source", "middle", "sink"]);
+        assert_eq!(stages[1].inputs[0].messages.producer, "source.wake");
+        assert_eq!(stages[1].outputs[0].ticks.consumers, ["sink.wake"]);
+        assert!(mermaid(&stages).contains("source -- a --> middle"));
+        assert_eq!(stages[2].inputs.len(), 1, "an optional input without a producer has no channels");
+    }
+
+    #[test]
+    fn every_misfit_is_named() {
+        let mut stages = vec![
+            planned("one", &[port("missing")], &[port("a"), port("loop")]),
+            planned("two", &[PortDescription { version: 2, ..port("a") }], &[port("a")]),
+            planned("three", &[PortDescription { layout: 8, ..port("a") }], &[]),
+        ];
+        let texts = texts(&mut stages);
+        assert_eq!(texts.len(), 4, "{texts:?}");
+        assert!(texts[0].starts_with("two: topic a is already produced by [one]"));
+        assert!(texts[1].starts_with("one: needs topic missing"));
+        assert!(texts[2].starts_with("two: expects version 2"));
+        assert!(texts[3].starts_with("three: expects layout"));
+    }
+
+    #[test]
+    fn circles_are_refused() {
+        let mut stages = vec![planned("a", &[port("y")], &[port("x")]), planned("b", &[port("x")], &[port("y")])];
+        assert_eq!(texts(&mut stages), ["a: is part of a circle: a, b"]);
+    }
+}

@@ -1,0 +1,49 @@
+//! The tables of launch.toml that are the supervisor's own.
+
+use stage::{any, at_least, one_of, within};
+
+stage::settings! {
+    /// `[run]`: what the whole run works on and how it is watched.
+    pub struct Run {
+        /// Folder of the drive.
+        pub drive: String = String::new() => any();
+        /// Folder of the results.
+        pub output: String = String::new() => any();
+        /// Lossless and deterministic.
+        pub mode: String = "offline".to_owned() => one_of(&["offline"]);
+        /// Drive time between barriers, s: what a crash may cost to do again.
+        pub barrier_s: f64 = 5.0 => within(0.1, 3600.0);
+        /// Restarts of the whole run from its last barrier before it is given up.
+        pub restarts: u32 = 3 => within(0, 1000);
+        /// Pause before the first restart, s; doubled with each further one, up to 30 s.
+        pub restart_delay_s: f64 = 0.5 => within(0.0, 30.0);
+        /// A stage without a heartbeat for so long hangs, s. Twenty-five beats.
+        pub hang_s: f64 = 5.0 => within(1.0, 3600.0);
+        /// A stage that is in one step for so long stalls, s. A stage's own table may say otherwise.
+        pub stall_s: f64 = 60.0 => within(1.0, 86400.0);
+    }
+}
+
+stage::settings! {
+    /// `[simulate]`: the drive that is made if the one of `[run]` is not there.
+    pub struct Simulate {
+        /// Kind of town.
+        pub town: String = "urban".to_owned() => any();
+        /// Another seed, another town.
+        pub seed: u64 = 1 => any();
+        /// Length of the drive, s.
+        pub seconds: f64 = 12.0 => at_least(0.1);
+    }
+}
+
+stage::settings! {
+    /// Keys of a stage's table that are for the supervisor.
+    pub struct StageTable {
+        /// The stage's program; default `replica-<table>` beside replica-launch.
+        pub program: String = String::new() => any();
+        /// In one step for so long it stalls, s; 0 = as `[run]` says.
+        pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
+        /// Threads of its parallel loops; 0 = as many as cores.
+        pub threads: usize = 0 => within(0, 1024);
+    }
+}

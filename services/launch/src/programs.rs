@@ -1,0 +1,80 @@
+//! The stages' binaries: where they are and what they say.
+
+use crate::manifest::Simulate;
+use serde::de::DeserializeOwned;
+use stage::assignment::Description;
+use stage::{CheckRequest, Problem, nearest_key};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Folder in which this program lies: the stages' default place.
+pub fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().unwrap_or_default();
+    own.parent().unwrap_or(Path::new(".")).to_owned()
+}
+
+/// The binary of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
+pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, String> {
+    if !program.is_empty() {
+        let path = launch_folder.join(program);
+        return if path.is_file() { Ok(path) } else { Err(format!("program {} is not there", path.display())) };
+    }
+    let path = own_folder().join(format!("replica-{table}"));
+    if path.is_file() {
+        return Ok(path);
+    }
+    let known = known_stages();
+    let hint = nearest_key(table, known.iter().map(String::as_str)).replace("unknown key", "no such stage");
+    Err(format!("{hint} (there is no {} and no `program` is given)", path.display()))
+}
+
+/// Names of the binaries beside this one that are stages.
+fn known_stages() -> Vec<String> {
+    let entries = std::fs::read_dir(own_folder()).into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.file_name().to_string_lossy().strip_prefix("replica-").map(str::to_owned))
+        .filter(|name| name != "launch" && !name.contains('.'))
+        .collect();
+    names.sort();
+    names
+}
+
+/// Asks a program what it is.
+pub fn describe(program: &Path) -> Result<Description, String> {
+    ask(program, &["--describe"])
+}
+
+/// Asks a program what is wrong with its table.
+pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, String> {
+    let request = serde_json::to_string(request).map_err(|error| error.to_string())?;
+    ask(program, &["--check", &request])
+}
+
+fn ask<T: DeserializeOwned>(program: &Path, arguments: &[&str]) -> Result<T, String> {
+    let name = program.display();
+    let output = Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| format!("{name} cannot be started: {error}"))?;
+    if !output.status.success() {
+        let words = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{name} {}: {}: {}", arguments[0], output.status, words.trim()));
+    }
+    serde_json::from_slice(&output.stdout)
+        .map_err(|error| format!("{name} {}: the answer is none of a stage of this version: {error}", arguments[0]))
+}
+
+/// Makes the drive with the `replica` that lies beside this program.
+pub fn simulate(simulate: &Simulate, drive: &Path) -> Result<(), String> {
+    let program = own_folder().join("replica");
+    let status = Command::new(&program)
+        .args(["simulate", "--town", &simulate.town])
+        .args(["--seed", &simulate.seed.to_string(), "--seconds", &simulate.seconds.to_string()])
+        .arg("--out")
+        .arg(drive)
+        .stdin(Stdio::null())
+        .status()
+        .map_err(|error| format!("{} cannot be started: {error}", program.display()))?;
+    if status.success() { Ok(()) } else { Err(format!("{} simulate: {status}", program.display())) }
+}

@@ -1,0 +1,131 @@
+//! `<output>/run/`: what a run keeps about itself.
+//!
+//! | file | content |
+//! |---|---|
+//! | `lock` | held by the supervisor of the run |
+//! | `launch.toml`, `settings.json` | what was asked for, what it came to |
+//! | `<stage>.json` | what the stage was told |
+//! | `logs/<stage>.log` | what it said |
+//! | `states/<barrier>/<stage>.state` | what it needs to go on from there |
+
+use crate::plan::{Plan, PlannedStage};
+use ipc::Domain;
+use messages::pod::{FINGERPRINT_START, fingerprint};
+use rustix::fs::{FlockOperation, flock};
+use stage::assignment::Assignment;
+use std::fs::File;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+/// The folder, locked for this supervisor alone.
+pub struct RunFolder {
+    folder: PathBuf,
+    output: PathBuf,
+    _lock: File,
+}
+
+impl RunFolder {
+    /// Creates and locks the folder under `output`.
+    pub fn lock(output: &Path) -> Result<Self, String> {
+        let folder = output.join("run");
+        let logs = folder.join("logs");
+        std::fs::create_dir_all(&logs).map_err(|error| format!("{}: {error}", logs.display()))?;
+        let path = folder.join("lock");
+        let lock = File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive)
+            .map_err(|_| format!("{}: another run is writing here", output.display()))?;
+        // One folder has one name from here on, however it was given.
+        let output = output.canonicalize().map_err(|error| format!("{}: {error}", output.display()))?;
+        Ok(Self { folder, output, _lock: lock })
+    }
+
+    /// The run's own world in shared memory. The same output has the same, so the next run finds what a dead one left.
+    pub fn domain(&self) -> Result<Domain, String> {
+        let digest = fingerprint(FINGERPRINT_START, self.output.as_os_str().as_bytes());
+        Domain::new(&format!("{digest:016x}")).map_err(|error| error.to_string())
+    }
+
+    /// Forgets the states of an earlier run.
+    pub fn begin(&self, plan: &Plan) -> Result<(), String> {
+        let states = self.states();
+        if states.exists() {
+            std::fs::remove_dir_all(&states).map_err(|error| format!("{}: {error}", states.display()))?;
+        }
+        self.write("launch.toml", &std::fs::read(&plan.launch_file).unwrap_or_default())?;
+        let settings = serde_json::json!({
+            "launch_file": plan.launch_file,
+            "overrides": plan.overrides,
+            "run": plan.run,
+            "context": plan.context,
+            "stages": plan.stages.iter().map(|s| serde_json::json!({
+                "name": s.name, "program": s.program, "settings": s.description.settings,
+            })).collect::<Vec<_>>(),
+        });
+        self.write("settings.json", settings.to_string().as_bytes())
+    }
+
+    fn states(&self) -> PathBuf {
+        self.folder.join("states")
+    }
+
+    /// The stage's log. Every attempt appends to it.
+    pub fn log(&self, stage: &str) -> PathBuf {
+        self.folder.join("logs").join(format!("{stage}.log"))
+    }
+
+    /// Writes what the stage is told; returns the file.
+    pub fn assign(
+        &self,
+        plan: &Plan,
+        stage: &PlannedStage,
+        domain: &Domain,
+        resume: Option<u64>,
+    ) -> Result<PathBuf, String> {
+        let assignment = Assignment {
+            stage: stage.name.clone(),
+            domain: domain.name().to_owned(),
+            supervisor: std::process::id(),
+            context: plan.context.clone(),
+            launch_file: plan.launch_file.clone(),
+            overrides: plan.overrides.clone(),
+            inputs: stage.inputs.clone(),
+            outputs: stage.outputs.clone(),
+            barrier_s: plan.run.barrier_s,
+            states: self.states(),
+            resume,
+        };
+        let text = serde_json::to_vec_pretty(&assignment).map_err(|error| error.to_string())?;
+        let name = format!("{}.json", stage.name);
+        self.write(&name, &text)?;
+        Ok(self.folder.join(name))
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), String> {
+        let path = self.folder.join(name);
+        std::fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))
+    }
+
+    /// The last barrier of which every stage has its state on disk.
+    pub fn last_complete_barrier(&self, stages: &[PlannedStage]) -> Option<u64> {
+        let mut barriers = self.barriers();
+        barriers.sort_unstable();
+        let complete = |barrier: &u64| {
+            let folder = self.states().join(barrier.to_string());
+            stages.iter().all(|stage| folder.join(format!("{}.state", stage.name)).is_file())
+        };
+        barriers.into_iter().rev().find(complete)
+    }
+
+    /// Removes states that are not needed any more since `barrier` is complete.
+    pub fn forget_before(&self, barrier: u64) {
+        for old in self.barriers().into_iter().filter(|old| *old < barrier) {
+            // What cannot be removed now is removed with the next barrier or the next run.
+            let _ = std::fs::remove_dir_all(self.states().join(old.to_string()));
+        }
+    }
+
+    fn barriers(&self) -> Vec<u64> {
+        let entries = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
+        entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
+    }
+}
