@@ -59,8 +59,8 @@ pub fn choose(
     let stamps: Vec<i64> = points.iter().map(|point| stamp(point, sweeps).unwrap_or(NO_STAMP)).collect();
     let known = || stamps.iter().filter(|stamp| **stamp != NO_STAMP);
     choices.clear();
-    // The limit itself is allowed, so nothing that is chosen has one more.
-    let unseen = Choice { view: Choice::NONE, pixel: [0.0; 2], gap_nanos: max_age_nanos.saturating_add(1) };
+    // Every view has a smaller index than none, so one exactly at the limit is still better than none.
+    let unseen = Choice { view: Choice::NONE, pixel: [0.0; 2], gap_nanos: max_age_nanos };
     choices.resize(points.len(), unseen);
     let (Some(first), Some(last)) = (known().min(), known().max()) else { return };
 

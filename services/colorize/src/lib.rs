@@ -1,1 +1,37 @@
-//! Under construction.
+//! Camera images and spectral cubes onto the points of a submap (thesis 2.5.1, 4.3.2).
+//!
+//! Every point gets its color from the exposure nearest in time to its own shot, among those whose camera has it in
+//! view, at most `max_age_s` away; its spectrum likewise, from each mosaic camera. The body's pose at an exposure is
+//! interpolated from the trajectory, to the nanosecond of the exposure's middle. There is no occlusion test yet: a point
+//! behind a wall gets the wall's color.
+//!
+//! # When a submap is colored
+//! Exposures up to `max_age_s` after a submap's last shot may matter to its points. So a submap is held until the
+//! trajectory has passed `stamp_end + max_age_s`, or until the next submap comes, or until the stream ends, whichever is first
+//! in the order of ticks. Thus one submap at most is held between ticks, and the last tick, in which the held one and the
+//! last one are due, publishes two columns: what a topic of columns may carry in one tick. The next submap comes before its
+//! predecessor's time only where submaps are shorter than `max_age_s` (20 m at more than 72 km/h): then late exposures
+//! are missed, and `submaps_colored_early` counts it.
+//!
+//! # What is held
+//! Images and cubes stay where they are, in shared memory, from the time they come until no held or future submap can need
+//! them; the topic's `BORROWED` bounds their number (`exposures_released_early` counts those beyond).
+
+pub mod choose;
+pub mod color;
+mod colorize;
+pub mod lens;
+mod saved;
+pub mod spectra;
+pub mod views;
+mod window;
+
+pub use colorize::Colorize;
+
+stage::settings! {
+    /// Settings of colorize.
+    pub struct Settings {
+        /// Largest time between a point's shot and the exposure that it takes its color from, s. Also how long a submap waits for exposures after its end.
+        pub max_age_s: f64 = 1.0 => stage::within(0.01, 10.0);
+    }
+}

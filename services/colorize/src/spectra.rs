@@ -63,11 +63,14 @@ impl<'a> CubePicture<'a> {
     }
 
     fn mask(&self, cell: u32) -> u32 {
-        self.view.masks()[cell as usize] & self.header.valid_bands
+        // Bits above the cube's bands would fall on another camera's.
+        let in_use = (1_u64 << self.header.n_bands) - 1;
+        self.view.masks()[cell as usize] & self.header.valid_bands & in_use as u32
     }
 }
 
 /// What one mosaic camera has seen.
+#[derive(Default)]
 pub struct CameraCubes<'a> {
     /// Its exposures.
     pub views: Vec<View<'a>>,

@@ -25,7 +25,7 @@ pub fn plan(path: &Path, overrides: &[String]) -> Result<Plan, Vec<String>> {
     })?;
     let mut faults = Faults { file: &file, problems: Vec::new() };
     let run: Run = faults.table("run", |_| true);
-    let has_simulate = file.tables().any(|(name, _)| name == "simulate");
+    let has_simulate = file.tables().iter().any(|(name, _)| name == "simulate");
     let simulate: Simulate = faults.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
     let drive = faults.path("drive", &run.drive, &folder);
@@ -129,14 +129,11 @@ impl Faults<'_> {
     }
 
     fn stages(&mut self, folder: &Path) -> Vec<PlannedStage> {
-        let tables: Vec<(String, _)> = self
-            .file
-            .tables()
-            .filter(|(name, _)| !OWN_TABLES.contains(name))
-            .map(|(name, span)| (name.to_owned(), span))
-            .collect();
         let mut stages = Vec::new();
-        for (name, span) in tables {
+        for (name, span) in self.file.tables() {
+            if OWN_TABLES.contains(&name.as_str()) {
+                continue;
+            }
             let table: StageTable = self.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
             let described = programs::find(&name, &table.program, folder)
                 .and_then(|program| programs::describe(&program).map(|description| (program, description)));

@@ -24,6 +24,8 @@ pub struct StageProcess {
     pub name: String,
     child: Child,
     log: PathBuf,
+    /// Length of the log when this process was started: what comes before are others' words.
+    log_start: u64,
     control: LatestPublisher,
     heartbeat: LatestSubscriber,
     /// The last heartbeat.
@@ -49,12 +51,14 @@ impl StageProcess {
         if stage.table.threads > 0 {
             command.env("RAYON_NUM_THREADS", stage.table.threads.to_string());
         }
+        let log_start = file.metadata().map_or(0, |metadata| metadata.len());
         let stdout = file.try_clone().map_err(|error| failed(error.to_string()))?;
         let child = command.stdout(stdout).stderr(file).spawn().map_err(|error| failed(error.to_string()))?;
         let now = Instant::now();
         Ok(Self {
             name: stage.name.clone(),
             child,
+            log_start,
             log,
             control: control.map_err(|error| failed(error.to_string()))?,
             heartbeat: heartbeat.map_err(|error| failed(error.to_string()))?,
@@ -127,7 +131,7 @@ impl StageProcess {
         let mut text = Vec::new();
         if let Ok(mut file) = std::fs::File::open(&self.log) {
             let length = file.metadata().map_or(0, |metadata| metadata.len());
-            let _ = file.seek(SeekFrom::Start(length.saturating_sub(LAST_BYTES)));
+            let _ = file.seek(SeekFrom::Start(self.log_start.max(length.saturating_sub(LAST_BYTES))));
             let _ = file.read_to_end(&mut text);
         }
         let text = String::from_utf8_lossy(&text).into_owned();

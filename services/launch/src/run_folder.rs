@@ -28,8 +28,7 @@ impl RunFolder {
     /// Creates and locks the folder under `output`.
     pub fn lock(output: &Path) -> Result<Self, String> {
         let folder = output.join("run");
-        let logs = folder.join("logs");
-        std::fs::create_dir_all(&logs).map_err(|error| format!("{}: {error}", logs.display()))?;
+        std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         let path = folder.join("lock");
         let lock = File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         flock(&lock, FlockOperation::NonBlockingLockExclusive)
@@ -45,12 +44,15 @@ impl RunFolder {
         Domain::new(&format!("{digest:016x}")).map_err(|error| error.to_string())
     }
 
-    /// Forgets the states of an earlier run.
+    /// Forgets the states and logs of an earlier run.
     pub fn begin(&self, plan: &Plan) -> Result<(), String> {
-        let states = self.states();
-        if states.exists() {
-            std::fs::remove_dir_all(&states).map_err(|error| format!("{}: {error}", states.display()))?;
+        let logs = self.folder.join("logs");
+        for folder in [&self.states(), &logs] {
+            if folder.exists() {
+                std::fs::remove_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+            }
         }
+        std::fs::create_dir(&logs).map_err(|error| format!("{}: {error}", logs.display()))?;
         self.write("launch.toml", &std::fs::read(&plan.launch_file).unwrap_or_default())?;
         let settings = serde_json::json!({
             "launch_file": plan.launch_file,

@@ -56,8 +56,6 @@ struct Supervisor {
     earlier_cpu_s: BTreeMap<String, f64>,
     health: BTreeMap<String, Health>,
     begun: Instant,
-    first_drive_time: Option<i64>,
-    last_drive_time: Option<i64>,
     restarts: u32,
     peak_shared_memory: u64,
 }
@@ -85,8 +83,6 @@ impl Supervisor {
             earlier_cpu_s: BTreeMap::new(),
             health: BTreeMap::new(),
             begun: Instant::now(),
-            first_drive_time: None,
-            last_drive_time: None,
             restarts: 0,
             peak_shared_memory: 0,
         })
@@ -167,7 +163,6 @@ impl Supervisor {
             for process in processes.iter_mut() {
                 process.observe().map_err(|error| error.to_string())?;
             }
-            self.note_drive_time(processes);
             self.peak_shared_memory = self.peak_shared_memory.max(self.domain.used_bytes());
             self.screen.show(processes);
             if let Some(fault) = first_fault(processes, &self.plan.stages, &self.plan.run) {
@@ -212,12 +207,6 @@ impl Supervisor {
         }
     }
 
-    fn note_drive_time(&mut self, processes: &[StageProcess]) {
-        let time_of = |process: Option<&StageProcess>| process.and_then(|process| process.health.drive_time);
-        self.first_drive_time = self.first_drive_time.or(time_of(processes.first()));
-        self.last_drive_time = self.last_drive_time.max(time_of(processes.last()));
-    }
-
     fn report(&mut self, fault: &Fault, last_words: &[String]) {
         self.screen.say(&format!("[{}] {}", fault.stage, fault.text));
         for line in last_words {
@@ -244,6 +233,7 @@ impl Supervisor {
 
     fn finish(mut self, outcome: &'static str) -> Result<u8, String> {
         let wall_s = self.begun.elapsed().as_secs_f64();
+        let sink = self.plan.stages.last().and_then(|sink| self.health.get(&sink.name)).cloned();
         let stages: Vec<StageSummary> = self
             .plan
             .stages
@@ -255,7 +245,8 @@ impl Supervisor {
                 StageSummary::new(&stage.name, &stage.program, health, cpu_s, faults, wall_s)
             })
             .collect();
-        let total = self.total(&stages, wall_s);
+        let drive_s = sink.and_then(|h| Some((h.drive_time? - h.drive_begin?) as f64 * 1e-9)).unwrap_or_default();
+        let total = self.total(&stages, drive_s, wall_s);
         let incomplete = outcome == "drained";
         let faults = self.faults.iter().map(|fault| format!("[{}] {}", fault.stage, fault.text)).collect();
         let summary = Summary { outcome, faults, total, stages };
@@ -277,13 +268,9 @@ impl Supervisor {
         })
     }
 
-    fn total(&self, stages: &[StageSummary], wall_s: f64) -> Total {
+    fn total(&self, stages: &[StageSummary], drive_s: f64, wall_s: f64) -> Total {
         // The plan is in the order of the dataflow: the sink comes last.
         let Some(sink) = stages.last() else { return Total::default() };
-        let drive_s = match (self.first_drive_time, self.last_drive_time) {
-            (Some(first), Some(last)) => (last - first) as f64 * 1e-9,
-            _ => 0.0,
-        };
         Total {
             drive_s,
             wall_s,

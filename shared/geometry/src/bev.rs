@@ -23,7 +23,7 @@ impl BevGrid {
         let (x0, y0) = (first(min[0]), first(min[1]));
         let (rows, cols) = (first(max[0]) - x0 + 1.0, first(max[1]) - y0 + 1.0);
         let fits = rows >= 1.0 && cols >= 1.0 && rows * cols <= max_cells as f64;
-        fits.then(|| Self { x0: x0 * cell_m, y0: y0 * cell_m, cell_m, rows: rows as usize, cols: cols as usize })
+        fits.then_some(Self { x0: x0 * cell_m, y0: y0 * cell_m, cell_m, rows: rows as usize, cols: cols as usize })
     }
     /// As [`BevGrid::covering`], with cells twice, four times … as large if they would be too many. `None` if the bounds
     /// are no numbers or empty, or if even cells of 1024 times `cell_m` are too many.

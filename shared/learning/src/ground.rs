@@ -65,7 +65,9 @@ impl GroundQuasiFlat {
     ) -> Result<(), LearningError> {
         let [below_m, above_m] = self.parameters.tolerance_m.map(f64::from);
         let device = Device::Cpu;
-        let z = Tensor::from_vec(points.iter().map(|point| point.z).collect(), points.len(), &device)?;
+        // A relu turns NaN, also that of infinity minus infinity, into 0: right on the terrain.
+        let finite = |z: f32| if z.is_finite() { z } else { 0.0 };
+        let z = Tensor::from_iter(points.iter().map(|point| finite(point.z)), &device)?;
         let cells = Tensor::from_slice(cells, cells.len(), &device)?;
         let height = (z - terrain.index_select(&cells, 0)?)?;
         // Heights in units of the tolerance of their side.

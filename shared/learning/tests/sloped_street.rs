@@ -3,7 +3,7 @@
 mod support;
 
 use learning::ground::Parameters;
-use messages::ClassId;
+use messages::{ClassId, ClassRow};
 use support::{Confusion, LabelledCloud, Random, classes_of, model_of, shipped_model};
 
 const LENGTH_M: f32 = 40.0;
@@ -118,6 +118,13 @@ fn clouds_without_a_street_do_not_fail() {
     }
     // One point is no zone.
     assert!(classes_of(model.as_ref(), &cloud.points).iter().all(|row| row.class_id == ClassId::Unlabeled as u8));
+    // Beside a street they are not on it either.
+    let n_odd = 3;
+    cloud.points.truncate(n_odd);
+    cloud.points.extend(street(6).points);
+    let classes = classes_of(model.as_ref(), &cloud.points);
+    assert!(classes[..n_odd].iter().all(|row| *row == ClassRow::default()));
+    assert!(classes[n_odd..].iter().any(|row| row.class_id == ClassId::Ground as u8));
 }
 
 #[test]

@@ -12,11 +12,13 @@ use std::time::Instant;
 use support::world::{Drive, body_from_lidar};
 
 fn main() {
-    let drive = Drive { speed: 10.0, noise_m: 0.02, bare: false };
+    let drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
     let n_sweeps = std::env::var("SWEEPS").map_or(40, |n| n.parse().unwrap());
     let (sweeps, begin) = match std::env::args().nth(1) {
         Some(folder) => (read_folder(Path::new(&folder)), Isometry3::identity()),
-        None => ((0..n_sweeps).map(|number| drive.sweep(number)).collect(), drive.world_from_body(0.0) * body_from_lidar()),
+        None => {
+            ((0..n_sweeps).map(|number| drive.sweep(number)).collect(), drive.world_from_body(0.0) * body_from_lidar())
+        }
     };
     let mut odometry = Odometry::new(OdometrySettings::default(), begin);
     let mut ms = Vec::new();
@@ -44,8 +46,14 @@ fn main() {
     let mut sorted = ms.clone();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len();
-    println!("{n} sweeps of {} points: median {:.1} ms, p95 {:.1} ms, max {:.1} ms; map {} points",
-        sweeps[0].points().len(), sorted[n / 2], sorted[n * 95 / 100], sorted[n - 1], odometry.map().points().len());
+    println!(
+        "{n} sweeps of {} points: median {:.1} ms, p95 {:.1} ms, max {:.1} ms; map {} points",
+        sweeps[0].points().len(),
+        sorted[n / 2],
+        sorted[n * 95 / 100],
+        sorted[n - 1],
+        odometry.map().points().len()
+    );
 }
 
 fn report_error(drive: &Drive, registered: &[Registered]) {
@@ -66,9 +74,12 @@ fn report_error(drive: &Drive, registered: &[Registered]) {
             let relative = |a: &geometry::Pose, b: &geometry::Pose| (a.inverse() * b).translation.vector;
             let (moved, true_moved) =
                 (relative(&sweep.begin(), &sweep.end()), relative(&drive.world_from_lidar(seconds(0)), &truth));
-            println!("off {off:.4} m, mid {:.4}, {:.5} rad, skew {:.4} m",
+            println!(
+                "off {off:.4} m, mid {:.4}, {:.5} rad, skew {:.4} m",
                 (mid.translation.vector - sweep.motion.mid.translation.vector).norm(),
-                mid.rotation.angle_to(&sweep.motion.mid.rotation), (moved - true_moved).norm());
+                mid.rotation.angle_to(&sweep.motion.mid.rotation),
+                (moved - true_moved).norm()
+            );
         }
     }
     let rms = (squares / registered.len() as f64).sqrt();

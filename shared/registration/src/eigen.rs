@@ -38,7 +38,9 @@ mod tests {
 
     #[test]
     fn a_turned_diagonal_gives_its_values_and_axis() {
-        for (i, axis) in [Vector3::new(0.3, -0.2, 0.9), Vector3::new(1.5, 0.1, 0.0), Vector3::zeros()].iter().enumerate() {
+        for (i, axis) in
+            [Vector3::new(0.3, -0.2, 0.9), Vector3::new(1.5, 0.1, 0.0), Vector3::zeros()].iter().enumerate()
+        {
             let r = UnitQuaternion::from_scaled_axis(*axis).to_rotation_matrix();
             let diagonal = Vector3::new(0.5, 0.02 + i as f64, 0.0004);
             let m = r.matrix() * Matrix3::from_diagonal(&diagonal) * r.matrix().transpose();

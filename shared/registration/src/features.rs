@@ -1,7 +1,7 @@
 //! Planar points of a sweep with their normals.
 
 use crate::eigen::smallest_eigenvector;
-use crate::voxel::{VoxelIndex, VoxelSet};
+use crate::voxel::thinned;
 use crate::{RangeImage, Sweep, TimedPoint};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -40,8 +40,7 @@ impl Default for FeatureSettings {
     /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. At 80 m the rings of an HDL-32E are 1.9 m
     /// apart. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's.
     fn default() -> Self {
-        let e = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
-        Self { column_step: e("CS",3.) as usize, min_range_m: 1.5, max_range_m: 80.0, min_planarity: e("MP",0.15) as f32, spacing_m: e("FS",0.2) }
+        Self { column_step: 3, min_range_m: 1.5, max_range_m: 80.0, min_planarity: 0.15, spacing_m: 0.2 }
     }
 }
 
@@ -64,10 +63,13 @@ pub fn planar_features(sweep: &Sweep, settings: &FeatureSettings) -> Vec<Feature
         .into_par_iter()
         .map(|row| (0..image.cols()).step_by(step).filter_map(|col| feature_at(sweep, row, col, settings)).collect())
         .collect();
-    let mut taken = VoxelSet::for_at_most(by_row.iter().map(Vec::len).sum());
-    let per_m = 1.0 / settings.spacing_m;
-    let new = |feature: &Feature| taken.insert(VoxelIndex::containing(feature.position.map(f64::from), per_m));
-    by_row.into_iter().flatten().filter(new).collect()
+    thinned_features(&by_row.concat(), settings.spacing_m)
+}
+
+/// The first feature of each cube, in order.
+pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feature> {
+    let kept = thinned(features.iter().map(|feature| feature.position), spacing_m);
+    kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
 fn feature_at(sweep: &Sweep, row: usize, col: usize, settings: &FeatureSettings) -> Option<Feature> {
@@ -154,7 +156,8 @@ mod tests {
             for ring in 0..32_u8 {
                 let azimuth = column as f32 * 0.166_f32.to_radians();
                 let elevation = (-30.67 + f32::from(ring) * 1.333_f32).to_radians();
-                let ray = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
+                let ray =
+                    Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
                 let floor = if ray.z < 0.0 { -1.8 / ray.z } else { f32::MAX };
                 let wall = if ray.x > 0.0 { 12.0 / ray.x } else { f32::MAX };
                 let noise = ((column * 7919 + u32::from(ring) * 104_729) % 1000) as f32 / 1000.0 - 0.5;

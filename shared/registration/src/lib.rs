@@ -27,6 +27,7 @@ pub use features::{Feature, FeatureSettings, planar_features};
 pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion};
-pub use odometry::{Odometry, OdometrySettings, Registered, RegistrationError};
+pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use range_image::RangeImage;
 pub use sweep::{Sweep, TimedPoint};
+pub use voxel::thinned;

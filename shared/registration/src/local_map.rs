@@ -30,15 +30,14 @@ impl Default for MapSettings {
     /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10 m/s,
     /// as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
     fn default() -> Self {
-        let e = |n: &str, d: f64| std::env::var(n).map_or(d, |v| v.parse().unwrap());
-        Self { spacing_m: e("FS",0.2), batches: e("NB",60.) as u32, max_points: 80_000 }
+        Self { spacing_m: 0.2, batches: 60, max_points: 80_000 }
     }
 }
 
 /// Side of a search cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the
 /// default spacing.
 const CELL_M: f64 = 1.0;
-/// Largest radius of [`LocalMap::nearest`], m.
+/// Largest radius of [`LocalMap::surface`], m.
 pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
 
 /// Points with normals, thinned, found by place. Points stay in the order of their insertion; the index over them is
@@ -199,20 +198,29 @@ mod tests {
     }
 
     #[test]
-    fn nearest_agrees_with_looking_at_every_point() {
+    fn the_surface_is_that_of_a_sum_over_every_point() {
         let map = LocalMap::from_points(scattered(5000));
         let up = Vector3::z();
         let mut found = 0;
         for query in scattered(5700).iter().skip(5000) {
-            let distance = |p: &MapPoint| (Vector3::from(p.position) - Vector3::from(query.position)).norm();
-            let by_force = map.points().iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("not empty");
-            let nearest = map.nearest(query.position, &up, 0.5);
-            assert_eq!(nearest, (distance(by_force) < 0.5).then_some(by_force));
-            found += usize::from(nearest.is_some());
+            let (mut weights, mut heights) = (0.0, 0.0);
+            for p in map.points() {
+                let offset = Vector3::from(query.position) - Vector3::from(p.position);
+                let weight = (1.0 - (offset.norm() / 0.5).powi(2)).max(0.0).powi(2);
+                weights += weight;
+                heights += weight * offset.z;
+            }
+            let surface = map.surface(query.position, &up, 0.5);
+            assert_eq!(surface.is_some(), weights > 1e-6);
+            if let Some(surface) = surface {
+                assert!((surface.distance_m - heights / weights).abs() < 1e-9);
+                assert_eq!(surface.normal, Vector3::z());
+                found += 1;
+            }
         }
         assert!(found > 400 && found < 700, "both outcomes must occur: {found} of 700");
-        assert_eq!(map.nearest([0.0; 3], &Vector3::x(), 0.5), None, "normals disagree everywhere");
-        assert_eq!(LocalMap::default().nearest([0.0; 3], &up, 0.5), None);
+        assert_eq!(map.surface([0.0; 3], &Vector3::x(), 0.5), None, "normals disagree everywhere");
+        assert_eq!(LocalMap::default().surface([0.0; 3], &up, 0.5), None);
     }
 
     #[test]

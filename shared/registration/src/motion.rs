@@ -75,18 +75,11 @@ impl Velocity {
         let half_way = from.rotation * half_turn;
         let mut rotation = half_way * half_turn;
         rotation.renormalize();
-        Isometry3::from_parts(
-            Translation3::from(from.translation.vector + half_way * self.linear * seconds),
-            rotation,
-        )
+        Isometry3::from_parts(Translation3::from(from.translation.vector + half_way * self.linear * seconds), rotation)
     }
     /// The motion of a sweep of `duration_s` with this velocity at its middle.
     pub fn motion_at(&self, mid: Pose, duration_s: f64) -> SweepMotion {
-        SweepMotion {
-            mid,
-            translation: mid.rotation * self.linear * duration_s,
-            rotation: self.angular * duration_s,
-        }
+        SweepMotion { mid, translation: mid.rotation * self.linear * duration_s, rotation: self.angular * duration_s }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Sweep after sweep onto the local map.
 
+use crate::features::thinned_features;
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
 use crate::start::find_start;
-use crate::voxel::{VoxelIndex, VoxelSet};
 use crate::{
     Feature, FeatureSettings, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sweep, SweepMotion,
     planar_features,
@@ -104,13 +104,13 @@ struct Last {
     velocity: Velocity,
 }
 
-/// Everything that the next sweep depends on, see [`Odometry::save`].
+/// Everything that the next sweep depends on, see [`Odometry::save`]. Numbers keep their bits in any format that does.
 ///
 /// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
 /// (at most two lists of one feature per range image cell and column step, 32 bytes each): 3.2 MB with the defaults, as
 /// a street fills them about 2 MB.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct State {
+pub struct OdometryState {
     begin: Pose,
     held: Option<HeldSweep>,
     last: Option<Last>,
@@ -126,7 +126,7 @@ struct State {
 pub struct Odometry {
     settings: OdometrySettings,
     /// `map_points` lives in `map` while running.
-    state: State,
+    state: OdometryState,
     map: LocalMap,
 }
 
@@ -134,7 +134,7 @@ impl Odometry {
     /// `odom_from_lidar` is the pose at the very first shot. Its frame decides what odom is: with `body_from_lidar`,
     /// odom is the body frame at that moment. The x axis of odom must point forward; the start is searched along it.
     pub fn new(settings: OdometrySettings, odom_from_lidar: Pose) -> Self {
-        let state = State {
+        let state = OdometryState {
             begin: odom_from_lidar,
             held: None,
             last: None,
@@ -179,16 +179,15 @@ impl Odometry {
         &self.map
     }
 
-    /// Everything that the next sweep depends on; numbers keep their bits in any format that keeps floats.
-    pub fn save(&self) -> impl Serialize + use<> {
-        State { map_points: self.map.points().to_vec(), ..self.state.clone() }
+    /// Everything that the next sweep depends on.
+    pub fn save(&self) -> OdometryState {
+        OdometryState { map_points: self.map.points().to_vec(), ..self.state.clone() }
     }
 
-    /// The odometry that [`Odometry::save`] wrote. The settings must be those of then.
-    pub fn load<'de, D: serde::Deserializer<'de>>(settings: OdometrySettings, saved: D) -> Result<Self, D::Error> {
-        let mut state = State::deserialize(saved)?;
+    /// The odometry that [`Odometry::save`] wrote.
+    pub fn load(settings: OdometrySettings, mut state: OdometryState) -> Self {
         let map = LocalMap::from_points(std::mem::take(&mut state.map_points));
-        Ok(Self { settings, state, map })
+        Self { settings, state, map }
     }
 
     fn hold(&self, sweep: &Sweep) -> HeldSweep {
@@ -242,13 +241,7 @@ impl Odometry {
     }
 
     /// Books the sweep's motion, and grows the map by it if it was matched.
-    fn arrive(
-        &mut self,
-        sweep: &HeldSweep,
-        motion: SweepMotion,
-        matched: Option<Matched>,
-        seconds: f64,
-    ) -> Registered {
+    fn arrive(&mut self, sweep: &HeldSweep, motion: SweepMotion, matched: Option<Matched>, seconds: f64) -> Registered {
         let velocity = match (&self.state.last, &matched) {
             (Some(last), None) => last.velocity,
             (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
@@ -312,10 +305,7 @@ pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32)
 }
 
 fn evenly_chosen(features: &[Feature], settings: &MatchSettings) -> Vec<Feature> {
-    let mut taken = VoxelSet::for_at_most(features.len());
-    let per_m = 1.0 / settings.spacing_m;
-    let new = |feature: &&Feature| taken.insert(VoxelIndex::containing(feature.position.map(f64::from), per_m));
-    let thinned: Vec<Feature> = features.iter().filter(new).copied().collect();
+    let thinned = thinned_features(features, settings.spacing_m);
     let step = thinned.len().div_ceil(settings.max_features.max(1)).max(1);
     thinned.into_iter().step_by(step).collect()
 }

@@ -124,7 +124,8 @@ mod tests {
             for ring in 0..8_u8 {
                 let azimuth = column as f32 * 0.166_f32.to_radians();
                 let elevation = (f32::from(ring) - 4.0) * 1.33_f32.to_radians();
-                let ray = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
+                let ray =
+                    Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
                 let normal = Vector3::new(turn.cos(), turn.sin(), 0.0);
                 let position = (ray * (10.0 * turn.cos() / ray.dot(&normal))).into();
                 points.push(TimedPoint { position, offset_nanos: 0, ring: if rings { ring } else { 0 } });

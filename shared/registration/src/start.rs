@@ -46,9 +46,8 @@ pub(crate) fn find_start(
         let second = match_features(&second.matching, &map, &prediction, settings)?;
         Some(Start { first: motion, second })
     };
-    let at_way = |way_m: &f64| {
-        attempt(Velocity { linear: forward_in_lidar * (way_m / seconds), angular: Vector3::zeros() })
-    };
+    let at_way =
+        |way_m: &f64| attempt(Velocity { linear: forward_in_lidar * (way_m / seconds), angular: Vector3::zeros() });
     // The first of equals wins, so that standing still is told from nothing else.
     let mut best = WAYS_M.iter().filter_map(at_way).min_by(|a, b| a.second.cost.total_cmp(&b.second.cost))?;
     for _ in 0..REFINEMENTS {

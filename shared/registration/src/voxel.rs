@@ -62,9 +62,26 @@ impl VoxelSet {
     }
 }
 
+/// Indices of the points that are the first in their cube of side `spacing_m`, in order.
+pub fn thinned(points: impl ExactSizeIterator<Item = [f32; 3]>, spacing_m: f64) -> Vec<usize> {
+    let mut taken = VoxelSet::for_at_most(points.len());
+    let per_m = 1.0 / spacing_m;
+    points
+        .enumerate()
+        .filter(|(_, point)| taken.insert(VoxelIndex::containing(point.map(f64::from), per_m)))
+        .map(|(point_idx, _)| point_idx)
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_point_per_cube_is_left() {
+        let points = [[0.01, 0.0, 0.0], [0.09, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.11, 0.0, 0.0], [0.02, 0.05, 0.0]];
+        assert_eq!(thinned(points.into_iter(), 0.1), [0, 2, 3]);
+    }
 
     #[test]
     fn every_voxel_is_new_once() {

@@ -19,6 +19,27 @@ pub struct Light {
     pub sky: f32,
 }
 
+/// Strength of the skylight against the direct sun.
+pub const SKY_STRENGTH: f32 = 0.35;
+
+/// Brightness of the sky in a direction against its mean: the haze near the horizon and around the sun.
+pub fn sky_brightness(direction: &Vec3) -> f32 {
+    let around_sun = direction.dot(&sun_direction()).max(0.0).powi(24);
+    0.8 + 0.7 * (1.0 - direction.z.max(0.0)).powi(3) + 1.5 * around_sun
+}
+
+/// Share of light that a smooth surface mirrors: `normal` at right angles, all at grazing incidence (Schlick, 1994).
+pub fn mirrored(normal: f32, incidence: f32) -> f32 {
+    normal + (1.0 - normal) * (1.0 - incidence.clamp(0.0, 1.0)).powi(5)
+}
+
+/// Brightness of what a mirror shows of sky and town: the sky above, a dim street below.
+pub fn mirror_brightness(ray: &Ray, normal: &Vec3) -> f32 {
+    let direction = ray.direction - normal * (2.0 * normal.dot(&ray.direction));
+    // Houses hide the lowest 20 degrees of the sky.
+    if direction.z > 0.35 { sky_brightness(&direction) } else { 0.25 }
+}
+
 /// Shadows of things farther than this from the surface are left out.
 const SHADOW_M: f32 = 60.0;
 /// Skylight that reaches surfaces which face down, from the lit ground.

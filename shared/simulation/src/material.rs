@@ -203,10 +203,15 @@ impl Properties {
 
 /// Every other course is shifted by half a block; joints are 8 % of a block's height.
 fn blocks(p: &Vec3, normal: &Vec3, width: f32, height: f32, joint: f32) -> f32 {
-    // On walls along the wall and up, on the ground along the two axes.
-    let level = normal.z.abs() > 0.7;
-    let across = Vec3::new(-normal.y, normal.x, 0.0).try_normalize(1e-6).unwrap_or_else(Vec3::x);
-    let (along, up) = if level { (p.x, p.y) } else { (p.dot(&across), p.z) };
+    // On walls along the nearer axis and up, on the ground along the two axes. Not along the wall itself: the normal of an
+    // uneven wall turns from cell to cell, and the blocks would jump with it.
+    let (along, up) = if normal.z.abs() > 0.7 {
+        (p.x, p.y)
+    } else if normal.y.abs() > normal.x.abs() {
+        (p.x, p.z)
+    } else {
+        (p.y, p.z)
+    };
     let row = (up / height).floor();
     let column = along / width + 0.5 * (row as i64).rem_euclid(2) as f32;
     let (in_row, in_column) = (up / height - row, column - column.floor());

@@ -125,6 +125,17 @@ fn check<S: Stage>(request: &CheckRequest) -> Vec<Problem> {
     problems.into_iter().map(located).collect()
 }
 
+/// Says in one last line why the process panics; the backtrace, if `RUST_BACKTRACE` asks for one, comes before it.
+fn explain_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let backtrace = std::backtrace::Backtrace::capture();
+        if backtrace.status() == std::backtrace::BacktraceStatus::Captured {
+            eprintln!("{backtrace}");
+        }
+        tracing::error!("{}", panic.to_string().replace('\n', " "));
+    }));
+}
+
 fn run_assignment<S: Stage>(path: &Path) -> u8 {
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
@@ -134,6 +145,7 @@ fn run_assignment<S: Stage>(path: &Path) -> u8 {
                 .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info")),
         )
         .init();
+    explain_panics();
     let assignment = std::fs::read(path)
         .map_err(|error| error.to_string())
         .and_then(|bytes| serde_json::from_slice::<Assignment>(&bytes).map_err(|error| error.to_string()));

@@ -78,6 +78,8 @@ pub struct Health {
     pub ticks: u64,
     /// Rises with everything that the stage gets done: ticks, messages published.
     pub progress_mark: u64,
+    /// Drive time at the first tick, ns since the Unix epoch.
+    pub drive_begin: Option<i64>,
     /// Drive time at the last tick, ns since the Unix epoch.
     pub drive_time: Option<i64>,
     /// Share of the drive that the source had read at the last tick.

@@ -46,9 +46,11 @@ impl LaunchFile {
         if problems.is_empty() { Ok(Self { path: path.to_owned(), text, root, overridden }) } else { Err(problems) }
     }
 
-    /// Names of all tables in the order of the file's keys.
-    pub fn tables(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
-        self.root.iter().map(|(key, _)| (key.get_ref().as_ref(), key.span()))
+    /// Names of all tables and where they stand, in the order of the file.
+    pub fn tables(&self) -> Vec<(String, Range<usize>)> {
+        let mut tables: Vec<_> = self.root.keys().map(|key| (key.get_ref().to_string(), key.span())).collect();
+        tables.sort_by_key(|(_, span)| span.start);
+        tables
     }
 
     /// A table's content; an absent table is empty. `Err` if the key is there but no table.

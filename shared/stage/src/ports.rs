@@ -5,7 +5,7 @@ use crate::assignment::TopicChannels;
 use crate::health::{Activity, Pulse, Traffic};
 use crate::process::monotonic_nanos;
 use crate::{Inputs, StepError};
-use ipc::{Node, Publisher, Subscriber, Wake};
+use ipc::{IpcError, Node, Publisher, Subscriber, Wake};
 use messages::{Envelope, Message, Tick, TickRow};
 use std::any::Any;
 use std::cell::Cell;
@@ -17,6 +17,10 @@ use std::time::Duration;
 
 /// How long a sleeper trusts its wake before it looks by itself: bounds the reaction to a stop, and to a lost ring.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// A consumer that is gone is the supervisor's to report, with that one's own last words; it has this long to end the run
+/// before the loss itself is reported.
+const LOSS_PATIENCE: Duration = Duration::from_secs(5);
 
 /// Sleeping and stopping, shared by all ports of a stage.
 pub(crate) struct Waiter {
@@ -44,6 +48,20 @@ impl Waiter {
             self.wake.wait(LOOK_AGAIN)?;
         }
         Ok(true)
+    }
+
+    /// What a failed send comes to: an error at once, or, if a consumer is gone, after [`LOSS_PATIENCE`].
+    fn failed_send(&self, topic: &'static str, error: IpcError) -> StepError {
+        if !matches!(error, IpcError::Lost { .. }) {
+            return error.into();
+        }
+        let deadline = monotonic_nanos() + LOSS_PATIENCE.as_nanos() as u64;
+        let patience = || Ok(monotonic_nanos() > deadline);
+        match self.wait_until(|| Activity::Blocked(topic.to_owned()), patience) {
+            Ok(true) => error.into(),
+            Ok(false) => StepError::Stopped { topic },
+            Err(other) => other,
+        }
     }
 }
 
@@ -232,7 +250,7 @@ impl<T: Message> SharedOutput<T> {
             sent_nanos: monotonic_nanos(),
             ..Envelope::default()
         };
-        self.messages.send(loan, envelope)?;
+        self.messages.send(loan, envelope).map_err(|error| waiter.failed_send(T::TOPIC, error))?;
         waiter.pulse.mark_progress();
         self.next_seq += 1;
         self.n_in_tick += 1;
@@ -272,7 +290,7 @@ impl<T: Message> TickedOutput for SharedOutput<T> {
             rows[0] = TickRow { n_published: self.next_seq, ..row };
         }
         let envelope = Envelope { seq: row.tick, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
-        Ok(self.ticks.send(loan, envelope)?)
+        self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(T::TOPIC, error))
     }
 
     fn is_drained(&mut self) -> Result<bool, StepError> {

@@ -58,6 +58,8 @@ struct Runner<'a, S: Stage> {
     pulse: &'a Pulse,
     tick: u64,
     barrier: u64,
+    /// Drive time of the first tick.
+    drive_begin: Option<i64>,
     /// Drive time of the last barrier, or of the first tick.
     barrier_time: Option<i64>,
     step_times: Histogram,
@@ -102,6 +104,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             pulse,
             tick: 0,
             barrier: 0,
+            drive_begin: None,
             barrier_time: None,
             step_times: Histogram::default(),
             ages: Histogram::default(),
@@ -264,6 +267,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             self.stage.finish(&mut self.outputs)?;
         }
         self.tick += 1;
+        self.drive_begin.get_or_insert(row.drive_time);
         if row.barrier != 0 {
             self.barrier = row.barrier;
             self.barrier_time = Some(row.drive_time);
@@ -277,6 +281,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         {
             let mut health = self.pulse.update();
             health.ticks = self.tick;
+            health.drive_begin = self.drive_begin;
             health.drive_time = Some(row.drive_time);
             health.progress = f64::from(row.progress);
             health.barrier = self.barrier;
@@ -306,6 +311,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         let state = RunnerState {
             tick: self.tick,
             barrier: self.barrier,
+            drive_begin: self.drive_begin,
             barrier_time: self.barrier_time,
             inputs: self.inputs.iter().map(|input| (input.topic().to_owned(), input.traffic())).collect(),
             outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
@@ -319,7 +325,8 @@ impl<'a, S: Stage> Runner<'a, S> {
     fn load(&mut self, barrier: u64) -> Result<(), StepError> {
         let state = load_state(&self.assignment.state_file(barrier))?;
         self.stage.load(&state.stage)?;
-        (self.tick, self.barrier, self.barrier_time) = (state.tick, state.barrier, state.barrier_time);
+        (self.tick, self.barrier) = (state.tick, state.barrier);
+        (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
         for output in Self::ticked_outputs(&mut self.outputs) {
             let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
             output.resume(traffic);

@@ -83,6 +83,7 @@ const RUNNER_STATE_VERSION: u32 = 1;
 pub(crate) struct RunnerState {
     pub(crate) tick: u64,
     pub(crate) barrier: u64,
+    pub(crate) drive_begin: Option<i64>,
     pub(crate) barrier_time: Option<i64>,
     pub(crate) inputs: BTreeMap<String, Traffic>,
     pub(crate) outputs: BTreeMap<String, Traffic>,

@@ -10,7 +10,6 @@ use stage::Received;
 use stage::testing::Bench;
 use std::path::Path;
 
-const SWEEPS: u64 = 4;
 const SWEEP_NANOS: u32 = 100_000_000;
 const START: i64 = 1_700_000_000_123_456_789;
 const BANDS: usize = 3;
@@ -19,6 +18,10 @@ const BANDS: usize = 3;
 pub struct Street {
     seed: u64,
     n_points: usize,
+    /// Sweeps of a submap.
+    n_sweeps: u64,
+    /// Where the submaps' frames lie, m.
+    north_m: f64,
 }
 
 /// Splitmix64, as a function: number `i` of stream `stream`.
@@ -31,7 +34,7 @@ fn random(seed: u64, stream: u64, i: usize) -> u64 {
 
 impl Street {
     pub fn new(seed: u64, n_points: usize) -> Self {
-        Self { seed, n_points }
+        Self { seed, n_points, n_sweeps: 4, north_m: 5.0 }
     }
     fn draw(&self, seq: u64, field: u64, i: usize) -> u64 {
         random(self.seed, seq * 16 + field, i)
@@ -46,10 +49,10 @@ impl Street {
     /// A point of the submap frame in the world, by hand.
     pub fn world(&self, seq: u64, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = Self::yaw(seq).sin_cos();
-        [20.0 * seq as f64 + cos * x - sin * y, 5.0 + sin * x + cos * y, z - 0.25]
+        [20.0 * seq as f64 + cos * x - sin * y, self.north_m + sin * x + cos * y, z - 0.25]
     }
     pub fn first_sweep(&self, seq: u64) -> u64 {
-        seq * SWEEPS
+        seq * self.n_sweeps
     }
     pub fn sweep_stamp(&self, seq: u64, sweep_idx: u16) -> i64 {
         START + (self.first_sweep(seq) + u64::from(sweep_idx)) as i64 * i64::from(SWEEP_NANOS)
@@ -74,11 +77,11 @@ impl Street {
             offset_nanos: self.draw(seq, 3, i) as u32 % SWEEP_NANOS,
             azimuth: (self.draw(seq, 4, i) % 36_000) as u16,
             elevation: (self.draw(seq, 5, i) % 4000) as i16 - 3000,
-            sweep_idx: (i as u64 * SWEEPS / self.n_points.max(1) as u64) as u16,
+            sweep_idx: (i as u64 * self.n_sweeps / self.n_points.max(1) as u64) as u16,
             intensity: self.draw(seq, 6, i) as u8,
             ring: (self.draw(seq, 7, i) % 32) as u8,
-            incidence: self.draw(seq, 8, i) as u8 | (u8::MAX * u8::from(i % 5 == 0)),
-            flags: u8::from(i % 9 == 0),
+            incidence: self.draw(seq, 8, i) as u8 | (u8::MAX * u8::from(i.is_multiple_of(5))),
+            flags: u8::from(i.is_multiple_of(9)),
             reserved: 0,
         };
         (0..self.n_points).map(point).collect()
@@ -87,16 +90,16 @@ impl Street {
         let (half_sin, half_cos) = (Self::yaw(seq) / 2.0).sin_cos();
         let mut header = SubmapHeader {
             stamp_begin: self.sweep_stamp(seq, 0),
-            stamp_end: self.sweep_stamp(seq, SWEEPS as u16) - 1,
+            stamp_end: self.sweep_stamp(seq, self.n_sweeps as u16) - 1,
             world_from_submap: PoseRow {
-                translation: [20.0 * seq as f64, 5.0, -0.25],
+                translation: [20.0 * seq as f64, self.north_m, -0.25],
                 rotation: [0.0, 0.0, half_sin, half_cos],
             },
-            n_sweeps: SWEEPS as u32,
+            n_sweeps: self.n_sweeps as u32,
             n_rings: 32,
             ..SubmapHeader::default()
         };
-        for (sweep_idx, sweep) in (0..SWEEPS).zip(&mut header.sweeps) {
+        for (sweep_idx, sweep) in (0..self.n_sweeps).zip(&mut header.sweeps) {
             let pose = |p: [f32; 3]| [p[0], p[1], p[2], 0.0, 0.0, 0.0, 1.0];
             let [begin, end] = Self::lidar_ends(sweep_idx).map(pose);
             *sweep = SubmapSweep {
@@ -128,7 +131,7 @@ impl Street {
         (0..self.n_points).map(|i| (self.draw(seq, 11, i) % 40).saturating_sub(20) as u32 * 1000).collect()
     }
     pub fn spectra_message(&self, seq: u64) -> (SpectraHeader, Vec<u32>) {
-        let has_spectrum = |i: usize| self.draw(seq, 12, i) % 2 == 0;
+        let has_spectrum = |i: usize| self.draw(seq, 12, i).is_multiple_of(2);
         let seen: Vec<usize> = (0..self.n_points).filter(|i| has_spectrum(*i)).collect();
         let mut header = SpectraHeader {
             n_points: self.n_points as u32,
@@ -161,12 +164,12 @@ impl Street {
     }
     pub fn poses(&self, seq: u64) -> Vec<StampedPose> {
         let pose = |i: u64| {
-            let half = 0.05 * (seq * SWEEPS + i) as f64;
+            let half = 0.05 * (seq * self.n_sweeps + i) as f64;
             let translation = self.world(seq, [1.5 * i as f64, 0.0, 1.0 / 3.0]);
             let rotation = [0.0, 0.0, half.sin(), half.cos()];
             StampedPose { stamp: self.sweep_stamp(seq, i as u16), world_from_body: PoseRow { translation, rotation } }
         };
-        (0..SWEEPS).map(pose).collect()
+        (0..self.n_sweeps).map(pose).collect()
     }
 
     pub fn send_submap(&self, bench: &mut Bench<Export>, seq: u64) {
@@ -175,7 +178,9 @@ impl Street {
         bench.send::<Submap>(stamp, self.header(seq), self.points(seq));
     }
     pub fn send_columns(&self, bench: &mut Bench<Export>, seq: u64, topics: &[&str]) {
-        topics.iter().for_each(|topic| self.forward_column(bench, topic, seq));
+        for topic in topics {
+            self.forward_column(bench, topic, seq);
+        }
     }
     pub fn forward_column(&self, bench: &mut Bench<Export>, topic: &str, seq: u64) {
         match topic {

@@ -1,5 +1,4 @@
-//! A street with its truth, small enough to be cast in a test: ground, rough facades with recesses, poles and parked
-//! boxes; a spinning lidar, tilted, that moves while it turns.
+//! A street with its truth, small enough to be cast in a test: ground, rough facades with recesses, poles, parked boxes; a spinning lidar, tilted, that moves while it turns.
 
 use geometry::{Isometry3, Pose, Stamp, UnitQuaternion, Vector3};
 use registration::{Sweep, TimedPoint};
@@ -15,8 +14,8 @@ pub struct Drive {
     pub speed: f64,
     /// Range noise, m.
     pub noise_m: f32,
-    /// Without facades' roughness, poles and boxes: nothing tells how far along the vehicle is.
-    pub bare: bool,
+    /// Nothing but ground: neither way nor heading can be told.
+    pub ground_only: bool,
 }
 
 pub fn body_from_lidar() -> Pose {
@@ -42,19 +41,20 @@ impl Drive {
     }
     /// Sweep `number` with its true times.
     pub fn sweep(&self, number: u32) -> Sweep {
+        self.sweep_at(&|t| self.world_from_lidar(t), number)
+    }
+    /// Sweep `number` of a lidar that moves in some other way, by the time in s.
+    pub fn sweep_at(&self, world_from_lidar: &dyn Fn(f64) -> Pose, number: u32) -> Sweep {
         let begin_nanos = i64::from(number) * i64::from(FIRINGS * FIRING_NANOS);
         let mut points = Vec::new();
         for firing in 0..FIRINGS {
             let offset_nanos = firing * FIRING_NANOS;
-            let pose = self.world_from_lidar((begin_nanos + i64::from(offset_nanos)) as f64 * 1e-9);
+            let pose = world_from_lidar((begin_nanos + i64::from(offset_nanos)) as f64 * 1e-9);
             let azimuth = -f64::from(firing) / f64::from(FIRINGS) * std::f64::consts::TAU;
             for ring in 0..RINGS {
                 let elevation = (-30.67 + f64::from(ring) * 1.333_33_f64).to_radians();
-                let ray = Vector3::new(
-                    azimuth.cos() * elevation.cos(),
-                    azimuth.sin() * elevation.cos(),
-                    elevation.sin(),
-                );
+                let ray =
+                    Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
                 let Some(range) = self.range(&pose.translation.vector, &(pose.rotation * ray)) else { continue };
                 let seed = (u64::from(number) * u64::from(FIRINGS) + u64::from(firing)) * 32 + u64::from(ring);
                 let measured = range as f32 + self.noise_m * gauss(seed);
@@ -74,45 +74,50 @@ impl Drive {
         if ray.z < 0.0 {
             hit(-from.z / ray.z);
         }
-        for side in [-1.0, 1.0] {
-            // Facades: planes whose distance changes by house, so each house is hit by its own plane.
-            let first = if self.bare { 0 } else { -8 };
-            let last = if self.bare { 0 } else { 24 };
-            for house in first..=last {
-                let setback = if self.bare { 0.0 } else { 1.2 * noise(house * 2 + i32::from(side > 0.0)) };
-                let range = (side * (9.0 + setback) - from.y) / ray.y;
-                let along = from.x + range * ray.x;
-                let height = from.z + range * ray.z;
-                let inside = self.bare || (along >= f64::from(house) * 7.0 && along < f64::from(house + 1) * 7.0);
-                if range > 0.0 && inside && height < 9.0 {
-                    hit(range - self.relief(along, height, side));
-                }
-                if !self.bare {
-                    // The wall across, where neighboring houses stand back differently.
-                    let range = (f64::from(house) * 7.0 - from.x) / ray.x;
-                    let (y, z) = (from.y + range * ray.y, from.z + range * ray.z);
-                    let before = 9.0 + 1.2 * noise((house - 1) * 2 + i32::from(side > 0.0));
-                    let (low, high) = (before.min(9.0 + setback), before.max(9.0 + setback));
-                    if range > 0.0 && z < 9.0 && y * side > low && y * side < high {
-                        hit(range);
-                    }
-                    hit(box_range(from, ray, house, side));
-                    hit(pole_range(from, ray, house, side));
-                }
+        if self.ground_only {
+            // Only the strip that is in view between the facades, too.
+            let across = from.y + nearest * ray.y;
+            return (across.abs() < 8.0 && nearest < 90.0).then_some(nearest);
+        }
+        for house in -8..=24 {
+            for side in [-1.0, 1.0] {
+                hit(facade_range(from, ray, house, side));
+                hit(corner_range(from, ray, house, side));
+                hit(box_range(from, ray, house, side));
+                hit(pole_range(from, ray, house, side));
             }
         }
         (nearest < 90.0).then_some(nearest)
     }
+}
 
-    /// Windows and courses: the surface is no mirror.
-    fn relief(&self, along: f64, height: f64, side: f64) -> f64 {
-        if self.bare {
-            return 0.0;
-        }
-        let window = (along.rem_euclid(2.3) > 1.2) && (height.rem_euclid(2.8) > 1.1);
-        let cell = (along * 3.0).floor() as i32 * 7919 + (height * 3.0).floor() as i32 * 31 + side as i32;
-        if window { -0.18 } else { 0.03 * noise(cell) }
-    }
+/// How far a house's front is from the middle of the road, m.
+fn front(house: i32, side: f64) -> f64 {
+    9.0 + 1.2 * noise(house * 2 + i32::from(side > 0.0))
+}
+
+/// The front of a house: 7 m wide, 9 m high, with windows set back and a rough surface.
+fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
+    let range = (side * front(house, side) - from.y) / ray.y;
+    let (along, height) = (from.x + range * ray.x, from.z + range * ray.z);
+    let inside = along >= f64::from(house) * 7.0 && along < f64::from(house + 1) * 7.0 && height < 9.0;
+    if range > 0.0 && inside { range - relief(along, height, side) } else { f64::MAX }
+}
+
+/// The wall across, where a house stands back from the one before.
+fn corner_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
+    let range = (f64::from(house) * 7.0 - from.x) / ray.x;
+    let (out, height) = (side * (from.y + range * ray.y), from.z + range * ray.z);
+    let (before, after) = (front(house - 1, side), front(house, side));
+    let inside = out > before.min(after) && out < before.max(after) && height < 9.0;
+    if range > 0.0 && inside { range } else { f64::MAX }
+}
+
+/// Windows and plaster, m towards the street.
+fn relief(along: f64, height: f64, side: f64) -> f64 {
+    let window = (along.rem_euclid(2.3) > 1.2) && (height.rem_euclid(2.8) > 1.1);
+    let cell = (along * 3.0).floor() as i32 * 7919 + (height * 3.0).floor() as i32 * 31 + side as i32;
+    if window { -0.18 } else { 0.03 * noise(cell) }
 }
 
 /// A parked box of 4 x 1.8 x 1.5 m beside the road, at two houses of three.
@@ -134,6 +139,7 @@ fn box_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> 
 /// A pole of 12 cm radius at the kerb.
 fn pole_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
     let (dx, dy) = (f64::from(house) * 7.0 + 3.0 * noise(house + 500) - from.x, side * 6.6 - from.y);
+    let height = |range: f64| from.z + range * ray.z;
     let a = ray.x * ray.x + ray.y * ray.y;
     let b = ray.x * dx + ray.y * dy;
     let root = b * b - a * (dx * dx + dy * dy - 0.0144);
@@ -141,7 +147,7 @@ fn pole_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) ->
         return f64::MAX;
     }
     let range = (b - root.sqrt()) / a;
-    if from.z + range * ray.z < 5.0 { range } else { f64::MAX }
+    if height(range) < 5.0 { range } else { f64::MAX }
 }
 
 /// Seeded, uniform in -0.5 to 0.5.
@@ -149,7 +155,7 @@ fn noise(seed: i32) -> f64 {
     hash(seed as u64) - 0.5
 }
 
-/// Seeded, normally distributed to a good approximation: sum of twelve uniforms.
+/// Seeded, standard normal to a good approximation: a sum of four uniforms.
 fn gauss(seed: u64) -> f32 {
     let sum: f64 = (0..4).map(|i| hash(seed * 4 + i)).sum();
     // Four uniforms have variance 1/3.

@@ -33,9 +33,9 @@ pub const FLOOR_M: f32 = 3.1;
 /// How deep windows lie in the wall, m.
 const RECESS_M: f32 = 0.22;
 /// How far the wall reaches into the ground, m.
-const FOOT_M: f32 = 0.5;
+const FOOT_M: f32 = 0.7;
 /// Half of the unevenness, m: 4 cm in all on most walls.
-const UNEVEN_M: f32 = 0.03;
+pub const UNEVEN_M: f32 = 0.03;
 
 struct Looks {
     wall: SurfaceId,

@@ -130,7 +130,9 @@ impl Town {
         let stone = self.builder.surface(ClassId::Building, 0, wall.material);
         let zinc = self.builder.surface(ClassId::Building, 0, Material::Zinc);
         for u in [0.0, width] {
-            let corners = [plan(u, -0.7, 0.0), plan(u, -0.7, -10.0), plan(u, top, -10.0), plan(u, top, 0.0)];
+            // As far out as the uneven wall goes, so that no sky shows between two houses.
+            let out = facade::UNEVEN_M;
+            let corners = [plan(u, -0.7, out), plan(u, -0.7, -10.0), plan(u, top, -10.0), plan(u, top, out)];
             self.builder.quad(corners, stone);
         }
         let rise = random.range(0.8, 2.8);

@@ -11,7 +11,7 @@ mod person;
 mod street;
 mod tree;
 
-pub use layout::build;
+pub use layout::{LANE_T, build};
 pub use mover::{Mover, Route};
 pub use street::Street;
 

@@ -36,7 +36,7 @@ pub struct Fix {
 /// The fixes of a drive, at its whole seconds.
 pub fn record(motion: &Motion, seconds: f64, seed: u64) -> Vec<Fix> {
     let draw = |i: i64, kind: u64| {
-        Vector3::from_fn(|axis, _| f64::from(gauss(hash(seed ^ kind, i as u64 * 3 + axis as u64))))
+        Vector3::from_fn(|axis, _| f64::from(gauss(hash(seed ^ kind, (i + 1) as u64 * 3 + axis as u64))))
     };
     let mut wander = draw(-1, 1) * WANDER_M;
     (0..=seconds as i64)

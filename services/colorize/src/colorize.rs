@@ -1,0 +1,302 @@
+//! The stage: what comes, what is held, what is due.
+
+use crate::color::{Picture, color_into};
+use crate::saved::{self, Held};
+use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
+use crate::views::Camera;
+use crate::window::{Exposure, Window};
+use crate::Settings;
+use formats::manifest::Manifest;
+use geometry::{Pose, Stamp};
+use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, SubmapSweep, Trajectory, UNSEEN};
+use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+
+/// Submaps between two ticks; see the crate's documentation.
+const MAX_HELD: usize = 1;
+
+/// An exposure may come this much later than the poses around it, ns. Far above a revolution of any LiDAR.
+const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
+
+/// The stage.
+pub struct Colorize {
+    max_age_nanos: i64,
+    cameras: Vec<Camera>,
+    mosaics: Vec<Camera>,
+    bands: Bands,
+    /// Whether exposures may come at all; if not, submaps need not wait for them.
+    sees: bool,
+    remark: Option<&'static str>,
+    held: Held,
+}
+
+impl Colorize {
+    /// With the cameras of `manifest`. The error names the entry and the rule.
+    pub fn with_manifest(settings: &Settings, manifest: &Manifest, context: &Context) -> Result<Self, StepError> {
+        let rig = manifest.rig().map_err(StepError::data)?;
+        let (n_cameras, n_mosaics) = (rig.cameras.len(), rig.mosaics.len());
+        if n_cameras.max(n_mosaics) > usize::from(UNSEEN) {
+            let text = format!("{n_cameras} cameras and {n_mosaics} mosaic cameras; must be {UNSEEN} of each at most");
+            return Err(StepError::data(text));
+        }
+        let wavelengths_nm: Vec<&[f64]> = manifest.mosaics.iter().map(|entry| &entry.wavelengths_nm[..]).collect();
+        let bands = Bands::new(&wavelengths_nm).ok_or_else(|| {
+            let n_bands: usize = wavelengths_nm.iter().map(|w| w.len()).sum();
+            StepError::data(format!("{n_bands} bands in all; must be {} at most", messages::MAX_BANDS))
+        })?;
+        let (images, cubes) = (context.is_connected::<Image>(), context.is_connected::<Cube>());
+        Ok(Self {
+            max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
+            cameras: rig.cameras.iter().map(Camera::from).collect(),
+            mosaics: rig.mosaics.iter().map(Camera::from).collect(),
+            bands,
+            sees: (images && n_cameras > 0) || (cubes && n_mosaics > 0),
+            remark: match (n_cameras, images) {
+                (0, _) => Some("no cameras in this drive: points stay without color"),
+                (_, false) => Some("nobody publishes images: points stay without color"),
+                _ => None,
+            },
+            held: Held::default(),
+        })
+    }
+
+    fn take_poses(&mut self, inputs: &mut Inputs) -> Result<(), StepError> {
+        for message in inputs.take::<Trajectory>() {
+            for row in message.rows() {
+                let pose = row.world_from_body.to_pose().ok_or_else(|| {
+                    StepError::data(format!("trajectory: {row:?} is no pose (finite, unit quaternion x y z w)"))
+                })?;
+                if !self.held.trajectory.push(Stamp(row.stamp), pose) {
+                    let text = format!("trajectory: pose at {} ns is older than the one before it", row.stamp);
+                    return Err(StepError::data(text));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn take_exposures(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) {
+        for image in inputs.take::<Image>() {
+            if self.picture(&image).is_some() {
+                self.held.images.add(image);
+            } else {
+                let header = image.header();
+                outputs.count("images_unusable", 1);
+                outputs.note(format!(
+                    "images of camera {} with {}x{} px and {} channels do not fit the rig: not used",
+                    header.camera, header.width, header.height, header.channels
+                ));
+            }
+        }
+        for cube in inputs.take::<Cube>() {
+            if self.cube_picture(&cube).is_some() {
+                self.held.cubes.add(cube);
+            } else {
+                let header = cube.header();
+                outputs.count("cubes_unusable", 1);
+                outputs.note(format!(
+                    "cubes of mosaic camera {} with {}x{} cells of {} bands do not fit the rig: not used",
+                    header.camera, header.width, header.height, header.n_bands
+                ));
+            }
+        }
+    }
+
+    /// The image, if it is one of the rig's.
+    fn picture<'a>(&self, image: &'a Received<Image>) -> Option<Picture<'a>> {
+        let header = image.header();
+        let camera = self.cameras.get(header.camera as usize)?;
+        let fits = camera.size() == [header.width, header.height] && header.channels == 3;
+        Picture::new(header.camera as u8, header.width, header.height, image.rows()).filter(|_| fits)
+    }
+
+    /// The cube, if it is one of the rig's.
+    fn cube_picture<'a>(&self, cube: &'a Received<Cube>) -> Option<CubePicture<'a>> {
+        let header = cube.header();
+        let camera = header.camera as usize;
+        let [width, height] = self.mosaics.get(camera)?.size().map(u64::from);
+        let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
+        let fits = end(header.x0, header.width) <= width
+            && end(header.y0, header.height) <= height
+            && header.n_bands as usize == self.bands.n_bands_of(camera);
+        CubePicture::new(header, cube.rows()).filter(|_| fits)
+    }
+
+    /// Whether all exposures that the submap may need have come.
+    fn is_complete(&self, submap: &Received<Submap>) -> bool {
+        let newest_pose = self.held.trajectory.poses().last();
+        let until = submap.header().stamp_end.saturating_add(self.max_age_nanos);
+        !self.sees || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
+    }
+
+    /// The oldest submap, if its time has come.
+    fn next_due(&mut self, outputs: &mut Outputs) -> Option<Received<Submap>> {
+        let is_complete = self.is_complete(self.held.submaps.front()?);
+        if !is_complete {
+            if self.held.submaps.len() <= MAX_HELD {
+                return None;
+            }
+            outputs.count("submaps_colored_early", 1);
+        }
+        self.held.submaps.pop_front()
+    }
+
+    fn publish_columns(&self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
+        if let Some(remark) = self.remark {
+            outputs.note(remark);
+        }
+        let header = submap.header();
+        let world_from_submap = header.world_from_submap.to_pose().ok_or_else(|| {
+            StepError::data(format!("submap {}: world_from_submap {:?} is no pose", submap.seq(), header.world_from_submap))
+        })?;
+        let sweeps = header.sweeps.get(..header.n_sweeps as usize).ok_or_else(|| {
+            StepError::data(format!("submap {}: {} sweeps; must be {} at most", submap.seq(), header.n_sweeps, header.sweeps.len()))
+        })?;
+        self.publish_color(submap, sweeps, &world_from_submap, outputs)?;
+        self.publish_spectra(submap, sweeps, &world_from_submap, outputs)
+    }
+
+    fn publish_color(
+        &self,
+        submap: &Received<Submap>,
+        sweeps: &[SubmapSweep],
+        world_from_submap: &Pose,
+        outputs: &mut Outputs,
+    ) -> Result<(), StepError> {
+        let (mut views, mut pictures) = (Vec::new(), Vec::new());
+        for (image, world_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
+            let Some(picture) = self.picture(image) else { continue };
+            let camera = &self.cameras[image.header().camera as usize];
+            views.push(camera.view(image.stamp(), &world_from_body, world_from_submap));
+            pictures.push(picture);
+        }
+        let points = submap.rows();
+        let mut loan = outputs.loan::<Color>(points.len())?;
+        let rows = loan.grow(points.len()).ok_or_else(|| too_small("color", points.len()))?;
+        let n_seen = color_into(points, sweeps, &views, &pictures, self.max_age_nanos.unsigned_abs(), rows);
+        loan.header_mut().n_seen = n_seen;
+        outputs.count("points", points.len() as u64);
+        outputs.count("points_with_color", n_seen);
+        outputs.publish_column(loan, submap.stamp(), submap.seq())
+    }
+
+    fn publish_spectra(
+        &self,
+        submap: &Received<Submap>,
+        sweeps: &[SubmapSweep],
+        world_from_submap: &Pose,
+        outputs: &mut Outputs,
+    ) -> Result<(), StepError> {
+        let mut cameras: Vec<CameraCubes<'_>> = Vec::new();
+        cameras.resize_with(self.mosaics.len(), CameraCubes::default);
+        for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
+            let Some(picture) = self.cube_picture(cube) else { continue };
+            let header = cube.header();
+            let index = header.camera as usize;
+            let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
+            let view = self.mosaics[index].view_of_area(cube.stamp(), &world_from_body, world_from_submap, area);
+            cameras[index].views.push(view);
+            cameras[index].cubes.push(picture);
+        }
+        let found = Found::new(submap.rows(), sweeps, &self.bands, &cameras, self.max_age_nanos.unsigned_abs());
+        let mut loan = outputs.loan::<Spectra>(found.n_rows())?;
+        *loan.header_mut() = found.header();
+        found.write_into(loan.grow(found.n_rows()).ok_or_else(|| too_small("spectra", found.n_rows()))?);
+        outputs.count("points_with_spectrum", found.n_spectra() as u64);
+        outputs.publish_column(loan, submap.stamp(), submap.seq())
+    }
+
+    /// The exposures near enough in time to some point of the submap, with `world_from_body`. Those before the first or
+    /// after the last known pose are left out, and counted once for every submap that they might have served.
+    fn within_reach<'a, T: Exposure>(
+        &self,
+        window: &'a Window<T>,
+        header: &SubmapHeader,
+        outputs: &mut Outputs,
+    ) -> Vec<(&'a Received<T>, Pose)> {
+        let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
+        let until = header.stamp_end.saturating_add(self.max_age_nanos);
+        let near = window.exposures().iter().filter(|exposure| (from..=until).contains(&exposure.stamp()));
+        let posed = |exposure: &'a Received<T>| Some((exposure, self.held.trajectory.at(Stamp(exposure.stamp()))?));
+        let n_near = near.clone().count();
+        let found: Vec<_> = near.filter_map(posed).collect();
+        outputs.count("exposures_without_pose", (n_near - found.len()) as u64);
+        found
+    }
+
+    /// Lets go of what no held or future submap needs.
+    fn release(&mut self, outputs: &mut Outputs) {
+        let held = &mut self.held;
+        // The points of future submaps come after those of the newest.
+        let oldest = held.submaps.front().map(|submap| submap.header().stamp_begin);
+        if let Some(needed_from) = oldest.min(held.submaps_until).or(held.submaps_until) {
+            let needed_from = needed_from.saturating_sub(self.max_age_nanos);
+            held.images.release_before(needed_from);
+            held.cubes.release_before(needed_from);
+        }
+        let n_excess = held.images.release_excess() + held.cubes.release_excess();
+        outputs.count("exposures_released_early", n_excess);
+        if let Some((newest, _)) = held.trajectory.poses().last() {
+            let exposures = [oldest_stamp(&held.images), oldest_stamp(&held.cubes)];
+            let late = newest.0.saturating_sub(MAX_LATENESS_NANOS);
+            let needed_from = exposures.into_iter().flatten().fold(late, i64::min);
+            held.trajectory.forget_before(Stamp(needed_from));
+        }
+    }
+}
+
+fn oldest_stamp<T: Exposure>(window: &Window<T>) -> Option<i64> {
+    window.exposures().first().map(Received::stamp)
+}
+
+fn too_small(topic: &str, n_rows: usize) -> StepError {
+    StepError::Contract(format!("{topic}: the loan does not hold the {n_rows} rows that were asked for"))
+}
+
+impl Stage for Colorize {
+    const NAME: &'static str = "colorize";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        vec![Port::of::<Submap>(), Port::of::<Trajectory>(), Port::optional::<Image>(), Port::optional::<Cube>()]
+    }
+
+    fn outputs() -> Vec<Port> {
+        vec![Port::of::<Color>(), Port::of::<Spectra>()]
+    }
+
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let text = std::fs::read_to_string(context.drive.join("drive.toml")).map_err(StepError::io)?;
+        let manifest: Manifest = stage::toml::from_str(&text).map_err(StepError::io)?;
+        Self::with_manifest(settings, &manifest, context)
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        self.take_poses(inputs)?;
+        self.take_exposures(inputs, outputs);
+        for submap in inputs.take::<Submap>() {
+            self.held.submaps_until = self.held.submaps_until.max(Some(submap.header().stamp_end));
+            self.held.submaps.push_back(submap);
+        }
+        while let Some(submap) = self.next_due(outputs) {
+            self.publish_columns(&submap, outputs)?;
+        }
+        self.release(outputs);
+        Ok(Flow::Continue)
+    }
+
+    fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        while let Some(submap) = self.held.submaps.pop_front() {
+            self.publish_columns(&submap, outputs)?;
+        }
+        Ok(())
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        saved::save(&self.held)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        self.held = saved::load(state)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,82 @@
+//! A submap and its class column may come in different ticks: what came first waits.
+
+use messages::{Class, Message, Submap};
+use serde::{Deserialize, Serialize};
+use stage::{Inputs, Received, StepError};
+use std::collections::VecDeque;
+
+/// Messages that have no partner yet, in the order they came.
+#[derive(Default)]
+pub(crate) struct Pairing {
+    submaps: VecDeque<Received<Submap>>,
+    classes: VecDeque<Received<Class>>,
+}
+
+/// The same as bytes.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedPairing {
+    submaps: Vec<Vec<u8>>,
+    classes: Vec<Vec<u8>>,
+}
+
+impl Pairing {
+    /// Takes the tick's messages.
+    pub(crate) fn take(&mut self, inputs: &mut Inputs) {
+        self.submaps.extend(inputs.take::<Submap>());
+        self.classes.extend(inputs.take::<Class>());
+    }
+
+    /// The next submap whose classes are here. An error if the two are not of the same number and length.
+    pub(crate) fn next(&mut self) -> Result<Option<(Received<Submap>, Received<Class>)>, StepError> {
+        if self.submaps.is_empty() || self.classes.is_empty() {
+            return self.check_waiting().map(|()| None);
+        }
+        let (Some(submap), Some(classes)) = (self.submaps.pop_front(), self.classes.pop_front()) else {
+            return Ok(None);
+        };
+        if submap.seq() != classes.seq() {
+            let (got, expected) = (classes.seq(), submap.seq());
+            return Err(StepError::data(format!("class column of submap {got} came when that of {expected} was due")));
+        }
+        let (n_points, n_rows) = (submap.rows().len(), classes.rows().len());
+        if n_points != n_rows {
+            let seq = submap.seq();
+            return Err(StepError::data(format!(
+                "class column of submap {seq} has {n_rows} rows for {n_points} points"
+            )));
+        }
+        Ok(Some((submap, classes)))
+    }
+
+    /// At the end of the stream: a submap whose classes never came.
+    pub(crate) fn next_without_class(&mut self) -> Option<Received<Submap>> {
+        self.submaps.pop_front()
+    }
+
+    /// What waits stays in shared memory, where only so much may be held.
+    fn check_waiting(&self) -> Result<(), StepError> {
+        for (topic, waiting, limit) in
+            [(Submap::TOPIC, self.submaps.len(), Submap::BORROWED), (Class::TOPIC, self.classes.len(), Class::BORROWED)]
+        {
+            if waiting > limit {
+                let text = format!("{waiting} messages of {topic} wait for their partners, at most {limit} may");
+                return Err(StepError::data(text));
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn save(&self) -> SavedPairing {
+        SavedPairing {
+            submaps: self.submaps.iter().map(Received::to_bytes).collect(),
+            classes: self.classes.iter().map(Received::to_bytes).collect(),
+        }
+    }
+
+    pub(crate) fn load(saved: &SavedPairing) -> Result<Self, StepError> {
+        Ok(Self {
+            submaps: saved.submaps.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?,
+            classes: saved.classes.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?,
+        })
+    }
+}

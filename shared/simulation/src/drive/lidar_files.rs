@@ -1,0 +1,75 @@
+//! The lidar's packets as a capture, with a position packet every second, and the labels of its returns.
+
+use super::{GNSS_STREAM, Simulation};
+use crate::error::SimulationError;
+use crate::random::hash;
+use crate::sensors::gnss;
+use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, N_BLOCKS};
+use crate::spec::{DriveReport, DriveSpec};
+use crate::truth::Revolutions;
+use rayon::prelude::*;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+
+use super::files::Folder;
+use super::packets;
+
+/// Packets that are made at once: a tenth of a second of drive, so that memory stays small and threads stay busy.
+const BATCH: u64 = 181;
+
+/// What the sensors record, s: to the end of the last lidar packet.
+pub fn duration_seconds(spec: &DriveSpec) -> f64 {
+    (Lidar::n_packets(spec.seconds) as i64 * N_BLOCKS as i64 * BLOCK_NANOS) as f64 * 1e-9
+}
+
+/// Writes capture and labels. `done` hears how many packets were made.
+pub fn write(
+    simulation: &Simulation,
+    folder: &Folder,
+    report: &mut DriveReport,
+    done: &mut dyn FnMut(u64),
+) -> Result<(), SimulationError> {
+    let path = folder.path("lidar/000000.pcap")?;
+    let file = File::create(&path).map_err(SimulationError::write(&path))?;
+    let mut capture = BufWriter::new(file);
+    let lidar = simulation.lidar();
+    let seed = hash(simulation.spec.seed, GNSS_STREAM);
+    let fixes = gnss::record(&simulation.motion, duration_seconds(&simulation.spec), seed);
+    let mut fixes = fixes.iter().peekable();
+    let mut revolutions = Revolutions::default();
+    let n_packets = Lidar::n_packets(simulation.spec.seconds);
+    packets::write_header(&mut capture).map_err(SimulationError::write(&path))?;
+    for first in (0..n_packets).step_by(BATCH as usize) {
+        let last = (first + BATCH).min(n_packets);
+        let made: Vec<[Block; N_BLOCKS]> = (first..last).into_par_iter().map(|packet| lidar.packet(packet)).collect();
+        for (packet, blocks) in (first..last).zip(&made) {
+            let stamp = lidar.packet_stamp(packet);
+            while let Some(fix) = fixes.next_if(|fix| fix.stamp <= stamp) {
+                packets::write_position(&mut capture, fix.stamp, &gnss::rmc(fix))
+                    .map_err(SimulationError::write(&path))?;
+            }
+            packets::write_data(&mut capture, stamp, blocks).map_err(SimulationError::write(&path))?;
+            for block in blocks {
+                for found in block.returns.iter().flatten() {
+                    report.n_returns += 1;
+                    report.returns_by_class[found.class as usize] += 1;
+                }
+                if let Some(labels) = revolutions.push(block) {
+                    write_labels(folder, report, &labels)?;
+                }
+            }
+        }
+        report.n_packets += last - first;
+        done(last - first);
+    }
+    capture.flush().map_err(SimulationError::write(&path))?;
+    let labels = revolutions.finish();
+    write_labels(folder, report, &labels)
+}
+
+fn write_labels(folder: &Folder, report: &mut DriveReport, labels: &[u32]) -> Result<(), SimulationError> {
+    let bytes: Vec<u8> = labels.iter().flat_map(|label| label.to_le_bytes()).collect();
+    folder.write(&format!("truth/labels/{:06}.label", report.n_sweeps), &bytes)?;
+    report.n_sweeps += 1;
+    Ok(())
+}

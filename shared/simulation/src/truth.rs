@@ -1,0 +1,65 @@
+//! What is true of a drive: poses every 10 ms, and class and instance of every return.
+
+use crate::motion::Motion;
+use crate::sensors::lidar::{Block, LidarReturn};
+use geometry::Trajectory;
+
+/// Between two poses, ns.
+const PERIOD_NANOS: i64 = 10_000_000;
+
+/// `world_from_body` from the begin to at least `seconds`.
+pub fn trajectory(motion: &Motion, seconds: f64) -> Trajectory {
+    let mut trajectory = Trajectory::default();
+    let n = (seconds * 1e9 / PERIOD_NANOS as f64).ceil() as i64;
+    for i in 0..=n {
+        let stamp = motion.begin.plus_nanos(i * PERIOD_NANOS);
+        trajectory.push(stamp, motion.pose_at(stamp));
+    }
+    trajectory
+}
+
+/// A return's label as in SemanticKITTI: class in the low half, instance in the high half.
+pub fn label(of: &LidarReturn) -> u32 {
+    of.class as u32 | u32::from(of.instance) << 16
+}
+
+/// Splits the stream of rounds into revolutions where the encoder angle wraps, as a decoder does.
+#[derive(Debug, Default)]
+pub struct Revolutions {
+    last_azimuth: Option<u16>,
+    labels: Vec<u32>,
+}
+
+impl Revolutions {
+    /// Takes the next round; gives the labels of the revolution that it ends, if it ends one.
+    pub fn push(&mut self, block: &Block) -> Option<Vec<u32>> {
+        let wraps = self.last_azimuth.is_some_and(|last| block.azimuth < last);
+        self.last_azimuth = Some(block.azimuth);
+        let done = wraps.then(|| std::mem::take(&mut self.labels));
+        self.labels.extend(block.returns.iter().flatten().map(label));
+        done
+    }
+    /// The labels of the revolution that the end of the stream cut short.
+    pub fn finish(self) -> Vec<u32> {
+        self.labels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::ClassId;
+
+    #[test]
+    fn a_revolution_ends_where_the_angle_falls() {
+        let block = |azimuth: u16, n: usize| {
+            let some = LidarReturn { range_2mm: 900, intensity: 3, class: ClassId::Pole, instance: 2 };
+            Block { azimuth, returns: std::array::from_fn(|i| (i < n).then_some(some)) }
+        };
+        let mut revolutions = Revolutions::default();
+        assert_eq!(revolutions.push(&block(100, 4)), None);
+        assert_eq!(revolutions.push(&block(35_990, 1)), None);
+        assert_eq!(revolutions.push(&block(7, 2)), Some(vec![5 | 2 << 16; 5]));
+        assert_eq!(revolutions.finish().len(), 2);
+    }
+}

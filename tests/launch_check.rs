@@ -1,0 +1,71 @@
+//! `--check` reports every fault of a launch file at once, with its line, and starts nothing.
+
+use replica_tests::{Launch, binary, said};
+
+#[test]
+fn every_fault_is_reported_at_once_with_its_line() {
+    let source = binary("misbehaving-source");
+    let relay = binary("misbehaving-relay");
+    let text = format!(
+        "[run]\ndrive = \"nowhere\"\noutput = \"out\"\nrestart = 3\nhang_s = \"long\"\n\n\
+         [source]\nprogram = {source:?}\ntick = 4\npoints = -1\n\n\
+         [relay]\nprogram = {relay:?}\nfault = \"flood\"\n\n\
+         [slam_agregate]\n"
+    );
+    let launch = Launch::new(&text).with("--check").with("--set").with("source.ticks=0");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(78), "{}", said(&output));
+    let said = said(&output);
+    for (place, words) in [
+        ("launch.toml:2:9:", "run.drive: "),
+        ("launch.toml:4:1:", "run.restart: unknown key; did you mean `restarts`?"),
+        ("launch.toml:5:10:", "run.hang_s: invalid type: string \"long\", expected f64"),
+        ("launch.toml:9:1:", "source.tick: unknown key; did you mean `ticks`?"),
+        ("launch.toml:10:10:", "source.points: "),
+        ("launch.toml:14:9:", "relay.fault: value \"flood\" must be one of none, error, exit, panic, hang, stall"),
+        ("launch.toml:16:2:", "slam_agregate: no such stage; did you mean `slam_aggregate`?"),
+        ("launch.toml:", "source.ticks: value 0 must be between 1 and 1000000 (from --set)"),
+    ] {
+        assert!(
+            said.lines().any(|line| line.contains(place) && line.contains(words)),
+            "no line with {place} and {words:?} in:\n{said}"
+        );
+    }
+    assert!(said.contains("8 faults"), "{said}");
+    assert!(!launch.output().exists(), "--check starts nothing and writes nothing");
+}
+
+#[test]
+fn what_does_not_fit_together_is_named() {
+    let relay = binary("misbehaving-relay");
+    let text =
+        format!("[run]\ndrive = \".\"\noutput = \"out\"\n[relay]\nprogram = {relay:?}\n[other]\nprogram = {relay:?}\n");
+    let output = Launch::new(&text).with("--check").run();
+    assert_eq!(output.status.code(), Some(78));
+    let said = said(&output);
+    assert!(said.contains("[relay]"), "{said}");
+    for words in [
+        "launch.toml:4:2: relay: needs topic sweep, which no stage of this file produces",
+        "launch.toml:6:2: other: topic class is already produced by [relay]",
+    ] {
+        assert!(said.contains(words), "{words:?} is not in:\n{said}");
+    }
+}
+
+#[test]
+fn broken_toml_is_shown_where_it_breaks() {
+    let output = Launch::new("[run]\ndrive = \n").with("--check").run();
+    assert_eq!(output.status.code(), Some(78));
+    assert!(said(&output).contains("launch.toml:2:"), "{}", said(&output));
+}
+
+#[test]
+fn the_graph_is_that_of_the_file() {
+    let launch = Launch::of_misbehaving("", "", "").with("--graph");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let graph = String::from_utf8_lossy(&output.stdout).into_owned();
+    for line in ["flowchart LR", "source -- sweep --> relay", "source -- sweep --> sink", "relay -- class --> sink"] {
+        assert!(graph.contains(line), "{line:?} is not in:\n{graph}");
+    }
+}

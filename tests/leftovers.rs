@@ -1,0 +1,63 @@
+//! A run leaves nothing behind, and no run meets another.
+
+use replica_tests::{Launch, domain_of, is_alive, leftovers, processes_of, said, wait_for};
+use rustix::process::{Signal, kill_process};
+
+const ENDLESS: &str = "ticks = 1000000\npoints = 100000";
+
+#[test]
+fn nothing_stays_after_a_run() {
+    let launch = Launch::of_misbehaving("", "ticks = 5", "");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
+}
+
+#[test]
+fn stages_die_with_their_supervisor_and_the_next_start_cleans_up() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let running = launch.start();
+    let stages = ["source", "relay", "sink"].map(|stage| running.stage(stage));
+    let states = launch.output().join("run/states");
+    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+    running.signal(Signal::KILL);
+    wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
+    let domain = domain_of(&launch.output());
+    assert!(!leftovers(&domain).is_empty(), "SIGKILL leaves shared memory, or this test shows nothing");
+    drop(running);
+
+    // The same output folder: the next start finds what the dead run left, and its own run then leaves nothing.
+    let output = launch.with("--set").with("source.ticks=3").run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(leftovers(&domain), Vec::<String>::new());
+}
+
+#[test]
+fn two_runs_side_by_side_do_not_meet() {
+    let [first, second] =
+        [700, 701].map(|points| Launch::of_misbehaving("", &format!("ticks = 30\npoints = {points}"), ""));
+    let runs = [first.start(), second.start()];
+    for run in runs {
+        assert_eq!(run.wait(), Some(0));
+    }
+    assert_ne!(domain_of(&first.output()), domain_of(&second.output()));
+    for (launch, points) in [(&first, 700), (&second, 701)] {
+        let alone = Launch::of_misbehaving("", &format!("ticks = 30\npoints = {points}"), "");
+        assert_eq!(alone.run().status.code(), Some(0));
+        assert!(launch.read("sink.txt") == alone.read("sink.txt"), "the run with {points} points was disturbed");
+    }
+}
+
+#[test]
+fn a_second_run_into_the_same_folder_is_refused() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let running = launch.start();
+    let relay = running.stage("relay");
+    let second = launch.run();
+    assert_eq!(second.status.code(), Some(1), "{}", said(&second));
+    assert!(said(&second).contains("another run is writing here"), "{}", said(&second));
+    assert!(is_alive(relay), "the first run goes on");
+    kill_process(running.pid(), Signal::TERM).expect("the supervisor lives");
+    assert_eq!(running.wait(), Some(3));
+    assert!(processes_of(std::process::id()).iter().all(|pid| *pid != relay));
+}

@@ -1,0 +1,11 @@
+//! A pipeline of three small stages: [`Source`] publishes sweeps, [`Relay`] turns each into a column and fails as its
+//! settings say, [`Sink`] writes down what came. Whatever the relay does, the sink's file must be the same.
+
+mod mapping;
+mod relay;
+mod sink;
+mod source;
+
+pub use relay::Relay;
+pub use sink::Sink;
+pub use source::Source;

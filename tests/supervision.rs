@@ -1,0 +1,113 @@
+//! What the supervisor promises about stages that fail: exit, hang and stall are told apart and reported with the stage's
+//! last words; the run goes on from the last barrier, within a bound, and its result is that of an undisturbed run.
+
+use replica_tests::{Launch, Running, said, wait_for};
+use rustix::process::{Signal, kill_process};
+
+const SOURCE: &str = "ticks = 60\npoints = 500";
+
+fn undisturbed() -> Vec<u8> {
+    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    launch.read("sink.txt")
+}
+
+/// Runs with a fault that strikes once; the result must not show it, and the report must hold `words`.
+fn strikes_once(run: &str, fault: &str, words: &[&str]) {
+    let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
+    let launch = Launch::of_misbehaving(run, SOURCE, &relay);
+    let output = launch.run();
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    for word in words {
+        assert!(text.contains(word), "{word:?} is not in:\n{text}");
+    }
+    assert!(launch.output().join("struck").exists(), "the fault has struck");
+    assert_eq!(launch.summary()["total"]["restarts"], 1);
+    assert_eq!(launch.stage_summary("relay")["faults"], 1);
+    assert!(launch.read("sink.txt") == undisturbed(), "the result shows that {fault} has struck");
+}
+
+#[test]
+fn a_stage_that_fails_is_restarted_from_the_last_barrier() {
+    strikes_once("", "error", &["[relay] exit: ended with exit code 1", "told to fail in tick 23", "from barrier 4"]);
+}
+
+#[test]
+fn a_stage_that_panics_is_restarted() {
+    strikes_once("", "panic", &["[relay] exit: panicked (exit code 101)", "told to panic in tick 23"]);
+}
+
+#[test]
+fn a_stage_that_leaves_early_is_not_taken_for_done() {
+    strikes_once("", "exit", &["[relay] exit: ended with exit code 0 before its work was done"]);
+}
+
+#[test]
+fn a_stage_that_hangs_is_killed_and_restarted() {
+    strikes_once("hang_s = 1.0", "hang", &["[relay] hang: no heartbeat for 1."]);
+}
+
+#[test]
+fn a_stage_that_stalls_is_told_from_one_that_hangs() {
+    strikes_once("stall_s = 1.0", "stall", &["[relay] stall: 1.", "in the step of tick 23"]);
+}
+
+#[test]
+fn restarts_are_bounded() {
+    let launch = Launch::of_misbehaving("restarts = 2", SOURCE, "fault = \"error\"\nat_tick = 23");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert_eq!(said(&output).matches("told to fail in tick 23").count(), 3, "{}", said(&output));
+    assert_eq!(launch.summary()["outcome"], "failed");
+    assert_eq!(launch.summary()["total"]["restarts"], 2);
+    assert_eq!(launch.summary()["faults"].as_array().map(Vec::len), Some(3));
+}
+
+#[test]
+fn ctrl_c_drains_and_finishes_the_files() {
+    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let running = launch.start();
+    wait_until_it_runs(&launch);
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3), "done, but not complete");
+    assert_eq!(launch.summary()["outcome"], "drained");
+    let text = String::from_utf8(launch.read("sink.txt")).expect("text");
+    let ticks = launch.stage_summary("source")["ticks"].as_u64().expect("a number");
+    assert_eq!(text.lines().count() as u64, 2 * ticks, "everything on the way was finished");
+}
+
+#[test]
+fn a_second_ctrl_c_stops_at_once() {
+    let launch = Launch::of_misbehaving("", "ticks = 1000000\npoints = 1000", "");
+    let running = launch.start();
+    wait_until_it_runs(&launch);
+    let relay = running.stage("relay");
+    // A stage that does not move cannot be drained.
+    kill_process(relay, Signal::STOP).expect("the stage lives");
+    running.signal(Signal::INT);
+    wait_for("the drain", || running.stderr().contains("draining").then_some(()));
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(1));
+    assert_eq!(launch.summary()["outcome"], "stopped");
+    assert!(!replica_tests::is_alive(relay));
+}
+
+fn wait_until_it_runs(launch: &Launch) {
+    let states = launch.output().join("run/states");
+    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+}
+
+#[test]
+fn any_stage_killed_at_any_time_leaves_the_result_as_it_is() {
+    let expected = undisturbed();
+    for stage in ["source", "relay", "sink"] {
+        let launch = Launch::of_misbehaving("", SOURCE, "");
+        let running: Running = launch.start();
+        kill_process(running.stage(stage), Signal::KILL).expect("the stage lives");
+        assert_eq!(running.wait(), Some(0));
+        assert!(launch.read("sink.txt") == expected, "the result shows that {stage} was killed");
+        assert_eq!(launch.summary()["total"]["restarts"], 1);
+    }
+}

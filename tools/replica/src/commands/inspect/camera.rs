@@ -1,0 +1,151 @@
+//! From where a picture is taken.
+
+use super::Size;
+use geometry::Vector3;
+
+/// How far above the lidar and how far behind it the eye is, m: above parked vans, below the second floor.
+const EYE_UP_M: f64 = 9.0;
+const EYE_BACK_M: f64 = 22.0;
+
+/// What the eye looks at, m ahead of the vehicle; the point lies on the road, a lidar's height below.
+const TARGET_AHEAD_M: f64 = 14.0;
+const LIDAR_HEIGHT_M: f64 = 2.0;
+
+/// Half of the picture's width, at a distance of 1: a view of 70 degrees.
+const HALF_WIDTH: f64 = 0.70;
+
+/// Nothing nearer than this is drawn, m.
+const NEAR_M: f64 = 1.0;
+
+/// How much is shown beside the path from above, m.
+const BESIDE_PATH_M: f64 = 30.0;
+
+/// Turns points into pixels.
+pub struct Camera {
+    eye: Vector3<f64>,
+    right: Vector3<f64>,
+    down: Vector3<f64>,
+    forward: Vector3<f64>,
+    /// px at a distance of 1, or px per m.
+    scale: f64,
+    is_perspective: bool,
+    center: [f64; 2],
+}
+
+/// Where a point falls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projected {
+    /// px, right.
+    pub u: f64,
+    /// px, down.
+    pub v: f64,
+    /// Distance along the view, m.
+    pub depth_m: f64,
+    /// px per m there.
+    pub px_per_m: f64,
+}
+
+impl Camera {
+    /// Orthographic, north up, around the path or around everything if there is none.
+    pub fn above([min, max]: [[f64; 3]; 2], path: &[[f64; 3]], size: Size) -> Self {
+        let around = |k: usize| {
+            let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - BESIDE_PATH_M;
+            let high = path.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max) + BESIDE_PATH_M;
+            if path.is_empty() { (min[k], max[k]) } else { (low.max(min[k]), high.min(max[k])) }
+        };
+        let ((x0, x1), (y0, y1)) = (around(0), around(1));
+        let fit = |side: usize, low: f64, high: f64| side as f64 / (high - low).max(1.0);
+        Self {
+            eye: Vector3::new((x0 + x1) / 2.0, (y0 + y1) / 2.0, max[2] + 1.0 + NEAR_M),
+            right: Vector3::x(),
+            down: -Vector3::y(),
+            forward: -Vector3::z(),
+            scale: fit(size.width, x0, x1).min(fit(size.height, y0, y1)),
+            is_perspective: false,
+            center: center(size),
+        }
+    }
+
+    /// Perspective, from behind and above the place `share` (0 to 1) along the path; without a path, from the side of the
+    /// bounds where they are narrow.
+    pub fn behind([min, max]: [[f64; 3]; 2], path: &[[f64; 3]], share: f64, size: Size) -> Self {
+        let min_max = |k: usize| Vector3::new(min[0], min[1], min[2]).lerp(&Vector3::new(max[0], max[1], max[2]), 0.5)[k];
+        let along_x = max[0] - min[0] >= max[1] - min[1];
+        let fallback = if along_x { Vector3::x() } else { Vector3::y() };
+        let (place, heading) = match place_on(path, share) {
+            Some(found) => found,
+            None => (Vector3::new(min_max(0), min_max(1), min[2] + LIDAR_HEIGHT_M), fallback),
+        };
+        let eye = place - heading * EYE_BACK_M + Vector3::z() * EYE_UP_M;
+        let target = place + heading * TARGET_AHEAD_M - Vector3::z() * LIDAR_HEIGHT_M;
+        let forward = (target - eye).normalize();
+        let right = forward.cross(&Vector3::z()).normalize();
+        Self {
+            eye,
+            right,
+            down: forward.cross(&right),
+            forward,
+            scale: size.width as f64 / 2.0 / HALF_WIDTH,
+            is_perspective: true,
+            center: center(size),
+        }
+    }
+
+    /// `None` behind or right before the eye, and for what is no position.
+    pub fn project(&self, [x, y, z]: [f64; 3]) -> Option<Projected> {
+        let p = Vector3::new(x, y, z) - self.eye;
+        let depth_m = p.dot(&self.forward);
+        // A NaN is not at least anything.
+        if !(depth_m >= NEAR_M) {
+            return None;
+        }
+        let px_per_m = if self.is_perspective { self.scale / depth_m } else { self.scale };
+        let u = self.center[0] + p.dot(&self.right) * px_per_m;
+        let v = self.center[1] + p.dot(&self.down) * px_per_m;
+        Some(Projected { u, v, depth_m, px_per_m })
+    }
+}
+
+fn center(size: Size) -> [f64; 2] {
+    [size.width as f64 / 2.0, size.height as f64 / 2.0]
+}
+
+/// Position and level heading at `share` of the path; the heading is that of the 20 m around, or what there is.
+fn place_on(path: &[[f64; 3]], share: f64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let path: Vec<Vector3<f64>> = path.iter().map(|p| Vector3::from(*p)).collect();
+    let place = *path.get(((path.len().checked_sub(1)?) as f64 * share) as usize)?;
+    let around: Vec<&Vector3<f64>> = path.iter().filter(|p| (*p - place).norm() < 10.0).collect();
+    let mut heading = *around.last()? - *around.first()?;
+    heading.z = 0.0;
+    Some((place, heading.try_normalize(0.5)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 200, height: 100 };
+    const BOUNDS: [[f64; 3]; 2] = [[-50.0, -10.0, 0.0], [50.0, 10.0, 8.0]];
+
+    #[test]
+    fn from_behind_right_is_right_and_up_is_up() {
+        let path: Vec<[f64; 3]> = (0..100).map(|i| [0.0, f64::from(i), 2.0]).collect();
+        let camera = Camera::behind(BOUNDS, &path, 0.5, SIZE);
+        let at = |p| camera.project(p).expect("is in front");
+        // The vehicle drives north: east is on the right.
+        assert!(at([3.0, 60.0, 0.0]).u > at([-3.0, 60.0, 0.0]).u);
+        assert!(at([0.0, 60.0, 5.0]).v < at([0.0, 60.0, 0.0]).v);
+        let target = at([0.0, 49.0 + TARGET_AHEAD_M, 0.0]);
+        assert!((target.u - 100.0).abs() < 1e-6 && (target.v - 50.0).abs() < 1e-6, "{target:?}");
+        assert_eq!(camera.project([0.0, 0.0, 0.0]), None);
+        assert_eq!(camera.project([f64::NAN, 60.0, 0.0]), None);
+    }
+
+    #[test]
+    fn from_above_north_is_up_and_everything_fits() {
+        let camera = Camera::above(BOUNDS, &[], SIZE);
+        let corner = camera.project([50.0, 10.0, 0.0]).expect("is below");
+        assert!((corner.u - 200.0).abs() < 1e-9 && (corner.v - 30.0).abs() < 1e-9, "{corner:?}");
+        assert!(camera.project([0.0, 0.0, 8.0]).expect("is below").depth_m < corner.depth_m);
+    }
+}

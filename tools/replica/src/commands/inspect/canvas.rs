@@ -1,0 +1,168 @@
+//! A picture of points: splats into a depth buffer, then shading by differences of depth.
+
+use super::camera::Camera;
+use super::{Background, Size};
+
+/// Pixels are rendered at twice the size in both directions and averaged: edges come out smooth.
+const SUPERSAMPLING: usize = 2;
+
+/// Side of a point's square, m, and its limits in px of the large picture: far points stay visible, near ones small.
+const POINT_M: f64 = 0.06;
+const MIN_SIDE_PX: f64 = 2.0;
+const MAX_SIDE_PX: f64 = 9.0;
+
+/// How strongly a pixel darkens behind nearer neighbors, and how far away those are, px of the large picture.
+const SHADE_STRENGTH: f32 = 18.0;
+const SHADE_RADIUS: isize = 3;
+
+/// The large picture.
+pub struct Canvas {
+    size: Size,
+    width: usize,
+    height: usize,
+    depths_m: Vec<f32>,
+    colors: Vec<[u8; 3]>,
+}
+
+impl Canvas {
+    /// Nothing on it yet.
+    pub fn new(size: Size) -> Self {
+        let (width, height) = (size.width * SUPERSAMPLING, size.height * SUPERSAMPLING);
+        let n = width * height;
+        Self { size, width, height, depths_m: vec![f32::INFINITY; n], colors: vec![[0; 3]; n] }
+    }
+
+    /// Draws a point where nothing nearer has been drawn.
+    pub fn splat(&mut self, camera: &Camera, position: [f64; 3], color: [u8; 3]) {
+        let Some(at) = camera.project(position) else { return };
+        let zoom = SUPERSAMPLING as f64;
+        let side = (POINT_M * at.px_per_m * zoom).clamp(MIN_SIDE_PX, MAX_SIDE_PX);
+        let range = |center: f64, end: usize| {
+            let first = (center * zoom - side / 2.0).round();
+            // Casts of floats to integers stop at the ends of their range.
+            first.max(0.0) as usize..((first + side.round()).max(0.0) as usize).min(end)
+        };
+        let depth_m = at.depth_m as f32;
+        let columns = range(at.u, self.width);
+        for row in range(at.v, self.height) {
+            for pixel in row * self.width + columns.start..row * self.width + columns.end {
+                if depth_m < self.depths_m[pixel] {
+                    self.depths_m[pixel] = depth_m;
+                    self.colors[pixel] = color;
+                }
+            }
+        }
+    }
+
+    /// Shades, puts the background behind and shrinks to the final size; rows of sRGB from the top left.
+    pub fn develop(&self, background: Background) -> Vec<u8> {
+        let log_depths: Vec<f32> = self.depths_m.iter().map(|depth| depth.log2()).collect();
+        let mut pixels = Vec::with_capacity(self.size.width * self.size.height * 3);
+        for row in 0..self.size.height {
+            let behind = background.color(row as f32 / self.size.height as f32);
+            for column in 0..self.size.width {
+                pixels.extend(self.pixel(&log_depths, column, row, behind));
+            }
+        }
+        pixels
+    }
+
+    fn pixel(&self, log_depths: &[f32], column: usize, row: usize, behind: [f32; 3]) -> [u8; 3] {
+        let mut sum = [0.0; 3];
+        for v in row * SUPERSAMPLING..(row + 1) * SUPERSAMPLING {
+            for u in column * SUPERSAMPLING..(column + 1) * SUPERSAMPLING {
+                let pixel = v * self.width + u;
+                let is_empty = log_depths[pixel] == f32::INFINITY;
+                let shade = if is_empty { 1.0 } else { self.shade(log_depths, u, v) };
+                for k in 0..3 {
+                    sum[k] += if is_empty { behind[k] } else { f32::from(self.colors[pixel][k]) * shade };
+                }
+            }
+        }
+        sum.map(|value| (value / (SUPERSAMPLING * SUPERSAMPLING) as f32).round() as u8)
+    }
+
+    /// Eye-dome lighting (Boucheny 2009): 1 on a free surface, darker the further a pixel lies behind its neighbors.
+    /// Logarithms make a step count by its ratio, so near and far objects have outlines alike.
+    fn shade(&self, log_depths: &[f32], u: usize, v: usize) -> f32 {
+        let own = log_depths[v * self.width + u];
+        let mut sum = 0.0;
+        for (du, dv) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+            let column = u.saturating_add_signed(du * SHADE_RADIUS).min(self.width - 1);
+            let row = v.saturating_add_signed(dv * SHADE_RADIUS).min(self.height - 1);
+            // Beyond a quarter of the distance a step is an edge like any other.
+            sum += (own - log_depths[row * self.width + column]).clamp(0.0, 0.25);
+        }
+        (-SHADE_STRENGTH * sum / 8.0).exp().max(0.2)
+    }
+}
+
+impl Background {
+    /// sRGB at a height of the picture, 0 = top.
+    fn color(self, height: f32) -> [f32; 3] {
+        match self {
+            Background::White => [255.0; 3],
+            Background::Dark => [[10.0, 24.0], [13.0, 29.0], [20.0, 38.0]].map(|[top, bottom]| top + (bottom - top) * height),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size { width: 64, height: 32 };
+
+    fn camera() -> Camera {
+        Camera::above([[0.0, 0.0, 0.0], [64.0, 32.0, 10.0]], &[], SIZE)
+    }
+
+    #[test]
+    fn the_nearer_point_wins_whatever_the_order() {
+        let (near, far) = ([10.2, 20.2, 5.0], [10.2, 20.2, 1.0]);
+        for order in [[near, far], [far, near]] {
+            let mut canvas = Canvas::new(SIZE);
+            for position in order {
+                let color = if position == near { [255, 0, 0] } else { [0, 255, 0] };
+                canvas.splat(&camera(), position, color);
+            }
+            let drawn: Vec<[u8; 3]> = canvas.colors.iter().copied().filter(|color| *color != [0; 3]).collect();
+            assert!(!drawn.is_empty() && drawn.iter().all(|color| *color == [255, 0, 0]));
+        }
+    }
+
+    #[test]
+    fn a_point_falls_where_it_belongs_and_the_rest_is_background() {
+        let mut canvas = Canvas::new(SIZE);
+        canvas.splat(&camera(), [10.5, 20.5, 0.0], [200, 100, 50]);
+        let pixels = canvas.develop(Background::White);
+        assert_eq!(pixels.len(), 64 * 32 * 3);
+        let colored: Vec<usize> = (0..64 * 32).filter(|i| pixels[i * 3..i * 3 + 3] != [255; 3]).collect();
+        // North is up: y = 20.5 of 32 is row 11.
+        assert_eq!(colored, [11 * 64 + 10]);
+        assert_eq!(pixels[colored[0] * 3..][..3], [200, 100, 50]);
+    }
+
+    #[test]
+    fn points_outside_and_without_a_position_are_not_drawn() {
+        let mut canvas = Canvas::new(SIZE);
+        for position in [[-500.0, 0.0, 0.0], [1e300, 1e300, 0.0], [f64::NAN; 3], [0.0, 0.0, 1e9]] {
+            canvas.splat(&camera(), position, [255; 3]);
+        }
+        assert!(canvas.depths_m.iter().all(|depth| *depth == f32::INFINITY));
+    }
+
+    #[test]
+    fn a_step_in_depth_leaves_a_dark_line_on_the_far_side() {
+        let mut canvas = Canvas::new(SIZE);
+        for i in 0..128 * 64 {
+            let (x, y) = (f64::from(i % 128) / 2.0 + 0.25, f64::from(i / 128) / 2.0 + 0.25);
+            canvas.splat(&camera(), [x, y, if x < 32.0 { 9.0 } else { 0.0 }], [200; 3]);
+        }
+        let pixels = canvas.develop(Background::White);
+        let level = |column: usize| pixels[(16 * 64 + column) * 3];
+        assert_eq!((level(10), level(50)), (200, 200));
+        assert!(level(32) < 140, "{}", level(32));
+        assert_eq!(level(30), 200);
+    }
+}
