@@ -1,2 +1,4 @@
-//! Under construction.
-fn main() {}
+//! A process that takes the place of infer: `[infer] program = "…/height-segmenter"` in launch.toml.
+fn main() -> std::process::ExitCode {
+    stage::run::<height_segmenter::HeightSegmenter>()
+}

@@ -121,8 +121,13 @@ mod tests {
     /// Which of `views` (stamp, pose) is chosen for a point 1 m ahead, shot at 1000 ns, with `max_age` of 100 ns.
     fn chosen(views: &[(i64, [[f32; 4]; 3])]) -> Option<usize> {
         let lens = lens();
-        let view =
-            |(stamp, pose): &_| View { stamp: *stamp, camera_from_submap: *pose, lens: &lens, min: [0.0; 2], max: [99.0; 2] };
+        let view = |(stamp, pose): &_| View {
+            stamp: *stamp,
+            camera_from_submap: *pose,
+            lens: &lens,
+            min: [0.0; 2],
+            max: [99.0; 2],
+        };
         let views: Vec<View<'_>> = views.iter().map(view).collect();
         let sweeps = [SubmapSweep { stamp: 990, ..SubmapSweep::default() }];
         let point = SubmapPoint { z: 1.0, offset_nanos: 10, ..SubmapPoint::default() };

@@ -1,11 +1,11 @@
 //! The stage: what comes, what is held, what is due.
 
+use crate::Settings;
 use crate::color::{Picture, color_into};
 use crate::saved::{self, Held};
 use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
 use crate::views::Camera;
 use crate::window::{Exposure, Window};
-use crate::Settings;
 use formats::manifest::Manifest;
 use geometry::{Pose, Stamp};
 use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, SubmapSweep, Trajectory, UNSEEN};
@@ -146,10 +146,19 @@ impl Colorize {
         }
         let header = submap.header();
         let world_from_submap = header.world_from_submap.to_pose().ok_or_else(|| {
-            StepError::data(format!("submap {}: world_from_submap {:?} is no pose", submap.seq(), header.world_from_submap))
+            StepError::data(format!(
+                "submap {}: world_from_submap {:?} is no pose",
+                submap.seq(),
+                header.world_from_submap
+            ))
         })?;
         let sweeps = header.sweeps.get(..header.n_sweeps as usize).ok_or_else(|| {
-            StepError::data(format!("submap {}: {} sweeps; must be {} at most", submap.seq(), header.n_sweeps, header.sweeps.len()))
+            StepError::data(format!(
+                "submap {}: {} sweeps; must be {} at most",
+                submap.seq(),
+                header.n_sweeps,
+                header.sweeps.len()
+            ))
         })?;
         self.publish_color(submap, sweeps, &world_from_submap, outputs)?;
         self.publish_spectra(submap, sweeps, &world_from_submap, outputs)

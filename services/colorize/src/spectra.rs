@@ -1,7 +1,9 @@
 //! The `spectra` column.
 
 use crate::choose::{CHUNK, Choice, View, choose};
-use messages::{CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader, SubmapPoint, SubmapSweep, pod::cast_slice_mut};
+use messages::{
+    CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader, SubmapPoint, SubmapSweep, pod::cast_slice_mut,
+};
 use rayon::prelude::*;
 
 /// What the bands of a spectrum are: those of all mosaic cameras, one after another.
@@ -211,8 +213,7 @@ mod tests {
 
     #[test]
     fn pixels_fall_into_the_cell_of_their_filters() {
-        let header =
-            CubeHeader { width: 3, height: 2, n_bands: 1, pattern: 4, x0: 2, y0: 1, ..CubeHeader::default() };
+        let header = CubeHeader { width: 3, height: 2, n_bands: 1, pattern: 4, x0: 2, y0: 1, ..CubeHeader::default() };
         let rows = [0; 12];
         let cube = CubePicture::new(&header, &rows).expect("fits");
         // Pixels 2 to 5 of rows 1 to 4 are cell 0; their areas reach from 1.5 to 5.5.

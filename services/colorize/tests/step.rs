@@ -7,7 +7,8 @@ use common::scene::{self, Painted, SECOND, START};
 use common::{bare_manifest, drive, submap};
 use geometry::{Point3, Pose};
 use messages::{
-    Color, ColorRow, Cube, Image, NO_SPECTRUM, NoHeader, Spectra, SpectraHeader, SpectraView, Submap, Trajectory, UNSEEN,
+    Color, ColorRow, Cube, Image, NO_SPECTRUM, NoHeader, Spectra, SpectraHeader, SpectraView, Submap, Trajectory,
+    UNSEEN,
 };
 use stage::testing::{Bench, context};
 use std::path::Path;
@@ -17,7 +18,8 @@ const DURATION_NANOS: u32 = 1_000_000_000;
 const N_TICKS: i64 = 30;
 
 /// Offsets of the exposures from the start, ns: two before the submap, three in it, two after it.
-const EXPOSURES: [i64; 7] = [-1_300_000_000, -700_000_000, 50_000_000, 400_000_000, 910_000_000, 1_400_000_000, 1_900_000_000];
+const EXPOSURES: [i64; 7] =
+    [-1_300_000_000, -700_000_000, 50_000_000, 400_000_000, 910_000_000, 1_400_000_000, 1_900_000_000];
 
 /// What a run publishes, and when.
 #[derive(PartialEq, Debug)]
@@ -165,7 +167,7 @@ fn the_next_submap_or_a_blind_rig_ends_the_wait() {
     let points: Vec<_> = painted.iter().map(|painted| painted.point).collect();
     let send = |bench: &mut Bench<Colorize>, stamp| {
         let header = submap(scene::world_from_submap(), stamp, &points);
-        bench.send::<Trajectory>(stamp, NoHeader::default(), scene::trajectory(stamp, header.stamp_end));
+        bench.send::<Trajectory>(stamp, NoHeader::default(), scene::trajectory(stamp, header.stamp_end - SECOND / 10));
         bench.send::<Submap>(stamp, header, points.clone());
         bench.tick().expect("a tick");
         bench.take::<Color>().iter().map(stage::Received::seq).collect::<Vec<_>>()
@@ -173,7 +175,7 @@ fn the_next_submap_or_a_blind_rig_ends_the_wait() {
     let sighted = drive(&scene::manifest());
     let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(sighted.path())).expect("starts");
     assert_eq!(send(&mut bench, START), Vec::<u64>::new());
-    assert_eq!(send(&mut bench, START + SECOND / 2), [0]);
+    assert_eq!(send(&mut bench, START + SECOND), [0]);
     assert_eq!(bench.counter("submaps_colored_early"), 1);
     bench.finish().expect("an end");
     assert_eq!(bench.take::<Color>().len(), 1);
@@ -206,7 +208,10 @@ fn the_spectra_of_two_materials_come_back_and_what_was_not_measured_does_not() {
     let (header, rows) = run(folder.path()).publish().spectra;
     let painted = scene::points(DURATION_NANOS);
     assert_eq!((header.n_points as usize, header.n_bands), (painted.len(), 41));
-    assert_eq!((header.wavelengths_nm[24], header.wavelengths_nm[25], header.cameras[24..26].to_vec()), (740.0, 500.0, vec![0, 1]));
+    assert_eq!(
+        (header.wavelengths_nm[24], header.wavelengths_nm[25], header.cameras[24..26].to_vec()),
+        (740.0, 500.0, vec![0, 1])
+    );
     let view = SpectraView::new(&header, &rows).expect("fits");
     let (mut n_spectra, mut n_full, mut n_per_material) = (0, 0, [0; 2]);
     for (point_idx, painted) in painted.iter().enumerate() {

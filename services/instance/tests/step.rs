@@ -177,8 +177,6 @@ fn classes_that_come_later_find_their_submap_also_over_a_restart() {
         if restart {
             bench = bench.restarted(&settings, &context(Path::new("/nowhere"))).expect("restarts");
         }
-        let mut classes = self::bench(&settings);
-        send(&mut classes, &street());
         bench.send::<Class>(11, ClassHeader::default(), street().classes);
         bench.tick().expect("steps");
         let columns = bench.take::<Instance>();

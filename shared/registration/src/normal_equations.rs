@@ -51,8 +51,8 @@ impl NormalEquations {
             self.pose_gradient[col] += wj * r;
             self.motion_gradient[col] += swj * r;
             // The upper triangle; `mirror` fills the rest once.
-            for row in 0..=col {
-                let term = wj * j[row];
+            for (row, other) in j.iter().enumerate().take(col + 1) {
+                let term = wj * other;
                 self.pose[(row, col)] += term;
                 self.cross[(row, col)] += share * term;
                 self.motion[(row, col)] += share * share * term;

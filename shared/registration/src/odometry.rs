@@ -159,13 +159,11 @@ impl Odometry {
         if let Some(last) = self.state.last.take() {
             return Ok(vec![self.follow(&sweep, &last)]);
         }
-        match self.state.held.take() {
-            Some(first) => Ok(self.start(first, sweep)),
-            None => {
-                self.state.held = Some(sweep);
-                Ok(Vec::new())
-            }
+        if let Some(first) = self.state.held.take() {
+            return Ok(self.start(&first, sweep));
         }
+        self.state.held = Some(sweep);
+        Ok(Vec::new())
     }
 
     /// The first sweep if no second ever came: at rest.
@@ -202,10 +200,10 @@ impl Odometry {
         }
     }
 
-    fn start(&mut self, first: HeldSweep, second: HeldSweep) -> Vec<Registered> {
+    fn start(&mut self, first: &HeldSweep, second: HeldSweep) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
-        let start = find_start(&first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
+        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
             // The second is the next one's first, from the same place: nothing is known of the motion.

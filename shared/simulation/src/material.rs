@@ -58,7 +58,11 @@ enum Pattern {
     /// Rain stains over swells of a metre and more.
     Stains,
     /// Courses of blocks: width and height in m, strength of the joints (negative = darker).
-    Blocks { width: f32, height: f32, joint: f32 },
+    Blocks {
+        width: f32,
+        height: f32,
+        joint: f32,
+    },
     /// Light and dark leaves.
     Leafy,
 }

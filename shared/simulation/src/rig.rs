@@ -22,7 +22,8 @@ pub const ANTENNA_IN_BODY: [f64; 3] = [-1.2, 0.3, 1.75];
 
 /// `body_from_lidar`: at the back edge of the roof, 2.95 m above the road.
 ///
-/// Lidar frame: z along the axis, y left; x, where the encoder reads 90 degrees, forward and steeply up.
+/// Lidar frame: z along the axis, y left; x, where the encoder reads 0, forward and steeply up: revolutions are split in
+/// the sky.
 pub fn body_from_lidar() -> Pose {
     let tilt = -(std::f64::consts::FRAC_PI_2 - LIDAR_AXIS_ELEVATION);
     Isometry3::from_parts(
@@ -108,7 +109,10 @@ mod tests {
         assert!((cameras[5].1 * Vector3::z() - Vector3::z()).norm() < 1e-9);
         for pose in mosaic_mountings() {
             assert!((pose * Vector3::z() - Vector3::y()).norm() < 1e-9);
-            assert!((pose * Vector3::x() - Vector3::x()).norm() < 1e-9, "forward is to the right of a look to the left");
+            assert!(
+                (pose * Vector3::x() - Vector3::x()).norm() < 1e-9,
+                "forward is to the right of a look to the left"
+            );
         }
     }
 }

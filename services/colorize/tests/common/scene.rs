@@ -37,7 +37,11 @@ pub fn world_from_submap() -> Pose {
 
 pub fn trajectory(from: i64, until: i64) -> Vec<StampedPose> {
     // 50 ms apart: the chord is less than a millimetre off the arc.
-    (0..).map(|i| from + i * SECOND / 20).take_while(|s| *s <= until).map(|s| super::stamped(s, world_from_body(s))).collect()
+    (0..)
+        .map(|i| from + i * SECOND / 20)
+        .take_while(|s| *s <= until)
+        .map(|s| super::stamped(s, world_from_body(s)))
+        .collect()
 }
 
 /// Camera axes for one that looks to the left (+y of the body), then turned by `yaw` to the front.
@@ -170,9 +174,9 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
         let (column, row) = (cell as u32 % columns, cell as u32 / columns);
         let middle = |first: u32, i: u32| f64::from(first + i * pattern) + 0.5 * f64::from(pattern - 1);
         let ray = entry.model.ray_from_pixel(&Vector2::new(middle(x0, column), middle(y0, row)));
-        let along_m = ray.and_then(|ray| square_of_ray(&world_from_camera, &ray)).map(|[_, along, _]| {
-            (along as f64 + 0.5) * SQUARE_M
-        });
+        let along_m = ray
+            .and_then(|ray| square_of_ray(&world_from_camera, &ray))
+            .map(|[_, along, _]| (along as f64 + 0.5) * SQUARE_M);
         for band in 0..n_bands {
             words[band * n_cells + cell] = along_m.map_or(0.0, |x| reflectance(index, band, x)).to_bits();
         }

@@ -1,18 +1,20 @@
 //! The lidar's packets as a capture, with a position packet every second, and the labels of its returns.
 
+use super::files::Folder;
 use super::{GNSS_STREAM, Simulation};
 use crate::error::SimulationError;
 use crate::random::hash;
 use crate::sensors::gnss;
-use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, N_BLOCKS};
+use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, LidarReturn, N_BLOCKS};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
+use formats::pcap;
+use formats::velodyne::{
+    DATA_PORT, Model, POSITION_PORT, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
+};
 use rayon::prelude::*;
 use std::fs::File;
-use std::io::{BufWriter, Write};
-
-use super::files::Folder;
-use super::packets;
+use std::io::BufWriter;
 
 /// Packets that are made at once: a tenth of a second of drive, so that memory stays small and threads stay busy.
 const BATCH: u64 = 181;
@@ -31,24 +33,24 @@ pub fn write(
 ) -> Result<(), SimulationError> {
     let path = folder.path("lidar/000000.pcap")?;
     let file = File::create(&path).map_err(SimulationError::write(&path))?;
-    let mut capture = BufWriter::new(file);
+    let mut capture = pcap::Writer::new(BufWriter::new(file)).map_err(SimulationError::write(&path))?;
     let lidar = simulation.lidar();
     let seed = hash(simulation.spec.seed, GNSS_STREAM);
     let fixes = gnss::record(&simulation.motion, duration_seconds(&simulation.spec), seed);
     let mut fixes = fixes.iter().peekable();
     let mut revolutions = Revolutions::default();
     let n_packets = Lidar::n_packets(simulation.spec.seconds);
-    packets::write_header(&mut capture).map_err(SimulationError::write(&path))?;
     for first in (0..n_packets).step_by(BATCH as usize) {
         let last = (first + BATCH).min(n_packets);
         let made: Vec<[Block; N_BLOCKS]> = (first..last).into_par_iter().map(|packet| lidar.packet(packet)).collect();
         for (packet, blocks) in (first..last).zip(&made) {
             let stamp = lidar.packet_stamp(packet);
             while let Some(fix) = fixes.next_if(|fix| fix.stamp <= stamp) {
-                packets::write_position(&mut capture, fix.stamp, &gnss::rmc(fix))
-                    .map_err(SimulationError::write(&path))?;
+                let payload = encode_position_packet(fix.stamp, &gnss::rmc(fix));
+                capture.write_udp(fix.stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
             }
-            packets::write_data(&mut capture, stamp, blocks).map_err(SimulationError::write(&path))?;
+            let payload = encode_data_packet(Model::Hdl32e, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
+            capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
             for block in blocks {
                 for found in block.returns.iter().flatten() {
                     report.n_returns += 1;
@@ -62,9 +64,17 @@ pub fn write(
         report.n_packets += last - first;
         done(last - first);
     }
-    capture.flush().map_err(SimulationError::write(&path))?;
+    capture.finish().map_err(SimulationError::write(&path))?;
     let labels = revolutions.finish();
     write_labels(folder, report, &labels)
+}
+
+fn raw(block: &Block) -> RawBlock {
+    let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
+    RawBlock {
+        azimuth: block.azimuth,
+        returns: block.returns.each_ref().map(|r| r.as_ref().map(raw_return).unwrap_or_default()),
+    }
 }
 
 fn write_labels(folder: &Folder, report: &mut DriveReport, labels: &[u32]) -> Result<(), SimulationError> {

@@ -22,11 +22,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         },
         cameras: if spec.cameras { cameras() } else { Vec::new() },
         mosaics: if spec.mosaics { mosaics() } else { Vec::new() },
-        gnss: Some(GnssEntry {
-            file: "gnss.nmea".into(),
-            origin: ORIGIN,
-            antenna_in_body: rig::ANTENNA_IN_BODY,
-        }),
+        gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: ORIGIN, antenna_in_body: rig::ANTENNA_IN_BODY }),
         imu: Some(ImuEntry { file: "imu.csv".into() }),
         truth: Some(TruthEntry { trajectory: "truth/trajectory.txt".into(), labels: "truth/labels".into() }),
     }

@@ -3,7 +3,6 @@
 mod files;
 mod lidar_files;
 mod manifest;
-mod packets;
 
 use crate::error::SimulationError;
 use crate::motion::{Motion, Progress};

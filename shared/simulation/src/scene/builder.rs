@@ -48,8 +48,7 @@ impl Builder {
     }
     /// A copy of a model's primitives at a pose. Its surfaces are this builder's.
     pub fn place(&mut self, model: &[Primitive], pose: &Isometry3<f32>) {
-        self.primitives
-            .extend(model.iter().map(|p| Primitive { shape: p.shape.moved(pose), surface: p.surface }));
+        self.primitives.extend(model.iter().map(|p| Primitive { shape: p.shape.moved(pose), surface: p.surface }));
     }
     /// Takes the primitives that were built since there were `first`.
     pub fn take_since(&mut self, first: usize) -> Vec<Primitive> {

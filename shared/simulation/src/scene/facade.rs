@@ -80,7 +80,13 @@ struct Opening {
 }
 
 fn opening(bay: f32, floor: usize, is_door: bool) -> Opening {
-    let half = if is_door { 0.6 } else if floor == 0 { 0.36 * bay } else { 0.19 * bay };
+    let half = if is_door {
+        0.6
+    } else if floor == 0 {
+        0.36 * bay
+    } else {
+        0.19 * bay
+    };
     let z = match (floor, is_door) {
         (_, true) => [0.0, 2.3],
         (0, false) => [0.7, 2.4],
@@ -156,9 +162,8 @@ fn bar(b: &mut Builder, plan: Plan<'_>, u: [f32; 2], z: [f32; 2], out: [f32; 2],
     let at = |i: usize| u[0] + (u[1] - u[0]) * i as f32 / n as f32;
     for i in 0..n {
         let (a, c) = (at(i), at(i + 1));
-        let face = |z0: f32, o0: f32, z1: f32, o1: f32| {
-            [plan(a, z0, o0), plan(c, z0, o0), plan(c, z1, o1), plan(a, z1, o1)]
-        };
+        let face =
+            |z0: f32, o0: f32, z1: f32, o1: f32| [plan(a, z0, o0), plan(c, z0, o0), plan(c, z1, o1), plan(a, z1, o1)];
         b.quad(face(z[0], out[1], z[1], out[1]), surface);
         b.quad(face(z[0], out[0], z[0], out[1]), surface);
         b.quad(face(z[1], out[0], z[1], out[1]), surface);

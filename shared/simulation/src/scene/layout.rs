@@ -129,13 +129,15 @@ impl Town {
         let top = wall.floors as f32 * FLOOR_M;
         let stone = self.builder.surface(ClassId::Building, 0, wall.material);
         let zinc = self.builder.surface(ClassId::Building, 0, Material::Zinc);
+        let rise = random.range(0.8, 2.8);
         for u in [0.0, width] {
             // As far out as the uneven wall goes, so that no sky shows between two houses.
             let out = facade::UNEVEN_M;
             let corners = [plan(u, -0.7, out), plan(u, -0.7, -10.0), plan(u, top, -10.0), plan(u, top, out)];
             self.builder.quad(corners, stone);
+            let gable = [plan(u, top, 0.0), plan(u, top, -10.0), plan(u, top + rise, -10.0), plan(u, top + rise, -2.2)];
+            self.builder.quad(gable, stone);
         }
-        let rise = random.range(0.8, 2.8);
         let mut strip = |from: [f32; 2], to: [f32; 2]| {
             let n = (width / 3.0).ceil() as usize;
             for i in 0..n {
@@ -185,7 +187,10 @@ impl Town {
                     0 | 3 => tree::build(b, &self.stand(x, kerbside + side * 0.3, 0.0), random),
                     1 => furniture::lamp_post(b, &self.stand(x, kerbside, to_road)),
                     2 => furniture::sign(b, &self.stand(x, kerbside, if side > 0.0 { to_road } else { 0.0 }), random),
-                    4 => furniture::bench(b, &self.stand(x, side * (FACADE_T - 0.6), if side > 0.0 { 0.0 } else { std::f32::consts::PI })),
+                    4 => furniture::bench(
+                        b,
+                        &self.stand(x, side * (FACADE_T - 0.6), if side > 0.0 { 0.0 } else { std::f32::consts::PI }),
+                    ),
                     _ => {
                         furniture::bin(b, &self.stand(x, side * (FACADE_T - 0.7), random.range(-0.2, 0.2)));
                         furniture::bollard(b, &self.stand(x + 1.0, kerbside, 0.0));
@@ -238,8 +243,9 @@ impl Town {
                 let length = (CROSS_REACH - FACADE_T) / n as f32;
                 for i in 0..n {
                     let from = FACADE_T + i as f32 * length;
+                    // 15 cm before the party wall of the corner house, which would show through else.
                     let plan = |u: f32, z: f32, out: f32| {
-                        street.vertex(x0 + edge * (CROSS_HALF - out), side * (from + u), z)
+                        street.vertex(x0 + edge * (CROSS_HALF - 0.15 - out), side * (from + u), z)
                     };
                     self.wall_across(&plan, length, random);
                 }
@@ -247,13 +253,11 @@ impl Town {
                 if edge * side > 0.0 {
                     furniture::traffic_light(&mut self.builder, &corner);
                 }
-                let feet = [2.2_f32, 4.2, 6.2].map(|d| {
-                    self.stand(x0 + edge * (CROSS_HALF + d), side * (KERB_T + 0.3), 0.0).translation.vector
-                });
+                let feet = [2.2_f32, 4.2, 6.2]
+                    .map(|d| self.stand(x0 + edge * (CROSS_HALF + d), side * (KERB_T + 0.3), 0.0).translation.vector);
                 furniture::railing(&mut self.builder, &feet);
             }
-            let plan =
-                |u: f32, z: f32, out: f32| street.vertex(x0 - CROSS_HALF + u, side * (CROSS_REACH - out), z);
+            let plan = |u: f32, z: f32, out: f32| street.vertex(x0 - CROSS_HALF + u, side * (CROSS_REACH - out), z);
             self.wall_across(&plan, 2.0 * CROSS_HALF, random);
             let foot = |t: f32| street.vertex(x0 + CROSS_HALF - 0.5, side * t, 0.0);
             tree::hedge(&mut self.builder, &foot(14.0), &foot(20.0), random);

@@ -27,11 +27,7 @@ impl Street {
     }
     /// The center line at `x`.
     pub fn center(&self, x: f64) -> Vector3<f64> {
-        Vector3::new(
-            x,
-            self.sway_m * (self.sway_wave * x).sin(),
-            self.rise_m * (self.rise_wave * x + self.phase).sin(),
-        )
+        Vector3::new(x, self.sway_m * (self.sway_wave * x).sin(), self.rise_m * (self.rise_wave * x + self.phase).sin())
     }
     /// Direction of the street: rad from east, counterclockwise.
     pub fn heading(&self, x: f64) -> f64 {

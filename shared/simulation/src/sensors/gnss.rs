@@ -184,8 +184,11 @@ mod tests {
             speed_mps: 8.0,
             course_deg: 84.5,
         };
-        assert_eq!(gga(&fix), "$GPGGA,100000.00,4850.773320,N,00220.784840,W,1,09,0.9,60.000,M,44.6,M,,*4B");
+        assert_eq!(gga(&fix), "$GPGGA,100000.00,4850.773320,N,00220.784840,W,1,09,0.9,60.000,M,44.6,M,,*43");
         assert!(rmc(&fix).starts_with("$GPRMC,100000.00,A,4850.773320,N,00220.784840,W,15.551,84.50,010621,,,A*"));
+        // The sentence by which the format is usually explained.
+        let known = "GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,";
+        assert!(with_checksum(known).ends_with("*47"));
         for sentence in [gga(&fix), rmc(&fix)] {
             let (body, sum) = sentence[1..].split_once('*').expect("a checksum");
             assert_eq!(format!("{:02X}", body.bytes().fold(0, |s, b| s ^ b)), sum);

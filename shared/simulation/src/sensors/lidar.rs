@@ -162,11 +162,11 @@ pub fn elevation(laser: usize) -> f32 {
     (steps + if laser.is_multiple_of(2) { -92.0 / 3.0 } else { -28.0 / 3.0 }).to_radians()
 }
 
-/// Where a laser looks in the lidar frame: azimuth 0 along y, 90 degrees along x.
+/// Where a laser looks in the lidar frame: azimuth 0 along x, 90 degrees to the right, along -y (`formats::velodyne`).
 fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     let (sin_a, cos_a) = azimuth.sin_cos();
     let (sin_e, cos_e) = elevation.sin_cos();
-    Vec3::new(cos_e * sin_a, cos_e * cos_a, sin_e)
+    Vec3::new(cos_e * cos_a, -cos_e * sin_a, sin_e)
 }
 
 #[cfg(test)]

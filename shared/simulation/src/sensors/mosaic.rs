@@ -112,7 +112,8 @@ impl MosaicCamera {
     pub fn new(model: MosaicModel, lens: &CameraModel) -> Self {
         let [left, top, ..] = model.active_area;
         let [columns, rows] = model.cells();
-        let middle = |cell: usize, first: usize| (first + cell * model.pattern) as f64 + 0.5 * (model.pattern - 1) as f64;
+        let middle =
+            |cell: usize, first: usize| (first + cell * model.pattern) as f64 + 0.5 * (model.pattern - 1) as f64;
         let pixels = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
         let rays = lens_rays(lens, pixels.map(|(row, column)| [middle(column, left), middle(row, top)]));
         let bands = model.bands();

@@ -268,7 +268,8 @@ mod tests {
         let mut hits = 0;
         for _ in 0..3000 {
             let origin = Vec3::new(random.range(-40.0, 40.0), random.range(-40.0, 40.0), random.range(-40.0, 40.0));
-            let direction = (-origin + Vec3::new(random.range(-20.0, 20.0), random.range(-20.0, 20.0), 0.0)).normalize();
+            let direction =
+                (-origin + Vec3::new(random.range(-20.0, 20.0), random.range(-20.0, 20.0), 0.0)).normalize();
             let ray = Ray { origin, direction, seed: 0 };
             let expected = all
                 .iter()
@@ -284,10 +285,8 @@ mod tests {
 
     #[test]
     fn rays_along_an_axis_and_equal_centers_are_no_trouble() {
-        let same = vec![
-            Primitive { shape: Shape::Sphere { center: Vec3::new(3.0, 0.0, 0.0), radius: 1.0 }, surface: 1 };
-            300
-        ];
+        let same =
+            vec![Primitive { shape: Shape::Sphere { center: Vec3::new(3.0, 0.0, 0.0), radius: 1.0 }, surface: 1 }; 300];
         let tree = Bvh::new(same);
         let ray = Ray { origin: Vec3::zeros(), direction: Vec3::x(), seed: 0 };
         let (range, _) = tree.nearest(&ray, 10.0).expect("hit");

@@ -125,3 +125,73 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     eprintln!("wrote {}", picture.display());
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use formats::ply::{Header, Kind, PlyWriter};
+    use std::path::Path;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// A road 40 m long with a car on it, driven along x.
+    fn write_street(path: &Path) {
+        let names = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
+        let fields = names.map(|name| (name, Kind::Float)).into_iter();
+        let header = Header::new(fields.chain([("semantic", Kind::UChar), ("instance", Kind::Int)]));
+        let mut writer = PlyWriter::create(path, &header, 400 * 100).expect("creates");
+        let encode = |i: usize, row: &mut formats::ply::Row<'_>| {
+            let (x, y) = ((i / 100) as f32 * 0.1, (i % 100) as f32 * 0.1 - 5.0);
+            let is_car = (20.0..24.0).contains(&x) && (1.0..3.0).contains(&y);
+            row.f32(x).f32(y).f32(if is_car { 1.5 } else { 0.0 }).f32(x).f32(0.0).f32(2.0);
+            row.u8(if is_car { 10 } else { 7 }).i32(if is_car { 4 } else { 0 });
+        };
+        writer.write_each(400 * 100, encode).expect("writes");
+        writer.finish().expect("finishes");
+    }
+
+    #[test]
+    fn a_run_s_folder_becomes_a_table_and_a_picture() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("clouds")).expect("creates");
+        write_street(&folder.path().join("clouds/submap_0000.ply"));
+        write_street(&folder.path().join("clouds/submap_0000_spectra.ply"));
+        let files = cloud::files(folder.path()).expect("has clouds");
+        assert_eq!(files.len(), 1, "spectra are not points of their own");
+        let mut survey = Survey::default();
+        survey.add(&files[0], &Cloud::load(&files[0]).expect("loads"));
+        let table = survey.table(folder.path());
+        for line in ["1 clouds, 40 000 points", "path 39.", "instances 1", "road", "98.0 %", "vehicles", "2.0 %"] {
+            assert!(table.contains(line), "{line:?} is not in\n{table}");
+        }
+        for (view, by) in [("street", "class"), ("top", "instance"), ("top", "height")] {
+            let picture = folder.path().join(format!("{view}_{by}.png"));
+            let (input, output) = (folder.path().to_string_lossy(), picture.to_string_lossy());
+            let words = ["", &input, "--picture", &output, "--view", view, "--by", by, "--size", "320x180"];
+            run(&Cli::parse_from(words).args).expect("renders");
+            let image = image::open(&picture).expect("is a picture").to_rgb8();
+            assert_eq!(image.dimensions(), (320, 180));
+            let of_car = |p: &image::Rgb<u8>| if by == "class" { p.0[2] > 180 && p.0[0] < 60 } else { p.0[1] > 140 };
+            let n_car = image.pixels().filter(|pixel| of_car(pixel)).count();
+            assert!((20..8000).contains(&n_car), "{view} {by}: {n_car} pixels of the car");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_shown_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().to_string_lossy();
+        let error = run(&Cli::parse_from(["", &path]).args).expect_err("is empty").to_string();
+        assert!(error.contains("there are no clouds"), "{error}");
+        for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
+            assert!(Cli::try_parse_from(words).is_err());
+        }
+        let outside = Cli::parse_from(["", &path, "--at", "1.5"]);
+        assert!(run(&outside.args).expect_err("is outside").to_string().contains("between 0 and 1"));
+    }
+}

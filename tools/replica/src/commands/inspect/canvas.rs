@@ -6,10 +6,10 @@ use super::{Background, Size};
 /// Pixels are rendered at twice the size in both directions and averaged: edges come out smooth.
 const SUPERSAMPLING: usize = 2;
 
-/// Side of a point's square, m, and its limits in px of the large picture: far points stay visible, near ones small.
+/// Width of a point's disk, m, and its limits in px of the large picture: far points stay visible, near ones small.
 const POINT_M: f64 = 0.06;
-const MIN_SIDE_PX: f64 = 2.0;
-const MAX_SIDE_PX: f64 = 9.0;
+const MIN_WIDTH_PX: f64 = 3.0;
+const MAX_WIDTH_PX: f64 = 8.0;
 
 /// How strongly a pixel darkens behind nearer neighbors, and how far away those are, px of the large picture.
 const SHADE_STRENGTH: f32 = 18.0;
@@ -35,17 +35,18 @@ impl Canvas {
     /// Draws a point where nothing nearer has been drawn.
     pub fn splat(&mut self, camera: &Camera, position: [f64; 3], color: [u8; 3]) {
         let Some(at) = camera.project(position) else { return };
-        let zoom = SUPERSAMPLING as f64;
-        let side = (POINT_M * at.px_per_m * zoom).clamp(MIN_SIDE_PX, MAX_SIDE_PX);
-        let range = |center: f64, end: usize| {
-            let first = (center * zoom - side / 2.0).round();
-            // Casts of floats to integers stop at the ends of their range.
-            first.max(0.0) as usize..((first + side.round()).max(0.0) as usize).min(end)
+        let (u, v) = (at.u * SUPERSAMPLING as f64, at.v * SUPERSAMPLING as f64);
+        let radius = (POINT_M * at.px_per_m * SUPERSAMPLING as f64).clamp(MIN_WIDTH_PX, MAX_WIDTH_PX) / 2.0;
+        // Pixels whose centers lie inside. Casts of floats to integers stop at the ends of their range.
+        let range = |center: f64, half: f64, end: usize| {
+            let start = (center - half - 0.5).ceil().max(0.0) as usize;
+            start..((center + half - 0.5).floor() + 1.0).clamp(0.0, end as f64) as usize
         };
         let depth_m = at.depth_m as f32;
-        let columns = range(at.u, self.width);
-        for row in range(at.v, self.height) {
-            for pixel in row * self.width + columns.start..row * self.width + columns.end {
+        for row in range(v, radius, self.height) {
+            let above = row as f64 + 0.5 - v;
+            for column in range(u, (radius * radius - above * above).max(0.0).sqrt(), self.width) {
+                let pixel = row * self.width + column;
                 if depth_m < self.depths_m[pixel] {
                     self.depths_m[pixel] = depth_m;
                     self.colors[pixel] = color;

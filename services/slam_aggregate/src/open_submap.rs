@@ -1,0 +1,143 @@
+//! The submap that is being written.
+
+use crate::sweeps::Cloud;
+use geometry::{Pose, UnitQuaternion, Vector3};
+use messages::{
+    MAX_SWEEPS_PER_SUBMAP, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep, SweepPoint,
+};
+use registration::{DeskewTable, Registered};
+use stage::{Loan, Outputs, StepError};
+
+/// A submap under construction: its rows lie in the slot from which consumers will read them.
+pub(crate) struct OpenSubmap {
+    pub loan: Loan<Submap>,
+    pub frame: SubmapFrame,
+    pub header: Box<SubmapHeader>,
+}
+
+/// What decides when a submap is full.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct SubmapFrame {
+    pub world_from_submap: Pose,
+    /// Path of the body since the first shot, m.
+    pub travelled_m: f64,
+    /// Where the body was last, world, m.
+    pub body: Vector3<f64>,
+}
+
+impl OpenSubmap {
+    /// Begins at the place and heading of the body.
+    pub fn new(loan: Loan<Submap>, world_from_body: &Pose, n_rings: u32) -> Self {
+        let world_from_submap = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
+        let mut header = Box::new(SubmapHeader::default());
+        header.world_from_submap = world_from_submap.into();
+        header.n_rings = n_rings;
+        let body = world_from_body.translation.vector;
+        Self { loan, frame: SubmapFrame { world_from_submap, travelled_m: 0.0, body }, header }
+    }
+    /// Whether a sweep of `n_points` has room.
+    pub fn fits(&self, n_points: usize) -> bool {
+        (self.header.n_sweeps as usize) < MAX_SWEEPS_PER_SUBMAP
+            && n_points <= self.loan.capacity() - self.loan.rows().len()
+    }
+    /// From the first to the last shot, s.
+    pub fn seconds(&self) -> f64 {
+        (self.header.stamp_end - self.header.stamp_begin) as f64 * 1e-9
+    }
+    /// Appends the points `kept` of a sweep, in order. `body` is the position of the body at the last shot, world.
+    /// The caller has asked [`OpenSubmap::fits`].
+    pub fn append(
+        &mut self,
+        cloud: &Cloud,
+        kept: &[usize],
+        registered: &Registered,
+        body: Vector3<f64>,
+    ) -> Result<(), StepError> {
+        let submap_from_world = self.frame.world_from_submap.inverse();
+        let (begin, end) = (submap_from_world * registered.begin(), submap_from_world * registered.end());
+        let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
+        let first_point = self.loan.rows().len() as u32;
+        let sweep_idx = self.header.n_sweeps as u16;
+        let capacity = self.loan.capacity();
+        let rows = self.loan.grow(kept.len()).ok_or_else(|| {
+            StepError::data(format!(
+                "sweep {}: {} points do not fit into a submap of {capacity}: raise submap_points_max",
+                cloud.received.seq(),
+                kept.len()
+            ))
+        })?;
+        let bounds = (&mut self.header.min, &mut self.header.max);
+        if first_point == 0 {
+            (*bounds.0, *bounds.1) = ([f32::MAX; 3], [f32::MIN; 3]);
+        }
+        for (row, &point_idx) in rows.iter_mut().zip(kept) {
+            *row = submap_point(cloud, point_idx, &table, sweep_idx);
+            for (axis, value) in [row.x, row.y, row.z].into_iter().enumerate() {
+                bounds.0[axis] = bounds.0[axis].min(value);
+                bounds.1[axis] = bounds.1[axis].max(value);
+            }
+        }
+        self.header.sweeps[usize::from(sweep_idx)] = SubmapSweep {
+            stamp: registered.stamp.0,
+            seq: cloud.received.seq(),
+            duration_nanos: registered.duration_nanos,
+            first_point,
+            n_points: kept.len() as u32,
+            reserved: 0,
+            submap_from_lidar_begin: pose_numbers(&begin),
+            submap_from_lidar_end: pose_numbers(&end),
+        };
+        if sweep_idx == 0 {
+            self.header.stamp_begin = registered.stamp.0;
+        }
+        self.header.stamp_end = registered.stamp.0 + i64::from(registered.duration_nanos);
+        self.header.n_sweeps += 1;
+        self.frame.travelled_m += (body - self.frame.body).norm();
+        self.frame.body = body;
+        Ok(())
+    }
+    /// Hands the submap to its consumers.
+    pub fn publish(mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        if self.loan.rows().is_empty() {
+            // Bounds of nothing would be infinite.
+            (self.header.min, self.header.max) = ([0.0; 3], [0.0; 3]);
+        }
+        let stamp = self.header.stamp_begin;
+        *self.loan.header_mut() = *self.header;
+        outputs.publish(self.loan, stamp)
+    }
+}
+
+/// The part of a rotation that turns about z.
+fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    let forward = rotation * Vector3::x();
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
+}
+
+fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx: u16) -> SubmapPoint {
+    let raw: &SweepPoint = &cloud.received.rows()[point_idx];
+    let timed = &cloud.sweep.points()[point_idx];
+    let [x, y, z] = table.deskew(timed.position, timed.offset_nanos);
+    let elevation_deg = raw.z.atan2(raw.x.hypot(raw.y)).to_degrees();
+    let incidence = cloud.sweep.incidence(point_idx);
+    SubmapPoint {
+        x,
+        y,
+        z,
+        offset_nanos: timed.offset_nanos,
+        azimuth: raw.azimuth,
+        elevation: (elevation_deg * 100.0).round() as i16,
+        sweep_idx,
+        intensity: raw.intensity,
+        ring: raw.ring,
+        incidence: incidence.map_or(POINT_INCIDENCE_UNKNOWN, |cosine| (cosine * 254.0).round() as u8),
+        flags: 0,
+        reserved: 0,
+    }
+}
+
+/// x y z, qx qy qz qw.
+fn pose_numbers(pose: &Pose) -> [f32; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|value| value as f32)
+}

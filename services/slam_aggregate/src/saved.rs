@@ -1,0 +1,75 @@
+//! The stage's state, to the bit.
+
+use crate::open_submap::{OpenSubmap, SubmapFrame};
+use messages::{Submap, SubmapHeader, SubmapPoint, pod};
+use registration::OdometryState;
+use serde::{Deserialize, Serialize};
+use stage::{Outputs, StepError};
+
+/// Raised when the layout of [`Saved`] or the meaning of a field changes.
+pub(crate) const STATE_VERSION: u32 = 1;
+
+/// Everything that the next tick depends on: the odometry's state (at most 3.2 MB with default settings), the first sweep
+/// while it waits for the second (about 1.3 MB), and the open submap (28 bytes a point).
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Saved {
+    pub odometry: OdometryState,
+    /// See `Received::to_bytes`.
+    pub waiting: Option<Bytes>,
+    pub submap: Option<SavedSubmap>,
+    pub last_row_stamp: Option<i64>,
+}
+
+/// An [`OpenSubmap`] outside shared memory.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedSubmap {
+    frame: SubmapFrame,
+    header: Bytes,
+    rows: Bytes,
+}
+
+impl SavedSubmap {
+    pub fn of(open: &OpenSubmap) -> Self {
+        Self {
+            frame: open.frame,
+            header: Bytes(pod::bytes_from_rows(std::slice::from_ref(&*open.header)).to_vec()),
+            rows: Bytes(pod::bytes_from_rows(open.loan.rows()).to_vec()),
+        }
+    }
+    /// Into a fresh slot: the only time that rows are copied.
+    pub fn reopen(&self, outputs: &mut Outputs, capacity: usize) -> Result<OpenSubmap, StepError> {
+        let torn = || StepError::data("the saved submap's header or rows have the wrong length");
+        let header = pod::rows_from_bytes::<SubmapHeader>(&self.header.0).ok_or_else(torn)?;
+        let [header] = header[..] else { return Err(torn()) };
+        let rows = pod::rows_from_bytes::<SubmapPoint>(&self.rows.0).ok_or_else(torn)?;
+        // A smaller limit than before must not lose what is there.
+        let mut loan = outputs.loan::<Submap>(capacity.max(rows.len()))?;
+        loan.extend_from_slice(&rows).ok_or_else(torn)?;
+        Ok(OpenSubmap { loan, frame: self.frame, header: Box::new(header) })
+    }
+}
+
+/// Bytes that are written as one block; a derived `Vec<u8>` would go through one call per byte.
+pub(crate) struct Bytes(pub Vec<u8>);
+
+impl Serialize for Bytes {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Bytes {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Block;
+        impl serde::de::Visitor<'_> for Block {
+            type Value = Bytes;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a block of bytes")
+            }
+            fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<Bytes, E> {
+                Ok(Bytes(bytes.to_vec()))
+            }
+        }
+        deserializer.deserialize_bytes(Block)
+    }
+}

@@ -1,0 +1,186 @@
+//! The stage.
+
+use crate::Settings;
+use crate::odometry_settings::odometry_settings;
+use crate::open_submap::OpenSubmap;
+use crate::saved::{Bytes, STATE_VERSION, Saved, SavedSubmap};
+use crate::sweeps::Cloud;
+use formats::manifest::Manifest;
+use geometry::Pose;
+use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
+use registration::{Odometry, Registered};
+use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+
+/// See the crate's page.
+pub struct SlamAggregate {
+    settings: Settings,
+    body_from_lidar: Pose,
+    odometry: Odometry,
+    /// The first sweep, until the second comes.
+    waiting: Option<Received<Sweep>>,
+    open: Option<OpenSubmap>,
+    /// Loaded, and not yet in a slot.
+    saved_submap: Option<SavedSubmap>,
+    last_row_stamp: Option<i64>,
+}
+
+impl SlamAggregate {
+    /// With a known mounting of the lidar.
+    pub fn with_mounting(settings: &Settings, body_from_lidar: Pose) -> Self {
+        Self {
+            settings: settings.clone(),
+            body_from_lidar,
+            // The body frame at the first shot is the world.
+            odometry: Odometry::new(odometry_settings(settings), body_from_lidar),
+            waiting: None,
+            open: None,
+            saved_submap: None,
+            last_row_stamp: None,
+        }
+    }
+
+    /// Puts a registered sweep into the open submap, closes the submap where it is full, and appends the poses.
+    fn place(
+        &mut self,
+        cloud: &Cloud,
+        registered: &Registered,
+        rows: &mut Vec<StampedPose>,
+        outputs: &mut Outputs,
+    ) -> Result<(), StepError> {
+        count(registered, outputs);
+        let (kept, n_dropped) = cloud.kept(self.settings.min_range_m, self.settings.thin_m);
+        outputs.count("points_out_of_range", n_dropped as u64);
+        let body_from_lidar = self.body_from_lidar;
+        let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
+        let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
+        let end_stamp = registered.stamp.0 + i64::from(registered.duration_nanos);
+        for (stamp, pose) in [(registered.stamp.0, begin), (end_stamp, end)] {
+            // Stamps on the topic never fall, whatever the recording's do.
+            if self.last_row_stamp.is_none_or(|last| last <= stamp) {
+                rows.push(StampedPose { stamp, world_from_body: pose.into() });
+                self.last_row_stamp = Some(stamp);
+            } else {
+                outputs.count("poses_out_of_order", 1);
+            }
+        }
+        if self.open.as_ref().is_some_and(|open| !open.fits(kept.len())) {
+            self.close(outputs)?;
+        }
+        let open = match &mut self.open {
+            Some(open) => open,
+            empty => {
+                let loan = outputs.loan::<Submap>(self.settings.submap_points_max as usize)?;
+                empty.insert(OpenSubmap::new(loan, &begin, cloud.received.header().n_rings))
+            }
+        };
+        open.append(cloud, &kept, registered, end.translation.vector)?;
+        if open.frame.travelled_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
+            self.close(outputs)?;
+        }
+        Ok(())
+    }
+
+    fn close(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        self.open.take().map_or(Ok(()), |open| open.publish(outputs))
+    }
+
+    fn reopen(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        if let Some(saved) = self.saved_submap.take() {
+            self.open = Some(saved.reopen(outputs, self.settings.submap_points_max as usize)?);
+        }
+        Ok(())
+    }
+}
+
+impl Stage for SlamAggregate {
+    const NAME: &'static str = "slam_aggregate";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        vec![Port::of::<Sweep>(), Port::optional::<Gnss>(), Port::optional::<Imu>()]
+    }
+
+    fn outputs() -> Vec<Port> {
+        vec![Port::of::<Submap>(), Port::of::<Trajectory>()]
+    }
+
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let path = context.drive.join("drive.toml");
+        let in_file = |error: &dyn std::fmt::Display| StepError::io(format!("{}: {error}", path.display()));
+        let text = std::fs::read_to_string(&path).map_err(|error| in_file(&error))?;
+        let manifest: Manifest = stage::toml::from_str(&text).map_err(|error| in_file(&error))?;
+        let rig = manifest.rig().map_err(|error| in_file(&error))?;
+        Ok(Self::with_mounting(settings, rig.body_from_lidar))
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        self.reopen(outputs)?;
+        // Positions and rates are not used yet; taking them frees their slots.
+        drop(inputs.take::<Imu>());
+        if !inputs.take::<Gnss>().is_empty() {
+            outputs.note("gnss is not used yet: the world frame is the vehicle's at the first shot, not east-north-up");
+        }
+        let mut rows = Vec::new();
+        for received in inputs.take::<Sweep>() {
+            let cloud = Cloud::new(received);
+            let registered = self.odometry.register(&cloud.sweep).map_err(StepError::data)?;
+            let mut clouds = self.waiting.take().map(Cloud::new).into_iter().chain([cloud]);
+            for (registered, cloud) in registered.iter().zip(clouds.by_ref()) {
+                self.place(&cloud, registered, &mut rows, outputs)?;
+            }
+            self.waiting = clouds.next().map(|cloud| cloud.received);
+        }
+        publish_poses(&rows, outputs)?;
+        Ok(Flow::Continue)
+    }
+
+    fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        self.reopen(outputs)?;
+        let mut rows = Vec::new();
+        if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
+            self.place(&Cloud::new(received), &registered, &mut rows, outputs)?;
+        }
+        publish_poses(&rows, outputs)?;
+        self.close(outputs)
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        let open = self.open.as_ref().map(SavedSubmap::of);
+        let saved = Saved {
+            odometry: self.odometry.save(),
+            waiting: self.waiting.as_ref().map(|sweep| Bytes(sweep.to_bytes())),
+            submap: open.or_else(|| self.saved_submap.take()),
+            last_row_stamp: self.last_row_stamp,
+        };
+        let bytes = stage::encode_state(STATE_VERSION, &saved)?;
+        if self.open.is_none() {
+            self.saved_submap = saved.submap;
+        }
+        Ok(bytes)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        let saved: Saved = stage::decode_state(STATE_VERSION, state)?;
+        self.odometry = Odometry::load(odometry_settings(&self.settings), saved.odometry);
+        self.waiting = saved.waiting.map(|bytes| Received::from_bytes(&bytes.0)).transpose()?;
+        self.open = None;
+        self.saved_submap = saved.submap;
+        self.last_row_stamp = saved.last_row_stamp;
+        Ok(())
+    }
+}
+
+fn count(registered: &Registered, outputs: &mut Outputs) {
+    let weak = registered.matched.as_ref().is_some_and(|matched| matched.n_weak_directions > 0);
+    outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
+    outputs.count("degenerate_sweeps", u64::from(weak));
+    outputs.count("maps_restarted", u64::from(registered.map_restarted));
+}
+
+fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {
+    let Some(first) = rows.first() else { return Ok(()) };
+    let mut loan = outputs.loan::<Trajectory>(rows.len())?;
+    let too_small = || StepError::Contract(format!("a loan for {} poses does not hold them", rows.len()));
+    loan.extend_from_slice(rows).ok_or_else(too_small)?;
+    outputs.publish(loan, first.stamp)
+}

@@ -1,0 +1,116 @@
+//! Captures onto the disk.
+
+use geometry::Stamp;
+use std::io::{self, Write};
+
+/// Ethernet, IPv4 without options and UDP.
+const HEADERS: usize = 14 + 20 + 8;
+/// Velodyne's factory address 192.168.1.201; it broadcasts.
+const SENSOR: [u8; 4] = [192, 168, 1, 201];
+
+/// Writes UDP packets as one sensor broadcasts them.
+///
+/// ```
+/// use formats::pcap::Writer;
+/// use geometry::Stamp;
+/// let mut bytes = Vec::new();
+/// let mut writer = Writer::new(&mut bytes)?;
+/// writer.write_udp(Stamp(1_600_000_000_000_000_000), 2368, &[0; 1206])?;
+/// assert_eq!(bytes.len(), 24 + 16 + 42 + 1206);
+/// # std::io::Result::Ok(())
+/// ```
+#[derive(Debug)]
+pub struct Writer<W: Write> {
+    out: W,
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes the file header. `out` should be buffered.
+    pub fn new(mut out: W) -> io::Result<Self> {
+        let mut header = [0; 24];
+        header[..4].copy_from_slice(&0xa1b2_c3d4_u32.to_le_bytes());
+        header[4..6].copy_from_slice(&2_u16.to_le_bytes());
+        header[6..8].copy_from_slice(&4_u16.to_le_bytes());
+        header[16..20].copy_from_slice(&65_535_u32.to_le_bytes());
+        header[20] = 1; // Ethernet
+        out.write_all(&header)?;
+        Ok(Self { out })
+    }
+
+    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), from and to `port`.
+    pub fn write_udp(&mut self, stamp: Stamp, port: u16, payload: &[u8]) -> io::Result<()> {
+        let out_of_range = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
+        let seconds = u32::try_from(stamp.0.div_euclid(1_000_000_000))
+            .map_err(|_| out_of_range(&format!("stamp {stamp} does not fit a capture's 32-bit seconds")))?;
+        let length = u16::try_from(payload.len() + 28)
+            .map_err(|_| out_of_range(&format!("payload of {} bytes does not fit a UDP packet", payload.len())))?;
+        let micros = stamp.0.rem_euclid(1_000_000_000) as u32 / 1000;
+        let captured = (HEADERS + payload.len()) as u32;
+        for word in [seconds, micros, captured, captured] {
+            self.out.write_all(&word.to_le_bytes())?;
+        }
+        self.out.write_all(&headers(length, port))?;
+        self.out.write_all(payload)
+    }
+
+    /// Gives `out` back, flushed.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.out.flush()?;
+        Ok(self.out)
+    }
+}
+
+/// `length` is that of the IP packet.
+fn headers(length: u16, port: u16) -> [u8; HEADERS] {
+    let mut bytes = [0; HEADERS];
+    bytes[..6].fill(0xff);
+    bytes[6..12].copy_from_slice(&[0x60, 0x76, 0x88, 0, 0, 0]);
+    bytes[12..14].copy_from_slice(&[0x08, 0x00]);
+    let ip = &mut bytes[14..34];
+    ip[0] = 0x45;
+    ip[2..4].copy_from_slice(&length.to_be_bytes());
+    ip[6] = 0x40; // may not be fragmented
+    ip[8] = 0xff;
+    ip[9] = 17; // UDP
+    ip[12..16].copy_from_slice(&SENSOR);
+    ip[16..20].fill(0xff);
+    let sum = ip_checksum(ip);
+    ip[10..12].copy_from_slice(&sum.to_be_bytes());
+    let udp = &mut bytes[34..42];
+    udp[..2].copy_from_slice(&port.to_be_bytes());
+    udp[2..4].copy_from_slice(&port.to_be_bytes());
+    udp[4..6].copy_from_slice(&(length - 20).to_be_bytes());
+    // A UDP checksum of 0 means "none", which is what the sensors send.
+    bytes
+}
+
+/// RFC 791; 0 over a header that carries a right one.
+pub(super) fn ip_checksum(header: &[u8]) -> u16 {
+    let sum: u32 = header.chunks_exact(2).map(|pair| u32::from(u16::from_be_bytes([pair[0], pair[1]]))).sum();
+    let folded = (sum & 0xffff) + (sum >> 16);
+    !(((folded & 0xffff) + (folded >> 16)) as u16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_headers_are_those_of_a_udp_broadcast() {
+        let mut bytes = Vec::new();
+        Writer::new(&mut bytes).expect("writes").write_udp(Stamp(5_000_123_456_789), 8308, b"abc").expect("writes");
+        let (record, frame) = bytes[24..].split_at(16);
+        assert_eq!(record, [0x88, 0x13, 0, 0, 0x40, 0xe2, 1, 0, 45, 0, 0, 0, 45, 0, 0, 0]);
+        assert_eq!(frame.len(), 45);
+        assert_eq!(ip_checksum(&frame[14..34]), 0);
+        assert_eq!(frame[34..42], [0x20, 0x74, 0x20, 0x74, 0, 11, 0, 0]);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let mut writer = Writer::new(Vec::new()).expect("writes");
+        assert!(writer.write_udp(Stamp(-1), 1, b"").is_err());
+        assert!(writer.write_udp(Stamp(0), 1, &[0; 65_536]).is_err());
+        assert_eq!(writer.finish().expect("flushes").len(), 24);
+    }
+}

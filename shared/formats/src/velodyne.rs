@@ -1,0 +1,40 @@
+//! Velodyne packets: returns in, bytes out, and back.
+//!
+//! A data packet is 1206 bytes, little-endian (HDL-32E manual 63-9113, VLP-16 manual 63-9243, HDL-64E manual 63-HDL64ES3):
+//!
+//! | offset | size | content |
+//! |---|---|---|
+//! | 100 b | 2 | block b of 12: flag `ff ee` (HDL-64E: `ff ee` upper, `ff dd` lower lasers) |
+//! | 100 b + 2 | 2 | encoder angle, 0.01 deg, 0 to 35999, clockwise seen from above |
+//! | 100 b + 4 + 3 l | 3 | return l of 32: range in 2 mm (0 = none), intensity |
+//! | 1200 | 4 | µs past the hour at the first firing |
+//! | 1204 | 1 | return mode: `37` strongest, `38` last, `39` both |
+//! | 1205 | 1 | product: `21` HDL-32E, `22` VLP-16 |
+//!
+//! A position packet is 512 bytes: µs past the hour at 198, an NMEA sentence `$GPRMC` from 206 on.
+//!
+//! **Frame.** The encoder counts from the sensor's front: a beam at angle 0 looks along +x, one at 90 deg to the right,
+//! along -y. With elevation e and azimuth a, x = r cos e cos a, y = -r cos e sin a, z = r sin e. (The maker's manuals and
+//! its viewer call the same axes y, -x and z.)
+
+mod clock;
+mod decode;
+mod encode;
+mod model;
+mod packet;
+mod position;
+mod revolutions;
+mod stats;
+mod sweeps;
+mod tables;
+
+pub use decode::{Decoder, LidarReturn};
+pub use encode::{RawBlock, RawReturn, encode_data_packet, encode_position_packet};
+pub use model::{Laser, Model};
+pub use packet::{
+    BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET,
+    POSITION_PACKET_BYTES, POSITION_PORT, ReturnMode,
+};
+pub use position::PositionPacket;
+pub use stats::LidarStats;
+pub use sweeps::{SweepInfo, SweepPosition, SweepReader};

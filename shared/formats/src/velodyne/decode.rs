@@ -1,0 +1,243 @@
+//! Packets into points.
+//!
+//! Everything that depends on the laser alone or on the angle alone stands in tables, so that a return costs two look-ups
+//! and a handful of multiplications.
+
+use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode, TURN};
+use super::{Laser, Model};
+use std::ops::Range;
+
+/// One count of a range, m.
+const RANGE_UNIT_M: f32 = 0.002;
+
+/// One return in the lidar frame, 20 bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LidarReturn {
+    /// m, forward.
+    pub x: f32,
+    /// m, left.
+    pub y: f32,
+    /// m, up.
+    pub z: f32,
+    /// ns after the sweep's stamp.
+    pub offset_nanos: u32,
+    /// Encoder angle at the shot, 0.01 deg, 0 to 35999, clockwise.
+    pub azimuth: u16,
+    /// As the device gives it.
+    pub intensity: u8,
+    /// Beam, 0 = lowest.
+    pub ring: u8,
+}
+
+/// A model's tables.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    model: Model,
+    beams: Vec<Beam>,
+    /// Sine and cosine by encoder count.
+    sin_cos: Vec<[f32; 2]>,
+    /// Of each return of a block, ns after the block.
+    firing_nanos: [u32; LASERS_PER_BLOCK],
+    /// Share of a block's time that has passed when a return's laser fires; zero where angles are not carried on.
+    azimuth_shares: [f64; LASERS_PER_BLOCK],
+}
+
+/// What a laser's mounting comes to.
+#[derive(Clone, Copy, Debug)]
+struct Beam {
+    cos_elevation: f32,
+    sin_elevation: f32,
+    cos_azimuth: f32,
+    sin_azimuth: f32,
+    range_m: f32,
+    across_m: f32,
+    up_m: f32,
+    left_m: f32,
+    ring: u8,
+}
+
+/// The returns of one packet.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    pub(super) returns: [LidarReturn; MAX_RETURNS_PER_PACKET],
+    pub(super) len: usize,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { returns: [LidarReturn::default(); MAX_RETURNS_PER_PACKET], len: 0 }
+    }
+}
+
+impl Decoder {
+    /// Computes the tables.
+    pub fn new(model: Model) -> Self {
+        let rings = model.rings();
+        let beam = |(laser, ring): (&Laser, &u8)| Beam::new(laser, *ring, model);
+        let timing = model.timing();
+        let share = |nanos: u32| {
+            if timing.interpolate_azimuth { f64::from(nanos) / f64::from(timing.block_nanos) } else { 0.0 }
+        };
+        let firing_nanos = std::array::from_fn(|return_idx| model.firing_nanos(0, return_idx));
+        let angle = |count: u16| (f64::from(count) * 0.01).to_radians().sin_cos();
+        Self {
+            model,
+            beams: model.lasers().iter().zip(&rings).map(beam).collect(),
+            sin_cos: (0..TURN).map(angle).map(|(sin, cos)| [sin as f32, cos as f32]).collect(),
+            firing_nanos,
+            azimuth_shares: firing_nanos.map(share),
+        }
+    }
+
+    /// Whose packets these are.
+    pub fn model(&self) -> Model {
+        self.model
+    }
+
+    /// Appends the returns of some blocks. `packet_nanos` is the packet's stamp after that of the sweep, which is that of a
+    /// firing in one of the blocks or earlier.
+    pub fn decode_into(
+        &self,
+        packet: &DataPacket<'_>,
+        blocks: Range<usize>,
+        packet_nanos: i64,
+        returns: &mut Vec<LidarReturn>,
+    ) {
+        let mut scratch = Scratch::default();
+        self.decode(packet, blocks, packet_nanos, &mut scratch);
+        returns.extend_from_slice(&scratch.returns[..scratch.len]);
+    }
+
+    /// As [`Decoder::decode_into`], replacing what is in `scratch`.
+    pub(super) fn decode(
+        &self,
+        packet: &DataPacket<'_>,
+        blocks: Range<usize>,
+        packet_nanos: i64,
+        scratch: &mut Scratch,
+    ) {
+        scratch.len = 0;
+        let slots = self.slots(packet);
+        let step = self.azimuth_step(packet, &slots);
+        // Nearest count, halves away from zero, as the maker's viewer.
+        let steps = self.azimuth_shares.map(|share| (step * share).round() as u16);
+        let is_dual = self.is_dual(packet);
+        for index in blocks {
+            let Some(block) = packet.block(index) else { continue };
+            let first = if block.is_lower() && self.beams.len() > LASERS_PER_BLOCK { LASERS_PER_BLOCK } else { 0 };
+            let nanos = packet_nanos + i64::from(slots[index]) * i64::from(self.model.timing().block_nanos);
+            let twin = if is_dual && index % 2 == 1 { packet.block(index - 1) } else { None };
+            let twin = twin.map_or(&[][..], |twin| twin.returns());
+            self.decode_block(block.returns(), twin, &self.beams[first..], block.azimuth(), nanos, &steps, scratch);
+        }
+    }
+
+    /// `twin` holds the other echoes of the same shots: one that is there too is left out here.
+    #[expect(clippy::too_many_arguments, reason = "the inner loop of the crate; a struct would only rename them")]
+    #[inline]
+    fn decode_block(
+        &self,
+        bytes: &[u8],
+        twin: &[u8],
+        beams: &[Beam],
+        azimuth: u16,
+        block_nanos: i64,
+        steps: &[u16; LASERS_PER_BLOCK],
+        scratch: &mut Scratch,
+    ) {
+        // A power of two: 16 or 32.
+        let mask = self.model.timing().round_lasers - 1;
+        for (laser, raw) in bytes.chunks_exact(3).enumerate().take(LASERS_PER_BLOCK) {
+            let range = u16::from_le_bytes([raw[0], raw[1]]);
+            if range == 0 || twin.get(laser * 3..laser * 3 + 3) == Some(raw) {
+                continue;
+            }
+            let (Some(beam), Some(slot)) = (beams.get(laser & mask), scratch.returns.get_mut(scratch.len)) else { break };
+            let turned = azimuth + steps[laser];
+            let azimuth = if turned >= TURN { turned - TURN } else { turned };
+            let [x, y, z] = beam.point(f32::from(range) * RANGE_UNIT_M, self.sin_cos[usize::from(azimuth)]);
+            let offset_nanos = (block_nanos + i64::from(self.firing_nanos[laser])).clamp(0, i64::from(u32::MAX)) as u32;
+            *slot = LidarReturn { x, y, z, offset_nanos, azimuth, intensity: raw[2], ring: beam.ring };
+            scratch.len += 1;
+        }
+    }
+
+    /// Time slot of each block: blocks fire one after the other, but pairs at once (two echoes of one shot, or the two
+    /// halves of an HDL-64E).
+    pub(super) fn slots(&self, packet: &DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
+        let is_dual = self.is_dual(packet);
+        let is_second = |index: usize| {
+            let (Some(before), Some(block)) = (packet.block(index - 1), packet.block(index)) else { return false };
+            let other_half = self.model == Model::Hdl64e && block.is_lower() && !before.is_lower();
+            (is_dual || other_half) && index % 2 == 1 && before.azimuth() == block.azimuth()
+        };
+        let mut slots = [0; BLOCKS_PER_PACKET];
+        for index in 1..BLOCKS_PER_PACKET {
+            slots[index] = slots[index - 1] + u8::from(!is_second(index));
+        }
+        slots
+    }
+
+    fn is_dual(&self, packet: &DataPacket<'_>) -> bool {
+        self.model != Model::Hdl64e && packet.return_mode() == Some(ReturnMode::Dual)
+    }
+
+    /// Median of the encoder's counts from slot to slot; 0 if it does not turn or nothing can be said.
+    fn azimuth_step(&self, packet: &DataPacket<'_>, slots: &[u8; BLOCKS_PER_PACKET]) -> f64 {
+        if !self.model.timing().interpolate_azimuth {
+            return 0.0;
+        }
+        let mut steps = [0_u16; BLOCKS_PER_PACKET];
+        let mut n = 0;
+        for index in 1..BLOCKS_PER_PACKET {
+            if slots[index] == slots[index - 1] {
+                continue;
+            }
+            let (Some(before), Some(block)) = (packet.azimuth(index - 1), packet.azimuth(index)) else { continue };
+            steps[n] = (block + TURN - before) % TURN;
+            n += 1;
+        }
+        let steps = &mut steps[..n];
+        steps.sort_unstable();
+        // The upper median, as the maker's viewer takes it. A sensor of 20 Hz makes 80 counts a block; more is damage.
+        steps.get((n + 1) / 2).filter(|step| **step < 1000).map_or(0.0, |step| f64::from(*step))
+    }
+}
+
+impl Beam {
+    fn new(laser: &Laser, ring: u8, model: Model) -> Self {
+        let (sin_elevation, cos_elevation) = laser.elevation_deg.to_radians().sin_cos();
+        let (sin_azimuth, cos_azimuth) = laser.azimuth_deg.to_radians().sin_cos();
+        let (across_m, up_m) = match model {
+            // At right angles to the beam, as the maker's viewer applies db.xml.
+            Model::Hdl64e => (-laser.up_m * sin_elevation, laser.up_m * cos_elevation),
+            Model::Hdl32e | Model::Vlp16 => (0.0, laser.up_m),
+        };
+        Self {
+            cos_elevation: cos_elevation as f32,
+            sin_elevation: sin_elevation as f32,
+            cos_azimuth: cos_azimuth as f32,
+            sin_azimuth: sin_azimuth as f32,
+            range_m: laser.range_m as f32,
+            across_m: across_m as f32,
+            up_m: up_m as f32,
+            left_m: laser.left_m as f32,
+            ring,
+        }
+    }
+
+    /// The point at a measured range, with the encoder's sine and cosine.
+    #[inline]
+    fn point(&self, measured_m: f32, [sin, cos]: [f32; 2]) -> [f32; 3] {
+        let range_m = measured_m + self.range_m;
+        // The beam looks `azimuth_deg` to the left of the encoder's angle.
+        let sin_a = sin * self.cos_azimuth - cos * self.sin_azimuth;
+        let cos_a = cos * self.cos_azimuth + sin * self.sin_azimuth;
+        let ahead_m = range_m * self.cos_elevation + self.across_m;
+        [
+            ahead_m * cos_a + self.left_m * sin_a,
+            self.left_m * cos_a - ahead_m * sin_a,
+            range_m * self.sin_elevation + self.up_m,
+        ]
+    }
+}

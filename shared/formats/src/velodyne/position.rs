@@ -1,0 +1,25 @@
+//! Position packets: what the receiver at the sensor says.
+
+use super::packet::{POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES};
+
+/// A position packet's payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PositionPacket<'a> {
+    /// µs past the hour, by the sensor's clock.
+    pub micros: u32,
+    /// The last sentence of the receiver, without line end; empty if there is no receiver.
+    pub nmea: &'a str,
+}
+
+impl<'a> PositionPacket<'a> {
+    /// `None` unless it is as long as a position packet.
+    pub fn new(payload: &'a [u8]) -> Option<Self> {
+        let bytes: &[u8; POSITION_PACKET_BYTES] = payload.try_into().ok()?;
+        let micros = u32::from_le_bytes(*bytes[POSITION_MICROS_AT..].first_chunk()?);
+        let text = &bytes[POSITION_NMEA_AT..];
+        let end = text.iter().position(|byte| !(b' '..=b'~').contains(byte)).unwrap_or(text.len());
+        // Printable ASCII is UTF-8.
+        let nmea = std::str::from_utf8(&text[..end]).unwrap_or_default();
+        Some(Self { micros, nmea })
+    }
+}

@@ -1,0 +1,127 @@
+//! The folder that a simulated drive leaves.
+
+#[allow(dead_code, reason = "every test uses its part")]
+mod support;
+
+use formats::manifest::Manifest;
+use simulation::{DriveSpec, SimulationError, write_drive};
+use std::collections::BTreeMap;
+use support::{files, revolutions, udp_payloads};
+
+fn drive(spec: &DriveSpec, threads: usize) -> BTreeMap<String, Vec<u8>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let out = folder.path().join("drive");
+    pool.install(|| write_drive(spec, &out, &mut |_| ())).expect("a drive");
+    files(&out)
+}
+
+#[test]
+fn same_seed_same_bytes_whatever_the_threads() {
+    let spec = DriveSpec { lidar_step: 8, ..DriveSpec::urban(5, 0.4) };
+    let (one, two) = (drive(&spec, 1), drive(&spec, 2));
+    assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.ends_with(".jpg")));
+    assert!(one == two, "a file differs");
+}
+
+#[test]
+fn another_seed_is_another_drive() {
+    let (a, b) = (drive(&DriveSpec::urban(5, 0.2).sparse(16), 2), drive(&DriveSpec::urban(6, 0.2).sparse(16), 2));
+    for name in ["lidar/000000.pcap", "truth/labels/000000.label", "imu.csv", "gnss.nmea"] {
+        assert!(a[name] != b[name], "{name} does not depend on the seed");
+    }
+}
+
+#[test]
+fn every_return_has_a_label_in_the_order_of_firing() {
+    let files = drive(&DriveSpec::urban(2, 0.5).sparse(3), 2);
+    let sweeps = revolutions(&files["lidar/000000.pcap"]);
+    let labels: Vec<&Vec<u8>> =
+        files.iter().filter(|(name, _)| name.starts_with("truth/labels/")).map(|(_, bytes)| bytes).collect();
+    assert_eq!(sweeps.len(), labels.len());
+    for (sweep, labels) in sweeps.iter().zip(&labels) {
+        assert_eq!(labels.len(), sweep.len() * 4);
+        for label in labels.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().expect("4 bytes"))) {
+            let (class, instance) = (label & 0xffff, label >> 16);
+            assert!(class <= 22);
+            assert_eq!(instance > 0, class == 4 || class == 10, "pedestrians and vehicles have instances, others none");
+        }
+    }
+    assert!(sweeps[..5].iter().all(|sweep| sweep.len() > 10_000));
+}
+
+#[test]
+fn the_manifest_says_what_there_is() {
+    let files = drive(&DriveSpec { lidar_step: 30, ..DriveSpec::urban(3, 0.3) }, 2);
+    let text = String::from_utf8(files["drive.toml"].clone()).expect("text");
+    let manifest: Manifest = toml::from_str(&text).expect("a manifest");
+    let rig = manifest.rig().expect("sound poses");
+    assert_eq!((rig.cameras.len(), rig.mosaics.len()), (6, 2));
+    for camera in &manifest.cameras {
+        let name = files.keys().find(|name| name.starts_with(&format!("{}/", camera.folder))).expect("an image");
+        let picture = image::load_from_memory(&files[name]).expect("a JPEG");
+        assert_eq!((picture.width(), picture.height()), camera.model.size());
+    }
+    for mosaic in &manifest.mosaics {
+        assert_eq!(mosaic.wavelengths_nm.len(), (mosaic.pattern * mosaic.pattern) as usize);
+        for kind in ["dark/0.pgm", "white/0.pgm", "1622541603250000000.pgm"] {
+            let bytes = &files[&format!("{}/{kind}", mosaic.folder)];
+            assert!(bytes.starts_with(b"P5\n2048 1088\n1023\n"));
+            assert_eq!(bytes.len(), 18 + 2048 * 1088 * 2);
+        }
+    }
+    let truth = String::from_utf8(files["truth/trajectory.txt"].clone()).expect("text");
+    let trajectory = formats::trajectory::trajectory_from_tum(&truth).expect("poses");
+    assert_eq!(trajectory.poses().len(), 32);
+    assert!(text.contains("gnss.nmea") && files.contains_key("gnss.nmea") && files.contains_key("imu.csv"));
+}
+
+#[test]
+fn position_packets_tell_the_time_once_a_second() {
+    let files = drive(&DriveSpec::urban(4, 2.2).sparse(100), 2);
+    let sentences: Vec<String> = udp_payloads(&files["lidar/000000.pcap"])
+        .into_iter()
+        .filter(|(port, _)| *port == 8308)
+        .map(|(_, bytes)| {
+            assert_eq!(bytes.len(), 512);
+            String::from_utf8_lossy(&bytes[206..]).trim_end_matches('\0').trim_end().to_owned()
+        })
+        .collect();
+    assert_eq!(sentences.len(), 3);
+    for (sentence, time) in sentences.iter().zip(["100004.00", "100005.00", "100006.00"]) {
+        assert!(sentence.starts_with(&format!("$GPRMC,{time},A,48")), "{sentence}");
+    }
+}
+
+#[test]
+fn a_drive_is_never_overwritten_and_a_cut_run_leaves_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("drive");
+    // What a cut run leaves is beside the drive's place, and does not disturb the next one.
+    std::fs::create_dir_all(folder.path().join("drive.partial/lidar")).expect("a folder");
+    std::fs::write(folder.path().join("drive.partial/lidar/stale.pcap"), b"old").expect("a file");
+    let spec = DriveSpec::urban(1, 0.2).sparse(50);
+    let mut shares = Vec::new();
+    let report = write_drive(&spec, &out, &mut |share| shares.push(share)).expect("a drive");
+    assert!(!folder.path().join("drive.partial").exists() && !out.join("lidar/stale.pcap").exists());
+    assert!(shares.is_sorted() && (shares.last().expect("progress") - 1.0).abs() < 1e-9);
+    assert_eq!(report.n_returns, report.returns_by_class.iter().sum::<u64>());
+    let before = files(&out);
+    assert!(matches!(write_drive(&spec, &out, &mut |_| ()), Err(SimulationError::Exists(_))));
+    assert!(files(&out) == before);
+}
+
+#[test]
+fn settings_outside_their_range_are_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("drive");
+    for (spec, name) in [
+        (DriveSpec::urban(1, f64::NAN), "seconds"),
+        (DriveSpec::urban(1, 1e9), "seconds"),
+        (DriveSpec { lidar_step: 0, ..DriveSpec::urban(1, 1.0) }, "lidar_step"),
+    ] {
+        let error = write_drive(&spec, &out, &mut |_| ()).expect_err("refused");
+        assert!(error.to_string().contains(name), "{error}");
+        assert!(!out.exists());
+    }
+}

@@ -1,0 +1,153 @@
+//! The recordings against the scene: points lie on surfaces, pictures show what is where.
+
+#[allow(dead_code, reason = "every test uses its part")]
+mod support;
+
+use geometry::{Point3, Pose, Stamp, Vector3};
+use messages::ClassId;
+use simulation::scene::SceneHit;
+use simulation::sensors::camera::ColorCamera;
+use simulation::trace::Ray;
+use simulation::{DriveSpec, Simulation, rig, write_drive};
+use support::{Shot, files, revolutions};
+
+/// The scene along a ray without noise.
+fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &Vector3<f64>) -> Option<SceneHit> {
+    let ray = Ray { origin: from.coords.cast(), direction: direction.cast(), seed: 0 };
+    simulation.scene.cast(&simulation.scene.at(seconds), &ray, 150.0)
+}
+
+/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves, which end rays
+/// at random, aside.
+fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
+    let (mut on, mut all) = (0, 0);
+    for shot in shots.iter().step_by(7) {
+        let world_from_lidar = pose(shot.seconds) * rig::body_from_lidar();
+        let origin = world_from_lidar * Point3::origin();
+        let direction = world_from_lidar * Vector3::from(shot.direction);
+        let Some(hit) = look(simulation, shot.seconds, &origin, &direction) else {
+            all += 1;
+            continue;
+        };
+        if hit.surface.class == ClassId::Vegetation {
+            continue;
+        }
+        all += 1;
+        on += usize::from((f64::from(hit.range_m) - shot.range_m).abs() < 0.1);
+    }
+    assert!(all > 1000, "{all}");
+    f64::from(on as u32) / f64::from(all as u32)
+}
+
+#[test]
+fn decoded_points_lie_on_the_scene_at_the_true_poses_and_not_beside_them() {
+    let spec = DriveSpec::urban(8, 4.0).sparse(5);
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("drive");
+    write_drive(&spec, &out, &mut |_| ()).expect("a drive");
+    let files = files(&out);
+    let simulation = Simulation::new(&spec).expect("a town");
+    let text = String::from_utf8(files["truth/trajectory.txt"].clone()).expect("text");
+    let truth = formats::trajectory::trajectory_from_tum(&text).expect("poses");
+    let begin = simulation.motion.begin;
+    let at = |seconds: f64| truth.at(Stamp(begin.0 + (seconds * 1e9) as i64)).expect("the truth covers the drive");
+    let sweeps = revolutions(&files["lidar/000000.pcap"]);
+    // Near the end the vehicle drives at full speed; a sweep lasts 0.8 m of way.
+    let sweep = &sweeps[38];
+    let right = share_on_surfaces(&simulation, sweep, at);
+    assert!(right > 0.985, "{right}");
+    // Without motion during the sweep, and half a metre beside.
+    let middle = sweep[sweep.len() / 2].seconds;
+    let frozen = share_on_surfaces(&simulation, sweep, |_| at(middle));
+    let beside = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
+    assert!(frozen < right - 0.03 && beside < 0.6, "{right} {frozen} {beside}");
+}
+
+#[test]
+fn range_noise_has_the_stated_strength() {
+    let spec = DriveSpec::urban(8, 0.2).sparse(5);
+    let simulation = Simulation::new(&spec).expect("a town");
+    let lidar = simulation.lidar();
+    let mut errors = Vec::new();
+    for packet in 0..180 {
+        for (i, block) in lidar.packet(packet).iter().enumerate() {
+            // The vehicle stands: the pose is that of the begin.
+            let world_from_lidar = simulation.motion.pose(0.0) * rig::body_from_lidar();
+            for (laser, found) in block.returns.iter().enumerate() {
+                let Some(found) = found else { continue };
+                if found.class != ClassId::Road && found.class != ClassId::Building {
+                    continue;
+                }
+                let seconds = (packet * 12 + i as u64) as f64 * 46.08e-6;
+                let azimuth = (3600.0 * (seconds + laser as f64 * 1.152e-6)).to_radians();
+                let elevation = f64::from(simulation::sensors::lidar::elevation(laser));
+                let (sin_e, cos_e) = elevation.sin_cos();
+                let direction = world_from_lidar * Vector3::new(cos_e * azimuth.cos(), -cos_e * azimuth.sin(), sin_e);
+                let hit = look(&simulation, 0.0, &(world_from_lidar * Point3::origin()), &direction).expect("a hit");
+                let error = f64::from(found.range_2mm) * 0.002 - f64::from(hit.range_m);
+                if error.abs() < 0.2 {
+                    errors.push(error);
+                }
+            }
+        }
+    }
+    assert!(errors.len() > 2000, "{}", errors.len());
+    let n = errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / n;
+    let sigma = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n).sqrt();
+    assert!(mean.abs() < 0.002 && (sigma - 0.02).abs() < 0.002, "{mean} {sigma}");
+}
+
+/// Mean color where a class of lidar points falls on a picture, for points that the camera sees.
+fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp, shift: f64) -> [Option<[f64; 3]>; 2] {
+    let seconds = stamp.seconds_since(simulation.motion.begin);
+    let world_from_camera = simulation.motion.pose(seconds) * rig::color_cameras()[index].1;
+    let (lens, eye) = (rig::color_lens(), world_from_camera * Point3::origin());
+    let (width, height) = lens.size();
+    let mut sums = [([0.0; 3], 0_u32); 2];
+    // A regular fan of rays stands for any sensor's points.
+    for v in (4..height).step_by(3) {
+        for u in (4..width).step_by(3) {
+            let pixel = geometry::Vector2::new(f64::from(u), f64::from(v));
+            let Some(ray) = lens.ray_from_pixel(&pixel) else { continue };
+            let Some(hit) = look(simulation, seconds, &eye, &(world_from_camera * ray)) else { continue };
+            let kind = match hit.surface.class {
+                ClassId::Vegetation => 0,
+                ClassId::RoadLine => 1,
+                _ => continue,
+            };
+            let point = eye + world_from_camera * ray * f64::from(hit.range_m);
+            let seen_from = nalgebra::Translation3::new(0.0, shift, 0.0) * world_from_camera;
+            let Some(at) = lens.pixel_from_camera(&(seen_from.inverse() * point)) else { continue };
+            let first = 3 * (at.y.round() as usize * width as usize + at.x.round() as usize);
+            for (sum, value) in sums[kind].0.iter_mut().zip(&image[first..first + 3]) {
+                *sum += f64::from(*value);
+            }
+            sums[kind].1 += 1;
+        }
+    }
+    sums.map(|(sum, n)| (n > 40).then(|| sum.map(|s| s / f64::from(n))))
+}
+
+#[test]
+fn a_picture_shows_known_points_where_the_lens_model_puts_them() {
+    let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
+    let camera = ColorCamera::new(&rig::color_lens());
+    let mut seen = [0; 2];
+    for stamp in simulation.exposures() {
+        for index in [0, 3] {
+            let image = simulation.image(&camera, index, stamp);
+            let [leaves, paint] = mean_colors(&simulation, &image, index, stamp, 0.0);
+            if let Some([red, green, blue]) = leaves {
+                assert!(green > 1.08 * red && green > 1.05 * blue, "leaves are green: {red} {green} {blue}");
+                seen[0] += 1;
+            }
+            if let Some([_, bright, _]) = paint {
+                let [_, Some([_, dark, _])] = mean_colors(&simulation, &image, index, stamp, 0.5) else { continue };
+                assert!(bright > 1.3 * dark, "paint is brighter than the road beside it: {bright} {dark}");
+                seen[1] += 1;
+            }
+        }
+    }
+    assert!(seen[0] >= 4 && seen[1] >= 4, "{seen:?}");
+}
