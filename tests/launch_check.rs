@@ -4,12 +4,12 @@ use replica_tests::{Launch, binary, said};
 
 #[test]
 fn every_fault_is_reported_at_once_with_its_line() {
-    let source = binary("misbehaving-source");
-    let relay = binary("misbehaving-relay");
+    let source = binary("misbehaving-source").display().to_string();
+    let relay = binary("misbehaving-relay").display().to_string();
     let text = format!(
         "[run]\ndrive = \"nowhere\"\noutput = \"out\"\nrestart = 3\nhang_s = \"long\"\n\n\
-         [source]\nprogram = {source:?}\ntick = 4\npoints = -1\n\n\
-         [relay]\nprogram = {relay:?}\nfault = \"flood\"\n\n\
+         [source]\nprogram = '{source}'\ntick = 4\npoints = -1\n\n\
+         [relay]\nprogram = '{relay}'\nfault = \"flood\"\n\n\
          [slam_agregate]\n"
     );
     let launch = Launch::new(&text).with("--check").with("--set").with("source.ticks=0");
@@ -37,9 +37,9 @@ fn every_fault_is_reported_at_once_with_its_line() {
 
 #[test]
 fn what_does_not_fit_together_is_named() {
-    let relay = binary("misbehaving-relay");
+    let relay = binary("misbehaving-relay").display().to_string();
     let text =
-        format!("[run]\ndrive = \".\"\noutput = \"out\"\n[relay]\nprogram = {relay:?}\n[other]\nprogram = {relay:?}\n");
+        format!("[run]\ndrive = \".\"\noutput = \"out\"\n[relay]\nprogram = '{relay}'\n[other]\nprogram = '{relay}'\n");
     let output = Launch::new(&text).with("--check").run();
     assert_eq!(output.status.code(), Some(78));
     let said = said(&output);

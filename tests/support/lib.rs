@@ -7,7 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Far more than anything here takes on a busy machine; a test that waits so long has failed.
-const PATIENCE: Duration = Duration::from_secs(180);
+const PATIENCE: Duration = Duration::from_mins(3);
 
 /// A binary of the workspace. `cargo test --workspace` has built it beside the tests.
 pub fn binary(name: &str) -> PathBuf {
@@ -49,7 +49,7 @@ impl Launch {
             format!("[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n");
         for (table, keys) in [("source", source), ("relay", relay), ("sink", "")] {
             let program = binary(&format!("misbehaving-{table}"));
-            writeln!(text, "[{table}]\nprogram = {program:?}\n{keys}").expect("a string takes everything");
+            writeln!(text, "[{table}]\nprogram = '{}'\n{keys}", program.display()).expect("a string takes everything");
         }
         Self::new(&text)
     }

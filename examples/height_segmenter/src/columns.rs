@@ -1,7 +1,7 @@
 //! A submap cut into columns of half a metre, each with its extent in height and the ground below it.
 
 use stage::messages::SubmapPoint;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Row (x) and column (y) of a column.
 pub(crate) type Key = (i32, i32);
@@ -66,13 +66,13 @@ impl ColumnMap {
 
     /// Groups of touching columns that are `inside`.
     pub(crate) fn components(&self, inside: impl Fn(&Column) -> bool) -> Vec<Vec<Key>> {
-        let mut open: BTreeMap<Key, ()> = self.0.iter().filter(|(_, c)| inside(c)).map(|(&key, _)| (key, ())).collect();
+        let mut open: BTreeSet<Key> = self.0.iter().filter(|(_, c)| inside(c)).map(|(&key, _)| key).collect();
         let mut components = Vec::new();
-        while let Some((seed, ())) = open.pop_first() {
+        while let Some(seed) = open.pop_first() {
             let mut members = vec![seed];
             let mut next = 0;
             while next < members.len() {
-                let touching = around(members[next], 1).filter(|key| open.remove(key).is_some());
+                let touching = around(members[next], 1).filter(|key| open.remove(key));
                 members.extend(touching.collect::<Vec<_>>());
                 next += 1;
             }

@@ -1,2 +1,4 @@
-//! Under construction.
-fn main() {}
+//! Process of the stage.
+fn main() -> std::process::ExitCode {
+    stage::run::<acquire::Acquire>()
+}

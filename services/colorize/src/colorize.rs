@@ -6,7 +6,7 @@ use crate::saved::{self, Held};
 use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
 use crate::views::Camera;
 use crate::window::{Exposure, Window};
-use formats::manifest::Manifest;
+use formats::drive::Drive;
 use geometry::{Pose, Stamp};
 use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, SubmapSweep, Trajectory, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
@@ -30,9 +30,8 @@ pub struct Colorize {
 }
 
 impl Colorize {
-    /// With the cameras of `manifest`. The error names the entry and the rule.
-    pub fn with_manifest(settings: &Settings, manifest: &Manifest, context: &Context) -> Result<Self, StepError> {
-        let rig = manifest.rig().map_err(StepError::data)?;
+    fn with_drive(settings: &Settings, drive: &Drive, context: &Context) -> Result<Self, StepError> {
+        let (rig, manifest) = (drive.rig(), drive.manifest());
         let (n_cameras, n_mosaics) = (rig.cameras.len(), rig.mosaics.len());
         if n_cameras.max(n_mosaics) > usize::from(UNSEEN) {
             let text = format!("{n_cameras} cameras and {n_mosaics} mosaic cameras; must be {UNSEEN} of each at most");
@@ -274,9 +273,8 @@ impl Stage for Colorize {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let text = std::fs::read_to_string(context.drive.join("drive.toml")).map_err(StepError::io)?;
-        let manifest: Manifest = stage::toml::from_str(&text).map_err(StepError::io)?;
-        Self::with_manifest(settings, &manifest, context)
+        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
+        Self::with_drive(settings, &drive, context)
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

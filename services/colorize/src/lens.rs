@@ -125,8 +125,9 @@ impl Project for FisheyeLens {
     fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
         let cosine = z * inverse;
+        let is_in_view = cosine >= self.min_cosine;
         // A point in the lens has no direction: its cosine is NaN, which is not above anything.
-        if !(cosine >= self.min_cosine) {
+        if !is_in_view {
             return None;
         }
         let at = (cosine - self.min_cosine) * self.entries_per_cosine;

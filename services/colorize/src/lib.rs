@@ -8,10 +8,10 @@
 //! # When a submap is colored
 //! Exposures up to `max_age_s` after a submap's last shot may matter to its points. So a submap is held until the
 //! trajectory has passed `stamp_end + max_age_s`, or until the next submap comes, or until the stream ends, whichever is first
-//! in the order of ticks. Thus one submap at most is held between ticks, and the last tick, in which the held one and the
-//! last one are due, publishes two columns: what a topic of columns may carry in one tick. The next submap comes before its
-//! predecessor's time only where submaps are shorter than `max_age_s` (20 m at more than 72 km/h): then late exposures
-//! are missed, and `submaps_colored_early` counts it.
+//! in the order of ticks. Thus one submap at most is held between ticks, and no tick publishes more columns than the
+//! topics' `QUEUE` allows, not even the last one, in which the held submap and all that come are due. The next submap
+//! comes before its predecessor's time only where submaps are shorter than `max_age_s` (20 m at more than 72 km/h): then
+//! late exposures are missed, and `submaps_colored_early` counts it.
 //!
 //! # What is held
 //! Images and cubes stay where they are, in shared memory, from the time they come until no held or future submap can need

@@ -136,7 +136,7 @@ fn pixel(camera: &Camera, point: &SubmapPoint) -> Option<(f64, f64)> {
 }
 
 /// Largest difference of a channel between the point's color and the picture at the pixel, between pixel centers.
-fn difference(picture: &RgbImage, (u, v): (f64, f64), row: &ColorRow) -> f64 {
+fn difference(picture: &RgbImage, (u, v): (f64, f64), row: ColorRow) -> f64 {
     let clamp = |at: f64, len: u32| at.clamp(0.0, f64::from(len - 1));
     let (u, v) = (clamp(u, picture.width()), clamp(v, picture.height()));
     let colors = [row.r, row.g, row.b];
@@ -172,7 +172,7 @@ fn a_real_sweep_gets_the_colors_of_six_real_images() {
         let index = usize::from(row.camera);
         n_seen[index] += 1;
         let pixel = visible[index].expect("the camera has the point in view");
-        n_off += usize::from(difference(&scene.cameras[index].picture, pixel, row) > 3.0);
+        n_off += usize::from(difference(&scene.cameras[index].picture, pixel, *row) > 3.0);
     }
     let n_colored: usize = n_seen.iter().sum();
     println!("{n_colored} of {} points colored, by camera {n_seen:?}, {n_off} off", scene.points.len());

@@ -3,12 +3,12 @@
 mod common;
 
 use colorize::{Colorize, Settings};
-use common::scene::{self, Painted, SECOND, START};
+use common::scene::{self, EXPOSURES, Painted, SECOND, START};
 use common::{bare_manifest, drive, submap};
 use geometry::{Point3, Pose};
 use messages::{
-    Color, ColorRow, Cube, Image, NO_SPECTRUM, NoHeader, Spectra, SpectraHeader, SpectraView, Submap, Trajectory,
-    UNSEEN,
+    Color, ColorRow, Cube, Image, Message, NO_SPECTRUM, NoHeader, Spectra, SpectraHeader, SpectraView, Submap,
+    Trajectory, UNSEEN,
 };
 use stage::testing::{Bench, context};
 use std::path::Path;
@@ -16,10 +16,6 @@ use std::path::Path;
 /// The submap lasts a second; every exposure that may matter to it is within two before and after.
 const DURATION_NANOS: u32 = 1_000_000_000;
 const N_TICKS: i64 = 30;
-
-/// Offsets of the exposures from the start, ns: two before the submap, three in it, two after it.
-const EXPOSURES: [i64; 7] =
-    [-1_300_000_000, -700_000_000, 50_000_000, 400_000_000, 910_000_000, 1_400_000_000, 1_900_000_000];
 
 /// What a run publishes, and when.
 #[derive(PartialEq, Debug)]
@@ -50,12 +46,12 @@ impl Run<'_> {
             let from = START - 3 * SECOND / 2 + tick * SECOND / 10;
             let until = from + SECOND / 10;
             bench.send::<Trajectory>(from, NoHeader::default(), scene::trajectory(from, until));
-            for stamp in EXPOSURES.iter().map(|offset| START + offset).filter(|stamp| (from..until).contains(stamp)) {
-                for index in 0..2 {
-                    let (header, rows) = scene::expose(index, stamp);
-                    bench.send::<Image>(stamp + self.delay_nanos, header, rows);
-                    let (header, rows) = scene::expose_cube(index, stamp);
-                    bench.send::<Cube>(stamp, header, rows);
+            for burst in scene::bursts().iter().filter(|burst| (from..until).contains(&burst.stamp)) {
+                for (header, rows) in &burst.images {
+                    bench.send::<Image>(burst.stamp + self.delay_nanos, *header, rows.clone());
+                }
+                for (header, rows) in &burst.cubes {
+                    bench.send::<Cube>(burst.stamp, *header, rows.clone());
                 }
             }
             if until == START + i64::from(DURATION_NANOS) {
@@ -189,6 +185,24 @@ fn the_next_submap_or_a_blind_rig_ends_the_wait() {
     let (header, rows) = (spectra[0].header(), spectra[0].rows());
     assert_eq!((header.n_points as usize, header.n_spectra, header.n_bands), (points.len(), 0, 0));
     assert_eq!(rows, vec![NO_SPECTRUM; points.len()]);
+}
+
+#[test]
+fn the_last_tick_may_bring_as_many_columns_as_can_be_due() {
+    let folder = drive(&scene::manifest());
+    let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
+    for (n_submaps, n_columns) in [(1, 0), (Submap::QUEUE, Submap::QUEUE)] {
+        for _ in 0..n_submaps {
+            bench.send::<Submap>(START, submap(scene::world_from_submap(), START, &[]), Vec::new());
+        }
+        bench.tick().expect("a tick");
+        assert_eq!(bench.take::<Spectra>().len(), n_columns, "one is held");
+    }
+    bench.finish().expect("an end");
+    // Two in the last step and one at its end make three in one tick; an empty submap has empty columns.
+    let columns = bench.take::<Color>();
+    assert_eq!(columns.len(), Color::QUEUE);
+    assert!(columns.iter().all(|column| column.rows().is_empty()));
 }
 
 #[test]

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use stage::{Inputs, Received, StepError};
 use std::collections::VecDeque;
 
+/// A submap and the classes of its points.
+pub(crate) type Pair = (Received<Submap>, Received<Class>);
+
 /// Messages that have no partner yet, in the order they came.
 #[derive(Default)]
 pub(crate) struct Pairing {
@@ -27,7 +30,7 @@ impl Pairing {
     }
 
     /// The next submap whose classes are here. An error if the two are not of the same number and length.
-    pub(crate) fn next(&mut self) -> Result<Option<(Received<Submap>, Received<Class>)>, StepError> {
+    pub(crate) fn next(&mut self) -> Result<Option<Pair>, StepError> {
         if self.submaps.is_empty() || self.classes.is_empty() {
             return self.check_waiting().map(|()| None);
         }

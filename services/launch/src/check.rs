@@ -83,7 +83,9 @@ impl Faults<'_> {
             Ok(table) => {
                 let table = table.into_iter().filter(|(key, _)| wanted(key.get_ref())).collect();
                 let (settings, problems) = parse_table::<S>(&table);
-                problems.into_iter().for_each(|problem| self.add(name, problem));
+                for problem in problems {
+                    self.add(name, problem);
+                }
                 settings
             }
             Err(problem) => {

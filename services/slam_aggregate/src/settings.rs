@@ -5,8 +5,8 @@ stage::settings! {
     pub struct Settings {
         /// Length of a submap along the path, m: about two house fronts, a few million points at walking pace.
         pub submap_m: f64 = 20.0 => stage::within(1.0, 1000.0);
-        /// Longest time of a submap, s: bounds the wait for results when the vehicle stands. Consumers keep the images of
-        /// two such times, hence the upper limit.
+        /// Longest time of a submap, s: bounds the wait for results when the vehicle stands. Consumers keep the images
+        /// of two such times, hence the upper limit.
         pub submap_s: f64 = 5.0 => stage::within(0.2, 10.0);
         /// Points of a submap at most; it is closed before the sweep that would not fit. 4 million are 112 MB and five
         /// seconds of 70 000 points at 10 Hz with a margin of 10 %.
@@ -22,8 +22,8 @@ stage::settings! {
         pub map_sweeps: u32 = 60 => stage::within(5, 1000);
         /// Points of the local map at most, the oldest leave first: bounds memory and saved state at 40 bytes each.
         pub map_points_max: u32 = 80_000 => stage::within(5_000, 1_000_000);
-        /// Spacing of the local map's points, m: ten times the range noise. The search reaches 1.5 times as far, at most
-        /// 0.5 m, hence the upper limit.
+        /// Spacing of the local map's points, m: ten times the range noise. The search reaches 1.5 times as far, at
+        /// most 0.5 m, hence the upper limit.
         pub map_spacing_m: f64 = 0.2 => stage::within(0.05, 0.33);
         /// Planar points that are matched per sweep at most: 2000 average 3 cm of noise below 1 mm.
         pub matches_max: u32 = 2_000 => stage::within(200, 50_000);

@@ -1,6 +1,16 @@
 //! Files and packets of the field: bytes in, values out, and back.
 
 pub mod atomic_file;
+pub mod calendar;
+pub mod cloud;
+pub mod drive;
+pub mod imu;
+pub mod kitti;
 pub mod manifest;
+pub mod nmea;
+pub mod pcap;
+pub mod pcd;
+pub mod pgm;
 pub mod ply;
 pub mod trajectory;
+pub mod velodyne;

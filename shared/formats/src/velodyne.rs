@@ -17,6 +17,7 @@
 //! along -y. With elevation e and azimuth a, x = r cos e cos a, y = -r cos e sin a, z = r sin e. (The maker's manuals and
 //! its viewer call the same axes y, -x and z.)
 
+mod capture;
 mod clock;
 mod decode;
 mod encode;
@@ -25,6 +26,7 @@ mod packet;
 mod position;
 mod revolutions;
 mod stats;
+mod survey;
 mod sweeps;
 mod tables;
 
@@ -37,4 +39,4 @@ pub use packet::{
 };
 pub use position::PositionPacket;
 pub use stats::LidarStats;
-pub use sweeps::{SweepInfo, SweepPosition, SweepReader};
+pub use sweeps::{SweepError, SweepInfo, SweepPosition, SweepReader};

@@ -19,6 +19,7 @@ impl Message for Bytes {
     const VERSION: u32 = 1;
     const QUEUE: usize = 2;
     const BORROWED: usize = 1;
+    const MAX_ROWS: usize = (64 << 20) / 8;
     type Header = NoHeader;
     type Row = u64;
 }

@@ -83,8 +83,8 @@ impl Domain {
 
     /// A participant of the domain. Its ports belong to the calling thread.
     pub fn node(&self, name: &str) -> Result<Node, IpcError> {
-        // Problems come back as errors; iceoryx2's own log would tell them a second time.
-        set_log_level(LogLevel::Fatal);
+        // Problems come back as errors; iceoryx2's own log, by IOX2_LOG_LEVEL, is for those who look into the transport.
+        set_log_level_from_env_or(LogLevel::Fatal);
         let root = self.root();
         std::fs::DirBuilder::new()
             .recursive(true)

@@ -8,8 +8,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{publisher, subscriber};
 use iceoryx2::prelude::*;
 
-/// Bytes that the first slot holds; a larger value grows it. A health report has about 2 KiB.
-const INITIAL_BYTES: usize = 4096;
+/// Bytes of a value at most. A health report has about 2 KiB and at most some tens of KiB of notes.
+const MAX_BYTES: usize = 64 << 10;
 
 pub(crate) fn builder(
     node: &Node,
@@ -47,8 +47,8 @@ impl LatestPublisher {
         let publisher = service
             .publisher_builder()
             .max_loaned_samples(1)
-            .initial_max_slice_len(INITIAL_BYTES)
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .initial_max_slice_len(MAX_BYTES)
+            .allocation_strategy(AllocationStrategy::Static)
             .create()
             .map_err(|cause| IpcError::transport(format!("publisher of {name}"), cause))?;
         Ok(Self { name: name.to_owned(), service, publisher })

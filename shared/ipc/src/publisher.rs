@@ -35,9 +35,10 @@ impl<T: Message> Publisher<T> {
         let publisher = service
             .publisher_builder()
             .max_loaned_samples(MAX_LOANS)
-            .initial_max_slice_len(lines_for::<T>(0))
-            // Slots grow with the largest message; memory that is never written is never used.
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            // All slots have the largest size. tmpfs gives memory to what is written, not to what is reserved; growing
+            // slots instead lose one of their number with each growth and run out (iceoryx2 0.10).
+            .initial_max_slice_len(lines_for::<T>(T::MAX_ROWS))
+            .allocation_strategy(AllocationStrategy::Static)
             // Credits make sure that there is room; if there is none, that is a loss to be reported, not to wait for.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
@@ -73,6 +74,10 @@ impl<T: Message> Publisher<T> {
 
     /// Memory for a message of at most `capacity` rows.
     pub fn loan(&self, capacity: usize) -> Result<Loan<T>, IpcError> {
+        if capacity > T::MAX_ROWS {
+            let what = format!("loan of {capacity} rows on {}", self.channel.name);
+            return Err(IpcError::transport(what, format!("a message has at most {}", T::MAX_ROWS)));
+        }
         Loan::new(&self.publisher, capacity)
     }
 

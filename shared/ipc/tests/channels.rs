@@ -178,3 +178,36 @@ fn rows_have_the_sizes_of_their_byte_tables() {
     assert_eq!(size_of::<ClassRow>(), 2);
     assert_eq!(size_of::<messages::TickRow>(), 48);
 }
+
+#[test]
+fn a_slot_is_reserved_at_full_size_and_used_as_far_as_written() {
+    let domain = TestDomain::new("large");
+    let mut pair = pair(&domain.0);
+    for capacity in [10, messages::Sweep::MAX_ROWS] {
+        let mut loan = pair.publisher.loan(capacity).expect("loaned");
+        loan.grow(10).expect("fits");
+        pair.publisher.send(loan, Envelope::zeroed()).expect("sent");
+        pair.subscriber.receive().expect("no error").expect("a message");
+    }
+    assert!(pair.publisher.loan(messages::Sweep::MAX_ROWS + 1).is_err());
+    assert!(domain.0.used_bytes() < 4 << 20, "memory that is never written is never used");
+}
+
+/// iceoryx2 0.10 loses a slot with each growth of its slots, and then all of them: sizes from 50 to half a million rows
+/// failed at 4 MB. Slots have had one size since.
+#[test]
+fn messages_may_grow_as_long_as_they_fit() {
+    let domain = TestDomain::new("growth");
+    let mut pair = pair(&domain.0);
+    let mut seq = 0;
+    for shift in 0..=19 {
+        for _ in 0..20 {
+            // `send` lends a few rows more than it writes.
+            let n_points = (1 << shift) - if shift == 19 { 5 } else { 0 };
+            send(&mut pair.publisher, seq, n_points);
+            let received = pair.subscriber.receive().expect("no error").expect("a message");
+            assert_eq!(received.rows().len(), n_points);
+            seq += 1;
+        }
+    }
+}

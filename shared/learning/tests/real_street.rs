@@ -1,4 +1,7 @@
-//! Ground on labelled sweeps of a real street (three of `SemanticKITTI`, HDL-64E). No parameter was tuned on them.
+//! Ground on labelled sweeps of a real road (three of `SemanticKITTI`, HDL-64E).
+//!
+//! They are a sanity check and no held-out test: the tolerance went from 20 to 15 cm after a look at them (accuracy 0.943
+//! to 0.949; 0.948 since pits are closed); no other parameter was changed on their account.
 
 mod support;
 

@@ -1,7 +1,10 @@
 //! Topics `color`, `spectra`, `class` and `instance`: columns of a submap. Same length and order as its points; the
 //! envelope's seq is the submap's.
 
-use crate::{Message, pod, pod::cast_slice};
+use crate::{Message, Submap, pod, pod::cast_slice};
+
+/// Columns that may be due in one tick: in the last one, for the submap that a stage still held and for those that come.
+const COLUMN_QUEUE: usize = Submap::QUEUE + 1;
 
 /// [`ColorRow::camera`] of a point that no exposure saw.
 pub const UNSEEN: u8 = 255;
@@ -30,8 +33,9 @@ pub struct Color;
 impl Message for Color {
     const TOPIC: &'static str = "color";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 2;
+    const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
+    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
     type Header = ColorHeader;
     type Row = ColorRow;
 }
@@ -67,8 +71,10 @@ pub struct Spectra;
 impl Message for Spectra {
     const TOPIC: &'static str = "spectra";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 2;
+    const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
+    // An index for every point, and 43 words of spectrum for a third of the points of the largest submap.
+    const MAX_ROWS: usize = 1 << 27;
     type Header = SpectraHeader;
     type Row = u32;
 }
@@ -127,8 +133,9 @@ pub struct Class;
 impl Message for Class {
     const TOPIC: &'static str = "class";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 2;
+    const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
+    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
     type Header = ClassHeader;
     type Row = ClassRow;
 }
@@ -148,8 +155,9 @@ pub struct Instance;
 impl Message for Instance {
     const TOPIC: &'static str = "instance";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 2;
+    const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
+    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
     type Header = InstanceHeader;
     type Row = u32;
 }

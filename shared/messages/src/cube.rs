@@ -40,6 +40,8 @@ impl Message for Cube {
     const QUEUE: usize = 4;
     // As `image`, by two cameras.
     const BORROWED: usize = 32;
+    // 512 x 272 cells of 32 bands and a mask, four times.
+    const MAX_ROWS: usize = 1 << 25;
     type Header = CubeHeader;
     type Row = u32;
 }

@@ -43,6 +43,8 @@ pub trait Message: Send + Sync + 'static {
     const QUEUE: usize;
     /// Messages that a consumer may hold on to after its step.
     const BORROWED: usize;
+    /// Rows of one message at most. Every slot is so long; memory that is never written is never used.
+    const MAX_ROWS: usize;
     /// Fixed part.
     type Header: Pod + Default;
     /// Element of the slice.

@@ -33,6 +33,8 @@ impl Message for Image {
     const QUEUE: usize = 8;
     // A submap lasts 5 s at most, at 1 Hz by six cameras, plus the burst before and after it, in both of two submaps.
     const BORROWED: usize = 96;
+    // A raw Ladybug5 image has 2464 x 2048 x 3 bytes.
+    const MAX_ROWS: usize = 1 << 25;
     type Header = ImageHeader;
     type Row = u8;
 }
@@ -61,6 +63,8 @@ impl Message for Mosaic {
     // Two cameras fire in one tick; two such bursts may wait.
     const QUEUE: usize = 4;
     const BORROWED: usize = 4;
+    // A mosaic camera has 2048 x 1088 pixels; the next generation has four times as many.
+    const MAX_ROWS: usize = 1 << 24;
     type Header = MosaicHeader;
     type Row = u16;
 }
@@ -98,6 +102,8 @@ impl Message for Gnss {
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;
     const BORROWED: usize = 4;
+    // One tick is a tenth of a second; receivers give 20 fixes per second at most, logs may repeat themselves.
+    const MAX_ROWS: usize = 1 << 12;
     type Header = NoHeader;
     type Row = GnssRow;
 }
@@ -121,6 +127,8 @@ impl Message for Imu {
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;
     const BORROWED: usize = 4;
+    // As for `gnss`, at 1 kHz, and a gap in the LiDAR of a minute.
+    const MAX_ROWS: usize = 1 << 16;
     type Header = NoHeader;
     type Row = ImuRow;
 }

@@ -108,6 +108,8 @@ impl Message for Submap {
     const QUEUE: usize = 2;
     // One in work and the one before it, for consumers that match across the border.
     const BORROWED: usize = 2;
+    // 5 s of an HDL-32E are 3.5 million points, of an HDL-64E 6.7 million.
+    const MAX_ROWS: usize = 1 << 23;
     type Header = SubmapHeader;
     type Row = SubmapPoint;
 }

@@ -51,6 +51,8 @@ impl Message for Sweep {
     const VERSION: u32 = 1;
     const QUEUE: usize = 4;
     const BORROWED: usize = 4;
+    // Twice what an HDL-64E returns in dual mode at 5 Hz: 2 x 133 000 x 2.
+    const MAX_ROWS: usize = 1 << 19;
     type Header = SweepHeader;
     type Row = SweepPoint;
 }

@@ -40,6 +40,7 @@ impl Message for Tick {
     // A topic without messages lets its producer run ahead by this many ticks: 1.6 s of drive at 10 Hz.
     const QUEUE: usize = 16;
     const BORROWED: usize = 1;
+    const MAX_ROWS: usize = 1;
     type Header = NoHeader;
     type Row = TickRow;
 }

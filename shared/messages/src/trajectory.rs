@@ -49,6 +49,8 @@ impl Message for Trajectory {
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;
     const BORROWED: usize = 4;
+    // Two poses per sweep; a tick has one sweep, the second tick two.
+    const MAX_ROWS: usize = 1 << 12;
     type Header = NoHeader;
     type Row = StampedPose;
 }

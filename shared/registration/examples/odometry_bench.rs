@@ -1,5 +1,7 @@
-//! Time and error of the odometry: `odometry_bench <folder of .pcd>` or, without a folder, a synthetic street with truth.
-//! Prints the median and the 95th percentile of ms per sweep, for features and registration alike, and where it arrived.
+//! Time and error of the odometry: `odometry_bench <folder of .pcd>` or, without a folder, a synthetic street with
+//! truth; there `SPEED` (m/s), `NOISE` (m) and `SWEEPS` of the environment say which. `VERBOSE` prints the error of
+//! each sweep. Prints the median and the 95th percentile of ms per sweep, for features and registration alike, and
+//! where it arrived.
 #![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
 
 #[path = "../tests/support/mod.rs"]
@@ -12,8 +14,9 @@ use std::time::Instant;
 use support::world::{Drive, body_from_lidar};
 
 fn main() {
-    let drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
-    let n_sweeps = std::env::var("SWEEPS").map_or(40, |n| n.parse().unwrap());
+    let number = |name: &str, default: f64| std::env::var(name).map_or(default, |text| text.parse().unwrap());
+    let drive = Drive { speed: number("SPEED", 10.0), noise_m: number("NOISE", 0.02) as f32, ground_only: false };
+    let n_sweeps = number("SWEEPS", 40.0) as u32;
     let (sweeps, begin) = match std::env::args().nth(1) {
         Some(folder) => (read_folder(Path::new(&folder)), Isometry3::identity()),
         None => {

@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest; `None` if that is not determined (two
-/// small eigenvalues are equal, or numbers are not finite).
+/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest; `None` if that is not determined
+/// (two small eigenvalues are equal, or numbers are not finite).
 pub(crate) fn smallest_eigenvector(m: &Matrix3<f64>) -> Option<([f64; 3], Vector3<f64>)> {
     let values = eigenvalues(m);
     let shifted = m - Matrix3::identity() * values[2];
@@ -12,8 +12,8 @@ pub(crate) fn smallest_eigenvector(m: &Matrix3<f64>) -> Option<([f64; 3], Vector
     let candidates = [a.cross(&b), b.cross(&c), c.cross(&a)];
     let longest = candidates.into_iter().max_by(|u, v| u.norm_squared().total_cmp(&v.norm_squared()))?;
     let norm = longest.norm();
-    // The cross product is of the order of (l1 - l3)(l2 - l3); the arc cosine loses half the digits of the differences, so
-    // below 1e-6 of l1^2 it may be rounding.
+    // The cross product is of the order of (l1 - l3)(l2 - l3); the arc cosine loses half the digits of the differences,
+    // so below 1e-6 of l1^2 it may be rounding.
     (norm > 1e-6 * values[0] * values[0] && norm.is_finite()).then(|| (values, longest / norm))
 }
 

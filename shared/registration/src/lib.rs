@@ -3,8 +3,8 @@
 //! The life of a sweep (after IMLS-SLAM, J.-E. Deschaud, ICRA 2018; thesis section 2.5.1):
 //! 1. [`Sweep::new`] sorts the returns into a [`RangeImage`], ring by azimuth.
 //! 2. Normals and planarity come from image neighbors; planar points, thinned in space, become features.
-//! 3. The previous motion is repeated as a prediction; features are matched point to plane against the [`LocalMap`], with
-//!    the motion *during* the sweep refined along with the pose.
+//! 3. The previous motion is repeated as a prediction; features are matched to the surface of the [`LocalMap`],
+//!    with the motion *during* the sweep refined along with the pose.
 //! 4. Directions that the scene does not determine are held to the prediction and reported.
 //! 5. Registered features enter the map; points of old sweeps leave it.
 //!

@@ -27,8 +27,8 @@ pub struct MapSettings {
 }
 
 impl Default for MapSettings {
-    /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10 m/s,
-    /// as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
+    /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10
+    /// m/s, as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
     fn default() -> Self {
         Self { spacing_m: 0.2, batches: 60, max_points: 80_000 }
     }
@@ -85,8 +85,8 @@ impl LocalMap {
         self.index = Index::over(&self.points);
     }
     /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
-    /// `radius_m` (at most [`MAX_RADIUS_M`]) whose normals are within about 37 degrees of `normal`: the other side of a
-    /// wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
+    /// `radius_m` (at most 0.5 m, half a search cell) whose normals are within about 37 degrees of `normal`: the other
+    /// side of a wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
     #[inline]
     pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;

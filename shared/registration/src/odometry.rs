@@ -35,8 +35,8 @@ const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
 /// After so many bridged sweeps (half a second) the old map may be out of reach: a new one is begun.
 const MAX_BRIDGED: u32 = 5;
-/// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light neither
-/// does the map age nor the pose drift.
+/// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light
+/// neither does the map age nor the pose drift.
 const MIN_WAY_M: f64 = 0.1;
 const MIN_TURN_RAD: f64 = 0.01;
 

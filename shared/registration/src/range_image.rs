@@ -3,7 +3,8 @@
 use crate::TimedPoint;
 use nalgebra::Vector3;
 
-/// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two points.
+/// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
+/// points.
 const COLS: usize = 2048;
 /// Rows where rings are not known: one degree of elevation each, about a ring of a 32-beam sensor.
 const ELEVATION_ROWS: usize = 90;

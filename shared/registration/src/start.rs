@@ -1,7 +1,7 @@
 //! The first two sweeps: the vehicle may already be under way, and nothing says how fast.
 //!
-//! A match from rest can lock onto a wrong wall when the vehicle starts at 10 m/s. So several speeds along the vehicle's
-//! forward axis are tried; each speed deskews *both* sweeps, and the one under which they agree best wins.
+//! A match from rest can lock onto a wrong wall when the vehicle starts at 10 m/s. So several speeds along the
+//! vehicle's forward axis are tried; each speed deskews *both* sweeps, and the one under which they agree best wins.
 
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;

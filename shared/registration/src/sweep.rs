@@ -24,8 +24,8 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// `stamp` is the time of the first shot. `n_rings` is the sensor's; where it is 0 or 1, or all points have the same
-    /// ring, rows are made from the elevation. Points that are not finite are never neighbors or features.
+    /// `stamp` is the time of the first shot. `n_rings` is the sensor's; where it is 0 or 1, or all points have the
+    /// same ring, rows are made from the elevation. Points that are not finite are never neighbors or features.
     pub fn new(stamp: Stamp, points: Vec<TimedPoint>, n_rings: u32) -> Self {
         let duration_nanos = points.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
         let image = RangeImage::new(&points, n_rings);

@@ -27,13 +27,15 @@ fn kitti_raw_ends_where_two_reference_trajectories_end() {
     let mean_end = (references[0][21].translation.vector + references[1][21].translation.vector) / 2.0;
     let off = (poses[21].translation.vector - mean_end).norm();
     println!("path {:.3} m, end {:?}, {off:.4} m off", path_length(&poses), poses[21].translation.vector);
-    // The references themselves are 11 cm apart after the first step, and 6 cm in the way from sweep 1 to sweep 21.
-    assert!(off < 0.16, "end point is {off} m from the references' mean");
+    // The references are no truth: they are 11 cm apart after the first step and 11 cm, the other way, from there to
+    // the end. What must hold is 0.3 m; half of it leaves room for changes that are no fault.
+    assert!(off < 0.15, "end point is {off} m from the references' mean");
     for reference in &references {
         let share = path_length(&poses) / path_length(reference);
         assert!((share - 1.0).abs() < 0.01, "path length is {share} of the reference");
         for (pose, expected) in poses.iter().zip(reference) {
-            assert!((pose.translation.vector - expected.translation.vector).norm() < 0.15);
+            let off = (pose.translation.vector - expected.translation.vector).norm();
+            assert!(off < 0.2, "{off} m off on the way");
             assert!(pose.rotation.angle_to(&expected.rotation) < 0.01);
         }
     }

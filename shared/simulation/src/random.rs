@@ -1,6 +1,6 @@
 //! Seeded randomness without state that threads could share: every number is a hash of where it is used.
 
-/// Mixes 64 bits (the finalizer of SplitMix64, Steele et al., OOPSLA 2014).
+/// Mixes 64 bits (the finalizer of `SplitMix64`, Steele et al., OOPSLA 2014).
 pub const fn mix(value: u64) -> u64 {
     let mut z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -5,6 +5,7 @@ use crate::launch_file::LaunchFile;
 use crate::runner::Ending;
 use crate::{Context, Problem, Settings, Stage, parse_table};
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -74,7 +75,9 @@ fn help<S: Stage>() -> String {
         S::NAME
     );
     for field in S::Settings::fields() {
-        text += &format!("  {} = {}  ({}) {} {}\n", field.key, field.default, field.kind, field.meaning, field.rule);
+        // Writing to a string cannot fail.
+        let _ =
+            writeln!(text, "  {} = {}  ({}) {} {}", field.key, field.default, field.kind, field.meaning, field.rule);
     }
     text
 }
@@ -159,7 +162,9 @@ fn run_assignment<S: Stage>(path: &Path) -> u8 {
     let launch_file = match LaunchFile::load(&assignment.launch_file, &assignment.overrides) {
         Ok(launch_file) => launch_file,
         Err(problems) => {
-            problems.iter().for_each(|problem| tracing::error!("{}: {}", problem.key, problem.text));
+            for problem in problems {
+                tracing::error!("{}: {}", problem.key, problem.text);
+            }
             return exit::CONFIGURATION;
         }
     };
@@ -168,7 +173,9 @@ fn run_assignment<S: Stage>(path: &Path) -> u8 {
         Err(problem) => (S::Settings::default(), vec![problem]),
     };
     if !problems.is_empty() {
-        problems.iter().for_each(|problem| tracing::error!("{}", launch_file.render(problem)));
+        for problem in &problems {
+            tracing::error!("{}", launch_file.render(problem));
+        }
         return exit::CONFIGURATION;
     }
     let stop = Arc::new(AtomicBool::new(false));

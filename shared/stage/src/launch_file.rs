@@ -7,6 +7,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A parsed launch.toml with the overrides of the command line laid over it.
+#[derive(Debug)]
 pub struct LaunchFile {
     path: PathBuf,
     text: &'static str,
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_problem_is_shown_with_its_line() {
-        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &[]).ok().expect("parses");
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &[]).expect("parses");
         let table = file.table("infer").expect("a table");
         let (key, _) = table.iter().next().expect("one key");
         let problem = Problem { key: "modell".into(), span: Some(key.span()), text: "unknown key".into() };
@@ -158,7 +159,7 @@ mod tests {
     #[test]
     fn overrides_win_and_need_no_quotes() {
         let overrides = ["run.drive=/data/drive 7".to_owned(), "infer.modell=4".to_owned(), "new.key=true".to_owned()];
-        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).ok().expect("parses");
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");
         let value = |table: &str| file.table(table).expect("a table").into_iter().next().expect("one").1.into_inner();
         assert_eq!(value("run").as_str(), Some("/data/drive 7"));
         assert_eq!(value("infer").as_integer().map(|i| i.as_str().to_owned()), Some("4".to_owned()));
@@ -170,8 +171,7 @@ mod tests {
     #[test]
     fn several_syntax_errors_are_reported_at_once() {
         let problems = LaunchFile::parse(Path::new("l"), "[run]\na = \nb = = 3\n".to_owned(), &["nonsense".to_owned()])
-            .err()
-            .expect("faulty");
+            .expect_err("faulty");
         assert!(problems.len() >= 3, "{problems:?}");
     }
 }

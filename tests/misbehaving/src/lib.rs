@@ -6,6 +6,6 @@ mod relay;
 mod sink;
 mod source;
 
-pub use relay::Relay;
-pub use sink::Sink;
+pub use relay::{Relay, Settings as RelaySettings};
+pub use sink::{Settings as SinkSettings, Sink};
 pub use source::Source;

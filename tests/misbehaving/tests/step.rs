@@ -13,8 +13,8 @@ fn the_sink_writes_down_every_message() {
     let (settings, problems) = stage::parse_table(table.get_ref());
     assert!(problems.is_empty());
     let mut source = Bench::<Source>::new(&settings, &context).expect("builds");
-    let mut relay = Bench::<Relay>::new(&Default::default(), &context).expect("builds");
-    let mut sink = Bench::<Sink>::new(&Default::default(), &context).expect("builds");
+    let mut relay = Bench::<Relay>::new(&misbehaving::RelaySettings::default(), &context).expect("builds");
+    let mut sink = Bench::<Sink>::new(&misbehaving::SinkSettings::default(), &context).expect("builds");
     loop {
         let flow = source.tick().expect("steps");
         for sweep in source.take::<Sweep>() {

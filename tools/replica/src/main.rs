@@ -25,8 +25,8 @@ fn main() -> ExitCode {
     let done = match Cli::parse() {
         Cli::Convert(args) => commands::convert::run(&args),
         Cli::Import(args) => commands::import::run(&args),
-        Cli::Simulate(args) => commands::simulate::run(&args),
-        Cli::Inspect(args) => commands::inspect::run(&args),
+        Cli::Simulate(args) => commands::simulate::run(&args).map(|()| ExitCode::SUCCESS),
+        Cli::Inspect(args) => commands::inspect::run(&args).map(|()| ExitCode::SUCCESS),
     };
     done.unwrap_or_else(|error| {
         eprintln!("error: {error:#}");

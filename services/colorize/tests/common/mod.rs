@@ -54,9 +54,16 @@ pub fn mosaic(name: &str, body_from_camera: Pose, model: CameraModel, pattern: u
     }
 }
 
-/// The folder of a drive that has nothing but its manifest.
+/// The folder of a drive whose sensors recorded nothing.
 pub fn drive(manifest: &Manifest) -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
+    let color_folders = manifest.cameras.iter().map(|entry| &entry.folder);
+    let folders =
+        color_folders.chain(manifest.mosaics.iter().map(|entry| &entry.folder)).chain([&manifest.lidar.folder]);
+    for name in folders {
+        std::fs::create_dir_all(folder.path().join(name)).expect("made");
+    }
+    std::fs::write(folder.path().join(&manifest.lidar.folder).join("0.pcap"), b"").expect("written");
     let text = stage::toml::to_string(manifest).expect("encodes");
     std::fs::write(folder.path().join("drive.toml"), text).expect("written");
     folder

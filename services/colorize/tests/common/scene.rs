@@ -7,6 +7,8 @@ use super::{bare_manifest, camera, mosaic};
 use formats::manifest::Manifest;
 use geometry::{CameraModel, Isometry3, KannalaBrandt, Pinhole, Point3, Pose, UnitQuaternion, Vector2, Vector3};
 use messages::{CubeHeader, ImageHeader, StampedPose, SubmapPoint};
+use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// First stamp of the drive.
 pub const START: i64 = 1_700_000_000_000_000_000;
@@ -37,9 +39,8 @@ pub fn world_from_submap() -> Pose {
 
 pub fn trajectory(from: i64, until: i64) -> Vec<StampedPose> {
     // 50 ms apart: the chord is less than a millimetre off the arc.
-    (0..)
+    (0..=(until - from) * 20 / SECOND)
         .map(|i| from + i * SECOND / 20)
-        .take_while(|s| *s <= until)
         .map(|s| super::stamped(s, world_from_body(s)))
         .collect()
 }
@@ -125,6 +126,30 @@ pub fn points(duration_nanos: u32) -> Vec<Painted> {
     let last = points.len() - 1;
     points[last].point.offset_nanos = duration_nanos;
     points
+}
+
+/// Offsets of the exposures from the start, ns: two before the submap, three in it, two after it.
+pub const EXPOSURES: [i64; 7] =
+    [-1_300_000_000, -700_000_000, 50_000_000, 400_000_000, 910_000_000, 1_400_000_000, 1_900_000_000];
+
+/// One burst of all cameras.
+pub struct Burst {
+    pub stamp: i64,
+    pub images: Vec<(ImageHeader, Vec<u8>)>,
+    pub cubes: Vec<(CubeHeader, Vec<u32>)>,
+}
+
+/// The bursts at [`EXPOSURES`], rendered once for all tests.
+pub fn bursts() -> &'static [Burst] {
+    static BURSTS: LazyLock<Vec<Burst>> = LazyLock::new(|| {
+        let burst = |stamp| Burst {
+            stamp,
+            images: (0..2).map(|index| expose(index, stamp)).collect(),
+            cubes: (0..2).map(|index| expose_cube(index, stamp)).collect(),
+        };
+        EXPOSURES.into_par_iter().map(|offset| burst(START + offset)).collect()
+    });
+    &BURSTS
 }
 
 /// What color camera `index` records at `stamp`.

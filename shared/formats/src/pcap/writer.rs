@@ -110,7 +110,7 @@ mod tests {
     fn what_does_not_fit_is_refused() {
         let mut writer = Writer::new(Vec::new()).expect("writes");
         assert!(writer.write_udp(Stamp(-1), 1, b"").is_err());
-        assert!(writer.write_udp(Stamp(0), 1, &[0; 65_536]).is_err());
+        assert!(writer.write_udp(Stamp(0), 1, &vec![0; 65_536]).is_err());
         assert_eq!(writer.finish().expect("flushes").len(), 24);
     }
 }

@@ -98,7 +98,7 @@ impl Decoder {
     /// firing in one of the blocks or earlier.
     pub fn decode_into(
         &self,
-        packet: &DataPacket<'_>,
+        packet: DataPacket<'_>,
         blocks: Range<usize>,
         packet_nanos: i64,
         returns: &mut Vec<LidarReturn>,
@@ -111,14 +111,14 @@ impl Decoder {
     /// As [`Decoder::decode_into`], replacing what is in `scratch`.
     pub(super) fn decode(
         &self,
-        packet: &DataPacket<'_>,
+        packet: DataPacket<'_>,
         blocks: Range<usize>,
         packet_nanos: i64,
         scratch: &mut Scratch,
     ) {
         scratch.len = 0;
         let slots = self.slots(packet);
-        let step = self.azimuth_step(packet, &slots);
+        let step = self.azimuth_step(packet, slots);
         // Nearest count, halves away from zero, as the maker's viewer.
         let steps = self.azimuth_shares.map(|share| (step * share).round() as u16);
         let is_dual = self.is_dual(packet);
@@ -152,7 +152,9 @@ impl Decoder {
             if range == 0 || twin.get(laser * 3..laser * 3 + 3) == Some(raw) {
                 continue;
             }
-            let (Some(beam), Some(slot)) = (beams.get(laser & mask), scratch.returns.get_mut(scratch.len)) else { break };
+            let (Some(beam), Some(slot)) = (beams.get(laser & mask), scratch.returns.get_mut(scratch.len)) else {
+                break;
+            };
             let turned = azimuth + steps[laser];
             let azimuth = if turned >= TURN { turned - TURN } else { turned };
             let [x, y, z] = beam.point(f32::from(range) * RANGE_UNIT_M, self.sin_cos[usize::from(azimuth)]);
@@ -164,7 +166,7 @@ impl Decoder {
 
     /// Time slot of each block: blocks fire one after the other, but pairs at once (two echoes of one shot, or the two
     /// halves of an HDL-64E).
-    pub(super) fn slots(&self, packet: &DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
+    pub(super) fn slots(&self, packet: DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
         let is_dual = self.is_dual(packet);
         let is_second = |index: usize| {
             let (Some(before), Some(block)) = (packet.block(index - 1), packet.block(index)) else { return false };
@@ -178,29 +180,30 @@ impl Decoder {
         slots
     }
 
-    fn is_dual(&self, packet: &DataPacket<'_>) -> bool {
+    fn is_dual(&self, packet: DataPacket<'_>) -> bool {
         self.model != Model::Hdl64e && packet.return_mode() == Some(ReturnMode::Dual)
     }
 
     /// Median of the encoder's counts from slot to slot; 0 if it does not turn or nothing can be said.
-    fn azimuth_step(&self, packet: &DataPacket<'_>, slots: &[u8; BLOCKS_PER_PACKET]) -> f64 {
+    fn azimuth_step(&self, packet: DataPacket<'_>, slots: [u8; BLOCKS_PER_PACKET]) -> f64 {
         if !self.model.timing().interpolate_azimuth {
             return 0.0;
         }
-        let mut steps = [0_u16; BLOCKS_PER_PACKET];
+        let mut steps = [0_u32; BLOCKS_PER_PACKET];
         let mut n = 0;
         for index in 1..BLOCKS_PER_PACKET {
             if slots[index] == slots[index - 1] {
                 continue;
             }
             let (Some(before), Some(block)) = (packet.azimuth(index - 1), packet.azimuth(index)) else { continue };
-            steps[n] = (block + TURN - before) % TURN;
+            let turn = u32::from(TURN);
+            steps[n] = (u32::from(block) + turn - u32::from(before)) % turn;
             n += 1;
         }
         let steps = &mut steps[..n];
         steps.sort_unstable();
         // The upper median, as the maker's viewer takes it. A sensor of 20 Hz makes 80 counts a block; more is damage.
-        steps.get((n + 1) / 2).filter(|step| **step < 1000).map_or(0.0, |step| f64::from(*step))
+        steps.get(n.div_ceil(2)).filter(|step| **step < 1000).map_or(0.0, |step| f64::from(*step))
     }
 }
 

@@ -27,7 +27,11 @@ pub struct RawBlock {
 
 /// The payload of a data packet whose first laser fires at `stamp` (cut to µs), strongest returns.
 /// For sensors with one kind of block: HDL-32E and VLP-16.
-pub fn encode_data_packet(model: Model, stamp: Stamp, blocks: &[RawBlock; BLOCKS_PER_PACKET]) -> [u8; DATA_PACKET_BYTES] {
+pub fn encode_data_packet(
+    model: Model,
+    stamp: Stamp,
+    blocks: &[RawBlock; BLOCKS_PER_PACKET],
+) -> [u8; DATA_PACKET_BYTES] {
     let mut bytes = [0; DATA_PACKET_BYTES];
     for (block, out) in blocks.iter().zip(bytes.chunks_exact_mut(BLOCK_BYTES)) {
         out[..2].copy_from_slice(&UPPER_BLOCK.to_le_bytes());

@@ -61,13 +61,20 @@ impl Model {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
     /// Who sent the packet: an HDL-64E shows by its lower blocks, the others by their product byte.
-    pub fn of_packet(packet: &DataPacket<'_>) -> Option<Self> {
+    pub fn of_packet(packet: DataPacket<'_>) -> Option<Self> {
         match packet.product() {
             _ if packet.has_lower_blocks() => Some(Model::Hdl64e),
             0x21 => Some(Model::Hdl32e),
             // The Puck LITE (24: Hi-Res) has the same electronics but other angles.
             0x22 => Some(Model::Vlp16),
             _ => None,
+        }
+    }
+    /// Whether a packet may be this model's: early firmware leaves the product byte 0, an HDL-64E has a status there.
+    pub fn may_have_sent(self, packet: DataPacket<'_>) -> bool {
+        match Self::of_packet(packet) {
+            Some(sender) => sender == self || self == Model::Hdl64e,
+            None => packet.product() == 0 || self == Model::Hdl64e,
         }
     }
     /// Byte 1205 of its packets; 0 for the HDL-64E, which has a status there.

@@ -56,16 +56,16 @@ impl<'a> DataPacket<'a> {
         packet.block(0).is_some().then_some(packet)
     }
     /// The bytes.
-    pub fn bytes(&self) -> &'a [u8; DATA_PACKET_BYTES] {
+    pub fn bytes(self) -> &'a [u8; DATA_PACKET_BYTES] {
         self.0
     }
     /// µs past the hour at the first firing. Early HDL-64E have other things here.
-    pub fn micros(&self) -> u32 {
+    pub fn micros(self) -> u32 {
         let b = self.0;
         u32::from_le_bytes([b[MICROS_AT], b[MICROS_AT + 1], b[MICROS_AT + 2], b[MICROS_AT + 3]])
     }
     /// Of HDL-32E and VLP-16; `None` if the byte has another meaning.
-    pub fn return_mode(&self) -> Option<ReturnMode> {
+    pub fn return_mode(self) -> Option<ReturnMode> {
         match self.0[FACTORY_AT] {
             0x37 => Some(ReturnMode::Strongest),
             0x38 => Some(ReturnMode::Last),
@@ -74,19 +74,19 @@ impl<'a> DataPacket<'a> {
         }
     }
     /// The last byte: which product sends, for HDL-32E and younger ones.
-    pub fn product(&self) -> u8 {
+    pub fn product(self) -> u8 {
         self.0[FACTORY_AT + 1]
     }
     /// Whether a block of lasers 32 to 63 is in it, as only an HDL-64E has.
-    pub fn has_lower_blocks(&self) -> bool {
-        (0..BLOCKS_PER_PACKET).any(|index| self.block(index).is_some_and(|block| block.is_lower()))
+    pub fn has_lower_blocks(self) -> bool {
+        (0..BLOCKS_PER_PACKET).any(|index| self.block(index).is_some_and(Block::is_lower))
     }
     /// Encoder angle of a block; `None` if it is no block of returns.
-    pub fn azimuth(&self, index: usize) -> Option<u16> {
-        self.block(index).map(|block| block.azimuth())
+    pub fn azimuth(self, index: usize) -> Option<u16> {
+        self.block(index).map(Block::azimuth)
     }
     /// `None` unless flag and azimuth are those of a block.
-    pub(super) fn block(&self, index: usize) -> Option<Block<'a>> {
+    pub(super) fn block(self, index: usize) -> Option<Block<'a>> {
         let bytes: &[u8; BLOCK_BYTES] = self.0.get(index * BLOCK_BYTES..)?.first_chunk()?;
         let block = Block(bytes);
         (matches!(block.flag(), UPPER_BLOCK | LOWER_BLOCK) && block.azimuth() < TURN).then_some(block)

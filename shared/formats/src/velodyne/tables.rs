@@ -1,5 +1,7 @@
 //! The makers' calibration tables, lasers in firing order.
 
+#![allow(clippy::unreadable_literal, reason = "numbers as the makers write them, so that they can be compared")]
+
 use super::Laser;
 
 /// A beam from the origin.

@@ -38,8 +38,8 @@ pub struct Parameters {
 }
 
 impl Default for Parameters {
-    /// What `models/ground.safetensors` holds. Chosen by hand from the size of kerbs, cars and sensor noise, learned
-    /// from no data.
+    /// What `models/ground.safetensors` holds. Chosen by hand from the size of kerbs, cars and sensor noise; see the
+    /// card in models/README.md.
     fn default() -> Self {
         let settings = Settings { cell_m: 0.2, reach_m: 100.0, window_m: 10.0, low_m: 0.5, min_zone_m2: 2.0 };
         // Noise of 8 cm and a slope of 15 %, over gaps of up to 3 m.

@@ -1,4 +1,5 @@
-//! A street with its truth, small enough to be cast in a test: ground, rough facades with recesses, poles, parked boxes; a spinning lidar, tilted, that moves while it turns.
+//! A street with its truth, small enough to be cast in a test: ground, rough facades with recesses, poles, parked
+//! boxes; a spinning lidar, tilted, that moves while it turns.
 
 use geometry::{Isometry3, Pose, Stamp, UnitQuaternion, Vector3};
 use registration::{Sweep, TimedPoint};

@@ -45,7 +45,7 @@ impl Simulation {
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
         let progress = Progress { phase: f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU };
-        let scene = scene::build(spec.seed, spec.seconds, &progress);
+        let scene = scene::build(spec.seed, spec.seconds, progress);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
         let motion = Motion::new(begin, progress, scene.street.clone(), scene::LANE_T);
         Ok(Self { spec: spec.clone(), scene, motion })

@@ -69,12 +69,24 @@ fn columns() -> Vec<f32> {
     columns
 }
 
-/// Height over the center line of the uneven, crowned ground.
+/// Height of the smooth, crowned road over the center line.
+pub fn road_height(t: f32) -> f32 {
+    -0.018 * t.abs().min(KERB_T)
+}
+
+/// Height of the smooth sidewalk over the center line.
+pub fn walk_height(t: f32) -> f32 {
+    road_height(t) + KERB_H + 0.01 * (t.abs() - KERB_T)
+}
+
+/// How far the ground is off its smooth shape: 3.6 cm from the deepest rut to the highest swell.
+fn uneven(seed: u64, x: f32, t: f32) -> f32 {
+    0.018 * rough(seed, x, t, 3.1, 0.9)
+}
+
+/// Height of the uneven ground over the center line.
 pub fn height(crossings: &[f32], seed: u64, x: f32, t: f32) -> f32 {
-    let uneven = 0.018 * rough(seed, x, t, 3.1, 0.9);
-    let crown = -0.018 * t.abs().min(KERB_T);
-    let walk = if on_sidewalk(crossings, x, t) { KERB_H + 0.01 * (t.abs() - KERB_T) } else { 0.0 };
-    uneven + crown + walk
+    uneven(seed, x, t) + if on_sidewalk(crossings, x, t) { walk_height(t) } else { road_height(t) }
 }
 
 /// Whether the place is raised: beyond the kerb and not where a cross street opens.
@@ -93,10 +105,7 @@ fn cell(b: &mut Builder, street: &Street, looks: &Looks, crossings: &[f32], seed
         looks.road
     };
     // A cell is raised as a whole: its height on the kerb's edge is that of its own side.
-    let h = |x: f32, t: f32| {
-        let flat = 0.018 * rough(seed, x, t, 3.1, 0.9) - 0.018 * t.abs().min(KERB_T);
-        flat + if raised { KERB_H + 0.01 * (t.abs() - KERB_T) } else { 0.0 }
-    };
+    let h = |x: f32, t: f32| uneven(seed, x, t) + if raised { walk_height(t) } else { road_height(t) };
     let corner = |x: f32, t: f32| street.vertex(x, t, h(x, t));
     b.quad([corner(x, t0), corner(x + CELL, t0), corner(x + CELL, t1), corner(x, t1)], surface);
 }
@@ -118,7 +127,7 @@ fn kerbs(b: &mut Builder, street: &Street, looks: &Looks, crossings: &[f32], see
         if !on_sidewalk(crossings, x + 0.5 * CELL, t) {
             continue;
         }
-        let foot = |x: f32| height(&[x], seed, x, t);
+        let foot = |x: f32| uneven(seed, x, t) + road_height(t);
         let corner = |x: f32, up: f32| street.vertex(x, t, foot(x) + up);
         let top = KERB_H;
         b.quad([corner(x, -0.02), corner(x + CELL, -0.02), corner(x + CELL, top), corner(x, top)], looks.kerb);
@@ -154,7 +163,7 @@ fn cross_street(b: &mut Builder, street: &Street, looks: &Looks, seed: u64, x0: 
                 let corner = |dx: f32, t: f32| -> Vec3 {
                     let (x, t) = (x0 + dx, side * t);
                     let up = if raised { KERB_H + 0.02 } else { 0.0 };
-                    street.vertex(x, t, 0.018 * rough(seed, x, t, 3.1, 0.9) - 0.018 * KERB_T + up)
+                    street.vertex(x, t, uneven(seed, x, t) + road_height(KERB_T) + up)
                 };
                 b.quad([corner(pair[0], t0), corner(pair[1], t0), corner(pair[1], t1), corner(pair[0], t1)], surface);
             }

@@ -5,10 +5,13 @@ mod car;
 mod facade;
 mod furniture;
 mod ground;
+mod houses;
 mod layout;
 mod mover;
 mod person;
+mod sidewalk;
 mod street;
+mod traffic;
 mod tree;
 
 pub use layout::{LANE_T, build};

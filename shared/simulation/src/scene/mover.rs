@@ -1,5 +1,6 @@
 //! Things that move: a model and its way along the street.
 
+use super::ground;
 use super::street::Street;
 use crate::motion::Progress;
 use crate::trace::{Bvh, Primitive, Vec3};
@@ -63,7 +64,7 @@ impl Mover {
             }
             Route::Convoy { progress, ahead_m, drift_m, t } => {
                 let drift = drift_m * (0.35 * seconds).sin();
-                street.frame(progress.x(seconds) + ahead_m + drift, t, -0.018 * t.abs(), 0.0)
+                street.frame(progress.x(seconds) + ahead_m + drift, t, f64::from(ground::road_height(t as f32)), 0.0)
             }
         };
         frame.cast()

@@ -16,7 +16,7 @@ pub(crate) const FAR_M: f32 = 250.0;
 
 /// Directions through points of an image, in the camera's frame; `None` where the lens shows nothing.
 pub(crate) fn lens_rays(model: &CameraModel, pixels: impl Iterator<Item = [f64; 2]>) -> Vec<Option<Vec3>> {
-    pixels.map(|[u, v]| model.ray_from_pixel(&Vector2::new(u, v)).map(|ray| ray.cast())).collect()
+    pixels.map(|[u, v]| model.ray_from_pixel(&Vector2::new(u, v)).map(nalgebra::Vector3::cast)).collect()
 }
 
 /// Origin and rotation of a camera for the tracer.

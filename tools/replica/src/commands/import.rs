@@ -1,11 +1,177 @@
-//! Under construction.
+//! `replica import`: a public data set's layout into a drive folder, with links instead of copies.
 
+use anyhow::{Context, bail, ensure};
+use clap::Args as ClapArgs;
+use formats::calendar::{DAY_NANOS, days_from_date};
+use formats::drive::{Drive, MANIFEST_FILE, TIMES_FILE};
+use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// None yet.
-#[derive(clap::Args)]
-pub struct Args {}
+/// What to import.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Folder of KITTI raw (velodyne_points/data), of a KITTI odometry sequence (velodyne), or of bare *.bin or *.pcd sweeps
+    source: PathBuf,
+    /// Drive folder to make
+    out: PathBuf,
+}
 
-pub fn run(_args: &Args) -> anyhow::Result<ExitCode> {
-    anyhow::bail!("under construction")
+/// What a layout comes to.
+#[derive(Debug)]
+struct Found {
+    layout: &'static str,
+    format: &'static str,
+    sweeps: Vec<PathBuf>,
+    /// ns since the Unix epoch; `None`: ten sweeps a second.
+    times: Option<Vec<i64>>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    ensure!(!args.out.exists(), "{} is there already", args.out.display());
+    let found = find(&args.source)?;
+    if let Some(times) = &found.times {
+        let n_sweeps = found.sweeps.len();
+        ensure!(times.len() == n_sweeps, "{n_sweeps} sweeps but {} times", times.len());
+    }
+    write(&found, &args.source, &args.out)?;
+    let drive = Drive::open(&args.out)?;
+    println!("{}: {} sweeps of {} ({})", args.out.display(), drive.sweep_files().len(), drive.model().name(), found.layout);
+    Ok(ExitCode::SUCCESS)
+}
+
+fn find(source: &Path) -> anyhow::Result<Found> {
+    let raw = source.join("velodyne_points");
+    if raw.join("data").is_dir() {
+        let times = raw.join("timestamps.txt");
+        let times = if times.exists() { Some(read_times(&times, nanos_of_date)?) } else { None };
+        return Ok(Found { layout: "KITTI raw", format: "bin", sweeps: files(&raw.join("data"), "bin")?, times });
+    }
+    if source.join("velodyne").is_dir() {
+        let times = source.join("times.txt");
+        let times = if times.exists() { Some(read_times(&times, nanos_of_seconds)?) } else { None };
+        let sweeps = files(&source.join("velodyne"), "bin")?;
+        return Ok(Found { layout: "KITTI odometry", format: "bin", sweeps, times });
+    }
+    for format in ["bin", "pcd"] {
+        let sweeps = files(source, format)?;
+        if !sweeps.is_empty() {
+            return Ok(Found { layout: "bare sweeps", format, sweeps, times: None });
+        }
+    }
+    bail!("{}: neither velodyne_points/data, velodyne, *.bin nor *.pcd is in it", source.display())
+}
+
+fn files(folder: &Path, extension: &str) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in folder.read_dir().with_context(|| folder.display().to_string())? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|found| found == extension) && path.is_file() {
+            files.push(path.canonicalize()?);
+        }
+    }
+    files.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    Ok(files)
+}
+
+fn read_times(path: &Path, nanos: fn(&str) -> Option<i64>) -> anyhow::Result<Vec<i64>> {
+    let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let time = |(index, line): (usize, &str)| {
+        nanos(line.trim()).with_context(|| format!("{}:{}: {line:?} is no time", path.display(), index + 1))
+    };
+    lines.map(time).collect()
+}
+
+/// KITTI odometry: seconds since the first sweep.
+fn nanos_of_seconds(text: &str) -> Option<i64> {
+    let seconds: f64 = text.parse().ok()?;
+    (0.0..1e9).contains(&seconds).then(|| (seconds * 1e9).round() as i64)
+}
+
+/// KITTI raw: `2011-09-26 13:02:25.951199337`. The zone is not told; it is taken for UTC.
+fn nanos_of_date(text: &str) -> Option<i64> {
+    let (date, time) = text.split_once(' ')?;
+    let [year, month, day] = numbers(date, '-')?;
+    let (time, decimals) = time.split_once('.').unwrap_or((time, ""));
+    let [hours, minutes, seconds] = numbers(time, ':')?;
+    if hours > 23 || minutes > 59 || seconds > 60 || !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
+        return None;
+    }
+    let nanos: i64 = format!("{decimals:0<9.9}").parse().ok()?;
+    Some(days_from_date(year, month, day)? * DAY_NANOS + ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos)
+}
+
+fn numbers(text: &str, separator: char) -> Option<[i64; 3]> {
+    let numbers: Option<Vec<i64>> = text.split(separator).map(|part| part.parse().ok().filter(|n| *n >= 0)).collect();
+    numbers?.try_into().ok()
+}
+
+fn write(found: &Found, source: &Path, out: &Path) -> anyhow::Result<()> {
+    let lidar = out.join("lidar");
+    fs::create_dir_all(&lidar).with_context(|| lidar.display().to_string())?;
+    for sweep in &found.sweeps {
+        let link = lidar.join(sweep.file_name().unwrap_or_default());
+        std::os::unix::fs::symlink(sweep, &link).with_context(|| link.display().to_string())?;
+    }
+    if let Some(times) = &found.times {
+        let text: String = times.iter().map(|nanos| format!("{nanos}\n")).collect();
+        fs::write(lidar.join(TIMES_FILE), text)?;
+    }
+    let name = source.canonicalize()?.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let manifest = Manifest {
+        version: MANIFEST_VERSION,
+        name: format!("{name} ({})", found.layout),
+        lidar: LidarEntry {
+            model: "hdl64e".into(),
+            format: found.format.into(),
+            folder: "lidar".into(),
+            body_from_lidar: PoseEntry::IDENTITY,
+        },
+        cameras: Vec::new(),
+        mosaics: Vec::new(),
+        gnss: None,
+        imu: None,
+        truth: None,
+    };
+    fs::write(out.join(MANIFEST_FILE), toml::to_string(&manifest)?)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_both_layouts_read() {
+        assert_eq!(nanos_of_date("2011-09-26 13:02:25.951199337"), Some(1_317_042_145_951_199_337));
+        assert_eq!(nanos_of_date("2011-02-30 13:02:25"), None);
+        assert_eq!(nanos_of_seconds("1.037875e-01"), Some(103_787_500));
+        assert_eq!(nanos_of_seconds("-1"), None);
+    }
+
+    #[test]
+    fn a_raw_folder_becomes_a_drive_of_links() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let data = folder.path().join("raw/velodyne_points/data");
+        fs::create_dir_all(&data).expect("makes");
+        for k in 0..3 {
+            fs::write(data.join(format!("{k:010}.bin")), [0; 32]).expect("writes");
+        }
+        let dates = "2011-09-26 13:02:25.9\n2011-09-26 13:02:26.0\n2011-09-26 13:02:26.125\n";
+        fs::write(data.join("../timestamps.txt"), dates).expect("writes");
+        let args = Args { source: folder.path().join("raw"), out: folder.path().join("drive") };
+        run(&args).expect("imports");
+        let drive = Drive::open(&args.out).expect("opens");
+        assert!(!drive.is_inferred());
+        assert!(drive.sweep_files().iter().all(|path| path.is_symlink()));
+        let mut sweeps = drive.sweeps().expect("opens");
+        let mut stamps = Vec::new();
+        while let Some(sweep) = sweeps.next_sweep(|_| {}).expect("reads") {
+            stamps.push(sweep.stamp.0 - 1_317_042_145_000_000_000);
+        }
+        assert_eq!(stamps, [900_000_000, 1_000_000_000, 1_125_000_000]);
+        assert!(run(&args).is_err(), "a drive is not to be overwritten");
+    }
 }

@@ -56,7 +56,7 @@ impl Camera {
         let ((x0, x1), (y0, y1)) = (around(0), around(1));
         let fit = |side: usize, low: f64, high: f64| side as f64 / (high - low).max(1.0);
         Self {
-            eye: Vector3::new((x0 + x1) / 2.0, (y0 + y1) / 2.0, max[2] + 1.0 + NEAR_M),
+            eye: Vector3::new(f64::midpoint(x0, x1), f64::midpoint(y0, y1), max[2] + 1.0 + NEAR_M),
             right: Vector3::x(),
             down: -Vector3::y(),
             forward: -Vector3::z(),
@@ -69,12 +69,12 @@ impl Camera {
     /// Perspective, from behind and above the place `share` (0 to 1) along the path; without a path, from the side of the
     /// bounds where they are narrow.
     pub fn behind([min, max]: [[f64; 3]; 2], path: &[[f64; 3]], share: f64, size: Size) -> Self {
-        let min_max = |k: usize| Vector3::new(min[0], min[1], min[2]).lerp(&Vector3::new(max[0], max[1], max[2]), 0.5)[k];
+        let middle = |k: usize| f64::midpoint(min[k], max[k]);
         let along_x = max[0] - min[0] >= max[1] - min[1];
         let fallback = if along_x { Vector3::x() } else { Vector3::y() };
         let (place, heading) = match place_on(path, share) {
             Some(found) => found,
-            None => (Vector3::new(min_max(0), min_max(1), min[2] + LIDAR_HEIGHT_M), fallback),
+            None => (Vector3::new(middle(0), middle(1), min[2] + LIDAR_HEIGHT_M), fallback),
         };
         let eye = place - heading * EYE_BACK_M + Vector3::z() * EYE_UP_M;
         let target = place + heading * TARGET_AHEAD_M - Vector3::z() * LIDAR_HEIGHT_M;
@@ -95,8 +95,8 @@ impl Camera {
     pub fn project(&self, [x, y, z]: [f64; 3]) -> Option<Projected> {
         let p = Vector3::new(x, y, z) - self.eye;
         let depth_m = p.dot(&self.forward);
-        // A NaN is not at least anything.
-        if !(depth_m >= NEAR_M) {
+        // NaN is not less than anything and has to be asked for.
+        if depth_m.is_nan() || depth_m < NEAR_M {
             return None;
         }
         let px_per_m = if self.is_perspective { self.scale / depth_m } else { self.scale };

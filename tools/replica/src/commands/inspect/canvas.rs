@@ -103,7 +103,9 @@ impl Background {
     fn color(self, height: f32) -> [f32; 3] {
         match self {
             Background::White => [255.0; 3],
-            Background::Dark => [[10.0, 24.0], [13.0, 29.0], [20.0, 38.0]].map(|[top, bottom]| top + (bottom - top) * height),
+            Background::Dark => {
+                [[10.0, 24.0], [13.0, 29.0], [20.0, 38.0]].map(|[top, bottom]| top + (bottom - top) * height)
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Colors of points.
 
+use super::By;
 use super::cloud::Cloud;
 use super::survey::Survey;
-use super::By;
 
 /// sRGB of the class ids, as CARLA shows them; unlabeled is gray there where CARLA has black.
 const CLASS_COLORS: [[u8; 3]; 23] = [

@@ -1,0 +1,105 @@
+//! The rule by which the vehicle's cameras fire: once a second, and only after a metre of way (thesis 2.5.1).
+//!
+//! A recording of free-running cameras is thinned out by it; one that was triggered already passes unchanged, for which the
+//! rule is lenient by a tenth: triggers jitter, and the way between two exposures is only known from fixes.
+
+use crate::odometer::Odometer;
+use formats::drive::Frame;
+use geometry::Stamp;
+use std::collections::BTreeMap;
+
+/// How much of period and way must have passed.
+const LENIENCE: f64 = 0.9;
+
+/// The rule with its numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Trigger {
+    /// Between exposures, s; 0 = any.
+    pub(crate) period_s: f64,
+    /// Between exposures, m; 0 = any.
+    pub(crate) way_m: f64,
+}
+
+impl Trigger {
+    pub(crate) fn new(hz: f64, way_m: f64) -> Self {
+        Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, way_m }
+    }
+
+    /// The exposures that the rule lets pass, of every camera by itself, and how many it does not.
+    pub(crate) fn thin_out(&self, frames: &[Frame], odometer: &Odometer) -> (Vec<Frame>, u64) {
+        let mut last_of: BTreeMap<usize, Stamp> = BTreeMap::new();
+        let passes = |frame: &&Frame| {
+            let passes = last_of.get(&frame.camera).is_none_or(|last| self.is_due(*last, frame.stamp, odometer));
+            if passes {
+                last_of.insert(frame.camera, frame.stamp);
+            }
+            passes
+        };
+        let kept: Vec<Frame> = frames.iter().filter(passes).cloned().collect();
+        let n_skipped = (frames.len() - kept.len()) as u64;
+        (kept, n_skipped)
+    }
+
+    fn is_due(&self, last: Stamp, stamp: Stamp, odometer: &Odometer) -> bool {
+        let in_time = stamp.seconds_since(last) >= LENIENCE * self.period_s;
+        // Without a fix the vehicle may have moved.
+        in_time && odometer.between(last, stamp).is_none_or(|way_m| way_m >= LENIENCE * self.way_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::odometer::tests::fixes;
+    use std::path::PathBuf;
+
+    fn frames(cameras: usize, hz: i64, seconds: i64) -> Vec<Frame> {
+        let frame = |i: i64, camera: usize| Frame {
+            stamp: Stamp(250_000_000 + i * 1_000_000_000 / hz),
+            camera,
+            path: PathBuf::new(),
+        };
+        (0..seconds * hz).flat_map(|i| (0..cameras).map(move |camera| frame(i, camera))).collect()
+    }
+
+    fn seconds(frames: &[Frame]) -> Vec<f64> {
+        frames.iter().map(|frame| frame.stamp.0 as f64 * 1e-9).collect()
+    }
+
+    #[test]
+    fn free_running_cameras_are_thinned_out() {
+        // Stands for three seconds, then drives at 5 m/s.
+        let speeds: Vec<f64> = (0..12).map(|s| if s < 4 { 0.0 } else { 5.0 }).collect();
+        let odometer = Odometer::new(&fixes(&speeds));
+        let (kept, n_skipped) = Trigger::new(1.0, 1.0).thin_out(&frames(2, 10, 10), &odometer);
+        let camera_1: Vec<Frame> = kept.iter().filter(|frame| frame.camera == 1).cloned().collect();
+        assert_eq!(kept.len(), camera_1.len() * 2);
+        assert_eq!(n_skipped as usize, 200 - kept.len());
+        // The ramp from 0 to 5 m/s passes 0.9 m at 3.6 s.
+        let times = seconds(&camera_1);
+        assert_eq!(times[..2], [0.25, 3.65]);
+        assert!(times.windows(2).skip(1).all(|pair| (0.9..1.01).contains(&(pair[1] - pair[0]))), "{times:?}");
+    }
+
+    #[test]
+    fn a_triggered_recording_passes_unchanged() {
+        let odometer = Odometer::new(&fixes(&[1.0; 12]));
+        let mut triggered = frames(1, 1, 10);
+        for (i, frame) in triggered.iter_mut().enumerate() {
+            frame.stamp = frame.stamp.plus_nanos(if i % 2 == 0 { 20_000_000 } else { -20_000_000 });
+        }
+        let (kept, n_skipped) = Trigger::new(1.0, 1.0).thin_out(&triggered, &odometer);
+        assert_eq!((kept, n_skipped), (triggered, 0));
+    }
+
+    #[test]
+    fn without_fixes_only_time_counts_and_zero_turns_a_part_off() {
+        let none = Odometer::new(&[]);
+        let still = Odometer::new(&fixes(&[0.0; 12]));
+        let all = frames(1, 10, 10);
+        assert_eq!(Trigger::new(1.0, 1.0).thin_out(&all, &none).0.len(), 12);
+        assert_eq!(Trigger::new(1.0, 0.0).thin_out(&all, &still).0.len(), 12);
+        assert_eq!(Trigger::new(0.0, 1.0).thin_out(&all, &still).0.len(), 1);
+        assert_eq!(Trigger::new(0.0, 0.0).thin_out(&all, &still), (all, 0));
+    }
+}

@@ -1,0 +1,109 @@
+//! The stage.
+
+use crate::Settings;
+use crate::references::Camera;
+use formats::drive::Drive;
+use messages::{Cube, Mosaic, MosaicHeader, pod::cast_slice_mut};
+use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+
+/// Raised with every change of the state, which is none.
+const STATE_VERSION: u32 = 1;
+
+/// The stage.
+pub struct Calibrate {
+    /// By index; the error says why a camera gives no reflectance.
+    cameras: Vec<Result<Camera, String>>,
+}
+
+/// Why a frame gives no cube: a counter of the summary and a line for the operator.
+struct Skip(&'static str, String);
+
+impl Calibrate {
+    fn camera(&self, frame: &MosaicHeader) -> Result<&Camera, Skip> {
+        let index = frame.camera;
+        let camera = match self.cameras.get(index as usize) {
+            Some(Ok(camera)) => camera,
+            Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
+            None => {
+                let text = format!("mosaic camera {index} is not among the {} of this drive", self.cameras.len());
+                return Err(Skip("frames_unusable", text));
+            }
+        };
+        if !camera.fits(frame) {
+            let text = format!(
+                "mosaic camera {index}: {}x{} px of {} bit do not fit it",
+                frame.width, frame.height, frame.bit_depth
+            );
+            return Err(Skip("frames_unusable", text));
+        }
+        Ok(camera)
+    }
+
+    /// The outer error ends the run, the inner one concerns this frame alone.
+    fn publish_cube(&self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
+        let header = frame.header();
+        let camera = match self.camera(header) {
+            Ok(camera) => camera,
+            Err(skip) => return Ok(Err(skip)),
+        };
+        let calibration = camera.calibration();
+        let n_samples = calibration.mosaic().n_cells() * calibration.mosaic().n_bands();
+        let n_rows = n_samples + calibration.mosaic().n_cells();
+        let mut loan = outputs.loan::<Cube>(n_rows)?;
+        *loan.header_mut() = camera.cube_header(header);
+        let rows = loan.grow(n_rows).ok_or_else(|| {
+            StepError::Contract(format!("cube: the loan does not hold the {n_rows} rows that were asked for"))
+        })?;
+        let (reflectances, masks) = rows.split_at_mut(n_samples);
+        let counts = calibration.cube_into(frame.rows(), header.exposure_nanos, cast_slice_mut(reflectances), masks);
+        let counts = match counts {
+            Ok(counts) => counts,
+            Err(error) => {
+                return Ok(Err(Skip("frames_unusable", format!("mosaic camera {}: {error}", header.camera))));
+            }
+        };
+        outputs.count("samples", n_samples as u64);
+        outputs.count("saturated_samples", counts.saturated);
+        outputs.count("dead_samples", counts.dead);
+        outputs.count("clipped_samples", counts.clipped);
+        outputs.count("masked", counts.masked());
+        outputs.publish(loan, frame.stamp()).map(Ok)
+    }
+}
+
+impl Stage for Calibrate {
+    const NAME: &'static str = "calibrate";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        vec![Port::optional::<Mosaic>()]
+    }
+
+    fn outputs() -> Vec<Port> {
+        vec![Port::of::<Cube>()]
+    }
+
+    fn new(_settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
+        let cameras = drive.manifest().mosaics.iter().enumerate();
+        Ok(Self { cameras: cameras.map(|(index, entry)| Camera::read(drive.folder(), index, entry)).collect() })
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        for frame in inputs.take::<Mosaic>() {
+            if let Err(Skip(counter, text)) = self.publish_cube(&frame, outputs)? {
+                outputs.count(counter, 1);
+                outputs.note(text);
+            }
+        }
+        Ok(Flow::Continue)
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        Ok(stage::encode_state(STATE_VERSION, &())?)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        Ok(stage::decode_state(STATE_VERSION, state)?)
+    }
+}

@@ -1,0 +1,258 @@
+//! The stage on small mosaics whose reflectance is known.
+
+use calibrate::{Calibrate, Settings};
+use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry};
+use geometry::{CameraModel, Pinhole};
+use messages::{Cube, CubeView, Mosaic, MosaicHeader};
+use stage::testing::{Bench, context};
+use stage::{Received, Stage};
+use std::path::Path;
+use tempfile::TempDir;
+
+const WIDTH: u32 = 43;
+const HEIGHT: u32 = 29;
+const STAMP: i64 = 1_700_000_000_123_456_789;
+const T_WHITE: u64 = 2_000_000;
+const T_RAW: u64 = 5_000_000;
+const DARK: u16 = 60;
+const SATURATION: u16 = 4095;
+
+fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
+    let (fx, fy, cx, cy) = (40.0, 40.0, 21.0, 14.0);
+    MosaicEntry {
+        name: name.to_owned(),
+        folder: name.to_owned(),
+        exposure_nanos: T_RAW,
+        dark_exposure_nanos: T_RAW,
+        white_exposure_nanos: T_WHITE,
+        white_reflectance: 0.98,
+        bit_depth: 12,
+        pattern,
+        active_area,
+        // As on the real sensors, the bands do not stand in the order of their wavelengths.
+        wavelengths_nm: (0..pattern * pattern).map(|k| 470.0 + f64::from(k * 7 % (pattern * pattern))).collect(),
+        body_from_camera: PoseEntry::IDENTITY,
+        model: CameraModel::Pinhole(Pinhole { width: WIDTH, height: HEIGHT, fx, fy, cx, cy, distortion: [0.0; 5] }),
+    }
+}
+
+fn manifest() -> Manifest {
+    Manifest {
+        version: MANIFEST_VERSION,
+        name: "test".to_owned(),
+        lidar: LidarEntry {
+            model: "hdl32e".to_owned(),
+            format: "pcap".to_owned(),
+            folder: "lidar".to_owned(),
+            body_from_lidar: PoseEntry::IDENTITY,
+        },
+        cameras: Vec::new(),
+        mosaics: vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])],
+        gnss: None,
+        imu: None,
+        truth: None,
+    }
+}
+
+/// Counts per ms of a white surface, different for every pixel.
+fn sensitivity(x: u32, y: u32) -> f64 {
+    600.0 + f64::from((x * 13 + y * 29) % 97)
+}
+
+fn frame(nanos: u64, reflectance: impl Fn(u32, u32) -> f64) -> Vec<u16> {
+    let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
+    let counts = |(x, y): (u32, u32)| sensitivity(x, y) * nanos as f64 * 1e-6 * reflectance(x, y);
+    pixels.map(|pixel| DARK + counts(pixel).round() as u16).map(|sample| sample.min(SATURATION)).collect()
+}
+
+fn write_pgm(path: &Path, samples: &[u16]) {
+    std::fs::create_dir_all(path.parent().expect("has a folder")).expect("made");
+    let mut bytes = format!("P5\n{WIDTH} {HEIGHT}\n65535\n").into_bytes();
+    bytes.extend(samples.iter().flat_map(|sample| sample.to_be_bytes()));
+    std::fs::write(path, bytes).expect("written");
+}
+
+/// Two dark frames that differ by two counts, so that only their mean is right, and a white one.
+fn write_references(drive: &Path, name: &str) {
+    let dark = |d: u16| vec![DARK - 1 + d; (WIDTH * HEIGHT) as usize];
+    write_pgm(&drive.join(name).join("dark/000.pgm"), &dark(0));
+    write_pgm(&drive.join(name).join("dark/001.pgm"), &dark(2));
+    write_pgm(&drive.join(name).join("white/000.pgm"), &frame(T_WHITE, |_, _| 0.98));
+}
+
+fn drive(manifest: &Manifest) -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir_all(folder.path().join("lidar")).expect("made");
+    std::fs::write(folder.path().join("lidar/0.pcap"), b"").expect("written");
+    for entry in &manifest.mosaics {
+        std::fs::create_dir_all(folder.path().join(&entry.folder)).expect("made");
+    }
+    std::fs::write(folder.path().join("drive.toml"), stage::toml::to_string(manifest).expect("encodes"))
+        .expect("written");
+    folder
+}
+
+fn bench(folder: &Path) -> Bench<Calibrate> {
+    Bench::new(&Settings::default(), &context(folder)).expect("starts")
+}
+
+fn header(camera: u32) -> MosaicHeader {
+    MosaicHeader { camera, width: WIDTH, height: HEIGHT, bit_depth: 12, exposure_nanos: T_RAW }
+}
+
+/// Reflectance of band k of camera `index` in the scene.
+fn truth(index: usize, band: u32) -> f64 {
+    0.05 + 0.02 * f64::from(band) + 0.2 * index as f64
+}
+
+fn scene(index: usize, entry: &MosaicEntry) -> Vec<u16> {
+    let ([x0, y0, ..], p) = (entry.active_area, entry.pattern);
+    frame(T_RAW, |x, y| truth(index, (y + 10 * p - y0) % p * p + (x + 10 * p - x0) % p))
+}
+
+fn assert_is_truth(cube: &Received<Cube>) {
+    let header = cube.header();
+    let index = header.camera as usize;
+    let view = CubeView::new(header, cube.rows()).expect("fits");
+    for band in 0..header.n_bands {
+        for (reflectance, mask) in view.band(band as usize).iter().zip(view.masks()) {
+            assert_eq!(mask >> band & 1, 1);
+            let error = f64::from(*reflectance) - truth(index, band);
+            assert!(error.abs() < 0.001, "camera {index} band {band}: {reflectance}");
+        }
+    }
+}
+
+#[test]
+fn every_frame_becomes_a_cube_of_its_reflectances() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    let mut bench = bench_with_references(folder.path());
+    for (index, entry) in manifest.mosaics.iter().enumerate() {
+        bench.send::<Mosaic>(STAMP + index as i64, header(index as u32), scene(index, entry));
+    }
+    bench.tick().expect("a tick");
+    let cubes = bench.take::<Cube>();
+    assert_eq!(cubes.len(), 2);
+    for (index, (cube, entry)) in cubes.iter().zip(&manifest.mosaics).enumerate() {
+        let header = cube.header();
+        assert_eq!((cube.seq(), cube.stamp()), (index as u64, STAMP + index as i64));
+        let [x0, y0, width, height] = entry.active_area;
+        assert_eq!((header.x0, header.y0, header.pattern), (x0, y0, entry.pattern));
+        assert_eq!((header.width, header.height), (width / entry.pattern, height / entry.pattern));
+        assert_eq!(
+            (header.camera as usize, header.n_bands, header.exposure_nanos),
+            (index, entry.pattern.pow(2), T_RAW)
+        );
+        assert_eq!(header.valid_bands, (1 << header.n_bands) - 1);
+        let wavelengths = header.wavelengths_nm.iter().zip(&entry.wavelengths_nm);
+        assert!(wavelengths.clone().all(|(got, expected)| f64::from(*got) == *expected));
+        assert!(header.wavelengths_nm[header.n_bands as usize..].iter().all(|w| *w == 0.0));
+        assert_is_truth(cube);
+    }
+    assert_eq!(bench.counter("masked"), 0);
+    assert_eq!(bench.counter("samples"), 8 * 5 * 25 + 10 * 7 * 16);
+}
+
+fn bench_with_references(folder: &Path) -> Bench<Calibrate> {
+    write_references(folder, "hs02");
+    write_references(folder, "hs03");
+    bench(folder)
+}
+
+#[test]
+fn samples_that_say_nothing_are_masked_and_counted() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    write_references(folder.path(), "hs03");
+    let dead = frame(T_WHITE, |x, y| if (x, y) == (3 + 4, 1) { 0.0 } else { 0.98 });
+    write_pgm(&folder.path().join("hs03/white/000.pgm"), &dead);
+    let mut bench = bench(folder.path());
+    let mut samples = scene(1, &manifest.mosaics[1]);
+    samples[(WIDTH + 3) as usize] = SATURATION;
+    samples[(WIDTH + 3 + 9) as usize] = 0;
+    bench.send::<Mosaic>(STAMP, header(1), samples);
+    bench.tick().expect("a tick");
+    let cubes = bench.take::<Cube>();
+    let view = CubeView::new(cubes[0].header(), cubes[0].rows()).expect("fits");
+    assert_eq!(view.masks()[..4], [0xfffe, 0xfffe, 0xfffd, 0xffff]);
+    assert_eq!((view.band(0)[0], view.band(0)[1], view.band(1)[2]), (0.0, 0.0, 0.0));
+    let counters = ["saturated_samples", "dead_samples", "clipped_samples", "masked"].map(|name| bench.counter(name));
+    assert_eq!(counters, [1, 1, 1, 3]);
+}
+
+#[test]
+fn a_camera_without_references_gives_no_cubes_and_says_so() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    write_references(folder.path(), "hs03");
+    std::fs::create_dir_all(folder.path().join("hs02/dark")).expect("made");
+    let mut bench = bench(folder.path());
+    for _ in 0..2 {
+        bench.send::<Mosaic>(STAMP, header(0), scene(0, &manifest.mosaics[0]));
+        bench.send::<Mosaic>(STAMP, header(1), scene(1, &manifest.mosaics[1]));
+        bench.tick().expect("a tick");
+    }
+    let cubes = bench.take::<Cube>();
+    assert_eq!(cubes.iter().map(|cube| cube.header().camera).collect::<Vec<_>>(), [1, 1]);
+    assert_eq!(cubes.iter().map(Received::seq).collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(bench.counter("frames_without_reference"), 2);
+    let folder = folder.path().join("hs02/dark");
+    assert_eq!(bench.notes(), [format!("hs02: no dark reference in {}: no reflectance", folder.display())]);
+}
+
+#[test]
+fn references_of_another_size_or_torn_ones_are_named() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    write_references(folder.path(), "hs02");
+    write_references(folder.path(), "hs03");
+    std::fs::write(folder.path().join("hs02/white/000.pgm"), b"P5\n2 2\n65535\n\0\x01\0\x02\0\x03\0\x04")
+        .expect("written");
+    std::fs::write(folder.path().join("hs03/white/000.pgm"), b"P5\n43 29\n65535\n\0\x01").expect("written");
+    let mut bench = bench(folder.path());
+    bench.send::<Mosaic>(STAMP, header(0), scene(0, &manifest.mosaics[0]));
+    bench.send::<Mosaic>(STAMP, header(1), scene(1, &manifest.mosaics[1]));
+    bench.tick().expect("a tick");
+    assert_eq!(bench.take::<Cube>().len(), 0);
+    assert_eq!(bench.counter("frames_without_reference"), 2);
+    assert!(bench.notes()[0].contains("000.pgm: 2x2 px; must be 43x29"), "{:?}", bench.notes());
+    assert!(bench.notes()[1].starts_with("hs03: ") && bench.notes()[1].contains("000.pgm"), "{:?}", bench.notes());
+}
+
+#[test]
+fn frames_that_do_not_fit_are_skipped_and_counted() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    let mut bench = bench_with_references(folder.path());
+    let samples = scene(0, &manifest.mosaics[0]);
+    bench.send::<Mosaic>(STAMP, header(2), samples.clone());
+    bench.send::<Mosaic>(STAMP, MosaicHeader { width: HEIGHT, height: WIDTH, ..header(0) }, samples.clone());
+    bench.send::<Mosaic>(STAMP, MosaicHeader { bit_depth: 10, ..header(0) }, samples.clone());
+    bench.send::<Mosaic>(STAMP, MosaicHeader { exposure_nanos: 0, ..header(0) }, samples.clone());
+    bench.send::<Mosaic>(STAMP, header(0), samples[1..].to_vec());
+    bench.send::<Mosaic>(STAMP, header(0), samples);
+    bench.tick().expect("a tick");
+    assert_eq!(bench.take::<Cube>().len(), 1);
+    assert_eq!(bench.counter("frames_unusable"), 5);
+    assert_eq!(bench.notes().len(), 5);
+}
+
+#[test]
+fn a_restart_in_mid_stream_changes_nothing() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    let (settings, context) = (Settings::default(), context(folder.path()));
+    let mut bench = bench_with_references(folder.path());
+    let mut cubes = Vec::new();
+    for tick in 0..2 {
+        bench.send::<Mosaic>(STAMP + tick, header(0), scene(0, &manifest.mosaics[0]));
+        bench.tick().expect("a tick");
+        cubes.extend(bench.take::<Cube>());
+        bench = bench.restarted(&settings, &context).expect("takes its state up");
+    }
+    assert_eq!(cubes.iter().map(Received::stamp).collect::<Vec<_>>(), [STAMP, STAMP + 1]);
+    assert_eq!(cubes[0].rows(), cubes[1].rows());
+    assert_eq!(cubes[0].header(), cubes[1].header());
+    assert!(bench.stage.load(b"something else").is_err());
+}

@@ -1,0 +1,55 @@
+//! Dates to days and back (H. Hinnant, "chrono-compatible low-level date algorithms"; eras of 400 years from 1 March).
+
+/// ns of a day.
+pub const DAY_NANOS: i64 = 86_400_000_000_000;
+
+/// Days since 1970-01-01; `None` if there is no such date.
+pub fn days_from_date(year: i64, month: i64, day: i64) -> Option<i64> {
+    if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        return None;
+    }
+    let y = if month <= 2 { year - 1 } else { year };
+    let era = y.div_euclid(400);
+    let year_of_era = y.rem_euclid(400);
+    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
+    let days = era * 146_097 + day_of_era - 719_468;
+    // 31 April comes back as 1 May.
+    (date_from_days(days) == (year, month, day)).then_some(days)
+}
+
+/// Year, month and day.
+pub fn date_from_days(days: i64) -> (i64, i64, i64) {
+    let z = days + 719_468;
+    let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * day_of_year + 2) / 153;
+    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+    (year_of_era + era * 400 + i64::from(month <= 2), month, day_of_year - (153 * shifted + 2) / 5 + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_day_of_two_centuries_has_its_date() {
+        let mut expected = (1970, 1, 1);
+        for days in 0..73_000 {
+            assert_eq!(date_from_days(days), expected);
+            assert_eq!(days_from_date(expected.0, expected.1, expected.2), Some(days));
+            let (year, month, day) = expected;
+            let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+            let length = [31, 28 + i64::from(leap), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31][month as usize - 1];
+            expected = match (day == length, month == 12) {
+                (false, _) => (year, month, day + 1),
+                (true, false) => (year, month + 1, 1),
+                (true, true) => (year + 1, 1, 1),
+            };
+        }
+        for (year, month, day) in [(2021, 2, 29), (2020, 4, 31), (2020, 0, 1), (2020, 13, 1), (2020, 1, 0)] {
+            assert_eq!(days_from_date(year, month, day), None);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! What a bare folder of sweeps is taken for.
+
+use super::listing::files_with_extension;
+use super::problems::DriveProblem;
+use super::read::Read;
+use super::{DriveError, MANIFEST_FILE};
+use crate::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use crate::velodyne::{Model, SweepReader};
+use std::path::Path;
+
+/// Formats by file name extension, in the order in which they are looked for.
+const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
+
+/// The assumed manifest of a folder without one.
+pub(super) fn read(folder: &Path) -> Result<Read, DriveError> {
+    let problem = |rule: String| DriveError::from(DriveProblem::of_file(folder, rule));
+    for extension in FORMATS {
+        let files = files_with_extension(folder, &[extension]).map_err(|error| problem(error.to_string()))?;
+        if files.is_empty() {
+            continue;
+        }
+        let is_capture = extension.starts_with("pcap");
+        let model = if is_capture {
+            SweepReader::open(files, None).map_err(|error| problem(error.to_string()))?.model()
+        } else {
+            Model::Hdl64e
+        };
+        let name = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let manifest = Manifest {
+            version: MANIFEST_VERSION,
+            name,
+            lidar: LidarEntry {
+                model: model.name().to_owned(),
+                format: if is_capture { "pcap" } else { extension }.to_owned(),
+                folder: ".".to_owned(),
+                body_from_lidar: PoseEntry::IDENTITY,
+            },
+            cameras: Vec::new(),
+            mosaics: Vec::new(),
+            gnss: None,
+            imu: None,
+            truth: None,
+        };
+        return Ok(Read::assumed(folder.join(MANIFEST_FILE), manifest));
+    }
+    Err(problem(format!("holds neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
+}

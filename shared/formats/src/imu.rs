@@ -1,0 +1,177 @@
+//! Inertial samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, body frame.
+
+use geometry::Stamp;
+use std::fmt::Write;
+use std::io::{self, BufRead, Read};
+
+/// First line of a log.
+pub const HEADER: &str = "stamp,ax,ay,az,wx,wy,wz";
+/// Seven numbers have less than 200 bytes; what is longer is no line of a log.
+const MAX_LINE: u64 = 1024;
+
+/// One sample in the body frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuSample {
+    /// When.
+    pub stamp: Stamp,
+    /// Specific force, m/s^2; at rest about (0, 0, 9.81).
+    pub acceleration: [f64; 3],
+    /// rad/s.
+    pub angular_rate: [f64; 3],
+}
+
+/// A line that is no sample.
+#[derive(Debug, thiserror::Error)]
+pub enum ImuError {
+    /// It does not read, or is not after its predecessor.
+    #[error("line {line}: {rule}")]
+    Line {
+        /// Counted from 1.
+        line: u64,
+        /// What was found and what must be there.
+        rule: String,
+    },
+    /// The operating system; nothing follows.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// Reads a log line by line. After a bad line it goes on with the next one.
+#[derive(Debug)]
+pub struct ImuReader<R> {
+    lines: R,
+    line: u64,
+    last: Option<Stamp>,
+    failed: bool,
+}
+
+impl<R: BufRead> ImuReader<R> {
+    /// At the beginning of a log.
+    pub fn new(lines: R) -> Self {
+        Self { lines, line: 0, last: None, failed: false }
+    }
+
+    /// The next line without its end; `None` at the end of the log.
+    fn next_line(&mut self) -> io::Result<Option<Vec<u8>>> {
+        let mut line = Vec::new();
+        if self.lines.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
+            return Ok(None);
+        }
+        self.line += 1;
+        if line.len() as u64 == MAX_LINE && line.last() != Some(&b'\n') {
+            skip_line(&mut self.lines)?;
+        }
+        Ok(Some(line))
+    }
+
+    fn sample(&mut self, line: &[u8]) -> Result<ImuSample, String> {
+        let text = std::str::from_utf8(line).map_err(|_| "is no text".to_owned())?;
+        let mut fields = text.trim().split(',').map(str::trim);
+        let stamp = fields.next().unwrap_or_default();
+        let stamp = Stamp(stamp.parse().map_err(|_| format!("stamp {stamp:?} must be whole ns"))?);
+        let mut numbers = [0.0; 6];
+        for (number, name) in numbers.iter_mut().zip(HEADER.split(',').skip(1)) {
+            let field = fields.next().ok_or_else(|| format!("{name} is missing; a line is {HEADER}"))?;
+            let value = field.parse().ok().filter(|value: &f64| value.is_finite());
+            *number = value.ok_or_else(|| format!("{name} {field:?} is no number"))?;
+        }
+        if let Some(last) = self.last.filter(|last| *last >= stamp) {
+            return Err(format!("stamp {stamp} is not after {last} above"));
+        }
+        self.last = Some(stamp);
+        let [ax, ay, az, wx, wy, wz] = numbers;
+        Ok(ImuSample { stamp, acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] })
+    }
+}
+
+impl<R: BufRead> Iterator for ImuReader<R> {
+    type Item = Result<ImuSample, ImuError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.failed {
+            let line = match self.next_line() {
+                Ok(line) => line?,
+                Err(error) => {
+                    self.failed = true;
+                    return Some(Err(error.into()));
+                }
+            };
+            let is_header = self.line == 1 && line.starts_with(b"stamp");
+            if is_header || line.trim_ascii().is_empty() {
+                continue;
+            }
+            let number = self.line;
+            return Some(self.sample(&line).map_err(|rule| ImuError::Line { line: number, rule }));
+        }
+        None
+    }
+}
+
+/// Reads to the end of the line in bounded memory.
+fn skip_line(lines: &mut impl BufRead) -> io::Result<()> {
+    loop {
+        let buffer = lines.fill_buf()?;
+        match buffer.iter().position(|byte| *byte == b'\n') {
+            Some(at) => {
+                lines.consume(at + 1);
+                return Ok(());
+            }
+            None if buffer.is_empty() => return Ok(()),
+            None => {
+                let length = buffer.len();
+                lines.consume(length);
+            }
+        }
+    }
+}
+
+/// A whole log. Numbers have as many digits as it takes to read the same bits back.
+pub fn csv_from_samples(samples: &[ImuSample]) -> String {
+    let mut text = format!("{HEADER}\n");
+    for sample in samples {
+        let ([ax, ay, az], [wx, wy, wz]) = (sample.acceleration, sample.angular_rate);
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{},{ax},{ay},{az},{wx},{wy},{wz}", sample.stamp.0);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples() -> Vec<ImuSample> {
+        let sample = |i: i64| ImuSample {
+            stamp: Stamp(1_700_000_000_000_000_001 + i * 5_000_000),
+            acceleration: [0.1 * i as f64, -1e-17, 9.81],
+            angular_rate: [1.0 / 3.0, -0.0, i as f64],
+        };
+        (0..40).map(sample).collect()
+    }
+
+    #[test]
+    fn samples_come_back_to_the_bit() {
+        let text = csv_from_samples(&samples());
+        let back: Vec<_> = ImuReader::new(text.as_bytes()).map(|sample| sample.expect("reads")).collect();
+        assert_eq!(back, samples());
+    }
+
+    #[test]
+    fn bad_lines_are_named_and_cost_no_other() {
+        let mut lines: Vec<String> = csv_from_samples(&samples()).lines().map(str::to_owned).collect();
+        lines[5] = lines[4].clone();
+        lines[7] = lines[7].replace("9.81", "fast");
+        lines[9] = "1,".repeat(5000);
+        lines[11] = "12".into();
+        let text = lines.join("\r\n");
+        let (good, bad): (Vec<_>, Vec<_>) = ImuReader::new(text.as_bytes()).partition(Result::is_ok);
+        assert_eq!(good.len(), 36);
+        let texts: Vec<String> = bad.into_iter().map(|error| error.expect_err("is bad").to_string()).collect();
+        for (text, start) in
+            texts.iter().zip(["line 6: stamp", "line 8: az \"fast\"", "line 10", "line 12: ax is missing"])
+        {
+            assert!(text.starts_with(start), "{text}");
+        }
+        assert_eq!(texts.len(), 4);
+    }
+}

@@ -1,0 +1,20 @@
+//! Position fixes as NMEA 0183 sentences: GGA (position, height, quality) and RMC (date, speed, course).
+//!
+//! A log is a text of lines; lines that are no sentence, or whose checksum is wrong, are counted and passed over. NMEA
+//! heights are above the geoid; [`Fix::altitude_m`] is above the WGS84 ellipsoid (height + geoid separation).
+
+mod encode;
+mod log;
+mod sentence;
+
+pub use encode::{gga_from_fix, rmc_from_fix};
+pub use log::{Fix, LogStats, fixes};
+pub use sentence::{Gga, NmeaError, Rmc, Sentence, parse};
+
+/// A knot in m/s.
+const KNOT_MPS: f64 = 1852.0 / 3600.0;
+
+/// XOR of the bytes between `$` and `*`.
+fn checksum(body: &str) -> u8 {
+    body.bytes().fold(0, |sum, byte| sum ^ byte)
+}

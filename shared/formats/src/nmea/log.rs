@@ -1,0 +1,209 @@
+//! A log of sentences into fixes: GGA and RMC of one moment belong together.
+
+use crate::calendar::DAY_NANOS;
+use super::{Gga, Rmc, Sentence, parse};
+use geometry::Stamp;
+
+/// One position fix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    /// When.
+    pub stamp: Stamp,
+    /// Latitude and longitude, WGS84, deg, north and east positive.
+    pub position_deg: [f64; 2],
+    /// Above the ellipsoid, m; `None` if only RMC came.
+    pub altitude_m: Option<f64>,
+    /// Over ground.
+    pub speed_mps: Option<f64>,
+    /// Over ground, deg clockwise from north.
+    pub course_deg: Option<f64>,
+    /// Horizontal dilution of precision.
+    pub hdop: Option<f64>,
+    /// In use; 0 if only RMC came.
+    pub satellites: u32,
+    /// GGA quality: 1 single, 2 differential, 4 fixed, 5 float.
+    pub quality: u32,
+}
+
+/// What a log held beside its fixes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LogStats {
+    /// GGA and RMC sentences.
+    pub sentences: u64,
+    /// Lines that are no sentence, are damaged or say what cannot be.
+    pub bad_lines: u64,
+    /// Moments at which the receiver had no position.
+    pub without_fix: u64,
+    /// Fixes that are not after their predecessor, or whose date is not known; left out.
+    pub out_of_order: u64,
+}
+
+/// All fixes of a log, in order of time. Bytes that are no text are bad lines.
+pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
+    let mut joiner = Joiner::default();
+    for line in log.split(|byte| *byte == b'\n') {
+        let line = line.trim_ascii();
+        if line.is_empty() {
+            continue;
+        }
+        match std::str::from_utf8(line).ok().and_then(|line| parse(line).ok()) {
+            Some(Sentence::Gga(gga)) => joiner.gga(gga),
+            Some(Sentence::Rmc(rmc)) => joiner.rmc(rmc),
+            Some(Sentence::Other) => {}
+            None => joiner.stats.bad_lines += 1,
+        }
+    }
+    joiner.emit();
+    (joiner.fixes, joiner.stats)
+}
+
+/// Collects the sentences of one moment.
+#[derive(Default)]
+struct Joiner {
+    gga: Option<Gga>,
+    rmc: Option<Rmc>,
+    /// Midnight of the last RMC's day.
+    midnight: Option<i64>,
+    fixes: Vec<Fix>,
+    stats: LogStats,
+}
+
+impl Joiner {
+    fn gga(&mut self, gga: Gga) {
+        self.stats.sentences += 1;
+        let other_moment =
+            self.rmc.and_then(|rmc| rmc.stamp).is_some_and(|stamp| Some(time_of_day(stamp)) != gga.time_nanos);
+        if self.gga.is_some() || other_moment {
+            self.emit();
+        }
+        self.gga = Some(gga);
+        self.emit_if_joined();
+    }
+
+    fn rmc(&mut self, rmc: Rmc) {
+        self.stats.sentences += 1;
+        let other_moment = self.gga.is_some_and(|gga| gga.time_nanos != rmc.stamp.map(time_of_day));
+        if self.rmc.is_some() || other_moment {
+            self.emit();
+        }
+        if let Some(stamp) = rmc.stamp {
+            self.midnight = Some(stamp.0 - time_of_day(stamp));
+        }
+        self.rmc = Some(rmc);
+        self.emit_if_joined();
+    }
+
+    fn emit_if_joined(&mut self) {
+        if self.gga.is_some() && self.rmc.is_some() {
+            self.emit();
+        }
+    }
+
+    /// Ends the moment.
+    fn emit(&mut self) {
+        let (gga, rmc) = (self.gga.take(), self.rmc.take().filter(|rmc| rmc.is_valid));
+        if gga.is_none() && rmc.is_none() {
+            return;
+        }
+        let position = gga.filter(|gga| gga.quality > 0).and_then(|gga| gga.position_deg);
+        let Some(position_deg) = position.or(rmc.and_then(|rmc| rmc.position_deg).filter(|_| gga.is_none())) else {
+            self.stats.without_fix += 1;
+            return;
+        };
+        let stamp = rmc.and_then(|rmc| rmc.stamp).or_else(|| self.dated(gga?.time_nanos?));
+        let Some(stamp) = stamp.filter(|stamp| self.fixes.last().is_none_or(|last| last.stamp < *stamp)) else {
+            self.stats.out_of_order += 1;
+            return;
+        };
+        self.fixes.push(Fix {
+            stamp,
+            position_deg,
+            altitude_m: gga.and_then(|gga| Some(gga.height_m? + gga.geoid_m?)),
+            speed_mps: rmc.and_then(|rmc| rmc.speed_mps),
+            course_deg: rmc.and_then(|rmc| rmc.course_deg),
+            hdop: gga.and_then(|gga| gga.hdop),
+            satellites: gga.map_or(0, |gga| gga.satellites),
+            quality: gga.map_or(1, |gga| gga.quality),
+        });
+    }
+
+    /// A time of day on the day of the last RMC, or on the next one if midnight has passed since the last fix.
+    fn dated(&self, time_nanos: i64) -> Option<Stamp> {
+        let stamp = Stamp(self.midnight? + time_nanos);
+        match self.fixes.last() {
+            Some(last) if stamp.0 < last.stamp.0 - DAY_NANOS / 2 => Some(stamp.plus_nanos(DAY_NANOS)),
+            _ => Some(stamp),
+        }
+    }
+}
+
+fn time_of_day(stamp: Stamp) -> i64 {
+    stamp.0.rem_euclid(DAY_NANOS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nmea::{gga_from_fix, rmc_from_fix};
+
+    fn fix(i: i64) -> Fix {
+        Fix {
+            // Over a midnight.
+            stamp: Stamp(1_622_505_598_000_000_000 + i * 500_000_000),
+            position_deg: [-0.000_1 * i as f64, 179.999_9 - 0.3 * i as f64],
+            altitude_m: Some(104.25 + i as f64),
+            speed_mps: Some(7.5),
+            course_deg: Some(12.5),
+            hdop: Some(0.9),
+            satellites: 9,
+            quality: 2,
+        }
+    }
+
+    fn log(lines: impl Iterator<Item = String>) -> Vec<u8> {
+        lines.flat_map(|line| line.into_bytes().into_iter().chain(*b"\r\n")).collect()
+    }
+
+    fn assert_near(back: &Fix, fix: &Fix) {
+        assert_eq!(back.stamp, fix.stamp);
+        for axis in 0..2 {
+            assert!((back.position_deg[axis] - fix.position_deg[axis]).abs() < 1e-8, "{back:?}");
+        }
+        assert!((back.altitude_m.expect("has one") - fix.altitude_m.expect("has one")).abs() < 1e-3);
+    }
+
+    #[test]
+    fn written_fixes_come_back() {
+        let lines = (0..10).flat_map(|i| [gga_from_fix(&fix(i), 44.6), rmc_from_fix(&fix(i))]);
+        let (back, stats) = fixes(&log(lines));
+        assert_eq!(stats, LogStats { sentences: 20, ..LogStats::default() });
+        assert_eq!(back.len(), 10);
+        for (i, back) in back.iter().enumerate() {
+            assert_near(back, &fix(i as i64));
+            assert!((back.speed_mps.expect("has one") - 7.5).abs() < 1e-3);
+            assert_eq!((back.course_deg, back.hdop, back.satellites, back.quality), (Some(12.5), Some(0.9), 9, 2));
+        }
+    }
+
+    #[test]
+    fn positions_between_two_dates_are_dated_over_midnight() {
+        let lines = std::iter::once(rmc_from_fix(&fix(0))).chain((0..10).map(|i| gga_from_fix(&fix(i), 44.6)));
+        let (back, _) = fixes(&log(lines));
+        assert_eq!(back.len(), 10);
+        assert_near(&back[9], &fix(9));
+        assert_eq!((back[0].speed_mps.is_some(), back[9].speed_mps), (true, None));
+    }
+
+    #[test]
+    fn damage_is_counted_and_costs_no_other_line() {
+        let mut lines: Vec<String> =
+            (0..4).flat_map(|i| [gga_from_fix(&fix(i), 44.6), rmc_from_fix(&fix(i))]).collect();
+        lines[2].replace_range(10..11, "7");
+        lines.push("\u{0}noise".into());
+        lines.push(rmc_from_fix(&fix(1)));
+        let (back, stats) = fixes(&log(lines.into_iter()));
+        assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, without_fix: 0, out_of_order: 1 });
+        // The second fix has lost its GGA, so its height is not known.
+        assert_eq!(back.iter().map(|fix| fix.altitude_m.is_some()).collect::<Vec<_>>(), [true, false, true, true]);
+    }
+}

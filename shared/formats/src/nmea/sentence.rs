@@ -1,0 +1,261 @@
+//! One sentence.
+
+use crate::calendar::{DAY_NANOS, days_from_date};
+use super::{KNOT_MPS, checksum};
+use geometry::Stamp;
+
+/// Why a line is no sentence.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum NmeaError {
+    /// It does not look like one.
+    #[error("no sentence: must be $...*hh")]
+    Frame,
+    /// It was damaged on its way.
+    #[error("checksum {got:02X}, must be {expected:02X}")]
+    Checksum {
+        /// In the line.
+        got: u8,
+        /// Of its bytes.
+        expected: u8,
+    },
+    /// A field that cannot be.
+    #[error("{sentence} field {field}: {value:?} {rule}")]
+    Field {
+        /// GGA or RMC.
+        sentence: &'static str,
+        /// Counted from 1, after the name.
+        field: usize,
+        /// What stands there.
+        value: String,
+        /// What may stand there.
+        rule: &'static str,
+    },
+}
+
+/// A sentence that means something here.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sentence {
+    /// Position and quality.
+    Gga(Gga),
+    /// Date and motion.
+    Rmc(Rmc),
+    /// Any other.
+    Other,
+}
+
+/// GGA. What a receiver leaves empty is `None`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gga {
+    /// UTC, ns since midnight.
+    pub time_nanos: Option<i64>,
+    /// Latitude and longitude, WGS84, deg, north and east positive.
+    pub position_deg: Option<[f64; 2]>,
+    /// 0 none, 1 single, 2 differential, 4 fixed, 5 float.
+    pub quality: u32,
+    /// In use.
+    pub satellites: u32,
+    /// Horizontal dilution of precision.
+    pub hdop: Option<f64>,
+    /// Above the geoid, m.
+    pub height_m: Option<f64>,
+    /// Geoid above the ellipsoid, m.
+    pub geoid_m: Option<f64>,
+}
+
+/// RMC. What a receiver leaves empty is `None`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rmc {
+    /// UTC.
+    pub stamp: Option<Stamp>,
+    /// Whether the receiver trusts its position.
+    pub is_valid: bool,
+    /// Latitude and longitude, WGS84, deg, north and east positive.
+    pub position_deg: Option<[f64; 2]>,
+    /// Over ground.
+    pub speed_mps: Option<f64>,
+    /// Over ground, deg clockwise from north.
+    pub course_deg: Option<f64>,
+}
+
+/// Reads one line.
+pub fn parse(line: &str) -> Result<Sentence, NmeaError> {
+    let line = line.trim();
+    let (body, sum) = line.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')).ok_or(NmeaError::Frame)?;
+    if !sum.is_ascii() || sum.len() != 2 || !body.is_ascii() {
+        return Err(NmeaError::Frame);
+    }
+    let got = u8::from_str_radix(sum, 16).map_err(|_| NmeaError::Frame)?;
+    let expected = checksum(body);
+    if got != expected {
+        return Err(NmeaError::Checksum { got, expected });
+    }
+    let (name, fields) = body.split_once(',').unwrap_or((body, ""));
+    // Two letters for the talker (GP, GL, GN …), three for the kind.
+    match name.get(2..) {
+        Some("GGA") => gga(&Fields::new("GGA", fields)).map(Sentence::Gga),
+        Some("RMC") => rmc(&Fields::new("RMC", fields)).map(Sentence::Rmc),
+        _ => Ok(Sentence::Other),
+    }
+}
+
+fn gga(fields: &Fields<'_>) -> Result<Gga, NmeaError> {
+    Ok(Gga {
+        time_nanos: fields.time(1)?,
+        position_deg: fields.position(2)?,
+        quality: fields.count(6)?.unwrap_or_default(),
+        satellites: fields.count(7)?.unwrap_or_default(),
+        hdop: fields.number(8, 0.0, 1000.0)?,
+        height_m: fields.number(9, -12_000.0, 100_000.0)?,
+        geoid_m: fields.number(11, -200.0, 200.0)?,
+    })
+}
+
+fn rmc(fields: &Fields<'_>) -> Result<Rmc, NmeaError> {
+    let stamp = match (fields.time(1)?, fields.date(9)?) {
+        (Some(time_nanos), Some(days)) => Some(Stamp(days * DAY_NANOS + time_nanos)),
+        _ => None,
+    };
+    Ok(Rmc {
+        stamp,
+        is_valid: fields.text(2) == "A",
+        position_deg: fields.position(3)?,
+        speed_mps: fields.number(7, 0.0, 100_000.0)?.map(|knots| knots * KNOT_MPS),
+        course_deg: fields.number(8, 0.0, 360.0)?,
+    })
+}
+
+/// Fields of a sentence by number, from 1.
+struct Fields<'a> {
+    sentence: &'static str,
+    fields: Vec<&'a str>,
+}
+
+impl<'a> Fields<'a> {
+    fn new(sentence: &'static str, text: &'a str) -> Self {
+        // No sentence has more; a line of commas is not to take memory.
+        Self { sentence, fields: text.split(',').take(32).collect() }
+    }
+    fn text(&self, field: usize) -> &'a str {
+        self.fields.get(field - 1).copied().unwrap_or_default()
+    }
+    fn fault(&self, field: usize, rule: &'static str) -> NmeaError {
+        NmeaError::Field { sentence: self.sentence, field, value: self.text(field).to_owned(), rule }
+    }
+    fn count(&self, field: usize) -> Result<Option<u32>, NmeaError> {
+        let text = self.text(field);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let count = text.parse().ok().filter(|count| *count < 1000);
+        count.map(Some).ok_or_else(|| self.fault(field, "must be a number below 1000"))
+    }
+    fn number(&self, field: usize, low: f64, high: f64) -> Result<Option<f64>, NmeaError> {
+        let text = self.text(field);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let value = text.parse().ok().filter(|value| (low..=high).contains(value));
+        value.map(Some).ok_or_else(|| self.fault(field, "is no number in the possible range"))
+    }
+    /// `hhmmss` or `hhmmss.sss…`, ns since midnight. A leap second counts as the next second.
+    fn time(&self, field: usize) -> Result<Option<i64>, NmeaError> {
+        let text = self.text(field);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let (whole, decimals) = text.split_once('.').unwrap_or((text, ""));
+        let fault = || self.fault(field, "must be hhmmss.sss");
+        let [hours, minutes, seconds] = pairs(whole).ok_or_else(fault)?;
+        if hours > 23 || minutes > 59 || seconds > 60 || !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
+            return Err(fault());
+        }
+        let nanos: i64 = format!("{decimals:0<9.9}").parse().map_err(|_| fault())?;
+        Ok(Some(((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos))
+    }
+    /// `ddmmyy`, days since 1970. Two-digit years are 1980 (GPS began) to 2079.
+    fn date(&self, field: usize) -> Result<Option<i64>, NmeaError> {
+        let text = self.text(field);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let days = pairs(text).and_then(|[day, month, year]| {
+            days_from_date(if year >= 80 { 1900 + year } else { 2000 + year }, month, day)
+        });
+        days.map(Some).ok_or_else(|| self.fault(field, "must be a date ddmmyy"))
+    }
+    /// Four fields: latitude, N or S, longitude, E or W.
+    fn position(&self, field: usize) -> Result<Option<[f64; 2]>, NmeaError> {
+        let latitude = self.angle(field, 2, ["N", "S"], 90.0)?;
+        let longitude = self.angle(field + 2, 3, ["E", "W"], 180.0)?;
+        Ok(latitude.zip(longitude).map(|(latitude, longitude)| [latitude, longitude]))
+    }
+    /// Degrees in so many digits, then minutes with decimals; the side follows in its own field.
+    fn angle(&self, field: usize, digits: usize, sides: [&str; 2], limit: f64) -> Result<Option<f64>, NmeaError> {
+        let text = self.text(field);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let fault = |rule| self.fault(field, rule);
+        let split = text.split_at_checked(digits).filter(|_| text.bytes().all(|b| b.is_ascii_digit() || b == b'.'));
+        let (degrees, minutes) = split.ok_or_else(|| fault("must be degrees and minutes"))?;
+        let value = degrees.parse::<f64>().ok().zip(minutes.parse::<f64>().ok().filter(|minutes| *minutes < 60.0));
+        let value = value.map(|(degrees, minutes)| degrees + minutes / 60.0).filter(|value| *value <= limit);
+        let value = value.ok_or_else(|| fault("must be degrees and minutes"))?;
+        match sides.iter().position(|side| *side == self.text(field + 1)) {
+            Some(side) => Ok(Some(if side == 0 { value } else { -value })),
+            None => Err(self.fault(field + 1, "must be N or S, E or W")),
+        }
+    }
+}
+
+/// Six digits as three numbers.
+fn pairs(text: &str) -> Option<[i64; 3]> {
+    let digits: &[u8; 6] = text.as_bytes().try_into().ok()?;
+    let pair = |at: usize| {
+        let both = digits[at].is_ascii_digit() && digits[at + 1].is_ascii_digit();
+        both.then(|| i64::from(digits[at] - b'0') * 10 + i64::from(digits[at + 1] - b'0'))
+    };
+    Some([pair(0)?, pair(2)?, pair(4)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_of_a_real_sensor_reads() {
+        // From a VLP-16's position packet.
+        let line = "$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E,D*05";
+        let Ok(Sentence::Rmc(rmc)) = parse(line) else { panic!("no RMC") };
+        assert_eq!(rmc.stamp, Some(Stamp(1_437_687_666_000_000_000)));
+        assert!(rmc.is_valid);
+        let [latitude, longitude] = rmc.position_deg.expect("has one");
+        assert!((latitude - 37.130_296_67).abs() < 1e-8 && (longitude + 121.654_483_33).abs() < 1e-8);
+        assert!((rmc.speed_mps.expect("has one") - 5.298_78).abs() < 1e-5);
+        assert_eq!(rmc.course_deg, Some(188.2));
+    }
+
+    #[test]
+    fn empty_fields_are_none_and_impossible_ones_are_named() {
+        let sealed = |body: &str| format!("${body}*{:02X}", checksum(body));
+        let Ok(Sentence::Gga(gga)) = parse(&sealed("GNGGA,,,,,,0,,,,,,,,")) else { panic!("no GGA") };
+        assert_eq!((gga.time_nanos, gga.position_deg, gga.quality, gga.height_m), (None, None, 0, None));
+        for (body, field) in [
+            ("GPGGA,240000,,,,,1", 1),
+            ("GPGGA,120000,9100.0,N,00000.0,E,1", 2),
+            ("GPGGA,120000,4860.0,N,00000.0,E,1", 2),
+            ("GPGGA,120000,4859.0,X,00000.0,E,1", 3),
+            ("GPGGA,120000,4859.0,N,00000.0,E,x", 6),
+            ("GPRMC,120000,A,,,,,NaN,0,010120", 7),
+            ("GPRMC,120000,A,,,,,1,0,310220", 9),
+        ] {
+            match parse(&sealed(body)) {
+                Err(NmeaError::Field { field: named, .. }) => assert_eq!(named, field, "{body}"),
+                other => panic!("{body}: {other:?}"),
+            }
+        }
+        assert_eq!(parse("$GPGGA,,*00"), Err(NmeaError::Checksum { got: 0, expected: checksum("GPGGA,,") }));
+        assert_eq!(parse("GPGGA,,*00"), Err(NmeaError::Frame));
+        assert_eq!(parse(&sealed("GPGSV,1,1,00")), Ok(Sentence::Other));
+    }
+}

@@ -1,0 +1,313 @@
+//! Records of a capture, whatever its dialect: stamp, link type and the captured bytes.
+
+use super::PcapError;
+use geometry::Stamp;
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// No link of a vehicle carries longer frames; more is damage. (libpcap's own limit is 256 KiB.)
+const MAX_FRAME: u32 = 256 * 1024;
+/// Interfaces of a section that are remembered.
+const MAX_INTERFACES: usize = 256;
+
+const SECTION: u32 = 0x0a0d_0d0a;
+const INTERFACE: u32 = 1;
+const OLD_PACKET: u32 = 2;
+const SIMPLE_PACKET: u32 = 3;
+const PACKET: u32 = 6;
+const BYTE_ORDER_MAGIC: u32 = 0x1a2b_3c4d;
+
+/// One captured frame; its bytes are in [`Records::frame`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Record {
+    /// Of its first byte in the file.
+    pub(super) offset: u64,
+    pub(super) stamp: Stamp,
+    /// As `https://www.tcpdump.org/linktypes.html`.
+    pub(super) link: u32,
+}
+
+/// What comes next in the file.
+pub(super) enum Next {
+    Record(Record),
+    /// Nothing.
+    End,
+    /// The file ends within a record.
+    Cut,
+}
+
+#[derive(Clone, Debug)]
+enum Dialect {
+    Classic { link: u32, fraction_nanos: i64 },
+    Ng { interfaces: Vec<Interface>, last_stamp: Stamp },
+}
+
+/// How an interface of a pcapng section counts time.
+#[derive(Clone, Copy, Debug)]
+struct Interface {
+    link: u32,
+    ticks_per_second: u64,
+    offset_seconds: i64,
+}
+
+/// Reads records in order.
+#[derive(Debug)]
+pub(super) struct Records {
+    path: PathBuf,
+    file: BufReader<File>,
+    offset: u64,
+    big_endian: bool,
+    dialect: Dialect,
+    frame: Vec<u8>,
+}
+
+/// A read that ended early is a cut; other failures are the system's.
+enum ReadFault {
+    Cut,
+    Io(io::Error),
+    Rule(String),
+}
+
+impl From<io::Error> for ReadFault {
+    fn from(error: io::Error) -> Self {
+        if error.kind() == io::ErrorKind::UnexpectedEof { ReadFault::Cut } else { ReadFault::Io(error) }
+    }
+}
+
+impl Records {
+    pub(super) fn open(path: &Path) -> Result<Self, PcapError> {
+        let io = |source| PcapError::Io { path: path.to_owned(), source };
+        // One read of the system brings some 200 packets.
+        let mut file = BufReader::with_capacity(256 * 1024, File::open(path).map_err(io)?);
+        let mut magic = [0; 4];
+        let damaged = |rule: String| PcapError::Damaged { path: path.to_owned(), offset: 0, rule };
+        file.read_exact(&mut magic).map_err(|_| damaged("shorter than the header of a capture".into()))?;
+        let (big_endian, dialect) = match u32::from_le_bytes(magic) {
+            0xa1b2_c3d4 => (false, Dialect::Classic { link: 0, fraction_nanos: 1000 }),
+            0xa1b2_3c4d => (false, Dialect::Classic { link: 0, fraction_nanos: 1 }),
+            0xd4c3_b2a1 => (true, Dialect::Classic { link: 0, fraction_nanos: 1000 }),
+            0x4d3c_b2a1 => (true, Dialect::Classic { link: 0, fraction_nanos: 1 }),
+            SECTION => (false, Dialect::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
+            other => return Err(damaged(format!("starts with {other:08x}, which neither pcap nor pcapng does"))),
+        };
+        let mut records = Self { path: path.to_owned(), file, offset: 4, big_endian, dialect, frame: Vec::new() };
+        match &records.dialect {
+            Dialect::Classic { .. } => {
+                let mut header = [0; 20];
+                records.file.read_exact(&mut header).map_err(|_| damaged("cut within the header".into()))?;
+                records.offset = 24;
+                // The upper bits tell of frame check sequences.
+                let link_type = records.u32_at(&header, 16) & 0x0fff_ffff;
+                if let Dialect::Classic { link, .. } = &mut records.dialect {
+                    *link = link_type;
+                }
+            }
+            Dialect::Ng { .. } => {
+                records.file.rewind().map_err(io)?;
+                records.offset = 0;
+            }
+        }
+        Ok(records)
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(super) fn frame(&self) -> &[u8] {
+        &self.frame
+    }
+
+    /// Goes to a record by its offset, on a reader that has read nothing yet.
+    pub(super) fn seek(&mut self, offset: u64) -> Result<(), PcapError> {
+        if matches!(self.dialect, Dialect::Ng { .. }) {
+            // Interfaces are declared on the way.
+            while self.offset < offset && !matches!(self.next()?, Next::End | Next::Cut) {}
+            return Ok(());
+        }
+        let source = self.file.seek(SeekFrom::Start(offset));
+        source.map_err(|source| PcapError::Io { path: self.path.clone(), source })?;
+        self.offset = offset;
+        Ok(())
+    }
+
+    pub(super) fn next(&mut self) -> Result<Next, PcapError> {
+        let start = self.offset;
+        let read = match self.dialect {
+            Dialect::Classic { link, fraction_nanos } => self.next_classic(link, fraction_nanos),
+            Dialect::Ng { .. } => self.next_ng(),
+        };
+        match read {
+            Ok(Some(record)) => Ok(Next::Record(record)),
+            Ok(None) => Ok(Next::End),
+            Err(ReadFault::Cut) => Ok(Next::Cut),
+            Err(ReadFault::Io(source)) => Err(PcapError::Io { path: self.path.clone(), source }),
+            Err(ReadFault::Rule(rule)) => Err(PcapError::Damaged { path: self.path.clone(), offset: start, rule }),
+        }
+    }
+
+    fn next_classic(&mut self, link: u32, fraction_nanos: i64) -> Result<Option<Record>, ReadFault> {
+        let Some(header) = self.head::<16>()? else { return Ok(None) };
+        let [seconds, fraction, captured, wire] = [0, 4, 8, 12].map(|at| self.u32_at(&header, at));
+        let fraction = i64::from(fraction) * fraction_nanos;
+        if captured > MAX_FRAME || fraction >= 1_000_000_000 {
+            return Err(ReadFault::Rule(format!(
+                "record of {captured} bytes ({wire} on the wire) at {seconds} s and {fraction} ns; a frame has at most \
+                 {MAX_FRAME} bytes and a second less than 1000000000 ns"
+            )));
+        }
+        self.read_frame(captured)?;
+        let record = Record { offset: self.offset, stamp: Stamp(i64::from(seconds) * 1_000_000_000 + fraction), link };
+        self.offset += 16 + u64::from(captured);
+        Ok(Some(record))
+    }
+
+    fn next_ng(&mut self) -> Result<Option<Record>, ReadFault> {
+        loop {
+            let Some(head) = self.head::<12>()? else { return Ok(None) };
+            if head[..4] == SECTION.to_le_bytes() {
+                self.begin_section(&head)?;
+            }
+            let (kind, total) = (self.u32_at(&head, 0), self.u32_at(&head, 4));
+            if total < 12 || !total.is_multiple_of(4) {
+                return Err(ReadFault::Rule(format!("block of {total} bytes; blocks have 12 or more, in fours")));
+            }
+            let start = self.offset;
+            if matches!(kind, INTERFACE | OLD_PACKET | SIMPLE_PACKET | PACKET) {
+                let rest = total - 12;
+                if rest > MAX_FRAME + 1024 {
+                    return Err(ReadFault::Rule(format!(
+                        "packet block of {total} bytes; a frame has at most {MAX_FRAME}"
+                    )));
+                }
+                self.read_frame(rest)?;
+                // The frame now ends with the block's length; its first word is in `head`.
+                let first_word = self.u32_at(&head, 8);
+                self.offset += u64::from(total);
+                if let Some((stamp, link)) = self.packet_block(kind, first_word)? {
+                    return Ok(Some(Record { offset: start, stamp, link }));
+                }
+            } else {
+                self.file.seek_relative(i64::from(total) - 12)?;
+                self.offset += u64::from(total);
+            }
+        }
+    }
+
+    fn begin_section(&mut self, head: &[u8; 12]) -> Result<(), ReadFault> {
+        self.big_endian = match u32::from_le_bytes([head[8], head[9], head[10], head[11]]) {
+            BYTE_ORDER_MAGIC => false,
+            magic if magic.swap_bytes() == BYTE_ORDER_MAGIC => true,
+            other => return Err(ReadFault::Rule(format!("section with byte-order magic {other:08x}"))),
+        };
+        if let Dialect::Ng { interfaces, .. } = &mut self.dialect {
+            interfaces.clear();
+        }
+        Ok(())
+    }
+
+    /// Stamp and link of a packet block, with its captured bytes left in the frame; `None` for an interface.
+    fn packet_block(&mut self, kind: u32, first_word: u32) -> Result<Option<(Stamp, u32)>, ReadFault> {
+        let words: [u32; 4] =
+            std::array::from_fn(|i| if self.frame.len() >= i * 4 + 4 { self.u32_at(&self.frame, i * 4) } else { 0 });
+        let (big_endian, n_bytes) = (self.big_endian, self.frame.len());
+        let Dialect::Ng { interfaces, last_stamp } = &mut self.dialect else { return Ok(None) };
+        if kind == INTERFACE {
+            if interfaces.len() == MAX_INTERFACES {
+                return Err(ReadFault::Rule(format!("more than {MAX_INTERFACES} interfaces")));
+            }
+            interfaces.push(Interface::new(first_word, &self.frame, big_endian));
+            return Ok(None);
+        }
+        let (index, header, captured) = match kind {
+            // Interface and drop count share the first word.
+            OLD_PACKET => (if big_endian { first_word >> 16 } else { first_word & 0xffff }, 16, words[2]),
+            SIMPLE_PACKET => (0, 0, first_word),
+            _ => (first_word, 16, words[2]),
+        };
+        let Some(interface) = interfaces.get(index as usize) else {
+            return Err(ReadFault::Rule(format!("packet of interface {index}; {} are declared", interfaces.len())));
+        };
+        if kind != SIMPLE_PACKET {
+            *last_stamp = interface.stamp(u64::from(words[0]) << 32 | u64::from(words[1]));
+        }
+        let (stamp, link) = (*last_stamp, interface.link);
+        // A simple packet may be cut to less than its length on the wire; its block then ends earlier.
+        let room = n_bytes.saturating_sub(header + 4);
+        let captured = captured as usize;
+        if captured > room && kind != SIMPLE_PACKET {
+            return Err(ReadFault::Rule(format!("packet of {captured} bytes in a block with room for {room}")));
+        }
+        self.frame.truncate(header + captured.min(room));
+        self.frame.drain(..header.min(self.frame.len()));
+        Ok(Some((stamp, link)))
+    }
+
+    /// The next `N` bytes; `None` at the very end of the file.
+    fn head<const N: usize>(&mut self) -> Result<Option<[u8; N]>, ReadFault> {
+        let mut head = [0; N];
+        let mut n_read = 0;
+        while n_read < N {
+            match self.file.read(&mut head[n_read..]) {
+                Ok(0) if n_read == 0 => return Ok(None),
+                Ok(0) => return Err(ReadFault::Cut),
+                Ok(n) => n_read += n,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(ReadFault::Io(error)),
+            }
+        }
+        Ok(Some(head))
+    }
+
+    fn read_frame(&mut self, length: u32) -> Result<(), ReadFault> {
+        self.frame.resize(length as usize, 0);
+        Ok(self.file.read_exact(&mut self.frame)?)
+    }
+
+    fn u32_at(&self, bytes: &[u8], at: usize) -> u32 {
+        let word = [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
+        if self.big_endian { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) }
+    }
+}
+
+impl Interface {
+    /// From an interface block: its first word and what follows (snap length, options, the block's length).
+    fn new(first_word: u32, rest: &[u8], big_endian: bool) -> Self {
+        let u16_of = |b: [u8; 2]| if big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
+        let link = if big_endian { first_word >> 16 } else { first_word & 0xffff };
+        let mut interface = Self { link, ticks_per_second: 1_000_000, offset_seconds: 0 };
+        let mut options = rest.get(4..rest.len().saturating_sub(4)).unwrap_or_default();
+        while let Some((head, tail)) = options.split_first_chunk::<4>() {
+            let (code, length) = (u16_of([head[0], head[1]]), usize::from(u16_of([head[2], head[3]])));
+            let Some(value) = tail.get(..length) else { break };
+            match (code, value) {
+                (0, _) => break,
+                (9, [resolution]) => interface.ticks_per_second = ticks_per_second(*resolution),
+                (14, value) => {
+                    if let Some(bytes) = value.first_chunk::<8>() {
+                        let seconds = if big_endian { i64::from_be_bytes(*bytes) } else { i64::from_le_bytes(*bytes) };
+                        interface.offset_seconds = seconds;
+                    }
+                }
+                _ => {}
+            }
+            options = tail.get(length.next_multiple_of(4)..).unwrap_or_default();
+        }
+        interface
+    }
+
+    fn stamp(&self, ticks: u64) -> Stamp {
+        let nanos = i128::from(ticks) * 1_000_000_000 / i128::from(self.ticks_per_second);
+        let nanos = nanos + i128::from(self.offset_seconds) * 1_000_000_000;
+        // No sensor is older than 1970 or younger than 2200.
+        Stamp(nanos.clamp(0, 7_258_118_400_000_000_000) as i64)
+    }
+}
+
+/// Option `if_tsresol`: a power of ten, or of two if the highest bit is set. Finer than a nanosecond is not told apart.
+fn ticks_per_second(resolution: u8) -> u64 {
+    let exponent = u32::from(resolution & 0x7f);
+    let base: u64 = if resolution & 0x80 == 0 { 10 } else { 2 };
+    base.checked_pow(exponent).unwrap_or(1_000_000_000)
+}

@@ -1,0 +1,56 @@
+//! From a captured frame to its UDP payload.
+
+/// A UDP packet inside a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Datagram<'a> {
+    pub(super) source_port: u16,
+    pub(super) port: u16,
+    pub(super) payload: &'a [u8],
+    /// The capture does not have all of it.
+    pub(super) is_cut: bool,
+}
+
+/// `None` for everything but whole UDP packets over IPv4.
+pub(super) fn datagram(link: u32, frame: &[u8]) -> Option<Datagram<'_>> {
+    let packet = ip_packet(link, frame)?;
+    let header_len = usize::from(packet.first()? & 0x0f) * 4;
+    let is_ipv4 = packet[0] >> 4 == 4 && header_len >= 20;
+    let total = usize::from(u16_at(packet, 2)?);
+    // Neither "more fragments" nor an offset: sensors' packets are smaller than any link's frames.
+    let is_whole = u16_at(packet, 6)? & 0x3fff == 0;
+    if !is_ipv4 || !is_whole || *packet.get(9)? != 17 {
+        return None;
+    }
+    // Short frames are padded on the wire, so the packet's own length counts.
+    let udp = packet.get(header_len..total.min(packet.len()))?;
+    let length = usize::from(u16_at(udp, 4)?);
+    let payload = udp.get(8..length.min(udp.len()))?;
+    let (source_port, port) = (u16_at(udp, 0)?, u16_at(udp, 2)?);
+    Some(Datagram { source_port, port, payload, is_cut: length > udp.len() })
+}
+
+/// Strips the link's own header (`https://www.tcpdump.org/linktypes.html`).
+fn ip_packet(link: u32, frame: &[u8]) -> Option<&[u8]> {
+    match link {
+        // Ethernet, with up to two VLAN tags.
+        1 => {
+            let mut at = 12;
+            while matches!(u16_at(frame, at)?, 0x8100 | 0x88a8) && at < 20 {
+                at += 4;
+            }
+            (u16_at(frame, at)? == 0x0800).then(|| frame.get(at + 2..)).flatten()
+        }
+        // BSD loopback: address family in the byte order of the machine, 2 = IPv4.
+        0 | 108 => matches!(frame.get(..4)?, [2, 0, 0, 0] | [0, 0, 0, 2]).then(|| &frame[4..]),
+        // Raw IP.
+        12 | 14 | 101 | 228 => Some(frame),
+        // Linux cooked, versions 1 and 2.
+        113 => (u16_at(frame, 14)? == 0x0800).then(|| frame.get(16..)).flatten(),
+        276 => (u16_at(frame, 0)? == 0x0800).then(|| frame.get(20..)).flatten(),
+        _ => None,
+    }
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
+    bytes.get(at..)?.first_chunk().map(|pair| u16::from_be_bytes(*pair))
+}

@@ -1,0 +1,101 @@
+//! Several captures read as one stream, as recorders write that start a new file every few minutes.
+
+use super::LidarStats;
+use crate::pcap::{PacketReader, PcapError, ReadStats};
+use geometry::Stamp;
+use std::path::PathBuf;
+
+/// A packet of the stream; its payload is in [`Captures::payload`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrival {
+    pub(super) captured: Stamp,
+    pub(super) port: u16,
+    pub(super) is_cut: bool,
+    /// Number of the file.
+    pub(super) file: usize,
+    /// Place of its record in the file.
+    pub(super) offset: u64,
+}
+
+/// Reads files in order.
+#[derive(Debug)]
+pub(super) struct Captures {
+    files: Vec<PathBuf>,
+    /// Number of the file that is open or is opened next.
+    file: usize,
+    reader: Option<PacketReader>,
+    /// What of the reader's counts is in the stream's counts already.
+    counted: ReadStats,
+    payload: Vec<u8>,
+    damage: Vec<String>,
+}
+
+impl Captures {
+    pub(super) fn new(files: Vec<PathBuf>) -> Self {
+        Self { files, file: 0, reader: None, counted: ReadStats::default(), payload: Vec::new(), damage: Vec::new() }
+    }
+
+    /// Goes to a record.
+    pub(super) fn seek(&mut self, file: usize, offset: u64) -> Result<(), PcapError> {
+        self.file = file;
+        self.counted = ReadStats::default();
+        self.reader = match self.files.get(file) {
+            Some(path) => Some(PacketReader::open_at(path, offset)?),
+            None => None,
+        };
+        Ok(())
+    }
+
+    pub(super) fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    pub(super) fn payload(&self) -> &[u8] {
+        &self.payload
+    }
+
+    /// What damaged captures look like, one text each.
+    pub(super) fn damage(&self) -> &[String] {
+        &self.damage
+    }
+
+    /// The next packet. Damaged captures are counted and left behind; only the operating system's errors are errors.
+    pub(super) fn next(&mut self, stats: &mut LidarStats) -> Result<Option<Arrival>, PcapError> {
+        loop {
+            match self.next_of_file(stats) {
+                Ok(Some(arrival)) => return Ok(Some(arrival)),
+                Ok(None) => {}
+                Err(error @ PcapError::Io { .. }) => return Err(error),
+                Err(error @ PcapError::Damaged { .. }) => {
+                    stats.damaged_captures += 1;
+                    self.damage.push(error.to_string());
+                }
+            }
+            if self.file >= self.files.len() {
+                return Ok(None);
+            }
+            self.file += 1;
+            self.reader = None;
+            self.counted = ReadStats::default();
+        }
+    }
+
+    fn next_of_file(&mut self, stats: &mut LidarStats) -> Result<Option<Arrival>, PcapError> {
+        let Some(path) = self.files.get(self.file) else { return Ok(None) };
+        let reader = match &mut self.reader {
+            Some(reader) => reader,
+            empty => empty.insert(PacketReader::open(path)?),
+        };
+        let arrival = reader.next()?.map(|packet| {
+            self.payload.clear();
+            self.payload.extend_from_slice(packet.payload);
+            let (captured, port, is_cut, offset) = (packet.stamp, packet.port, packet.is_cut, packet.offset);
+            Arrival { captured, port, is_cut, file: self.file, offset }
+        });
+        let now = reader.stats();
+        stats.foreign_packets += now.foreign_frames - self.counted.foreign_frames;
+        stats.cut_captures += now.cut_records - self.counted.cut_records;
+        self.counted = now;
+        Ok(arrival)
+    }
+}
