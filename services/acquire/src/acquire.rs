@@ -126,7 +126,9 @@ impl Acquire {
         }
         if self.drive.is_inferred() {
             let (model, format) = (self.drive.model().name(), &self.drive.manifest().lidar.format);
-            outputs.note(format!("the drive has no drive.toml: taken as {format} sweeps of one {model} without other sensors"));
+            outputs.note(format!(
+                "the drive has no drive.toml: taken as {format} sweeps of one {model} without other sensors"
+            ));
         }
         if let Some(path) = self.drive.strange_files().first() {
             outputs.note(format!("{}: the name is no stamp in ns; such files are left out", path.display()));

@@ -80,6 +80,7 @@ fn check_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> Result<(), 
 
 pub(crate) fn room<T: messages::Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
     let capacity = loan.capacity();
-    loan.grow(n_rows)
-        .ok_or_else(|| StepError::Contract(format!("a slot of {} for {capacity} rows has no room for {n_rows}", T::TOPIC)))
+    loan.grow(n_rows).ok_or_else(|| {
+        StepError::Contract(format!("a slot of {} for {capacity} rows has no room for {n_rows}", T::TOPIC))
+    })
 }

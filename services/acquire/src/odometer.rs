@@ -32,8 +32,7 @@ impl Odometer {
         let mut marks: Vec<Mark> = Vec::with_capacity(fixes.len());
         let mut way_m = 0.0;
         for (index, fix) in fixes.iter().enumerate() {
-            let mut mark =
-                Mark { stamp: fix.stamp, way_m, speed_mps: 0.0, acceleration: 0.0, is_followed: false };
+            let mut mark = Mark { stamp: fix.stamp, way_m, speed_mps: 0.0, acceleration: 0.0, is_followed: false };
             if let Some(next) = fixes.get(index + 1) {
                 let seconds = next.stamp.seconds_since(fix.stamp);
                 (mark.speed_mps, mark.acceleration) = match (fix.speed_mps, next.speed_mps) {

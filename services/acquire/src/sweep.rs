@@ -7,7 +7,10 @@ use messages::{Sweep, SweepPoint};
 use stage::{Loan, Outputs, StepError};
 
 /// The next sweep in its slot; `None` at the end of the drive.
-pub(crate) fn next(source: &mut SweepSource, outputs: &mut Outputs) -> Result<Option<(Loan<Sweep>, DriveSweep)>, StepError> {
+pub(crate) fn next(
+    source: &mut SweepSource,
+    outputs: &mut Outputs,
+) -> Result<Option<(Loan<Sweep>, DriveSweep)>, StepError> {
     let mut loan = outputs.loan::<Sweep>(SweepReader::MAX_RETURNS)?;
     let mut full = None;
     let found = source

@@ -51,8 +51,8 @@ impl Message for Sweep {
     const VERSION: u32 = 1;
     const QUEUE: usize = 4;
     const BORROWED: usize = 4;
-    // Twice what an HDL-64E returns in dual mode at 5 Hz: 2 x 133 000 x 2.
-    const MAX_ROWS: usize = 1 << 19;
+    // A decoder closes a sweep at some 600 000 returns at the latest: an HDL-64E in dual mode at 5 Hz and a margin.
+    const MAX_ROWS: usize = 1 << 20;
     type Header = SweepHeader;
     type Row = SweepPoint;
 }

@@ -1,7 +1,7 @@
 //! Fixes as sentences, for simulated receivers.
 
-use crate::calendar::{DAY_NANOS, date_from_days};
 use super::{Fix, KNOT_MPS, checksum};
+use crate::calendar::{DAY_NANOS, date_from_days};
 
 /// The fix as `$GPGGA`, without line end; `geoid_m` is the geoid above the ellipsoid. A fix without altitude has empty
 /// fields there.

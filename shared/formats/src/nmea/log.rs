@@ -1,7 +1,7 @@
 //! A log of sentences into fixes: GGA and RMC of one moment belong together.
 
-use crate::calendar::DAY_NANOS;
 use super::{Gga, Rmc, Sentence, parse};
+use crate::calendar::DAY_NANOS;
 use geometry::Stamp;
 
 /// One position fix.

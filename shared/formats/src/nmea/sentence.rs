@@ -1,7 +1,7 @@
 //! One sentence.
 
-use crate::calendar::{DAY_NANOS, days_from_date};
 use super::{KNOT_MPS, checksum};
+use crate::calendar::{DAY_NANOS, days_from_date};
 use geometry::Stamp;
 
 /// Why a line is no sentence.

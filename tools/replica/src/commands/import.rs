@@ -12,7 +12,8 @@ use std::process::ExitCode;
 /// What to import.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Folder of KITTI raw (velodyne_points/data), of a KITTI odometry sequence (velodyne), or of bare *.bin or *.pcd sweeps
+    /// Folder of KITTI raw (`velodyne_points/data`), of a KITTI odometry sequence (`velodyne`), or of bare *.bin or *.pcd
+    /// sweeps
     source: PathBuf,
     /// Drive folder to make
     out: PathBuf,
@@ -116,8 +117,8 @@ fn write(found: &Found, source: &Path, out: &Path) -> anyhow::Result<()> {
         std::os::unix::fs::symlink(sweep, &link).with_context(|| link.display().to_string())?;
     }
     if let Some(times) = &found.times {
-        let text: String = times.iter().map(|nanos| format!("{nanos}\n")).collect();
-        fs::write(lidar.join(TIMES_FILE), text)?;
+        let lines: Vec<String> = times.iter().map(i64::to_string).collect();
+        fs::write(lidar.join(TIMES_FILE), lines.join("\n") + "\n")?;
     }
     let name = source.canonicalize()?.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let manifest = Manifest {

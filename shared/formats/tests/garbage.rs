@@ -1,0 +1,211 @@
+//! No parser panics or hangs on damaged bytes, whatever the damage: real and made files, cut and flipped by seeded chance.
+
+mod support;
+
+use formats::drive::{Drive, returns_from_cloud};
+use formats::imu::{ImuReader, ImuSample, csv_from_samples};
+use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
+use formats::pcd::{pcd_from_points, points_from_pcd};
+use formats::pgm::{Pgm, pgm_from_samples};
+use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket, SweepReader};
+use formats::{cloud::CloudPoint, kitti};
+use geometry::Stamp;
+use std::path::Path;
+use support::{BEGIN, Chance, hdl32e_packets, write_capture};
+
+/// Cuts, flips, doubles or overwrites.
+fn damaged(bytes: &[u8], chance: &mut Chance) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..=chance.below(4) {
+        let at = chance.below(bytes.len());
+        match chance.below(5) {
+            0 => bytes.truncate(at),
+            1 => drop(bytes.drain(at..(at + chance.below(64)).min(bytes.len()))),
+            2 => bytes.splice(at..at, (0..chance.below(64)).map(|_| 0xff).collect::<Vec<_>>()).for_each(drop),
+            _ => {
+                for _ in 0..=chance.below(8) {
+                    // Headers are at the front, so the front is hit more often.
+                    let reach = if chance.below(2) == 0 { 200 } else { bytes.len() };
+                    let at = chance.below(reach.min(bytes.len()));
+                    if let Some(byte) = bytes.get_mut(at) {
+                        *byte = chance.next() as u8;
+                    }
+                }
+            }
+        }
+    }
+    bytes
+}
+
+fn attack(seed: u64, rounds: usize, bytes: &[u8], mut parse: impl FnMut(&[u8])) {
+    let mut chance = Chance(seed);
+    for _ in 0..rounds {
+        parse(&damaged(bytes, &mut chance));
+    }
+}
+
+fn pcapng(packets: &[support::Sent]) -> Vec<u8> {
+    let block = |kind: u32, body: &[u8]| {
+        let total = (12 + body.len().next_multiple_of(4)) as u32;
+        let mut bytes = [kind.to_le_bytes(), total.to_le_bytes()].concat();
+        bytes.extend(body);
+        bytes.resize(total as usize - 4, 0);
+        bytes.extend(total.to_le_bytes());
+        bytes
+    };
+    let mut file = block(0x0a0d_0d0a, &[0x4d, 0x3c, 0x2b, 0x1a, 1, 0, 0, 0, 255, 255, 255, 255, 255, 255, 255, 255]);
+    // Interface 0: Ethernet, nanoseconds.
+    file.extend(block(1, &[1, 0, 0, 0, 0, 0, 0, 0, 9, 0, 1, 0, 9, 0, 0, 0, 0, 0, 0, 0]));
+    for (number, packet) in packets.iter().enumerate() {
+        let mut classic = Vec::new();
+        let mut writer = formats::pcap::Writer::new(&mut classic).expect("writes");
+        writer.write_udp(packet.0, packet.1, &packet.2).expect("writes");
+        let frame = &classic[40..];
+        let nanos = packet.0.0 as u64;
+        let words = [0, (nanos >> 32) as u32, nanos as u32, frame.len() as u32, frame.len() as u32];
+        file.extend(block(6, &[words.map(u32::to_le_bytes).concat(), frame.to_vec()].concat()));
+        if number % 50 == 0 {
+            // Statistics and the like are passed over.
+            file.extend(block(5, &[0; 20]));
+        }
+    }
+    file
+}
+
+#[test]
+fn pcapng_reads_as_pcap_does() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(400);
+    let ng = folder.path().join("a.pcapng");
+    std::fs::write(&ng, pcapng(&packets)).expect("writes");
+    let mut reader = support::open(&ng);
+    let mut classic = support::open(&write_capture(&folder.path().join("a.pcap"), &packets));
+    let first = reader.next_sweep(|_| {}).expect("reads").expect("is there");
+    assert_eq!(Some(first), classic.next_sweep(|_| {}).expect("reads"));
+    let position = reader.position();
+    let rest = support::sweeps(&mut classic);
+    assert_eq!(support::sweeps(&mut reader), rest);
+    let mut resumed = support::open(&ng);
+    resumed.resume(position).expect("is there");
+    assert_eq!(support::sweeps(&mut resumed), rest);
+}
+
+#[test]
+fn captures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(40);
+    let classic = std::fs::read(write_capture(&folder.path().join("a.pcap"), &packets)).expect("reads");
+    let path = folder.path().join("b.pcap");
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("writes");
+        let Ok(mut reader) = SweepReader::open(vec![path.clone()], Some(Model::Hdl32e)) else { return };
+        let mut n_returns = 0;
+        while let Ok(Some(info)) = reader.next_sweep(|piece| n_returns += piece.len()) {
+            assert!(info.n_returns <= SweepReader::MAX_RETURNS);
+        }
+        assert!(n_returns <= 42 * 384);
+    };
+    attack(1, 400, &classic, read);
+    attack(2, 400, &pcapng(&packets), read);
+}
+
+#[test]
+fn packets() {
+    let packet = hdl32e_packets(1).remove(0).2;
+    let decoders = Model::ALL.map(Decoder::new);
+    let mut returns = Vec::new();
+    let mut chance = Chance(3);
+    for _ in 0..20_000 {
+        let mut bytes = packet.clone();
+        for _ in 0..chance.below(20) {
+            // Mostly flags and angles.
+            let at = if chance.below(2) == 0 { chance.below(12) * 100 + chance.below(4) } else { chance.below(1206) };
+            bytes[at] = chance.next() as u8;
+        }
+        let Some(packet) = DataPacket::new(&bytes) else { continue };
+        for decoder in &decoders {
+            returns.clear();
+            decoder.decode_into(packet, 0..12, chance.next() as i64 >> 16, &mut returns);
+            let n_rings = decoder.model().n_rings();
+            assert!(
+                returns
+                    .iter()
+                    .all(|found| found.x.is_finite() && found.azimuth < 36_000 && usize::from(found.ring) < n_rings)
+            );
+        }
+    }
+    attack(4, 2000, &[7; 512], |bytes| assert_eq!(PositionPacket::new(bytes).is_some(), bytes.len() == 512));
+}
+
+#[test]
+fn texts() {
+    let fix = |i: i64| Fix {
+        stamp: Stamp(BEGIN.0 + i * 1_000_000_000),
+        position_deg: [48.0, 2.0],
+        altitude_m: Some(100.0),
+        speed_mps: Some(1.0),
+        course_deg: Some(2.0),
+        hdop: Some(1.0),
+        satellites: 9,
+        quality: 1,
+    };
+    let log: String =
+        (0..20).flat_map(|i| [gga_from_fix(&fix(i), 44.0), "\n".into(), rmc_from_fix(&fix(i)), "\n".into()]).collect();
+    attack(5, 5000, log.as_bytes(), |bytes| {
+        let (found, _) = fixes(bytes);
+        assert!(found.len() <= 41 && found.iter().all(|fix| fix.position_deg[0].abs() <= 90.0));
+    });
+    let sample = |i: i64| ImuSample { stamp: Stamp(i), acceleration: [0.0, 1.0, 9.81], angular_rate: [0.1; 3] };
+    let csv = csv_from_samples(&(0..20).map(sample).collect::<Vec<_>>());
+    attack(6, 5000, csv.as_bytes(), |bytes| {
+        let samples: Vec<ImuSample> = ImuReader::new(bytes).filter_map(Result::ok).collect();
+        assert!(samples.windows(2).all(|pair| pair[0].stamp < pair[1].stamp));
+    });
+}
+
+#[test]
+fn clouds_and_images() {
+    let points: Vec<CloudPoint> = (0..100).map(|i| CloudPoint { x: i as f32, ..CloudPoint::default() }).collect();
+    let pcd = pcd_from_points(&points);
+    let ascii = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA ascii\n1 2 3\n4 5 6\n7 8 9\n";
+    for (seed, bytes) in [(7, &pcd[..]), (8, &ascii[..])] {
+        attack(seed, 5000, bytes, |bytes| {
+            if let Ok(points) = points_from_pcd(bytes) {
+                let found = returns_from_cloud(&points, Model::Hdl64e);
+                assert!(found.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
+            }
+        });
+    }
+    attack(9, 2000, &kitti::bin_from_points(&points), |bytes| {
+        assert_eq!(kitti::points_from_bin(bytes).is_ok(), bytes.len() % 16 == 0);
+        assert_eq!(kitti::labels_from_bytes(bytes).is_ok(), bytes.len() % 4 == 0);
+    });
+    attack(10, 5000, &pgm_from_samples(20, 10, 4095, &[77; 200]), |bytes| {
+        if let Ok(image) = Pgm::parse(bytes) {
+            assert_eq!(image.samples().len(), image.n_samples());
+        }
+    });
+}
+
+#[test]
+fn manifests() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "version = 1\nname = \"x\"\n[lidar]\nmodel = \"hdl64e\"\nformat = \"bin\"\nfolder = \"lidar\"\n\
+                body_from_lidar = { translation = [0, 0, 1.9], rotation = [0, 0, 0, 1] }\n\
+                [[camera]]\nname = \"front\"\nfolder = \"camera\"\nexposure_nanos = 5000000\n\
+                body_from_camera = { translation = [0, 0, 1], rotation = [0, 0, 0, 1] }\n\
+                model = { kind = \"pinhole\", width = 64, height = 48, fx = 60, fy = 60, cx = 32, cy = 24 }\n";
+    std::fs::create_dir_all(folder.path().join("lidar")).expect("makes");
+    std::fs::create_dir_all(folder.path().join("camera")).expect("makes");
+    std::fs::write(folder.path().join("lidar/0.bin"), [0; 16]).expect("writes");
+    let open = |folder: &Path, bytes: &[u8]| {
+        std::fs::write(folder.join("drive.toml"), bytes).expect("writes");
+        Drive::open(folder)
+    };
+    open(folder.path(), text.as_bytes()).expect("is sound");
+    attack(11, 2000, text.as_bytes(), |bytes| {
+        if let Err(error) = open(folder.path(), bytes) {
+            assert!(!error.problems.is_empty() && error.to_string().contains("drive.toml"));
+        }
+    });
+}
