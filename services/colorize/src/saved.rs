@@ -4,7 +4,7 @@ use crate::window::{Exposure, Window};
 use geometry::{Stamp, Trajectory};
 use messages::{Cube, Image, Message, PoseRow, Submap};
 use serde::{Deserialize, Serialize};
-use stage::{Received, StepError};
+use stage::{Bytes, Received, StepError};
 use std::collections::VecDeque;
 
 /// Raised with every change of [`Saved`].
@@ -28,9 +28,9 @@ pub struct Held {
 #[derive(Serialize, Deserialize)]
 struct Saved {
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
-    submaps: Vec<Vec<u8>>,
-    images: Vec<Vec<u8>>,
-    cubes: Vec<Vec<u8>>,
+    submaps: Vec<Bytes>,
+    images: Vec<Bytes>,
+    cubes: Vec<Bytes>,
     submaps_until: Option<i64>,
 }
 
@@ -66,11 +66,11 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
     Ok(held)
 }
 
-fn messages<T: Message>(saved: &[Vec<u8>]) -> Result<Vec<Received<T>>, StepError> {
+fn messages<T: Message>(saved: &[Bytes]) -> Result<Vec<Received<T>>, StepError> {
     saved.iter().map(|bytes| Received::from_bytes(bytes)).collect()
 }
 
-fn add_all<T: Exposure>(window: &mut Window<T>, saved: &[Vec<u8>]) -> Result<(), StepError> {
+fn add_all<T: Exposure>(window: &mut Window<T>, saved: &[Bytes]) -> Result<(), StepError> {
     for exposure in messages(saved)? {
         window.add(exposure);
     }

@@ -2,7 +2,7 @@
 
 use messages::Message;
 use serde::{Deserialize, Serialize};
-use stage::{Inputs, Received, StepError};
+use stage::{Bytes, Inputs, Received, StepError};
 use std::collections::VecDeque;
 
 /// Messages in the order of submaps, one for each.
@@ -17,7 +17,7 @@ pub(crate) struct Columns<T: Message> {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedColumns {
     next_seq: u64,
-    messages: Vec<Vec<u8>>,
+    messages: Vec<Bytes>,
 }
 
 impl<T: Message> Columns<T> {

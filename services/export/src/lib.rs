@@ -73,8 +73,8 @@ impl Stage for Export {
 
     fn inputs() -> Vec<Port> {
         vec![
-            Port::of::<Trajectory>(),
             Port::of::<Submap>(),
+            Port::of::<Trajectory>(),
             Port::optional::<Color>(),
             Port::optional::<Spectra>(),
             Port::optional::<Class>(),

@@ -2,7 +2,7 @@
 
 use messages::{Class, Message, Submap};
 use serde::{Deserialize, Serialize};
-use stage::{Inputs, Received, StepError};
+use stage::{Bytes, Inputs, Received, StepError};
 use std::collections::VecDeque;
 
 /// A submap and the classes of its points.
@@ -18,8 +18,8 @@ pub(crate) struct Pairing {
 /// The same as bytes.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedPairing {
-    submaps: Vec<Vec<u8>>,
-    classes: Vec<Vec<u8>>,
+    submaps: Vec<Bytes>,
+    classes: Vec<Bytes>,
 }
 
 impl Pairing {

@@ -4,7 +4,7 @@ use crate::open_submap::{OpenSubmap, SubmapFrame};
 use messages::{Submap, SubmapHeader, SubmapPoint, pod};
 use registration::OdometryState;
 use serde::{Deserialize, Serialize};
-use stage::{Outputs, StepError};
+use stage::{Bytes, Outputs, StepError};
 
 /// Raised when the layout of [`Saved`] or the meaning of a field changes.
 pub(crate) const STATE_VERSION: u32 = 1;
@@ -46,30 +46,5 @@ impl SavedSubmap {
         let mut loan = outputs.loan::<Submap>(capacity.max(rows.len()))?;
         loan.extend_from_slice(&rows).ok_or_else(torn)?;
         Ok(OpenSubmap { loan, frame: self.frame, header: Box::new(header) })
-    }
-}
-
-/// Bytes that are written as one block; a derived `Vec<u8>` would go through one call per byte.
-pub(crate) struct Bytes(pub Vec<u8>);
-
-impl Serialize for Bytes {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_bytes(&self.0)
-    }
-}
-
-impl<'de> Deserialize<'de> for Bytes {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Block;
-        impl serde::de::Visitor<'_> for Block {
-            type Value = Bytes;
-            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("a block of bytes")
-            }
-            fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<Bytes, E> {
-                Ok(Bytes(bytes.to_vec()))
-            }
-        }
-        deserializer.deserialize_bytes(Block)
     }
 }

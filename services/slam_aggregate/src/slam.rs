@@ -3,9 +3,9 @@
 use crate::Settings;
 use crate::odometry_settings::odometry_settings;
 use crate::open_submap::OpenSubmap;
-use crate::saved::{Bytes, STATE_VERSION, Saved, SavedSubmap};
+use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
 use crate::sweeps::Cloud;
-use formats::manifest::Manifest;
+use formats::drive::Drive;
 use geometry::Pose;
 use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
 use registration::{Odometry, Registered};
@@ -105,12 +105,8 @@ impl Stage for SlamAggregate {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let path = context.drive.join("drive.toml");
-        let in_file = |error: &dyn std::fmt::Display| StepError::io(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|error| in_file(&error))?;
-        let manifest: Manifest = stage::toml::from_str(&text).map_err(|error| in_file(&error))?;
-        let rig = manifest.rig().map_err(|error| in_file(&error))?;
-        Ok(Self::with_mounting(settings, rig.body_from_lidar))
+        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
+        Ok(Self::with_mounting(settings, drive.rig().body_from_lidar))
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -148,7 +144,7 @@ impl Stage for SlamAggregate {
         let open = self.open.as_ref().map(SavedSubmap::of);
         let saved = Saved {
             odometry: self.odometry.save(),
-            waiting: self.waiting.as_ref().map(|sweep| Bytes(sweep.to_bytes())),
+            waiting: self.waiting.as_ref().map(|sweep| sweep.to_bytes()),
             submap: open.or_else(|| self.saved_submap.take()),
             last_row_stamp: self.last_row_stamp,
         };

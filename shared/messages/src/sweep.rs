@@ -9,7 +9,7 @@ pod! {
     /// |---|---|---|
     /// | 0 | `x y z` f32 | m, lidar frame at the time of the shot |
     /// | 12 | `offset_nanos` u32 | ns after the sweep's stamp |
-    /// | 16 | `azimuth` u16 | raw encoder angle, 0.01 deg, 0 to 35999, clockwise from +y of the sensor |
+    /// | 16 | `azimuth` u16 | raw encoder angle, 0.01 deg, 0 to 35999, clockwise from +x of the lidar frame |
     /// | 18 | `intensity` u8 | as the device gives it |
     /// | 19 | `ring` u8 | 0 = lowest beam |
     pub struct SweepPoint {

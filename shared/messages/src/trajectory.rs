@@ -42,7 +42,8 @@ pod! {
     }
 }
 
-/// The poses of the tick's sweeps: for each the one at its first and at its last shot. Stamps never fall.
+/// The poses of the sweeps registered in the tick: for each the one at its first and at its last shot. Stamps never fall.
+/// The first sweep's poses come with the second's, because a speed needs two.
 pub struct Trajectory;
 impl Message for Trajectory {
     const TOPIC: &'static str = "trajectory";

@@ -1,7 +1,7 @@
 //! How a step reads and writes messages.
 
-use crate::StepError;
 use crate::ports::{SharedOutput, TickedOutput};
+use crate::{Bytes, StepError};
 use messages::{Envelope, Message, Pod, pod};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -52,11 +52,11 @@ impl<T: Message> Received<T> {
         }
     }
     /// A copy of the whole message as bytes, for [`crate::Stage::save`].
-    pub fn to_bytes(&self) -> Vec<u8> {
+    pub fn to_bytes(&self) -> Bytes {
         let mut bytes = pod::bytes_from_rows(std::slice::from_ref(self.envelope())).to_vec();
         bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.header())));
         bytes.extend_from_slice(pod::bytes_from_rows(self.rows()));
-        bytes
+        Bytes(bytes)
     }
     /// The inverse of [`Received::to_bytes`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StepError> {

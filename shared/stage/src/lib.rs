@@ -25,7 +25,7 @@ pub use messages;
 pub use settings::{
     Field, Problem, Rule, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
 };
-pub use state::{StateError, decode_state, encode_state};
+pub use state::{Bytes, StateError, decode_state, encode_state};
 
 #[doc(hidden)]
 pub use settings::{default_text, read_value};

@@ -27,6 +27,8 @@ pub(crate) struct Waiter {
     pub(crate) wake: Wake,
     pub(crate) stop: Arc<AtomicBool>,
     pub(crate) pulse: Arc<Pulse>,
+    /// Time slept so far: a step that waits for room at a consumer is not at work.
+    pub(crate) slept_nanos: Cell<u64>,
 }
 
 impl Waiter {
@@ -45,7 +47,9 @@ impl Waiter {
                 self.pulse.set(activity());
                 said = true;
             }
+            let begun = monotonic_nanos();
             self.wake.wait(LOOK_AGAIN)?;
+            self.slept_nanos.set(self.slept_nanos.get() + monotonic_nanos() - begun);
         }
         Ok(true)
     }

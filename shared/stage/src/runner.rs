@@ -5,10 +5,11 @@ use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
 use crate::histogram::Histogram;
 use crate::ports::{Clock, PortContext, TickedInput, TickedOutput, Waiter};
 use crate::process::{die_with, monotonic_nanos};
-use crate::state::{RunnerState, load_state, save_state};
+use crate::state::{Bytes, RunnerState, load_state, save_state};
 use crate::{Flow, Inputs, Outputs, Stage, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
 use messages::TickRow;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -77,7 +78,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         let node = Rc::new(domain.node(&assignment.stage)?);
         let wake = Wake::open(&node, &wake_name(&assignment.stage))?;
         let control = LatestSubscriber::open(&node, &format!("{}.control", assignment.stage))?;
-        let waiter = Rc::new(Waiter { wake, stop, pulse: Arc::clone(pulse) });
+        let waiter = Rc::new(Waiter { wake, stop, pulse: Arc::clone(pulse), slept_nanos: Cell::new(0) });
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
         for port in S::inputs() {
@@ -191,8 +192,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         self.ports.clock.tick.set(self.tick);
         self.ports.clock.born_nanos.set(born);
         self.pulse.set(Activity::Working);
-        let flow = self.stage.step(&mut Inputs::default(), &mut self.outputs)?;
-        self.step_times.add(monotonic_nanos() - born);
+        let flow = self.timed_step(&mut Inputs::default())?;
         let end = flow == Flow::End || self.command.drain;
         if self.command.drain && flow == Flow::Continue {
             self.outputs.note("drained on request: the rest of the drive was not read");
@@ -224,14 +224,24 @@ impl<'a, S: Stage> Runner<'a, S> {
         }
         let has_input = !inputs.by_topic.is_empty();
         self.pulse.set(Activity::Working);
-        let start = monotonic_nanos();
-        self.stage.step(&mut inputs, &mut self.outputs)?;
         if has_input {
-            self.step_times.add(monotonic_nanos() - start);
+            self.timed_step(&mut inputs)?;
+        } else {
+            self.stage.step(&mut inputs, &mut self.outputs)?;
         }
         self.complete(row)?;
         self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
         Ok(Some(row.end != 0))
+    }
+
+    /// A step, its time taken down without what it waited for room at its consumers.
+    fn timed_step(&mut self, inputs: &mut Inputs) -> Result<Flow, StepError> {
+        let slept = self.ports.waiter.slept_nanos.get();
+        let begun = monotonic_nanos();
+        let flow = self.stage.step(inputs, &mut self.outputs)?;
+        let slept = self.ports.waiter.slept_nanos.get() - slept;
+        self.step_times.add((monotonic_nanos() - begun).saturating_sub(slept));
+        Ok(flow)
     }
 
     /// Waits until every input has the whole tick, and checks that they agree on what follows it.
@@ -317,7 +327,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
             counters: self.outputs.counters.clone(),
             notes: self.outputs.notes.clone(),
-            stage: self.stage.save()?,
+            stage: Bytes(self.stage.save()?),
         };
         save_state(&self.assignment.state_file(self.barrier), &state)
     }

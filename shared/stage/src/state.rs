@@ -75,6 +75,40 @@ pub fn decode_state<S: DeserializeOwned>(version: u32, bytes: &[u8]) -> Result<S
     postcard::from_bytes(content).map_err(|error| StateError::Content(error.to_string()))
 }
 
+/// Bytes that are saved as one block; a `Vec<u8>` would go through one call per byte.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Bytes(pub Vec<u8>);
+
+impl std::ops::Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl Serialize for Bytes {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_bytes(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Bytes {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Block;
+        impl serde::de::Visitor<'_> for Block {
+            type Value = Bytes;
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a block of bytes")
+            }
+            fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<Bytes, E> {
+                Ok(Bytes(bytes.to_vec()))
+            }
+        }
+        deserializer.deserialize_bytes(Block)
+    }
+}
+
 /// Version of [`RunnerState`].
 const RUNNER_STATE_VERSION: u32 = 1;
 
@@ -89,7 +123,7 @@ pub(crate) struct RunnerState {
     pub(crate) outputs: BTreeMap<String, Traffic>,
     pub(crate) counters: BTreeMap<String, u64>,
     pub(crate) notes: Vec<String>,
-    pub(crate) stage: Vec<u8>,
+    pub(crate) stage: Bytes,
 }
 
 /// Writes the state so that the file is whole or absent, whatever happens meanwhile.

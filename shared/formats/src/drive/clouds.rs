@@ -24,7 +24,7 @@ pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarR
 }
 
 /// Returns in the order of the file, without times. Points that are not finite or within 0.1 m are left out. The azimuth is
-/// that of the point, the ring that of the nearest beam by elevation; intensities from 0 to 1 become 0 to 255.
+/// that of the point, the ring that of the nearest beam by elevation (for the HDL-64E: of KITTI's device); intensities from 0 to 1 become 0 to 255.
 pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarReturn> {
     let rings = Rings::new(model);
     let is_share = points.iter().all(|p| p.intensity <= 1.0);
@@ -41,34 +41,83 @@ pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarRetur
         // Clockwise in 0.01 deg.
         azimuth: ((-p.y.atan2(p.x).to_degrees() * 100.0).round() as i32).rem_euclid(36_000) as u16,
         intensity: (p.intensity * scale).round().clamp(0.0, 255.0) as u8,
-        ring: rings.nearest(p.z.atan2(p.x.hypot(p.y))),
+        ring: rings.nearest(p),
     };
     points.iter().filter(is_return).map(one).collect()
 }
 
-/// Nominal elevations of a model's beams, lowest first, rad.
-struct Rings(Vec<f32>);
+/// Elevations of the 64 beams of KITTI's own HDL-64E, lowest first, deg: medians over sweeps of its raw recordings, whose
+/// points lie beam by beam. A beam keeps its angle within 0.03 deg around.
+#[rustfmt::skip]
+const KITTI_LOWER_DEG: [f32; 32] = [
+    -24.99, -24.49, -23.95, -23.3, -22.83, -22.41, -21.91, -21.29, -20.75, -20.19, -19.7,
+    -19.28, -18.76, -18.28, -17.69, -17.14, -16.5, -16.13, -15.61, -15.14, -14.54, -13.99,
+    -13.43, -12.99, -12.51, -12.06, -11.54, -10.9, -10.41, -10.0, -9.51, -8.96,
+];
+/// The upper half of [`KITTI_LOWER_DEG`].
+#[rustfmt::skip]
+const KITTI_UPPER_DEG: [f32; 32] = [
+    -8.72, -8.32, -8.07, -7.69, -7.29, -7.0, -6.68, -6.33, -5.96, -5.61, -5.25,
+    -4.91, -4.58, -4.21, -3.93, -3.53, -3.22, -2.86, -2.53, -2.19, -1.81, -1.47,
+    -1.18, -0.78, -0.43, -0.06, 0.21, 0.61, 0.9, 1.34, 1.61, 1.98,
+];
+/// Beams of the two halves start so far above the origin of the points, m; at 5 m that is two degrees.
+const KITTI_LOWER_UP_M: f32 = 0.115;
+/// See [`KITTI_LOWER_UP_M`].
+const KITTI_UPPER_UP_M: f32 = 0.2;
+
+/// Beams of one height, by elevation.
+struct Bank {
+    up_m: f32,
+    elevations: Vec<f32>,
+}
+
+/// All beams of a model, the highest bank first.
+struct Rings(Vec<Bank>);
 
 impl Rings {
     fn new(model: Model) -> Self {
-        let degrees: Vec<f64> = match model {
-            // Clouds of this model are corrected for their device's own angles; what is left are the nominal ones: 32 beams
-            // from -24.33 deg up by 1/2 deg, 32 from -8.33 to 2 deg by 1/3 deg.
-            Model::Hdl64e => {
-                let lower = (0..32).map(|i| -24.33 + 15.5 / 31.0 * f64::from(i));
-                lower.chain((0..32).map(|i| -8.33 + 10.33 / 31.0 * f64::from(i))).collect()
-            }
-            Model::Hdl32e | Model::Vlp16 => model.lasers().iter().map(|laser| laser.elevation_deg).collect(),
+        let bank = |up_m: f32, degrees: &[f32]| {
+            let mut elevations: Vec<f32> = degrees.iter().map(|degrees| degrees.to_radians()).collect();
+            elevations.sort_by(f32::total_cmp);
+            Bank { up_m, elevations }
         };
-        let mut elevations: Vec<f32> = degrees.iter().map(|degrees| degrees.to_radians() as f32).collect();
-        elevations.sort_by(f32::total_cmp);
-        Self(elevations)
+        Self(match model {
+            Model::Hdl64e => {
+                vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]
+            }
+            Model::Hdl32e | Model::Vlp16 => {
+                let degrees: Vec<f32> = model.lasers().iter().map(|laser| laser.elevation_deg as f32).collect();
+                vec![bank(0.0, &degrees)]
+            }
+        })
     }
 
-    fn nearest(&self, elevation: f32) -> u8 {
-        let above = self.0.partition_point(|e| *e < elevation).clamp(1, self.0.len() - 1);
-        let lower_is_nearer = elevation - self.0[above - 1] < self.0[above] - elevation;
-        (if lower_is_nearer { above - 1 } else { above }) as u8
+    fn nearest(&self, p: &CloudPoint) -> u8 {
+        let across_m = p.x.hypot(p.y);
+        let mut n_below: usize = self.0.iter().map(|bank| bank.elevations.len()).sum();
+        let mut ring = 0;
+        for bank in &self.0 {
+            n_below -= bank.elevations.len();
+            let elevation = (p.z - bank.up_m).atan2(across_m);
+            let (found, is_inside) = bank.nearest(elevation);
+            ring = n_below + found;
+            if is_inside {
+                break;
+            }
+        }
+        ring as u8
+    }
+}
+
+impl Bank {
+    /// Index of the nearest beam, and whether the elevation is not below the bank.
+    fn nearest(&self, elevation: f32) -> (usize, bool) {
+        let beams = &self.elevations;
+        let above = beams.partition_point(|e| *e < elevation).clamp(1, beams.len() - 1);
+        let lower_is_nearer = elevation - beams[above - 1] < beams[above] - elevation;
+        let half_step = 0.5 * (beams[1] - beams[0]);
+        (if lower_is_nearer { above - 1 } else { above }, elevation > beams[0] - half_step)
     }
 }
 
@@ -92,9 +141,24 @@ mod tests {
                 assert_eq!((found.ring, found.azimuth, found.intensity), (*ring, 3000, 128));
             }
         }
-        let at = |degrees: f32| CloudPoint { x: 10.0, z: 10.0 * degrees.to_radians().tan(), ..CloudPoint::default() };
-        let found = returns_from_cloud(&[-40.0, -24.3, -8.83, -8.33, 1.9, 20.0].map(at), Model::Hdl64e);
-        assert_eq!(found.iter().map(|r| r.ring).collect::<Vec<_>>(), [0, 0, 31, 32, 63, 63]);
+    }
+
+    /// Points of a raw sweep lie beam by beam, from the highest to the lowest; the azimuth tells where one ends.
+    #[test]
+    fn rings_of_a_real_sweep_are_those_of_its_order() {
+        let Some(path) = real_data::real_data("kitti_raw_0048/0000000003.pcd") else { return };
+        let returns = load(&path, "pcd", Model::Hdl64e).expect("reads");
+        let (mut ring, mut n_right, mut last) = (63_u8, 0, 0.0_f32);
+        for found in &returns {
+            let angle = found.y.atan2(found.x);
+            if last < 0.0 && angle >= 0.0 && angle - last < 1.0 {
+                ring = ring.saturating_sub(1);
+            }
+            last = angle;
+            n_right += usize::from(found.ring == ring);
+        }
+        assert_eq!(ring, 0);
+        assert!(n_right * 1000 > returns.len() * 998, "{n_right} of {}", returns.len());
     }
 
     #[test]
