@@ -1,6 +1,7 @@
 //! What the process tests share: launch files in a folder of their own, running supervisors, and waiting for conditions.
 
 use rustix::process::{Pid, Signal, kill_process};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -101,6 +102,20 @@ impl Launch {
         let stages = summary["stages"].as_array().expect("a list").clone();
         stages.into_iter().find(|entry| entry["name"] == stage).expect("the stage is summed up")
     }
+}
+
+/// All files of a result folder except what a run keeps about itself (times differ), by name.
+pub fn result_files(output: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for folder in [output.to_owned(), output.join("clouds")] {
+        for entry in std::fs::read_dir(&folder).expect("readable").flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if entry.path().is_file() && name != "summary.json" {
+                files.insert(name, std::fs::read(entry.path()).expect("readable"));
+            }
+        }
+    }
+    files
 }
 
 /// What a run said, for assertion messages.

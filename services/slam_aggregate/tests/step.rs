@@ -214,8 +214,8 @@ fn a_restart_anywhere_changes_no_byte() {
             }
         }
         bench.finish().unwrap();
-        let submaps: Vec<Vec<u8>> = bench.take::<Submap>().iter().map(Received::to_bytes).collect();
-        let poses: Vec<Vec<u8>> = bench.take::<Trajectory>().iter().map(Received::to_bytes).collect();
+        let submaps: Vec<stage::Bytes> = bench.take::<Submap>().iter().map(Received::to_bytes).collect();
+        let poses: Vec<stage::Bytes> = bench.take::<Trajectory>().iter().map(Received::to_bytes).collect();
         (submaps, poses)
     };
     let undisturbed = all(&[]);

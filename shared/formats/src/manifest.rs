@@ -46,7 +46,8 @@ pub struct PoseEntry {
 pub struct LidarEntry {
     /// `hdl32e`, `vlp16` or `hdl64e`.
     pub model: String,
-    /// `pcap`: packet captures. `pcd` or `bin`: one file per sweep, 10 sweeps per second unless `times` says otherwise.
+    /// `pcap`: packet captures. `pcd` or `bin`: one file per sweep, 10 sweeps per second unless `times.txt` in the folder
+    /// says otherwise.
     pub format: String,
     /// Folder of the files; they are read in the order of their names.
     pub folder: String,

@@ -63,9 +63,9 @@ pub fn write_drive(folder: &Path) {
         fs::write(folder.join(format!("hs03/{}.pgm", stamp.0)), pgm_from_samples(SIZE[0], SIZE[1], 1023, &samples))
             .expect("writes");
     }
-    let fixes: String =
-        (0..5).map(fix).map(|fix| format!("{}\r\n{}\r\n", gga_from_fix(&fix, 44.6), rmc_from_fix(&fix))).collect();
-    fs::write(folder.join("gnss.nmea"), fixes).expect("writes");
+    let fixes: Vec<String> =
+        (0..5).map(fix).flat_map(|fix| [gga_from_fix(&fix, 44.6), rmc_from_fix(&fix), String::new()]).collect();
+    fs::write(folder.join("gnss.nmea"), fixes.join("\r\n")).expect("writes");
     // From half a second before the first sweep on.
     let samples: Vec<ImuSample> = (-50..450).map(sample).collect();
     fs::write(folder.join("imu.csv"), csv_from_samples(&samples)).expect("writes");

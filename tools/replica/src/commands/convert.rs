@@ -109,3 +109,46 @@ fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[LidarReturn
     writer.finish()?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::ply::Vertices;
+    use formats::velodyne::{DATA_PORT, RawBlock, RawReturn, encode_data_packet};
+    use geometry::Stamp;
+
+    /// Two packets of one azimuth sector, and the packet between them if `whole`.
+    fn capture(folder: &Path, whole: bool) -> PathBuf {
+        let mut writer = formats::pcap::Writer::new(Vec::new()).expect("writes");
+        for packet in [0_i64, 1, 2] {
+            let blocks = std::array::from_fn(|index| RawBlock {
+                azimuth: 9000 + (packet as u16 * 12 + index as u16) * 18,
+                returns: [RawReturn { range_2mm: 2500, intensity: packet as u8 }; 32],
+            });
+            let stamp = Stamp(1_700_000_000_000_000_000 + packet * 552_960);
+            if whole || packet != 1 {
+                writer.write_udp(stamp, DATA_PORT, &encode_data_packet(Model::Hdl32e, stamp, &blocks)).expect("writes");
+            }
+        }
+        let path = folder.join("drive.pcap");
+        std::fs::write(&path, writer.finish().expect("writes")).expect("writes");
+        path
+    }
+
+    #[test]
+    fn points_arrive_in_the_cloud_and_losses_in_the_exit_code() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (whole, code, n_points) in [(true, ExitCode::SUCCESS, 1152), (false, ExitCode::from(LOST_DATA), 768)] {
+            let out = folder.path().join("out");
+            let args =
+                Args { capture: capture(folder.path(), whole), out: out.clone(), model: None, format: Format::Ply };
+            assert_eq!(run(&args).expect("converts"), code);
+            let cloud = Vertices::load(&out.join("drive_000000.ply")).expect("loads");
+            let [y, azimuth] = ["y", "azimuth"].map(|name| cloud.f32s(name).expect("is there"));
+            assert_eq!(y.len(), n_points);
+            // The first laser looks to the right and 30.67 degrees down.
+            let expected = -5.0 * 30.67_f32.to_radians().cos();
+            assert!((azimuth[0] - 90.0).abs() < 1e-4 && (y[0] - expected).abs() < 1e-4, "{} {}", azimuth[0], y[0]);
+        }
+    }
+}

@@ -38,7 +38,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     write(&found, &args.source, &args.out)?;
     let drive = Drive::open(&args.out)?;
-    println!("{}: {} sweeps of {} ({})", args.out.display(), drive.sweep_files().len(), drive.model().name(), found.layout);
+    println!(
+        "{}: {} sweeps of {} ({})",
+        args.out.display(),
+        drive.sweep_files().len(),
+        drive.model().name(),
+        found.layout
+    );
     Ok(ExitCode::SUCCESS)
 }
 
@@ -101,7 +107,9 @@ fn nanos_of_date(text: &str) -> Option<i64> {
         return None;
     }
     let nanos: i64 = format!("{decimals:0<9.9}").parse().ok()?;
-    Some(days_from_date(year, month, day)? * DAY_NANOS + ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos)
+    Some(
+        days_from_date(year, month, day)? * DAY_NANOS + ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos,
+    )
 }
 
 fn numbers(text: &str, separator: char) -> Option<[i64; 3]> {
