@@ -18,7 +18,7 @@ fn run(root: &Path, output: &Path) -> Value {
 }
 
 fn main() {
-    let runs = std::env::args().filter_map(|argument| argument.parse().ok()).next().unwrap_or(5);
+    let runs = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(5);
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = tempfile::tempdir().expect("a folder");
     run(root, folder.path()); // makes the drive if need be, and warms the caches

@@ -9,7 +9,7 @@
 //! 5. A point is ground if it lies within the tolerance of the terrain; its score falls linearly from 1 on the terrain to
 //!    1/2 at the tolerance. It is no probability.
 //!
-//! Heights, thresholds and scores are candle tensors on the CPU, as a network's would be; zones and openings are no
+//! Heights and scores of the points are candle tensors on the CPU, as a network's would be; zones and openings are no
 //! tensor operations and come from `morphology`. Road, sidewalk and terrain are not told apart: a lowered kerb joins their
 //! zones.
 
@@ -31,8 +31,9 @@ pub const ARCHITECTURE: &str = "ground_quasi_flat";
 /// Version that this program writes and runs.
 pub const VERSION: u32 = 1;
 
-/// Points for which tensors are made at a time: 256 KiB each, so that a chunk's tensors stay in the cache.
-const CHUNK: usize = 1 << 16;
+/// Points for which tensors are made at a time: 64 KiB each, so that a chunk's tensors stay in the cache. Less than the
+/// 65 536 elements from which candle hands an operation to its own threads, which then spin until the next one.
+const CHUNK: usize = 1 << 14;
 
 /// The model of this module.
 pub struct GroundQuasiFlat {

@@ -17,7 +17,7 @@ const STRAY_CELLS: usize = 1;
 /// `None` if there is no ground.
 pub(super) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Result<Option<Tensor>, LearningError> {
     let measured = elevation.lowest_m.mapv(f32::is_finite);
-    let Some(low) = low_cells(elevation, &measured, parameters)? else { return Ok(None) };
+    let Some(low) = low_cells(elevation, &measured, parameters) else { return Ok(None) };
     let ground = ground_cells(elevation, &measured, &low, parameters);
     let Some(heights) = fill_gaps(&elevation.lowest_m, &ground) else { return Ok(None) };
     let (mut heights, _) = heights.into_raw_vec_and_offset();
@@ -27,20 +27,14 @@ pub(super) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Result<
 }
 
 /// Cells whose lowest point is at most `low_m` above the opening of the elevation.
-fn low_cells(
-    elevation: &Elevation,
-    measured: &Array2<bool>,
-    parameters: &Parameters,
-) -> Result<Option<Array2<bool>>, LearningError> {
-    let Some(surface) = fill_gaps(&elevation.lowest_m, measured) else { return Ok(None) };
+fn low_cells(elevation: &Elevation, measured: &Array2<bool>, parameters: &Parameters) -> Option<Array2<bool>> {
+    let surface = fill_gaps(&elevation.lowest_m, measured)?;
     let radius = (0.5 * parameters.settings.window_m / elevation.grid.cell_m).round() as usize;
     // Points below the ground (reflections in cars and puddles) would pull every window down that holds one.
     let opened = opening_beyond_the_edge(&closing(&surface, STRAY_CELLS), radius);
-    let as_tensor = |image: &Array2<f32>| Tensor::from_iter(image.iter().copied(), &Device::Cpu);
-    let above = (as_tensor(&surface)? - as_tensor(&opened)?)?;
-    let low = above.le(parameters.settings.low_m)?.to_vec1::<u8>()?;
-    let low = low.into_iter().zip(measured).map(|(low, &measured)| low == 1 && measured).collect();
-    Ok(Some(Array2::from_shape_vec(measured.dim(), low).expect("one flag for every cell")))
+    let low_m = parameters.settings.low_m as f32;
+    let is_low = |&surface: &f32, &opened: &f32, &measured: &bool| measured && surface - opened <= low_m;
+    Some(ndarray::Zip::from(&surface).and(&opened).and(measured).map_collect(is_low))
 }
 
 /// An opening whose windows may reach over the image's edge. Clipped ones would lower the upper end of a slope.
