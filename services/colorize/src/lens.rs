@@ -83,10 +83,16 @@ fn largest_monotone_r2(model: &Pinhole) -> f64 {
 impl Project for PinholeLens {
     #[inline]
     fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
+        // Before the division: half of all directions end here. NaN is not above anything.
+        let is_ahead = z > MIN_DEPTH_M;
+        if !is_ahead {
+            return None;
+        }
         let inverse = 1.0 / z;
         let (x, y) = (x * inverse, y * inverse);
         let r2 = x * x + y * y;
-        if !(z > MIN_DEPTH_M && r2 <= self.max_r2) {
+        let is_in_view = r2 <= self.max_r2;
+        if !is_in_view {
             return None;
         }
         let [k1, k2, p1, p2, k3] = self.distortion;
@@ -123,6 +129,10 @@ impl From<&KannalaBrandt> for FisheyeLens {
 impl Project for FisheyeLens {
     #[inline]
     fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
+        // Before the root: most directions end here.
+        if z < 0.0 && self.min_cosine > 0.0 {
+            return None;
+        }
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
         let cosine = z * inverse;
         let is_in_view = cosine >= self.min_cosine;

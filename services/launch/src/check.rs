@@ -4,6 +4,7 @@ use crate::graph;
 use crate::manifest::{Run, Simulate, StageTable};
 use crate::plan::{Plan, PlannedStage};
 use crate::programs;
+use crate::run_folder::domain_of;
 use stage::assignment::CONTRACT_VERSION;
 use stage::launch_file::{LaunchFile, render};
 use stage::{CheckRequest, Context, Mode, Problem, SUPERVISOR_KEYS, parse_table};
@@ -35,7 +36,7 @@ pub fn plan(path: &Path, overrides: &[String]) -> Result<Plan, Vec<String>> {
         let text = format!("{} is not there, and there is no [simulate] to make it", drive.display());
         faults.add("run", faults.value_problem("run", "drive", text));
     }
-    faults.shared_memory();
+    faults.shared_memory(&output);
 
     let mut stages = faults.stages(&folder);
     for (stage, problem) in graph::connect(&mut stages) {
@@ -114,12 +115,14 @@ impl Faults<'_> {
         path.canonicalize().unwrap_or(path)
     }
 
-    fn shared_memory(&mut self) {
+    /// What a dead run into the same output has left counts as free: it is wiped before the start.
+    fn shared_memory(&mut self, output: &Path) {
         let Ok(space) = rustix::fs::statvfs("/dev/shm") else {
             self.add("", Problem::of_key("", "shared memory: /dev/shm cannot be examined"));
             return;
         };
-        let free = space.f_bavail * space.f_frsize;
+        let left_over = domain_of(output).map_or(0, |domain| domain.used_bytes());
+        let free = space.f_bavail * space.f_frsize + left_over;
         if free < MIN_SHARED_MEMORY {
             let text = format!(
                 "shared memory: {} MiB are free in /dev/shm, at least {} MiB are needed",
@@ -136,24 +139,30 @@ impl Faults<'_> {
             if OWN_TABLES.contains(&name.as_str()) {
                 continue;
             }
+            let plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
+            if !name.bytes().all(plain) || name.is_empty() || name == "settings" {
+                let text = "a stage's name has lower-case letters, digits and _ only, and is not `settings`".to_owned();
+                self.add(&name, Problem { key: String::new(), span, text });
+                continue;
+            }
             let table: StageTable = self.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
             let described = programs::find(&name, &table.program, folder)
                 .and_then(|program| programs::describe(&program).map(|description| (program, description)));
             match described {
                 Ok((_, description)) if description.contract != CONTRACT_VERSION => {
                     let text = format!("speaks contract {}, this is contract {CONTRACT_VERSION}", description.contract);
-                    self.add(&name, Problem { key: String::new(), span: Some(span), text });
+                    self.add(&name, Problem { key: String::new(), span, text });
                 }
-                Ok((program, description)) => stages.push(PlannedStage {
-                    name,
-                    span: Some(span),
-                    program,
-                    table,
-                    description,
-                    inputs: Vec::new(),
-                    outputs: Vec::new(),
-                }),
-                Err(text) => self.add(&name, Problem { key: String::new(), span: Some(span), text }),
+                Ok((program, description)) => {
+                    for field in description.settings.iter().filter(|f| SUPERVISOR_KEYS.contains(&f.key.as_str())) {
+                        let text =
+                            format!("its setting `{}` cannot be reached: the key is the supervisor's", field.key);
+                        self.add(&name, Problem { key: String::new(), span: span.clone(), text });
+                    }
+                    let (inputs, outputs) = (Vec::new(), Vec::new());
+                    stages.push(PlannedStage { name, span, program, table, description, inputs, outputs });
+                }
+                Err(text) => self.add(&name, Problem { key: String::new(), span, text }),
             }
         }
         stages

@@ -44,8 +44,10 @@ impl StageProcess {
         let failed = |error: String| format!("[{}] {}: {error}", stage.name, stage.program.display());
         let file =
             OpenOptions::new().create(true).append(true).open(&log).map_err(|error| failed(error.to_string()))?;
-        let control = LatestPublisher::open(node, &format!("{}.control", stage.name));
-        let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name));
+        let control = LatestPublisher::open(node, &format!("{}.control", stage.name))
+            .map_err(|error| failed(error.to_string()))?;
+        let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name))
+            .map_err(|error| failed(error.to_string()))?;
         let mut command = Command::new(&stage.program);
         command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
         if stage.table.threads > 0 {
@@ -60,8 +62,8 @@ impl StageProcess {
             child,
             log_start,
             log,
-            control: control.map_err(|error| failed(error.to_string()))?,
-            heartbeat: heartbeat.map_err(|error| failed(error.to_string()))?,
+            control,
+            heartbeat,
             health: Health::default(),
             last_beat: now,
             last_progress: now,
@@ -120,6 +122,7 @@ impl StageProcess {
                     format!("refused its configuration (exit code {code})")
                 }
                 (Some(code), _) => format!("ended with exit code {code}"),
+                (None, Some(7)) => "was killed by SIGBUS: shared memory is full".to_owned(),
                 (None, Some(signal)) => format!("was killed by signal {signal}"),
                 (None, None) => "ended".to_owned(),
             },

@@ -36,6 +36,10 @@ pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
                     if output.version != port.version {
                         let versions = format!("expects version {} of topic {}", port.version, port.topic);
                         report(stage, format!("{versions}, [{producer}] produces version {}", output.version));
+                    } else if (output.queue, output.borrowed) != (port.queue, port.borrowed) {
+                        let bounds = format!("expects topic {} with other bounds than [{producer}]", port.topic);
+                        let (theirs, ours) = ((output.queue, output.borrowed), (port.queue, port.borrowed));
+                        report(stage, format!("{bounds}: queue and borrowed {ours:?}, not {theirs:?}"));
                     } else if output.layout != port.layout {
                         let layouts = format!("expects layout {:016x} of topic {}", port.layout, port.topic);
                         report(stage, format!("{layouts}, [{producer}] produces {:016x}", output.layout));
@@ -43,6 +47,19 @@ pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
                     consumers.entry(port.topic.clone()).or_default().push(index);
                 }
             }
+        }
+    }
+    for (index, stage) in stages.iter().enumerate() {
+        let ports = &stage.description.inputs;
+        let unread = ports.iter().all(|port| port.optional && !producers.contains_key(&port.topic));
+        if !ports.is_empty() && unread {
+            let topics: Vec<&str> = ports.iter().map(|port| port.topic.as_str()).collect();
+            report(stage, format!("has nothing to read: no stage of this file produces {}", topics.join(" or ")));
+        }
+        // Ticks are counted by the source: with two there would be two counts.
+        let earlier = stages[..index].iter().find(|earlier| earlier.description.inputs.is_empty());
+        if let Some(earlier) = earlier.filter(|_| ports.is_empty()) {
+            report(stage, format!("is a second source beside [{}]: a run has one", earlier.name));
         }
     }
     let edges: Vec<(usize, usize)> = consumers
@@ -185,6 +202,18 @@ mod tests {
         assert!(texts[1].starts_with("one: needs topic missing"));
         assert!(texts[2].starts_with("two: expects version 2"));
         assert!(texts[3].starts_with("three: expects layout"));
+    }
+
+    #[test]
+    fn a_run_has_one_source_and_every_other_stage_something_to_read() {
+        let idle = PortDescription { optional: true, ..port("nothing") };
+        let mut stages =
+            vec![planned("one", &[], &[port("a")]), planned("two", &[], &[]), planned("idle", &[idle], &[])];
+        let expected = [
+            "two: is a second source beside [one]: a run has one",
+            "idle: has nothing to read: no stage of this file produces nothing",
+        ];
+        assert_eq!(texts(&mut stages), expected);
     }
 
     #[test]

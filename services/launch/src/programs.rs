@@ -4,8 +4,14 @@ use crate::manifest::Simulate;
 use serde::de::DeserializeOwned;
 use stage::assignment::Description;
 use stage::{CheckRequest, Problem, nearest_key};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// A program that describes itself has this long; it does nothing else.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Folder in which this program lies: the stages' default place.
 pub fn own_folder() -> PathBuf {
@@ -52,17 +58,46 @@ pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, Str
 
 fn ask<T: DeserializeOwned>(program: &Path, arguments: &[&str]) -> Result<T, String> {
     let name = program.display();
-    let output = Command::new(program)
+    let failed = |error: std::io::Error| format!("{name} {}: {error}", arguments[0]);
+    let mut child = Command::new(program)
         .args(arguments)
         .stdin(Stdio::null())
-        .output()
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
         .map_err(|error| format!("{name} cannot be started: {error}"))?;
-    if !output.status.success() {
-        let words = String::from_utf8_lossy(&output.stderr);
-        return Err(format!("{name} {}: {}: {}", arguments[0], output.status, words.trim()));
+    let stdout = read_in_background(child.stdout.take()).map_err(failed)?;
+    let stderr = read_in_background(child.stderr.take()).map_err(failed)?;
+    let begun = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(failed)? {
+            break status;
+        }
+        if begun.elapsed() > ANSWER_PATIENCE {
+            // Whether or not it can be killed, there is no answer.
+            let _ = child.kill().and_then(|()| child.wait());
+            return Err(format!("{name} {}: no answer within {} s", arguments[0], ANSWER_PATIENCE.as_secs()));
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    let (answer, words) = (stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default());
+    if !status.success() {
+        return Err(format!("{name} {}: {status}: {}", arguments[0], String::from_utf8_lossy(&words).trim()));
     }
-    serde_json::from_slice(&output.stdout)
+    serde_json::from_slice(&answer)
         .map_err(|error| format!("{name} {}: the answer is none of a stage of this version: {error}", arguments[0]))
+}
+
+/// Reads to the end, so that a program with much to say is not held up.
+fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Result<JoinHandle<Vec<u8>>> {
+    std::thread::Builder::new().name("answer".to_owned()).spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(mut pipe) = pipe {
+            // What was read before an error is shown.
+            let _ = pipe.read_to_end(&mut bytes);
+        }
+        bytes
+    })
 }
 
 /// Makes the drive with the `replica` that lies beside this program.

@@ -9,9 +9,10 @@
 //! | `states/<barrier>/<stage>.state` | what it needs to go on from there |
 
 use crate::plan::{Plan, PlannedStage};
-use ipc::Domain;
+use ipc::{Domain, IpcError};
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 use stage::assignment::Assignment;
 use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
@@ -31,17 +32,18 @@ impl RunFolder {
         std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         let path = folder.join("lock");
         let lock = File::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        flock(&lock, FlockOperation::NonBlockingLockExclusive)
-            .map_err(|_| format!("{}: another run is writing here", output.display()))?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
+            Errno::WOULDBLOCK => format!("{}: another run is writing here", output.display()),
+            other => format!("{}: cannot be locked: {other}", path.display()),
+        })?;
         // One folder has one name from here on, however it was given.
         let output = output.canonicalize().map_err(|error| format!("{}: {error}", output.display()))?;
         Ok(Self { folder, output, _lock: lock })
     }
 
-    /// The run's own world in shared memory. The same output has the same, so the next run finds what a dead one left.
+    /// The run's own world in shared memory.
     pub fn domain(&self) -> Result<Domain, String> {
-        let digest = fingerprint(FINGERPRINT_START, self.output.as_os_str().as_bytes());
-        Domain::new(&format!("{digest:016x}")).map_err(|error| error.to_string())
+        domain_of(&self.output).map_err(|error| error.to_string())
     }
 
     /// Forgets the states and logs of an earlier run.
@@ -53,7 +55,15 @@ impl RunFolder {
             }
         }
         std::fs::create_dir(&logs).map_err(|error| format!("{}: {error}", logs.display()))?;
-        self.write("launch.toml", &std::fs::read(&plan.launch_file).unwrap_or_default())?;
+        let summary = self.output.join("summary.json");
+        match std::fs::remove_file(&summary) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(format!("{}: {error}", summary.display()));
+            }
+            _ => {}
+        }
+        std::fs::copy(&plan.launch_file, self.launch_copy())
+            .map_err(|error| format!("{}: {error}", plan.launch_file.display()))?;
         let settings = serde_json::json!({
             "launch_file": plan.launch_file,
             "overrides": plan.overrides,
@@ -64,6 +74,11 @@ impl RunFolder {
             })).collect::<Vec<_>>(),
         });
         self.write("settings.json", settings.to_string().as_bytes())
+    }
+
+    /// What the stages read, so that an edit during the run does not show in it.
+    fn launch_copy(&self) -> PathBuf {
+        self.folder.join("launch.toml")
     }
 
     fn states(&self) -> PathBuf {
@@ -88,7 +103,7 @@ impl RunFolder {
             domain: domain.name().to_owned(),
             supervisor: std::process::id(),
             context: plan.context.clone(),
-            launch_file: plan.launch_file.clone(),
+            launch_file: self.launch_copy(),
             overrides: plan.overrides.clone(),
             inputs: stage.inputs.clone(),
             outputs: stage.outputs.clone(),
@@ -130,4 +145,11 @@ impl RunFolder {
         let entries = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
         entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
     }
+}
+
+/// The domain of runs into `output` (absolute, links resolved). The same output has the same, so the next run finds what a
+/// dead one left.
+pub fn domain_of(output: &Path) -> Result<Domain, IpcError> {
+    let digest = fingerprint(FINGERPRINT_START, output.as_os_str().as_bytes());
+    Domain::new(&format!("{digest:016x}"))
 }

@@ -36,7 +36,7 @@ impl Screen {
     /// A line of its own, above the table.
     pub fn say(&mut self, text: &str) {
         self.erase_table();
-        eprintln!("{text}");
+        write_stderr(&format!("{text}\n"));
     }
 
     /// Shows where the run is, if it is time to.
@@ -60,18 +60,16 @@ impl Screen {
             let table = table(processes) + &progress;
             self.erase_table();
             self.table_lines = table.lines().count();
-            let mut stderr = std::io::stderr().lock();
-            // A terminal that is gone shows nothing; the run goes on.
-            let _ = write!(stderr, "{table}").and_then(|()| stderr.flush());
+            write_stderr(&table);
         } else {
-            eprint!("{progress}");
+            write_stderr(&progress);
         }
     }
 
     fn erase_table(&mut self) {
         if self.table_lines > 0 {
             // Up by the table's height, then clear to the end of the screen.
-            eprint!("\x1b[{}A\x1b[J", self.table_lines);
+            write_stderr(&format!("\x1b[{}A\x1b[J", self.table_lines));
             self.table_lines = 0;
         }
     }
@@ -95,6 +93,12 @@ impl Screen {
             slowest.name
         )
     }
+}
+
+/// A terminal that is gone shows nothing; the run goes on.
+fn write_stderr(text: &str) {
+    let mut stderr = std::io::stderr().lock();
+    let _ = stderr.write_all(text.as_bytes()).and_then(|()| stderr.flush());
 }
 
 fn wait(process: &StageProcess) -> Option<String> {

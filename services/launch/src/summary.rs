@@ -77,8 +77,8 @@ pub struct StageSummary {
 }
 
 impl StageSummary {
-    /// From the last heartbeat; `cpu_s` and `faults` are over all attempts.
-    pub fn new(name: &str, program: &Path, health: Health, earlier_cpu_s: f64, faults: u32, wall_s: f64) -> Self {
+    /// From the last heartbeat; `cpu_s` and `faults` are over all attempts, latencies those of the last.
+    pub fn new(name: &str, program: &Path, health: Health, cpu_s: f64, faults: u32, wall_s: f64) -> Self {
         Self {
             name: name.to_owned(),
             program: program.display().to_string(),
@@ -90,7 +90,7 @@ impl StageSummary {
             ticks_per_s: rate(health.ticks, wall_s),
             step: health.step,
             age: health.age,
-            cpu_s: earlier_cpu_s + health.cpu_s,
+            cpu_s,
             peak_rss_bytes: health.peak_rss_bytes,
             faults,
             counters: health.counters,

@@ -9,7 +9,7 @@ use crate::summary::{StageSummary, Summary, Total, rate};
 use crate::watch::{Fault, first_fault};
 use ipc::{Domain, IpcError, Keeper, Node};
 use rustix::process::Signal;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 use stage::assignment::{Command, wake_name};
 use stage::exit;
@@ -52,8 +52,8 @@ struct Supervisor {
     /// Signals so far: the first drains, the second stops.
     n_signals: u32,
     faults: Vec<Fault>,
-    /// CPU time of the processes of earlier attempts, by stage.
-    earlier_cpu_s: BTreeMap<String, f64>,
+    /// CPU time of all processes so far, by stage.
+    cpu_s: BTreeMap<String, f64>,
     health: BTreeMap<String, Health>,
     begun: Instant,
     restarts: u32,
@@ -62,7 +62,7 @@ struct Supervisor {
 
 impl Supervisor {
     fn new(mut plan: Plan) -> Result<Self, String> {
-        let signals = Signals::new([SIGINT, SIGTERM]).map_err(|error| error.to_string())?;
+        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGQUIT]).map_err(|error| error.to_string())?;
         let folder = RunFolder::lock(&plan.context.output)?;
         let absolute = |path: &Path| path.canonicalize().map_err(|error| format!("{}: {error}", path.display()));
         plan.context.output = absolute(&plan.context.output)?;
@@ -80,7 +80,7 @@ impl Supervisor {
             signals,
             n_signals: 0,
             faults: Vec::new(),
-            earlier_cpu_s: BTreeMap::new(),
+            cpu_s: BTreeMap::new(),
             health: BTreeMap::new(),
             begun: Instant::now(),
             restarts: 0,
@@ -97,7 +97,8 @@ impl Supervisor {
             let ending = self.attempt(resume);
             self.domain.wipe().map_err(|error| error.to_string())?;
             match ending? {
-                Ending::Done if self.n_signals > 0 => break "drained",
+                // A source that was at its end anyway has nothing left out.
+                Ending::Done if self.was_cut_short() => break "drained",
                 Ending::Done => break "done",
                 Ending::Stopped => break "stopped",
                 Ending::Failed(fault, last_words) => {
@@ -109,6 +110,9 @@ impl Supervisor {
                     }
                     resume = self.folder.last_complete_barrier(&self.plan.stages);
                     self.pause_before_restart(resume);
+                    if self.n_signals > 0 {
+                        break "stopped";
+                    }
                     self.restarts += 1;
                 }
             }
@@ -124,7 +128,7 @@ impl Supervisor {
         let ending = self.start(&node, resume, &mut processes).and_then(|()| self.watch(&mut processes));
         for process in &mut processes {
             process.kill();
-            *self.earlier_cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
+            *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
             self.health.insert(process.name.clone(), process.health.clone());
         }
         ending
@@ -207,6 +211,11 @@ impl Supervisor {
         }
     }
 
+    fn was_cut_short(&self) -> bool {
+        let source = self.plan.stages.first().and_then(|source| self.health.get(&source.name));
+        source.is_some_and(|health| health.drained)
+    }
+
     fn report(&mut self, fault: &Fault, last_words: &[String]) {
         self.screen.say(&format!("[{}] {}", fault.stage, fault.text));
         for line in last_words {
@@ -228,7 +237,11 @@ impl Supervisor {
             self.restarts + 1,
             delay.as_secs_f64()
         ));
-        std::thread::sleep(delay);
+        let begun = Instant::now();
+        while begun.elapsed() < delay && self.n_signals == 0 {
+            std::thread::sleep(LOOK.min(delay));
+            self.n_signals += self.signals.pending().count() as u32;
+        }
     }
 
     fn finish(mut self, outcome: &'static str) -> Result<u8, String> {
@@ -241,11 +254,12 @@ impl Supervisor {
             .map(|stage| {
                 let health = self.health.remove(&stage.name).unwrap_or_default();
                 let faults = self.faults.iter().filter(|fault| fault.stage == stage.name).count() as u32;
-                let cpu_s = self.earlier_cpu_s.get(&stage.name).copied().unwrap_or_default();
+                let cpu_s = self.cpu_s.get(&stage.name).copied().unwrap_or_default();
                 StageSummary::new(&stage.name, &stage.program, health, cpu_s, faults, wall_s)
             })
             .collect();
-        let drive_s = sink.and_then(|h| Some((h.drive_time? - h.drive_begin?) as f64 * 1e-9)).unwrap_or_default();
+        let drive_s =
+            sink.and_then(|h| Some(h.drive_time?.saturating_sub(h.drive_begin?) as f64 * 1e-9)).unwrap_or_default();
         let total = self.total(&stages, drive_s, wall_s);
         let incomplete = outcome == "drained";
         let faults = self.faults.iter().map(|fault| format!("[{}] {}", fault.stage, fault.text)).collect();

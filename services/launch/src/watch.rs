@@ -58,9 +58,12 @@ fn fault(process: &StageProcess, stage: &PlannedStage, run: &Run, now: Instant) 
     None
 }
 
-/// Everybody waits for somebody and nothing moves.
+/// Everybody waits for somebody and nothing moves. A stage that is at something has its own limit (see [`fault`]).
 fn standstill(processes: &[StageProcess], run: &Run, now: Instant) -> Option<Fault> {
     let running: Vec<&StageProcess> = processes.iter().filter(|process| process.status.is_none()).collect();
+    if running.iter().any(|process| is_at_something(&process.health.activity)) {
+        return None;
+    }
     let last = running.iter().map(|process| process.last_progress).max()?;
     let still: Duration = now - last;
     if still.as_secs_f64() <= run.stall_s {
@@ -69,4 +72,8 @@ fn standstill(processes: &[StageProcess], run: &Run, now: Instant) -> Option<Fau
     let activities: Vec<String> = running.iter().map(|p| format!("{}: {:?}", p.name, p.health.activity)).collect();
     let text = format!("stall: nothing has moved for {:.1} s ({})", still.as_secs_f64(), activities.join("; "));
     Some(Fault { stage: running.first()?.name.clone(), text, may_restart: true })
+}
+
+fn is_at_something(activity: &Activity) -> bool {
+    matches!(activity, Activity::Starting | Activity::Connecting(_) | Activity::Working | Activity::Saving)
 }

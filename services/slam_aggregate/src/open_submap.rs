@@ -126,14 +126,22 @@ fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx:
         z,
         offset_nanos: timed.offset_nanos,
         azimuth: raw.azimuth,
-        elevation: (elevation_deg * 100.0).round() as i16,
+        elevation: rounded(elevation_deg * 100.0) as i16,
         sweep_idx,
         intensity: raw.intensity,
         ring: raw.ring,
-        incidence: incidence.map_or(POINT_INCIDENCE_UNKNOWN, |cosine| (cosine * 254.0).round() as u8),
+        incidence: incidence.map_or(POINT_INCIDENCE_UNKNOWN, |cosine| rounded(cosine * 254.0) as u8),
         flags: 0,
         reserved: 0,
     }
+}
+
+/// `value.round()` for values of at most 2^23, without the call of a function that processors before SSE 4.1 need.
+#[inline]
+fn rounded(value: f32) -> i32 {
+    let towards_zero = value as i32;
+    let rest = value - towards_zero as f32;
+    towards_zero + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
 }
 
 /// x y z, qx qy qz qw.

@@ -144,7 +144,7 @@ impl Stage for SlamAggregate {
         let open = self.open.as_ref().map(SavedSubmap::of);
         let saved = Saved {
             odometry: self.odometry.save(),
-            waiting: self.waiting.as_ref().map(|sweep| sweep.to_bytes()),
+            waiting: self.waiting.as_ref().map(Received::to_bytes),
             submap: open.or_else(|| self.saved_submap.take()),
             last_row_stamp: self.last_row_stamp,
         };

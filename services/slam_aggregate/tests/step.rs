@@ -292,6 +292,9 @@ fn drive_folder(rotation: &str) -> tempfile::TempDir {
          [lidar.body_from_lidar]\ntranslation = [{:?}, {:?}, {:?}]\n{rotation}\n",
         t.x, t.y, t.z
     );
+    // A drive has packets; this stage does not read them.
+    std::fs::create_dir(folder.path().join("lidar")).unwrap();
+    std::fs::write(folder.path().join("lidar/0000.pcap"), []).unwrap();
     std::fs::write(folder.path().join("drive.toml"), text).unwrap();
     folder
 }
@@ -322,19 +325,16 @@ fn real_sweeps_without_point_times() {
 
 fn read_pcd(folder: &Path, number: usize) -> Raw {
     let bytes = std::fs::read(folder.join(format!("{number:010}.pcd"))).unwrap();
-    let marker = b"DATA binary\n";
-    let start = bytes.windows(marker.len()).position(|window| window == marker).unwrap() + marker.len();
-    let number_at = |b: &[u8], at: usize| f32::from_le_bytes(b[at..at + 4].try_into().unwrap());
-    let row = |b: &[u8]| SweepPoint {
-        x: number_at(b, 0),
-        y: number_at(b, 4),
-        z: number_at(b, 8),
-        intensity: (number_at(b, 12) * 255.0) as u8,
+    let row = |point: &formats::cloud::CloudPoint| SweepPoint {
+        x: point.x,
+        y: point.y,
+        z: point.z,
+        intensity: (point.intensity * 255.0) as u8,
         ..SweepPoint::default()
     };
     Raw {
         stamp: number as i64 * 100_000_000,
         header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 0, has_times: 0 },
-        rows: bytes[start..].chunks_exact(16).map(row).collect(),
+        rows: formats::pcd::points_from_pcd(&bytes).unwrap().iter().map(row).collect(),
     }
 }

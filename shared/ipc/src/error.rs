@@ -37,6 +37,14 @@ pub enum IpcError {
         /// Size of a row.
         row_bytes: usize,
     },
+    /// The consumer holds on to more messages than the topic allows.
+    #[error("{service}: more than {allowed} messages are held beyond their step")]
+    HeldTooMany {
+        /// Service.
+        service: String,
+        /// `Message::BORROWED`.
+        allowed: usize,
+    },
     /// The operating system.
     #[error("{what}: {cause}")]
     Io {

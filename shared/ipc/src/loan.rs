@@ -52,6 +52,7 @@ unsafe impl ZeroCopySend for WireEnvelope {
 /// Lines that the header takes.
 pub(crate) const fn header_lines<T: Message>() -> usize {
     const { assert!(align_of::<T::Header>() <= LINE && align_of::<T::Row>() <= LINE && size_of::<T::Row>() > 0) };
+    const { assert!(T::MAX_ROWS <= u32::MAX as usize, "the envelope counts rows in 32 bits") };
     size_of::<T::Header>().div_ceil(LINE)
 }
 

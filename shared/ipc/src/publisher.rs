@@ -3,8 +3,8 @@
 use crate::channel::MessageService;
 use crate::loan::{CacheLine, WireEnvelope, lines_for};
 use crate::{Channel, Iox, IpcError, LatestSubscriber, Loan, Node, Waker};
-use iceoryx2::port::publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{DegradationAction, publisher};
 use iceoryx2::prelude::*;
 use messages::{Envelope, Message};
 use std::marker::PhantomData;
@@ -41,6 +41,8 @@ impl<T: Message> Publisher<T> {
             .allocation_strategy(AllocationStrategy::Static)
             // Credits make sure that there is room; if there is none, that is a loss to be reported, not to wait for.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|cause| IpcError::transport(format!("publisher of {}", channel.name), cause))?;
         let consumers = channel

@@ -3,8 +3,8 @@
 use crate::channel::MessageService;
 use crate::loan::{CacheLine, WireEnvelope, view};
 use crate::{Channel, Iox, IpcError, LatestPublisher, Node, Waker};
-use iceoryx2::port::subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{DegradationAction, ReceiveError, subscriber};
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
 use messages::{Envelope, Message};
@@ -31,6 +31,8 @@ impl<T: Message> Subscriber<T> {
         let subscriber = service
             .subscriber_builder()
             .buffer_size(channel.queue)
+            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|cause| IpcError::transport(format!("subscriber of {}", channel.name), cause))?;
         Ok(Self {
@@ -55,10 +57,12 @@ impl<T: Message> Subscriber<T> {
 
     /// The next message, if there is one. Its slot is free again when it is dropped.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, IpcError> {
-        let sample = self
-            .subscriber
-            .receive()
-            .map_err(|cause| IpcError::transport(format!("receiving {}", self.channel.name), cause))?;
+        let sample = self.subscriber.receive().map_err(|cause| match cause {
+            ReceiveError::ExceedsMaxBorrows => {
+                IpcError::HeldTooMany { service: self.channel.name.clone(), allowed: self.channel.borrowed }
+            }
+            other => IpcError::transport(format!("receiving {}", self.channel.name), other),
+        })?;
         let Some(sample) = sample else { return Ok(None) };
         self.taken += 1;
         self.acknowledgement.publish(&self.taken.to_le_bytes())?;

@@ -57,9 +57,9 @@ pub struct CubeView<'a> {
 impl<'a> CubeView<'a> {
     /// `None` if the number of rows does not fit the header.
     pub fn new(header: &CubeHeader, rows: &'a [u32]) -> Option<Self> {
-        let n_cells = header.width as usize * header.height as usize;
+        let n_cells = (header.width as usize).checked_mul(header.height as usize)?;
         let n_bands = header.n_bands as usize;
-        if n_bands > MAX_CUBE_BANDS || rows.len() != (n_bands + 1) * n_cells {
+        if n_bands > MAX_CUBE_BANDS || Some(rows.len()) != n_cells.checked_mul(n_bands + 1) {
             return None;
         }
         let (reflectances, masks) = rows.split_at(n_bands * n_cells);

@@ -1,7 +1,7 @@
 //! Planar points of a sweep with their normals.
 
 use crate::eigen::smallest_eigenvector;
-use crate::voxel::thinned;
+use crate::voxel::{VoxelIndex, VoxelSet, thinned};
 use crate::{RangeImage, Sweep, TimedPoint};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -57,13 +57,32 @@ const MAX_THICKNESS: f64 = 0.4;
 
 /// Planar points, thinned, in the order of the range image.
 pub fn planar_features(sweep: &Sweep, settings: &FeatureSettings) -> Vec<Feature> {
-    let image = sweep.image();
-    let step = settings.column_step.max(1);
-    let by_row: Vec<Vec<Feature>> = (0..image.rows())
-        .into_par_iter()
-        .map(|row| (0..image.cols()).step_by(step).filter_map(|col| feature_at(sweep, row, col, settings)).collect())
-        .collect();
+    let rows = 0..sweep.image().rows();
+    let by_row: Vec<Vec<Feature>> = rows.into_par_iter().map(|row| row_features(sweep, row, settings)).collect();
     thinned_features(&by_row.concat(), settings.spacing_m)
+}
+
+/// Planar points of a row. Those in the cube of an earlier one are passed over before their normal is computed: thinning
+/// would drop them anyway.
+fn row_features(sweep: &Sweep, row: usize, settings: &FeatureSettings) -> Vec<Feature> {
+    let cols = sweep.image().cols();
+    let step = settings.column_step.max(1);
+    let per_m = 1.0 / settings.spacing_m;
+    let mut taken = VoxelSet::for_at_most(cols.div_ceil(step));
+    let mut features = Vec::new();
+    for col in (0..cols).step_by(step) {
+        let Some(point_idx) = sweep.image().point(row, col) else { continue };
+        let point = &sweep.points()[point_idx];
+        let cube = VoxelIndex::containing(point.position.map(f64::from), per_m);
+        if taken.contains(cube) {
+            continue;
+        }
+        if let Some(feature) = feature_at(sweep, point, row, col, settings) {
+            taken.insert(cube);
+            features.push(feature);
+        }
+    }
+    features
 }
 
 /// The first feature of each cube, in order.
@@ -72,15 +91,19 @@ pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feat
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
-fn feature_at(sweep: &Sweep, row: usize, col: usize, settings: &FeatureSettings) -> Option<Feature> {
-    let points = sweep.points();
-    let point = &points[sweep.image().point(row, col)?];
+fn feature_at(
+    sweep: &Sweep,
+    point: &TimedPoint,
+    row: usize,
+    col: usize,
+    settings: &FeatureSettings,
+) -> Option<Feature> {
     let center = Vector3::from(point.position);
     let range = center.norm();
     if !(settings.min_range_m..=settings.max_range_m).contains(&range) {
         return None;
     }
-    let (deviations, normal) = neighborhood(points, sweep.image(), row, col, center, range)?;
+    let (deviations, normal) = neighborhood(sweep.image(), row, col, center, range)?;
     let [s1, s2, s3] = deviations;
     let planarity = ((s2 - s3) / s1) as f32;
     if planarity < settings.min_planarity || s3 > MAX_ROUGHNESS_M || s3 > MAX_THICKNESS * s2 {
@@ -94,9 +117,14 @@ fn feature_at(sweep: &Sweep, row: usize, col: usize, settings: &FeatureSettings)
     Some(Feature { position: point.position, normal: towards_sensor.into(), share, planarity })
 }
 
+fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += value;
+    }
+}
+
 /// Deviations along the principal axes of the points around a cell, and the direction of the smallest.
 fn neighborhood(
-    points: &[TimedPoint],
     image: &RangeImage,
     row: usize,
     col: usize,
@@ -106,21 +134,16 @@ fn neighborhood(
     // Neighbors on the same surface are nearer than this even where it is seen at a flat angle.
     let gate = (0.2 + 0.1 * range).powi(2);
     let reach = image.reach();
-    let (mut n, mut sum, mut squares) = (0.0_f32, Vector3::<f32>::zeros(), [0.0_f32; 6]);
+    let (mut sums, mut squares, mut last_squares) = ([0.0_f32; 4], [0.0_f32; 4], [0.0_f32; 2]);
     let mut add_row = |row: usize| {
         for offset in COLUMN_OFFSETS {
-            let Some(idx) = image.point(row, col + offset) else { continue };
-            let d = Vector3::from(points[idx].position) - center;
-            if d.norm_squared() < gate {
-                n += 1.0;
-                sum += d;
-                squares[0] += d.x * d.x;
-                squares[1] += d.x * d.y;
-                squares[2] += d.x * d.z;
-                squares[3] += d.y * d.y;
-                squares[4] += d.y * d.z;
-                squares[5] += d.z * d.z;
-            }
+            let d = image.position(row, col + offset) - center;
+            // Without a branch: which neighbors are near is hard to foretell. NaN, of an empty cell, is not near.
+            let one = [d.x, d.y, d.z, 1.0];
+            let [x, y, z, one] = if d.norm_squared() < gate { one } else { [0.0; 4] };
+            add(&mut sums, [x, y, z, one]);
+            add(&mut squares, [x * x, x * y, x * z, y * y]);
+            add(&mut last_squares, [y * z, z * z]);
         }
     };
     add_row(row);
@@ -134,11 +157,12 @@ fn neighborhood(
             add_row(row - distance);
         }
     }
+    let [x, y, z, n] = sums;
     if n < MIN_NEIGHBORS {
         return None;
     }
-    let [xx, xy, xz, yy, yz, zz] = squares.map(|v| f64::from(v / n));
-    let mean = (sum / n).cast::<f64>();
+    let ([xx, xy, xz, yy], [yz, zz]) = (squares.map(|v| f64::from(v / n)), last_squares.map(|v| f64::from(v / n)));
+    let mean = Vector3::new(x / n, y / n, z / n).cast::<f64>();
     let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose();
     let (values, normal) = smallest_eigenvector(&covariance)?;
     Some((values.map(|value| value.max(0.0).sqrt()), normal.cast()))

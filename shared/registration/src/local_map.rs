@@ -55,12 +55,15 @@ struct Index {
     keys: Vec<u64>,
     ends: Vec<u32>,
     sorted: Vec<MapPoint>,
+    /// Slot of each point, while the index is built.
+    slots: Vec<u32>,
 }
 
 impl LocalMap {
     /// From a saved list. See [`LocalMap::points`].
     pub fn from_points(points: Vec<MapPoint>) -> Self {
-        let index = Index::over(&points);
+        let mut index = Index::default();
+        index.rebuild(&points);
         Self { points, index }
     }
     /// In the order of insertion.
@@ -73,7 +76,10 @@ impl LocalMap {
         let per_m = 1.0 / settings.spacing_m;
         let free = |point: &&MapPoint| {
             let cube = VoxelIndex::containing(point.position, per_m);
-            self.index.cell(cell_of(point.position)).iter().all(|p| VoxelIndex::containing(p.position, per_m) != cube)
+            // The first coordinate tells most cubes apart; the factor covers its rounding.
+            let is_beside = |p: &&MapPoint| (p.position[0] - point.position[0]).abs() < 1.01 * settings.spacing_m;
+            let mut near = self.index.cell(cell_of(point.position)).iter().filter(is_beside);
+            near.all(|p| VoxelIndex::containing(p.position, per_m) != cube)
         };
         let free: Vec<MapPoint> = new_points.iter().filter(free).map(|point| MapPoint { batch, ..*point }).collect();
         let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
@@ -82,7 +88,7 @@ impl LocalMap {
         self.points.extend(free);
         let excess = self.points.len().saturating_sub(settings.max_points);
         self.points.drain(..excess);
-        self.index = Index::over(&self.points);
+        self.index.rebuild(&self.points);
     }
     /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
     /// `radius_m` (at most 0.5 m, half a search cell) whose normals are within about 37 degrees of `normal`: the other
@@ -90,10 +96,18 @@ impl LocalMap {
     #[inline]
     pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
-        let limit = radius_m.min(MAX_RADIUS_M).powi(2);
+        let radius = radius_m.min(MAX_RADIUS_M);
+        let limit = radius * radius;
+        // How far above the face between the lower and the upper cells the position lies, by axis.
+        let above: [f64; 3] = std::array::from_fn(|axis| position[axis] - f64::from(base[axis] + 1) * CELL_M);
         let (mut weights, mut distances, mut normals) = (0.0, 0.0, Vector3::<f64>::zeros());
         for corner in 0..8 {
-            let cell = VoxelIndex([base[0] + (corner & 1), base[1] + (corner >> 1 & 1), base[2] + (corner >> 2)]);
+            let is_upper = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let away = |axis: usize| if is_upper[axis] == 1 { -above[axis] } else { above[axis] };
+            if away(0) >= radius || away(1) >= radius || away(2) >= radius {
+                continue;
+            }
+            let cell = VoxelIndex(std::array::from_fn(|axis| base[axis] + is_upper[axis]));
             for point in self.index.cell(cell) {
                 let offset = Vector3::from(position) - Vector3::from(point.position);
                 let squared = offset.norm_squared();
@@ -126,35 +140,53 @@ fn cell_of(position: [f64; 3]) -> VoxelIndex {
 }
 
 impl Index {
-    fn over(points: &[MapPoint]) -> Self {
-        let bits = table_bits(points.len());
-        let mut index = Self { bits, keys: vec![EMPTY_KEY; 1 << bits], ends: vec![0; 1 << bits], sorted: Vec::new() };
-        let slots: Vec<u32> = points
-            .iter()
-            .map(|point| {
-                let key = cell_of(point.position).key();
-                let slot = index.slot(key);
-                index.keys[slot] = key;
-                index.ends[slot] += 1;
-                slot as u32
-            })
-            .collect();
+    /// Over these points, in the memory of the last ones.
+    fn rebuild(&mut self, points: &[MapPoint]) {
+        // A cell of a map as it is has some ten points; the table must stay in the second cache.
+        self.bits = table_bits(points.len() / 8);
+        while !self.fits(points) {
+            self.bits += 1;
+        }
         // Counts become starts; placing each point then moves its cell's start to its end.
         let mut start = 0;
-        for end in &mut index.ends {
+        for end in &mut self.ends {
             let count = *end;
             *end = start;
             start += count;
         }
+        self.sorted.clear();
         if let Some(&any) = points.first() {
-            index.sorted = vec![any; points.len()];
+            self.sorted.resize(points.len(), any);
         }
-        for (point, &slot) in points.iter().zip(&slots) {
-            let place = &mut index.ends[slot as usize];
-            index.sorted[*place as usize] = *point;
+        for (point, &slot) in points.iter().zip(&self.slots) {
+            let place = &mut self.ends[slot as usize];
+            self.sorted[*place as usize] = *point;
             *place += 1;
         }
-        index
+    }
+    /// Finds each point its slot and counts the points of each. `false` if more than half of the slots are taken.
+    fn fits(&mut self, points: &[MapPoint]) -> bool {
+        let n_slots = 1_usize << self.bits;
+        self.keys.clear();
+        self.keys.resize(n_slots, EMPTY_KEY);
+        self.ends.clear();
+        self.ends.resize(n_slots, 0);
+        self.slots.clear();
+        let mut n_cells = 0;
+        for point in points {
+            let key = cell_of(point.position).key();
+            let slot = self.slot(key);
+            if self.keys[slot] == EMPTY_KEY {
+                n_cells += 1;
+                if 2 * n_cells > n_slots {
+                    return false;
+                }
+                self.keys[slot] = key;
+            }
+            self.ends[slot] += 1;
+            self.slots.push(slot as u32);
+        }
+        true
     }
     /// Where the key is, or where it would go.
     #[inline]

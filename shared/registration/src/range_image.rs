@@ -18,6 +18,8 @@ const REACH_DEG: f32 = 1.4;
 pub struct RangeImage {
     rows: usize,
     cells: Vec<u32>,
+    /// Position of each cell's point, m; NaN where there is none. Neighborhoods read it some fifty times a point.
+    positions: Vec<[f32; 3]>,
     /// Row and column of each point; [`EMPTY`] for one that is not finite.
     places: Vec<u32>,
     /// Rows up or down that a neighborhood reaches.
@@ -31,8 +33,13 @@ impl RangeImage {
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
         let rows = if rings_known { n_rings as usize } else { ELEVATION_ROWS };
-        let mut image =
-            Self { rows, cells: vec![EMPTY; rows * COLS], places: Vec::with_capacity(points.len()), reach: 2 };
+        let mut image = Self {
+            rows,
+            cells: vec![EMPTY; rows * COLS],
+            positions: vec![[f32::NAN; 3]; rows * COLS],
+            places: Vec::with_capacity(points.len()),
+            reach: 2,
+        };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
         for (point_idx, point) in points.iter().enumerate() {
             let [x, y, z] = point.position;
@@ -48,6 +55,7 @@ impl RangeImage {
             image.places.push(place as u32);
             if image.cells[place] == EMPTY {
                 image.cells[place] = point_idx as u32;
+                image.positions[place] = point.position;
             }
         }
         if rings_known && highest > lowest {
@@ -70,6 +78,11 @@ impl RangeImage {
         let idx = self.cells[row * COLS + col % COLS];
         (idx != EMPTY).then_some(idx as usize)
     }
+    /// Position of the point in a cell, m, NaN if it is empty; columns wrap around.
+    #[inline]
+    pub(crate) fn position(&self, row: usize, col: usize) -> Vector3<f32> {
+        Vector3::from(self.positions[row * COLS + col % COLS])
+    }
     /// Rows up or down that make about the angle of [`REACH_DEG`].
     pub(crate) fn reach(&self) -> usize {
         self.reach
@@ -85,8 +98,9 @@ impl RangeImage {
         let center = Vector3::from(points[point_idx].position);
         let range = center.norm();
         let near = |row: usize, col: usize| {
-            let offset = Vector3::from(points[self.point(row, col)?].position) - center;
-            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known.
+            let offset = self.position(row, col) - center;
+            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known. NaN, of an
+            // empty cell, is neither less nor more.
             (offset.norm_squared() < (0.1 + 0.06 * range).powi(2) && offset.norm_squared() > 0.0).then_some(offset)
         };
         // Two columns to each side: one step is often shorter than the range noise.

@@ -8,7 +8,7 @@ impl VoxelIndex {
     /// The cube around `p` in a grid of `1 / per_m` metres.
     #[inline]
     pub fn containing(p: [f64; 3], per_m: f64) -> Self {
-        Self([(p[0] * per_m).floor() as i32, (p[1] * per_m).floor() as i32, (p[2] * per_m).floor() as i32])
+        Self(p.map(|v| floor(v * per_m)))
     }
     /// 21 bits of each index; never [`EMPTY_KEY`].
     #[inline]
@@ -16,6 +16,13 @@ impl VoxelIndex {
         let bits = |i: i32| u64::from(i as u32) & 0x1f_ffff;
         bits(self.0[0]) | bits(self.0[1]) << 21 | bits(self.0[2]) << 42
     }
+}
+
+/// `v.floor() as i32` without the call of a function that processors before SSE 4.1 need.
+#[inline]
+fn floor(v: f64) -> i32 {
+    let towards_zero = v as i32;
+    towards_zero.saturating_sub(i32::from(f64::from(towards_zero) > v))
 }
 
 /// No voxel has it: keys have 63 bits.
@@ -48,17 +55,23 @@ impl VoxelSet {
     /// Whether the voxel is new.
     pub fn insert(&mut self, voxel: VoxelIndex) -> bool {
         let key = voxel.key();
+        let slot = self.slot(key);
+        let is_new = self.keys[slot] == EMPTY_KEY;
+        self.keys[slot] = key;
+        is_new
+    }
+    /// Whether the voxel was seen.
+    pub fn contains(&self, voxel: VoxelIndex) -> bool {
+        self.keys[self.slot(voxel.key())] != EMPTY_KEY
+    }
+    /// Where the key is, or where it would go.
+    #[inline]
+    fn slot(&self, key: u64) -> usize {
         let mut slot = first_slot(key, self.bits);
-        loop {
-            if self.keys[slot] == key {
-                return false;
-            }
-            if self.keys[slot] == EMPTY_KEY {
-                self.keys[slot] = key;
-                return true;
-            }
+        while self.keys[slot] != key && self.keys[slot] != EMPTY_KEY {
             slot = (slot + 1) & (self.keys.len() - 1);
         }
+        slot
     }
 }
 
@@ -84,11 +97,34 @@ mod tests {
     }
 
     #[test]
+    fn cubes_are_half_open_and_far_ones_do_not_overflow() {
+        for v in [
+            -2.0,
+            -1.5,
+            -1.0,
+            -0.1,
+            -0.0,
+            0.0,
+            0.9,
+            1.0,
+            7.99,
+            1e300,
+            -1e300,
+            f64::NAN,
+            2_147_483_647.5,
+            -2_147_483_648.5,
+        ] {
+            assert_eq!(floor(v), v.floor() as i32, "{v}");
+        }
+    }
+
+    #[test]
     fn every_voxel_is_new_once() {
         let mut set = VoxelSet::for_at_most(9 * 9 * 9);
         for round in 0..2 {
             for i in 0..9 * 9 * 9 {
                 let voxel = VoxelIndex([i / 81 - 4, i / 9 % 9 - 4, i % 9 - 4]);
+                assert_eq!(set.contains(voxel), round == 1, "{voxel:?}");
                 assert_eq!(set.insert(voxel), round == 0, "{voxel:?}");
             }
         }

@@ -6,6 +6,10 @@ use messages::{Envelope, Message, Pod, pod};
 use std::any::Any;
 use std::collections::BTreeMap;
 
+/// Notes of a stage: the heartbeat that carries them has 64 KiB, and nobody reads more.
+const MAX_NOTES: usize = 32;
+const MAX_NOTE_CHARS: usize = 300;
+
 /// A message that the stage may read, and keep for later steps (at most [`Message::BORROWED`] at a time).
 pub struct Received<T: Message>(Source<T>);
 
@@ -231,11 +235,16 @@ impl Outputs {
         }
     }
 
-    /// Says something to the operator, once per distinct text.
+    /// Says something to the operator, once per distinct text. The first 32 texts are kept, up to 300 characters each.
     pub fn note(&mut self, text: impl Into<String>) {
-        let text = text.into();
-        if !self.notes.contains(&text) {
+        let text: String = text.into().chars().take(MAX_NOTE_CHARS).collect();
+        if self.notes.contains(&text) {
+            return;
+        }
+        if self.notes.len() < MAX_NOTES {
             self.notes.push(text);
+        } else {
+            self.count("notes_left_out", 1);
         }
     }
 

@@ -84,13 +84,15 @@ pub struct Health {
     pub drive_time: Option<i64>,
     /// Share of the drive that the source had read at the last tick.
     pub progress: f64,
+    /// A source that was asked to end before the drive did.
+    pub drained: bool,
     /// Last barrier whose state is on disk.
     pub barrier: u64,
     /// By input topic.
     pub inputs: BTreeMap<String, Traffic>,
     /// By output topic.
     pub outputs: BTreeMap<String, Traffic>,
-    /// Points that passed: rows of the input (or for a source, output) topic with the most of them.
+    /// Points that passed: rows of the first input topic, of a source the first output topic.
     pub points: u64,
     /// Time in one step that had input.
     pub step: Latency,
@@ -131,8 +133,8 @@ impl Pulse {
         self.progress_mark.fetch_add(1, Ordering::Relaxed);
     }
     fn report(&self) -> Health {
-        let mut health = self.update();
         let Usage { cpu_s, rss_bytes, peak_rss_bytes } = usage();
+        let mut health = self.update();
         health.beat += 1;
         health.progress_mark = self.progress_mark.load(Ordering::Relaxed);
         (health.cpu_s, health.rss_bytes, health.peak_rss_bytes) = (cpu_s, rss_bytes, peak_rss_bytes);
@@ -153,9 +155,9 @@ impl Heartbeat {
         let thread = std::thread::Builder::new().name("heartbeat".to_owned()).spawn(move || {
             let publisher = domain
                 .node(&format!("{stage}-health"))
-                .and_then(|node| LatestPublisher::open(&node, &format!("{stage}.health")).map(|p| (node, p)));
+                .and_then(|node| LatestPublisher::open(&node, &format!("{stage}.health")));
             let publisher = match publisher {
-                Ok((_node, publisher)) => publisher,
+                Ok(publisher) => publisher,
                 Err(error) => {
                     tracing::error!("no heartbeat: {error}");
                     return;

@@ -47,10 +47,11 @@ impl LaunchFile {
         if problems.is_empty() { Ok(Self { path: path.to_owned(), text, root, overridden }) } else { Err(problems) }
     }
 
-    /// Names of all tables and where they stand, in the order of the file.
-    pub fn tables(&self) -> Vec<(String, Range<usize>)> {
-        let mut tables: Vec<_> = self.root.keys().map(|key| (key.get_ref().to_string(), key.span())).collect();
-        tables.sort_by_key(|(_, span)| span.start);
+    /// Names of all tables and where they stand, in the order of the file; those of the command line have no place in it.
+    pub fn tables(&self) -> Vec<(String, Option<Range<usize>>)> {
+        let place = |span: Range<usize>| (!span.is_empty()).then_some(span);
+        let mut tables: Vec<_> = self.root.keys().map(|key| (key.get_ref().to_string(), place(key.span()))).collect();
+        tables.sort_by_key(|(_, span)| span.as_ref().map_or(usize::MAX, |span| span.start));
         tables
     }
 

@@ -38,14 +38,15 @@ impl Waiter {
         activity: impl Fn() -> Activity,
         mut done: impl FnMut() -> Result<bool, StepError>,
     ) -> Result<bool, StepError> {
-        let mut said = false;
+        let mut said = None;
         while !done()? {
             if self.stop.load(Ordering::Relaxed) {
                 return Ok(false);
             }
-            if !said {
-                self.pulse.set(activity());
-                said = true;
+            let now = activity();
+            if said.as_ref() != Some(&now) {
+                self.pulse.set(now.clone());
+                said = Some(now);
             }
             let begun = monotonic_nanos();
             self.wake.wait(LOOK_AGAIN)?;

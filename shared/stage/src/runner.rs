@@ -117,7 +117,7 @@ impl<'a, S: Stage> Runner<'a, S> {
     }
 
     fn is_source(&self) -> bool {
-        self.inputs.is_empty()
+        S::inputs().is_empty()
     }
 
     fn ticked_outputs(outputs: &mut Outputs) -> impl Iterator<Item = &mut dyn TickedOutput> {
@@ -196,10 +196,11 @@ impl<'a, S: Stage> Runner<'a, S> {
         let end = flow == Flow::End || self.command.drain;
         if self.command.drain && flow == Flow::Continue {
             self.outputs.note("drained on request: the rest of the drive was not read");
+            self.pulse.update().drained = true;
         }
         let drive_time = self.outputs.drive_time.unwrap_or_default();
         let since = *self.barrier_time.get_or_insert(drive_time);
-        let barrier_due = !end && (drive_time - since) as f64 >= self.assignment.barrier_s * 1e9;
+        let barrier_due = !end && drive_time.saturating_sub(since) as f64 >= self.assignment.barrier_s * 1e9;
         let row = TickRow {
             tick: self.tick,
             barrier: if barrier_due { self.barrier + 1 } else { 0 },
@@ -305,11 +306,11 @@ impl<'a, S: Stage> Runner<'a, S> {
         let inputs: BTreeMap<_, _> = self.inputs.iter().map(|i| (i.topic().to_owned(), i.traffic())).collect();
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
-        let busiest = if inputs.is_empty() { &outputs } else { &inputs };
-        let mut health = self.pulse.update();
         // Images have more rows than any cloud; points are what the stage's first topic carries.
-        let first = if self.inputs.is_empty() { S::outputs() } else { S::inputs() };
-        health.points = first.first().and_then(|port| busiest.get(port.topic())).map_or(0, |traffic| traffic.rows);
+        let (ports, traffic) = if self.is_source() { (S::outputs(), &outputs) } else { (S::inputs(), &inputs) };
+        let points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
+        let mut health = self.pulse.update();
+        health.points = points;
         let Health { step, age, .. } = &mut *health;
         (*step, *age) = (Latency::from(&self.step_times), Latency::from(&self.ages));
         (health.inputs, health.outputs) = (inputs, outputs);

@@ -17,23 +17,18 @@ pub fn untimed(points: &[[f32; 4]], number: usize) -> Sweep {
     Sweep::new(Stamp(number as i64 * 100_000_000), points.iter().map(point).collect(), 0)
 }
 
-/// x y z intensity of a binary PCD file with just these fields.
+/// x y z intensity of a PCD file.
 pub fn read_pcd(path: &Path) -> Vec<[f32; 4]> {
-    let bytes = std::fs::read(path).unwrap();
-    let marker = b"DATA binary\n";
-    let start = bytes.windows(marker.len()).position(|window| window == marker).unwrap() + marker.len();
-    assert!(String::from_utf8_lossy(&bytes[..start]).contains("FIELDS x y z intensity"));
-    quads(&bytes[start..])
+    quads(&formats::pcd::points_from_pcd(&std::fs::read(path).unwrap()).unwrap())
 }
 
 /// x y z intensity of a KITTI .bin file.
 pub fn read_bin(path: &Path) -> Vec<[f32; 4]> {
-    quads(&std::fs::read(path).unwrap())
+    quads(&formats::kitti::points_from_bin(&std::fs::read(path).unwrap()).unwrap())
 }
 
-fn quads(bytes: &[u8]) -> Vec<[f32; 4]> {
-    let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-    bytes.chunks_exact(16).map(|b| [number(b), number(&b[4..]), number(&b[8..]), number(&b[12..])]).collect()
+fn quads(points: &[formats::cloud::CloudPoint]) -> Vec<[f32; 4]> {
+    points.iter().map(|point| [point.x, point.y, point.z, point.intensity]).collect()
 }
 
 /// Rows of 12 numbers, 3x4 row-major.
