@@ -53,6 +53,24 @@ fn what_does_not_fit_together_is_named() {
 }
 
 #[test]
+fn names_that_cannot_be_stages_are_refused() {
+    let relay = binary("misbehaving-relay").display().to_string();
+    let text = format!(
+        "[run]\ndrive = \".\"\noutput = \"out\"\n['../x']\nprogram = '{relay}'\n[settings]\nprogram = '{relay}'\n"
+    );
+    let output = Launch::new(&text).with("--check").with("--set").with("infr.model=3").run();
+    assert_eq!(output.status.code(), Some(78));
+    let said = said(&output);
+    for words in [
+        "launch.toml:4:2: ../x: a stage's name",
+        "launch.toml:6:2: settings: a stage's name",
+        "launch.toml: infr: no such stage",
+    ] {
+        assert!(said.contains(words), "{words:?} is not in:\n{said}");
+    }
+}
+
+#[test]
 fn broken_toml_is_shown_where_it_breaks() {
     let output = Launch::new("[run]\ndrive = \n").with("--check").run();
     assert_eq!(output.status.code(), Some(78));

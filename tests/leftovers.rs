@@ -32,6 +32,19 @@ fn stages_die_with_their_supervisor_and_the_next_start_cleans_up() {
     assert_eq!(leftovers(&domain), Vec::<String>::new());
 }
 
+/// A terminal that is closed takes stderr with it and sends SIGHUP: the run drains, and nothing of it stays.
+#[test]
+fn a_closed_terminal_drains_the_run() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let running = launch.start_with_closed_stderr();
+    let states = launch.output().join("run/states");
+    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+    running.signal(Signal::HUP);
+    assert_eq!(running.wait(), Some(3));
+    assert_eq!(launch.summary()["outcome"], "drained");
+    assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
+}
+
 #[test]
 fn two_runs_side_by_side_do_not_meet() {
     let [first, second] =

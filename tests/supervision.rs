@@ -99,8 +99,49 @@ fn wait_until_it_runs(launch: &Launch) {
     wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
 }
 
+/// Waits for a barrier of the run and kills the stage then.
+fn kill_at_barrier(launch: &Launch, running: &Running, stage: &str, barrier: u64) {
+    let states = launch.output().join("run/states");
+    wait_for(&format!("barrier {barrier}"), || {
+        let barriers = std::fs::read_dir(&states).ok()?.flatten();
+        let newest = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok()).max()?;
+        (newest >= barrier).then_some(())
+    });
+    if let Some(pid) = running.find_stage(stage) {
+        // It may have ended since; then this was no kill, and the result must be the same all the same.
+        let _ = kill_process(pid, Signal::KILL);
+    }
+}
+
 #[test]
-fn any_stage_killed_at_any_time_leaves_the_result_as_it_is() {
+fn kills_in_the_middle_of_the_drive_leave_the_result_as_it_is() {
+    let source = "ticks = 400\npoints = 20000";
+    let undisturbed = Launch::of_misbehaving("", source, "");
+    assert_eq!(undisturbed.run().status.code(), Some(0));
+    for (stage, barriers) in [("source", [2, 31]), ("relay", [11, 47]), ("sink", [23, 60])] {
+        let launch = Launch::of_misbehaving("restarts = 9", source, "");
+        let running = launch.start();
+        for barrier in barriers {
+            kill_at_barrier(&launch, &running, stage, barrier);
+        }
+        assert_eq!(running.wait(), Some(0));
+        assert!(launch.read("sink.txt") == undisturbed.read("sink.txt"), "the result shows that {stage} was killed");
+        assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "{stage} was killed");
+    }
+}
+
+#[test]
+fn a_stages_own_limit_counts_for_it() {
+    // The relay stalls for ever, but its table says that it may take long; the source and the sink merely wait for it.
+    let relay = "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"\nstall_s = 3.0";
+    let launch = Launch::of_misbehaving("stall_s = 1.0", SOURCE, relay);
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("[relay] stall: 3."), "{}", said(&output));
+}
+
+#[test]
+fn any_stage_killed_at_its_start_leaves_the_result_as_it_is() {
     let expected = undisturbed();
     for stage in ["source", "relay", "sink"] {
         let launch = Launch::of_misbehaving("", SOURCE, "");

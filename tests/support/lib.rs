@@ -87,6 +87,13 @@ impl Launch {
         let child = self.command().stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running { child, folder: self.folder().to_owned() }
     }
+    /// As [`Launch::start`], with nobody reading what it says.
+    pub fn start_with_closed_stderr(&self) -> Running {
+        let mut child =
+            self.command().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("replica-launch starts");
+        drop(child.stderr.take());
+        Running { child, folder: self.folder().to_owned() }
+    }
     /// A file of the output.
     pub fn read(&self, name: &str) -> Vec<u8> {
         let path = self.output().join(name);

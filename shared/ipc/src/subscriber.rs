@@ -61,7 +61,9 @@ impl<T: Message> Subscriber<T> {
             ReceiveError::ExceedsMaxBorrows => {
                 IpcError::HeldTooMany { service: self.channel.name.clone(), allowed: self.channel.borrowed }
             }
-            other => IpcError::transport(format!("receiving {}", self.channel.name), other),
+            other @ ReceiveError::ConnectionFailure(_) => {
+                IpcError::transport(format!("receiving {}", self.channel.name), other)
+            }
         })?;
         let Some(sample) = sample else { return Ok(None) };
         self.taken += 1;

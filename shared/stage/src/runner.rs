@@ -116,7 +116,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(runner)
     }
 
-    fn is_source(&self) -> bool {
+    fn is_source() -> bool {
         S::inputs().is_empty()
     }
 
@@ -152,7 +152,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             return Ok(false);
         }
         self.pulse.set(Activity::Ready);
-        if !self.is_source() {
+        if !Self::is_source() {
             return Ok(true);
         }
         let (control, command) = (&self.control, &mut self.command);
@@ -161,7 +161,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     fn ticks(&mut self) -> Result<Ending, StepError> {
         loop {
-            let ended = if self.is_source() { self.source_tick()? } else { self.tick()? };
+            let ended = if Self::is_source() { self.source_tick()? } else { self.tick()? };
             match ended {
                 None => return Ok(Ending::Stopped),
                 Some(true) => break,
@@ -307,7 +307,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
         // Images have more rows than any cloud; points are what the stage's first topic carries.
-        let (ports, traffic) = if self.is_source() { (S::outputs(), &outputs) } else { (S::inputs(), &inputs) };
+        let (ports, traffic) = if Self::is_source() { (S::outputs(), &outputs) } else { (S::inputs(), &inputs) };
         let points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
         let mut health = self.pulse.update();
         health.points = points;
