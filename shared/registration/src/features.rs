@@ -62,8 +62,8 @@ pub fn planar_features(sweep: &Sweep, settings: &FeatureSettings) -> Vec<Feature
     thinned_features(&by_row.concat(), settings.spacing_m)
 }
 
-/// Planar points of a row. Those in the cube of an earlier one are passed over before their normal is computed: thinning
-/// would drop them anyway.
+/// Planar points of a row. Those in the cube of an earlier one are passed over before their normal is computed:
+/// thinning would drop them anyway.
 fn row_features(sweep: &Sweep, row: usize, settings: &FeatureSettings) -> Vec<Feature> {
     let cols = sweep.image().cols();
     let step = settings.column_step.max(1);

@@ -99,8 +99,8 @@ impl RangeImage {
         let range = center.norm();
         let near = |row: usize, col: usize| {
             let offset = self.position(row, col) - center;
-            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known. NaN, of an
-            // empty cell, is neither less nor more.
+            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known. NaN, of
+            // an empty cell, is neither less nor more.
             (offset.norm_squared() < (0.1 + 0.06 * range).powi(2) && offset.norm_squared() > 0.0).then_some(offset)
         };
         // Two columns to each side: one step is often shorter than the range noise.
