@@ -5,7 +5,7 @@ use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
 use crate::histogram::Histogram;
 use crate::ports::{Clock, PortContext, TickedInput, TickedOutput, Waiter};
 use crate::process::{die_with, monotonic_nanos};
-use crate::state::{Bytes, RunnerState, load_state, save_state};
+use crate::state::{RunnerState, load_state, save_state};
 use crate::{Flow, Inputs, Outputs, Stage, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
 use messages::TickRow;
@@ -328,14 +328,13 @@ impl<'a, S: Stage> Runner<'a, S> {
             outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
             counters: self.outputs.counters.clone(),
             notes: self.outputs.notes.clone(),
-            stage: Bytes(self.stage.save()?),
         };
-        save_state(&self.assignment.state_file(self.barrier), &state)
+        save_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)
     }
 
     fn load(&mut self, barrier: u64) -> Result<(), StepError> {
-        let state = load_state(&self.assignment.state_file(barrier))?;
-        self.stage.load(&state.stage)?;
+        let (state, stage) = load_state(&self.assignment.state_file(barrier))?;
+        self.stage.load(&stage)?;
         (self.tick, self.barrier) = (state.tick, state.barrier);
         (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
         for output in Self::ticked_outputs(&mut self.outputs) {
