@@ -1,0 +1,33 @@
+//! A real receiver's log: an aircraft's 1307 pairs of GGA and RMC among other sentences.
+
+use formats::nmea;
+use real_data::real_data;
+
+#[test]
+fn every_fix_of_a_real_log_is_found_and_moves_as_the_log_says() {
+    let Some(path) = real_data("nmea/nmea1.log") else { return };
+    let (fixes, stats) = nmea::fixes(&std::fs::read(path).expect("readable"));
+    assert_eq!(stats.sentences, 2 * 1307);
+    // 314 of the moments are marked V: the receiver had no position.
+    assert_eq!((fixes.len(), stats.without_fix, stats.bad_lines), (993, 314, 0));
+    assert!(fixes.is_sorted_by_key(|fix| fix.stamp));
+
+    // Speed over ground against the way between fixes: two things that the receiver says independently.
+    let (mut compared, mut agreeing) = (0, 0);
+    for pair in fixes.windows(2) {
+        let seconds = pair[1].stamp.seconds_since(pair[0].stamp);
+        let (a, b) = (pair[0].position_deg, pair[1].position_deg);
+        let Some(speed_mps) = pair[1].speed_mps else { continue };
+        if speed_mps < 20.0 || seconds > 2.0 {
+            continue;
+        }
+        // Metres per degree on a sphere of the Earth's mean radius; good to half a percent.
+        let per_degree_m = 111_195.0;
+        let north_m = (b[0] - a[0]) * per_degree_m;
+        let east_m = (b[1] - a[1]) * per_degree_m * a[0].to_radians().cos();
+        compared += 1;
+        agreeing += usize::from((north_m.hypot(east_m) / seconds / speed_mps - 1.0).abs() < 0.05);
+    }
+    assert!(compared > 100, "{compared} pairs of fixes in flight");
+    assert!(agreeing * 20 > compared * 19, "{agreeing} of {compared} agree");
+}
