@@ -13,7 +13,8 @@ fn every_fix_of_a_real_log_is_found_and_moves_as_the_log_says() {
     assert!(fixes.is_sorted_by_key(|fix| fix.stamp));
 
     // Speed over ground against the way between fixes: two things that the receiver says independently.
-    let (mut compared, mut agreeing) = (0, 0);
+    // The receiver smooths its speed, so single pairs scatter by some per cent; their median does not.
+    let mut ratios = Vec::new();
     for pair in fixes.windows(2) {
         let seconds = pair[1].stamp.seconds_since(pair[0].stamp);
         let (a, b) = (pair[0].position_deg, pair[1].position_deg);
@@ -25,9 +26,10 @@ fn every_fix_of_a_real_log_is_found_and_moves_as_the_log_says() {
         let per_degree_m = 111_195.0;
         let north_m = (b[0] - a[0]) * per_degree_m;
         let east_m = (b[1] - a[1]) * per_degree_m * a[0].to_radians().cos();
-        compared += 1;
-        agreeing += usize::from((north_m.hypot(east_m) / seconds / speed_mps - 1.0).abs() < 0.05);
+        ratios.push(north_m.hypot(east_m) / seconds / speed_mps);
     }
-    assert!(compared > 100, "{compared} pairs of fixes in flight");
-    assert!(agreeing * 20 > compared * 19, "{agreeing} of {compared} agree");
+    ratios.sort_by(f64::total_cmp);
+    assert!(ratios.len() > 100, "{} pairs of fixes in flight", ratios.len());
+    let median = ratios[ratios.len() / 2];
+    assert!((0.98..1.02).contains(&median), "the way is {median} times what the speed says");
 }
