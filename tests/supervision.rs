@@ -46,12 +46,12 @@ fn a_stage_that_leaves_early_is_not_taken_for_done() {
 
 #[test]
 fn a_stage_that_hangs_is_killed_and_restarted() {
-    strikes_once("hang_s = 1.0", "hang", &["[relay] hang: no heartbeat for 1."]);
+    strikes_once("hang_s = 2.0", "hang", &["[relay] hang: no heartbeat for 2."]);
 }
 
 #[test]
 fn a_stage_that_stalls_is_told_from_one_that_hangs() {
-    strikes_once("stall_s = 1.0", "stall", &["[relay] stall: 1.", "in the step of tick 23"]);
+    strikes_once("stall_s = 3.0", "stall", &["[relay] stall: 3.", "in the step of tick 23"]);
 }
 
 #[test]
@@ -133,11 +133,11 @@ fn kills_in_the_middle_of_the_drive_leave_the_result_as_it_is() {
 #[test]
 fn a_stages_own_limit_counts_for_it() {
     // The relay stalls for ever, but its table says that it may take long; the source and the sink merely wait for it.
-    let relay = "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"\nstall_s = 3.0";
-    let launch = Launch::of_misbehaving("stall_s = 1.0", SOURCE, relay);
+    let relay = "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"\nstall_s = 6.0";
+    let launch = Launch::of_misbehaving("stall_s = 3.0", SOURCE, relay);
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    assert!(said(&output).contains("[relay] stall: 3."), "{}", said(&output));
+    assert!(said(&output).contains("[relay] stall: 6."), "{}", said(&output));
 }
 
 #[test]
