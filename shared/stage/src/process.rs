@@ -1,6 +1,7 @@
 //! What the operating system says about this process, and what it is told.
 
 use crate::StepError;
+use rustix::time::{ClockId, clock_gettime};
 
 /// CPU time and memory.
 #[derive(Clone, Copy, Debug, Default)]
@@ -13,19 +14,15 @@ pub struct Usage {
     pub peak_rss_bytes: u64,
 }
 
-/// From /proc/self; zeros where it cannot be read.
+/// From the process clock and /proc/self; zeros where it cannot be read.
 pub fn usage() -> Usage {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The command in parentheses may hold blanks; fields are counted behind it: utime and stime are 14 and 15 of all.
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    let ticks = |index: usize| fields.get(index).and_then(|field| field.parse::<u64>().ok()).unwrap_or_default();
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let kib = |key: &str| {
         let line = status.lines().find(|line| line.starts_with(key));
         line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or_default()
     };
     Usage {
-        cpu_s: (ticks(11) + ticks(12)) as f64 / rustix::param::clock_ticks_per_second() as f64,
+        cpu_s: nanos_of(ClockId::ProcessCPUTime) as f64 * 1e-9,
         rss_bytes: kib("VmRSS:") * 1024,
         peak_rss_bytes: kib("VmHWM:") * 1024,
     }
@@ -33,7 +30,11 @@ pub fn usage() -> Usage {
 
 /// The monotonic clock, the same for all processes of the machine.
 pub fn monotonic_nanos() -> u64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+    nanos_of(ClockId::Monotonic)
+}
+
+fn nanos_of(clock: ClockId) -> u64 {
+    let now = clock_gettime(clock);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
