@@ -99,14 +99,18 @@ fn wait_until_it_runs(launch: &Launch) {
     wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
 }
 
-/// Waits for a barrier of the run and kills the stage then.
-fn kill_at_barrier(launch: &Launch, running: &Running, stage: &str, barrier: u64) {
+fn wait_for_barrier(launch: &Launch, barrier: u64) {
     let states = launch.output().join("run/states");
     wait_for(&format!("barrier {barrier}"), || {
         let barriers = std::fs::read_dir(&states).ok()?.flatten();
         let newest = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok()).max()?;
         (newest >= barrier).then_some(())
     });
+}
+
+/// Waits for a barrier of the run and kills the stage then.
+fn kill_at_barrier(launch: &Launch, running: &Running, stage: &str, barrier: u64) {
+    wait_for_barrier(launch, barrier);
     if let Some(pid) = running.find_stage(stage) {
         // It may have ended since; then this was no kill, and the result must be the same all the same.
         let _ = kill_process(pid, Signal::KILL);
@@ -128,6 +132,26 @@ fn kills_in_the_middle_of_the_drive_leave_the_result_as_it_is() {
         assert!(launch.read("sink.txt") == undisturbed.read("sink.txt"), "the result shows that {stage} was killed");
         assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "{stage} was killed");
     }
+}
+
+#[test]
+fn a_run_whose_supervisor_was_killed_is_resumed() {
+    let source = "ticks = 400\npoints = 20000";
+    let undisturbed = Launch::of_misbehaving("", source, "");
+    assert_eq!(undisturbed.run().status.code(), Some(0));
+    let launch = Launch::of_misbehaving("", source, "");
+    for barrier in [9, 40] {
+        let running = if barrier == 9 { launch.start() } else { launch.start_again(&["--resume"]) };
+        wait_for_barrier(&launch, barrier);
+        running.signal(Signal::KILL);
+        assert_eq!(running.wait(), None, "SIGKILL leaves no exit code");
+        assert!(!launch.output().join("summary.json").exists());
+    }
+    let other = launch.start_again(&["--resume", "--set", "source.points=3"]);
+    assert_eq!(other.wait(), Some(1), "another run's states are not taken up");
+    let resumed = launch.start_again(&["--resume"]);
+    assert_eq!(resumed.wait(), Some(0));
+    assert!(launch.read("sink.txt") == undisturbed.read("sink.txt"), "the result shows that the supervisor was killed");
 }
 
 #[test]

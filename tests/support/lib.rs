@@ -83,8 +83,14 @@ impl Launch {
     }
     /// Starts and returns.
     pub fn start(&self) -> Running {
+        self.start_again(&[])
+    }
+    /// As [`Launch::start`] with further arguments.
+    pub fn start_again(&self, arguments: &[&str]) -> Running {
         let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
-        let child = self.command().stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
+        let mut command = self.command();
+        let child =
+            command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running { child, folder: self.folder().to_owned() }
     }
     /// As [`Launch::start`], with nobody reading what it says.

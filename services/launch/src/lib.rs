@@ -32,6 +32,9 @@ struct Arguments {
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
+    /// Go on from the last barrier of a run into the same output that was killed
+    #[arg(long)]
+    resume: bool,
     /// Report every fault of the launch file and of what it names, and start nothing
     #[arg(long)]
     check: bool,
@@ -63,7 +66,7 @@ pub fn main() -> ExitCode {
     } else if arguments.check {
         println!("{}: {} stages, no faults", arguments.launch_file.display(), plan.stages.len());
     } else {
-        return ExitCode::from(supervise::run(plan));
+        return ExitCode::from(supervise::run(plan, arguments.resume));
     }
     ExitCode::from(exit::DONE)
 }

@@ -18,6 +18,9 @@ use std::fs::File;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
+/// File of the run's settings as resolved.
+const SETTINGS: &str = "settings.json";
+
 /// The folder, locked for this supervisor alone.
 pub struct RunFolder {
     folder: PathBuf,
@@ -55,25 +58,37 @@ impl RunFolder {
             }
         }
         std::fs::create_dir(&logs).map_err(|error| format!("{}: {error}", logs.display()))?;
+        self.forget_summary()?;
+        std::fs::copy(&plan.launch_file, self.launch_copy())
+            .map_err(|error| format!("{}: {error}", plan.launch_file.display()))?;
+        self.write(SETTINGS, settings(plan).to_string().as_bytes())
+    }
+
+    /// Makes sure that `plan` is that of the run that was begun here: another would not go on with its bytes.
+    pub fn resume(&self, plan: &Plan) -> Result<(), String> {
+        let path = self.folder.join(SETTINGS);
+        let begun = std::fs::read(&path).map_err(|error| format!("no run to resume: {}: {error}", path.display()))?;
+        let begun: serde_json::Value =
+            serde_json::from_slice(&begun).map_err(|error| format!("{}: {error}", path.display()))?;
+        let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
+        if !same_file || begun != settings(plan) {
+            return Err(format!(
+                "the run in {} was begun with other settings or programs: it cannot be resumed with these",
+                self.output.display()
+            ));
+        }
+        self.forget_summary()
+    }
+
+    /// A summary is that of a finished run; until then there is none.
+    fn forget_summary(&self) -> Result<(), String> {
         let summary = self.output.join("summary.json");
         match std::fs::remove_file(&summary) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(format!("{}: {error}", summary.display()));
+                Err(format!("{}: {error}", summary.display()))
             }
-            _ => {}
+            _ => Ok(()),
         }
-        std::fs::copy(&plan.launch_file, self.launch_copy())
-            .map_err(|error| format!("{}: {error}", plan.launch_file.display()))?;
-        let settings = serde_json::json!({
-            "launch_file": plan.launch_file,
-            "overrides": plan.overrides,
-            "run": plan.run,
-            "context": plan.context,
-            "stages": plan.stages.iter().map(|s| serde_json::json!({
-                "name": s.name, "program": s.program, "settings": s.description.settings,
-            })).collect::<Vec<_>>(),
-        });
-        self.write("settings.json", settings.to_string().as_bytes())
     }
 
     /// What the stages read, so that an edit during the run does not show in it.
@@ -145,6 +160,19 @@ impl RunFolder {
         let entries = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
         entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
     }
+}
+
+/// What the launch file and the command line came to.
+fn settings(plan: &Plan) -> serde_json::Value {
+    serde_json::json!({
+        "launch_file": plan.launch_file,
+        "overrides": plan.overrides,
+        "run": plan.run,
+        "context": plan.context,
+        "stages": plan.stages.iter().map(|s| serde_json::json!({
+            "name": s.name, "program": s.program, "settings": s.description.settings,
+        })).collect::<Vec<_>>(),
+    })
 }
 
 /// The domain of runs into `output` (absolute, links resolved). The same output has the same, so the next run finds what a

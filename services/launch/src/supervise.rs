@@ -33,8 +33,8 @@ enum Ending {
 }
 
 /// Runs the plan to its end; the exit code.
-pub fn run(plan: Plan) -> u8 {
-    match Supervisor::new(plan).and_then(Supervisor::run) {
+pub fn run(plan: Plan, resume: bool) -> u8 {
+    match Supervisor::new(plan).and_then(|supervisor| supervisor.run(resume)) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("replica-launch: {error}");
@@ -88,9 +88,16 @@ impl Supervisor {
         })
     }
 
-    fn run(mut self) -> Result<u8, String> {
-        self.folder.begin(&self.plan)?;
-        let mut resume = None;
+    fn run(mut self, resume: bool) -> Result<u8, String> {
+        let mut resume = if resume {
+            self.folder.resume(&self.plan)?;
+            let barrier = self.folder.last_complete_barrier(&self.plan.stages);
+            self.screen.say(&format!("resuming from {}", place(barrier)));
+            barrier
+        } else {
+            self.folder.begin(&self.plan)?;
+            None
+        };
         let outcome = loop {
             // What a killed run left of this domain goes first; nobody of it is alive while we hold the lock.
             self.domain.wipe().map_err(|error| error.to_string())?;
@@ -230,7 +237,7 @@ impl Supervisor {
         let delay = Duration::from_millis((self.plan.run.restart_delay_s * 1000.0) as u64)
             .saturating_mul(1_u32.checked_shl(self.restarts).unwrap_or(u32::MAX))
             .min(MAX_DELAY);
-        let from = resume.map_or("the beginning".to_owned(), |barrier| format!("barrier {barrier}"));
+        let from = place(resume);
         let allowed = self.plan.run.restarts;
         self.screen.say(&format!(
             "restart {} of {allowed} from {from} in {:.1} s",
@@ -297,6 +304,11 @@ impl Supervisor {
             latency: sink.age,
         }
     }
+}
+
+/// Where a run goes on, in words.
+fn place(barrier: Option<u64>) -> String {
+    barrier.map_or("the beginning".to_owned(), |barrier| format!("barrier {barrier}"))
 }
 
 fn is_ready(process: &StageProcess) -> bool {
