@@ -29,7 +29,7 @@ impl Domain {
         &self.name
     }
 
-    /// Start of the name of every file of this domain in [`SHARED_MEMORY`].
+    /// Start of the name of every file of this domain in shared memory.
     pub fn prefix(&self) -> String {
         format!("replica_{}_", self.name)
     }
