@@ -1,6 +1,7 @@
 //! The real stages as processes: what a run leaves behind, and that the same input gives the same bytes whatever happens to
 //! the processes meanwhile.
 
+use formats::drive::Drive;
 use formats::ply::Vertices;
 use formats::trajectory::{poses_from_kitti, trajectory_from_tum};
 use geometry::Trajectory;
@@ -72,8 +73,8 @@ fn a_run_leaves_clouds_trajectory_and_summary() {
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
 
-    let truth = std::fs::read_to_string(DRIVE.join("truth/trajectory.txt")).expect("simulated drives have truth");
-    let truth = trajectory_from_tum(&truth).expect("TUM");
+    let drive = Drive::open(&DRIVE).expect("a drive");
+    let truth = drive.true_trajectory().expect("simulated drives have truth").expect("TUM");
     let estimate = trajectory_from_tum(&String::from_utf8(launch.read("trajectory.txt")).expect("text")).expect("TUM");
     assert!(truth.length_m() > 5.0, "the vehicle moves");
     let error_m = largest_error_m(&estimate, &truth);

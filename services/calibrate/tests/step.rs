@@ -2,6 +2,7 @@
 
 use calibrate::{Calibrate, Settings};
 use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry};
+use formats::pgm::pgm_from_samples;
 use geometry::{CameraModel, Pinhole};
 use messages::{Cube, CubeView, Mosaic, MosaicHeader};
 use stage::testing::{Bench, context};
@@ -67,9 +68,7 @@ fn frame(nanos: u64, reflectance: impl Fn(u32, u32) -> f64) -> Vec<u16> {
 
 fn write_pgm(path: &Path, samples: &[u16]) {
     std::fs::create_dir_all(path.parent().expect("has a folder")).expect("made");
-    let mut bytes = format!("P5\n{WIDTH} {HEIGHT}\n65535\n").into_bytes();
-    bytes.extend(samples.iter().flat_map(|sample| sample.to_be_bytes()));
-    std::fs::write(path, bytes).expect("written");
+    std::fs::write(path, pgm_from_samples(WIDTH, HEIGHT, u16::MAX, samples)).expect("written");
 }
 
 /// Two dark frames that differ by two counts, so that only their mean is right, and a white one.

@@ -89,7 +89,7 @@ fn position_packets_tell_the_time_once_a_second() {
         })
         .collect();
     assert_eq!(sentences.len(), 3);
-    for (sentence, time) in sentences.iter().zip(["100004.00", "100005.00", "100006.00"]) {
+    for (sentence, time) in sentences.iter().zip(["100004.000", "100005.000", "100006.000"]) {
         assert!(sentence.starts_with(&format!("$GPRMC,{time},A,48")), "{sentence}");
     }
 }

@@ -50,19 +50,6 @@ impl Folder {
             .map_err(|source| SimulationError::Image { path: self.0.join(name), source })?;
         self.write(name, &bytes)
     }
-    /// Writes samples as binary PGM of 16 bits, high byte first (Netpbm).
-    pub fn write_pgm(
-        &self,
-        name: &str,
-        samples: &[u16],
-        [width, height]: [usize; 2],
-        bit_depth: u32,
-    ) -> Result<(), SimulationError> {
-        let mut bytes = format!("P5\n{width} {height}\n{}\n", (1_u32 << bit_depth) - 1).into_bytes();
-        bytes.reserve(samples.len() * 2);
-        bytes.extend(samples.iter().flat_map(|sample| sample.to_be_bytes()));
-        self.write(name, &bytes)
-    }
     /// The drive is complete.
     pub fn complete(self, out: &Path) -> Result<(), SimulationError> {
         fs::rename(&self.0, out).map_err(SimulationError::write(out))

@@ -8,6 +8,7 @@ use crate::sensors::gnss;
 use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, LidarReturn, N_BLOCKS};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
+use formats::nmea::rmc_from_fix;
 use formats::pcap;
 use formats::velodyne::{
     DATA_PORT, Model, POSITION_PORT, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
@@ -46,7 +47,7 @@ pub fn write(
         for (packet, blocks) in (first..last).zip(&made) {
             let stamp = lidar.packet_stamp(packet);
             while let Some(fix) = fixes.next_if(|fix| fix.stamp <= stamp) {
-                let payload = encode_position_packet(fix.stamp, &gnss::rmc(fix));
+                let payload = encode_position_packet(fix.stamp, &rmc_from_fix(fix));
                 capture.write_udp(fix.stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
             }
             let payload = encode_data_packet(Model::Hdl32e, stamp, &std::array::from_fn(|i| raw(&blocks[i])));

@@ -15,6 +15,7 @@ use crate::sensors::{gnss, imu, lidar::Lidar, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
+use formats::pgm::pgm_from_samples;
 use geometry::Stamp;
 use messages::ClassId;
 use std::path::Path;
@@ -123,7 +124,7 @@ fn write_pose_sensors(simulation: &Simulation, folder: &Folder) -> Result<(), Si
     let (gnss_seed, imu_seed) = (hash(spec.seed, GNSS_STREAM), hash(spec.seed, IMU_STREAM));
     let end = lidar_files::duration_seconds(spec);
     folder.write("gnss.nmea", gnss::nmea(&gnss::record(motion, end, gnss_seed)).as_bytes())?;
-    folder.write("imu.csv", imu::csv(&imu::record(motion, end, imu_seed)).as_bytes())?;
+    folder.write("imu.csv", formats::imu::csv_from_samples(&imu::record(motion, end, imu_seed)).as_bytes())?;
     let poses = formats::trajectory::tum_from_trajectory(&truth::trajectory(motion, end));
     folder.write("truth/trajectory.txt", poses.as_bytes())
 }
@@ -154,7 +155,9 @@ fn write_mosaics(
     for (index, model) in mosaic_models().into_iter().enumerate() {
         let name = model.name;
         let camera = MosaicCamera::new(model, &rig::mosaic_lens());
-        let write = |path: String, samples: Vec<u16>| folder.write_pgm(&path, &samples, SIZE, BIT_DEPTH);
+        let write = |path: String, samples: Vec<u16>| {
+            folder.write(&path, &pgm_from_samples(SIZE[0] as u32, SIZE[1] as u32, (1 << BIT_DEPTH) - 1, &samples))
+        };
         let seed = hash(simulation.spec.seed, MOSAIC_STREAM ^ (index as u64 + 1) << 8);
         write(format!("{name}/dark/0.pgm"), camera.dark(hash(seed, 1)))?;
         write(format!("{name}/white/0.pgm"), camera.white(hash(seed, 2)))?;
