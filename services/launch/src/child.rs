@@ -122,7 +122,7 @@ impl StageProcess {
                     format!("refused its configuration (exit code {code})")
                 }
                 (Some(code), _) => format!("ended with exit code {code}"),
-                (None, Some(7)) => "was killed by SIGBUS: shared memory is full".to_owned(),
+                (None, Some(7)) => "was killed by SIGBUS: probably shared memory is full".to_owned(),
                 (None, Some(signal)) => format!("was killed by signal {signal}"),
                 (None, None) => "ended".to_owned(),
             },

@@ -17,7 +17,6 @@ pub use problems::{DriveError, DriveProblem};
 pub use sweeps::{DriveSweep, SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
-use crate::kitti::{self, Label};
 use crate::manifest::Manifest;
 use crate::nmea::{self, Fix, LogStats};
 use crate::trajectory::trajectory_from_tum;
@@ -129,15 +128,6 @@ impl Drive {
         let text = fs::read_to_string(&path).map_err(|error| DriveProblem::of_file(&path, error.to_string()));
         Some(text.and_then(|text| {
             trajectory_from_tum(&text).map_err(|error| DriveProblem::of_file(&path, error.to_string()))
-        }))
-    }
-
-    /// True labels of the returns of sweep `seq`, in the order of firing, if they are known.
-    pub fn true_labels(&self, seq: u64) -> Option<Result<Vec<Label>, DriveProblem>> {
-        let path = self.folder.join(&self.manifest.truth.as_ref()?.labels).join(format!("{seq:06}.label"));
-        let bytes = fs::read(&path).map_err(|error| DriveProblem::of_file(&path, error.to_string()));
-        Some(bytes.and_then(|bytes| {
-            kitti::labels_from_bytes(&bytes).map_err(|error| DriveProblem::of_file(&path, error.to_string()))
         }))
     }
 }
