@@ -6,26 +6,16 @@ use formats::ply::Vertices;
 use formats::trajectory::{poses_from_kitti, trajectory_from_tum};
 use geometry::Trajectory;
 use real_data::real_data;
-use replica_tests::{Launch, binary, is_alive, result_files, said, wait_for};
+use replica_tests::{Launch, binary, is_alive, pipeline, result_files, said, simulated_drive, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::LazyLock;
 
 /// Drive of the tests: three seconds of street with all sensors.
 static DRIVE: LazyLock<PathBuf> = LazyLock::new(|| {
     let drive = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive");
-    // One made by an older simulator would test something else.
-    let _ = std::fs::remove_dir_all(&drive);
-    let status = Command::new(binary("replica"))
-        .args(["simulate", "--seed", "5", "--seconds", "3", "--out"])
-        .arg(&drive)
-        .stderr(std::process::Stdio::null())
-        .stdout(std::process::Stdio::null())
-        .status()
-        .expect("replica starts");
-    assert!(status.success());
+    simulated_drive(&drive, 5, 3.0);
     drive
 });
 
@@ -37,16 +27,8 @@ static UNDISTURBED: LazyLock<BTreeMap<String, Vec<u8>>> = LazyLock::new(|| {
     result_files(&launch.output())
 });
 
-/// All stages, with submaps short enough that three seconds have several.
 fn launch(drive: &Path, infer: &str) -> Launch {
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
-    let infer = if infer.is_empty() { format!("model = '{}'", model.display()) } else { infer.to_owned() };
-    Launch::new(&format!(
-        "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n\
-         [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\n{infer}\n\
-         [instance]\nvehicles_min_points = 200\n[export]\n",
-        drive.display()
-    ))
+    pipeline(drive, "", infer)
 }
 
 fn assert_same(expected: &BTreeMap<String, Vec<u8>>, got: &BTreeMap<String, Vec<u8>>, what: &str) {

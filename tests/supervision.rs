@@ -99,18 +99,9 @@ fn wait_until_it_runs(launch: &Launch) {
     wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
 }
 
-fn wait_for_barrier(launch: &Launch, barrier: u64) {
-    let states = launch.output().join("run/states");
-    wait_for(&format!("barrier {barrier}"), || {
-        let barriers = std::fs::read_dir(&states).ok()?.flatten();
-        let newest = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok()).max()?;
-        (newest >= barrier).then_some(())
-    });
-}
-
 /// Waits for a barrier of the run and kills the stage then.
 fn kill_at_barrier(launch: &Launch, running: &Running, stage: &str, barrier: u64) {
-    wait_for_barrier(launch, barrier);
+    launch.wait_for_barrier(barrier);
     if let Some(pid) = running.find_stage(stage) {
         // It may have ended since; then this was no kill, and the result must be the same all the same.
         let _ = kill_process(pid, Signal::KILL);
@@ -142,7 +133,7 @@ fn a_run_whose_supervisor_was_killed_is_resumed() {
     let launch = Launch::of_misbehaving("", source, "");
     for barrier in [9, 40] {
         let running = if barrier == 9 { launch.start() } else { launch.start_again(&["--resume"]) };
-        wait_for_barrier(&launch, barrier);
+        launch.wait_for_barrier(barrier);
         running.signal(Signal::KILL);
         assert_eq!(running.wait(), None, "SIGKILL leaves no exit code");
         assert!(!launch.output().join("summary.json").exists());
@@ -175,4 +166,25 @@ fn any_stage_killed_at_its_start_leaves_the_result_as_it_is() {
         assert!(launch.read("sink.txt") == expected, "the result shows that {stage} was killed");
         assert_eq!(launch.summary()["total"]["restarts"], 1);
     }
+}
+
+#[test]
+fn a_stage_that_was_stopped_for_a_while_goes_on() {
+    // SIGCONT once broke off the sleep of a stage with an error, and so cost a restart.
+    let launch = Launch::of_misbehaving("restarts = 0\nhang_s = 120.0", "ticks = 1000000\npoints = 1000", "");
+    let running = launch.start();
+    wait_until_it_runs(&launch);
+    let [relay, sink] = ["relay", "sink"].map(|stage| running.stage(stage));
+    for barrier in 3..13 {
+        // Who stands still keeps the other one asleep.
+        for pid in [relay, sink] {
+            kill_process(pid, Signal::STOP).expect("the stage lives");
+        }
+        for pid in [relay, sink] {
+            kill_process(pid, Signal::CONT).expect("the stage lives");
+        }
+        launch.wait_for_barrier(barrier);
+    }
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
 }

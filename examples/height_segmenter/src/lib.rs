@@ -118,8 +118,4 @@ impl Stage for HeightSegmenter {
     fn save(&mut self) -> Result<Vec<u8>, StepError> {
         Ok(Vec::new())
     }
-
-    fn load(&mut self, _state: &[u8]) -> Result<(), StepError> {
-        Ok(())
-    }
 }

@@ -68,6 +68,12 @@ impl<T: Message> Columns<T> {
         if self.front_seq() == Some(seq) { self.held.pop_front() } else { None }
     }
 
+    /// Live, the submaps of the oldest may never come: no more are held than may be.
+    pub(crate) fn trim(&mut self) {
+        let n_held = self.held.len();
+        drop(self.held.drain(..n_held.saturating_sub(T::BORROWED)));
+    }
+
     pub(crate) fn check_bound(&self) -> Result<(), StepError> {
         if self.held.len() <= T::BORROWED {
             return Ok(());

@@ -15,9 +15,6 @@ stage::settings! {
     }
 }
 
-/// Raised when the saved state changes its meaning.
-const STATE_VERSION: u32 = 1;
-
 /// The stage.
 pub struct Infer {
     model: Box<dyn Segmenter>,
@@ -80,10 +77,6 @@ impl Stage for Infer {
     }
 
     fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(stage::encode_state(STATE_VERSION, &())?)
-    }
-
-    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        Ok(stage::decode_state(STATE_VERSION, state)?)
+        Ok(Vec::new())
     }
 }

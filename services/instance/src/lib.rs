@@ -134,8 +134,8 @@ impl Stage for InstanceStage {
         vec![Port::of::<Instance>()]
     }
 
-    fn new(settings: &Settings, _context: &Context) -> Result<Self, StepError> {
-        Ok(Self { settings: settings.clone(), pairing: Pairing::default(), next_id: 1 })
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        Ok(Self { settings: settings.clone(), pairing: Pairing::new(context.mode), next_id: 1 })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -161,7 +161,7 @@ impl Stage for InstanceStage {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let state: SavedState = stage::decode_state(STATE_VERSION, state)?;
-        self.pairing = Pairing::load(&state.pairing)?;
+        self.pairing.load(&state.pairing)?;
         self.next_id = state.next_id;
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use messages::{Class, Message, Submap};
 use serde::{Deserialize, Serialize};
-use stage::{Bytes, Inputs, Received, StepError};
+use stage::{Bytes, Inputs, Mode, Received, StepError};
 use std::collections::VecDeque;
 
 /// A submap and the classes of its points.
@@ -11,6 +11,8 @@ pub(crate) type Pair = (Received<Submap>, Received<Class>);
 /// Messages that have no partner yet, in the order they came.
 #[derive(Default)]
 pub(crate) struct Pairing {
+    /// Partners may never come.
+    is_live: bool,
     submaps: VecDeque<Received<Submap>>,
     classes: VecDeque<Received<Class>>,
 }
@@ -23,14 +25,38 @@ pub(crate) struct SavedPairing {
 }
 
 impl Pairing {
+    pub(crate) fn new(mode: Mode) -> Self {
+        Self { is_live: mode == Mode::Live, ..Self::default() }
+    }
+
     /// Takes the tick's messages.
     pub(crate) fn take(&mut self, inputs: &mut Inputs) {
         self.submaps.extend(inputs.take::<Submap>());
         self.classes.extend(inputs.take::<Class>());
     }
 
+    /// Live: what is older than anything of the other kind that may still come has lost its partner; and no more is held than
+    /// may be.
+    fn let_go_of_the_lonely(&mut self) {
+        let (submap, class) = (self.submaps.front().map(Received::seq), self.classes.front().map(Received::seq));
+        if let (Some(submap), Some(class)) = (submap, class) {
+            self.submaps.retain(|message| message.seq() >= class);
+            self.classes.retain(|message| message.seq() >= submap);
+        }
+        let (n_submaps, n_classes) = (self.submaps.len(), self.classes.len());
+        if self.classes.is_empty() {
+            drop(self.submaps.drain(..n_submaps.saturating_sub(Submap::BORROWED)));
+        }
+        if self.submaps.is_empty() {
+            drop(self.classes.drain(..n_classes.saturating_sub(Class::BORROWED)));
+        }
+    }
+
     /// The next submap whose classes are here. An error if the two are not of the same number and length.
     pub(crate) fn next(&mut self) -> Result<Option<Pair>, StepError> {
+        if self.is_live {
+            self.let_go_of_the_lonely();
+        }
         if self.submaps.is_empty() || self.classes.is_empty() {
             return self.check_waiting().map(|()| None);
         }
@@ -76,10 +102,9 @@ impl Pairing {
         }
     }
 
-    pub(crate) fn load(saved: &SavedPairing) -> Result<Self, StepError> {
-        Ok(Self {
-            submaps: saved.submaps.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?,
-            classes: saved.classes.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?,
-        })
+    pub(crate) fn load(&mut self, saved: &SavedPairing) -> Result<(), StepError> {
+        self.submaps = saved.submaps.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?;
+        self.classes = saved.classes.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?;
+        Ok(())
     }
 }

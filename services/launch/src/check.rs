@@ -1,55 +1,101 @@
 //! Everything that can be known before the start, all faults at once.
 
+use crate::exhausted::lacks_shared_memory;
 use crate::graph;
 use crate::manifest::{Run, Simulate, StageTable};
-use crate::plan::{Plan, PlannedStage};
+use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::run_folder::domain_of;
+use crate::sourced;
+use ipc::Transport;
 use stage::assignment::CONTRACT_VERSION;
 use stage::launch_file::{LaunchFile, render};
-use stage::{CheckRequest, Context, Mode, Problem, SUPERVISOR_KEYS, parse_table};
+use stage::{CheckRequest, Context, DescribeRequest, Mode, Problem, SUPERVISOR_KEYS, parse_table};
 use std::path::{Path, PathBuf};
 
 /// Tables that are no stages.
 const OWN_TABLES: [&str; 2] = ["run", "simulate"];
 
-/// Free shared memory without which no run is begun, bytes: two submaps of 4 million points of 28 bytes with their
-/// columns, once in work and once waiting.
-const MIN_SHARED_MEMORY: u64 = 512 << 20;
-
 /// Reads and checks the launch file and everything that it names. Faults come rendered, in the order of the file.
-pub fn plan(path: &Path, overrides: &[String]) -> Result<Plan, Vec<String>> {
+pub fn plan(path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
     let path = std::path::absolute(path).map_err(|error| vec![format!("{}: {error}", path.display())])?;
-    let file = LaunchFile::load(&path, overrides).map_err(|problems| {
-        let text = std::fs::read_to_string(&path).unwrap_or_default();
-        problems.iter().map(|problem| render(&path, &text, problem)).collect::<Vec<_>>()
+    plan_as(&path, &path, overrides, selection)
+}
+
+/// As [`plan`]: reads `copy` as if it were the launch file at `path`. Both are absolute.
+pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
+    let file = LaunchFile::load(copy, overrides).map_err(|problems| {
+        let text = std::fs::read_to_string(copy).unwrap_or_default();
+        problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
     })?;
     let mut faults = Faults { file: &file, problems: Vec::new() };
     let run: Run = faults.table("run", |_| true);
     let has_simulate = file.tables().iter().any(|(name, _)| name == "simulate");
     let simulate: Simulate = faults.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
-    let drive = faults.path("drive", &run.drive, &folder);
+    let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
+    let is_live = mode == Mode::Live;
+    // Live, the drive says only where the sensors are mounted, and may be left out.
+    let drive = if is_live { folder.join(&run.drive) } else { faults.path("drive", &run.drive, &folder) };
     let output = faults.path("output", &run.output, &folder);
     let drive_is_there = drive.exists();
-    if !drive_is_there && !has_simulate && !run.drive.is_empty() {
+    if !drive_is_there && (!has_simulate || is_live) && !run.drive.is_empty() {
         let text = format!("{} is not there, and there is no [simulate] to make it", drive.display());
         faults.add("run", faults.value_problem("run", "drive", text));
     }
-    faults.shared_memory(&output);
+    if let Some(text) = lacks_shared_memory(domain_of(&output).ok().as_ref()) {
+        faults.add("", Problem::of_key("", text));
+    }
 
-    let mut stages = faults.stages(&folder);
-    for (stage, problem) in graph::connect(&mut stages) {
+    let mut stages = faults.stages(&folder, copy, overrides, &selection.without);
+    let known: Vec<String> = file.tables().into_iter().map(|(name, _)| name).collect();
+    for absent in selection.without.iter().chain(&selection.source).filter(|name| !known.contains(name)) {
+        faults
+            .add("", Problem::of_key("", format!("the command line names stage {absent}, of which there is no table")));
+    }
+    let mut remark = None;
+    if let Some(source) = &selection.source {
+        let left_out = sourced::leave_out(&mut stages, source);
+        if !left_out.is_empty() {
+            remark = Some(format!("in the place of [{source}]'s topics left out: {}", left_out.join(", ")));
+        }
+    }
+    for (stage, problem) in graph::connect(&mut stages, mode) {
         faults.add(&stage, problem);
     }
+    graph::set_transport(&mut stages, run.transport());
     if stages.is_empty() && faults.problems.is_empty() {
         faults.add("", Problem::of_key("", "names no stage: there is nothing to run"));
     }
+    for topic in &selection.recorded {
+        if !stages.iter().any(|stage| stage.outputs.iter().any(|output| output.topic == *topic)) {
+            faults.add("", Problem::of_key("", format!("--topics: no stage of this run produces topic {topic}")));
+        }
+    }
+    let (is_recorded, is_copying) = (!selection.recorded.is_empty(), run.transport() == Transport::Copying);
+    for (is_faulty, rule) in [
+        (
+            is_live && is_recorded,
+            "--record: a live run drops messages, a recording must not; it records its sensors by itself",
+        ),
+        (
+            is_live && is_copying,
+            "run.transport: a live run needs \"shared\": only there may the oldest message make way",
+        ),
+        (
+            is_copying && is_recorded,
+            "--record: topics that are copied cannot be looked on at; run.transport must be \"shared\"",
+        ),
+    ] {
+        if is_faulty {
+            faults.add("", Problem::of_key("", rule));
+        }
+    }
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
-    let context = Context { drive, output, launch_folder: folder, mode: Mode::Offline, connected };
+    let context = Context { drive, output, launch_folder: folder, mode, connected };
     for stage in &stages {
         let request = CheckRequest {
-            launch_file: path.clone(),
+            launch_file: copy.to_owned(),
             overrides: overrides.to_vec(),
             table: stage.name.clone(),
             context: context.clone(),
@@ -64,8 +110,17 @@ pub fn plan(path: &Path, overrides: &[String]) -> Result<Plan, Vec<String>> {
     if !problems.is_empty() {
         return Err(problems);
     }
-    let simulate = (!drive_is_there).then_some(simulate);
-    Ok(Plan { launch_file: path, overrides: overrides.to_vec(), run, simulate, context, stages })
+    let simulate = (!drive_is_there && !is_live).then_some(simulate);
+    Ok(Plan {
+        launch_file: path.to_owned(),
+        overrides: overrides.to_vec(),
+        run,
+        simulate,
+        context,
+        stages,
+        selection: selection.clone(),
+        remark,
+    })
 }
 
 struct Faults<'a> {
@@ -115,28 +170,16 @@ impl Faults<'_> {
         path.canonicalize().unwrap_or(path)
     }
 
-    /// What a dead run into the same output has left counts as free: it is wiped before the start.
-    fn shared_memory(&mut self, output: &Path) {
-        let Ok(space) = rustix::fs::statvfs("/dev/shm") else {
-            self.add("", Problem::of_key("", "shared memory: /dev/shm cannot be examined"));
-            return;
-        };
-        let left_over = domain_of(output).map_or(0, |domain| domain.used_bytes());
-        let free = space.f_bavail * space.f_frsize + left_over;
-        if free < MIN_SHARED_MEMORY {
-            let text = format!(
-                "shared memory: {} MiB are free in /dev/shm, at least {} MiB are needed",
-                free >> 20,
-                MIN_SHARED_MEMORY >> 20
-            );
-            self.add("", Problem::of_key("", text));
-        }
-    }
-
-    fn stages(&mut self, folder: &Path) -> Vec<PlannedStage> {
+    fn stages(
+        &mut self,
+        folder: &Path,
+        launch_file: &Path,
+        overrides: &[String],
+        without: &[String],
+    ) -> Vec<PlannedStage> {
         let mut stages = Vec::new();
         for (name, span) in self.file.tables() {
-            if OWN_TABLES.contains(&name.as_str()) {
+            if OWN_TABLES.contains(&name.as_str()) || without.contains(&name) {
                 continue;
             }
             let plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
@@ -146,8 +189,13 @@ impl Faults<'_> {
                 continue;
             }
             let table: StageTable = self.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+            let request = DescribeRequest {
+                launch_file: launch_file.to_owned(),
+                overrides: overrides.to_vec(),
+                table: name.clone(),
+            };
             let described = programs::find(&name, &table.program, folder)
-                .and_then(|program| programs::describe(&program).map(|description| (program, description)));
+                .and_then(|program| programs::describe(&program, &request).map(|description| (program, description)));
             match described {
                 Ok((_, description)) if description.contract != CONTRACT_VERSION => {
                     let text = format!("speaks contract {}, this is contract {CONTRACT_VERSION}", description.contract);

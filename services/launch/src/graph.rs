@@ -1,16 +1,16 @@
 //! Who talks to whom: topics get their producer and consumers, stages their order.
 
 use crate::plan::PlannedStage;
-use ipc::Channel;
+use ipc::{Channel, Transport};
 use messages::Tick;
-use stage::Problem;
 use stage::assignment::{PortDescription, TopicChannels, wake_name};
+use stage::{Mode, Problem};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Connects the stages by their topics and puts them in the order of the dataflow. Everything that does not fit is a
 /// problem of the stage's table.
-pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
+pub fn connect(stages: &mut Vec<PlannedStage>, mode: Mode) -> Vec<(String, Problem)> {
     let mut problems = Vec::new();
     let mut report = |stage: &PlannedStage, text: String| {
         problems.push((stage.name.clone(), Problem { key: String::new(), span: stage.span.clone(), text }));
@@ -78,7 +78,7 @@ pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
         .iter()
         .map(|(topic, (producer, port))| {
             let consumers = consumers.get(topic).map(Vec::as_slice).unwrap_or_default();
-            (topic, channels(port, &stages[*producer].name, consumers.iter().map(|index| &*stages[*index].name)))
+            (topic, channels(port, &stages[*producer].name, consumers.iter().map(|index| &*stages[*index].name), mode))
         })
         .collect();
     let of = |ports: &[PortDescription]| ports.iter().filter_map(|p| channels.get(&p.topic).cloned()).collect();
@@ -92,21 +92,39 @@ pub fn connect(stages: &mut Vec<PlannedStage>) -> Vec<(String, Problem)> {
     problems
 }
 
-fn channels<'a>(port: &PortDescription, producer: &str, consumers: impl Iterator<Item = &'a str>) -> TopicChannels {
+fn channels<'a>(
+    port: &PortDescription,
+    producer: &str,
+    consumers: impl Iterator<Item = &'a str>,
+    mode: Mode,
+) -> TopicChannels {
+    let drops_oldest = mode == Mode::Live;
     let producer = wake_name(producer);
     let consumers: Vec<String> = consumers.map(wake_name).collect();
     TopicChannels {
-        ticks: Channel::of::<Tick>(&format!("{}.tick", port.topic), &producer, &consumers),
+        ticks: Channel { drops_oldest, ..Channel::of::<Tick>(&format!("{}.tick", port.topic), &producer, &consumers) },
         messages: Channel {
             name: port.topic.clone(),
             version: port.version,
             layout: port.layout,
+            header_bytes: port.table.header_bytes,
+            row_bytes: port.table.row_bytes,
+            max_rows: port.table.max_rows,
+            drops_oldest,
             queue: port.queue,
             borrowed: port.borrowed,
             producer,
             consumers,
+            transport: Transport::Shared,
         },
         topic: port.topic.clone(),
+    }
+}
+
+/// All messages and ticks travel so.
+pub fn set_transport(stages: &mut [PlannedStage], transport: Transport) {
+    for topic in stages.iter_mut().flat_map(|stage| stage.inputs.iter_mut().chain(&mut stage.outputs)) {
+        (topic.messages.transport, topic.ticks.transport) = (transport, transport);
     }
 }
 
@@ -146,7 +164,8 @@ mod tests {
     use stage::assignment::{CONTRACT_VERSION, Description};
 
     fn port(topic: &str) -> PortDescription {
-        PortDescription { topic: topic.into(), version: 1, layout: 7, queue: 2, borrowed: 1, optional: false }
+        let table = messages::ByteTable { topic: topic.into(), ..messages::ByteTable::of::<Tick>() };
+        PortDescription { topic: topic.into(), version: 1, layout: 7, queue: 2, borrowed: 1, optional: false, table }
     }
 
     fn planned(name: &str, inputs: &[PortDescription], outputs: &[PortDescription]) -> PlannedStage {
@@ -170,7 +189,10 @@ mod tests {
     }
 
     fn texts(stages: &mut Vec<PlannedStage>) -> Vec<String> {
-        connect(stages).into_iter().map(|(stage, problem)| format!("{stage}: {}", problem.text)).collect()
+        connect(stages, Mode::Offline)
+            .into_iter()
+            .map(|(stage, problem)| format!("{stage}: {}", problem.text))
+            .collect()
     }
 
     #[test]

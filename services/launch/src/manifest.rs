@@ -1,5 +1,6 @@
 //! The tables of launch.toml that are the supervisor's own.
 
+use ipc::Transport;
 use stage::{any, at_least, one_of, within};
 
 stage::settings! {
@@ -9,18 +10,29 @@ stage::settings! {
         pub drive: String = String::new() => any();
         /// Folder of the results.
         pub output: String = String::new() => any();
-        /// Lossless and deterministic.
-        pub mode: String = "offline".to_owned() => one_of(&["offline"]);
+        /// `offline`: lossless and deterministic, from the drive. `live`: newest first, from the sensors; the drive, if
+        /// given, says where they are mounted.
+        pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
+        /// How messages travel: shared memory, or, for comparison only, copies through sockets. The results are the same.
+        pub transport: String = "shared".to_owned() => one_of(&["shared", "copying"]);
         /// Drive time between barriers, s: what a crash may cost to do again.
         pub barrier_s: f64 = 5.0 => within(0.1, 3600.0);
-        /// Restarts of the whole run from its last barrier before it is given up.
+        /// Restarts of the whole run from its last barrier before it is given up. With each new barrier that all stages
+        /// reach they are counted anew: a run of days that loses a stage a day gets on.
         pub restarts: u32 = 3 => within(0, 1000);
-        /// Pause before the first restart, s; doubled with each further one, up to 30 s.
+        /// Pause before the first restart, s; doubled with each further one without a new barrier, up to 30 s.
         pub restart_delay_s: f64 = 0.5 => within(0.0, 30.0);
         /// A stage without a heartbeat for so long hangs, s. Twenty-five beats.
         pub hang_s: f64 = 5.0 => within(1.0, 3600.0);
         /// A stage that is in one step for so long stalls, s. A stage's own table may say otherwise.
         pub stall_s: f64 = 60.0 => within(1.0, 86400.0);
+    }
+}
+
+impl Run {
+    /// The key `transport`.
+    pub fn transport(&self) -> Transport {
+        if self.transport == "copying" { Transport::Copying } else { Transport::Shared }
     }
 }
 

@@ -1,9 +1,22 @@
 //! What a checked launch file comes to.
 
 use crate::manifest::{Run, Simulate, StageTable};
+use ipc::Domain;
 use stage::Context;
 use stage::assignment::{Description, TopicChannels};
+use stage::wiring::{WiredStage, WiredTopic, Wiring};
 use std::path::PathBuf;
+
+/// Which of the launch file's stages run, and what is recorded.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    /// The source's table; the stages whose place it takes are left out.
+    pub source: Option<String>,
+    /// Tables left out.
+    pub without: Vec<String>,
+    /// Topics to record.
+    pub recorded: Vec<String>,
+}
 
 /// Everything that a run needs to know; nothing in it is in doubt any more.
 pub struct Plan {
@@ -19,6 +32,19 @@ pub struct Plan {
     pub context: Context,
     /// The stages in the order of the dataflow.
     pub stages: Vec<PlannedStage>,
+    /// What the command line selected.
+    pub selection: Selection,
+    /// What the operator should know of the selection.
+    pub remark: Option<String>,
+}
+
+impl Plan {
+    /// The plan as those see it who look on.
+    pub fn wiring(&self, domain: &Domain, attempt: u32) -> Wiring {
+        let stages = self.stages.iter().map(PlannedStage::wired).collect();
+        let supervisor = std::process::id();
+        Wiring { domain: domain.name().to_owned(), supervisor, attempt, mode: self.context.mode, stages }
+    }
 }
 
 /// One stage of the run.
@@ -38,4 +64,19 @@ pub struct PlannedStage {
     pub inputs: Vec<TopicChannels>,
     /// Topics that it writes.
     pub outputs: Vec<TopicChannels>,
+}
+
+impl PlannedStage {
+    fn wired(&self) -> WiredStage {
+        let outputs = self.outputs.iter().filter_map(|channels| {
+            let port = self.description.outputs.iter().find(|port| port.topic == channels.topic)?;
+            Some(WiredTopic::new(channels, port))
+        });
+        WiredStage {
+            name: self.name.clone(),
+            program: self.program.clone(),
+            inputs: self.inputs.iter().map(|channels| channels.topic.clone()).collect(),
+            outputs: outputs.collect(),
+        }
+    }
 }

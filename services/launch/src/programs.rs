@@ -3,7 +3,8 @@
 use crate::manifest::Simulate;
 use serde::de::DeserializeOwned;
 use stage::assignment::Description;
-use stage::{CheckRequest, Problem, nearest_key};
+use stage::process::{own_folder, sibling};
+use stage::{CheckRequest, DescribeRequest, Problem, nearest_key};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -13,25 +14,17 @@ use std::time::{Duration, Instant};
 /// A program that describes itself has this long; it does nothing else.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
 
-/// Folder in which this program lies: the stages' default place.
-pub fn own_folder() -> PathBuf {
-    let own = std::env::current_exe().unwrap_or_default();
-    own.parent().unwrap_or(Path::new(".")).to_owned()
-}
-
 /// The binary of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
 pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, String> {
     if !program.is_empty() {
         let path = launch_folder.join(program);
         return if path.is_file() { Ok(path) } else { Err(format!("program {} is not there", path.display())) };
     }
-    let path = own_folder().join(format!("replica-{table}"));
-    if path.is_file() {
-        return Ok(path);
-    }
-    let known = known_stages();
-    let hint = nearest_key(table, known.iter().map(String::as_str)).replace("unknown key", "no such stage");
-    Err(format!("{hint} (there is no {} and no `program` is given)", path.display()))
+    sibling(&format!("replica-{table}")).map_err(|absent| {
+        let known = known_stages();
+        let hint = nearest_key(table, known.iter().map(String::as_str)).replace("unknown key", "no such stage");
+        format!("{hint} ({absent}, and no `program` is given)")
+    })
 }
 
 /// Names of the binaries beside this one that are stages.
@@ -45,9 +38,10 @@ fn known_stages() -> Vec<String> {
     names
 }
 
-/// Asks a program what it is.
-pub fn describe(program: &Path) -> Result<Description, String> {
-    ask(program, &["--describe"])
+/// Asks a program what it is with the settings of its table.
+pub fn describe(program: &Path, request: &DescribeRequest) -> Result<Description, String> {
+    let request = serde_json::to_string(request).map_err(|error| error.to_string())?;
+    ask(program, &["--describe", &request])
 }
 
 /// Asks a program what is wrong with its table.
@@ -102,7 +96,7 @@ fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Resu
 
 /// Makes the drive with the `replica` that lies beside this program.
 pub fn simulate(simulate: &Simulate, drive: &Path) -> Result<(), String> {
-    let program = own_folder().join("replica");
+    let program = sibling("replica")?;
     let status = Command::new(&program)
         .args(["simulate", "--town", &simulate.town])
         .args(["--seed", &simulate.seed.to_string(), "--seconds", &simulate.seconds.to_string()])

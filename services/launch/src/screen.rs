@@ -1,19 +1,26 @@
 //! What the operator sees: one live table on a terminal, plain lines elsewhere.
 
 use crate::child::StageProcess;
+use crate::events::{Log, json_line, log_line};
+use crate::watch::Fault;
+use serde_json::{Value, json};
 use stage::health::Activity;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write as _};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A table that changes more often cannot be read.
 const TABLE_EVERY: Duration = Duration::from_millis(500);
 /// A log with more lines than this says no more.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Programs read faster.
+const JSON_EVERY: Duration = Duration::from_secs(1);
 
 /// Writes to stderr.
 pub struct Screen {
+    log: Log,
     terminal: bool,
     begun: Instant,
     last: Option<Instant>,
@@ -23,9 +30,9 @@ pub struct Screen {
 
 impl Screen {
     /// Looks whether stderr is a terminal.
-    pub fn new() -> Self {
-        let terminal = std::io::stderr().is_terminal();
-        Self { terminal, begun: Instant::now(), last: None, table_lines: 0, said: BTreeSet::new() }
+    pub fn new(log: Log) -> Self {
+        let terminal = std::io::stderr().is_terminal() && log == Log::Text;
+        Self { log, terminal, begun: Instant::now(), last: None, table_lines: 0, said: BTreeSet::new() }
     }
 
     /// The run begins now.
@@ -35,8 +42,38 @@ impl Screen {
 
     /// A line of its own, above the table.
     pub fn say(&mut self, text: &str) {
+        self.tell("said", text, Value::Null);
+    }
+
+    /// As [`Screen::say`]; `kind` and `fields` are for programs.
+    pub fn tell(&mut self, kind: &str, text: &str, fields: Value) {
         self.erase_table();
-        write_stderr(&format!("{text}\n"));
+        match self.log {
+            Log::Text => write_stderr(&format!("{text}\n")),
+            Log::Json => write_stderr(&json_line(kind, text, fields)),
+        }
+    }
+
+    /// What went wrong, with the stage's last words out of its log.
+    pub fn fault(&mut self, fault: &Fault, last_words: &[String], log: &Path) {
+        let stage = &fault.stage;
+        let words: Vec<Value> = last_words.iter().map(|line| log_line(line)).collect();
+        let fields = json!({"stage": stage, "fault": fault.text, "last_words": words, "log": log});
+        self.tell("fault", &format!("[{stage}] {}", fault.text), fields);
+        if self.log == Log::Json {
+            return;
+        }
+        for line in last_words {
+            self.say(&format!("[{stage}] | {line}"));
+        }
+        if last_words.is_empty() {
+            self.say(&format!("[{stage}] | (nothing in {})", log.display()));
+        }
+    }
+
+    /// How a stage's process speaks.
+    pub fn log(&self) -> Log {
+        self.log
     }
 
     /// Shows where the run is, if it is time to.
@@ -45,11 +82,15 @@ impl Screen {
             for note in &process.health.notes {
                 let text = format!("[{}] {note}", process.name);
                 if self.said.insert(text.clone()) {
-                    self.say(&text);
+                    self.tell("note", &text, json!({"stage": process.name, "note": note}));
                 }
             }
         }
-        let every = if self.terminal { TABLE_EVERY } else { LINE_EVERY };
+        let every = match self.log {
+            Log::Json => JSON_EVERY,
+            Log::Text if self.terminal => TABLE_EVERY,
+            Log::Text => LINE_EVERY,
+        };
         let last = *self.last.get_or_insert(self.begun);
         if last.elapsed() < every {
             return;
@@ -62,7 +103,7 @@ impl Screen {
             self.table_lines = table.lines().count();
             write_stderr(&table);
         } else {
-            write_stderr(&progress);
+            self.tell("progress", progress.trim_end(), figures(processes));
         }
     }
 
@@ -93,6 +134,26 @@ impl Screen {
             slowest.name
         )
     }
+}
+
+/// The live figures of the stages.
+fn figures(processes: &[StageProcess]) -> Value {
+    let share = processes.iter().map(|process| process.health.progress).fold(1.0, f64::min);
+    let newest = processes.iter().filter_map(|process| process.health.drive_time).max();
+    let stages: Vec<Value> = processes
+        .iter()
+        .map(|process| {
+            let health = &process.health;
+            let lag = newest.zip(health.drive_time).map(|(newest, own)| newest.saturating_sub(own) as f64 * 1e-9);
+            json!({
+                "name": process.name, "activity": health.activity, "ticks": health.ticks, "points": health.points,
+                "lag_s": lag, "barrier": health.barrier, "step": health.step, "age": health.age,
+                "inputs": health.inputs, "outputs": health.outputs, "arrivals": health.arrivals,
+                "waiting": health.waiting, "cpu_s": health.cpu_s, "rss_bytes": health.rss_bytes,
+            })
+        })
+        .collect();
+    json!({"share": share, "stages": stages})
 }
 
 /// A terminal that is gone shows nothing; the run goes on.
@@ -141,6 +202,7 @@ fn state(activity: &Activity) -> String {
         Activity::Waiting(topic) => format!("idle ({topic})"),
         Activity::Working => "working".to_owned(),
         Activity::Blocked(topic) => format!("held up ({topic})"),
+        Activity::Paused => "paused".to_owned(),
         Activity::Saving => "saving".to_owned(),
         Activity::Draining => "draining".to_owned(),
         Activity::Done => "done".to_owned(),

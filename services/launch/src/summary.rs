@@ -1,6 +1,8 @@
 //! `summary.json`: what a run did and what it cost.
 
+use formats::atomic_file::write_atomic;
 use serde::Serialize;
+use stage::control::Swapped;
 use stage::health::{Health, Latency, Traffic};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,6 +14,8 @@ pub struct Summary {
     pub outcome: &'static str,
     /// What went wrong on the way, in order.
     pub faults: Vec<String>,
+    /// What was swapped on the way, in order.
+    pub swaps: Vec<Swapped>,
     /// From end to end.
     pub total: Total,
     /// By stage, in the order of the dataflow.
@@ -33,10 +37,14 @@ pub struct Total {
     pub points_per_s: f64,
     /// User and system time of all stages, s.
     pub cpu_s: f64,
+    /// User and system time of the supervisor from the word to go to the end, s.
+    pub supervisor_cpu_s: f64,
     /// Largest amount of shared memory seen, bytes.
     pub peak_shared_memory_bytes: u64,
-    /// Restarts of the run.
+    /// Restarts of the run; live, of its stages.
     pub restarts: u32,
+    /// Live: messages by topic that made way for newer ones or came while a consumer was down.
+    pub dropped: BTreeMap<String, u64>,
     /// From the source's beginning of a tick to its end at the sink.
     pub latency: Latency,
 }
@@ -54,6 +62,8 @@ pub struct StageSummary {
     pub inputs: BTreeMap<String, Traffic>,
     /// Messages, rows and bytes by topic.
     pub outputs: BTreeMap<String, Traffic>,
+    /// From the publication of a message to its delivery to a step, by input topic.
+    pub latencies: BTreeMap<String, Latency>,
     /// Points that passed.
     pub points: u64,
     /// Points per second of wall time.
@@ -66,6 +76,8 @@ pub struct StageSummary {
     pub age: Latency,
     /// User and system time, s, of all its processes in this run.
     pub cpu_s: f64,
+    /// The part of `cpu_s` that lending, sending, waiting and receiving took in the last attempt.
+    pub transport_cpu_s: f64,
     /// Largest resident memory, bytes; shared memory that it touched counts too.
     pub peak_rss_bytes: u64,
     /// Faults that were its own.
@@ -85,12 +97,14 @@ impl StageSummary {
             ticks: health.ticks,
             inputs: health.inputs,
             outputs: health.outputs,
+            latencies: health.arrivals.iter().map(|(topic, arrivals)| (topic.clone(), arrivals.latency)).collect(),
             points: health.points,
             points_per_s: rate(health.points, wall_s),
             ticks_per_s: rate(health.ticks, wall_s),
             step: health.step,
             age: health.age,
             cpu_s,
+            transport_cpu_s: health.transport_cpu_s,
             peak_rss_bytes: health.peak_rss_bytes,
             faults,
             counters: health.counters,
@@ -108,10 +122,7 @@ impl Summary {
     /// Writes the file, whole or not at all.
     pub fn write(&self, output: &Path) -> Result<(), String> {
         let path = output.join("summary.json");
-        let unfinished = output.join("summary.json.unfinished");
         let text = serde_json::to_vec_pretty(self).map_err(|error| error.to_string())?;
-        std::fs::write(&unfinished, text)
-            .and_then(|()| std::fs::rename(&unfinished, &path))
-            .map_err(|error| format!("{}: {error}", path.display()))
+        write_atomic(&path, &text).map_err(|error| format!("{}: {error}", path.display()))
     }
 }

@@ -1,138 +1,268 @@
 //! The life of a run: make the drive, start the stages, watch, restart from the last barrier, sum up.
 
+mod conclusion;
+mod live;
+
 use crate::child::StageProcess;
+use crate::control::Control;
+use crate::events::Log;
+use crate::exhausted::{Means, lacks_shared_memory};
+use crate::metrics::Metrics;
 use crate::plan::Plan;
 use crate::programs;
+use crate::recorder::Recorder;
 use crate::run_folder::RunFolder;
 use crate::screen::Screen;
-use crate::summary::{StageSummary, Summary, Total, rate};
+use crate::swap::Swap;
+use crate::swap_record::SwapRecord;
 use crate::watch::{Fault, first_fault};
 use ipc::{Domain, IpcError, Keeper, Node};
+use live::LiveRestarts;
 use rustix::process::Signal;
+use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 use stage::assignment::{Command, wake_name};
-use stage::exit;
 use stage::health::{Activity, Health};
+use stage::process::usage;
+use stage::{Mode, exit};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How often the supervisor looks: a twentieth of a second is soon enough for people and costs 1 % of a core.
+/// How often the supervisor looks: a twentieth of a second is soon enough for people.
 const LOOK: Duration = Duration::from_millis(50);
+/// How often it looks while a swap keeps the pipeline waiting.
+const LOOK_CLOSELY: Duration = Duration::from_millis(10);
+/// How long a lossless observer that has died may hold up its producer.
+const CLEAN_EVERY: Duration = Duration::from_secs(1);
+/// How many looks until it tells again what it has told: a stage that has just connected waits for it.
+const TELL_AGAIN: u64 = 4;
+/// How many looks until it counts shared memory again: asking for every file's size costs more than all else together.
+const COUNT_AGAIN: u64 = 10;
 /// A stage that was asked to stop has this long until it is killed.
 const STOP_PATIENCE: Duration = Duration::from_secs(3);
 /// The longest pause before a restart.
 const MAX_DELAY: Duration = Duration::from_secs(30);
 
+/// The pause before restart number `n`, counted from 0.
+fn backoff(first_delay_s: f64, n: u32) -> Duration {
+    let factor = 1_u32.checked_shl(n).unwrap_or(u32::MAX);
+    Duration::from_millis((first_delay_s * 1000.0) as u64).saturating_mul(factor).min(MAX_DELAY)
+}
+
 /// How an attempt ended.
-enum Ending {
+pub(crate) enum Ending {
     Done,
     Stopped,
     Failed(Fault, Vec<String>),
+    /// All have come to this barrier, for a stage to be replaced.
+    Swap(u64),
+}
+
+/// What the supervisor does beside running the plan.
+pub struct Asides {
+    /// How it speaks.
+    pub log: Log,
+    /// File of the figures in Prometheus' format.
+    pub metrics: Option<PathBuf>,
+    /// Recording of the plan's recorded topics.
+    pub record: Option<PathBuf>,
 }
 
 /// Runs the plan to its end; the exit code.
-pub fn run(plan: Plan, resume: bool) -> u8 {
-    match Supervisor::new(plan).and_then(|supervisor| supervisor.run(resume)) {
+pub fn run(plan: Plan, resume: bool, asides: Asides) -> u8 {
+    let log = asides.log;
+    match Supervisor::new(plan, asides).and_then(|supervisor| supervisor.run(resume)) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("replica-launch: {error}");
+            Screen::new(log).say(&format!("replica-launch: {error}"));
             exit::FAILED
         }
     }
 }
 
-struct Supervisor {
-    plan: Plan,
-    folder: RunFolder,
+pub(crate) struct Supervisor {
+    pub(crate) plan: Plan,
+    pub(crate) folder: RunFolder,
     domain: Domain,
-    screen: Screen,
+    means: Means,
+    pub(crate) screen: Screen,
+    metrics: Metrics,
     signals: Signals,
+    recorder: Option<Recorder>,
+    pub(crate) control: Control,
     /// Signals so far: the first drains, the second stops.
-    n_signals: u32,
+    pub(crate) n_signals: u32,
+    /// The swap under way.
+    pub(crate) swap: Option<Swap>,
+    pub(crate) record: SwapRecord,
     faults: Vec<Fault>,
     /// CPU time of all processes so far, by stage.
     cpu_s: BTreeMap<String, f64>,
-    health: BTreeMap<String, Health>,
+    /// Each stage's last heartbeat of the last attempt.
+    pub(crate) health: BTreeMap<String, Health>,
     begun: Instant,
+    /// CPU time of this process at `begun`, s.
+    own_cpu_s: f64,
     restarts: u32,
+    /// Restarts since a barrier was reached for the first time.
+    restarts_in_place: u32,
+    live: LiveRestarts,
+    /// How often the processes have been started.
+    attempts: u32,
     peak_shared_memory: u64,
 }
 
 impl Supervisor {
-    fn new(mut plan: Plan) -> Result<Self, String> {
+    fn new(mut plan: Plan, asides: Asides) -> Result<Self, String> {
+        let metrics = Metrics::new(asides.metrics.as_deref())?;
         let signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGQUIT]).map_err(|error| error.to_string())?;
         let folder = RunFolder::lock(&plan.context.output)?;
         let absolute = |path: &Path| path.canonicalize().map_err(|error| format!("{}: {error}", path.display()));
         plan.context.output = absolute(&plan.context.output)?;
-        let mut screen = Screen::new();
+        let mut screen = Screen::new(asides.log);
+        if let Some(remark) = &plan.remark {
+            screen.say(remark);
+        }
         if let Some(simulate) = plan.simulate.take() {
             screen.say(&format!("{} is not there: simulating it", plan.context.drive.display()));
             programs::simulate(&simulate, &plan.context.drive)?;
         }
-        plan.context.drive = absolute(&plan.context.drive)?;
+        if plan.context.mode == Mode::Offline {
+            plan.context.drive = absolute(&plan.context.drive)?;
+        }
+        let domain = folder.domain()?;
         Ok(Self {
-            domain: folder.domain()?,
+            control: Control::open(&domain)?,
+            means: Means::new(&domain, &plan.context.output),
+            domain,
+            recorder: asides.record.map(|file| Recorder::of(&plan, file)),
             plan,
             folder,
             screen,
+            metrics,
             signals,
             n_signals: 0,
+            swap: None,
+            record: SwapRecord::default(),
             faults: Vec::new(),
             cpu_s: BTreeMap::new(),
             health: BTreeMap::new(),
             begun: Instant::now(),
+            own_cpu_s: 0.0,
             restarts: 0,
+            restarts_in_place: 0,
+            live: LiveRestarts::default(),
+            attempts: 0,
             peak_shared_memory: 0,
         })
     }
 
     fn run(mut self, resume: bool) -> Result<u8, String> {
-        let mut resume = if resume {
+        if resume && self.is_live() {
+            return Err("a live run cannot be resumed: what came meanwhile is gone; begin a new one".to_owned());
+        }
+        let mut resume = if resume && self.folder.has_begun() {
             self.folder.resume(&self.plan)?;
-            let barrier = self.folder.last_complete_barrier(&self.plan.stages);
+            self.take_up_swaps()?;
+            let barrier = self.last_barrier()?;
+            if barrier.is_some() && self.recorder.is_some() {
+                return Err("a recording begins with its run: leave --record out, or begin anew".to_owned());
+            }
             self.screen.say(&format!("resuming from {}", place(barrier)));
             barrier
         } else {
+            if resume {
+                self.screen.say("no run was begun here: beginning");
+            }
             self.folder.begin(&self.plan)?;
             None
         };
+        let mut furthest = resume;
         let outcome = loop {
             // What a killed run left of this domain goes first; nobody of it is alive while we hold the lock.
             self.domain.wipe().map_err(|error| error.to_string())?;
+            self.folder.forget_after(resume)?;
             let ending = self.attempt(resume);
             self.domain.wipe().map_err(|error| error.to_string())?;
+            if let Some(barrier) = self.undo_swap(&ending)? {
+                resume = Some(barrier);
+                continue;
+            }
             match ending? {
-                // A source that was at its end anyway has nothing left out.
-                Ending::Done if self.was_cut_short() => break "drained",
+                // A source that was at its end anyway has nothing left out, and a live one ends when it is asked to.
+                Ending::Done if self.was_cut_short() && !self.is_live() => break "drained",
                 Ending::Done => break "done",
                 Ending::Stopped => break "stopped",
-                Ending::Failed(fault, last_words) => {
-                    self.report(&fault, &last_words);
-                    let give_up = !fault.may_restart || self.restarts >= self.plan.run.restarts || self.n_signals > 0;
+                Ending::Swap(barrier) => {
+                    resume = self.exchange(barrier)?;
+                }
+                Ending::Failed(fault, _) if self.is_live() => {
                     self.faults.push(fault);
-                    if give_up {
+                    break "failed";
+                }
+                Ending::Failed(fault, _) => {
+                    resume = self.last_barrier()?;
+                    if resume > furthest {
+                        furthest = resume;
+                        self.restarts_in_place = 0;
+                    }
+                    let may_restart = fault.may_restart && self.restarts_in_place < self.plan.run.restarts;
+                    self.faults.push(fault);
+                    if self.n_signals > 0 {
                         break "failed";
                     }
-                    resume = self.folder.last_complete_barrier(&self.plan.stages);
+                    let lack = lacks_shared_memory(None);
+                    if !may_restart || lack.is_some() {
+                        if let Some(lack) = lack {
+                            self.screen.say(&lack);
+                        }
+                        self.screen.say(&format!("given up; --resume would go on from {}", place(resume)));
+                        break "failed";
+                    }
                     self.pause_before_restart(resume);
                     if self.n_signals > 0 {
                         break "stopped";
                     }
                     self.restarts += 1;
+                    self.restarts_in_place += 1;
                 }
             }
         };
         self.finish(outcome)
     }
 
+    /// The last barrier that is whole. What went before a swap is the old plan's, and no place to go on from.
+    pub(crate) fn last_barrier(&mut self) -> Result<Option<u64>, String> {
+        let screen = &mut self.screen;
+        let barrier = self.folder.last_whole_barrier(&self.plan.stages, |text| screen.say(text));
+        let swapped = self.record.swaps.iter().rfind(|swap| swap.undone.is_none());
+        match swapped {
+            Some(swap) if barrier < Some(swap.barrier) => Err(format!(
+                "no barrier since {} was swapped at barrier {} is whole: the run has to be begun anew",
+                swap.stage, swap.barrier
+            )),
+            _ => Ok(barrier),
+        }
+    }
+
     /// Starts everything, watches it to its end, and leaves no process behind.
     fn attempt(&mut self, resume: Option<u64>) -> Result<Ending, String> {
+        // Before the services: who finds them and then still the same wiring knows whose they are.
+        self.folder.write_wiring(&self.plan.wiring(&self.domain, self.attempts))?;
         let node = self.domain.node("supervisor").map_err(|error| error.to_string())?;
         let _keeper = self.create_services(&node).map_err(|error| error.to_string())?;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.start(self.attempts)?;
+        }
+        self.attempts += 1;
         let mut processes: Vec<StageProcess> = Vec::new();
-        let ending = self.start(&node, resume, &mut processes).and_then(|()| self.watch(&mut processes));
+        let ending = self.start(&node, resume, &mut processes).and_then(|()| self.watch(&node, &mut processes));
+        // All at once: giving back gigabytes of memory takes a process some tenths of a second.
+        for process in &processes {
+            process.signal(Signal::KILL);
+        }
         for process in &mut processes {
             process.kill();
             *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
@@ -152,35 +282,71 @@ impl Supervisor {
             }
             keeper.create_latest(node, &format!("{}.control", stage.name))?;
             keeper.create_latest(node, &format!("{}.health", stage.name))?;
-            // Each topic is rung twice, for messages and for ticks, by each consumer or by its producer.
+            // Each topic is rung twice, for messages and for ticks, by each consumer or by its producer; and by the one
+            // lossless observer that it may have.
             let consumers: usize = stage.outputs.iter().map(|topic| topic.messages.consumers.len()).sum();
-            keeper.create_wake(node, &wake_name(&stage.name), 2 * (consumers + stage.inputs.len()))?;
+            // The supervisor rings too.
+            keeper.create_wake(
+                node,
+                &wake_name(&stage.name),
+                2 * (consumers + stage.inputs.len() + stage.outputs.len()) + 1,
+            )?;
         }
         Ok(keeper)
     }
 
     fn start(&mut self, node: &Node, resume: Option<u64>, processes: &mut Vec<StageProcess>) -> Result<(), String> {
         for stage in &self.plan.stages {
-            let assignment = self.folder.assign(&self.plan, stage, &self.domain, resume)?;
-            processes.push(StageProcess::start(stage, &assignment, self.folder.log(&stage.name), node)?);
+            let assignment = self.folder.assign(&self.plan, stage, &self.domain, resume, None)?;
+            let (log, format) = (self.folder.log(&stage.name), self.screen.log());
+            processes.push(StageProcess::start(stage, &assignment, log, format, node)?);
         }
         Ok(())
     }
 
-    fn watch(&mut self, processes: &mut [StageProcess]) -> Result<Ending, String> {
+    fn watch(&mut self, node: &Node, processes: &mut [StageProcess]) -> Result<Ending, String> {
         let mut command = Command::default();
-        let mut forgotten = 0;
+        let mut newest = 0;
+        let mut cleaned = Instant::now();
+        let mut told = None;
+        let mut look = 0_u64;
         loop {
+            // A stage that dies while it connects may leave a heartbeat that cannot be read: its fault, not the run's end.
+            let mut unread = None;
             for process in processes.iter_mut() {
-                process.observe().map_err(|error| error.to_string())?;
+                if let Err(error) = process.observe() {
+                    unread.get_or_insert(Fault {
+                        stage: process.name.clone(),
+                        text: error.to_string(),
+                        may_restart: true,
+                    });
+                }
             }
-            self.peak_shared_memory = self.peak_shared_memory.max(self.domain.used_bytes());
+            if look.is_multiple_of(COUNT_AGAIN) {
+                self.peak_shared_memory = self.peak_shared_memory.max(self.domain.used_bytes());
+            }
             self.screen.show(processes);
-            if let Some(fault) = first_fault(processes, &self.plan.stages, &self.plan.run) {
-                let last_words = processes.iter().find(|p| p.name == fault.stage).map(StageProcess::last_words);
-                return Ok(Ending::Failed(fault, last_words.unwrap_or_default()));
+            let figures = processes.iter().map(|process| (process.name.as_str(), &process.health));
+            if let Some(text) = self.metrics.update(figures, || self.domain.used_bytes(), self.restarts) {
+                self.screen.say(&text);
             }
-            if processes.iter().all(|process| process.status.is_some()) {
+            if let Some(mut fault) = first_fault(processes, &self.plan.stages, &self.plan.run).or(unread) {
+                let process = processes.iter().find(|process| process.name == fault.stage);
+                let last_words = process.map(StageProcess::last_words).unwrap_or_default();
+                self.means.explain(&mut fault, process.and_then(|process| process.status), &last_words);
+                if self.is_live() && !command.drain && self.put_down(&fault, processes) {
+                    continue;
+                }
+                // At once: ending what is left of the attempt takes its time.
+                self.report(&fault, &last_words);
+                return Ok(Ending::Failed(fault, last_words));
+            }
+            self.look_at_requests();
+            if let Some(ending) = self.advance_swap(processes, &mut command)? {
+                return Ok(ending);
+            }
+            self.raise_again(node, processes)?;
+            if processes.iter().all(|process| process.status.is_some() && !process.is_down) {
                 return Ok(Ending::Done);
             }
             self.take_signals(&mut command);
@@ -188,23 +354,38 @@ impl Supervisor {
                 stop(processes);
                 return Ok(Ending::Stopped);
             }
-            if !command.go && processes.iter().all(is_ready) {
+            let recorded = self.recorder.as_mut().is_none_or(Recorder::is_ready);
+            if let Some(words) = self.recorder.as_mut().and_then(Recorder::last_words) {
+                self.screen.say(&words);
+            }
+            if !command.go && recorded && processes.iter().all(is_ready) {
                 command.go = true;
-                self.screen.begin();
                 // Later attempts belong to the same run: its clock goes on.
-                if self.faults.is_empty() {
+                if self.attempts == 1 {
+                    self.screen.begin();
                     self.begun = Instant::now();
+                    self.own_cpu_s = usage().cpu_s;
                 }
             }
-            for process in processes.iter().filter(|process| process.status.is_none()) {
-                process.tell(command).map_err(|error| error.to_string())?;
+            if told != Some(command) || look.is_multiple_of(TELL_AGAIN) {
+                for process in processes.iter_mut().filter(|process| process.status.is_none()) {
+                    process.tell(command).map_err(|error| error.to_string())?;
+                }
+                told = Some(command);
             }
             let complete = processes.iter().map(|process| process.health.barrier).min().unwrap_or_default();
-            if complete > forgotten {
-                self.folder.forget_before(complete);
-                forgotten = complete;
+            if complete > newest {
+                // The one before stays too: should a file of the newest turn out torn, the run goes on from there.
+                self.folder.forget_before(newest);
+                newest = complete;
             }
-            std::thread::sleep(LOOK);
+            // Stages that die end the attempt; who looked on and died must not be waited for.
+            if cleaned.elapsed() > CLEAN_EVERY {
+                node.forget_dead();
+                cleaned = Instant::now();
+            }
+            look += 1;
+            std::thread::sleep(if self.is_swapping() { LOOK_CLOSELY } else { LOOK });
         }
     }
 
@@ -218,90 +399,23 @@ impl Supervisor {
         }
     }
 
-    fn was_cut_short(&self) -> bool {
-        let source = self.plan.stages.first().and_then(|source| self.health.get(&source.name));
-        source.is_some_and(|health| health.drained)
-    }
-
     fn report(&mut self, fault: &Fault, last_words: &[String]) {
-        self.screen.say(&format!("[{}] {}", fault.stage, fault.text));
-        for line in last_words {
-            self.screen.say(&format!("[{}] | {line}", fault.stage));
-        }
-        if last_words.is_empty() {
-            self.screen.say(&format!("[{}] | (nothing in {})", fault.stage, self.folder.log(&fault.stage).display()));
-        }
+        self.screen.fault(fault, last_words, &self.folder.log(&fault.stage));
     }
 
     fn pause_before_restart(&mut self, resume: Option<u64>) {
-        let delay = Duration::from_millis((self.plan.run.restart_delay_s * 1000.0) as u64)
-            .saturating_mul(1_u32.checked_shl(self.restarts).unwrap_or(u32::MAX))
-            .min(MAX_DELAY);
+        let delay = backoff(self.plan.run.restart_delay_s, self.restarts_in_place);
         let from = place(resume);
         let allowed = self.plan.run.restarts;
-        self.screen.say(&format!(
-            "restart {} of {allowed} from {from} in {:.1} s",
-            self.restarts + 1,
-            delay.as_secs_f64()
-        ));
+        let restart = self.restarts_in_place + 1;
+        let text = format!("restart {restart} of {allowed} from {from} in {:.1} s", delay.as_secs_f64());
+        let fields = json!({"restart": restart, "allowed": allowed, "barrier": resume, "delay_s": delay.as_secs_f64()});
+        self.screen.tell("restart", &text, fields);
         let begun = Instant::now();
         while begun.elapsed() < delay && self.n_signals == 0 {
             std::thread::sleep(LOOK.min(delay));
             self.n_signals += self.signals.pending().count() as u32;
-        }
-    }
-
-    fn finish(mut self, outcome: &'static str) -> Result<u8, String> {
-        let wall_s = self.begun.elapsed().as_secs_f64();
-        let sink = self.plan.stages.last().and_then(|sink| self.health.get(&sink.name)).cloned();
-        let stages: Vec<StageSummary> = self
-            .plan
-            .stages
-            .iter()
-            .map(|stage| {
-                let health = self.health.remove(&stage.name).unwrap_or_default();
-                let faults = self.faults.iter().filter(|fault| fault.stage == stage.name).count() as u32;
-                let cpu_s = self.cpu_s.get(&stage.name).copied().unwrap_or_default();
-                StageSummary::new(&stage.name, &stage.program, health, cpu_s, faults, wall_s)
-            })
-            .collect();
-        let drive_s =
-            sink.and_then(|h| Some(h.drive_time?.saturating_sub(h.drive_begin?) as f64 * 1e-9)).unwrap_or_default();
-        let total = self.total(&stages, drive_s, wall_s);
-        let incomplete = outcome == "drained";
-        let faults = self.faults.iter().map(|fault| format!("[{}] {}", fault.stage, fault.text)).collect();
-        let summary = Summary { outcome, faults, total, stages };
-        summary.write(&self.plan.context.output)?;
-        let total = &summary.total;
-        self.screen.say(&format!(
-            "{outcome}: {:.1} s of drive in {:.1} s ({:.2} times real time), {:.2} M points, {} restarts; see {}",
-            total.drive_s,
-            total.wall_s,
-            total.times_real_time,
-            total.points as f64 * 1e-6,
-            total.restarts,
-            self.plan.context.output.join("summary.json").display()
-        ));
-        Ok(match outcome {
-            "done" => exit::DONE,
-            _ if incomplete => exit::INCOMPLETE,
-            _ => exit::FAILED,
-        })
-    }
-
-    fn total(&self, stages: &[StageSummary], drive_s: f64, wall_s: f64) -> Total {
-        // The plan is in the order of the dataflow: the sink comes last.
-        let Some(sink) = stages.last() else { return Total::default() };
-        Total {
-            drive_s,
-            wall_s,
-            times_real_time: if wall_s > 0.0 { drive_s / wall_s } else { 0.0 },
-            points: sink.points,
-            points_per_s: rate(sink.points, wall_s),
-            cpu_s: stages.iter().map(|stage| stage.cpu_s).sum(),
-            peak_shared_memory_bytes: self.peak_shared_memory,
-            restarts: self.restarts,
-            latency: sink.age,
+            self.look_at_requests();
         }
     }
 }

@@ -8,7 +8,7 @@ use stage::health::Activity;
 use std::time::{Duration, Instant};
 
 /// What is wrong, in words, and whether a restart may help.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     /// Table of the stage.
     pub stage: String,
@@ -22,10 +22,14 @@ pub struct Fault {
 pub fn first_fault(processes: &[StageProcess], stages: &[PlannedStage], run: &Run) -> Option<Fault> {
     let now = Instant::now();
     let by_stage = processes.iter().zip(stages).find_map(|(process, stage)| fault(process, stage, run, now));
-    by_stage.or_else(|| standstill(processes, run, now))
+    // Live, a street without packets is no fault.
+    by_stage.or_else(|| if run.mode == "live" { None } else { standstill(processes, run, now) })
 }
 
 fn fault(process: &StageProcess, stage: &PlannedStage, run: &Run, now: Instant) -> Option<Fault> {
+    if process.is_down {
+        return None;
+    }
     let fault = |text: String, may_restart| Some(Fault { stage: process.name.clone(), text, may_restart });
     if let Some(status) = process.status {
         return match status.code() {
@@ -52,7 +56,12 @@ fn fault(process: &StageProcess, stage: &PlannedStage, run: &Run, now: Instant) 
             Activity::Connecting(topic) => {
                 return fault(format!("stall: {stuck:.1} s waiting for topic {topic}"), true);
             }
-            Activity::Ready | Activity::Waiting(_) | Activity::Blocked(_) | Activity::Draining | Activity::Done => {}
+            Activity::Ready
+            | Activity::Waiting(_)
+            | Activity::Blocked(_)
+            | Activity::Paused
+            | Activity::Draining
+            | Activity::Done => {}
         }
     }
     None

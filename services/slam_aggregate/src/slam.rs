@@ -6,10 +6,10 @@ use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
 use crate::sweeps::Cloud;
 use formats::drive::Drive;
-use geometry::Pose;
+use geometry::{Isometry3, Pose};
 use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
 use registration::{Odometry, Registered};
-use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepError};
 
 /// See the crate's page.
 pub struct SlamAggregate {
@@ -105,8 +105,15 @@ impl Stage for SlamAggregate {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
-        Ok(Self::with_mounting(settings, drive.rig().body_from_lidar))
+        let body_from_lidar = match context.mode {
+            Mode::Offline => Drive::open(&context.drive).map_err(StepError::io)?.rig().body_from_lidar,
+            // The recording has only begun; where the vehicle's folder does not say otherwise, the frames are one.
+            Mode::Live => match Drive::rig_alone(&context.drive).map_err(StepError::io)? {
+                Some(manifest) => manifest.rig().map_err(StepError::Data)?.body_from_lidar,
+                None => Isometry3::identity(),
+            },
+        };
+        Ok(Self::with_mounting(settings, body_from_lidar))
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

@@ -66,6 +66,13 @@ impl Drive {
         check::drive(folder, read, is_inferred)
     }
 
+    /// The manifest alone, without a look at the files it names: the rig of a vehicle before its recording is there. `None` if
+    /// the folder has no `drive.toml`.
+    pub fn rig_alone(folder: &Path) -> Result<Option<Manifest>, DriveError> {
+        let path = folder.join(MANIFEST_FILE);
+        if path.exists() { read_manifest(&path).map(Some) } else { Ok(None) }
+    }
+
     /// Where it is.
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -130,4 +137,12 @@ impl Drive {
             trajectory_from_tum(&text).map_err(|error| DriveProblem::of_file(&path, error.to_string()))
         }))
     }
+}
+
+/// Reads a `drive.toml`, wherever it is, and checks its LiDAR and its poses but not the files that it names. The error has all
+/// problems at once.
+pub fn read_manifest(path: &Path) -> Result<Manifest, DriveError> {
+    let text = fs::read_to_string(path);
+    let text = text.map_err(|error| DriveProblem::of_file(path, format!("cannot be read: {error}")))?;
+    check::manifest(read::Read::of_text(path, text))
 }

@@ -12,5 +12,6 @@ pub mod pcap;
 pub mod pcd;
 pub mod pgm;
 pub mod ply;
+pub mod recording;
 pub mod trajectory;
 pub mod velodyne;

@@ -8,7 +8,7 @@ mod log;
 mod sentence;
 
 pub use encode::{gga_from_fix, rmc_from_fix};
-pub use log::{Fix, LogStats, fixes};
+pub use log::{Fix, FixJoiner, LogStats, fixes};
 pub use sentence::{Gga, NmeaError, Rmc, Sentence, parse};
 
 /// A knot in m/s.

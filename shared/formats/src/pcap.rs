@@ -2,14 +2,17 @@
 //!
 //! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 over Ethernet (with VLAN tags), Linux cooked,
 //! loopback and raw IP. Everything else on the network is counted as foreign.
-//! Written: classic pcap, microseconds, little-endian, as a sensor's broadcast looks on the wire.
+//! Written: classic pcap, microseconds, little-endian, as a sensor's broadcast looks on the wire. A capture can be read
+//! while it is being written, see [`Recorder`].
 
 mod blocks;
 mod link;
 mod reader;
+mod recorder;
 mod writer;
 
 pub use reader::{PacketReader, ReadStats, UdpPacket};
+pub use recorder::{Frontier, Recorder};
 pub use writer::Writer;
 
 use std::path::PathBuf;

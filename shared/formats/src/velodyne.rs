@@ -25,6 +25,7 @@ mod model;
 mod packet;
 mod position;
 mod revolutions;
+mod sentences;
 mod stats;
 mod survey;
 mod sweeps;
@@ -39,4 +40,4 @@ pub use packet::{
 };
 pub use position::PositionPacket;
 pub use stats::LidarStats;
-pub use sweeps::{SweepError, SweepInfo, SweepPosition, SweepReader};
+pub use sweeps::{SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};

@@ -140,7 +140,7 @@ fn a_bare_folder_of_real_sweeps_is_a_drive() {
     assert!(returns.iter().all(|one| one.x.hypot(one.y) < 130.0));
     // The last third again, from where it was.
     let mut again = drive.sweeps().expect("opens");
-    assert!(again.resume(positions[14]).expect("is there"));
+    assert!(again.resume(positions[14].clone()).expect("is there"));
     assert_eq!(again.next_sweep(|_| {}).expect("reads"), Some(found[15]));
 }
 

@@ -13,6 +13,19 @@ pub(crate) type MessageService = publish_subscribe::PortFactory<Iox, [CacheLine]
 /// A port factory of latest values.
 pub(crate) type LatestService = publish_subscribe::PortFactory<Iox, [u8], ()>;
 
+/// How the messages of a channel travel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Transport {
+    /// In shared memory: written once, read in place.
+    #[default]
+    Shared,
+    /// Through a socket to each consumer, into memory of its own. For comparison only.
+    Copying,
+}
+/// Processes that may look on at a topic beside its consumers ([`crate::Observer`]); three terminals at a time.
+pub(crate) const MAX_OBSERVERS: usize = 3;
+
 /// What producer and consumers of a topic must agree on. Needs no types, so that the supervisor can create the services
 /// of topics that only somebody else's stages know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +36,14 @@ pub struct Channel {
     pub version: u32,
     /// [`Message::LAYOUT`].
     pub layout: u64,
+    /// Bytes of [`Message::Header`].
+    pub header_bytes: usize,
+    /// Bytes of [`Message::Row`].
+    pub row_bytes: usize,
+    /// [`Message::MAX_ROWS`].
+    pub max_rows: usize,
+    /// Nobody waits for room: where a queue is full, its oldest message makes way for the newest.
+    pub drops_oldest: bool,
     /// [`Message::QUEUE`].
     pub queue: usize,
     /// [`Message::BORROWED`].
@@ -31,6 +52,9 @@ pub struct Channel {
     pub producer: String,
     /// Wakes of the consumers, notified when there is something to take.
     pub consumers: Vec<String>,
+    /// How the messages travel.
+    #[serde(default)]
+    pub transport: Transport,
 }
 
 impl Channel {
@@ -40,10 +64,15 @@ impl Channel {
             name: name.to_owned(),
             version: T::VERSION,
             layout: T::LAYOUT,
+            header_bytes: size_of::<T::Header>(),
+            row_bytes: size_of::<T::Row>(),
+            max_rows: T::MAX_ROWS,
+            drops_oldest: false,
             queue: T::QUEUE,
             borrowed: T::BORROWED,
             producer: producer.to_owned(),
             consumers: consumers.to_vec(),
+            transport: Transport::Shared,
         }
     }
 
@@ -56,6 +85,11 @@ impl Channel {
         format!("{}.taken.{index}", self.name)
     }
 
+    /// Service on which a lossless observer says what it has taken.
+    pub(crate) fn observer_acknowledgement(&self) -> String {
+        format!("{}.taken.observer", self.name)
+    }
+
     fn builder(
         &self,
         node: &Node,
@@ -66,16 +100,28 @@ impl Channel {
             .publish_subscribe::<[CacheLine]>()
             .user_header::<WireEnvelope>()
             .max_publishers(1)
-            .max_subscribers(self.consumers.len().max(1))
-            // Producer, consumers and the supervisor that keeps the service.
-            .max_nodes(self.consumers.len() + 2)
+            .max_subscribers(self.consumers.len() + MAX_OBSERVERS)
+            // Producer, consumers, observers and the supervisor that keeps the service.
+            .max_nodes(self.consumers.len() + MAX_OBSERVERS + 2)
             .subscriber_max_buffer_size(self.queue)
             // What waits for its tick to be complete counts as borrowed, beside what the stage holds.
             .subscriber_max_borrowed_samples(self.queue + self.borrowed)
             .history_size(0)
-            .enable_safe_overflow(false))
+            .enable_safe_overflow(self.drops_oldest))
     }
 
+    /// Refuses if the run's idea of the topic is not that of `T`: the channel was drawn up from what a program said of
+    /// itself, which need not be what it is.
+    pub(crate) fn open_as<T: Message>(&self, node: &Node) -> Result<MessageService, IpcError> {
+        if (self.version, self.layout) != (T::VERSION, T::LAYOUT) {
+            let ours = format!("this program has version {}, layout {:016x}", T::VERSION, T::LAYOUT);
+            let theirs = format!("the run version {}, layout {:016x}", self.version, self.layout);
+            return Err(IpcError::transport(format!("opening topic {}", self.name), format_args!("{ours}; {theirs}")));
+        }
+        self.open(node)
+    }
+
+    /// For those who know the topic by its channel alone.
     pub(crate) fn open(&self, node: &Node) -> Result<MessageService, IpcError> {
         let mut verifier = AttributeVerifier::new();
         for (key, value) in self.attributes() {
@@ -108,6 +154,17 @@ pub struct Keeper {
 impl Keeper {
     /// Creates a topic's service and its acknowledgements.
     pub fn create_channel(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
+        // A socket is its producer's to make.
+        if channel.transport == Transport::Shared {
+            self.create_messages(node, channel)?;
+        }
+        for index in 0..channel.consumers.len() {
+            self.create_latest(node, &channel.acknowledgement(index))?;
+        }
+        self.create_latest(node, &channel.observer_acknowledgement())
+    }
+
+    fn create_messages(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
         let mut specifier = AttributeSpecifier::new();
         for (key, value) in channel.attributes() {
             specifier = specifier
@@ -119,9 +176,6 @@ impl Keeper {
             .create_with_attributes(&specifier)
             .map_err(|cause| IpcError::transport(format!("creating topic {}", channel.name), cause))?;
         self.messages.push(service);
-        for index in 0..channel.consumers.len() {
-            self.create_latest(node, &channel.acknowledgement(index))?;
-        }
         Ok(())
     }
 
@@ -141,9 +195,9 @@ impl Keeper {
             .service_builder(&service_name(name)?)
             .event()
             .max_listeners(1)
-            .max_notifiers(max_wakers.max(1))
-            // The one who waits, those who ring, and the supervisor.
-            .max_nodes(max_wakers + 2)
+            .max_notifiers(max_wakers + MAX_OBSERVERS)
+            // The one who waits, those who ring, observers, and the supervisor.
+            .max_nodes(max_wakers + MAX_OBSERVERS + 2)
             .create()
             .map_err(|cause| IpcError::transport(format!("creating wake {name}"), cause))?;
         self.wakes.push(service);

@@ -8,6 +8,9 @@ use std::path::{Path as StdPath, PathBuf};
 /// Where POSIX shared memory lies on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";
 
+/// Attempts to remove a folder in which somebody who looks on is just making a file of its own.
+const MAX_REMOVALS: usize = 20;
+
 /// Names a run's services. Two domains never meet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
@@ -42,7 +45,13 @@ impl Domain {
     /// Removes everything of this domain: only when none of its processes lives.
     pub fn wipe(&self) -> Result<(), IpcError> {
         let root = self.root();
-        ignore_absent("removing", &root, std::fs::remove_dir_all(&root))?;
+        let mut removed = std::fs::remove_dir_all(&root);
+        for _ in 1..MAX_REMOVALS {
+            if removed.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::DirectoryNotEmpty) {
+                removed = std::fs::remove_dir_all(&root);
+            }
+        }
+        ignore_absent("removing", &root, removed)?;
         for file in self.files()? {
             ignore_absent("removing", &file, std::fs::remove_file(&file))?;
         }
@@ -113,7 +122,7 @@ impl Domain {
             .create::<Iox>()
             .map_err(|cause| IpcError::transport(what(), cause))?;
         self.close_to_others()?;
-        Ok(Node(node))
+        Ok(Node(node, self.clone()))
     }
 }
 
@@ -127,7 +136,15 @@ fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Res
 }
 
 /// A participant of a domain: makes ports.
-pub struct Node(pub(crate) iceoryx2::prelude::Node<Iox>);
+pub struct Node(pub(crate) iceoryx2::prelude::Node<Iox>, pub(crate) Domain);
+
+impl Node {
+    /// Removes the ports of processes that have died, so that nobody waits for what they would have taken.
+    pub fn forget_dead(&self) {
+        // What another process is cleaning up already, or cannot be cleaned yet, is left to the next call.
+        let _state = self.0.try_cleanup_dead_nodes();
+    }
+}
 
 /// iceoryx2's form of a service name.
 pub(crate) fn service_name(name: &str) -> Result<ServiceName, IpcError> {

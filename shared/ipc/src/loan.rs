@@ -9,10 +9,12 @@
 
 #![allow(unsafe_code, reason = "reads and writes shared memory as typed rows; each block states why it may")]
 
+use crate::publisher::MAX_LOANS;
 use crate::{Iox, IpcError};
+use iceoryx2::port::LoanError;
 use iceoryx2::prelude::*;
 use iceoryx2::sample_mut::SampleMut;
-use messages::{Envelope, Message, Pod};
+use messages::{Envelope, Message};
 use std::marker::PhantomData;
 
 /// 64 bytes, so that headers and rows start on a cache line whatever their type.
@@ -62,6 +64,12 @@ pub(crate) fn lines_for<T: Message>(n_rows: usize) -> usize {
     (header_lines::<T>() + (n_rows * size_of::<T::Row>()).div_ceil(LINE)).max(1)
 }
 
+/// The bytes of a slot.
+pub(crate) fn bytes_of_lines(lines: &[CacheLine]) -> &[u8] {
+    // SAFETY: a cache line is 64 bytes without padding, all of them initialised (see `Loan::new`); u8 has no alignment.
+    unsafe { std::slice::from_raw_parts(lines.as_ptr().cast(), size_of_val(lines)) }
+}
+
 /// The header and `len` rows of a slot; `None` if it is too short for them.
 pub(crate) fn view<T: Message>(lines: &[CacheLine], len: usize) -> Option<(&T::Header, &[T::Row])> {
     let rows_at = header_lines::<T>();
@@ -82,20 +90,26 @@ fn rows_capacity<T: Message>(n_lines: usize) -> usize {
 }
 
 /// A message under construction, in the shared memory in which its consumers will read it.
-pub struct Loan<T: Message> {
+pub(crate) struct SharedLoan<T: Message> {
     sample: SampleMut<Iox, [CacheLine], WireEnvelope>,
     len: usize,
     capacity: usize,
     message: PhantomData<T>,
 }
 
-impl<T: Message> Loan<T> {
+impl<T: Message> SharedLoan<T> {
     pub(crate) fn new(
         publisher: &iceoryx2::port::publisher::Publisher<Iox, [CacheLine], WireEnvelope>,
         capacity: usize,
     ) -> Result<Self, IpcError> {
         let sample = publisher.loan_slice_uninit(lines_for::<T>(capacity)).map_err(|cause| {
-            IpcError::transport(format!("loan of {capacity} rows ({} bytes each)", size_of::<T::Row>()), cause)
+            let what = format!("loan of {capacity} rows ({} bytes each)", size_of::<T::Row>());
+            match cause {
+                LoanError::ExceedsMaxLoans => {
+                    IpcError::transport(what, format_args!("a stage may hold {MAX_LOANS} loans of a topic at a time"))
+                }
+                other => IpcError::transport(what, other),
+            }
         })?;
         // SAFETY: the slot lies in mapped shared memory, whose bytes the operating system has initialised (zero, or what
         // an earlier message left), and any bytes are a valid `CacheLine`.
@@ -105,21 +119,21 @@ impl<T: Message> Loan<T> {
         Ok(loan)
     }
     /// Rows that fit.
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.capacity
     }
     /// Rows written so far.
-    pub fn rows(&self) -> &[T::Row] {
+    pub(crate) fn rows(&self) -> &[T::Row] {
         view::<T>(self.sample.payload(), self.len).map_or(&[], |(_, rows)| rows)
     }
     /// The fixed part.
-    pub fn header_mut(&mut self) -> &mut T::Header {
+    pub(crate) fn header_mut(&mut self) -> &mut T::Header {
         // SAFETY: as in `view`; a loan has at least `header_lines` lines (or the header has size zero), and the
         // exclusive borrow of the sample passes on.
         unsafe { &mut *self.sample.payload_mut().as_mut_ptr().cast::<T::Header>() }
     }
-    /// Appends `n` zeroed rows and lends them for writing. `None` if they do not fit.
-    pub fn grow(&mut self, n: usize) -> Option<&mut [T::Row]> {
+    /// Appends `n` rows of whatever content and lends them for writing. `None` if they do not fit.
+    pub(crate) fn reserve(&mut self, n: usize) -> Option<&mut [T::Row]> {
         if n > self.capacity - self.len {
             return None;
         }
@@ -128,12 +142,10 @@ impl<T: Message> Loan<T> {
         let rows_at = header_lines::<T>();
         // SAFETY: rows `start .. start + n` lie within the slot (`lines_for(capacity)` lines were loaned), are aligned
         // (asserted in `header_lines`) and exclusively ours; any bytes are valid rows.
-        let rows = unsafe {
+        Some(unsafe {
             let first = self.sample.payload_mut().as_mut_ptr().add(rows_at).cast::<T::Row>().add(start);
             std::slice::from_raw_parts_mut(first, n)
-        };
-        rows.fill(T::Row::zeroed());
-        Some(rows)
+        })
     }
     pub(crate) fn finish(mut self, mut envelope: Envelope) -> SampleMut<Iox, [CacheLine], WireEnvelope> {
         envelope.len = self.len as u32;

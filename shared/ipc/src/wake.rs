@@ -2,6 +2,7 @@
 
 use crate::domain::service_name;
 use crate::{Iox, IpcError, Node};
+use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::port::{listener, notifier};
 use std::time::Duration;
 
@@ -20,12 +21,13 @@ impl Wake {
         let listener = service.listener_builder().create().map_err(|cause| error(format!("{cause:?}")))?;
         Ok(Self { name: name.to_owned(), listener })
     }
-    /// Returns on a ring, at once if there was one since the last call, or after `timeout`.
+    /// Returns on a ring, at once if there was one since the last call, on a signal, or after `timeout`.
     pub fn wait(&self, timeout: Duration) -> Result<(), IpcError> {
-        self.listener
-            .timed_wait(|_| {}, timeout)
-            .map(drop)
-            .map_err(|cause| IpcError::transport(format!("waiting on {}", self.name), cause))
+        match self.listener.timed_wait(|_| {}, timeout) {
+            // A signal, or the end of a SIGSTOP: a reason to look like any other.
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(cause) => Err(IpcError::transport(format!("waiting on {}", self.name), cause)),
+        }
     }
 }
 

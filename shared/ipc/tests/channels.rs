@@ -1,60 +1,23 @@
 //! What a channel promises: in place, in order, nothing lost, nobody else's.
 
-use ipc::{Channel, Domain, IpcError, Keeper, LatestPublisher, LatestSubscriber, Node, Publisher, Subscriber, Wake};
-use messages::{ClassRow, Envelope, Message, Pod, SweepHeader, SweepPoint};
+mod support;
+
+use ipc::{
+    Channel, Domain, IpcError, Keeper, LatestPublisher, LatestSubscriber, Publisher, Received, Subscriber, Transport,
+};
+use messages::{ClassRow, Envelope, Message, Pod, SweepPoint};
 use std::time::Duration;
+use support::{Pair, TestDomain, pair, pair_over, send, sweep_channel};
 
-/// A domain that leaves nothing behind, also when its test fails.
-struct TestDomain(Domain);
-
-impl TestDomain {
-    fn new(name: &str) -> Self {
-        let domain = Domain::new(&format!("test{name}{}", std::process::id())).expect("name fits");
-        domain.wipe().expect("wiped");
-        Self(domain)
+/// The next message; over a socket it takes a moment to come.
+fn receive(pair: &mut Pair) -> Received<messages::Sweep> {
+    for _ in 0..100 {
+        if let Some(received) = pair.subscriber.receive().expect("no error") {
+            return received;
+        }
+        pair.consumer_wake.wait(Duration::from_millis(100)).expect("waits");
     }
-}
-
-impl Drop for TestDomain {
-    fn drop(&mut self) {
-        self.0.wipe().expect("wiped");
-    }
-}
-
-struct Pair {
-    publisher: Publisher<messages::Sweep>,
-    subscriber: Subscriber<messages::Sweep>,
-    consumer_wake: Wake,
-    _keeper: Keeper,
-    _nodes: Vec<Node>,
-}
-
-fn pair(domain: &Domain) -> Pair {
-    let supervisor = domain.node("supervisor").expect("node");
-    let channel = Channel::of::<messages::Sweep>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
-    let mut keeper = Keeper::default();
-    keeper.create_channel(&supervisor, &channel).expect("created");
-    keeper.create_wake(&supervisor, "producer.wake", 1).expect("created");
-    keeper.create_wake(&supervisor, "consumer.wake", 1).expect("created");
-    let (producer, consumer) = (domain.node("producer").expect("node"), domain.node("consumer").expect("node"));
-    let consumer_wake = Wake::open(&consumer, "consumer.wake").expect("opened");
-    let publisher = Publisher::open(&producer, &channel).expect("opened");
-    let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
-    assert!(subscriber.connect().expect("connects"));
-    assert!(publisher.connect().expect("connects"));
-    Pair { publisher, subscriber, consumer_wake, _keeper: keeper, _nodes: vec![supervisor, producer, consumer] }
-}
-
-fn send(publisher: &mut Publisher<messages::Sweep>, seq: u64, n_points: usize) -> usize {
-    let mut loan = publisher.loan(n_points + 5).expect("loaned");
-    *loan.header_mut() = SweepHeader { n_rings: 32, ..SweepHeader::default() };
-    let rows = loan.grow(n_points).expect("fits");
-    for (i, row) in rows.iter_mut().enumerate() {
-        row.x = (seq * 1000 + i as u64) as f32;
-    }
-    let address = rows.as_ptr().addr();
-    publisher.send(loan, Envelope { seq, ..Envelope::zeroed() }).expect("sent");
-    address
+    panic!("no message has come");
 }
 
 /// The mapping of /proc/self/maps that holds `address`.
@@ -90,28 +53,62 @@ fn rows_are_read_where_they_were_written() {
 
 #[test]
 fn a_full_queue_stops_the_producer_and_nothing_is_lost() {
-    let domain = TestDomain::new("credit");
-    let mut pair = pair(&domain.0);
-    let mut sent = 0;
-    while pair.publisher.has_credit().expect("no error") {
-        send(&mut pair.publisher, sent, 10 + sent as usize);
-        sent += 1;
-    }
-    assert_eq!(sent as usize, messages::Sweep::QUEUE);
-    let mut held = Vec::new();
-    // Sizes grow, so slots are reallocated while older messages are still held.
-    for expected in 0..200 {
-        let received = pair.subscriber.receive().expect("no error").expect("a message");
-        assert_eq!(received.envelope().seq, expected);
-        assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
-        held.push(received);
-        if held.len() > messages::Sweep::BORROWED {
-            held.remove(0);
+    for (name, transport) in [("credit", Transport::Shared), ("creditcopy", Transport::Copying)] {
+        let domain = TestDomain::new(name);
+        let mut pair = pair_over(&domain.0, transport);
+        let mut sent = 0;
+        while pair.publisher.has_credit().expect("no error") {
+            send(&mut pair.publisher, sent, 10 + sent as usize);
+            sent += 1;
         }
-        assert!(pair.publisher.has_credit().expect("no error"));
-        send(&mut pair.publisher, sent, 10 + sent as usize);
-        sent += 1;
+        assert_eq!(sent as usize, messages::Sweep::QUEUE);
+        let mut held = Vec::new();
+        // Sizes grow, so slots are reallocated while older messages are still held.
+        for expected in 0..200 {
+            let received = receive(&mut pair);
+            assert_eq!(received.envelope().seq, expected);
+            assert_eq!(received.header().n_rings, 32);
+            assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
+            held.push(received);
+            if held.len() > messages::Sweep::BORROWED {
+                held.remove(0);
+            }
+            assert!(pair.publisher.has_credit().expect("no error"));
+            send(&mut pair.publisher, sent, 10 + sent as usize);
+            sent += 1;
+        }
     }
+}
+
+/// Far more than a socket holds: the producer is done all the same, because a queue's length is read ahead.
+#[test]
+fn a_copying_producer_does_not_wait_for_a_consumer_that_does_not_look() {
+    let domain = TestDomain::new("ahead");
+    let mut pair = pair_over(&domain.0, Transport::Copying);
+    for seq in 0..messages::Sweep::QUEUE as u64 {
+        send(&mut pair.publisher, seq, 500_000);
+    }
+    assert!(!pair.publisher.has_credit().expect("no error"));
+    for expected in 0..messages::Sweep::QUEUE as u64 {
+        let received = receive(&mut pair);
+        assert_eq!(received.envelope().seq, expected);
+        assert_eq!(received.rows()[499_999].x, (expected * 1000 + 499_999) as f32);
+        assert!(mapping_of(received.rows().as_ptr().addr()).contains(" 0 "), "the rows are the consumer's own");
+    }
+    assert!(pair.publisher.has_credit().expect("no error"));
+}
+
+#[test]
+fn a_copying_consumer_of_another_layout_is_refused() {
+    let domain = TestDomain::new("hello");
+    let pair = pair_over(&domain.0, Transport::Copying);
+    let node = domain.0.node("stranger").expect("node");
+    let channel = Channel { layout: messages::Class::LAYOUT, ..sweep_channel(Transport::Copying) };
+    assert!(matches!(Publisher::<messages::Sweep>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    drop(pair.subscriber);
+    let stranger = Subscriber::<messages::Sweep>::open(&node, &channel, "consumer.wake").expect("opened");
+    stranger.connect().expect("knocks");
+    assert!(matches!(pair.publisher.connect(), Err(IpcError::Transport { .. })));
 }
 
 #[test]
@@ -125,6 +122,8 @@ fn another_layout_or_version_is_refused() {
     channel.version -= 1;
     channel.layout = messages::Class::LAYOUT;
     assert!(matches!(Publisher::<messages::Sweep>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    // A program of the other type that was told so meets the service's own attributes.
+    assert!(matches!(Publisher::<messages::Class>::open(&node, &channel), Err(IpcError::Transport { .. })));
     drop(pair);
 }
 

@@ -13,7 +13,8 @@ pod! {
     /// | 24 | `born_nanos` | monotonic clock when the source began the tick |
     /// | 32 | `sent_nanos` | monotonic clock when this message was published |
     /// | 40 | `len` | rows in use; the slot may be longer |
-    /// | 44 | `reserved` | zero |
+    /// | 44 | `epoch` | live: how often the producer had been started anew; offline zero |
+    /// | 48 | `reserved` | zero |
     pub struct Envelope {
         /// 0, 1, 2 … per topic.
         pub seq: u64,
@@ -27,8 +28,10 @@ pod! {
         pub sent_nanos: u64,
         /// Rows in use.
         pub len: u32,
+        /// Live: how often the producer had been started anew; its `seq` jumped then. Offline zero.
+        pub epoch: u32,
         /// Zero.
-        pub reserved: [u32; 5],
+        pub reserved: [u32; 4],
     }
 }
 

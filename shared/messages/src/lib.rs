@@ -3,6 +3,7 @@
 //! A message is an [`Envelope`], a fixed header and a slice of rows, all plain `repr(C)` data that is written once into
 //! shared memory and read in place. Frames, units and axes follow `docs/conventions.md`.
 
+mod byte_table;
 mod class_table;
 mod columns;
 mod cube;
@@ -14,6 +15,7 @@ mod sweep;
 mod tick;
 mod trajectory;
 
+pub use byte_table::{ByteField, ByteTable};
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, class_name};
 pub use columns::{
     Class, ClassHeader, ClassRow, Color, ColorHeader, ColorRow, Instance, InstanceHeader, MAX_BANDS, NO_SPECTRUM,
@@ -27,5 +29,5 @@ pub use submap::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
 };
 pub use sweep::{Sweep, SweepHeader, SweepPoint};
-pub use tick::{Tick, TickRow};
+pub use tick::{NO_DRIVE_TIME, Tick, TickRow};
 pub use trajectory::{PoseRow, StampedPose, Trajectory};

@@ -2,6 +2,8 @@
 
 #![allow(unsafe_code, reason = "the one place that turns rows into bytes and back; each block states why it may")]
 
+use crate::ByteField;
+
 /// A type that is nothing but its bytes: `repr(C)`, no padding, no pointers, every bit pattern valid.
 ///
 /// # Safety
@@ -10,6 +12,10 @@
 pub unsafe trait Pod: Copy + Send + Sync + 'static {
     /// Fingerprint of the field names and types in order. Two processes that differ in it must not talk.
     const LAYOUT: u64;
+
+    /// Appends the fields of a value called `name` that begins at byte `offset` to `fields`. A number is one field, and
+    /// so is an array of numbers; the fields of a struct are told one by one.
+    fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>);
 
     /// The value whose bytes are all zero.
     fn zeroed() -> Self {
@@ -36,6 +42,9 @@ macro_rules! pod_number {
         // SAFETY: a primitive number has no padding and every bit pattern is a value.
         unsafe impl Pod for $t {
             const LAYOUT: u64 = fingerprint(FINGERPRINT_START, stringify!($t).as_bytes());
+            fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>) {
+                fields.push(ByteField { name: name.to_owned(), offset, kind: stringify!($t).to_owned(), count: 1 });
+            }
         }
     )*};
 }
@@ -44,6 +53,17 @@ pod_number!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
 // SAFETY: an array of `Pod` has no padding between its elements and none of its own.
 unsafe impl<T: Pod, const N: usize> Pod for [T; N] {
     const LAYOUT: u64 = fingerprint(T::LAYOUT, &(N as u64).to_le_bytes());
+    fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>) {
+        let mut first = Vec::new();
+        T::describe(name, offset, &mut first);
+        match first.as_mut_slice() {
+            [number] if number.name == name => {
+                number.count *= N;
+                fields.append(&mut first);
+            }
+            _ => (0..N).for_each(|i| T::describe(&format!("{name}.{i}"), offset + i * size_of::<T>(), fields)),
+        }
+    }
 }
 
 /// Declares a `repr(C)` struct and proves at compile time that it is [`Pod`]: every field is, and no padding is left.
@@ -71,6 +91,15 @@ macro_rules! pod {
                 )*
                 state
             };
+            #[allow(unused_variables, unused_mut, unused_assignments, reason = "a struct without fields uses none of them")]
+            fn describe(name: &str, mut offset: usize, fields: &mut Vec<$crate::ByteField>) {
+                let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
+                $(
+                    <$kind as $crate::Pod>::describe(&format!("{prefix}{}", stringify!($field)), offset, fields);
+                    // No padding (asserted above): the next field follows at once.
+                    offset += size_of::<$kind>();
+                )*
+            }
         }
 
         impl Default for $name {
@@ -86,6 +115,30 @@ pub fn bytes_from_rows<T: Pod>(rows: &[T]) -> &[u8] {
     // SAFETY: a `Pod` has no padding, so each of the `size_of_val` bytes is initialised; u8 has no alignment; the
     // lifetime is that of `rows`.
     unsafe { std::slice::from_raw_parts(rows.as_ptr().cast(), size_of_val(rows)) }
+}
+
+/// The bytes of `rows`, in place, for writing.
+pub fn bytes_from_rows_mut<T: Pod>(rows: &mut [T]) -> &mut [u8] {
+    // SAFETY: as `bytes_from_rows`; the exclusive borrow passes on, and any bytes written are a valid `T`.
+    unsafe { std::slice::from_raw_parts_mut(rows.as_mut_ptr().cast(), size_of_val(rows)) }
+}
+
+/// `n` rows whose bytes are all zero. Memory of this size comes from the operating system as zeros, so that rows that are
+/// never written cost nothing.
+pub fn zeroed_rows<T: Pod>(n: usize) -> Vec<T> {
+    const { assert!(size_of::<T>() > 0) };
+    let layout = std::alloc::Layout::array::<T>(n).expect("fits the address space");
+    if n == 0 {
+        return Vec::new();
+    }
+    // SAFETY: the layout has a size (`n` and the size of `T` are above 0).
+    let memory = unsafe { std::alloc::alloc_zeroed(layout) };
+    if memory.is_null() {
+        std::alloc::handle_alloc_error(layout);
+    }
+    // SAFETY: allocated just now by the global allocator with the layout of `n` values of `T`, of which all-zero bytes
+    // are valid ones.
+    unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(memory.cast::<T>(), n)) }.into_vec()
 }
 
 /// Copies `bytes` into rows. `None` if the length is no multiple of the row's size.
@@ -137,6 +190,16 @@ mod tests {
         assert_eq!(bytes.len(), 16);
         assert_eq!(rows_from_bytes::<Pair>(bytes).as_deref(), Some(&rows[..]));
         assert_eq!(rows_from_bytes::<Pair>(&bytes[..15]), None);
+    }
+
+    #[test]
+    fn zeroed_rows_are_filled_in_place() {
+        assert_eq!(zeroed_rows::<Pair>(0), []);
+        let mut rows = zeroed_rows::<Pair>(3);
+        assert_eq!(rows, [Pair::zeroed(); 3]);
+        let source = [Pair { a: 1, b: 2.0 }, Pair { a: 3, b: 4.0 }, Pair { a: 5, b: 6.0 }];
+        bytes_from_rows_mut(&mut rows).copy_from_slice(bytes_from_rows(&source));
+        assert_eq!(rows, source);
     }
 
     #[test]

@@ -10,7 +10,7 @@ pod! {
     /// | 0 | `tick` | 0, 1, 2 … |
     /// | 8 | `n_published` | messages of the topic up to and including this tick |
     /// | 16 | `barrier` | number of the barrier after this tick, from 1; 0 = none |
-    /// | 24 | `drive_time` | ns since the Unix epoch at the source |
+    /// | 24 | `drive_time` | ns since the Unix epoch at the source; [`NO_DRIVE_TIME`] before its first data |
     /// | 32 | `born_nanos` | monotonic clock when the source began the tick |
     /// | 40 | `progress` | share of the drive that the source has read, 0 to 1 |
     /// | 44 | `end` | 1: nothing follows |
@@ -31,6 +31,9 @@ pod! {
         pub end: u32,
     }
 }
+
+/// The drive's time before a live source has any data.
+pub const NO_DRIVE_TIME: i64 = i64::MIN;
 
 /// The tick channel of a topic.
 pub struct Tick;

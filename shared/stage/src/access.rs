@@ -159,6 +159,9 @@ impl<T: Message> Loan<T> {
     /// Appends copies of `new_rows`. `None` if they do not fit.
     #[must_use = "rows that do not fit are not written"]
     pub fn extend_from_slice(&mut self, new_rows: &[T::Row]) -> Option<()> {
+        if let Slot::Shared(loan) = &mut self.0 {
+            return loan.extend_from_slice(new_rows);
+        }
         self.grow(new_rows.len())?.copy_from_slice(new_rows);
         Some(())
     }
@@ -198,13 +201,20 @@ impl Outputs {
         self.publish_as(loan, stamp, None)
     }
 
-    /// Publishes a column of submap `seq`. Columns come in the order of submaps, one for each.
+    /// Publishes a column of submap `seq`. Columns come in the order of submaps, one for each; live, for each that came.
     pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {
         self.publish_as(loan, stamp, Some(seq))
     }
 
     fn publish_as<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
         let output = self.port::<T>()?;
+        if let Some(seq) = seq {
+            // Taken up from an older state, a stage comes to submaps again that the process before it has done.
+            if !output.skip_to(seq) {
+                self.count("columns_published_before", 1);
+                return Ok(());
+            }
+        }
         let next = output.next_seq();
         if let Some(seq) = seq
             && seq != next
@@ -263,13 +273,30 @@ impl Outputs {
 pub(crate) trait AnyOutput {
     fn as_any(&mut self) -> &mut dyn Any;
     fn next_seq(&self) -> u64;
+    /// Live: columns are numbered by the submaps that came, whatever was due. `false` if this one has been published.
+    fn skip_to(&mut self, _seq: u64) -> bool {
+        true
+    }
+    /// Hands over what was published and is kept in memory: envelope, header, rows.
+    fn take_published(&mut self, _take: &mut PublishedSink<'_>) -> Result<(), StepError> {
+        Ok(())
+    }
     /// What the runner needs of an output in shared memory.
     fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
         None
     }
 }
 
-/// Keeps what was published, for tests.
+/// Takes over a message: envelope, header, rows.
+pub(crate) type PublishedSink<'a> = dyn FnMut(&Envelope, &[u8], &[u8]) -> Result<(), StepError> + 'a;
+
+/// Puts a message that was kept as bytes among the inputs.
+pub(crate) fn push_bytes<T: Message>(inputs: &mut Inputs, bytes: &[u8]) -> Result<(), StepError> {
+    inputs.push::<T>(Received::from_bytes(bytes)?);
+    Ok(())
+}
+
+/// Keeps what was published, for tests and for a stage alone.
 pub(crate) struct MemoryOutput<T: Message> {
     pub(crate) next_seq: u64,
     pub(crate) published: Vec<Received<T>>,
@@ -285,5 +312,16 @@ impl<T: Message> AnyOutput for MemoryOutput<T> {
     }
     fn next_seq(&self) -> u64 {
         self.next_seq
+    }
+    fn take_published(&mut self, take: &mut PublishedSink<'_>) -> Result<(), StepError> {
+        // More would not fit its consumers' queues in a run.
+        if self.published.len() > T::QUEUE {
+            return Err(StepError::Contract(format!("{}: more than {} messages in one tick", T::TOPIC, T::QUEUE)));
+        }
+        for message in self.published.drain(..) {
+            let header = pod::bytes_from_rows(std::slice::from_ref(message.header()));
+            take(message.envelope(), header, pod::bytes_from_rows(message.rows()))?;
+        }
+        Ok(())
     }
 }

@@ -1,12 +1,15 @@
 //! What the supervisor hands to a stage at its start, and what it tells it while it runs.
 
+use crate::health::Traffic;
 use crate::{Context, Field, Port, Settings, Stage};
 use ipc::Channel;
+use messages::ByteTable;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Raised when the supervisor and stages of different ages could misunderstand each other.
-pub const CONTRACT_VERSION: u32 = 1;
+pub const CONTRACT_VERSION: u32 = 3;
 
 /// Answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +41,8 @@ pub struct PortDescription {
     pub borrowed: usize,
     /// An input that may lack a producer.
     pub optional: bool,
+    /// Layout of the messages.
+    pub table: ByteTable,
 }
 
 impl Description {
@@ -78,7 +83,7 @@ pub struct Assignment {
     pub context: Context,
     /// The launch file.
     pub launch_file: PathBuf,
-    /// `--set` of the command line.
+    /// `--set` of the command line and what swaps have changed.
     pub overrides: Vec<String>,
     /// Topics that it reads and that have a producer.
     pub inputs: Vec<TopicChannels>,
@@ -90,18 +95,45 @@ pub struct Assignment {
     pub states: PathBuf,
     /// Barrier to go on from.
     pub resume: Option<u64>,
+    /// Live: this stage alone is started anew, in a run that goes on.
+    pub restart: Option<Restart>,
+}
+
+/// What a stage that is started anew must know of the process that it follows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Restart {
+    /// 1, 2, 3 …
+    pub epoch: u32,
+    /// Ticks as last heard.
+    pub ticks: u64,
+    /// Inputs as last heard.
+    pub inputs: BTreeMap<String, Traffic>,
+    /// Outputs as last heard.
+    pub outputs: BTreeMap<String, Traffic>,
 }
 
 impl Assignment {
     /// File of the state at a barrier.
     pub fn state_file(&self, barrier: u64) -> PathBuf {
-        self.states.join(barrier.to_string()).join(format!("{}.state", self.stage))
+        state_file(&self.states, barrier, &self.stage)
+    }
+    /// File of the state at a barrier of who produces the topic.
+    pub(crate) fn producers_state_file(&self, barrier: u64, channels: &TopicChannels) -> PathBuf {
+        let wake = &channels.messages.producer;
+        state_file(&self.states, barrier, wake.strip_suffix(WAKE).unwrap_or(wake))
     }
 }
 
+/// File of a stage's state at a barrier, in the folder of a run's states.
+pub fn state_file(states: &Path, barrier: u64, stage: &str) -> PathBuf {
+    states.join(barrier.to_string()).join(format!("{stage}.state"))
+}
+
+const WAKE: &str = ".wake";
+
 /// Name of the wake on which a stage sleeps.
 pub fn wake_name(stage: &str) -> String {
-    format!("{stage}.wake")
+    format!("{stage}{WAKE}")
 }
 
 /// What the supervisor tells a stage, over and over.
@@ -111,4 +143,6 @@ pub struct Command {
     pub go: bool,
     /// Sources end at the next tick; everything on the way is finished.
     pub drain: bool,
+    /// Sources mark the next tick as a barrier and wait behind it until this is taken back.
+    pub pause: bool,
 }

@@ -8,9 +8,9 @@ use crate::access::AnyOutput;
 use crate::assignment::PortDescription;
 use crate::ports::{SharedInputMaker, SharedOutputMaker};
 use crate::{Inputs, Outputs, Problem, Settings};
-use messages::Message;
+use messages::{ByteTable, Message};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// One process of the pipeline, without its process: a function of settings, state and inputs.
 ///
@@ -29,6 +29,12 @@ pub trait Stage: Sized {
     /// Topics that it writes.
     fn outputs() -> Vec<Port>;
 
+    /// Topics that it writes with these settings: some or all of [`Stage::outputs`]. `launch_folder` is where relative
+    /// paths start.
+    fn outputs_with(_settings: &Self::Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        Ok(Self::outputs())
+    }
+
     /// What can be said before the start beyond the settings' own rules: absent files, settings that contradict each other.
     fn check(_settings: &Self::Settings, _context: &Context) -> Vec<Problem> {
         Vec::new()
@@ -45,11 +51,16 @@ pub trait Stage: Sized {
         Ok(())
     }
 
-    /// Everything that the next tick depends on. Called between ticks, at a barrier; [`crate::encode_state`] helps.
+    /// Everything that the next tick depends on. Called between ticks, at a barrier; [`crate::encode_state`] helps. A stage
+    /// that holds nothing between ticks returns no bytes at all: then any program may take its place.
     fn save(&mut self) -> Result<Vec<u8>, StepError>;
 
-    /// Takes up where [`Stage::save`] left off. Called on a new stage before its first tick.
-    fn load(&mut self, state: &[u8]) -> Result<(), StepError>;
+    /// Takes up where [`Stage::save`] left off, perhaps that of the program that this one replaces. Called on a new stage
+    /// before its first tick, unless there are no bytes. A stage that saves none has none to take up: that is the default.
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        let n_bytes = state.len();
+        Err(StepError::Data(format!("this program keeps no state and cannot go on from one of {n_bytes} bytes")))
+    }
 }
 
 /// Whether a source has more.
@@ -79,7 +90,7 @@ pub struct Context {
 
 impl Context {
     /// A path from the settings, made absolute.
-    pub fn resolve(&self, path: &std::path::Path) -> PathBuf {
+    pub fn resolve(&self, path: &Path) -> PathBuf {
         self.launch_folder.join(path)
     }
     /// Whether anybody produces the topic of `T` in this run.
@@ -116,6 +127,8 @@ pub(crate) struct PortMakers {
     pub(crate) memory_output: fn() -> Box<dyn AnyOutput>,
     pub(crate) shared_output: SharedOutputMaker,
     pub(crate) shared_input: SharedInputMaker,
+    pub(crate) push_bytes: fn(&mut Inputs, &[u8]) -> Result<(), StepError>,
+    pub(crate) byte_table: fn() -> ByteTable,
 }
 
 impl Port {
@@ -132,6 +145,8 @@ impl Port {
                 memory_output: crate::access::memory_output::<T>,
                 shared_output: crate::ports::shared_output::<T>,
                 shared_input: crate::ports::shared_input::<T>,
+                push_bytes: crate::access::push_bytes::<T>,
+                byte_table: ByteTable::of::<T>,
             },
         }
     }
@@ -155,6 +170,7 @@ impl Port {
             queue: self.queue,
             borrowed: self.borrowed,
             optional: self.optional,
+            table: (self.make.byte_table)(),
         }
     }
 }

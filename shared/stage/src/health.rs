@@ -1,12 +1,12 @@
 //! The heartbeat: what a stage tells its supervisor five times a second, from a thread of its own.
 
 use crate::histogram::Histogram;
-use crate::process::{Usage, usage};
+use crate::process::{Usage, monotonic_nanos, usage};
 use ipc::{Domain, LatestPublisher};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 /// A tenth of what the supervisor calls a hang, at most: a few lost beats are no alarm.
@@ -29,6 +29,8 @@ pub enum Activity {
     Working,
     /// Waiting for room at a consumer of this topic.
     Blocked(String),
+    /// A source behind a barrier that the supervisor asked for.
+    Paused,
     /// Writing its state at a barrier.
     Saving,
     /// Everything is published; waiting until it has been taken.
@@ -44,8 +46,14 @@ pub struct Traffic {
     pub messages: u64,
     /// Rows.
     pub rows: u64,
-    /// Bytes of rows, shared and not copied.
+    /// Bytes of rows.
     pub bytes: u64,
+    /// Seq of the message that is due next.
+    pub next_seq: u64,
+    /// [`messages::Envelope::epoch`] of the producer.
+    pub epoch: u32,
+    /// Live, inputs only: messages that made way for newer ones, or came while this stage was down.
+    pub dropped: u64,
 }
 
 /// Durations of a kind.
@@ -53,6 +61,9 @@ pub struct Traffic {
 pub struct Latency {
     /// How many.
     pub count: u64,
+    /// Mean, ms.
+    #[serde(default)]
+    pub mean_ms: f64,
     /// Median, ms.
     pub p50_ms: f64,
     /// 99 of 100 are shorter, ms.
@@ -63,15 +74,33 @@ pub struct Latency {
 
 impl From<&Histogram> for Latency {
     fn from(h: &Histogram) -> Self {
-        Self { count: h.count(), p50_ms: h.percentile_ms(0.5), p99_ms: h.percentile_ms(0.99), max_ms: h.max_ms() }
+        Self {
+            count: h.count(),
+            mean_ms: h.mean_ms(),
+            p50_ms: h.percentile_ms(0.5),
+            p99_ms: h.percentile_ms(0.99),
+            max_ms: h.max_ms(),
+        }
     }
+}
+
+/// How the messages of an input topic come to the steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Arrivals {
+    /// Messages that have arrived and wait for their tick to be complete and its step to begin.
+    pub queue: u64,
+    /// From the publication of a message to its delivery to a step.
+    pub latency: Latency,
 }
 
 /// One heartbeat.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Health {
     /// Counts the beats.
     pub beat: u64,
+    /// Monotonic clock at this beat, ns: rates are differences of two beats over that of their times.
+    pub beat_nanos: u64,
     /// What it is doing.
     pub activity: Activity,
     /// Ticks finished, since the drive's start.
@@ -82,6 +111,10 @@ pub struct Health {
     pub drive_begin: Option<i64>,
     /// Drive time at the last tick, ns since the Unix epoch.
     pub drive_time: Option<i64>,
+    /// When this process finished its first tick, ns of the monotonic clock, which all processes share.
+    pub first_tick_nanos: Option<u64>,
+    /// When it finished its last tick, ns of the monotonic clock.
+    pub last_tick_nanos: Option<u64>,
     /// Share of the drive that the source had read at the last tick.
     pub progress: f64,
     /// A source that was asked to end before the drive did.
@@ -92,6 +125,10 @@ pub struct Health {
     pub inputs: BTreeMap<String, Traffic>,
     /// By output topic.
     pub outputs: BTreeMap<String, Traffic>,
+    /// By input topic.
+    pub arrivals: BTreeMap<String, Arrivals>,
+    /// By output topic: messages that its slowest consumer has not taken yet.
+    pub waiting: BTreeMap<String, u64>,
     /// Points that passed: rows of the first input topic, of a source the first output topic.
     pub points: u64,
     /// Time in one step that had input.
@@ -102,8 +139,14 @@ pub struct Health {
     pub counters: BTreeMap<String, u64>,
     /// Texts for the operator.
     pub notes: Vec<String>,
+    /// Why it ended, if it failed: the log says so too, unless its disk is full.
+    #[serde(default)]
+    pub error: Option<String>,
     /// User and system time, s.
     pub cpu_s: f64,
+    /// The part of it that lending, sending, waiting and receiving took, s.
+    #[serde(default)]
+    pub transport_cpu_s: f64,
     /// Resident memory, bytes.
     pub rss_bytes: u64,
     /// Largest resident memory, bytes.
@@ -116,6 +159,8 @@ pub struct Pulse {
     health: Mutex<Health>,
     progress_mark: AtomicU64,
     quiet: AtomicBool,
+    /// The thread that beats.
+    heart: OnceLock<std::thread::Thread>,
 }
 
 impl Pulse {
@@ -128,6 +173,17 @@ impl Pulse {
     pub fn set(&self, activity: Activity) {
         self.update().activity = activity;
     }
+    /// Sets the activity and beats at once: somebody waits for it.
+    pub fn announce(&self, activity: Activity) {
+        self.set(activity);
+        self.beat_now();
+    }
+    /// Beats at once: for what the supervisor waits for.
+    pub fn beat_now(&self) {
+        if let Some(heart) = self.heart.get() {
+            heart.unpark();
+        }
+    }
     /// Something got done.
     pub fn mark_progress(&self) {
         self.progress_mark.fetch_add(1, Ordering::Relaxed);
@@ -136,6 +192,7 @@ impl Pulse {
         let Usage { cpu_s, rss_bytes, peak_rss_bytes } = usage();
         let mut health = self.update();
         health.beat += 1;
+        health.beat_nanos = monotonic_nanos();
         health.progress_mark = self.progress_mark.load(Ordering::Relaxed);
         (health.cpu_s, health.rss_bytes, health.peak_rss_bytes) = (cpu_s, rss_bytes, peak_rss_bytes);
         health.clone()
@@ -175,6 +232,8 @@ impl Heartbeat {
                 std::thread::park_timeout(HEARTBEAT);
             }
         })?;
+        // A pulse has one heart; a second would only beat less promptly.
+        let _ = pulse.heart.set(thread.thread().clone());
         Ok(Self { pulse, thread: Some(thread) })
     }
 }

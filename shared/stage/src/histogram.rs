@@ -9,12 +9,13 @@ const OCTAVES: u32 = 40;
 pub struct Histogram {
     buckets: Vec<u64>,
     count: u64,
+    sum_nanos: u64,
     max_nanos: u64,
 }
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self { buckets: vec![0; (PER_OCTAVE * OCTAVES) as usize], count: 0, max_nanos: 0 }
+        Self { buckets: vec![0; (PER_OCTAVE * OCTAVES) as usize], count: 0, sum_nanos: 0, max_nanos: 0 }
     }
 }
 
@@ -25,6 +26,7 @@ impl Histogram {
         let last = self.buckets.len() - 1;
         self.buckets[bucket.min(last)] += 1;
         self.count += 1;
+        self.sum_nanos = self.sum_nanos.saturating_add(nanos);
         self.max_nanos = self.max_nanos.max(nanos);
     }
     /// The duration in ms below which the share `share` of all lies; upper edge of its bucket. 0 without durations.
@@ -39,6 +41,10 @@ impl Histogram {
             }
         }
         0.0
+    }
+    /// Sum of all divided by their number, ms. 0 without durations.
+    pub fn mean_ms(&self) -> f64 {
+        if self.count > 0 { self.sum_nanos as f64 / self.count as f64 * 1e-6 } else { 0.0 }
     }
     /// The longest, ms.
     pub fn max_ms(&self) -> f64 {
@@ -65,6 +71,6 @@ mod tests {
             let ratio = histogram.percentile_ms(share) / truth;
             assert!((1.0..1.1).contains(&ratio), "{share}: {ratio}");
         }
-        assert_eq!(histogram.max_ms(), 1000.0);
+        assert_eq!((histogram.mean_ms(), histogram.max_ms()), (500.5, 1000.0));
     }
 }

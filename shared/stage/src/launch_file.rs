@@ -16,7 +16,8 @@ pub struct LaunchFile {
 }
 
 impl LaunchFile {
-    /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text. All problems at once.
+    /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text, or `!table.key`, which leaves the
+    /// key out. All problems at once.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, Vec<Problem>> {
         let text = std::fs::read_to_string(path)
             .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
@@ -109,9 +110,17 @@ pub fn render(path: &Path, text: &str, problem: &Problem) -> String {
     )
 }
 
-/// Lays `table.key=value` over the tables; returns `table.key`.
+/// Lays `table.key=value` over the tables, or takes `!table.key` out of them; returns `table.key`.
 fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, String> {
     const FORM: &str = "must have the form table.key=value";
+    if let Some(path) = text.strip_prefix('!') {
+        let (name, left_out) = path.trim().split_once('.').ok_or("must have the form !table.key")?;
+        let table = root.iter_mut().find(|(key, _)| key.get_ref() == name).map(|(_, value)| value.get_mut());
+        let found = if let Some(DeValue::Table(table)) = table { table.remove(left_out) } else { None };
+        return found
+            .map(|_| path.trim().to_owned())
+            .ok_or_else(|| format!("there is no {} to leave out", path.trim()));
+    }
     let (path, value) = text.split_once('=').ok_or(FORM)?;
     let (table, key) = path.trim().split_once('.').ok_or(FORM)?;
     let nowhere = || Spanned::new(0..0, std::borrow::Cow::Owned(String::new()));
@@ -167,6 +176,20 @@ mod tests {
         assert_eq!(value("new").as_bool(), Some(true));
         let shown = file.located("infer", Problem { key: "modell".into(), span: Some(0..1), text: "x".into() });
         assert_eq!((shown.span, shown.text.as_str()), (None, "x (from --set)"));
+    }
+
+    #[test]
+    fn a_key_is_left_out_if_it_is_there() {
+        let parse = |overrides: &[&str]| {
+            let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+            LaunchFile::parse(Path::new("l"), TEXT.to_owned(), &overrides)
+        };
+        assert!(parse(&["!infer.modell"]).expect("parses").table("infer").expect("a table").is_empty());
+        let set_again = parse(&["!infer.modell", "infer.modell=4"]).expect("parses");
+        assert_eq!(set_again.table("infer").expect("a table").len(), 1);
+        for absent in ["!infer.mode", "!instance.modell", "!infer"] {
+            assert_eq!(parse(&[absent]).expect_err("there is none").len(), 1, "{absent}");
+        }
     }
 
     #[test]

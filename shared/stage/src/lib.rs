@@ -5,9 +5,11 @@
 //! signals, drain and exit code. See `docs/stage.md` for a stage from first line to last.
 
 mod access;
+mod alone;
 pub mod assignment;
 mod command;
 mod contract;
+pub mod control;
 pub mod health;
 mod histogram;
 pub mod launch_file;
@@ -17,15 +19,16 @@ mod runner;
 mod settings;
 mod state;
 pub mod testing;
+pub mod wiring;
 
 pub use access::{Inputs, Loan, Outputs, Received};
-pub use command::{CheckRequest, SUPERVISOR_KEYS, exit, run};
+pub use command::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit, run};
 pub use contract::{Context, Flow, Mode, Port, Stage, StepError};
 pub use messages;
 pub use settings::{
     Field, Problem, Rule, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
 };
-pub use state::{Bytes, StateError, decode_state, encode_state};
+pub use state::{Bytes, StateError, decode_state, encode_state, saved_bytes, verify_state};
 
 #[doc(hidden)]
 pub use settings::{default_text, read_value};

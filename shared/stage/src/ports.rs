@@ -2,8 +2,9 @@
 
 use crate::access::{AnyOutput, Loan, Received};
 use crate::assignment::TopicChannels;
-use crate::health::{Activity, Pulse, Traffic};
-use crate::process::monotonic_nanos;
+use crate::health::{Activity, Arrivals, Latency, Pulse, Traffic};
+use crate::histogram::Histogram;
+use crate::process::{monotonic_nanos, thread_cpu_nanos};
 use crate::{Inputs, StepError};
 use ipc::{IpcError, Node, Publisher, Subscriber, Wake};
 use messages::{Envelope, Message, Tick, TickRow};
@@ -18,6 +19,9 @@ use std::time::Duration;
 /// How long a sleeper trusts its wake before it looks by itself: bounds the reaction to a stop, and to a lost ring.
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
+/// The same while a run starts: nobody rings for having come, and a start should not take long.
+const LOOK_AGAIN_AT_START: Duration = Duration::from_millis(10);
+
 /// A consumer that is gone is the supervisor's to report, with that one's own last words; it has this long to end the run
 /// before the loss itself is reported.
 const LOSS_PATIENCE: Duration = Duration::from_secs(5);
@@ -29,9 +33,19 @@ pub(crate) struct Waiter {
     pub(crate) pulse: Arc<Pulse>,
     /// Time slept so far: a step that waits for room at a consumer is not at work.
     pub(crate) slept_nanos: Cell<u64>,
+    /// CPU time so far for lending, sending, waiting and receiving.
+    pub(crate) transport_nanos: Cell<u64>,
 }
 
 impl Waiter {
+    /// Does `work` and puts its CPU time down to the transport. Not to be nested.
+    pub(crate) fn transporting<R>(&self, work: impl FnOnce() -> R) -> R {
+        let begun = thread_cpu_nanos();
+        let result = work();
+        self.transport_nanos.set(self.transport_nanos.get() + thread_cpu_nanos() - begun);
+        result
+    }
+
     /// Sleeps until `done`, with the heartbeat saying `activity` meanwhile. `false` if the run is being stopped.
     pub(crate) fn wait_until(
         &self,
@@ -44,12 +58,13 @@ impl Waiter {
                 return Ok(false);
             }
             let now = activity();
+            let starting = matches!(now, Activity::Connecting(_) | Activity::Ready);
             if said.as_ref() != Some(&now) {
                 self.pulse.set(now.clone());
                 said = Some(now);
             }
             let begun = monotonic_nanos();
-            self.wake.wait(LOOK_AGAIN)?;
+            self.wake.wait(if starting { LOOK_AGAIN_AT_START } else { LOOK_AGAIN })?;
             self.slept_nanos.set(self.slept_nanos.get() + monotonic_nanos() - begun);
         }
         Ok(true)
@@ -77,6 +92,15 @@ pub(crate) struct Clock {
     pub(crate) born_nanos: Cell<u64>,
 }
 
+/// A stage that is started anew in a live run numbers its messages and ticks on from the next multiple of this: far
+/// more than can have been published since the last heartbeat of the process before it.
+const STRIDE: u64 = 1000;
+
+/// A number that the process before has surely not given.
+pub(crate) fn beyond(n: u64) -> u64 {
+    (n / STRIDE + 1) * STRIDE
+}
+
 /// What all ports of a stage share.
 #[derive(Clone)]
 pub(crate) struct PortContext {
@@ -98,9 +122,25 @@ pub(crate) trait TickedInput {
     fn gather(&mut self, tick: u64) -> Result<Option<TickRow>, StepError>;
     /// Hands the gathered tick's messages over.
     fn deliver(&mut self, inputs: &mut Inputs);
+    /// Live: takes what has arrived.
+    fn gather_newest(&mut self) -> Result<Newest, StepError>;
+    /// Live: hands over what was gathered.
+    fn deliver_all(&mut self, inputs: &mut Inputs);
     /// Goes on behind what was delivered before this process began.
     fn resume(&mut self, delivered: Traffic);
     fn traffic(&self) -> Traffic;
+    fn arrivals(&self) -> Arrivals;
+}
+
+/// What a live input has.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Newest {
+    /// The last tick heard of, new or not.
+    pub(crate) row: Option<TickRow>,
+    /// The latest barrier among the ticks heard of now; later ticks may have followed it.
+    pub(crate) barrier: u64,
+    /// Whether messages wait to be handed over.
+    pub(crate) has_messages: bool,
 }
 
 struct SharedInput<T: Message> {
@@ -112,6 +152,29 @@ struct SharedInput<T: Message> {
     row: Option<TickRow>,
     n_received: u64,
     traffic: Traffic,
+    /// From publication to delivery.
+    latency: Histogram,
+    pulse: Arc<Pulse>,
+}
+
+impl<T: Message> SharedInput<T> {
+    fn hand_over(&mut self, message: ipc::Received<T>, now: u64, inputs: &mut Inputs) {
+        self.latency.add(now.saturating_sub(message.envelope().sent_nanos));
+        self.traffic.messages += 1;
+        self.traffic.rows += message.rows().len() as u64;
+        self.traffic.bytes += size_of_val(message.rows()) as u64;
+        self.traffic.next_seq = message.envelope().seq + 1;
+        inputs.push(Received::shared(message));
+    }
+
+    /// Live: what is missing between two messages was dropped, unless the producer was started anew between them.
+    fn count_dropped(&mut self, envelope: Envelope) {
+        if envelope.epoch == self.traffic.epoch {
+            self.traffic.dropped += envelope.seq.saturating_sub(self.n_received);
+        }
+        self.traffic.epoch = envelope.epoch;
+        self.n_received = envelope.seq + 1;
+    }
 }
 
 pub(crate) fn shared_input<T: Message>(
@@ -127,6 +190,8 @@ pub(crate) fn shared_input<T: Message>(
         row: None,
         n_received: 0,
         traffic: Traffic::default(),
+        latency: Histogram::default(),
+        pulse: Arc::clone(&context.waiter.pulse),
     }))
 }
 
@@ -155,6 +220,8 @@ impl<T: Message> TickedInput for SharedInput<T> {
             }
             self.n_received += 1;
             self.pending.push_back(message);
+            // A tick may be long in coming; who looks on sees meanwhile what waits for it.
+            self.pulse.update().arrivals.entry(self.topic.clone()).or_default().queue = self.pending.len() as u64;
         }
         let Some(row) = self.row else { return Ok(None) };
         if row.tick != tick {
@@ -165,22 +232,46 @@ impl<T: Message> TickedInput for SharedInput<T> {
 
     fn deliver(&mut self, inputs: &mut Inputs) {
         let Some(row) = self.row.take() else { return };
+        let now = monotonic_nanos();
         while self.pending.front().is_some_and(|message| message.envelope().tick <= row.tick) {
             let Some(message) = self.pending.pop_front() else { break };
-            self.traffic.messages += 1;
-            self.traffic.rows += message.rows().len() as u64;
-            self.traffic.bytes += size_of_val(message.rows()) as u64;
-            inputs.push(Received::shared(message));
+            self.hand_over(message, now, inputs);
+        }
+    }
+
+    fn gather_newest(&mut self) -> Result<Newest, StepError> {
+        let mut newest = Newest::default();
+        // Ticks first: what they speak of has been sent before them.
+        while let Some(message) = self.ticks.receive()? {
+            self.row = message.rows().first().copied().or(self.row);
+            newest.barrier = newest.barrier.max(self.row.map_or(0, |row| row.barrier));
+        }
+        while self.pending.len() < T::QUEUE {
+            let Some(message) = self.messages.receive()? else { break };
+            self.count_dropped(*message.envelope());
+            self.pending.push_back(message);
+        }
+        Ok(Newest { row: self.row, has_messages: !self.pending.is_empty(), ..newest })
+    }
+
+    fn deliver_all(&mut self, inputs: &mut Inputs) {
+        let now = monotonic_nanos();
+        while let Some(message) = self.pending.pop_front() {
+            self.hand_over(message, now, inputs);
         }
     }
 
     fn resume(&mut self, delivered: Traffic) {
-        self.n_received = delivered.messages;
+        self.n_received = delivered.next_seq;
         self.traffic = delivered;
     }
 
     fn traffic(&self) -> Traffic {
         self.traffic.clone()
+    }
+
+    fn arrivals(&self) -> Arrivals {
+        Arrivals { queue: self.pending.len() as u64, latency: Latency::from(&self.latency) }
     }
 }
 
@@ -196,6 +287,8 @@ pub(crate) trait TickedOutput {
     /// Goes on behind what was published before this process began.
     fn resume(&mut self, published: Traffic);
     fn traffic(&self) -> Traffic;
+    /// Brings up to date what the heartbeat says of messages that wait for a consumer.
+    fn note_waiting(&mut self) -> Result<(), StepError>;
 }
 
 /// A topic's producing end.
@@ -207,6 +300,14 @@ pub(crate) struct SharedOutput<T: Message> {
     next_seq: u64,
     n_in_tick: usize,
     traffic: Traffic,
+    /// Nobody is waited for; the oldest makes way.
+    is_live: bool,
+    /// Live: seq behind the last message of the process that this one follows.
+    followed: u64,
+    /// Seq of the next tick. Live, ticks may be left out or said again.
+    next_tick_seq: u64,
+    /// Seq of the last tick, which may be said again.
+    end_seq: Option<u64>,
 }
 
 pub(crate) fn shared_output<T: Message>(
@@ -221,24 +322,42 @@ pub(crate) fn shared_output<T: Message>(
         next_seq: 0,
         n_in_tick: 0,
         traffic: Traffic::default(),
+        is_live: channels.messages.drops_oldest,
+        followed: 0,
+        next_tick_seq: 0,
+        end_seq: None,
     }))
 }
 
 impl<T: Message> SharedOutput<T> {
     pub(crate) fn loan(&self, capacity: usize) -> Result<ipc::Loan<T>, StepError> {
-        Ok(self.messages.loan(capacity)?)
+        Ok(self.context.waiter.transporting(|| self.messages.loan(capacity))?)
     }
 
     pub(crate) fn publish(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
+        let waiter = Rc::clone(&self.context.waiter);
+        waiter.transporting(|| self.send(loan, stamp))
+    }
+
+    fn send(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
         let Some(loan) = loan.into_shared() else {
             return Err(StepError::Contract(format!("{}: a loan that was not made by this run", self.topic)));
         };
-        if self.n_in_tick == T::QUEUE {
+        if self.n_in_tick == T::QUEUE && !self.is_live {
             let text = format!("{}: more than {} messages in one tick", self.topic, T::QUEUE);
             return Err(StepError::Contract(text));
         }
         let (messages, waiter) = (&mut self.messages, &self.context.waiter);
-        let room = waiter.wait_until(|| Activity::Blocked(T::TOPIC.to_owned()), || Ok(messages.has_credit()?))?;
+        let room = waiter.wait_until(
+            || Activity::Blocked(T::TOPIC.to_owned()),
+            || {
+                let credit = messages.has_credit()?;
+                if !credit {
+                    note_waiting(&waiter.pulse, &self.topic, messages)?;
+                }
+                Ok(credit)
+            },
+        )?;
         if !room {
             return Err(StepError::Stopped { topic: T::TOPIC });
         }
@@ -253,11 +372,13 @@ impl<T: Message> SharedOutput<T> {
             tick: clock.tick.get(),
             born_nanos: clock.born_nanos.get(),
             sent_nanos: monotonic_nanos(),
+            epoch: self.traffic.epoch,
             ..Envelope::default()
         };
         self.messages.send(loan, envelope).map_err(|error| waiter.failed_send(T::TOPIC, error))?;
         waiter.pulse.mark_progress();
         self.next_seq += 1;
+        self.traffic.next_seq = self.next_seq;
         self.n_in_tick += 1;
         Ok(())
     }
@@ -269,6 +390,12 @@ impl<T: Message> AnyOutput for SharedOutput<T> {
     }
     fn next_seq(&self) -> u64 {
         self.next_seq
+    }
+    fn skip_to(&mut self, seq: u64) -> bool {
+        if self.is_live {
+            self.next_seq = seq;
+        }
+        seq >= self.followed
     }
     fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
         Some(self)
@@ -294,20 +421,43 @@ impl<T: Message> TickedOutput for SharedOutput<T> {
         if let Some(rows) = loan.grow(1) {
             rows[0] = TickRow { n_published: self.next_seq, ..row };
         }
-        let envelope = Envelope { seq: row.tick, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
+        let seq = self.end_seq.unwrap_or(row.tick.max(self.next_tick_seq));
+        self.next_tick_seq = seq + 1;
+        self.end_seq = (row.end != 0).then_some(seq);
+        let envelope = Envelope { seq, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
         self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(T::TOPIC, error))
     }
 
     fn is_drained(&mut self) -> Result<bool, StepError> {
-        Ok(self.messages.n_waiting()? == 0 && self.ticks.n_waiting()? == 0)
+        self.note_waiting()?;
+        // Live, messages may have been dropped; the last tick never is.
+        Ok((self.is_live || self.messages.n_waiting()? == 0) && self.ticks.n_waiting()? == 0)
     }
 
     fn resume(&mut self, published: Traffic) {
-        self.next_seq = published.messages;
+        self.next_seq = published.next_seq;
+        if published.epoch > 0 {
+            self.followed = published.next_seq;
+            self.next_seq = beyond(published.next_seq);
+        }
         self.traffic = published;
     }
 
     fn traffic(&self) -> Traffic {
         self.traffic.clone()
     }
+
+    fn note_waiting(&mut self) -> Result<(), StepError> {
+        note_waiting(&self.context.waiter.pulse, &self.topic, &mut self.messages)
+    }
+}
+
+fn note_waiting<T: Message>(pulse: &Pulse, topic: &str, messages: &mut Publisher<T>) -> Result<(), StepError> {
+    let waiting = messages.n_waiting()?;
+    let mut health = pulse.update();
+    match health.waiting.get_mut(topic) {
+        Some(last) => *last = waiting,
+        None => drop(health.waiting.insert(topic.to_owned(), waiting)),
+    }
+    Ok(())
 }

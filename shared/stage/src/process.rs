@@ -1,7 +1,8 @@
-//! What the operating system says about this process, and what it is told.
+//! What the operating system says about this process and its program, and what it is told.
 
 use crate::StepError;
 use rustix::time::{ClockId, clock_gettime};
+use std::path::{Path, PathBuf};
 
 /// CPU time and memory.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,9 +34,26 @@ pub fn monotonic_nanos() -> u64 {
     nanos_of(ClockId::Monotonic)
 }
 
+/// User and system time of the calling thread.
+pub fn thread_cpu_nanos() -> u64 {
+    nanos_of(ClockId::ThreadCPUTime)
+}
+
 fn nanos_of(clock: ClockId) -> u64 {
     let now = clock_gettime(clock);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Folder in which this program lies. All programs of the project lie in one.
+pub fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().unwrap_or_default();
+    own.parent().unwrap_or(Path::new(".")).to_owned()
+}
+
+/// Another program of the project. The error is a sentence.
+pub fn sibling(name: &str) -> Result<PathBuf, String> {
+    let path = own_folder().join(name);
+    if path.is_file() { Ok(path) } else { Err(format!("program {} is not there", path.display())) }
 }
 
 /// Asks the kernel to kill this process when its supervisor dies: no run leaves orphans.

@@ -1,19 +1,24 @@
 //! The life of a stage's process: open, connect, tick by tick, barriers, drain.
 
+mod barrier;
+mod live;
+
 use crate::assignment::{Assignment, Command, wake_name};
 use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
 use crate::histogram::Histogram;
 use crate::ports::{Clock, PortContext, TickedInput, TickedOutput, Waiter};
 use crate::process::{die_with, monotonic_nanos};
-use crate::state::{RunnerState, load_state, save_state};
-use crate::{Flow, Inputs, Outputs, Stage, StepError};
+use crate::{Flow, Inputs, Mode, Outputs, Stage, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
-use messages::TickRow;
+use messages::{NO_DRIVE_TIME, TickRow};
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+
+/// Of an error, in the heartbeat: it has 64 KiB, which the notes of [`Outputs::note`] need too.
+const MAX_ERROR_CHARS: usize = 2000;
 
 /// How a run of a stage ended.
 #[derive(Debug, PartialEq, Eq)]
@@ -35,12 +40,20 @@ pub(crate) fn run<S: Stage>(
     let pulse = Arc::new(Pulse::default());
     // The heart beats before anything that may take long.
     let heartbeat = Heartbeat::start(&domain, &assignment.stage, Arc::clone(&pulse)).map_err(StepError::io)?;
-    let mut runner = Runner::<S>::open(settings, assignment, &domain, &pulse, stop)?;
-    let ending = runner.connect().and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
-    runner.report();
-    if matches!(ending, Ok(Ending::Done)) {
-        pulse.set(Activity::Done);
+    let ending = Runner::<S>::open(settings, assignment, &domain, &pulse, stop).and_then(|mut runner| {
+        let connected = runner.connect();
+        let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
+        runner.report();
+        ending
+    });
+    match &ending {
+        Ok(Ending::Done) => pulse.set(Activity::Done),
+        Err(error) if !matches!(error, StepError::Stopped { .. }) => {
+            pulse.update().error = Some(error.to_string().chars().take(MAX_ERROR_CHARS).collect());
+        }
+        _ => {}
     }
+    // Its last beat carries all this.
     drop(heartbeat);
     match ending {
         Err(StepError::Stopped { .. }) => Ok(Ending::Stopped),
@@ -63,6 +76,8 @@ struct Runner<'a, S: Stage> {
     drive_begin: Option<i64>,
     /// Drive time of the last barrier, or of the first tick.
     barrier_time: Option<i64>,
+    /// Of the last tick.
+    last_row: TickRow,
     step_times: Histogram,
     ages: Histogram,
 }
@@ -78,7 +93,13 @@ impl<'a, S: Stage> Runner<'a, S> {
         let node = Rc::new(domain.node(&assignment.stage)?);
         let wake = Wake::open(&node, &wake_name(&assignment.stage))?;
         let control = LatestSubscriber::open(&node, &format!("{}.control", assignment.stage))?;
-        let waiter = Rc::new(Waiter { wake, stop, pulse: Arc::clone(pulse), slept_nanos: Cell::new(0) });
+        let waiter = Rc::new(Waiter {
+            wake,
+            stop,
+            pulse: Arc::clone(pulse),
+            slept_nanos: Cell::new(0),
+            transport_nanos: Cell::new(0),
+        });
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
         for port in S::inputs() {
@@ -88,7 +109,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             }
         }
         let mut outputs = Outputs::default();
-        for port in S::outputs() {
+        for port in S::outputs_with(settings, &assignment.context.launch_folder)? {
             let channels = assignment.outputs.iter().find(|channels| channels.topic == port.topic());
             let channels =
                 channels.ok_or_else(|| StepError::Contract(format!("no channels for output {}", port.topic())))?;
@@ -107,11 +128,15 @@ impl<'a, S: Stage> Runner<'a, S> {
             barrier: 0,
             drive_begin: None,
             barrier_time: None,
+            last_row: TickRow::default(),
             step_times: Histogram::default(),
             ages: Histogram::default(),
         };
         if let Some(barrier) = assignment.resume {
             runner.load(barrier)?;
+        }
+        if let Some(restart) = &assignment.restart {
+            runner.follow(restart);
         }
         Ok(runner)
     }
@@ -151,7 +176,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         if !connected {
             return Ok(false);
         }
-        self.pulse.set(Activity::Ready);
+        self.pulse.announce(Activity::Ready);
         if !Self::is_source() {
             return Ok(true);
         }
@@ -161,20 +186,27 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     fn ticks(&mut self) -> Result<Ending, StepError> {
         loop {
-            let ended = if Self::is_source() { self.source_tick()? } else { self.tick()? };
+            let ended = if Self::is_source() { self.source_tick()? } else { self.any_tick()? };
             match ended {
                 None => return Ok(Ending::Stopped),
                 Some(true) => break,
                 Some(false) => {}
             }
         }
-        let outputs = &mut self.outputs;
+        let (outputs, end) = (&mut self.outputs, self.last_row);
+        let repeats = self.assignment.context.mode == Mode::Live;
         let taken = self.ports.waiter.wait_until(
             || Activity::Draining,
             || {
                 let mut all = true;
                 for output in Self::ticked_outputs(outputs) {
-                    all &= output.is_drained()?;
+                    if !output.is_drained()? {
+                        all = false;
+                        // A consumer that was started anew just now has not heard of the end.
+                        if repeats {
+                            output.publish_tick(end)?;
+                        }
+                    }
                 }
                 Ok(all)
             },
@@ -195,12 +227,21 @@ impl<'a, S: Stage> Runner<'a, S> {
         let flow = self.timed_step(&mut Inputs::default())?;
         let end = flow == Flow::End || self.command.drain;
         if self.command.drain && flow == Flow::Continue {
-            self.outputs.note("drained on request: the rest of the drive was not read");
+            // A live source ends when it is asked to.
+            if self.assignment.context.mode == Mode::Offline {
+                self.outputs.note("drained on request: the rest of the drive was not read");
+            }
             self.pulse.update().drained = true;
         }
-        let drive_time = self.outputs.drive_time.unwrap_or_default();
-        let since = *self.barrier_time.get_or_insert(drive_time);
-        let barrier_due = !end && drive_time.saturating_sub(since) as f64 >= self.assignment.barrier_s * 1e9;
+        let drive_time = self.outputs.drive_time.unwrap_or(NO_DRIVE_TIME);
+        if drive_time != NO_DRIVE_TIME && self.barrier_time.is_none_or(|since| since > drive_time) {
+            // The first data, or a sensor's clock that has jumped back.
+            self.barrier_time = Some(drive_time);
+        }
+        let since = self.barrier_time.unwrap_or(drive_time);
+        let pause = self.command.pause && !end;
+        let is_time = drive_time.saturating_sub(since) as f64 >= self.assignment.barrier_s * 1e9;
+        let barrier_due = pause || is_time && !end;
         let row = TickRow {
             tick: self.tick,
             barrier: if barrier_due { self.barrier + 1 } else { 0 },
@@ -211,18 +252,45 @@ impl<'a, S: Stage> Runner<'a, S> {
             ..TickRow::default()
         };
         self.complete(row)?;
+        if pause && !self.pause()? {
+            return Ok(None);
+        }
         Ok(Some(end))
+    }
+
+    /// Waits behind a barrier for the word to go on. `false` if the run is being stopped.
+    fn pause(&mut self) -> Result<bool, StepError> {
+        self.pulse.announce(Activity::Paused);
+        let (control, command) = (&self.control, &mut self.command);
+        let goes_on = || read_command(control, command).map(|()| !command.pause);
+        self.ports.waiter.wait_until(|| Activity::Paused, goes_on)
+    }
+
+    fn any_tick(&mut self) -> Result<Option<bool>, StepError> {
+        match self.assignment.context.mode {
+            Mode::Offline => self.tick(),
+            Mode::Live => self.live_tick(),
+        }
     }
 
     /// One tick of any other stage.
     fn tick(&mut self) -> Result<Option<bool>, StepError> {
-        let Some(row) = self.gather()? else { return Ok(None) };
-        self.ports.clock.tick.set(row.tick);
-        self.ports.clock.born_nanos.set(row.born_nanos);
+        let waiter = Rc::clone(&self.ports.waiter);
+        let Some(row) = waiter.transporting(|| self.gather())? else { return Ok(None) };
         let mut inputs = Inputs::default();
         for input in &mut self.inputs {
             input.deliver(&mut inputs);
         }
+        self.work(&row, inputs)?;
+        self.complete(row)?;
+        self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
+        Ok(Some(row.end != 0))
+    }
+
+    /// The step of a tick. `true` if it had input; only then is its time taken down.
+    fn work(&mut self, row: &TickRow, mut inputs: Inputs) -> Result<bool, StepError> {
+        self.ports.clock.tick.set(row.tick);
+        self.ports.clock.born_nanos.set(row.born_nanos);
         let has_input = !inputs.by_topic.is_empty();
         self.pulse.set(Activity::Working);
         if has_input {
@@ -230,9 +298,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         } else {
             self.stage.step(&mut inputs, &mut self.outputs)?;
         }
-        self.complete(row)?;
-        self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
-        Ok(Some(row.end != 0))
+        Ok(has_input)
     }
 
     /// A step, its time taken down without what it waited for room at its consumers.
@@ -247,7 +313,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     /// Waits until every input has the whole tick, and checks that they agree on what follows it.
     fn gather(&mut self) -> Result<Option<TickRow>, StepError> {
-        let (inputs, tick) = (&mut self.inputs, self.tick);
+        let (inputs, outputs, tick) = (&mut self.inputs, &mut self.outputs, self.tick);
         let late = std::cell::RefCell::new(String::new());
         let mut agreed: Option<TickRow> = None;
         let here = self.ports.waiter.wait_until(
@@ -257,6 +323,9 @@ impl<'a, S: Stage> Runner<'a, S> {
                 for input in inputs.iter_mut() {
                     let Some(row) = input.gather(tick)? else {
                         late.replace(input.topic().to_owned());
+                        for output in Self::ticked_outputs(outputs) {
+                            output.note_waiting()?;
+                        }
                         return Ok(false);
                     };
                     let first = agreed.get_or_insert(row);
@@ -278,32 +347,44 @@ impl<'a, S: Stage> Runner<'a, S> {
             self.stage.finish(&mut self.outputs)?;
         }
         self.tick += 1;
-        self.drive_begin.get_or_insert(row.drive_time);
+        self.last_row = row;
+        if row.drive_time != NO_DRIVE_TIME {
+            self.drive_begin.get_or_insert(row.drive_time);
+        }
         if row.barrier != 0 {
             self.barrier = row.barrier;
             self.barrier_time = Some(row.drive_time);
             self.pulse.set(Activity::Saving);
             self.save()?;
         }
-        for output in Self::ticked_outputs(&mut self.outputs) {
-            output.publish_tick(row)?;
-        }
+        let outputs = &mut self.outputs;
+        self.ports.waiter.transporting(|| Self::ticked_outputs(outputs).try_for_each(|o| o.publish_tick(row)))?;
         self.pulse.mark_progress();
-        {
+        for output in Self::ticked_outputs(&mut self.outputs) {
+            output.note_waiting()?;
+        }
+        let now = monotonic_nanos();
+        let is_first = {
             let mut health = self.pulse.update();
+            health.last_tick_nanos = Some(now);
             health.ticks = self.tick;
             health.drive_begin = self.drive_begin;
-            health.drive_time = Some(row.drive_time);
+            health.drive_time = Some(row.drive_time).filter(|time| *time != NO_DRIVE_TIME);
             health.progress = f64::from(row.progress);
             health.barrier = self.barrier;
-        }
+            *health.first_tick_nanos.get_or_insert(now) == now
+        };
         self.report();
+        if is_first || row.barrier != 0 {
+            self.pulse.beat_now();
+        }
         Ok(())
     }
 
     /// Brings the figures of the heartbeat up to date.
     fn report(&mut self) {
         let inputs: BTreeMap<_, _> = self.inputs.iter().map(|i| (i.topic().to_owned(), i.traffic())).collect();
+        let arrivals = self.inputs.iter().map(|i| (i.topic().to_owned(), i.arrivals())).collect();
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
         // Images have more rows than any cloud; points are what the stage's first topic carries.
@@ -313,40 +394,10 @@ impl<'a, S: Stage> Runner<'a, S> {
         health.points = points;
         let Health { step, age, .. } = &mut *health;
         (*step, *age) = (Latency::from(&self.step_times), Latency::from(&self.ages));
-        (health.inputs, health.outputs) = (inputs, outputs);
+        (health.inputs, health.outputs, health.arrivals) = (inputs, outputs, arrivals);
+        health.transport_cpu_s = self.ports.waiter.transport_nanos.get() as f64 * 1e-9;
         health.counters.clone_from(&self.outputs.counters);
         health.notes.clone_from(&self.outputs.notes);
-    }
-
-    fn save(&mut self) -> Result<(), StepError> {
-        let state = RunnerState {
-            tick: self.tick,
-            barrier: self.barrier,
-            drive_begin: self.drive_begin,
-            barrier_time: self.barrier_time,
-            inputs: self.inputs.iter().map(|input| (input.topic().to_owned(), input.traffic())).collect(),
-            outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
-            counters: self.outputs.counters.clone(),
-            notes: self.outputs.notes.clone(),
-        };
-        save_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)
-    }
-
-    fn load(&mut self, barrier: u64) -> Result<(), StepError> {
-        let (state, stage) = load_state(&self.assignment.state_file(barrier))?;
-        self.stage.load(&stage)?;
-        (self.tick, self.barrier) = (state.tick, state.barrier);
-        (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
-        for output in Self::ticked_outputs(&mut self.outputs) {
-            let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
-            output.resume(traffic);
-        }
-        for input in &mut self.inputs {
-            input.resume(state.inputs.get(input.topic()).cloned().unwrap_or_default());
-        }
-        self.outputs.counters = state.counters;
-        self.outputs.notes = state.notes;
-        Ok(())
     }
 }
 

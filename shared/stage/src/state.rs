@@ -5,14 +5,15 @@ use crate::health::Traffic;
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Why a saved state cannot be taken up.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum StateError {
     /// Too short or without the magic bytes.
-    #[error("not a saved state: {0} bytes")]
+    #[error("not a whole saved state: {0} bytes")]
     Foreign(usize),
     /// Written by another version of the stage.
     #[error("saved state has version {got}, expected {expected}")]
@@ -33,6 +34,9 @@ pub enum StateError {
     /// The content does not decode.
     #[error("saved state does not decode: {0}")]
     Content(String),
+    /// Absent, or the disk cannot give it.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
 }
 
 impl From<StateError> for StepError {
@@ -95,7 +99,7 @@ impl<'de> Deserialize<'de> for Bytes {
 const MAGIC: [u8; 8] = *b"REPLICAS";
 
 /// Raised with every change of the layout below or of [`RunnerState`].
-const RUNNER_STATE_VERSION: u32 = 2;
+const RUNNER_STATE_VERSION: u32 = 3;
 
 /// Bytes before the content of a state file.
 ///
@@ -109,7 +113,7 @@ const RUNNER_STATE_VERSION: u32 = 2;
 const HEAD: usize = 24;
 
 /// A stage's runner at a barrier.
-#[derive(Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 pub(crate) struct RunnerState {
     pub(crate) tick: u64,
     pub(crate) barrier: u64,
@@ -142,46 +146,119 @@ pub(crate) fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StepErro
     Ok((runner, stage.to_vec()))
 }
 
-fn split_state(bytes: &[u8]) -> Result<(&[u8], &[u8]), StateError> {
-    let foreign = StateError::Foreign(bytes.len());
-    let Some((head, content)) = bytes.split_first_chunk::<HEAD>() else { return Err(foreign) };
-    let u32_at = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
-    if !head.starts_with(&MAGIC) {
-        return Err(foreign);
-    }
-    if u32_at(8) != RUNNER_STATE_VERSION {
-        return Err(StateError::Version { got: u32_at(8), expected: RUNNER_STATE_VERSION });
-    }
-    let Some((runner, stage)) = content.split_at_checked(u32_at(12) as usize) else { return Err(foreign) };
-    let expected = u64::from(u32_at(16)) | u64::from(u32_at(20)) << 32;
-    let got = checksum(&[runner, stage]);
-    if got == expected { Ok((runner, stage)) } else { Err(StateError::Checksum { got, expected }) }
+/// Length of the stage's own part of a state file, bytes. Reads no more than the head.
+pub fn saved_bytes(path: &Path) -> std::io::Result<u64> {
+    let mut file = std::fs::File::open(path)?;
+    let mut head = [0; HEAD];
+    file.read_exact(&mut head)?;
+    let runner = u32::from_le_bytes([head[12], head[13], head[14], head[15]]);
+    Ok(file.metadata()?.len().saturating_sub(HEAD as u64 + u64::from(runner)))
 }
+
+fn split_state(bytes: &[u8]) -> Result<(&[u8], &[u8]), StateError> {
+    let (head, content) = bytes.split_first_chunk::<HEAD>().ok_or(StateError::Foreign(bytes.len()))?;
+    let head = Head::read(head, bytes.len())?;
+    let (runner, stage) = content.split_at(head.runner_len);
+    head.check(checksum(&[runner, stage]))?;
+    Ok((runner, stage))
+}
+
+/// Whether a state file is whole: magic bytes, version, length and checksum. Reads it piece by piece, so that a large one
+/// costs no memory. What the stage's own part means, only the stage can say.
+pub fn verify_state(path: &Path) -> Result<(), StateError> {
+    let unreadable = |cause: std::io::Error| StateError::Unreadable(cause.to_string());
+    let mut file = File::open(path).map_err(unreadable)?;
+    let len = file.metadata().map_err(unreadable)?.len() as usize;
+    let mut head = [0; HEAD];
+    if len < HEAD {
+        return Err(StateError::Foreign(len));
+    }
+    file.read_exact(&mut head).map_err(unreadable)?;
+    let head = Head::read(&head, len)?;
+    let mut piece = vec![0; PIECE];
+    let mut sum = FINGERPRINT_START;
+    for part_len in [head.runner_len, len - HEAD - head.runner_len] {
+        let mut left = part_len;
+        while left > 0 {
+            let piece = &mut piece[..left.min(PIECE)];
+            file.read_exact(piece).map_err(unreadable)?;
+            sum = add_bytes(sum, piece);
+            left -= piece.len();
+        }
+        sum = end_part(sum, part_len);
+    }
+    head.check(sum)
+}
+
+/// What stands before the content.
+struct Head {
+    runner_len: usize,
+    checksum: u64,
+}
+
+impl Head {
+    /// From the first bytes of a file of `file_len` bytes.
+    fn read(head: &[u8; HEAD], file_len: usize) -> Result<Self, StateError> {
+        let u32_at = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        if !head.starts_with(&MAGIC) {
+            return Err(StateError::Foreign(file_len));
+        }
+        if u32_at(8) != RUNNER_STATE_VERSION {
+            return Err(StateError::Version { got: u32_at(8), expected: RUNNER_STATE_VERSION });
+        }
+        let runner_len = u32_at(12) as usize;
+        if runner_len > file_len - HEAD {
+            return Err(StateError::Foreign(file_len));
+        }
+        Ok(Self { runner_len, checksum: u64::from(u32_at(16)) | u64::from(u32_at(20)) << 32 })
+    }
+
+    fn check(&self, got: u64) -> Result<(), StateError> {
+        if got == self.checksum { Ok(()) } else { Err(StateError::Checksum { got, expected: self.checksum }) }
+    }
+}
+
+/// Bytes that are read at a time: whole words (see [`add_bytes`]), and few enough to stay in the cache.
+const PIECE: usize = 256 << 10;
 
 /// FNV-1a by words of 8 bytes: a state may have a hundred megabytes, and a barrier should not cost a second.
 fn checksum(parts: &[&[u8]]) -> u64 {
-    parts.iter().fold(FINGERPRINT_START, |state, part| {
-        let (words, rest) = part.as_chunks::<8>();
-        let state = words.iter().fold(state, |state, word| {
-            // The rotation carries the upper bits down, where the next product would otherwise never bring them.
-            ((state ^ u64::from_le_bytes(*word)).wrapping_mul(0x0100_0000_01b3)).rotate_left(29)
-        });
-        fingerprint(fingerprint(state, rest), &(part.len() as u64).to_le_bytes())
-    })
+    parts.iter().fold(FINGERPRINT_START, |sum, part| end_part(add_bytes(sum, part), part.len()))
+}
+
+/// Carries a checksum on. A part may come in pieces if all but its last are whole words.
+fn add_bytes(sum: u64, bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let sum = words.iter().fold(sum, |sum, word| {
+        // The rotation carries the upper bits down, where the next product would otherwise never bring them.
+        ((sum ^ u64::from_le_bytes(*word)).wrapping_mul(0x0100_0000_01b3)).rotate_left(29)
+    });
+    fingerprint(sum, rest)
+}
+
+fn end_part(sum: u64, len: usize) -> u64 {
+    fingerprint(sum, &(len as u64).to_le_bytes())
 }
 
 fn write_atomically(path: &Path, parts: &[&[u8]]) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
     let unfinished = path.with_extension("unfinished");
-    let mut file = std::fs::File::create(&unfinished)?;
-    for part in parts {
-        file.write_all(part)?;
+    let write = || {
+        let mut file = File::create(&unfinished)?;
+        for part in parts {
+            file.write_all(part)?;
+        }
+        file.sync_all()?;
+        std::fs::rename(&unfinished, path)
+    };
+    if let Err(error) = write() {
+        // On a full disk the half-written file would keep the room that others need.
+        let _ = std::fs::remove_file(&unfinished);
+        return Err(error);
     }
-    file.sync_all()?;
-    std::fs::rename(&unfinished, path)?;
     // The new name itself must be on disk too.
-    std::fs::File::open(folder)?.sync_all()
+    File::open(folder)?.sync_all()
 }
 
 #[cfg(test)]
@@ -226,14 +303,38 @@ mod tests {
         let (back, stage_back) = load_state(&path).expect("loads");
         assert_eq!((back.tick, back.barrier, back.drive_begin, back.counters), (7, 3, Some(-5), runner.counters));
         assert_eq!(stage_back, stage);
+        assert_eq!(saved_bytes(&path).expect("a state"), 100);
         let bytes = std::fs::read(&path).expect("written");
+        let both_refuse = |bytes: &[u8], what: &str| {
+            let loaded = split_state(bytes).map(drop);
+            std::fs::write(&path, bytes).expect("writes");
+            assert_eq!(verify_state(&path), loaded, "{what}");
+            assert!(loaded.is_err(), "{what}");
+        };
+        assert_eq!(verify_state(&path), Ok(()));
         for cut in 0..bytes.len() {
-            assert!(split_state(&bytes[..cut]).is_err(), "cut to {cut} bytes");
+            both_refuse(&bytes[..cut], &format!("cut to {cut} bytes"));
         }
         for at in 0..bytes.len() {
             let mut changed = bytes.clone();
             changed[at] ^= 0x40;
-            assert!(split_state(&changed).is_err(), "byte {at} changed");
+            both_refuse(&changed, &format!("byte {at} changed"));
         }
+        both_refuse(&[&bytes[..], b"more"].concat(), "longer");
+        std::fs::remove_file(&path).expect("removes");
+        assert!(matches!(verify_state(&path), Err(StateError::Unreadable(_))));
+    }
+
+    #[test]
+    fn a_state_longer_than_a_piece_is_verified_whole() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("stage.state");
+        let stage: Vec<u8> = (0..3 * PIECE + 5).map(|i| (i * i % 251) as u8).collect();
+        save_state(&path, &RunnerState::default(), &stage).expect("saves");
+        assert_eq!(verify_state(&path), Ok(()));
+        let mut bytes = std::fs::read(&path).expect("written");
+        *bytes.last_mut().expect("bytes") ^= 1;
+        std::fs::write(&path, &bytes).expect("writes");
+        assert!(matches!(verify_state(&path), Err(StateError::Checksum { .. })));
     }
 }

@@ -81,7 +81,9 @@ impl<S: Stage> Bench<S> {
     pub fn restarted(mut self, settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
         let state = self.stage.save()?;
         self.stage = S::new(settings, context)?;
-        self.stage.load(&state)?;
+        if !state.is_empty() {
+            self.stage.load(&state)?;
+        }
         Ok(self)
     }
 }

@@ -1,53 +1,41 @@
 //! Turns sweeps into columns, and fails as it is told.
 
+use crate::fault::Fault;
 use crate::mapping::is_shared_memory;
-use rustix::process::{Signal, getpid, kill_process};
 use stage::messages::{Class, ClassRow, Sweep};
-use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, any, decode_state, encode_state, one_of};
-use std::path::PathBuf;
+use stage::{Context, Flow, Inputs, Loan, Outputs, Port, Stage, StepError, any, decode_state, encode_state, one_of};
 
 stage::settings! {
     /// Settings of the relay.
     pub struct Settings {
-        /// What goes wrong: `error` fails a step, `exit` ends the process with code 0, `panic` panics, `hang` stops the
-        /// whole process, `stall` never ends a step.
-        pub fault: String = "none".to_owned() => one_of(&["none", "error", "exit", "panic", "hang", "stall"]);
+        /// What goes wrong, see `fault.rs`.
+        pub fault: String = "none".to_owned() => one_of(&[
+            "none", "error", "exit", "panic", "hang", "stall", "killed", "bus_error", "exhausts_memory",
+            "fills_shared_memory", "leaks_loans", "floods_topic", "hangs_at_start", "stalls_at_start", "waits_at_start",
+            "fails_at_start", "takes_up_no_state",
+        ]);
         /// Tick in which it goes wrong.
         pub at_tick: u64 = 0 => any();
-        /// It goes wrong only if this file is not there yet, and then leaves it. Empty: always.
+        /// Goes into every row: another salt, other rows.
+        pub salt: u64 = 0 => any();
+        /// It goes wrong only if this file is not there yet, and then leaves it. Empty: always. `waits_at_start` waits for it.
         pub once: String = String::new() => any();
+        /// It goes wrong in every tick that is a multiple of this, once in each; 0 = only as `at_tick` says.
+        pub every: u64 = 0 => any();
+        /// Look up in which memory the rows lie.
+        pub look_up: bool = true => any();
     }
 }
 
 /// A stage with a running sum as its state.
 pub struct Relay {
-    settings: Settings,
-    once: Option<PathBuf>,
+    fault: Fault,
+    /// Loans that `leaks_loans` keeps.
+    kept: Vec<Loan<Class>>,
+    look_up: bool,
+    salt: u64,
     tick: u64,
     sum: u64,
-}
-
-impl Relay {
-    fn misbehave(&self) -> Result<(), StepError> {
-        if self.tick != self.settings.at_tick || self.settings.fault == "none" {
-            return Ok(());
-        }
-        if let Some(once) = &self.once {
-            if once.exists() {
-                return Ok(());
-            }
-            std::fs::write(once, []).map_err(StepError::io)?;
-        }
-        match self.settings.fault.as_str() {
-            "error" => Err(StepError::data(format!("told to fail in tick {}", self.tick))),
-            "exit" => std::process::exit(0),
-            "panic" => panic!("told to panic in tick {}", self.tick),
-            "hang" => kill_process(getpid(), Signal::STOP).map_err(StepError::io),
-            _ => loop {
-                std::thread::park();
-            },
-        }
-    }
 }
 
 impl Stage for Relay {
@@ -63,23 +51,25 @@ impl Stage for Relay {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let once = (!settings.once.is_empty()).then(|| context.output.join(&settings.once));
-        Ok(Self { settings: settings.clone(), once, tick: 0, sum: 0 })
+        let fault = Fault::new(settings, context);
+        fault.strike_at_start()?;
+        Ok(Self { fault, kept: Vec::new(), look_up: settings.look_up, salt: settings.salt, tick: 0, sum: 0 })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        self.misbehave()?;
+        self.fault.strike(self.tick, &mut self.kept, outputs)?;
         self.tick += 1;
         for sweep in inputs.take::<Sweep>() {
             outputs.count("rows", sweep.rows().len() as u64);
-            if is_shared_memory(sweep.rows()) {
+            if self.look_up && is_shared_memory(sweep.rows()) {
                 outputs.count("rows_in_shared_memory", sweep.rows().len() as u64);
             }
             let mut loan = outputs.loan::<Class>(sweep.rows().len())?;
             let rows = loan.grow(sweep.rows().len()).ok_or_else(|| StepError::data("the loan is too small"))?;
             for (row, point) in rows.iter_mut().zip(sweep.rows()) {
                 self.sum = self.sum.wrapping_mul(31).wrapping_add(point.x as u64 + u64::from(point.offset_nanos));
-                *row = ClassRow { class_id: (self.sum % 23) as u8, score: (self.sum >> 8) as u8 };
+                let salted = self.sum ^ self.salt;
+                *row = ClassRow { class_id: (salted % 23) as u8, score: (salted >> 8) as u8 };
             }
             outputs.publish_column(loan, sweep.stamp(), sweep.seq())?;
         }
@@ -91,6 +81,7 @@ impl Stage for Relay {
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        self.fault.strike_at_load()?;
         (self.tick, self.sum) = decode_state(1, state)?;
         Ok(())
     }

@@ -3,19 +3,41 @@
 use crate::mapping::is_shared_memory;
 use stage::messages::pod::{FINGERPRINT_START, bytes_from_rows, fingerprint};
 use stage::messages::{Class, Sweep};
-use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, decode_state, encode_state};
+use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, any, decode_state, encode_state};
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 stage::settings! {
-    /// The sink has no settings.
-    pub struct Settings {}
+    /// Settings of the sink.
+    pub struct Settings {
+        /// What it takes over each tick, ms.
+        pub slow_ms: u64 = 0 => any();
+        /// A line per message; else one digest of all lines, so that a long run needs no more memory than a short one.
+        pub lines: bool = true => any();
+        /// Look up in which memory the rows lie.
+        pub look_up: bool = true => any();
+    }
 }
 
 /// Writes `sink.txt`: a line per message with its number and a digest of its rows.
 pub struct Sink {
     path: PathBuf,
+    slow: Duration,
+    lines: bool,
+    look_up: bool,
     text: String,
+    digest: u64,
+}
+
+impl Sink {
+    fn write_down(&mut self, topic: &str, seq: u64, bytes: &[u8], outputs: &mut Outputs) -> Result<(), StepError> {
+        outputs.count("bytes", bytes.len() as u64);
+        if self.look_up && is_shared_memory(bytes) {
+            outputs.count("bytes_in_shared_memory", bytes.len() as u64);
+        }
+        writeln!(self.text, "{topic} {seq} {:016x}", fingerprint(FINGERPRINT_START, bytes)).map_err(StepError::io)
+    }
 }
 
 impl Stage for Sink {
@@ -30,37 +52,43 @@ impl Stage for Sink {
         Vec::new()
     }
 
-    fn new(_settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        Ok(Self { path: context.output.join("sink.txt"), text: String::new() })
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let (lines, look_up) = (settings.lines, settings.look_up);
+        let slow = Duration::from_millis(settings.slow_ms);
+        let path = context.output.join("sink.txt");
+        Ok(Self { path, slow, lines, look_up, text: String::new(), digest: FINGERPRINT_START })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for (sweep, class) in inputs.take::<Sweep>().iter().zip(inputs.take::<Class>()) {
-            for (topic, seq, bytes) in [
-                ("sweep", sweep.seq(), bytes_from_rows(sweep.rows())),
-                ("class", class.seq(), bytes_from_rows(class.rows())),
-            ] {
-                outputs.count("bytes", bytes.len() as u64);
-                if is_shared_memory(bytes) {
-                    outputs.count("bytes_in_shared_memory", bytes.len() as u64);
-                }
-                writeln!(self.text, "{topic} {seq} {:016x}", fingerprint(FINGERPRINT_START, bytes))
-                    .map_err(StepError::io)?;
-            }
+        if !self.slow.is_zero() {
+            std::thread::sleep(self.slow);
+        }
+        for sweep in inputs.take::<Sweep>() {
+            self.write_down("sweep", sweep.seq(), bytes_from_rows(sweep.rows()), outputs)?;
+        }
+        for class in inputs.take::<Class>() {
+            self.write_down("class", class.seq(), bytes_from_rows(class.rows()), outputs)?;
+        }
+        if !self.lines {
+            self.digest = fingerprint(self.digest, self.text.as_bytes());
+            self.text.clear();
         }
         Ok(Flow::Continue)
     }
 
     fn finish(&mut self, _outputs: &mut Outputs) -> Result<(), StepError> {
+        if !self.lines {
+            self.text = format!("{:016x}\n", self.digest);
+        }
         std::fs::write(&self.path, &self.text).map_err(StepError::io)
     }
 
     fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(encode_state(1, &self.text)?)
+        Ok(encode_state(2, &(&self.text, self.digest))?)
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        self.text = decode_state(1, state)?;
+        (self.text, self.digest) = decode_state(2, state)?;
         Ok(())
     }
 }

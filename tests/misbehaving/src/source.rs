@@ -1,7 +1,8 @@
 //! Publishes sweeps of numbered points.
 
 use stage::messages::{Sweep, SweepHeader};
-use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, decode_state, encode_state, within};
+use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, any, decode_state, encode_state, within};
+use std::time::Duration;
 
 stage::settings! {
     /// Settings of the source.
@@ -10,6 +11,10 @@ stage::settings! {
         pub ticks: u64 = 40 => within(1, 1_000_000);
         /// Points of a sweep.
         pub points: usize = 1000 => within(0, 1_000_000);
+        /// Pause before each sweep, ms: what a sensor does by itself.
+        pub pace_ms: u64 = 0 => within(0, 1000);
+        /// Tick from which the points have no numbers for coordinates.
+        pub nan_from: u64 = u64::MAX => any();
     }
 }
 
@@ -37,11 +42,12 @@ impl Stage for Source {
 
     fn step(&mut self, _inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let n_points = self.settings.points;
+        std::thread::sleep(Duration::from_millis(self.settings.pace_ms));
         let mut loan = outputs.loan::<Sweep>(n_points)?;
         *loan.header_mut() = SweepHeader { n_rings: 32, ..SweepHeader::default() };
         let rows = loan.grow(n_points).ok_or_else(|| StepError::data("the loan is too small"))?;
         for (index, row) in rows.iter_mut().enumerate() {
-            row.x = self.next as f32;
+            row.x = if self.next < self.settings.nan_from { self.next as f32 } else { f32::NAN };
             row.offset_nanos = index as u32;
         }
         let stamp = self.next as i64 * 100_000_000;

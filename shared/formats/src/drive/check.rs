@@ -62,6 +62,24 @@ pub(super) fn drive(folder: &Path, mut read: Read, is_inferred: bool) -> Result<
     }
 }
 
+/// The manifest by itself: its LiDAR and its poses.
+pub(super) fn manifest(mut read: Read) -> Result<Manifest, DriveError> {
+    let Some(manifest) = read.manifest.take() else {
+        return Err(DriveError { problems: read.problems });
+    };
+    let mut check = Check { folder: Path::new(""), read, strange: Vec::new() };
+    check.general(&manifest);
+    check.lidar(&manifest.lidar);
+    for (index, entry) in manifest.cameras.iter().enumerate() {
+        check.pose(&format!("camera[{index}].body_from_camera"), &entry.body_from_camera);
+    }
+    for (index, entry) in manifest.mosaics.iter().enumerate() {
+        check.pose(&format!("mosaic[{index}].body_from_camera"), &entry.body_from_camera);
+    }
+    let problems = check.read.problems;
+    if problems.is_empty() { Ok(manifest) } else { Err(DriveError { problems }) }
+}
+
 struct Check<'a> {
     folder: &'a Path,
     read: Read,

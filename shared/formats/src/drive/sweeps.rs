@@ -1,7 +1,8 @@
 //! The sweeps of a drive, whatever they are recorded as.
 
 use super::{Drive, clouds};
-use crate::velodyne::{LidarReturn, LidarStats, Model, SweepError, SweepPosition, SweepReader};
+use crate::nmea::{Fix, LogStats};
+use crate::velodyne::{LidarReturn, LidarStats, Model, SweepError, SweepInfo, SweepPosition, SweepReader};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -23,6 +24,20 @@ pub struct DriveSweep {
     pub turn: f64,
     /// Whether its points have times.
     pub has_times: bool,
+}
+
+impl From<SweepInfo> for DriveSweep {
+    fn from(info: SweepInfo) -> Self {
+        Self {
+            seq: info.seq,
+            stamp: info.stamp,
+            duration_nanos: info.duration_nanos,
+            n_returns: info.n_returns,
+            lost_packets: info.lost_packets,
+            turn: info.turn,
+            has_times: true,
+        }
+    }
 }
 
 /// Reads sweeps in order, one at a time.
@@ -52,10 +67,10 @@ pub struct Clouds {
 }
 
 /// A place between two sweeps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SourcePosition {
     /// In captures.
-    Packets(SweepPosition),
+    Packets(Box<SweepPosition>),
     /// In files.
     Clouds {
         /// Number of the next file.
@@ -83,15 +98,7 @@ impl SweepSource {
     /// [`SweepReader::MAX_RETURNS`] in all. `None`: there are no more.
     pub fn next_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<Option<DriveSweep>, SweepError> {
         match self {
-            Self::Packets { reader, .. } => Ok(reader.next_sweep(sink)?.map(|info| DriveSweep {
-                seq: info.seq,
-                stamp: info.stamp,
-                duration_nanos: info.duration_nanos,
-                n_returns: info.n_returns,
-                lost_packets: info.lost_packets,
-                turn: info.turn,
-                has_times: true,
-            })),
+            Self::Packets { reader, .. } => Ok(reader.next_sweep(sink)?.map(DriveSweep::from)),
             Self::Clouds(clouds) => Ok(clouds.next().map(|(returns, sweep)| {
                 sink(&returns);
                 sweep
@@ -102,7 +109,7 @@ impl SweepSource {
     /// Where the next sweep begins.
     pub fn position(&self) -> SourcePosition {
         match self {
-            Self::Packets { reader, .. } => SourcePosition::Packets(reader.position()),
+            Self::Packets { reader, .. } => SourcePosition::Packets(Box::new(reader.position())),
             Self::Clouds(clouds) => SourcePosition::Clouds { next: clouds.next as u64, n_bad: clouds.n_bad },
         }
     }
@@ -110,7 +117,9 @@ impl SweepSource {
     /// Goes to a place that [`SweepSource::position`] gave for the same drive. `false` if it cannot be of this drive.
     pub fn resume(&mut self, position: SourcePosition) -> Result<bool, SweepError> {
         match (self, position) {
-            (Self::Packets { reader, .. }, SourcePosition::Packets(position)) => reader.resume(position).map(|()| true),
+            (Self::Packets { reader, .. }, SourcePosition::Packets(position)) => {
+                reader.resume(*position).map(|()| true)
+            }
             (Self::Clouds(clouds), SourcePosition::Clouds { next, n_bad }) if next as usize <= clouds.files.len() => {
                 (clouds.next, clouds.n_bad) = (next as usize, n_bad);
                 Ok(true)
@@ -136,6 +145,22 @@ impl SweepSource {
         match self {
             Self::Packets { reader, .. } => reader.stats(),
             Self::Clouds(_) => LidarStats::default(),
+        }
+    }
+
+    /// Fixes of the position packets among those of the sweeps read since the last call; none from clouds.
+    pub fn take_fixes(&mut self) -> Vec<Fix> {
+        match self {
+            Self::Packets { reader, .. } => reader.take_fixes(),
+            Self::Clouds(_) => Vec::new(),
+        }
+    }
+
+    /// Counts of the position packets' sentences since the start of the drive; zero for clouds.
+    pub fn log_stats(&self) -> LogStats {
+        match self {
+            Self::Packets { reader, .. } => reader.log_stats(),
+            Self::Clouds(_) => LogStats::default(),
         }
     }
 

@@ -3,6 +3,7 @@
 use super::{Gga, Rmc, Sentence, parse};
 use crate::calendar::DAY_NANOS;
 use geometry::Stamp;
+use serde::{Deserialize, Serialize};
 
 /// One position fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +27,7 @@ pub struct Fix {
 }
 
 /// What a log held beside its fixes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogStats {
     /// GGA and RMC sentences.
     pub sentences: u64,
@@ -40,82 +41,94 @@ pub struct LogStats {
 
 /// All fixes of a log, in order of time. Bytes that are no text are bad lines.
 pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
-    let mut joiner = Joiner::default();
-    for line in log.split(|byte| *byte == b'\n') {
-        let line = line.trim_ascii();
-        if line.is_empty() {
-            continue;
-        }
-        match std::str::from_utf8(line).ok().and_then(|line| parse(line).ok()) {
-            Some(Sentence::Gga(gga)) => joiner.gga(gga),
-            Some(Sentence::Rmc(rmc)) => joiner.rmc(rmc),
-            Some(Sentence::Other) => {}
-            None => joiner.stats.bad_lines += 1,
-        }
-    }
-    joiner.emit();
-    (joiner.fixes, joiner.stats)
+    let mut joiner = FixJoiner::default();
+    let mut fixes: Vec<Fix> = log.split(|byte| *byte == b'\n').filter_map(|line| joiner.take(line)).collect();
+    fixes.extend(joiner.finish());
+    (fixes, joiner.stats())
 }
 
-/// Collects the sentences of one moment.
-#[derive(Default)]
-struct Joiner {
+/// Joins the sentences of one moment, line by line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FixJoiner {
     gga: Option<Gga>,
     rmc: Option<Rmc>,
     /// Midnight of the last RMC's day.
     midnight: Option<i64>,
-    fixes: Vec<Fix>,
+    /// Of the last fix.
+    last: Option<Stamp>,
     stats: LogStats,
 }
 
-impl Joiner {
-    fn gga(&mut self, gga: Gga) {
+impl FixJoiner {
+    /// Takes the next line, and gives the fix that it completes: its own, or the one before it.
+    pub fn take(&mut self, line: &[u8]) -> Option<Fix> {
+        let line = line.trim_ascii();
+        if line.is_empty() {
+            return None;
+        }
+        match std::str::from_utf8(line).ok().and_then(|line| parse(line).ok()) {
+            Some(Sentence::Gga(gga)) => self.gga(gga),
+            Some(Sentence::Rmc(rmc)) => self.rmc(rmc),
+            Some(Sentence::Other) => None,
+            None => {
+                self.stats.bad_lines += 1;
+                None
+            }
+        }
+    }
+
+    /// The last fix: there is no further line.
+    pub fn finish(&mut self) -> Option<Fix> {
+        self.emit()
+    }
+
+    /// Counts since the first line.
+    pub fn stats(&self) -> LogStats {
+        self.stats
+    }
+
+    fn gga(&mut self, gga: Gga) -> Option<Fix> {
         self.stats.sentences += 1;
         let other_moment =
             self.rmc.and_then(|rmc| rmc.stamp).is_some_and(|stamp| Some(time_of_day(stamp)) != gga.time_nanos);
-        if self.gga.is_some() || other_moment {
-            self.emit();
-        }
+        let before = if self.gga.is_some() || other_moment { self.emit() } else { None };
         self.gga = Some(gga);
-        self.emit_if_joined();
+        before.or_else(|| self.emit_if_joined())
     }
 
-    fn rmc(&mut self, rmc: Rmc) {
+    fn rmc(&mut self, rmc: Rmc) -> Option<Fix> {
         self.stats.sentences += 1;
         let other_moment = self.gga.is_some_and(|gga| gga.time_nanos != rmc.stamp.map(time_of_day));
-        if self.rmc.is_some() || other_moment {
-            self.emit();
-        }
+        let before = if self.rmc.is_some() || other_moment { self.emit() } else { None };
         if let Some(stamp) = rmc.stamp {
             self.midnight = Some(stamp.0 - time_of_day(stamp));
         }
         self.rmc = Some(rmc);
-        self.emit_if_joined();
+        before.or_else(|| self.emit_if_joined())
     }
 
-    fn emit_if_joined(&mut self) {
-        if self.gga.is_some() && self.rmc.is_some() {
-            self.emit();
-        }
+    fn emit_if_joined(&mut self) -> Option<Fix> {
+        if self.gga.is_some() && self.rmc.is_some() { self.emit() } else { None }
     }
 
     /// Ends the moment.
-    fn emit(&mut self) {
+    fn emit(&mut self) -> Option<Fix> {
         let (gga, rmc) = (self.gga.take(), self.rmc.take().filter(|rmc| rmc.is_valid));
         if gga.is_none() && rmc.is_none() {
-            return;
+            return None;
         }
         let position = gga.filter(|gga| gga.quality > 0).and_then(|gga| gga.position_deg);
         let Some(position_deg) = position.or(rmc.and_then(|rmc| rmc.position_deg).filter(|_| gga.is_none())) else {
             self.stats.without_fix += 1;
-            return;
+            return None;
         };
         let stamp = rmc.and_then(|rmc| rmc.stamp).or_else(|| self.dated(gga?.time_nanos?));
-        let Some(stamp) = stamp.filter(|stamp| self.fixes.last().is_none_or(|last| last.stamp < *stamp)) else {
+        let Some(stamp) = stamp.filter(|stamp| self.last.is_none_or(|last| last < *stamp)) else {
             self.stats.out_of_order += 1;
-            return;
+            return None;
         };
-        self.fixes.push(Fix {
+        self.last = Some(stamp);
+        Some(Fix {
             stamp,
             position_deg,
             altitude_m: gga.and_then(|gga| Some(gga.height_m? + gga.geoid_m?)),
@@ -124,14 +137,14 @@ impl Joiner {
             hdop: gga.and_then(|gga| gga.hdop),
             satellites: gga.map_or(0, |gga| gga.satellites),
             quality: gga.map_or(1, |gga| gga.quality),
-        });
+        })
     }
 
     /// A time of day on the day of the last RMC, or on the next one if midnight has passed since the last fix.
     fn dated(&self, time_nanos: i64) -> Option<Stamp> {
         let stamp = Stamp(self.midnight? + time_nanos);
-        match self.fixes.last() {
-            Some(last) if stamp.0 < last.stamp.0 - DAY_NANOS / 2 => Some(stamp.plus_nanos(DAY_NANOS)),
+        match self.last {
+            Some(last) if stamp.0 < last.0 - DAY_NANOS / 2 => Some(stamp.plus_nanos(DAY_NANOS)),
             _ => Some(stamp),
         }
     }

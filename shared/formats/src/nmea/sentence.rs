@@ -3,6 +3,7 @@
 use super::{KNOT_MPS, checksum};
 use crate::calendar::{DAY_NANOS, days_from_date};
 use geometry::Stamp;
+use serde::{Deserialize, Serialize};
 
 /// Why a line is no sentence.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -44,7 +45,7 @@ pub enum Sentence {
 }
 
 /// GGA. What a receiver leaves empty is `None`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gga {
     /// UTC, ns since midnight.
     pub time_nanos: Option<i64>,
@@ -63,7 +64,7 @@ pub struct Gga {
 }
 
 /// RMC. What a receiver leaves empty is `None`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rmc {
     /// UTC.
     pub stamp: Option<Stamp>,

@@ -115,6 +115,11 @@ impl Records {
         &self.path
     }
 
+    /// Where the next record begins.
+    pub(super) fn offset(&self) -> u64 {
+        self.offset
+    }
+
     pub(super) fn frame(&self) -> &[u8] {
         &self.frame
     }

@@ -1,8 +1,9 @@
 //! UDP packets out of a capture.
 
-use super::PcapError;
 use super::blocks::{Next, Records};
 use super::link::datagram;
+use super::recorder::Reach;
+use super::{Frontier, PcapError};
 use geometry::Stamp;
 use std::path::Path;
 
@@ -38,12 +39,22 @@ pub struct PacketReader {
     records: Records,
     stats: ReadStats,
     ended: bool,
+    /// Of a capture that is being written.
+    frontier: Option<Frontier>,
+    waiting: bool,
 }
 
 impl PacketReader {
     /// Opens a capture.
     pub fn open(path: &Path) -> Result<Self, PcapError> {
-        Ok(Self { records: Records::open(path)?, stats: ReadStats::default(), ended: false })
+        let records = Records::open(path)?;
+        Ok(Self { records, stats: ReadStats::default(), ended: false, frontier: None, waiting: false })
+    }
+
+    /// Opens a capture that is being written. Where nothing more has been written yet, [`PacketReader::next`] gives `None`
+    /// and may be asked again, see [`PacketReader::is_waiting`].
+    pub fn follow(path: &Path, frontier: Frontier) -> Result<Self, PcapError> {
+        Ok(Self { frontier: Some(frontier), ..Self::open(path)? })
     }
 
     /// Opens a capture at a record whose [`UdpPacket::offset`] is known.
@@ -56,6 +67,11 @@ impl PacketReader {
     /// The file.
     pub fn path(&self) -> &Path {
         self.records.path()
+    }
+
+    /// Whether the last `None` was for now only: the capture is still being written.
+    pub fn is_waiting(&self) -> bool {
+        self.waiting
     }
 
     /// What was passed over so far.
@@ -71,6 +87,11 @@ impl PacketReader {
     )]
     pub fn next(&mut self) -> Result<Option<UdpPacket<'_>>, PcapError> {
         while !self.ended {
+            let reach = self.frontier.as_ref().map(|frontier| frontier.reach(self.records.offset()));
+            self.waiting = reach == Some(Reach::NotYet);
+            if self.waiting {
+                return Ok(None);
+            }
             let next = self.records.next();
             self.ended = !matches!(next, Ok(Next::Record(_)));
             match next? {

@@ -2,11 +2,12 @@
 
 use geometry::Stamp;
 use std::io::{self, Write};
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 /// Ethernet, IPv4 without options and UDP.
 const HEADERS: usize = 14 + 20 + 8;
-/// Velodyne's factory address 192.168.1.201; it broadcasts.
-const SENSOR: [u8; 4] = [192, 168, 1, 201];
+/// Velodyne's factory address; it broadcasts.
+const SENSOR: Ipv4Addr = Ipv4Addr::new(192, 168, 1, 201);
 
 /// Writes UDP packets as one sensor broadcasts them.
 ///
@@ -21,7 +22,7 @@ const SENSOR: [u8; 4] = [192, 168, 1, 201];
 /// ```
 #[derive(Debug)]
 pub struct Writer<W: Write> {
-    out: W,
+    pub(super) out: W,
 }
 
 impl<W: Write> Writer<W> {
@@ -37,8 +38,20 @@ impl<W: Write> Writer<W> {
         Ok(Self { out })
     }
 
-    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), from and to `port`.
+    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), that a sensor broadcasts from and to `port`.
     pub fn write_udp(&mut self, stamp: Stamp, port: u16, payload: &[u8]) -> io::Result<()> {
+        let (source, target) = (SocketAddrV4::new(SENSOR, port), SocketAddrV4::new(Ipv4Addr::BROADCAST, port));
+        self.write_datagram(stamp, source, target, payload)
+    }
+
+    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), with its addresses.
+    pub fn write_datagram(
+        &mut self,
+        stamp: Stamp,
+        source: SocketAddrV4,
+        target: SocketAddrV4,
+        payload: &[u8],
+    ) -> io::Result<()> {
         let out_of_range = |what: &str| io::Error::new(io::ErrorKind::InvalidInput, what.to_owned());
         let seconds = u32::try_from(stamp.0.div_euclid(1_000_000_000))
             .map_err(|_| out_of_range(&format!("stamp {stamp} does not fit a capture's 32-bit seconds")))?;
@@ -49,7 +62,7 @@ impl<W: Write> Writer<W> {
         for word in [seconds, micros, captured, captured] {
             self.out.write_all(&word.to_le_bytes())?;
         }
-        self.out.write_all(&headers(length, port))?;
+        self.out.write_all(&headers(length, source, target))?;
         self.out.write_all(payload)
     }
 
@@ -61,7 +74,7 @@ impl<W: Write> Writer<W> {
 }
 
 /// `length` is that of the IP packet.
-fn headers(length: u16, port: u16) -> [u8; HEADERS] {
+fn headers(length: u16, source: SocketAddrV4, target: SocketAddrV4) -> [u8; HEADERS] {
     let mut bytes = [0; HEADERS];
     bytes[..6].fill(0xff);
     bytes[6..12].copy_from_slice(&[0x60, 0x76, 0x88, 0, 0, 0]);
@@ -72,13 +85,13 @@ fn headers(length: u16, port: u16) -> [u8; HEADERS] {
     ip[6] = 0x40; // may not be fragmented
     ip[8] = 0xff;
     ip[9] = 17; // UDP
-    ip[12..16].copy_from_slice(&SENSOR);
-    ip[16..20].fill(0xff);
+    ip[12..16].copy_from_slice(&source.ip().octets());
+    ip[16..20].copy_from_slice(&target.ip().octets());
     let sum = ip_checksum(ip);
     ip[10..12].copy_from_slice(&sum.to_be_bytes());
     let udp = &mut bytes[34..42];
-    udp[..2].copy_from_slice(&port.to_be_bytes());
-    udp[2..4].copy_from_slice(&port.to_be_bytes());
+    udp[..2].copy_from_slice(&source.port().to_be_bytes());
+    udp[2..4].copy_from_slice(&target.port().to_be_bytes());
     udp[4..6].copy_from_slice(&(length - 20).to_be_bytes());
     // A UDP checksum of 0 means "none", which is what the sensors send.
     bytes

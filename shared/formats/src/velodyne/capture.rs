@@ -1,7 +1,7 @@
 //! Several captures read as one stream, as recorders write that start a new file every few minutes.
 
 use super::LidarStats;
-use crate::pcap::{PacketReader, PcapError, ReadStats};
+use crate::pcap::{Frontier, PacketReader, PcapError, ReadStats};
 use geometry::Stamp;
 use std::path::PathBuf;
 
@@ -28,11 +28,36 @@ pub(super) struct Captures {
     counted: ReadStats,
     payload: Vec<u8>,
     damage: Vec<String>,
+    /// Of the last file, if it is being written.
+    frontier: Option<Frontier>,
 }
 
 impl Captures {
     pub(super) fn new(files: Vec<PathBuf>) -> Self {
-        Self { files, file: 0, reader: None, counted: ReadStats::default(), payload: Vec::new(), damage: Vec::new() }
+        Self {
+            files,
+            file: 0,
+            reader: None,
+            counted: ReadStats::default(),
+            payload: Vec::new(),
+            damage: Vec::new(),
+            frontier: None,
+        }
+    }
+
+    /// As [`Captures::new`]; the last file is being written.
+    pub(super) fn follow(files: Vec<PathBuf>, frontier: Frontier) -> Self {
+        Self { frontier: Some(frontier), ..Self::new(files) }
+    }
+
+    /// Passes over all files but the last.
+    pub(super) fn skip_to_last(&mut self) {
+        self.file = self.files.len().saturating_sub(1);
+    }
+
+    /// Whether the last `None` was for now only.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.reader.as_ref().is_some_and(PacketReader::is_waiting)
     }
 
     /// Goes to a record.
@@ -64,6 +89,7 @@ impl Captures {
         loop {
             match self.next_of_file(stats) {
                 Ok(Some(arrival)) => return Ok(Some(arrival)),
+                Ok(None) if self.is_waiting() => return Ok(None),
                 Ok(None) => {}
                 Err(error @ PcapError::Io { .. }) => return Err(error),
                 Err(error @ PcapError::Damaged { .. }) => {
@@ -84,7 +110,13 @@ impl Captures {
         let Some(path) = self.files.get(self.file) else { return Ok(None) };
         let reader = match &mut self.reader {
             Some(reader) => reader,
-            empty => empty.insert(PacketReader::open(path)?),
+            empty => {
+                let followed = self.frontier.clone().filter(|_| self.file + 1 == self.files.len());
+                empty.insert(match followed {
+                    Some(frontier) => PacketReader::follow(path, frontier)?,
+                    None => PacketReader::open(path)?,
+                })
+            }
         };
         let arrival = reader.next()?.map(|packet| {
             self.payload.clear();

@@ -6,7 +6,6 @@ use super::{DataPacket, LidarStats, Model, PositionPacket};
 use crate::nmea::{self, Sentence};
 use crate::pcap::PcapError;
 use geometry::Stamp;
-use std::path::PathBuf;
 
 /// Packets that are looked at: two seconds of an HDL-32E with its position packets; a receiver speaks every second.
 const LOOK: usize = 4096;
@@ -22,15 +21,30 @@ pub(super) struct Survey {
     pub(super) clock: Clock,
 }
 
-/// `None` if no data packet of a known sensor (of `model`, if given) is there.
-pub(super) fn survey(files: &[PathBuf], model: Option<Model>) -> Result<Option<Survey>, PcapError> {
-    let mut captures = Captures::new(files.to_vec());
+/// What can be said of a recording's beginning.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Look {
+    /// All that is to be found.
+    Settled(Survey),
+    /// No data packet of a known sensor (of the model that was asked for).
+    NoSensor,
+    /// The recording has only begun: what is still to come may say more.
+    TooEarly,
+}
+
+/// Looks at captures from their beginning.
+pub(super) fn survey(mut captures: Captures, model: Option<Model>) -> Result<Look, PcapError> {
     let mut stats = LidarStats::default();
     let mut found: Option<(Model, u16)> = None;
     let mut times: Vec<(u32, Stamp)> = Vec::new();
     let mut host_ahead_nanos = None;
     for _ in 0..LOOK {
-        let Some(arrival) = captures.next(&mut stats)? else { break };
+        let Some(arrival) = captures.next(&mut stats)? else {
+            if captures.is_waiting() {
+                return Ok(Look::TooEarly);
+            }
+            break;
+        };
         if let Some(packet) = PositionPacket::new(captures.payload()) {
             host_ahead_nanos = host_ahead_nanos.or_else(|| host_ahead(&packet, arrival.captured));
         }
@@ -48,11 +62,9 @@ pub(super) fn survey(files: &[PathBuf], model: Option<Model>) -> Result<Option<S
             break;
         }
     }
-    Ok(found.map(|(model, port)| Survey {
-        model,
-        port,
-        clock: Clock::new(time_base(&times), host_ahead_nanos.unwrap_or_default()),
-    }))
+    let Some((model, port)) = found else { return Ok(Look::NoSensor) };
+    let clock = Clock::new(time_base(&times), host_ahead_nanos.unwrap_or_default());
+    Ok(Look::Settled(Survey { model, port, clock }))
 }
 
 /// How far the capturing machine is ahead of the satellites; `None` without a fix.

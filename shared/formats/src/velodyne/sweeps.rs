@@ -7,9 +7,11 @@ use super::packet::{
     BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, MAX_RETURNS_PER_PACKET, POSITION_PORT,
 };
 use super::revolutions::{End, MAX_RETURNS, Revolution};
-use super::survey::survey;
+use super::sentences::Sentences;
+use super::survey::{Look, Survey, survey};
 use super::{LidarStats, Model, PositionPacket};
-use crate::pcap::PcapError;
+use crate::nmea::{Fix, LogStats};
+use crate::pcap::{Frontier, PcapError};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -55,12 +57,24 @@ pub struct SweepInfo {
     pub turn: f64,
 }
 
+/// What [`SweepReader::poll_sweep`] came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SweepPoll {
+    /// The sweep is complete.
+    Sweep(SweepInfo),
+    /// The recording is still being written, and the sweep is not complete.
+    Pending,
+    /// The recording has ended.
+    End,
+}
+
 /// A place between two sweeps, from which reading can go on ([`SweepReader::resume`]).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepPosition {
     seq: u64,
     clock: Clock,
     stats: LidarStats,
+    sentences: Sentences,
     packet: Option<PacketPlace>,
     ended: bool,
 }
@@ -84,6 +98,10 @@ pub struct SweepReader {
     bytes: [u8; DATA_PACKET_BYTES],
     slots: [u8; BLOCKS_PER_PACKET],
     scratch: Box<Scratch>,
+    /// The sweep under way, and the packets missing in it so far.
+    revolution: Option<Revolution>,
+    lost_packets: u64,
+    fixes: Vec<Fix>,
 }
 
 impl SweepReader {
@@ -93,25 +111,54 @@ impl SweepReader {
     /// Looks at the beginning of the captures, which are one recording cut into files. Without a model, the first data
     /// packet tells.
     pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
-        let Some(survey) = survey(&files, model)? else {
-            let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
-            return Err(SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted });
-        };
-        let stats = LidarStats::default();
-        Ok(Self {
-            captures: Captures::new(files),
+        match survey(Captures::new(files.clone()), model)? {
+            Look::Settled(survey) => Ok(Self::with_survey(Captures::new(files), &survey)),
+            Look::NoSensor | Look::TooEarly => Err(no_sensor(files, model)),
+        }
+    }
+
+    /// Reads a recording's last file while it is being written. The files before it, of the same recording, are looked at
+    /// for what [`SweepReader::open`] would find in them, and passed over. `None`: what the recording's beginning says is
+    /// not settled yet (4096 packets, or fewer with a position fix among them); ask again when there is more.
+    pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, model: Option<Model>) -> Result<Option<Self>, SweepError> {
+        let captures = || Captures::follow(files.clone(), frontier.clone());
+        let mut look = survey(captures(), model)?;
+        if let (Look::Settled(first), None) = (look, model) {
+            // Whoever opens the recording later knows the model, and with it looks at packets that do not name theirs.
+            look = survey(captures(), Some(first.model))?;
+        }
+        match look {
+            Look::Settled(survey) => {
+                let mut captures = captures();
+                captures.skip_to_last();
+                Ok(Some(Self::with_survey(captures, &survey)))
+            }
+            Look::TooEarly => Ok(None),
+            Look::NoSensor => Err(no_sensor(files, model)),
+        }
+    }
+
+    fn with_survey(captures: Captures, survey: &Survey) -> Self {
+        let (stats, sentences) = (LidarStats::default(), Sentences::default());
+        Self {
+            captures,
             decoder: Decoder::new(survey.model),
             port: survey.port,
-            at: SweepPosition { seq: 0, clock: survey.clock, stats, packet: None, ended: false },
+            at: SweepPosition { seq: 0, clock: survey.clock, stats, sentences, packet: None, ended: false },
             bytes: [0; DATA_PACKET_BYTES],
             slots: [0; BLOCKS_PER_PACKET],
             scratch: Box::default(),
-        })
+            revolution: None,
+            lost_packets: 0,
+            fixes: Vec::new(),
+        }
     }
 
     /// Goes to a place that [`SweepReader::position`] gave for the same captures.
     pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
         self.at = position;
+        (self.revolution, self.lost_packets) = (None, 0);
+        self.fixes.clear();
         let Some(place) = position.packet else { return Ok(()) };
         self.captures.seek(place.file, place.offset)?;
         // It was counted when it was read first.
@@ -156,23 +203,47 @@ impl SweepReader {
         self.at.packet.map_or((0, 0), |place| (place.file, place.offset))
     }
 
+    /// The fixes of the position packets that were read since the last call. A fix is known when the receiver's next
+    /// sentence, or the recording's end, has been read.
+    pub fn take_fixes(&mut self) -> Vec<Fix> {
+        std::mem::take(&mut self.fixes)
+    }
+
+    /// Counts of the position packets' sentences since the start of the recording.
+    pub fn log_stats(&self) -> LogStats {
+        self.at.sentences.stats()
+    }
+
     /// Hands the returns of the next sweep to `sink`, in the order of firing, at most 384 at a time and at most
-    /// [`SweepReader::MAX_RETURNS`] in all. `None`: the recording has ended.
-    pub fn next_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
-        let mut revolution: Option<Revolution> = None;
-        let mut lost_packets = 0;
+    /// [`SweepReader::MAX_RETURNS`] in all. `None`: the recording has ended, or there is no more of it yet.
+    pub fn next_sweep(&mut self, sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
+        match self.poll_sweep(sink)? {
+            SweepPoll::Sweep(info) => Ok(Some(info)),
+            SweepPoll::Pending | SweepPoll::End => Ok(None),
+        }
+    }
+
+    /// As [`SweepReader::next_sweep`], of a recording that is being written: after [`SweepPoll::Pending`] the next call
+    /// goes on in the same sweep, and hands over those returns that have come since.
+    pub fn poll_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<SweepPoll, SweepError> {
+        let mut revolution = self.revolution.take();
         let end = loop {
             if self.at.packet.is_none_or(|place| place.block == BLOCKS_PER_PACKET) {
                 match self.next_packet()? {
-                    None => break None,
-                    Some(n_lost) => lost_packets += n_lost,
+                    Some(n_lost) => self.lost_packets += n_lost,
+                    None if self.at.ended => break None,
+                    None => {
+                        self.revolution = revolution;
+                        return Ok(SweepPoll::Pending);
+                    }
                 }
             }
             if let Some(end) = self.take_blocks(&mut revolution, &mut sink) {
                 break Some(end);
             }
         };
-        let Some(revolution) = revolution else { return Ok(None) };
+        let lost_packets = std::mem::take(&mut self.lost_packets);
+        let Some(revolution) = revolution else { return Ok(SweepPoll::End) };
         let block_nanos = i64::from(self.decoder.model().timing().block_nanos);
         let end_nanos = match end {
             Some((End::Wrapped, at)) => at,
@@ -181,7 +252,7 @@ impl SweepReader {
         let seq = self.at.seq;
         self.at.seq += 1;
         self.at.stats.forced_ends += u64::from(matches!(end, Some((End::Forced, _))));
-        Ok(Some(SweepInfo {
+        Ok(SweepPoll::Sweep(SweepInfo {
             seq,
             stamp: Stamp(revolution.begin),
             duration_nanos: (end_nanos - revolution.begin).clamp(0, i64::from(u32::MAX)) as u32,
@@ -222,11 +293,14 @@ impl SweepReader {
         end
     }
 
-    /// Reads on to the next data packet and gives the number of those missing before it.
+    /// Reads on to the next data packet and gives the number of those missing before it. `None`: there is none, or none yet.
     fn next_packet(&mut self) -> Result<Option<u64>, SweepError> {
         while !self.at.ended {
             let Some(arrival) = self.captures.next(&mut self.at.stats)? else {
-                self.at.ended = true;
+                if !self.captures.is_waiting() {
+                    self.at.ended = true;
+                    self.fixes.extend(self.at.sentences.finish());
+                }
                 break;
             };
             if let Some(n_lost) = self.accept(arrival) {
@@ -244,8 +318,9 @@ impl SweepReader {
             stats.short_packets += 1;
             return None;
         }
-        if PositionPacket::new(payload).is_some() {
+        if let Some(packet) = PositionPacket::new(payload) {
             stats.position_packets += 1;
+            self.fixes.extend(self.at.sentences.take(packet.nmea));
             return None;
         }
         let packet = DataPacket::new(payload).filter(|packet| self.decoder.model().may_have_sent(*packet));
@@ -285,4 +360,9 @@ impl SweepReader {
         self.at.packet = Some(PacketPlace { file: arrival.file, offset: arrival.offset, stamp, block: 0 });
         Some(n_lost as u64)
     }
+}
+
+fn no_sensor(files: Vec<PathBuf>, model: Option<Model>) -> SweepError {
+    let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
+    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted }
 }

@@ -4,6 +4,7 @@ mod camera;
 mod canvas;
 mod cloud;
 mod palette;
+mod recording;
 mod survey;
 
 use anyhow::{Context, ensure};
@@ -14,13 +15,17 @@ use cloud::Cloud;
 use palette::Painter;
 use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::str::FromStr;
 use survey::Survey;
 
-/// Shows points, bounds, classes and instances of clouds, and renders a picture.
+/// Exit code for a recording that does not have its run to the end.
+const NOT_COMPLETE: u8 = 3;
+
+/// Shows points, bounds, classes and instances of clouds, and renders a picture; or topics and times of a recording.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// A PLY file, or the output folder of a run.
+    /// A PLY file, the output folder of a run, or a recording (.mcap).
     path: PathBuf,
     /// Renders a picture into this PNG.
     #[arg(long, value_name = "PNG")]
@@ -95,7 +100,12 @@ impl FromStr for Size {
 }
 
 /// Prints the table and renders the picture, if one is asked for.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if args.path.extension().is_some_and(|extension| extension == "mcap") {
+        let (table, complete) = recording::table(&args.path)?;
+        let _ = std::io::stdout().write_all(table.as_bytes());
+        return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(NOT_COMPLETE) });
+    }
     ensure!((0.0..=1.0).contains(&args.at), "--at is {}, must be between 0 and 1", args.at);
     let files = cloud::files(&args.path)?;
     let mut survey = Survey::default();
@@ -104,7 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     // A reader that closes the pipe early has seen what it wanted.
     let _ = std::io::stdout().write_all(survey.table(&args.path).as_bytes());
-    let Some(picture) = &args.picture else { return Ok(()) };
+    let Some(picture) = &args.picture else { return Ok(ExitCode::SUCCESS) };
     let bounds = survey.bounds().with_context(|| format!("{}: no points to render", args.path.display()))?;
     let camera = match args.view {
         View::Top => Camera::above(bounds, survey.path(), args.size),
@@ -123,7 +133,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     image::save_buffer_with_format(picture, &pixels, width, height, image::ColorType::Rgb8, image::ImageFormat::Png)
         .with_context(|| format!("{}: cannot write the picture", picture.display()))?;
     eprintln!("wrote {}", picture.display());
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

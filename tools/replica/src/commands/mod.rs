@@ -1,6 +1,17 @@
 //! One file per subcommand: its arguments and what it does.
 
+pub mod bench;
+pub mod compare;
 pub mod convert;
+pub mod echo;
+pub mod hz;
 pub mod import;
 pub mod inspect;
+pub mod record;
+pub mod replay;
+pub mod send;
 pub mod simulate;
+pub mod status;
+pub mod stop;
+pub mod swap;
+pub mod topics;

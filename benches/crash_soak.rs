@@ -1,0 +1,50 @@
+//! Kills without end over the real pipeline: the promise of `tests/crash_recovery.rs`, for as long as one likes.
+//! `cargo build --release && cargo bench --bench crash_soak -- --kills 200 --seed 1 [--drive FOLDER]`
+
+use replica_tests::{
+    Random, digest, domain_of, leftovers, pipeline, result_files, run_under_kills, said, simulated_drive,
+};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+const STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
+
+/// Value of an argument; others, as cargo's own `--bench`, are none of ours.
+fn argument(name: &str) -> Option<String> {
+    std::env::args().skip_while(|argument| argument != name).nth(1)
+}
+
+fn main() -> ExitCode {
+    let number = |name, default| argument(name).map_or(default, |text| text.parse().expect("a number"));
+    let (n_kills, seed) = (number("--kills", 100), number("--seed", 1));
+    let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("drives/sample");
+    let drive = argument("--drive").map_or(sample.clone(), PathBuf::from);
+    if drive == sample && !sample.exists() {
+        simulated_drive(&sample, 1, 12.0);
+    }
+    let drive = drive.canonicalize().expect("the drive is there");
+
+    let undisturbed = pipeline(&drive, "", "");
+    let output = undisturbed.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let expected = digest(&result_files(&undisturbed.output()));
+    let undisturbed_s = undisturbed.summary()["total"]["wall_s"].as_f64().expect("a number");
+
+    let launch = pipeline(&drive, "restarts = 1000", "").with("--set").with("run.barrier_s=0.2");
+    let begun = Instant::now();
+    let kills = run_under_kills(&launch, &STAGES, n_kills as usize, &mut Random::new(seed));
+    let got = digest(&result_files(&launch.output()));
+    let left = leftovers(&domain_of(&launch.output()));
+    println!("seed {seed}, {}", drive.display());
+    println!("kills       {} {:?}", kills.total(), kills.struck);
+    println!("restarts    {} by supervisors, {} by --resume", kills.restarts, kills.resumed);
+    println!("seconds     {:.1}, undisturbed {undisturbed_s:.1}", begun.elapsed().as_secs_f64());
+    println!("digest      {got:016x}, undisturbed {expected:016x}");
+    println!("left behind {} files in /dev/shm and /tmp", left.len());
+    if got == expected && left.is_empty() {
+        return ExitCode::SUCCESS;
+    }
+    println!("FAILED: {}", if got == expected { left.join(" ") } else { "the result shows the kills".to_owned() });
+    ExitCode::FAILURE
+}

@@ -1,0 +1,110 @@
+//! The raw recording of a live run: a drive folder that grows.
+
+use formats::atomic_file::write_atomic;
+use formats::drive::MANIFEST_FILE;
+use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use formats::pcap::Recorder;
+use formats::velodyne::Model;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Folder of the captures in the recording.
+const LIDAR: &str = "lidar";
+/// Names have three digits, so that their order is that of the numbers.
+const MAX_CAPTURES: u32 = 1000;
+
+/// The folder and its captures, the last of which is being written.
+#[derive(Debug)]
+pub(crate) struct Recording {
+    folder: PathBuf,
+    captures: Vec<PathBuf>,
+}
+
+/// Captures in a recording's folder, by name; none if there is no folder.
+pub(crate) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = match fs::read_dir(folder.join(LIDAR)) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(error),
+    };
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<PathBuf>>>()?;
+    let is_capture = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "pcap");
+    let mut captures: Vec<PathBuf> = paths.into_iter().filter(is_capture).collect();
+    captures.sort();
+    Ok(captures)
+}
+
+impl Recording {
+    /// Begins the next capture: `000.pcap`, or what follows the captures that are there. None is ever written over.
+    pub(crate) fn begin(folder: PathBuf) -> Result<(Self, Recorder), String> {
+        let fault = |error: io::Error| format!("{}: {error}", folder.display());
+        fs::create_dir_all(folder.join(LIDAR)).map_err(fault)?;
+        let mut captures = captures(&folder).map_err(fault)?;
+        let number =
+            |path: &PathBuf| path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
+        let next = captures.iter().filter_map(number).max().map_or(0, |last: u32| last.saturating_add(1));
+        if next >= MAX_CAPTURES {
+            return Err(format!("{}: holds {MAX_CAPTURES} captures already", folder.display()));
+        }
+        let path = folder.join(LIDAR).join(format!("{next:03}.pcap"));
+        let recorder = Recorder::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        captures.push(path);
+        Ok((Self { folder, captures }, recorder))
+    }
+
+    /// All captures; the last is being written.
+    pub(crate) fn captures(&self) -> &[PathBuf] {
+        &self.captures
+    }
+
+    /// Whether an earlier process of the run has begun it.
+    pub(crate) fn is_continued(&self) -> bool {
+        self.captures.len() > 1
+    }
+
+    /// Says what the recording holds, so that it is a drive; once.
+    pub(crate) fn describe(&self, model: Model, body_from_lidar: PoseEntry) -> Result<(), String> {
+        let path = self.folder.join(MANIFEST_FILE);
+        if path.exists() {
+            return Ok(());
+        }
+        let manifest = Manifest {
+            version: MANIFEST_VERSION,
+            name: "live recording".to_owned(),
+            lidar: LidarEntry {
+                model: model.name().to_owned(),
+                format: "pcap".to_owned(),
+                folder: LIDAR.to_owned(),
+                body_from_lidar,
+            },
+            cameras: Vec::new(),
+            mosaics: Vec::new(),
+            gnss: None,
+            imu: None,
+            truth: None,
+        };
+        let fault = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        let text = toml::to_string(&manifest).map_err(|error| fault(&error))?;
+        write_atomic(&path, text.as_bytes()).map_err(|error| fault(&error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captures_are_numbered_on_and_never_written_over() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let recording = folder.path().join("recording");
+        for name in ["000.pcap", "001.pcap", "002.pcap"] {
+            let (begun, recorder) = Recording::begin(recording.clone()).expect("begins");
+            assert_eq!(begun.captures().last().and_then(|path| path.file_name()), Some(name.as_ref()));
+            assert_eq!(begun.is_continued(), name != "000.pcap");
+            drop(recorder);
+        }
+        fs::write(recording.join("lidar/999.pcap"), b"").expect("writes");
+        assert!(Recording::begin(recording).expect_err("is full").contains("1000 captures"));
+    }
+}

@@ -1,0 +1,309 @@
+//! `--metrics FILE`: the run's figures in Prometheus' text exposition format, for a node exporter's textfile collector.
+
+use stage::health::{Health, Latency};
+use std::collections::BTreeMap;
+use std::fmt::{Display, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Who collects looks every few seconds at most.
+const WRITE_EVERY: Duration = Duration::from_secs(1);
+
+/// Writes the file, about once a second and at the end.
+pub struct Metrics {
+    file: Option<PathBuf>,
+    written: Option<Instant>,
+    failed: bool,
+    stages: BTreeMap<String, Totals>,
+}
+
+/// What only rises over the whole run, though a restart sets a stage back to its last barrier: work done again is not
+/// counted twice.
+#[derive(Default)]
+struct Totals {
+    ticks: u64,
+    points: u64,
+    /// By topic: messages, bytes.
+    published: BTreeMap<String, (u64, u64)>,
+    /// CPU time of the processes before this one, s.
+    cpu_before_s: f64,
+    /// CPU time of this process at its last beat, s.
+    cpu_s: f64,
+}
+
+impl Totals {
+    fn take_in(&mut self, health: &Health) {
+        self.ticks = self.ticks.max(health.ticks);
+        self.points = self.points.max(health.points);
+        for (topic, traffic) in &health.outputs {
+            let (messages, bytes) = self.published.entry(topic.clone()).or_default();
+            (*messages, *bytes) = ((*messages).max(traffic.messages), (*bytes).max(traffic.bytes));
+        }
+        // A process' CPU time only rises: less is that of a new one.
+        if health.cpu_s < self.cpu_s {
+            self.cpu_before_s += self.cpu_s;
+        }
+        self.cpu_s = health.cpu_s;
+    }
+}
+
+impl Metrics {
+    /// Writes a first file, so that a path that cannot be written is known before anything starts.
+    pub fn new(file: Option<&Path>) -> Result<Self, String> {
+        if let Some(file) = file {
+            write_atomically(file, "").map_err(|error| format!("--metrics {error}"))?;
+        }
+        Ok(Self { file: file.map(Path::to_owned), written: None, failed: false, stages: BTreeMap::new() })
+    }
+
+    /// Writes the file if it is time to. What is to be said to the operator, once, if it cannot be written.
+    pub fn update<'a>(
+        &mut self,
+        stages: impl Iterator<Item = (&'a str, &'a Health)>,
+        shared_memory_bytes: impl Fn() -> u64,
+        restarts: u32,
+    ) -> Option<String> {
+        if self.file.is_none() || self.written.is_some_and(|written| written.elapsed() < WRITE_EVERY) {
+            return None;
+        }
+        self.write(stages, shared_memory_bytes(), restarts)
+    }
+
+    /// As [`Metrics::update`], whether or not it is time to.
+    pub fn write<'a>(
+        &mut self,
+        stages: impl Iterator<Item = (&'a str, &'a Health)>,
+        shared_memory_bytes: u64,
+        restarts: u32,
+    ) -> Option<String> {
+        let file = self.file.clone()?;
+        self.written = Some(Instant::now());
+        let stages: Vec<(&str, &Health)> = stages.collect();
+        for (name, health) in &stages {
+            self.stages.entry((*name).to_owned()).or_default().take_in(health);
+        }
+        let text = self.text(&stages, shared_memory_bytes, restarts);
+        let error = write_atomically(&file, &text).err()?;
+        let first = !std::mem::replace(&mut self.failed, true);
+        first.then(|| format!("metrics are not written: {error}"))
+    }
+
+    fn text(&self, stages: &[(&str, &Health)], shared_memory_bytes: u64, restarts: u32) -> String {
+        let newest = stages.iter().filter_map(|(_, health)| health.drive_time).max();
+        let mut page = Page::default();
+        page.family("replica_stage_ticks_total", "counter", "Ticks that the stage has finished.");
+        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.ticks));
+        page.family("replica_stage_points_total", "counter", "Points that passed the stage.");
+        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.points));
+        page.family("replica_stage_cpu_seconds_total", "counter", "User and system time of the stage's processes.");
+        self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
+        page.family("replica_stage_resident_bytes", "gauge", "Resident memory, touched shared memory included.");
+        for (stage, health) in stages {
+            page.sample("", &[("stage", stage)], health.rss_bytes);
+        }
+        page.family(
+            "replica_stage_step_seconds",
+            "summary",
+            "Time in one step that had input, since the process began.",
+        );
+        for (stage, health) in stages {
+            page.summary(&[("stage", stage)], &health.step);
+        }
+        page.family("replica_stage_age_seconds", "summary", "From the source's beginning of a tick to its end here.");
+        for (stage, health) in stages {
+            page.summary(&[("stage", stage)], &health.age);
+        }
+        page.family("replica_stage_lag_seconds", "gauge", "Drive time by which the stage is behind the source.");
+        for (stage, health) in stages {
+            if let Some((newest, own)) = newest.zip(health.drive_time) {
+                page.sample("", &[("stage", stage)], newest.saturating_sub(own) as f64 * 1e-9);
+            }
+        }
+        page.family("replica_topic_messages_total", "counter", "Messages published.");
+        self.of_topics(|topic, stage, (messages, _)| page.sample("", &[("topic", topic), ("stage", stage)], messages));
+        page.family("replica_topic_bytes_total", "counter", "Bytes of rows published; shared, not copied.");
+        self.of_topics(|topic, stage, (_, bytes)| page.sample("", &[("topic", topic), ("stage", stage)], bytes));
+        page.family("replica_topic_waiting", "gauge", "Messages that the topic's slowest consumer has not taken yet.");
+        for (stage, health) in stages {
+            for (topic, waiting) in &health.waiting {
+                page.sample("", &[("topic", topic), ("stage", stage)], waiting);
+            }
+        }
+        page.family("replica_topic_queue", "gauge", "Messages that a consumer has taken and that wait for its step.");
+        for (consumer, health) in stages {
+            for (topic, arrivals) in &health.arrivals {
+                page.sample("", &[("topic", topic), ("consumer", consumer)], arrivals.queue);
+            }
+        }
+        page.family(
+            "replica_topic_latency_seconds",
+            "summary",
+            "From a message's publication to its delivery to a step.",
+        );
+        for (consumer, health) in stages {
+            for (topic, arrivals) in &health.arrivals {
+                page.summary(&[("topic", topic), ("consumer", consumer)], &arrivals.latency);
+            }
+        }
+        page.family("replica_shared_memory_bytes", "gauge", "Shared memory that the run really uses.");
+        page.sample("", &[], shared_memory_bytes);
+        page.family("replica_restarts_total", "counter", "Restarts of the run from its last barrier.");
+        page.sample("", &[], restarts);
+        page.family("replica_barrier", "gauge", "Last barrier that all stages have saved; 0 = none yet.");
+        page.sample("", &[], stages.iter().map(|(_, health)| health.barrier).min().unwrap_or_default());
+        page.text
+    }
+
+    fn of_stages(&self, mut each: impl FnMut(&str, &Totals)) {
+        for (stage, totals) in &self.stages {
+            each(stage, totals);
+        }
+    }
+
+    fn of_topics(&self, mut each: impl FnMut(&str, &str, (u64, u64))) {
+        self.of_stages(|stage, totals| {
+            for (topic, published) in &totals.published {
+                each(topic, stage, *published);
+            }
+        });
+    }
+}
+
+/// Text in the exposition format, version 0.0.4.
+#[derive(Default)]
+struct Page {
+    text: String,
+    family: &'static str,
+}
+
+impl Page {
+    /// Begins a family; the samples that follow are its.
+    fn family(&mut self, name: &'static str, kind: &str, help: &str) {
+        self.family = name;
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.text, "# HELP {name} {help}\n# TYPE {name} {kind}");
+    }
+
+    fn sample(&mut self, suffix: &str, labels: &[(&str, &str)], value: impl Display) {
+        let labels: Vec<String> = labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value))).collect();
+        let labels = if labels.is_empty() { String::new() } else { format!("{{{}}}", labels.join(",")) };
+        let _ = writeln!(self.text, "{}{suffix}{labels} {value}", self.family);
+    }
+
+    fn summary(&mut self, labels: &[(&str, &str)], latency: &Latency) {
+        for (quantile, ms) in [("0.5", latency.p50_ms), ("0.99", latency.p99_ms), ("1", latency.max_ms)] {
+            self.sample("", &[labels, &[("quantile", quantile)]].concat(), ms * 1e-3);
+        }
+        self.sample("_sum", labels, latency.mean_ms * latency.count as f64 * 1e-3);
+        self.sample("_count", labels, latency.count);
+    }
+}
+
+fn escaped(value: &str) -> String {
+    value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
+}
+
+/// Who collects reads at any moment and finds a whole file.
+fn write_atomically(file: &Path, text: &str) -> Result<(), String> {
+    let mut unfinished = file.as_os_str().to_owned();
+    unfinished.push(".unfinished");
+    std::fs::write(&unfinished, text)
+        .and_then(|()| std::fs::rename(&unfinished, file))
+        .map_err(|error| format!("{}: {error}", file.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stage::health::{Arrivals, Traffic};
+    use std::collections::BTreeSet;
+
+    fn health(ticks: u64, cpu_s: f64) -> Health {
+        let latency = Latency { count: 4, mean_ms: 2.5, p50_ms: 2.0, p99_ms: 4.0, max_ms: 4.0 };
+        Health {
+            ticks,
+            cpu_s,
+            drive_time: Some(ticks as i64 * 100_000_000),
+            step: latency,
+            outputs: BTreeMap::from([(
+                "class".to_owned(),
+                Traffic { messages: ticks, rows: 9, bytes: 18, ..Traffic::default() },
+            )]),
+            arrivals: BTreeMap::from([("sweep".to_owned(), Arrivals { queue: 3, latency })]),
+            waiting: BTreeMap::from([("class".to_owned(), 2)]),
+            ..Health::default()
+        }
+    }
+
+    fn written(metrics: &mut Metrics, stages: &[(&str, Health)]) -> String {
+        let said = metrics.write(stages.iter().map(|(name, health)| (*name, health)), 4096, 1);
+        assert_eq!(said, None);
+        std::fs::read_to_string(metrics.file.as_ref().expect("a file")).expect("written")
+    }
+
+    /// The rules of the format: names, one HELP and one TYPE before a family's samples, each family in one piece, no sample
+    /// twice, counters ending in `_total`.
+    #[test]
+    fn the_page_keeps_the_rules_of_the_format() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut metrics = Metrics::new(Some(&folder.path().join("replica.prom"))).expect("can be written");
+        let text = written(&mut metrics, &[("re\"l\\ay\n", health(10, 1.0)), ("source", health(12, 1.0))]);
+        assert!(text.ends_with('\n'));
+        let (mut families, mut samples, mut family) = (BTreeSet::new(), BTreeSet::new(), String::new());
+        let is_name = |name: &str| name.bytes().all(|b| b.is_ascii_lowercase() || b == b'_');
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if let Some(help) = line.strip_prefix("# HELP ") {
+                family = help.split(' ').next().expect("a name").to_owned();
+                assert!(is_name(&family) && families.insert(family.clone()), "{line}");
+                let kind =
+                    lines.next().and_then(|line| line.strip_prefix(&format!("# TYPE {family} "))).expect("a type");
+                assert_eq!(kind == "counter", family.ends_with("_total"), "{family} {kind}");
+                assert!(["counter", "gauge", "summary"].contains(&kind), "{kind}");
+                continue;
+            }
+            let (sample, value) = line.rsplit_once(' ').expect("a value");
+            assert!(value.parse::<f64>().is_ok_and(f64::is_finite), "{line}");
+            assert!(samples.insert(sample), "twice: {line}");
+            let name = sample.split('{').next().expect("a name");
+            let suffix = name.strip_prefix(&family).unwrap_or_else(|| panic!("{line} is not of {family}"));
+            assert!(["", "_sum", "_count"].contains(&suffix), "{line}");
+        }
+        assert_eq!(families.len(), 15);
+        assert!(text.contains("replica_stage_ticks_total{stage=\"re\\\"l\\\\ay\\n\"} 10\n"), "{text}");
+        assert!(text.contains("replica_stage_lag_seconds{stage=\"source\"} 0\n"), "{text}");
+        assert!(text.contains("replica_stage_step_seconds{stage=\"source\",quantile=\"0.5\"} 0.002\n"), "{text}");
+        assert!(text.contains("replica_stage_step_seconds_sum{stage=\"source\"} 0.01\n"), "{text}");
+        assert!(text.contains("replica_topic_queue{topic=\"sweep\",consumer=\"source\"} 3\n"), "{text}");
+    }
+
+    #[test]
+    fn what_a_restart_sets_back_does_not_fall() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut metrics = Metrics::new(Some(&folder.path().join("replica.prom"))).expect("can be written");
+        for (ticks, cpu_s) in [(10, 2.0), (0, 0.0), (4, 0.5)] {
+            let text = written(&mut metrics, &[("relay", health(ticks, cpu_s))]);
+            assert!(text.contains("replica_stage_ticks_total{stage=\"relay\"} 10\n"), "{text}");
+            assert!(text.contains("replica_topic_messages_total{topic=\"class\",stage=\"relay\"} 10\n"), "{text}");
+            assert!(
+                text.contains(&format!(
+                    "cpu_seconds_total{{stage=\"relay\"}} {}\n",
+                    if ticks == 10 { 2.0 } else { 2.0 + cpu_s }
+                )),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_known_at_once_and_said_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inside = folder.path().join("inside");
+        assert!(Metrics::new(Some(&inside.join("replica.prom"))).is_err());
+        std::fs::create_dir(&inside).expect("made");
+        let mut metrics = Metrics::new(Some(&inside.join("replica.prom"))).expect("can be written");
+        std::fs::remove_dir_all(&inside).expect("removed");
+        assert!(metrics.write(std::iter::empty(), 0, 0).expect("is said").contains("replica.prom"));
+        assert_eq!(metrics.write(std::iter::empty(), 0, 0), None);
+    }
+}

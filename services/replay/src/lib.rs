@@ -1,0 +1,155 @@
+//! replay: a source that publishes the messages and ticks of a recording, in the place of the stages that it was
+//! recorded from.
+
+mod pace;
+mod topics;
+
+use formats::recording::{RecordedTick, RecordingError, RecordingReader, TickReader};
+use pace::Pace;
+use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Stage, StepError, any, decode_state, encode_state, within};
+use std::path::Path;
+use topics::{Replayed, TOPICS};
+
+stage::settings! {
+    /// Settings of the replay.
+    pub struct Settings {
+        /// The recording.
+        pub recording: String = String::new() => any();
+        /// Topics to publish; empty = all that are recorded.
+        pub topics: Vec<String> = Vec::new() => any();
+        /// Drive time per time, by the ticks' drive times; 1 = as it was, 0 = as fast as its consumers take it. A pause
+        /// longer than 5 s is cut short to that.
+        pub speed: f64 = 0.0 => within(0.0, 1000.0);
+    }
+}
+
+/// A recording as a source.
+pub struct Replay {
+    ticks: TickReader,
+    topics: Vec<&'static Replayed>,
+    pace: Pace,
+    n_ticks: u64,
+    /// The tick after the one published last: whether there is one must be known before that one is said to be the last.
+    next: Option<RecordedTick>,
+}
+
+/// Topics to publish, by name.
+fn recorded(path: &Path, settings: &Settings) -> Result<Vec<&'static Replayed>, StepError> {
+    let reader = RecordingReader::open(path).map_err(StepError::data)?;
+    let mut found = Vec::new();
+    for wanted in &settings.topics {
+        if !reader.topics().iter().any(|topic| topic.ticks_of() == Some(wanted)) {
+            return Err(StepError::data(format!("{}: has no topic {wanted} to replay", path.display())));
+        }
+    }
+    let is_wanted = |name: &String| settings.topics.is_empty() || settings.topics.contains(name);
+    for topic in reader.topics().iter().filter(|topic| topic.ticks_of().is_none() && is_wanted(&topic.name)) {
+        let file = path.display();
+        let name = &topic.name;
+        let Some(known) = TOPICS.iter().find(|known| known.topic == name.as_str()) else {
+            return Err(StepError::data(format!("{file}: topic {name} is none that can be replayed")));
+        };
+        let (version, layout) = (known.version, known.layout);
+        if (topic.table.version, topic.table.layout) != (version, layout) {
+            let (theirs, their_layout) = (topic.table.version, topic.table.layout);
+            return Err(StepError::data(format!(
+                "{file}: topic {name} has version {theirs} and layout {their_layout:016x}; this program knows version {version} \
+                 and layout {layout:016x}"
+            )));
+        }
+        found.push(known);
+    }
+    found.sort_by_key(|known| known.topic);
+    Ok(found)
+}
+
+impl Stage for Replay {
+    const NAME: &'static str = "replay";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        Vec::new()
+    }
+
+    fn outputs() -> Vec<Port> {
+        TOPICS.iter().map(|known| known.port).collect()
+    }
+
+    fn outputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        if settings.recording.is_empty() {
+            return Ok(Self::outputs());
+        }
+        let known = recorded(&launch_folder.join(&settings.recording), settings)?;
+        Ok(known.into_iter().map(|known| known.port).collect())
+    }
+
+    fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
+        if settings.recording.is_empty() { vec![Problem::of_key("recording", "must be given")] } else { Vec::new() }
+    }
+
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let path = context.resolve(Path::new(&settings.recording));
+        let topics = recorded(&path, settings)?;
+        let names: Vec<&str> = topics.iter().map(|known| known.topic).collect();
+        let ticks = TickReader::open(&path, &names).map_err(StepError::data)?;
+        Ok(Self { ticks, topics, pace: Pace::new(settings.speed), n_ticks: 0, next: None })
+    }
+
+    fn step(&mut self, _inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        let tick = match self.next.take() {
+            Some(tick) => tick,
+            None => match self.read(outputs)? {
+                Some(tick) => tick,
+                None => {
+                    return Err(StepError::data(format!("{}: has no tick", self.ticks.recording().path().display())));
+                }
+            },
+        };
+        self.pace.wait_for(tick.row.drive_time);
+        outputs.set_drive_time(tick.row.drive_time);
+        outputs.set_progress(f64::from(tick.row.progress));
+        for (topic, messages) in self.topics.iter().zip(&tick.messages) {
+            for message in messages {
+                (topic.publish)(outputs, &message.bytes)?;
+            }
+        }
+        self.n_ticks += 1;
+        if tick.row.end == 0 {
+            self.next = self.read(outputs)?;
+        }
+        Ok(if self.next.is_some() { Flow::Continue } else { Flow::End })
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        Ok(encode_state(1, &self.n_ticks)?)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        self.n_ticks = decode_state(1, state)?;
+        for _ in 0..self.n_ticks {
+            self.ticks.next().map_err(StepError::data)?;
+        }
+        Ok(())
+    }
+}
+
+impl Replay {
+    /// The next tick; a recording that ends before its run does is replayed as far as it goes, and that is said.
+    fn read(&mut self, outputs: &mut Outputs) -> Result<Option<RecordedTick>, StepError> {
+        match self.ticks.next() {
+            Ok(None) if !self.ticks.ended() => {
+                let path = self.ticks.recording().path().display();
+                outputs.note(format!("{path}: the recording ends before its run does"));
+                outputs.count("recordings_not_complete", 1);
+                Ok(None)
+            }
+            Ok(tick) => Ok(tick),
+            Err(error @ RecordingError::Cut { .. }) => {
+                outputs.note(error.to_string());
+                outputs.count("recordings_not_complete", 1);
+                Ok(None)
+            }
+            Err(error) => Err(StepError::data(error)),
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! A stage alone: its inputs come from a recording, its outputs go into another. No supervisor, no shared memory.
+
+mod configuration;
+
+pub(crate) use configuration::USAGE;
+
+use crate::command::{exit, print_json, start_log, usage};
+use crate::health::{Latency, Traffic};
+use crate::histogram::Histogram;
+use crate::process::{monotonic_nanos, usage as process_usage};
+use crate::{Context, Flow, Inputs, Outputs, Port, Stage, StepError};
+use configuration::{Arguments, configure};
+use formats::recording::{RecordedTick, RecordingError, RecordingWriter, TickReader};
+use messages::{Envelope, TickRow};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What the run came to; printed as text or JSON.
+#[derive(Debug, Serialize)]
+struct Report {
+    stage: &'static str,
+    /// Whether the recording's end was reached.
+    complete: bool,
+    ticks: u64,
+    /// Drive time from first to last tick, s.
+    drive_s: f64,
+    /// From the stage's making to its end, reading and writing of recordings included, s.
+    wall_s: f64,
+    /// All steps together, s.
+    steps_s: f64,
+    step: Latency,
+    /// Rows of the first input topic, of a source the first output topic.
+    points: u64,
+    /// By the time in steps.
+    points_per_s: f64,
+    inputs: BTreeMap<&'static str, Traffic>,
+    outputs: BTreeMap<&'static str, Traffic>,
+    counters: BTreeMap<String, u64>,
+    notes: Vec<String>,
+    cpu_s: f64,
+    peak_rss_bytes: u64,
+}
+
+/// `run --recording …`; the exit code.
+pub(crate) fn run<S: Stage>(arguments: &[&str]) -> u8 {
+    let arguments = match Arguments::parse(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => return usage::<S>(&error),
+    };
+    let is_source = S::inputs().is_empty();
+    if arguments.recording.is_none() && !is_source {
+        let topics: Vec<&str> = S::inputs().iter().map(Port::topic).collect();
+        return usage::<S>(&format!("run: --recording must name a recording with {}", topics.join(", ")));
+    }
+    if arguments.recording.is_some() && is_source {
+        return usage::<S>("run: a source reads a drive, no recording");
+    }
+    let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    if let (Some(input), Some(output)) = (&arguments.recording, &arguments.record)
+        && same(input, output)
+    {
+        return usage::<S>(&format!("run: --record {} is the recording that is read", output.display()));
+    }
+    start_log();
+    let (settings, context, barrier_s) = match configure::<S>(&arguments) {
+        Ok(configuration) => configuration,
+        Err(problems) => {
+            for problem in problems {
+                eprintln!("{problem}");
+            }
+            return exit::CONFIGURATION;
+        }
+    };
+    match Alone::<S>::open(&settings, &context, &arguments, barrier_s).and_then(Alone::run) {
+        Ok(report) => {
+            let code = if report.complete { exit::DONE } else { exit::INCOMPLETE };
+            if arguments.json { print_json(&report).max(code) } else { print(&report, code) }
+        }
+        Err(error) => {
+            tracing::error!("{error}");
+            exit::FAILED
+        }
+    }
+}
+
+struct Alone<S: Stage> {
+    stage: S,
+    source: Option<TickReader>,
+    /// Those of the inputs that are recorded, in the order of the reader's topics.
+    inputs: Vec<Port>,
+    outputs: Outputs,
+    writer: Option<RecordingWriter>,
+    barrier_s: f64,
+    begun: u64,
+    step_times: Histogram,
+    step_nanos: u64,
+    drive: Option<(i64, i64)>,
+    report: Report,
+}
+
+impl<S: Stage> Alone<S> {
+    fn open(
+        settings: &S::Settings,
+        context: &Context,
+        arguments: &Arguments,
+        barrier_s: f64,
+    ) -> Result<Self, StepError> {
+        let begun = monotonic_nanos();
+        let mut inputs = S::inputs();
+        inputs.retain(|port| context.connected.iter().any(|topic| topic == port.topic()));
+        let topics: Vec<&str> = inputs.iter().map(Port::topic).collect();
+        let source = arguments.recording.as_ref().map(|path| TickReader::open(path, &topics)).transpose();
+        let mut outputs = Outputs::default();
+        for port in S::outputs() {
+            outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
+        }
+        let mut tables: Vec<_> = S::outputs().iter().map(|port| (port.make.byte_table)()).collect();
+        tables.sort_by(|a, b| a.topic.cmp(&b.topic));
+        let about = BTreeMap::from([
+            ("mode".to_owned(), "offline".to_owned()),
+            ("stage".to_owned(), S::NAME.to_owned()),
+            ("settings".to_owned(), serde_json::to_string(settings).map_err(StepError::data)?),
+        ]);
+        let writer = arguments.record.as_ref().map(|path| RecordingWriter::create(path, &about, &tables)).transpose();
+        let report = Report {
+            stage: S::NAME,
+            complete: true,
+            ticks: 0,
+            drive_s: 0.0,
+            wall_s: 0.0,
+            steps_s: 0.0,
+            step: Latency::default(),
+            points: 0,
+            points_per_s: 0.0,
+            inputs: inputs.iter().map(|port| (port.topic(), Traffic::default())).collect(),
+            outputs: S::outputs().iter().map(|port| (port.topic(), Traffic::default())).collect(),
+            counters: BTreeMap::new(),
+            notes: Vec::new(),
+            cpu_s: 0.0,
+            peak_rss_bytes: 0,
+        };
+        Ok(Self {
+            source: source.map_err(StepError::io)?,
+            writer: writer.map_err(StepError::io)?,
+            stage: S::new(settings, context)?,
+            inputs,
+            outputs,
+            barrier_s,
+            begun,
+            step_times: Histogram::default(),
+            step_nanos: 0,
+            drive: None,
+            report,
+        })
+    }
+
+    fn run(mut self) -> Result<Report, StepError> {
+        let ended = if self.source.is_some() { self.recorded_ticks() } else { self.source_ticks() };
+        // What was written until an error is a recording too.
+        let finished = self.writer.take().map_or(Ok(()), RecordingWriter::finish).map_err(StepError::io);
+        self.report.complete = ended?;
+        finished?;
+        let mut report = self.report;
+        report.wall_s = (monotonic_nanos() - self.begun) as f64 * 1e-9;
+        report.steps_s = self.step_nanos as f64 * 1e-9;
+        report.step = Latency::from(&self.step_times);
+        report.drive_s = self.drive.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
+        let (ports, traffic) =
+            if S::inputs().is_empty() { (S::outputs(), &report.outputs) } else { (S::inputs(), &report.inputs) };
+        report.points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
+        report.points_per_s = if report.steps_s > 0.0 { report.points as f64 / report.steps_s } else { 0.0 };
+        (report.counters, report.notes) = (self.outputs.counters, self.outputs.notes);
+        let used = process_usage();
+        (report.cpu_s, report.peak_rss_bytes) = (used.cpu_s, used.peak_rss_bytes);
+        Ok(report)
+    }
+
+    /// Ticks of the recording to its end. `false` if it ends before the run did.
+    fn recorded_ticks(&mut self) -> Result<bool, StepError> {
+        loop {
+            let Some(source) = &mut self.source else { return Ok(true) };
+            match source.next() {
+                Ok(Some(tick)) => self.recorded_tick(tick)?,
+                Ok(None) if source.ended() => return Ok(true),
+                Ok(None) => {
+                    let path = source.recording().path().display();
+                    tracing::warn!("{path}: ends after {} ticks, before the run it is of", self.report.ticks);
+                    return Ok(false);
+                }
+                Err(error @ RecordingError::Cut { .. }) => {
+                    tracing::warn!("{error}");
+                    return Ok(false);
+                }
+                Err(error) => return Err(StepError::data(error)),
+            }
+        }
+    }
+
+    fn recorded_tick(&mut self, tick: RecordedTick) -> Result<(), StepError> {
+        let mut inputs = Inputs::default();
+        for (port, messages) in self.inputs.iter().zip(tick.messages) {
+            let table = (port.make.byte_table)();
+            for message in messages {
+                let rows = u64::from(message.envelope.len);
+                count(self.report.inputs.entry(port.topic()).or_default(), rows, table.row_bytes);
+                (port.make.push_bytes)(&mut inputs, &message.bytes)?;
+            }
+        }
+        let has_input = !inputs.by_topic.is_empty();
+        self.step(&mut inputs, has_input)?;
+        self.complete(tick.row)
+    }
+
+    /// Ticks of a source until it says that there are no more.
+    fn source_ticks(&mut self) -> Result<bool, StepError> {
+        let (mut barrier, mut since) = (0, None);
+        for tick in 0.. {
+            let end = self.step(&mut Inputs::default(), true)? == Flow::End;
+            let drive_time = self.outputs.drive_time.unwrap_or_default();
+            let last = *since.get_or_insert(drive_time);
+            let barrier_due = !end && drive_time.saturating_sub(last) as f64 >= self.barrier_s * 1e9;
+            if barrier_due {
+                barrier += 1;
+                since = Some(drive_time);
+            }
+            let progress = self.outputs.progress.unwrap_or_default() as f32;
+            let (barrier, end_row) = (if barrier_due { barrier } else { 0 }, u32::from(end));
+            self.complete(TickRow { tick, barrier, drive_time, progress, end: end_row, ..TickRow::default() })?;
+            if end {
+                break;
+            }
+        }
+        Ok(true)
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, is_timed: bool) -> Result<Flow, StepError> {
+        let begun = monotonic_nanos();
+        let flow = self.stage.step(inputs, &mut self.outputs)?;
+        if is_timed {
+            let nanos = monotonic_nanos() - begun;
+            self.step_times.add(nanos);
+            self.step_nanos += nanos;
+        }
+        Ok(flow)
+    }
+
+    /// What follows a step, as in a run: the end's rest, the barrier's state, and then the tick is written down.
+    fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
+        if row.end != 0 {
+            self.stage.finish(&mut self.outputs)?;
+        }
+        if row.barrier != 0 {
+            // Nobody goes on from here, but a stage that cannot save its state should be seen to fail.
+            self.stage.save()?;
+        }
+        for (topic, output) in &mut self.outputs.by_topic {
+            let traffic = self.report.outputs.entry(topic).or_default();
+            let writer = &mut self.writer;
+            output.take_published(&mut |envelope, header, rows| {
+                let envelope = Envelope { tick: row.tick, ..*envelope };
+                count(traffic, u64::from(envelope.len), rows.len() / (envelope.len as usize).max(1));
+                let Some(writer) = writer else { return Ok(()) };
+                writer.message(topic, row.drive_time, &envelope, header, rows).map_err(StepError::io)
+            })?;
+            if let Some(writer) = writer {
+                writer.tick(topic, &TickRow { n_published: traffic.messages, ..row }).map_err(StepError::io)?;
+            }
+        }
+        self.report.ticks += 1;
+        let (first, _) = self.drive.unwrap_or((row.drive_time, 0));
+        self.drive = Some((first, row.drive_time));
+        Ok(())
+    }
+}
+
+fn count(traffic: &mut Traffic, rows: u64, row_bytes: usize) {
+    traffic.messages += 1;
+    traffic.rows += rows;
+    traffic.bytes += rows * row_bytes as u64;
+}
+
+/// The report for people.
+fn print(report: &Report, code: u8) -> u8 {
+    let Report { stage, ticks, step, .. } = report;
+    println!("{stage}: {ticks} ticks, {:.1} s of drive in {:.2} s", report.drive_s, report.wall_s);
+    println!(
+        "  {} steps with input in {:.3} s: median {:.3} ms, p99 {:.3} ms, longest {:.3} ms",
+        step.count, report.steps_s, step.p50_ms, step.p99_ms, step.max_ms
+    );
+    println!("  {} points, {:.2} million points/s of step time", report.points, report.points_per_s * 1e-6);
+    println!("  {:.2} s of CPU, {:.0} MiB at most", report.cpu_s, report.peak_rss_bytes as f64 / f64::from(1 << 20));
+    for (way, traffic) in [("in ", &report.inputs), ("out", &report.outputs)] {
+        for (topic, t) in traffic {
+            println!("  {way} {topic}: {} messages, {} rows, {:.1} MB", t.messages, t.rows, t.bytes as f64 * 1e-6);
+        }
+    }
+    for (name, n) in &report.counters {
+        println!("  {name}: {n}");
+    }
+    for note in &report.notes {
+        println!("  note: {note}");
+    }
+    code
+}

@@ -1,0 +1,51 @@
+//! A stage at a barrier: its state is saved, or taken up.
+
+use super::Runner;
+use crate::health::Traffic;
+use crate::state::{RunnerState, load_state, save_state};
+use crate::{Stage, StepError};
+
+impl<S: Stage> Runner<'_, S> {
+    pub(super) fn save(&mut self) -> Result<(), StepError> {
+        let state = RunnerState {
+            tick: self.tick,
+            barrier: self.barrier,
+            drive_begin: self.drive_begin,
+            barrier_time: self.barrier_time,
+            inputs: self.inputs.iter().map(|input| (input.topic().to_owned(), input.traffic())).collect(),
+            outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
+            counters: self.outputs.counters.clone(),
+            notes: self.outputs.notes.clone(),
+        };
+        save_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)
+    }
+
+    pub(super) fn load(&mut self, barrier: u64) -> Result<(), StepError> {
+        let (state, stage) = load_state(&self.assignment.state_file(barrier))?;
+        // Who holds nothing can be followed by any program.
+        if !stage.is_empty() {
+            self.stage.load(&stage)?;
+        }
+        (self.tick, self.barrier) = (state.tick, state.barrier);
+        (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
+        for output in Self::ticked_outputs(&mut self.outputs) {
+            let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
+            output.resume(traffic);
+        }
+        for input in &mut self.inputs {
+            if let Some(delivered) = state.inputs.get(input.topic()) {
+                input.resume(delivered.clone());
+                continue;
+            }
+            // The program that this one replaces did not read the topic: what has passed, its producer knows.
+            if let Some(channels) = self.assignment.inputs.iter().find(|channels| channels.topic == input.topic()) {
+                let (producer, _) = load_state(&self.assignment.producers_state_file(barrier, channels))?;
+                let next_seq = producer.outputs.get(input.topic()).map_or(0, |traffic| traffic.next_seq);
+                input.resume(Traffic { next_seq, ..Traffic::default() });
+            }
+        }
+        self.outputs.counters = state.counters;
+        self.outputs.notes = state.notes;
+        Ok(())
+    }
+}

@@ -1,0 +1,63 @@
+//! A stage in live mode: a step over whatever has come, and a process that takes the place of one that has died.
+
+use super::Runner;
+use crate::assignment::Restart;
+use crate::health::Activity;
+use crate::ports::beyond;
+use crate::process::monotonic_nanos;
+use crate::{Inputs, Stage, StepError};
+use messages::TickRow;
+use std::cell::Cell;
+
+impl<S: Stage> Runner<'_, S> {
+    /// Live: a step over whatever has come, as soon as there is something new.
+    pub(super) fn live_tick(&mut self) -> Result<Option<bool>, StepError> {
+        let (inputs, n_ticks) = (&mut self.inputs, self.tick);
+        let news = Cell::new(None);
+        let here = self.ports.waiter.wait_until(
+            || Activity::Waiting("any".to_owned()),
+            || {
+                let mut newest: Option<TickRow> = None;
+                let (mut barrier, mut has_messages, mut all_ended) = (0, false, true);
+                for input in inputs.iter_mut() {
+                    let found = input.gather_newest()?;
+                    barrier = barrier.max(found.barrier);
+                    has_messages |= found.has_messages;
+                    all_ended &= found.row.is_some_and(|row| row.end != 0);
+                    newest = found.row.into_iter().chain(newest).max_by_key(|row| row.tick);
+                }
+                let Some(row) = newest else { return Ok(false) };
+                let is_new = has_messages || barrier > 0 || all_ended || row.tick >= n_ticks;
+                news.set(Some(TickRow { barrier, end: u32::from(all_ended), ..row }));
+                Ok(is_new)
+            },
+        )?;
+        let Some(mut row) = news.get().filter(|_| here) else { return Ok(None) };
+        // Several inputs tell of the same barrier.
+        row.barrier = if row.barrier > self.barrier { row.barrier } else { 0 };
+        let mut inputs = Inputs::default();
+        for input in &mut self.inputs {
+            input.deliver_all(&mut inputs);
+        }
+        let has_input = self.work(&row, inputs)?;
+        self.tick = row.tick;
+        self.complete(row)?;
+        if has_input {
+            self.ages.add(monotonic_nanos().saturating_sub(row.born_nanos));
+        }
+        Ok(Some(row.end != 0))
+    }
+
+    /// Takes the place of a process that has died: counts go on, and no number is given twice.
+    pub(super) fn follow(&mut self, restart: &Restart) {
+        self.tick = beyond(restart.ticks);
+        for input in &mut self.inputs {
+            input.resume(restart.inputs.get(input.topic()).cloned().unwrap_or_default());
+        }
+        for output in Self::ticked_outputs(&mut self.outputs) {
+            let mut published = restart.outputs.get(output.topic()).cloned().unwrap_or_default();
+            published.epoch = restart.epoch;
+            output.resume(published);
+        }
+    }
+}

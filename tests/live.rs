@@ -1,0 +1,147 @@
+//! What live mode promises: nobody waits for anybody, the oldest makes way and is counted, and a stage that fails is started
+//! anew alone while the others go on.
+
+use replica_tests::{Launch, Running, leftovers, wait_for};
+use rustix::process::{Pid, Signal, kill_process};
+
+/// A sensor that never ends: a sweep every other millisecond, so that a stop of some tens of ms overruns every queue.
+const SENSOR: &str = "ticks = 1000000\npoints = 500\npace_ms = 2";
+
+fn live(run: &str) -> Launch {
+    Launch::of_misbehaving(&format!("mode = \"live\"\n{run}"), SENSOR, "")
+}
+
+/// Ticks of a stage, from the states that it saves: barriers come twice in a second of the drive, that is every 5 ticks.
+fn wait_for_barrier_of(launch: &Launch, stage: &str, barrier: u64) {
+    let states = launch.states();
+    wait_for(&format!("{stage} at barrier {barrier}"), || {
+        let barriers = std::fs::read_dir(&states).ok()?.flatten();
+        let numbers = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok());
+        let reached = numbers.filter(|number| states.join(format!("{number}/{stage}.state")).is_file()).max()?;
+        (reached >= barrier).then_some(())
+    });
+}
+
+/// Asks for the end and checks it.
+fn end(launch: &Launch, running: Running, code: i32) {
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(code), "{}", launch.stderr());
+    assert_eq!(launch.summary()["outcome"], "done");
+}
+
+/// Numbers of a topic's messages in the order in which the sink wrote them down.
+fn seqs(launch: &Launch, topic: &str) -> Vec<u64> {
+    let text = String::from_utf8(launch.read("sink.txt")).expect("text");
+    let lines = text.lines().filter_map(|line| line.strip_prefix(topic));
+    lines.map(|line| line.split_whitespace().next().expect("a number").parse().expect("a number")).collect()
+}
+
+fn rises(seqs: &[u64]) -> bool {
+    seqs.windows(2).all(|pair| pair[0] < pair[1])
+}
+
+#[test]
+fn a_stage_that_stands_still_holds_nobody_up_and_what_it_misses_is_counted() {
+    let launch = live("hang_s = 600.0");
+    let running = launch.start();
+    wait_for_barrier_of(&launch, "sink", 2);
+    let relay = running.stage("relay");
+    kill_process(relay, Signal::STOP).expect("the stage lives");
+    let stopped_at = launch.newest_barrier().unwrap_or_default();
+    // Twenty barriers are a hundred sweeps: far more than any queue holds.
+    wait_for_barrier_of(&launch, "source", stopped_at + 20);
+    kill_process(relay, Signal::CONT).expect("the stage lives");
+    let after = launch.newest_barrier().unwrap_or_default();
+    wait_for_barrier_of(&launch, "relay", after + 2);
+    end(&launch, running, 3);
+
+    let dropped = launch.stage_summary("relay")["inputs"]["sweep"]["dropped"].as_u64().expect("a number");
+    assert!(dropped >= 50, "{dropped} sweeps were dropped");
+    assert!(launch.summary()["total"]["dropped"]["sweep"].as_u64() >= Some(dropped));
+    assert_eq!(launch.summary()["total"]["restarts"], 0, "{}", launch.stderr());
+    let (sweeps, classes) = (seqs(&launch, "sweep"), seqs(&launch, "class"));
+    assert!(rises(&sweeps) && rises(&classes));
+    let gap = classes.windows(2).map(|pair| pair[1] - pair[0]).max().expect("classes");
+    assert!(gap >= 50, "after the stop the relay went on with the newest, not with the oldest: largest gap {gap}");
+}
+
+#[test]
+fn a_killed_stage_is_started_anew_alone() {
+    for stage in ["source", "relay", "sink"] {
+        let launch = live("");
+        let running = launch.start();
+        wait_for_barrier_of(&launch, "sink", 2);
+        let before = ["source", "relay", "sink"].map(|name| running.stage(name));
+        kill_process(running.stage(stage), Signal::KILL).expect("the stage lives");
+        let successor = wait_for("the successor", || running.find_stage(stage).filter(|pid| !before.contains(pid)));
+        for (name, pid) in ["source", "relay", "sink"].into_iter().zip(before) {
+            assert!((name == stage) != (running.find_stage(name) == Some(pid)), "{name}: the others go on");
+        }
+        let barrier = launch.newest_barrier().unwrap_or_default();
+        wait_for_barrier_of(&launch, "sink", barrier + 4);
+        assert_eq!(running.find_stage(stage), Some(successor), "{stage}: {}", running.stderr());
+        end(&launch, running, 3);
+        assert_eq!(launch.summary()["total"]["restarts"], 1, "{stage}");
+        assert_eq!(launch.stage_summary(stage)["faults"], 1, "{stage}");
+        for topic in ["sweep", "class"] {
+            assert!(rises(&seqs(&launch, topic)), "{stage}: no number of {topic} is given twice");
+        }
+        assert_eq!(leftovers(&replica_tests::domain_of(&launch.output())), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn restarts_of_a_stage_are_bounded() {
+    let relay = "fault = \"error\"\nat_tick = 5";
+    let launch = Launch::of_misbehaving("mode = \"live\"\nrestarts = 2", SENSOR, relay);
+    let running = launch.start();
+    let mut killed: Vec<Pid> = Vec::new();
+    while killed.len() < 3 {
+        let relay = wait_for("a new relay", || running.find_stage("relay").filter(|pid| !killed.contains(pid)));
+        // It may have failed by itself meanwhile.
+        let _ = kill_process(relay, Signal::KILL);
+        killed.push(relay);
+    }
+    assert_eq!(running.wait(), Some(1));
+    assert_eq!(launch.summary()["outcome"], "failed");
+}
+
+#[test]
+fn a_live_run_is_not_resumed() {
+    let launch = live("").with("--resume");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(replica_tests::said(&output).contains("a live run cannot be resumed"), "{}", replica_tests::said(&output));
+}
+
+#[test]
+fn a_stage_killed_again_before_its_first_tick_gives_no_number_twice() {
+    let launch = live("restarts = 9");
+    let running = launch.start();
+    wait_for_barrier_of(&launch, "sink", 2);
+    let mut killed: Vec<Pid> = Vec::new();
+    for _ in 0..4 {
+        // At once: the successor has hardly begun.
+        let source = wait_for("a source", || running.find_stage("source").filter(|pid| !killed.contains(pid)));
+        kill_process(source, Signal::KILL).expect("the stage lives");
+        killed.push(source);
+    }
+    wait_for("the last successor", || running.find_stage("source").filter(|pid| !killed.contains(pid)));
+    let barrier = launch.newest_barrier().unwrap_or_default();
+    wait_for_barrier_of(&launch, "sink", barrier + 4);
+    end(&launch, running, 3);
+    assert!(rises(&seqs(&launch, "sweep")) && rises(&seqs(&launch, "class")));
+}
+
+#[test]
+fn what_live_mode_cannot_keep_is_refused_before_the_start() {
+    for (arguments, rule) in [
+        (&["--record", "r.mcap", "--topics", "class"][..], "a live run drops messages"),
+        (&["--set", "run.transport=copying"][..], "a live run needs"),
+    ] {
+        let launch = arguments.iter().fold(live(""), |launch, argument| launch.with(argument));
+        let output = launch.run();
+        assert_eq!(output.status.code(), Some(78), "{}", replica_tests::said(&output));
+        assert!(replica_tests::said(&output).contains(rule), "{}", replica_tests::said(&output));
+    }
+}

@@ -1,0 +1,132 @@
+//! What goes wrong with the relay.
+
+use crate::relay::Settings;
+use rustix::process::{Signal, getpid, kill_process};
+use stage::messages::{Class, Message};
+use stage::{Context, Loan, Outputs, StepError};
+use std::path::PathBuf;
+
+/// A fault as the settings say.
+///
+/// | fault | what happens |
+/// |---|---|
+/// | `error` | a step fails |
+/// | `exit` | the process ends with code 0 |
+/// | `panic` | panic |
+/// | `hang` | the whole process is stopped |
+/// | `stall` | a step never ends, not even on SIGTERM |
+/// | `killed`, `bus_error` | SIGKILL, SIGBUS |
+/// | `exhausts_memory` | an allocation that nothing can satisfy |
+/// | `fills_shared_memory` | takes what is free in /dev/shm, then writes into a loan: only in a mount namespace |
+/// | `leaks_loans` | keeps every loan |
+/// | `floods_topic` | more messages in a tick than the queue takes |
+/// | `hangs_at_start`, `stalls_at_start` | as `hang` and `stall`, before it is ready |
+/// | `fails_at_start` | it cannot be made |
+/// | `takes_up_no_state` | it cannot go on from any state |
+/// | `waits_at_start` | not ready before the file `once` is there |
+pub struct Fault {
+    settings: Settings,
+    output: PathBuf,
+}
+
+impl Fault {
+    pub fn new(settings: &Settings, context: &Context) -> Self {
+        Self { settings: settings.clone(), output: context.output.clone() }
+    }
+
+    /// While the stage is made.
+    pub fn strike_at_start(&self) -> Result<(), StepError> {
+        match self.settings.fault.as_str() {
+            "waits_at_start" => {
+                while !self.output.join(&self.settings.once).exists() {
+                    std::thread::park_timeout(std::time::Duration::from_millis(1));
+                }
+                Ok(())
+            }
+            "hangs_at_start" if self.is_due(0)? => stop(),
+            "stalls_at_start" if self.is_due(0)? => stall(),
+            "fails_at_start" if self.is_due(0)? => Err(StepError::data("told to fail at the start")),
+            _ => Ok(()),
+        }
+    }
+
+    /// While a state is taken up.
+    pub fn strike_at_load(&self) -> Result<(), StepError> {
+        let refuses = self.settings.fault == "takes_up_no_state";
+        if refuses { Err(StepError::data("told to take up no state")) } else { Ok(()) }
+    }
+
+    /// Before the step of a tick.
+    pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<Class>>, outputs: &mut Outputs) -> Result<(), StepError> {
+        let fault = self.settings.fault.as_str();
+        if fault == "none" || fault.ends_with("_at_start") || fault == "takes_up_no_state" || !self.is_due(tick)? {
+            return Ok(());
+        }
+        match fault {
+            "error" => Err(StepError::data(format!("told to fail in tick {tick}"))),
+            "exit" => std::process::exit(0),
+            "panic" => panic!("told to panic in tick {tick}"),
+            "hang" => stop(),
+            "killed" => send(Signal::KILL),
+            // Rust's own handler takes the first for a look at the stack's guard page, and steps back from the second.
+            "bus_error" => kill_process(getpid(), Signal::BUS).map_err(StepError::io).and_then(|()| send(Signal::BUS)),
+            "exhausts_memory" => {
+                let hoard = Vec::<u8>::with_capacity(isize::MAX as usize);
+                Err(StepError::data(format!("there were {} bytes", hoard.capacity())))
+            }
+            "fills_shared_memory" => {
+                fill("/dev/shm/filler")?;
+                let mut loan = outputs.loan::<Class>(Class::MAX_ROWS)?;
+                loan.grow(Class::MAX_ROWS).ok_or_else(|| StepError::data("the loan is too small"))?;
+                Err(StepError::data("there was shared memory left"))
+            }
+            "leaks_loans" => loop {
+                kept.push(outputs.loan::<Class>(1)?);
+            },
+            "floods_topic" => (0..=Class::QUEUE).try_for_each(|_| {
+                let loan = outputs.loan::<Class>(0)?;
+                outputs.publish(loan, 0)
+            }),
+            _ => stall(),
+        }
+    }
+
+    /// Whether it goes wrong now; what goes wrong once leaves its mark.
+    fn is_due(&self, tick: u64) -> Result<bool, StepError> {
+        let Settings { at_tick, once, every, .. } = &self.settings;
+        let mark = match every {
+            0 if tick != *at_tick => return Ok(false),
+            0 if once.is_empty() => return Ok(true),
+            0 => self.output.join(once),
+            every if tick == 0 || !tick.is_multiple_of(*every) => return Ok(false),
+            _ => self.output.join(format!("struck_{tick}")),
+        };
+        if mark.exists() {
+            return Ok(false);
+        }
+        std::fs::write(mark, []).map_err(StepError::io)?;
+        Ok(true)
+    }
+}
+
+fn send(signal: Signal) -> Result<(), StepError> {
+    kill_process(getpid(), signal).map_err(StepError::io)?;
+    stall()
+}
+
+fn stop() -> Result<(), StepError> {
+    kill_process(getpid(), Signal::STOP).map_err(StepError::io)
+}
+
+fn stall() -> Result<(), StepError> {
+    loop {
+        std::thread::park();
+    }
+}
+
+/// Writes until there is no room.
+fn fill(path: &str) -> Result<(), StepError> {
+    let mut file = std::fs::File::create(path).map_err(StepError::io)?;
+    while std::io::Write::write(&mut file, &[1; 1 << 12]).is_ok() {}
+    Ok(())
+}

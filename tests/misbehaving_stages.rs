@@ -1,0 +1,150 @@
+//! Stages that break their contract, one test each: what is said, and that the run ends or recovers as it must.
+
+use replica_tests::{Launch, Running, binary, is_alive, said, wait_for};
+use rustix::process::Signal;
+
+const SOURCE: &str = "ticks = 60\npoints = 500";
+const ENDLESS: &str = "ticks = 1000000\npoints = 500";
+
+fn undisturbed() -> Vec<u8> {
+    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    launch.read("sink.txt")
+}
+
+fn end(mut running: Running) -> (Option<i32>, String) {
+    let code = wait_for("the end of the run", || running.ended());
+    (code, running.stderr())
+}
+
+/// A fault that comes back with every restart: the run is given up, and says why.
+fn is_given_up(fault: &str, words: &str) {
+    let launch = Launch::of_misbehaving("restarts = 1", SOURCE, &format!("fault = \"{fault}\"\nat_tick = 23"));
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert_eq!(said(&output).matches(words).count(), 2, "{words:?} twice in:\n{}", said(&output));
+    assert!(said(&output).contains("given up; --resume would go on from barrier 4"), "{}", said(&output));
+    assert_eq!(launch.summary()["outcome"], "failed");
+}
+
+/// A fault that strikes once, before the stage is ready.
+fn recovers_at_start(run: &str, fault: &str, words: &str) {
+    let launch = Launch::of_misbehaving(run, SOURCE, &format!("fault = \"{fault}\"\nonce = \"struck\""));
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains(words), "{words:?} is not in:\n{}", said(&output));
+    assert_eq!(launch.summary()["total"]["restarts"], 1);
+    assert!(launch.read("sink.txt") == undisturbed(), "the result shows {fault}");
+}
+
+#[test]
+fn a_stage_that_stalls_in_its_start_is_restarted() {
+    recovers_at_start("stall_s = 3.0", "stalls_at_start", "[relay] stall: 3.");
+}
+
+#[test]
+fn a_stage_that_hangs_in_its_start_is_restarted() {
+    recovers_at_start("hang_s = 2.0", "hangs_at_start", "[relay] hang: no heartbeat for 2.");
+}
+
+#[test]
+fn a_stage_that_keeps_its_loans_is_told_how_many_it_may_hold() {
+    is_given_up("leaks_loans", "a stage may hold 2 loans of a topic at a time");
+}
+
+#[test]
+fn a_stage_that_floods_its_topic_is_stopped() {
+    is_given_up("floods_topic", "class: more than 3 messages in one tick");
+}
+
+#[test]
+fn a_program_that_opens_another_version_than_it_describes_is_refused() {
+    let launch = Launch::of_misbehaving("restarts = 1", SOURCE, "");
+    let text = std::fs::read_to_string(launch.folder().join("launch.toml")).expect("written");
+    let relay = binary("misbehaving-relay").display().to_string();
+    let text = text.replace(&relay, &binary("misbehaving-liar").display().to_string());
+    let launch = Launch::new(&text);
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    for words in ["opening topic class: this program has version 2, layout ", "; the run version 1, layout "] {
+        assert!(said(&output).contains(words), "{words:?} is not in:\n{}", said(&output));
+    }
+    assert!(!launch.output().join("sink.txt").exists(), "nobody has talked to it");
+}
+
+/// Numbers that are none pass as they are: what they mean is the stages' to say.
+#[test]
+fn coordinates_that_are_no_numbers_pass_unchanged() {
+    let with_nan = format!("{SOURCE}\nnan_from = 30");
+    let first = Launch::of_misbehaving("", &with_nan, "");
+    let killed = Launch::of_misbehaving("", &with_nan, "fault = \"error\"\nat_tick = 43\nonce = \"struck\"");
+    for launch in [&first, &killed] {
+        let output = launch.run();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    }
+    assert!(first.read("sink.txt") == killed.read("sink.txt"), "NaN keeps its bits through a restart");
+    assert!(first.read("sink.txt") != undisturbed());
+}
+
+#[test]
+fn a_slow_consumer_holds_up_the_others_and_loses_nothing() {
+    let source = "ticks = 150\npoints = 20000";
+    let fast = Launch::of_misbehaving("", source, "");
+    let slow = Launch::of_misbehaving("", source, "").with("--set").with("sink.slow_ms=10");
+    for launch in [&fast, &slow] {
+        let output = launch.run();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    }
+    assert!(slow.read("sink.txt") == fast.read("sink.txt"));
+    // Sweeps of 20 000 points of 24 bytes: queue 4, borrowed 4 and again a queue for each of two consumers, two loans;
+    // columns are a tenth of that. A run that queued without bound would need 150 of them.
+    let peak = slow.summary()["total"]["peak_shared_memory_bytes"].as_u64().expect("a number");
+    let sweep = slow.stage_summary("source")["outputs"]["sweep"]["bytes"].as_u64().expect("a number") / 150;
+    assert!(peak < 40 * sweep, "{peak} bytes of shared memory, a sweep has {sweep}");
+}
+
+/// Two Ctrl-C stop even a stage that does not look for SIGTERM.
+#[test]
+fn a_stage_that_ignores_sigterm_is_killed() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "fault = \"stall\"\nat_tick = 23\nonce = \"struck\"");
+    let running = launch.start();
+    wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
+    let relay = running.stage("relay");
+    running.signal(Signal::INT);
+    wait_for("the drain", || running.stderr().contains("draining").then_some(()));
+    running.signal(Signal::INT);
+    assert_eq!(end(running).0, Some(1));
+    assert!(!is_alive(relay));
+    assert_eq!(launch.summary()["outcome"], "stopped");
+}
+
+#[test]
+fn ctrl_c_while_stages_start_ends_the_run_as_soon_as_they_are_there() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "fault = \"waits_at_start\"\nonce = \"gate\"");
+    let running = launch.start();
+    running.stage("relay");
+    running.signal(Signal::INT);
+    wait_for("the drain", || running.stderr().contains("draining").then_some(()));
+    std::fs::write(launch.output().join("gate"), []).expect("written");
+    let (code, said) = end(running);
+    assert_eq!(code, Some(3), "{said}");
+    assert_eq!(launch.summary()["outcome"], "drained");
+    assert_eq!(launch.stage_summary("source")["ticks"], 1, "{said}");
+    assert_eq!(String::from_utf8(launch.read("sink.txt")).expect("text").lines().count(), 2);
+}
+
+#[test]
+fn ctrl_c_in_the_pause_before_a_restart_stops_the_run() {
+    let text = "restarts = 9\nhang_s = 60.0";
+    let launch = Launch::of_misbehaving(text, SOURCE, "fault = \"error\"\nat_tick = 23")
+        .with("--set")
+        .with("run.restart_delay_s=30.0");
+    let running = launch.start();
+    wait_for("the pause", || running.stderr().contains("restart 1 of 9 from barrier 4 in 30.0 s").then_some(()));
+    running.signal(Signal::INT);
+    let (code, said) = end(running);
+    assert_eq!(code, Some(1), "{said}");
+    assert_eq!(launch.summary()["outcome"], "stopped");
+    assert!(!said.contains("restart 2"), "{said}");
+}

@@ -1,0 +1,406 @@
+//! Who looks into a running pipeline sees what is there, and the run does not notice.
+
+use replica_tests::{Launch, Running, binary, domain_of, leftovers, said, wait_for};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+const ENDLESS: &str = "ticks = 1000000\npoints = 1000";
+
+/// `replica <words> --run <output>`.
+fn replica(output: &Path, words: &[&str]) -> Command {
+    let mut command = Command::new(binary("replica"));
+    command.args(words).arg("--run").arg(output).stdin(Stdio::null());
+    command
+}
+
+fn succeeded(output: &Output) -> String {
+    assert_eq!(output.status.code(), Some(0), "{}", said(output));
+    String::from_utf8(output.stdout.clone()).expect("UTF-8")
+}
+
+fn looked(launch: &Launch, words: &[&str]) -> String {
+    succeeded(&replica(&launch.output(), words).output().expect("starts"))
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+/// An endless run of which somebody has seen messages go by.
+fn endless() -> (Launch, Running) {
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let running = launch.start();
+    wait_until_it_runs(&launch);
+    (launch, running)
+}
+
+fn wait_until_it_runs(launch: &Launch) {
+    let states = launch.output().join("run/states");
+    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+}
+
+/// An onlooker at work. Killed when dropped.
+struct Onlooker(Child);
+
+impl Onlooker {
+    fn start(launch: &Launch, words: &[&str]) -> Self {
+        let mut command = replica(&launch.output(), words);
+        Self(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts"))
+    }
+    /// Attaches as soon as the run's supervisor is there.
+    fn start_early(launch: &Launch, running: &Running, words: &[&str]) -> Self {
+        let supervisor = running.pid().as_raw_nonzero().get();
+        wait_for("the wiring", || {
+            let wiring = std::fs::read(launch.output().join("run/wiring.json")).ok()?;
+            (serde_json::from_slice::<Value>(&wiring).ok()?["supervisor"] == supervisor).then_some(())
+        });
+        Self::start(launch, words)
+    }
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.0), signal).expect("it lives");
+    }
+    /// The next line of its stdout.
+    fn line(&mut self) -> String {
+        let stdout = self.0.stdout.as_mut().expect("a pipe");
+        // A line at a time: what a larger buffer swallowed would be lost to the next call.
+        let mut line = String::new();
+        BufReader::with_capacity(1, stdout).read_line(&mut line).expect("readable");
+        line
+    }
+    fn finish(mut self) -> Output {
+        let child = std::mem::replace(&mut self.0, Command::new("true").spawn().expect("starts"));
+        child.wait_with_output().expect("ends")
+    }
+}
+
+impl Drop for Onlooker {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn topics_tells_who_writes_and_reads_what() {
+    let (launch, running) = endless();
+    let topics = json(&looked(&launch, &["topics", "--json"]));
+    let names = |list: &Value, key: &str| -> Vec<String> {
+        let list = list.as_array().expect("a list").iter();
+        list.map(|entry| entry[key].as_str().expect("a name").to_owned()).collect()
+    };
+    assert_eq!(names(&topics, "topic"), ["sweep", "class"]);
+    assert_eq!(names(&topics, "producer"), ["source", "relay"]);
+    assert_eq!(names(&topics[0]["consumers"], "stage"), ["relay", "sink"]);
+    assert_eq!((&topics[0]["row_bytes"], &topics[1]["row_bytes"]), (&20.into(), &2.into()));
+    assert!(topics[0]["published"]["messages"].as_u64() > Some(0), "{topics}");
+    assert!(topics[0]["rows_per_s"].as_f64() > Some(0.0), "{topics}");
+    assert!(looked(&launch, &["topics"]).contains("relay, sink"));
+
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+    let topics = json(&looked(&launch, &["topics", "--json"]));
+    assert_eq!(names(&topics, "topic"), ["sweep", "class"], "also when the run is over");
+    assert_eq!((&topics[0]["published"], &topics[0]["rows_per_s"]), (&Value::Null, &Value::Null));
+    assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
+}
+
+#[test]
+fn status_tells_what_every_stage_and_topic_is_doing() {
+    let (launch, running) = endless();
+    let mut watch = Onlooker::start(&launch, &["status", "--watch", "--json", "--interval", "0.4"]);
+    let blocks = [json(&watch.line()), json(&watch.line())];
+    for block in &blocks {
+        assert_eq!(block["supervisor"], running.pid().as_raw_nonzero().get());
+        assert_eq!((&block["alive"], &block["restarts"]), (&true.into(), &0.into()));
+        assert!(block["shared_memory_bytes"].as_u64() > Some(0), "{block}");
+        let stages = block["stages"].as_array().expect("a list");
+        assert_eq!(
+            stages.iter().map(|stage| stage["name"].as_str()).collect::<Vec<_>>(),
+            ["source", "relay", "sink"].map(Some)
+        );
+        for stage in stages {
+            assert!(stage["activity"]["kind"].is_string(), "{stage}");
+            assert!(stage["ticks_per_s"].as_f64() > Some(0.0), "{stage}");
+            assert!(stage["lag_s"].as_f64() >= Some(0.0), "{stage}");
+            assert!(stage["step"]["count"].as_u64() > Some(0) && stage["rss_bytes"].as_u64() > Some(0), "{stage}");
+            let step = ["p50_ms", "p99_ms", "max_ms"].map(|key| stage["step"][key].as_f64().expect("a number"));
+            assert!(step.is_sorted() && step[0] > 0.0, "{step:?}");
+        }
+        for topic in block["topics"].as_array().expect("a list") {
+            let bound = topic["queue_bound"].as_u64();
+            assert!(topic["messages_per_s"].as_f64() > Some(0.0) && topic["waiting"].as_u64() <= bound, "{topic}");
+            for consumer in topic["consumers"].as_array().expect("a list") {
+                assert!(consumer["queue"].as_u64() <= bound, "{consumer}");
+                assert!(consumer["latency"]["p50_ms"].as_f64() > Some(0.0), "{consumer}");
+            }
+        }
+    }
+    let messages = |block: &Value| block["topics"][1]["published"]["messages"].as_u64().expect("a number");
+    assert!(messages(&blocks[0]) < messages(&blocks[1]), "messages rise");
+    watch.signal(Signal::INT);
+    let output = watch.finish();
+    assert_eq!(output.status.code(), Some(0), "Ctrl-C is no failure: {}", said(&output));
+    let table = looked(&launch, &["status"]);
+    for word in ["STAGE", "source", "relay", "sink", "TOPIC", "sweep", "class"] {
+        assert!(table.contains(word), "{word} is not in\n{table}");
+    }
+}
+
+#[test]
+fn echo_shows_what_the_source_wrote() {
+    let (launch, _running) = endless();
+    let text = looked(&launch, &["echo", "sweep", "--json", "--count", "5", "--rows", "3"]);
+    let messages: Vec<Value> = text.lines().map(json).collect();
+    assert_eq!(messages.len(), 5);
+    let mut due = messages[0]["seq"].as_u64().expect("a number");
+    for message in &messages {
+        due += message["missed"].as_u64().expect("a number");
+        assert_eq!(message["seq"], due, "what is missing is said");
+        assert_eq!((&message["tick"], &message["len"]), (&due.into(), &1000.into()));
+        assert_eq!(message["stamp"], due * 100_000_000);
+        assert_eq!(message["header"]["n_rings"], 32);
+        let rows = message["rows"].as_array().expect("a list");
+        assert_eq!(rows.len(), 3);
+        for (index, row) in rows.iter().enumerate() {
+            assert_eq!((row["x"].as_f64(), row["offset_nanos"].as_u64()), (Some(due as f64), Some(index as u64)));
+        }
+        due += 1;
+    }
+    let csv = looked(&launch, &["echo", "class", "--csv", "--count", "2", "--rows", "2", "--fields", "score"]);
+    assert_eq!(csv.lines().next(), Some("seq,stamp,tick,row,score"));
+    assert_eq!(csv.lines().count(), 1 + 2 * 2, "{csv}");
+    assert!(looked(&launch, &["echo", "sweep", "--count", "1"]).contains("n_rings: 32"));
+}
+
+#[test]
+fn hz_tells_rates_until_it_is_told_to_stop() {
+    let (launch, _running) = endless();
+    let mut hz = Onlooker::start(&launch, &["hz", "class"]);
+    let line = wait_for("a line with a rate", || Some(hz.line()).filter(|line| line.contains("messages/s")));
+    let per_s: f64 = line.split(' ').next().and_then(|number| number.parse().ok()).expect("a rate");
+    assert!(per_s > 0.0 && line.contains(" rows/s") && line.contains("interval mean"), "{line}");
+    hz.signal(Signal::INT);
+    assert_eq!(hz.finish().status.code(), Some(0));
+}
+
+#[test]
+fn words_that_do_not_fit_are_refused_with_those_that_do() {
+    let (launch, running) = endless();
+    for (words, code, expected) in [
+        (vec!["echo", "cloud"], 2, "there are sweep, class"),
+        (vec!["hz", "cloud"], 2, "there are sweep, class"),
+        (vec!["record", "recorded.mcap", "--topics", "cloud"], 2, "there are sweep, class"),
+        (vec!["record", "out", "recorded.mcap", "--topics", "sweep"], 2, "out and --run both say which run"),
+        (vec!["echo", "sweep", "--fields", "x,q"], 2, "no field q"),
+    ] {
+        let output = replica(&launch.output(), &words).output().expect("starts");
+        assert_eq!(output.status.code(), Some(code), "{words:?}: {}", said(&output));
+        assert!(said(&output).contains(expected), "{words:?}: {}", said(&output));
+    }
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+    let record = vec!["record", "recorded.mcap", "--topics", "sweep"];
+    for words in
+        [vec!["status"], vec!["echo", "sweep"], vec!["hz", "sweep"], record, vec!["swap", "relay"], vec!["stop"]]
+    {
+        let output = replica(&launch.output(), &words).output().expect("starts");
+        assert_eq!(output.status.code(), Some(1), "{words:?}: {}", said(&output));
+        assert!(said(&output).contains("is not alive"), "{words:?}: {}", said(&output));
+    }
+    let output = replica(launch.folder(), &["topics"]).output().expect("starts");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("no run in"), "{}", said(&output));
+}
+
+#[test]
+fn several_runs_that_are_alive_are_listed() {
+    let runs = [endless(), endless()];
+    let record = ["record", "recorded.mcap", "--topics", "sweep"];
+    for words in
+        [&["topics"][..], &["status"], &["echo", "sweep"], &["hz", "sweep"], &record, &["swap", "relay"], &["stop"]]
+    {
+        let output = Command::new(binary("replica")).args(words).output().expect("starts");
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {}", said(&output));
+        for (launch, _) in &runs {
+            let folder = launch.output().canonicalize().expect("is there");
+            assert!(said(&output).contains(&format!("--run {}", folder.display())), "{words:?}: {}", said(&output));
+        }
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_failure() {
+    let (launch, _running) = endless();
+    for words in [vec!["echo", "sweep"], vec!["hz", "sweep"], vec!["status", "--watch"]] {
+        let mut onlooker = Onlooker::start(&launch, &words);
+        assert!(!onlooker.line().is_empty());
+        drop(onlooker.0.stdout.take());
+        assert_eq!(onlooker.finish().status.code(), Some(0), "{words:?}");
+    }
+}
+
+#[test]
+fn onlookers_that_stand_still_change_nothing() {
+    let source = "ticks = 300\npoints = 20000";
+    let alone = Launch::of_misbehaving("", source, "");
+    assert_eq!(alone.run().status.code(), Some(0));
+    let launch = Launch::of_misbehaving("", source, "");
+    let running = launch.start();
+    let mut onlookers =
+        ["sweep", "class"].map(|topic| Onlooker::start_early(&launch, &running, &["echo", topic, "--json"]));
+    for onlooker in &mut onlookers {
+        assert!(json(&onlooker.line())["seq"].is_u64(), "it has seen a message");
+        onlooker.signal(Signal::STOP);
+    }
+    assert_eq!(running.wait(), Some(0));
+    assert!(launch.read("sink.txt") == alone.read("sink.txt"), "the result shows that somebody looked on");
+    for onlooker in onlookers {
+        onlooker.signal(Signal::CONT);
+        let output = onlooker.finish();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    }
+    assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
+}
+
+#[test]
+fn a_lossless_onlooker_misses_nothing() {
+    let launch = Launch::of_misbehaving("", "ticks = 200\npoints = 100", "");
+    let running = launch.start();
+    let words = ["echo", "class", "--lossless", "--csv", "--rows", "1", "--fields", "score"];
+    let onlooker = Onlooker::start_early(&launch, &running, &words);
+    assert_eq!(running.wait(), Some(0));
+    let output = onlooker.finish();
+    let text = succeeded(&output);
+    let seqs: Vec<u64> =
+        text.lines().skip(1).map(|line| line.split(',').next().expect("a field").parse().expect("a number")).collect();
+    // The run may have begun before it attached.
+    let first = *seqs.first().expect("messages came");
+    assert_eq!(seqs, (first..200).collect::<Vec<_>>());
+    assert!(said(&output).contains(" 0 passed by unseen"), "{}", said(&output));
+}
+
+/// A lossless onlooker that is killed is forgotten by the supervisor; until then the run waits for it.
+#[test]
+fn a_killed_lossless_onlooker_does_not_hold_the_run_up_for_ever() {
+    let (launch, running) = endless();
+    let mut onlooker = Onlooker::start(&launch, &["echo", "sweep", "--lossless", "--json"]);
+    let seen = json(&onlooker.line())["seq"].as_u64().expect("a number");
+    onlooker.signal(Signal::STOP);
+    let ticks = || json(&looked(&launch, &["status", "--json", "--interval", "0.2"]))["stages"][0]["ticks"].as_u64();
+    wait_for("the source to be held up", || {
+        let status = json(&looked(&launch, &["status", "--json", "--interval", "0.4"]));
+        (status["stages"][0]["ticks_per_s"] == 0.0).then_some(())
+    });
+    let held = ticks().expect("a number");
+    assert!(held >= seen);
+    onlooker.signal(Signal::KILL);
+    wait_for("the run to go on", || (ticks()? > held + 20).then_some(()));
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+}
+
+#[test]
+fn coming_and_going_leaves_nothing_behind() {
+    let (launch, running) = endless();
+    let domain = domain_of(&launch.output());
+    let before = leftovers(&domain);
+    for round in 0..20 {
+        let lossless = if round % 2 == 0 { "--lossless" } else { "--csv" };
+        looked(&launch, &["echo", "sweep", "--count", "1", lossless]);
+    }
+    // A connection goes when its other end has noticed, with its next message.
+    wait_for("the last one's connections to go", || (leftovers(&domain) == before).then_some(()));
+    let places: Vec<Onlooker> = (0..3).map(|_| Onlooker::start(&launch, &["echo", "sweep", "--json"])).collect();
+    for mut onlooker in places {
+        assert!(json(&onlooker.line())["seq"].is_u64(), "all places are free again");
+    }
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+    assert_eq!(leftovers(&domain), Vec::<String>::new());
+}
+
+#[test]
+fn an_onlooker_goes_on_with_the_run_after_a_restart() {
+    let fault = "fault = \"error\"\nat_tick = 100\nonce = \"struck\"";
+    let launch = Launch::of_misbehaving("", ENDLESS, fault);
+    let running = launch.start();
+    let mut onlooker = Onlooker::start_early(&launch, &running, &["echo", "class", "--json", "--rows", "0"]);
+    let mut last = 0;
+    let back = wait_for("numbers that begin again at the barrier", || {
+        let seq = json(&onlooker.line())["seq"].as_u64()?;
+        let before = std::mem::replace(&mut last, seq);
+        (seq < before || (before < 100 && seq > 110)).then_some(seq)
+    });
+    assert!(back > 0);
+    let status = json(&looked(&launch, &["status", "--json"]));
+    assert_eq!(status["restarts"], 1);
+    onlooker.signal(Signal::TERM);
+    let output = onlooker.finish();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("restart 1"), "{}", said(&output));
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+}
+
+#[test]
+fn metrics_are_written_while_the_run_goes_on_and_at_its_end() {
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
+    let file = launch.folder().join("replica.prom");
+    let launch = launch.with("--metrics").with(file.to_str().expect("UTF-8"));
+    let running = launch.start();
+    let value = |name: &str| -> Option<f64> {
+        let text = std::fs::read_to_string(&file).ok()?;
+        text.lines().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
+    };
+    let ticks = "replica_stage_ticks_total{stage=\"sink\"}";
+    let first = wait_for("ticks in the metrics", || value(ticks).filter(|ticks| *ticks > 0.0));
+    wait_for("more ticks", || value(ticks).filter(|ticks| *ticks > first));
+    wait_for("shared memory", || value("replica_shared_memory_bytes").filter(|bytes| *bytes > 0.0));
+    running.signal(Signal::INT);
+    assert_eq!(running.wait(), Some(3));
+    let all = launch.stage_summary("sink")["ticks"].as_f64();
+    assert_eq!(value(ticks), all, "the last file has the final figures");
+    assert_eq!(value("replica_topic_messages_total{topic=\"class\",stage=\"relay\"}"), all);
+    assert_eq!(value("replica_topic_latency_seconds_count{topic=\"class\",consumer=\"sink\"}"), all);
+    let latency = &launch.stage_summary("sink")["latencies"]["class"];
+    assert_eq!(latency["count"].as_f64(), all, "and the summary has the same");
+}
+
+#[test]
+fn every_line_is_json_if_asked_for() {
+    let fault = "fault = \"panic\"\nat_tick = 100\nonce = \"struck\"";
+    let launch = Launch::of_misbehaving("", ENDLESS, fault).with("--log").with("json");
+    let running = launch.start();
+    let events = || -> Vec<Value> {
+        // The last line may be half written.
+        running.stderr().split_inclusive('\n').filter(|line| line.ends_with('\n')).map(json).collect()
+    };
+    let of_kind = |kind: &str| events().into_iter().find(|event| event["kind"] == kind);
+    let fault = wait_for("the fault", || of_kind("fault"));
+    assert_eq!(fault["stage"], "relay");
+    let words = fault["last_words"].as_array().expect("a list");
+    assert!(
+        words.iter().any(|line| line["message"].as_str().is_some_and(|text| text.contains("told to panic"))),
+        "{fault}"
+    );
+    assert_eq!(wait_for("the restart", || of_kind("restart"))["restart"], 1);
+    let progress = wait_for("progress", || of_kind("progress"));
+    assert_eq!(progress["stages"].as_array().map(Vec::len), Some(3), "{progress}");
+    running.signal(Signal::INT);
+    wait_for("the end", || of_kind("done"));
+    let all = events();
+    assert_eq!(running.wait(), Some(3));
+    assert!(all.iter().all(|event| event["timestamp"].as_str().is_some_and(|time| time.ends_with('Z'))), "{all:?}");
+    assert_eq!(all.last().map(|event| event["outcome"].clone()), Some("drained".into()));
+    for stage in ["source", "relay", "sink"] {
+        let log = String::from_utf8(launch.read(&format!("run/logs/{stage}.log"))).expect("UTF-8");
+        assert!(log.lines().all(|line| json(line)["level"].is_string()), "{log}");
+    }
+    let bad = Launch::of_misbehaving("", "tocks = 3", "").with("--log").with("json").run();
+    assert_eq!(bad.status.code(), Some(78));
+    assert!(String::from_utf8_lossy(&bad.stderr).lines().map(json).any(|event| event["kind"] == "problem"));
+}

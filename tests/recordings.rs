@@ -1,0 +1,249 @@
+//! What recording and replaying a run promise: nothing is missing whatever happens to the processes, nothing of it shows in
+//! the run's result, and a replay gives the result of the run.
+
+use replica_tests::{Launch, Running, binary, result_files, said, wait_for};
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SOURCE: &str = "ticks = 60\npoints = 500";
+
+fn replica(arguments: &[&str], files: &[&Path]) -> Output {
+    Command::new(binary("replica")).args(arguments).args(files).output().expect("starts")
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+/// A run of the small pipeline with a recorder beside it; the recording.
+fn recorded(launch: Launch, topics: &str) -> (Launch, PathBuf) {
+    let file = launch.folder().join("recorded.mcap");
+    let launch = launch.with("--record").with(text(&file)).with("--topics").with(topics);
+    (launch, file)
+}
+
+fn succeeded(output: &Output) {
+    assert_eq!(output.status.code(), Some(0), "{}", said(output));
+}
+
+fn same_bytes(a: &Path, b: &Path) {
+    let compared = replica(&["compare"], &[a, b]);
+    assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
+    assert!(std::fs::read(a).expect("there") == std::fs::read(b).expect("there"), "equal, but not to the byte");
+}
+
+#[test]
+fn two_recordings_of_the_same_run_are_the_same_bytes_and_do_not_show_in_it() {
+    let plain = Launch::of_misbehaving("", SOURCE, "");
+    succeeded(&plain.run());
+    let (one, a) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,class");
+    let (other, b) = recorded(Launch::of_misbehaving("", SOURCE, ""), "class,sweep");
+    succeeded(&one.run());
+    succeeded(&other.run());
+    assert!(one.read("sink.txt") == plain.read("sink.txt"), "the result shows that it was recorded");
+    same_bytes(&a, &b);
+    let inspected = replica(&["inspect"], &[&a]);
+    succeeded(&inspected);
+    let table = String::from_utf8_lossy(&inspected.stdout).into_owned();
+    assert!(table.contains("class") && table.contains("60, to the end"), "{table}");
+}
+
+#[test]
+fn a_recording_goes_on_across_restarts() {
+    let (calm, expected) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,class");
+    succeeded(&calm.run());
+    for fault in ["error", "panic"] {
+        let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
+        let (launch, file) = recorded(Launch::of_misbehaving("", SOURCE, &relay), "sweep,class");
+        let output = launch.run();
+        succeeded(&output);
+        assert_eq!(launch.summary()["total"]["restarts"], 1, "{}", said(&output));
+        let compared = replica(&["compare"], &[&expected, &file]);
+        assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
+    }
+}
+
+fn recorder_of(running: &Running) -> Pid {
+    wait_for("the recorder", || {
+        replica_tests::processes_of(running.pid().as_raw_nonzero().get().unsigned_abs()).into_iter().find(|pid| {
+            let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero())).unwrap_or_default();
+            String::from_utf8_lossy(&line).split('\0').nth(1) == Some("record")
+        })
+    })
+}
+
+fn wait_for_barrier(launch: &Launch, barrier: u64) {
+    let states = launch.output().join("run/states");
+    wait_for(&format!("barrier {barrier}"), || {
+        let barriers = std::fs::read_dir(&states).ok()?.flatten();
+        let newest = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok()).max()?;
+        (newest >= barrier).then_some(())
+    });
+}
+
+fn kill(pid: Option<Pid>) {
+    if let Some(pid) = pid {
+        // It may have ended since; then the result must be the same all the same.
+        let _ = kill_process(pid, Signal::KILL);
+    }
+}
+
+#[test]
+fn kills_in_the_middle_of_the_drive_leave_the_recording_as_it_is() {
+    let source = "ticks = 400\npoints = 20000";
+    let (calm, expected) = recorded(Launch::of_misbehaving("", source, ""), "sweep,class");
+    succeeded(&calm.run());
+    let (launch, file) = recorded(Launch::of_misbehaving("restarts = 9", source, ""), "sweep,class");
+    let running = launch.start();
+    for (stage, barrier) in [("source", 5), ("relay", 20), ("sink", 40)] {
+        wait_for_barrier(&launch, barrier);
+        kill(running.find_stage(stage));
+    }
+    assert_eq!(running.wait(), Some(0));
+    assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "something was killed");
+    let compared = replica(&["compare"], &[&expected, &file]);
+    assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
+}
+
+#[test]
+fn a_run_goes_on_without_its_recorder() {
+    let source = "ticks = 400\npoints = 20000";
+    let plain = Launch::of_misbehaving("", source, "");
+    succeeded(&plain.run());
+    let (launch, file) = recorded(Launch::of_misbehaving("", source, ""), "sweep,class");
+    let running = launch.start();
+    let recorder = recorder_of(&running);
+    wait_for_barrier(&launch, 10);
+    kill(Some(recorder));
+    wait_for("its report", || running.stderr().contains("the run goes on without it").then_some(()));
+    assert_eq!(running.wait(), Some(3), "done, but the recording is not");
+    assert!(launch.read("sink.txt") == plain.read("sink.txt"), "the result shows that the recorder was killed");
+    let inspected = replica(&["inspect"], &[&file]);
+    assert_eq!(inspected.status.code(), Some(3), "{}", said(&inspected));
+    assert!(String::from_utf8_lossy(&inspected.stdout).contains("recorded.mcap: cut at byte"));
+}
+
+#[test]
+fn topics_that_nobody_produces_cannot_be_recorded() {
+    let (launch, _) = recorded(Launch::of_misbehaving("", SOURCE, ""), "sweep,submap");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(78), "{}", said(&output));
+    assert!(said(&output).contains("no stage of this run produces topic submap"), "{}", said(&output));
+}
+
+#[test]
+fn compare_tells_where_two_recordings_differ() {
+    let (one, a) = recorded(Launch::of_misbehaving("", "ticks = 9\npoints = 5", ""), "sweep,class");
+    let (other, b) = recorded(Launch::of_misbehaving("", "ticks = 8\npoints = 5", ""), "sweep");
+    succeeded(&one.run());
+    succeeded(&other.run());
+    let compared = replica(&["compare"], &[&a, &b]);
+    let table = String::from_utf8_lossy(&compared.stdout).into_owned();
+    assert_eq!(compared.status.code(), Some(3), "{table}");
+    for words in [
+        "class: only in a",
+        "sweep: 8 messages in both, 0 differ",
+        "1 messages only in a, the first is 8",
+        "sweep.tick: 8 messages in both, 8 differ",
+        "first: message 0 (stamp 0, tick 0) row 0 progress: 0.111",
+        "end                    1  1",
+    ] {
+        assert!(table.contains(words), "{words:?} is not in\n{table}");
+    }
+    assert_eq!(replica(&["compare", "--topics", "cube"], &[&a, &b]).status.code(), Some(1));
+}
+
+/// The recording's sweeps through relay and sink.
+fn replayed(recording: &Path, run: &str) -> Launch {
+    Launch::of_misbehaving(run, SOURCE, "")
+        .with("--source")
+        .with("replay")
+        .with("--set")
+        .with(&format!("replay.recording={}", recording.display()))
+}
+
+#[test]
+fn a_replay_gives_the_result_of_the_run_also_when_stages_are_killed() {
+    let (original, file) = recorded(Launch::of_misbehaving("", "ticks = 400\npoints = 20000", ""), "sweep");
+    succeeded(&original.run());
+    let launch = replayed(&file, "");
+    let output = launch.run();
+    succeeded(&output);
+    assert!(said(&output).contains("left out: source"), "{}", said(&output));
+    assert!(launch.read("sink.txt") == original.read("sink.txt"), "the result shows that it was replayed");
+
+    let launch = replayed(&file, "restarts = 9");
+    let running = launch.start();
+    for (stage, barrier) in [("relay", 5), ("replay", 20), ("sink", 40)] {
+        wait_for_barrier(&launch, barrier);
+        kill(running.find_stage(stage));
+    }
+    assert_eq!(
+        running.wait(),
+        Some(0),
+        "{}",
+        std::fs::read_to_string(launch.folder().join("stderr.txt")).unwrap_or_default()
+    );
+    assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "something was killed");
+    assert!(launch.read("sink.txt") == original.read("sink.txt"), "the result shows that stages were killed");
+}
+
+#[test]
+fn the_command_replays_at_a_pace() {
+    let (original, file) = recorded(Launch::of_misbehaving("", "ticks = 12\npoints = 5", ""), "sweep");
+    succeeded(&original.run());
+    let launch = Launch::of_misbehaving("", "", "");
+    let launch_file = launch.folder().join("launch.toml");
+    let output = replica(&["replay", "--speed", "2", "--launch", text(&launch_file)], &[&file]);
+    succeeded(&output);
+    assert!(launch.read("sink.txt") == original.read("sink.txt"));
+    // 11 tenths of a second at twice the pace; no machine is so fast that it takes less.
+    assert!(launch.summary()["total"]["wall_s"].as_f64() > Some(0.5), "{}", launch.summary());
+}
+
+#[test]
+fn the_real_stages_on_a_recording_give_what_they_gave_in_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = folder.path().join("drive");
+    let made = replica(&["simulate", "--seed", "5", "--seconds", "2", "--out"], &[&drive]);
+    succeeded(&made);
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
+    let file = || {
+        Launch::new(&format!(
+            "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n\
+             [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\nmodel = '{}'\n\
+             [instance]\nvehicles_min_points = 200\n[export]\n",
+            drive.display(),
+            model.display()
+        ))
+    };
+    let topics = "submap,trajectory,color,spectra";
+    let (launch, recording) = recorded(file(), &format!("{topics},class"));
+    succeeded(&launch.run());
+
+    // A stage alone: to the byte what it published in the run.
+    let classes = folder.path().join("class.mcap");
+    let alone = Command::new(binary("replica-infer"))
+        .args(["run", "--launch", text(&launch.folder().join("launch.toml")), "--recording"])
+        .arg(&recording)
+        .arg("--record")
+        .arg(&classes)
+        .output()
+        .expect("starts");
+    succeeded(&alone);
+    let compared = replica(&["compare", "--topics", "class"], &[&recording, &classes]);
+    assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
+
+    // infer, instance and export on the recorded rest: the files of the run.
+    let replay = file();
+    let launch_file = replay.folder().join("launch.toml");
+    let output = replica(&["replay", "--topics", topics, "--launch", text(&launch_file)], &[&recording]);
+    succeeded(&output);
+    assert!(said(&output).contains("left out: acquire, slam_aggregate, colorize, calibrate"), "{}", said(&output));
+    let (expected, got) = (result_files(&launch.output()), result_files(&replay.output()));
+    assert_eq!(expected.keys().collect::<Vec<_>>(), got.keys().collect::<Vec<_>>());
+    for (name, bytes) in &expected {
+        assert!(*bytes == got[name], "{name} differs");
+    }
+}

@@ -1,0 +1,33 @@
+//! The real pipeline and a drive for it.
+
+use crate::{Launch, binary};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Makes a simulated drive in `folder`. One that is there already is made again: an older simulator's would test something
+/// else.
+pub fn simulated_drive(folder: &Path, seed: u64, seconds: f64) {
+    // It need not be there.
+    let _ = std::fs::remove_dir_all(folder);
+    let status = Command::new(binary("replica"))
+        .args(["simulate", "--seed", &seed.to_string(), "--seconds", &seconds.to_string(), "--out"])
+        .arg(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .expect("replica starts");
+    assert!(status.success(), "replica simulate: {status}");
+}
+
+/// All stages, with submaps short enough that three seconds have several. `run` are further keys of `[run]`; `infer` those
+/// of `[infer]`, empty for the model of the project.
+pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
+    let infer = if infer.is_empty() { format!("model = '{}'", model.display()) } else { infer.to_owned() };
+    Launch::new(&format!(
+        "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n\
+         [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\n{infer}\n\
+         [instance]\nvehicles_min_points = 200\n[export]\n",
+        drive.display()
+    ))
+}

@@ -1,0 +1,136 @@
+//! Launch files and what their runs leave.
+
+use crate::{Running, binary, wait_for};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// A folder with a launch.toml in it.
+pub struct Launch {
+    folder: tempfile::TempDir,
+    arguments: Vec<String>,
+}
+
+impl Launch {
+    /// With this launch.toml.
+    pub fn new(text: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("launch.toml"), text).expect("written");
+        Self { folder, arguments: Vec::new() }
+    }
+    /// The small pipeline of tests/misbehaving, the relay's table being `relay`.
+    pub fn of_misbehaving(run: &str, source: &str, relay: &str) -> Self {
+        let mut text =
+            format!("[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n");
+        for (table, keys) in [("source", source), ("relay", relay), ("sink", "")] {
+            let program = binary(&format!("misbehaving-{table}"));
+            writeln!(text, "[{table}]\nprogram = '{}'\n{keys}", program.display()).expect("a string takes everything");
+        }
+        Self::new(&text)
+    }
+    /// Adds an argument of the command line.
+    #[must_use]
+    pub fn with(mut self, argument: &str) -> Self {
+        self.arguments.push(argument.to_owned());
+        self
+    }
+    /// The folder of launch.toml.
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+    /// `out` beside launch.toml.
+    pub fn output(&self) -> PathBuf {
+        self.folder().join("out")
+    }
+    /// The newest barrier for which there is a state.
+    pub fn newest_barrier(&self) -> Option<u64> {
+        let barriers = std::fs::read_dir(self.states()).ok()?.flatten();
+        barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).max()
+    }
+    /// Waits until there is a state of this barrier or of a later one.
+    pub fn wait_for_barrier(&self, barrier: u64) {
+        wait_for(&format!("barrier {barrier}"), || (self.newest_barrier()? >= barrier).then_some(()));
+    }
+    /// Folder of the saved states.
+    pub fn states(&self) -> PathBuf {
+        self.output().join("run/states")
+    }
+    fn command(&self) -> Command {
+        let mut command = Command::new(binary("replica-launch"));
+        command.arg(self.folder().join("launch.toml")).args(&self.arguments).stdin(Stdio::null());
+        command
+    }
+    /// Runs to the end.
+    pub fn run(&self) -> Output {
+        self.command().output().expect("replica-launch starts")
+    }
+    /// As [`Launch::run`] with an environment variable.
+    pub fn run_with_env(&self, key: &str, value: &str) -> Output {
+        self.command().env(key, value).output().expect("replica-launch starts")
+    }
+    /// Starts and returns.
+    pub fn start(&self) -> Running {
+        self.start_again(&[])
+    }
+    /// As [`Launch::start`] with further arguments.
+    pub fn start_again(&self, arguments: &[&str]) -> Running {
+        let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
+        let mut command = self.command();
+        let child =
+            command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
+        Running::new(child, self.folder())
+    }
+    /// As [`Launch::start`], with nobody reading what it says.
+    pub fn start_with_closed_stderr(&self) -> Running {
+        let mut child =
+            self.command().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("replica-launch starts");
+        drop(child.stderr.take());
+        Running::new(child, self.folder())
+    }
+    /// What the last supervisor that was started here has said.
+    pub fn stderr(&self) -> String {
+        std::fs::read_to_string(self.folder().join("stderr.txt")).unwrap_or_default()
+    }
+    /// A file of the output.
+    pub fn read(&self, name: &str) -> Vec<u8> {
+        let path = self.output().join(name);
+        std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+    /// `summary.json`.
+    pub fn summary(&self) -> serde_json::Value {
+        serde_json::from_slice(&self.read("summary.json")).expect("JSON")
+    }
+    /// A stage's part of `summary.json`.
+    pub fn stage_summary(&self, stage: &str) -> serde_json::Value {
+        let summary = self.summary();
+        let stages = summary["stages"].as_array().expect("a list").clone();
+        stages.into_iter().find(|entry| entry["name"] == stage).expect("the stage is summed up")
+    }
+}
+
+/// All files of a result folder except what a run keeps about itself (times differ), by name.
+pub fn result_files(output: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for folder in [output.to_owned(), output.join("clouds")] {
+        // Only export makes clouds.
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if entry.path().is_file() && name != "summary.json" {
+                files.insert(name, std::fs::read(entry.path()).expect("readable"));
+            }
+        }
+    }
+    files
+}
+
+/// One number for all files of [`result_files`] (FNV-1a).
+pub fn digest(files: &BTreeMap<String, Vec<u8>>) -> u64 {
+    let bytes = files.iter().flat_map(|(name, content)| name.bytes().chain([0]).chain(content.iter().copied()));
+    bytes.fold(0xcbf2_9ce4_8422_2325, |digest, byte| (digest ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// What a run said, for assertion messages.
+pub fn said(output: &Output) -> String {
+    format!("{}\n{}", output.status, String::from_utf8_lossy(&output.stderr))
+}

@@ -1,0 +1,122 @@
+//! State files that a crash, a disk or somebody has damaged: `--resume` says which, goes on from the barrier before, and the
+//! result is that of an undisturbed run.
+
+use replica_tests::Launch;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+const SOURCE: &str = "ticks = 400\npoints = 5000";
+const STAGES: [&str; 3] = ["source", "relay", "sink"];
+
+/// `sink.txt` of an undisturbed run.
+static UNDISTURBED: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let launch = Launch::of_misbehaving("", SOURCE, "");
+    assert_eq!(launch.run().status.code(), Some(0));
+    launch.read("sink.txt")
+});
+
+/// A run that was killed with its supervisor in the middle of the drive.
+fn killed() -> Launch {
+    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let running = launch.start();
+    launch.wait_for_barrier(20);
+    running.kill(true);
+    launch
+}
+
+/// Barriers of which all stages have a state, the newest first.
+fn complete_barriers(launch: &Launch) -> Vec<u64> {
+    let newest = launch.newest_barrier().expect("a barrier");
+    let is_complete = |barrier: &u64| STAGES.iter().all(|stage| state_file(launch, *barrier, stage).is_file());
+    (1..=newest).rev().filter(is_complete).collect()
+}
+
+fn state_file(launch: &Launch, barrier: u64, stage: &str) -> PathBuf {
+    launch.states().join(barrier.to_string()).join(format!("{stage}.state"))
+}
+
+/// Resumes and compares; what the supervisor said.
+fn resumed(launch: &Launch) -> String {
+    let mut running = launch.start_again(&["--resume"]);
+    let code = replica_tests::wait_for("the end of the run", || running.ended());
+    assert_eq!(code, Some(0), "{}", running.stderr());
+    assert!(launch.read("sink.txt") == *UNDISTURBED, "the result shows the torn state: {}", running.stderr());
+    running.stderr()
+}
+
+fn falls_back(stage: &str, damage: fn(&Path), words: &str) {
+    let launch = killed();
+    let barriers = complete_barriers(&launch);
+    assert!(barriers.len() >= 2, "the last two complete barriers are kept: {barriers:?}");
+    let path = state_file(&launch, barriers[0], stage);
+    damage(&path);
+    let said = resumed(&launch);
+    // One name for the folder, whatever links lead to it.
+    let path = format!("run/states/{}/{stage}.state: {words}", barriers[0]);
+    assert!(said.contains(&format!("barrier {} is passed over: ", barriers[0])), "{said}");
+    assert!(said.contains(&path), "{path} is not in {said}");
+    assert!(said.contains(&format!("resuming from barrier {}\n", barriers[1])), "{said}");
+}
+
+fn bytes(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("a state")
+}
+
+fn write(path: &Path, bytes: &[u8]) {
+    std::fs::write(path, bytes).expect("writes");
+}
+
+#[test]
+fn a_cut_state_is_passed_over() {
+    falls_back("sink", |path| write(path, &bytes(path)[..40]), "not a whole saved state: 40 bytes");
+}
+
+#[test]
+fn a_state_with_a_flipped_bit_is_passed_over() {
+    let flip = |path: &Path| {
+        let mut bytes = bytes(path);
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        write(path, &bytes);
+    };
+    falls_back("relay", flip, "saved state has checksum");
+}
+
+#[test]
+fn an_empty_state_is_passed_over() {
+    falls_back("source", |path| write(path, &[]), "not a whole saved state: 0 bytes");
+}
+
+#[test]
+fn a_state_that_has_gone_is_passed_over() {
+    falls_back("relay", |path| std::fs::remove_file(path).expect("removes"), "cannot be read: ");
+}
+
+#[test]
+fn with_all_barriers_torn_the_run_goes_on_from_the_beginning() {
+    let launch = killed();
+    for barrier in complete_barriers(&launch) {
+        write(&state_file(&launch, barrier, "relay"), b"REPLICAS but no more");
+    }
+    let said = resumed(&launch);
+    assert!(said.contains("resuming from the beginning\n"), "{said}");
+    assert!(said.matches("is passed over: ").count() >= 2, "{said}");
+}
+
+/// A state may also be torn when a stage dies, not only when a run is resumed.
+#[test]
+fn a_restart_passes_over_a_torn_state_too() {
+    let relay = "fault = \"stall\"\nat_tick = 203\nonce = \"struck\"";
+    let launch = Launch::of_misbehaving("", SOURCE, relay);
+    let mut running = launch.start();
+    replica_tests::wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
+    let newest =
+        replica_tests::wait_for("barrier 40", || complete_barriers(&launch).first().copied().filter(|b| *b == 40));
+    write(&state_file(&launch, newest, "sink"), &[]);
+    rustix::process::kill_process(running.stage("relay"), rustix::process::Signal::KILL).expect("the stage lives");
+    let code = replica_tests::wait_for("the end of the run", || running.ended());
+    assert_eq!(code, Some(0), "{}", running.stderr());
+    assert!(running.stderr().contains("barrier 40 is passed over: "), "{}", running.stderr());
+    assert!(running.stderr().contains("restart 1 of 3 from barrier 39 "), "{}", running.stderr());
+    assert!(launch.read("sink.txt") == *UNDISTURBED, "the result shows the torn state");
+}
