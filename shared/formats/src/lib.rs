@@ -12,6 +12,8 @@ pub mod pcap;
 pub mod pcd;
 pub mod pgm;
 pub mod ply;
+pub mod problems;
 pub mod recording;
+pub mod toml_file;
 pub mod trajectory;
 pub mod velodyne;
