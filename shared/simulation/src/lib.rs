@@ -30,6 +30,7 @@ pub mod spectrum;
 pub mod trace;
 pub mod truth;
 
-pub use drive::{Simulation, write_drive};
+pub use drive::{Simulation, write_drive, write_simulation};
 pub use error::SimulationError;
+pub use rig::{CalibrationError, RigSpec};
 pub use spec::{DriveReport, DriveSpec, Town};

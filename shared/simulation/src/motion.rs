@@ -16,8 +16,6 @@ const START_SECONDS: f64 = 2.5;
 const SWELL_MPS: f64 = 1.8;
 /// In this rhythm, rad/s.
 const SWELL_RATE: f64 = 0.7;
-/// Height of the body frame above the road, m.
-const BODY_H: f64 = 1.0;
 
 /// How the vehicle's x grows: from rest to 8 to 10 m/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,12 +43,18 @@ pub struct Motion {
     progress: Progress,
     street: Street,
     lane_t: f64,
+    body_height_m: f64,
 }
 
 impl Motion {
-    /// Along a lane of the street.
+    /// Along a lane of the street, with the body frame 1 m above the road.
     pub fn new(begin: Stamp, progress: Progress, street: Street, lane_t: f64) -> Self {
-        Self { begin, progress, street, lane_t }
+        Self { begin, progress, street, lane_t, body_height_m: 1.0 }
+    }
+    /// The same with the body frame at another height above the road, m.
+    #[must_use]
+    pub fn with_body_height(self, body_height_m: f64) -> Self {
+        Self { body_height_m, ..self }
     }
     /// `world_from_body`, `seconds` after the begin.
     pub fn pose(&self, seconds: f64) -> Pose {
@@ -64,7 +68,7 @@ impl Motion {
         let wander = (0.009 * (0.09 * x + phase).cos()).atan();
         let frame = self.street.frame(x, t, 0.0, wander);
         let rock = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
-        frame * Isometry3::from_parts(Vector3::new(0.0, 0.0, BODY_H + bounce).into(), rock)
+        frame * Isometry3::from_parts(Vector3::new(0.0, 0.0, self.body_height_m + bounce).into(), rock)
     }
     /// `world_from_body` at a stamp.
     pub fn pose_at(&self, stamp: Stamp) -> Pose {

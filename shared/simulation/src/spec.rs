@@ -1,6 +1,8 @@
 //! What drive to make.
 
 use crate::error::SimulationError;
+use crate::rig::{CalibrationError, RigSpec};
+use formats::velodyne::Model;
 use messages::ClassId;
 
 /// The kind of town.
@@ -25,16 +27,29 @@ pub struct DriveSpec {
     pub cameras: bool,
     /// Whether the mosaic cameras record.
     pub mosaics: bool,
+    /// The vehicle, as its maker measured it.
+    pub rig: RigSpec,
+    /// How far the true mountings are from those.
+    pub calibration_error: CalibrationError,
 }
 
 impl DriveSpec {
-    /// An urban drive with all sensors.
-    pub const fn urban(seed: u64, seconds: f64) -> Self {
-        Self { town: Town::Urban, seed, seconds, lidar_step: 1, cameras: true, mosaics: true }
+    /// An urban drive with all sensors of the thesis' vehicle.
+    pub fn urban(seed: u64, seconds: f64) -> Self {
+        Self {
+            town: Town::Urban,
+            seed,
+            seconds,
+            lidar_step: 1,
+            cameras: true,
+            mosaics: true,
+            rig: RigSpec::l3d2(),
+            calibration_error: CalibrationError::default(),
+        }
     }
     /// The same drive with a sparse lidar alone, for tests.
     #[must_use]
-    pub const fn sparse(self, lidar_step: u32) -> Self {
+    pub fn sparse(self, lidar_step: u32) -> Self {
         Self { lidar_step, cameras: false, mosaics: false, ..self }
     }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
@@ -45,6 +60,16 @@ impl DriveSpec {
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
+        }
+        if self.rig.lidar.model != Model::Hdl32e {
+            return bad("lidar.model", self.rig.lidar.model.name().into(), "must be hdl32e");
+        }
+        let CalibrationError { rotation_deg, translation_m } = self.calibration_error;
+        if !(0.0..=10.0).contains(&rotation_deg) {
+            return bad("calibration_error.rotation_deg", rotation_deg.to_string(), "must be 0 to 10");
+        }
+        if !(0.0..=1.0).contains(&translation_m) {
+            return bad("calibration_error.translation_m", translation_m.to_string(), "must be 0 to 1");
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use messages::ClassId;
 use simulation::scene::SceneHit;
 use simulation::sensors::camera::ColorCamera;
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation, rig, write_drive};
+use simulation::{DriveSpec, Simulation, write_drive};
 use support::{Shot, files, revolutions};
 
 /// The scene along a ray without noise.
@@ -22,7 +22,7 @@ fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &V
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
     let (mut on, mut all) = (0, 0);
     for shot in shots.iter().step_by(7) {
-        let world_from_lidar = pose(shot.seconds) * rig::body_from_lidar();
+        let world_from_lidar = pose(shot.seconds) * simulation.rig.lidar.body_from_lidar;
         let origin = world_from_lidar * Point3::origin();
         let direction = world_from_lidar * Vector3::from(shot.direction);
         let Some(hit) = look(simulation, shot.seconds, &origin, &direction) else {
@@ -72,7 +72,7 @@ fn range_noise_has_the_stated_strength() {
     for packet in 0..180 {
         for (i, block) in lidar.packet(packet).iter().enumerate() {
             // The vehicle stands: the pose is that of the begin.
-            let world_from_lidar = simulation.motion.pose(0.0) * rig::body_from_lidar();
+            let world_from_lidar = simulation.motion.pose(0.0) * simulation.rig.lidar.body_from_lidar;
             for (laser, found) in block.returns.iter().enumerate() {
                 let Some(found) = found else { continue };
                 if found.class != ClassId::Road && found.class != ClassId::Building {
@@ -101,8 +101,8 @@ fn range_noise_has_the_stated_strength() {
 /// Mean color where a class of lidar points falls on a picture, for points that the camera sees.
 fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp, shift: f64) -> [Option<[f64; 3]>; 2] {
     let seconds = stamp.seconds_since(simulation.motion.begin);
-    let world_from_camera = simulation.motion.pose(seconds) * rig::color_cameras()[index].1;
-    let (lens, eye) = (rig::color_lens(), world_from_camera * Point3::origin());
+    let world_from_camera = simulation.motion.pose(seconds) * simulation.rig.cameras[index].body_from_camera;
+    let (lens, eye) = (&simulation.rig.cameras[index].lens, world_from_camera * Point3::origin());
     let (width, height) = lens.size();
     let mut sums = [([0.0; 3], 0_u32); 2];
     // A regular fan of rays stands for any sensor's points.
@@ -132,7 +132,7 @@ fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp
 #[test]
 fn a_picture_shows_known_points_where_the_lens_model_puts_them() {
     let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
-    let camera = ColorCamera::new(&rig::color_lens());
+    let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
     let mut seen = [0; 2];
     for stamp in simulation.exposures() {
         for index in [0, 3] {

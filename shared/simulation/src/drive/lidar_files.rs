@@ -1,18 +1,14 @@
 //! The lidar's packets as a capture, with a position packet every second, and the labels of its returns.
 
+use super::Simulation;
 use super::files::Folder;
-use super::{GNSS_STREAM, Simulation};
 use crate::error::SimulationError;
-use crate::random::hash;
-use crate::sensors::gnss;
+use crate::sensors::gnss::Epoch;
 use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, LidarReturn, N_BLOCKS};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
-use formats::nmea::rmc_from_fix;
 use formats::pcap;
-use formats::velodyne::{
-    DATA_PORT, Model, POSITION_PORT, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
-};
+use formats::velodyne::{DATA_PORT, POSITION_PORT, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::BufWriter;
@@ -25,10 +21,11 @@ pub fn duration_seconds(spec: &DriveSpec) -> f64 {
     (Lidar::n_packets(spec.seconds) as i64 * N_BLOCKS as i64 * BLOCK_NANOS) as f64 * 1e-9
 }
 
-/// Writes capture and labels. `done` hears how many packets were made.
+/// Writes capture and labels; the receiver's sentences go into position packets. `done` hears how many packets were made.
 pub fn write(
     simulation: &Simulation,
     folder: &Folder,
+    epochs: &[Epoch],
     report: &mut DriveReport,
     done: &mut dyn FnMut(u64),
 ) -> Result<(), SimulationError> {
@@ -36,9 +33,7 @@ pub fn write(
     let file = File::create(&path).map_err(SimulationError::write(&path))?;
     let mut capture = pcap::Writer::new(BufWriter::new(file)).map_err(SimulationError::write(&path))?;
     let lidar = simulation.lidar();
-    let seed = hash(simulation.spec.seed, GNSS_STREAM);
-    let fixes = gnss::record(&simulation.motion, duration_seconds(&simulation.spec), seed);
-    let mut fixes = fixes.iter().peekable();
+    let mut epochs = epochs.iter().peekable();
     let mut revolutions = Revolutions::default();
     let n_packets = Lidar::n_packets(simulation.spec.seconds);
     for first in (0..n_packets).step_by(BATCH as usize) {
@@ -46,11 +41,12 @@ pub fn write(
         let made: Vec<[Block; N_BLOCKS]> = (first..last).into_par_iter().map(|packet| lidar.packet(packet)).collect();
         for (packet, blocks) in (first..last).zip(&made) {
             let stamp = lidar.packet_stamp(packet);
-            while let Some(fix) = fixes.next_if(|fix| fix.stamp <= stamp) {
-                let payload = encode_position_packet(fix.stamp, &rmc_from_fix(fix));
-                capture.write_udp(fix.stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
+            while let Some(epoch) = epochs.next_if(|epoch| epoch.stamp <= stamp) {
+                let payload = encode_position_packet(epoch.stamp, &epoch.rmc());
+                capture.write_udp(epoch.stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
             }
-            let payload = encode_data_packet(Model::Hdl32e, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
+            let payload =
+                encode_data_packet(simulation.rig.lidar.model, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
             for block in blocks {
                 for found in block.returns.iter().flatten() {

@@ -1,118 +1,180 @@
-//! The rig of the L3D2 vehicle (thesis 2.5.1, figures 2.18 and 2.19): where its sensors sit and how they look.
+//! The vehicle as data: which sensors it carries, where they sit and how good they are.
 //!
-//! The body frame is the IMU's, 1 m above the road in the middle of the vehicle, x forward, y left, z up.
+//! A rig file (`docs/simulation.md`) describes one; three are built in. The body frame is the vehicle's own, x forward, y left,
+//! z up, `body_height_m` above the road.
 
-use geometry::{CameraModel, Isometry3, KannalaBrandt, Pinhole, Pose, UnitQuaternion, Vector3};
-use nalgebra::{Matrix3, Rotation3};
+mod calibration;
+mod file;
 
-/// Angle between the lidar's axis of rotation and the horizontal (thesis 2.5.1: "an angle of 30 degrees between the axis of
-/// rotation and the horizontal"), rad. The axis rises to the back: the fan of beams, 10.67 degrees to one side of the plane
-/// across the axis and 30.67 to the other, stands almost upright. Its lowest beams fall straight down behind the vehicle and
-/// sweep the road; its sideward beams look up to 54 degrees ahead along the facades.
-pub const LIDAR_AXIS_ELEVATION: f64 = std::f64::consts::PI / 6.0;
+pub use calibration::CalibrationError;
 
-/// Number of color cameras: five around, one up.
-pub const N_CAMERAS: usize = 6;
+use crate::sensors::gnss::Receiver;
+use crate::sensors::imu::Grade;
+use crate::sensors::mosaic::MosaicModel;
+use formats::problems::FileError;
+use formats::velodyne::Model;
+use geometry::{CameraModel, Pose};
+use std::path::Path;
 
-/// Exposure of the color cameras, ns.
-pub const CAMERA_EXPOSURE_NANOS: u64 = 2_000_000;
-
-/// Where the GNSS antenna is in the body frame, m.
-pub const ANTENNA_IN_BODY: [f64; 3] = [-1.2, 0.3, 1.75];
-
-/// `body_from_lidar`: at the back edge of the roof, 2.95 m above the road.
-///
-/// Lidar frame: z along the axis, y left; x, where the encoder reads 0, forward and steeply up: revolutions are split in
-/// the sky.
-pub fn body_from_lidar() -> Pose {
-    let tilt = -(std::f64::consts::FRAC_PI_2 - LIDAR_AXIS_ELEVATION);
-    Isometry3::from_parts(
-        Vector3::new(-2.3, 0.0, 1.95).into(),
-        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt),
-    )
+/// A vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigSpec {
+    /// For people.
+    pub name: String,
+    /// Height of the body frame above the road, 0 to 3 m.
+    pub body_height_m: f64,
+    /// The LiDAR.
+    pub lidar: LidarSpec,
+    /// When all cameras fire.
+    pub trigger: TriggerSpec,
+    /// Color cameras by index.
+    pub cameras: Vec<CameraSpec>,
+    /// Mosaic cameras by index.
+    pub mosaics: Vec<MosaicSpec>,
+    /// The receiver, if there is one.
+    pub gnss: Option<GnssSpec>,
+    /// The inertial unit, if there is one.
+    pub imu: Option<ImuSpec>,
 }
 
-/// Name and mounting of each color camera: `0` looks ahead, `1` to `4` follow clockwise seen from above, `5` looks up.
-pub fn color_cameras() -> Vec<(String, Pose)> {
-    let head = Vector3::new(-0.4, 0.0, 2.2);
-    let around = (0..5).map(|k| {
-        let yaw = -f64::from(k) * std::f64::consts::TAU / 5.0;
-        let forward = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
-        (format!("ladybug_{k}"), looking(head + forward * 0.042, forward, Vector3::z()))
-    });
-    let up = looking(head + Vector3::z() * 0.06, Vector3::z(), -Vector3::x());
-    around.chain([("ladybug_5".to_owned(), up)]).collect()
+/// A LiDAR.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LidarSpec {
+    /// Which one.
+    pub model: Model,
+    /// Mounting.
+    pub body_from_lidar: Pose,
 }
 
-/// Lens of the color cameras: 100 degrees wide and 83 high, so that neighbors overlap by 28 degrees.
-pub fn color_lens() -> CameraModel {
-    CameraModel::KannalaBrandt(KannalaBrandt {
-        width: 616,
-        height: 512,
-        fx: 353.0,
-        fy: 353.0,
-        cx: 307.5,
-        cy: 255.5,
-        distortion: [-0.02, 0.001, 0.0, 0.0],
-        max_angle: 1.2,
-    })
+/// When the cameras fire: at a rate, and only if the vehicle has moved since.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriggerSpec {
+    /// Exposures per second, 0.1 to 30.
+    pub rate_hz: f64,
+    /// Way since the last exposure, 0 to 100 m.
+    pub way_m: f64,
 }
 
-/// `body_from_camera` of HS02 and HS03, side by side on the left, looking left.
-pub fn mosaic_mountings() -> [Pose; 2] {
-    [-0.15, 0.15].map(|x| looking(Vector3::new(-0.9 + x, 0.75, 1.9), Vector3::y(), Vector3::z()))
+/// A color camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSpec {
+    /// For people.
+    pub name: String,
+    /// Exposure time, ns.
+    pub exposure_nanos: u64,
+    /// Mounting.
+    pub body_from_camera: Pose,
+    /// Lens and size of the image.
+    pub lens: CameraModel,
 }
 
-/// Lens of the mosaic cameras: 45 degrees wide.
-pub fn mosaic_lens() -> CameraModel {
-    let focal = 1024.0 / (22.5_f64).to_radians().tan();
-    CameraModel::Pinhole(Pinhole {
-        width: 2048,
-        height: 1088,
-        fx: focal,
-        fy: focal,
-        cx: 1023.5,
-        cy: 543.5,
-        distortion: [0.0; 5],
-    })
+/// A mosaic camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MosaicSpec {
+    /// Also the name of its folder.
+    pub name: String,
+    /// Which one.
+    pub sensor: MosaicModel,
+    /// Mounting.
+    pub body_from_camera: Pose,
+    /// Lens; the image has the sensor's size.
+    pub lens: CameraModel,
 }
 
-/// A camera at `position` that looks along `forward` with `up` towards the top of the image; both unit, at right angles.
-fn looking(position: Vector3<f64>, forward: Vector3<f64>, up: Vector3<f64>) -> Pose {
-    let axes = Matrix3::from_columns(&[forward.cross(&up), -up, forward]);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    Isometry3::from_parts(position.into(), rotation)
+/// A GNSS receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GnssSpec {
+    /// How good it is.
+    pub receiver: Receiver,
+    /// Where its antenna is, m.
+    pub antenna_in_body: [f64; 3],
+}
+
+/// An inertial unit whose axes are the body's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuSpec {
+    /// How good it is.
+    pub grade: Grade,
+    /// Samples per second, 10 to 1000.
+    pub rate_hz: f64,
+    /// Where acceleration is felt, m.
+    pub position_in_body: [f64; 3],
+}
+
+/// Names and files of the built-in rigs, the default one first.
+const BUILT_IN: [(&str, &str); 3] = [
+    ("l3d2", include_str!("../../rigs/l3d2.toml")),
+    ("nuscenes", include_str!("../../rigs/nuscenes.toml")),
+    ("kitti", include_str!("../../rigs/kitti.toml")),
+];
+
+impl RigSpec {
+    /// The vehicle of the thesis.
+    pub fn l3d2() -> Self {
+        Self::built_in("l3d2").expect("a test reads all built-in rigs")
+    }
+
+    /// Names of the built-in rigs.
+    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.into_iter().map(|(name, _)| name)
+    }
+
+    /// A built-in rig.
+    pub fn built_in(name: &str) -> Option<Self> {
+        let (name, text) = BUILT_IN.into_iter().find(|(known, _)| *known == name)?;
+        Self::from_toml(Path::new(name), text).ok()
+    }
+
+    /// Reads the text of a rig file; the path is for messages. The error has all faults at once.
+    pub fn from_toml(path: &Path, text: &str) -> Result<Self, FileError> {
+        file::read(path, text)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use geometry::Vector3;
 
     #[test]
-    fn the_lidar_axis_rises_30_degrees_to_the_back() {
-        let axis = body_from_lidar() * Vector3::z();
-        let expected = Vector3::new(-30.0_f64.to_radians().cos(), 0.0, 0.5);
-        assert!((axis - expected).norm() < 1e-12, "{axis}");
-        assert!((body_from_lidar() * Vector3::y() - Vector3::y()).norm() < 1e-12);
+    fn all_built_in_rigs_read() {
+        for (name, text) in BUILT_IN {
+            match RigSpec::from_toml(Path::new(name), text) {
+                Ok(rig) => assert_eq!(rig.name, name),
+                Err(error) => panic!("{error}"),
+            }
+        }
+        assert_eq!(RigSpec::built_in("unknown"), None);
     }
 
     #[test]
-    fn cameras_look_where_they_should() {
-        let cameras = color_cameras();
-        assert_eq!(cameras.len(), N_CAMERAS);
-        for (k, (_, pose)) in cameras.iter().take(5).enumerate() {
+    fn the_lidar_axis_of_the_l3d2_rises_30_degrees_to_the_back() {
+        let body_from_lidar = RigSpec::l3d2().lidar.body_from_lidar;
+        let expected = Vector3::new(-30.0_f64.to_radians().cos(), 0.0, 0.5);
+        assert!((body_from_lidar * Vector3::z() - expected).norm() < 1e-12);
+        assert!((body_from_lidar * Vector3::y() - Vector3::y()).norm() < 1e-12);
+    }
+
+    #[test]
+    fn cameras_of_the_l3d2_look_where_they_should() {
+        let rig = RigSpec::l3d2();
+        assert_eq!((rig.cameras.len(), rig.mosaics.len()), (6, 2));
+        for (k, camera) in rig.cameras.iter().take(5).enumerate() {
             let yaw = -72.0_f64.to_radians() * k as f64;
-            let forward = pose * Vector3::z();
-            assert!((forward - Vector3::new(yaw.cos(), yaw.sin(), 0.0)).norm() < 1e-9);
+            let outward = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
+            let pose = camera.body_from_camera;
+            assert!((pose * Vector3::z() - outward).norm() < 1e-9);
             assert!((pose * Vector3::y() + Vector3::z()).norm() < 1e-9, "image rows run down");
+            let from_head = pose.translation.vector - Vector3::new(-0.4, 0.0, 2.2);
+            assert!((from_head - outward * 0.042).norm() < 2e-6, "{from_head}");
         }
-        assert!((cameras[5].1 * Vector3::z() - Vector3::z()).norm() < 1e-9);
-        for pose in mosaic_mountings() {
+        let up = rig.cameras[5].body_from_camera;
+        assert!((up * Vector3::z() - Vector3::z()).norm() < 1e-9);
+        assert!((up * Vector3::y() - Vector3::x()).norm() < 1e-9, "its image has the back at the top");
+        for mosaic in &rig.mosaics {
+            let pose = mosaic.body_from_camera;
             assert!((pose * Vector3::z() - Vector3::y()).norm() < 1e-9);
-            assert!(
-                (pose * Vector3::x() - Vector3::x()).norm() < 1e-9,
-                "forward is to the right of a look to the left"
-            );
+            assert!((pose * Vector3::x() - Vector3::x()).norm() < 1e-9, "forward is right of a look to the left");
         }
     }
 }

@@ -242,7 +242,7 @@ fn read_out(pixel: u64, light: f32, exposure_ms: f32, seed: u64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::mosaic_lens;
+    use crate::rig::RigSpec;
 
     fn mean_per_band(model: &MosaicModel, samples: &[u16]) -> Vec<f32> {
         let [left, top, ..] = model.active_area;
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn a_surface_of_known_reflectance_is_found_between_dark_and_white() {
         for model in [MosaicModel::hs02(), MosaicModel::hs03()] {
-            let camera = MosaicCamera::new(model.clone(), &mosaic_lens());
+            let camera = MosaicCamera::new(model.clone(), &RigSpec::l3d2().mosaics[0].lens);
             let dark = mean_per_band(&model, &camera.dark(1));
             let white = mean_per_band(&model, &camera.white(2));
             let gray = mean_per_band(&model, &camera.expose(EXPOSURE_NANOS, 3, |_, band| 0.1 + 0.01 * band as f32));
