@@ -34,7 +34,7 @@ const MASK: f64 = 0.174;
 /// Signals below this are not tracked, dB-Hz.
 const WEAKEST_DBHZ: f64 = 27.0;
 /// The receiver trusts its speed this well over a second, m: how far the filter lets positions jump.
-const TRUST_M: f64 = 0.35;
+const TRUST_M: f64 = 0.15;
 /// After so many seconds without a position the filter starts anew.
 const FORGET_SECONDS: u32 = 5;
 
