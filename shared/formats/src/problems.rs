@@ -24,7 +24,8 @@ pub struct FileError {
 }
 
 impl FileProblem {
-    pub(crate) fn of_file(file: &Path, rule: impl Into<String>) -> Self {
+    /// A fault of a whole file.
+    pub fn of_file(file: &Path, rule: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line: None, key: String::new(), rule: rule.into() }
     }
 }

@@ -117,6 +117,15 @@ impl Scene {
                 .any(|(mover, placed)| placed.is_near(ray, max_m) && mover.model.any(&placed.local(ray), max_m))
     }
 
+    /// The same town where everything has the class and instance that `label` gives: what no sensor may notice.
+    #[must_use]
+    pub fn relabeled(mut self, label: impl Fn(ClassId, u16) -> (ClassId, u16)) -> Self {
+        for surface in &mut self.surfaces {
+            (surface.class, surface.instance) = label(surface.class, surface.instance);
+        }
+        self
+    }
+
     /// Things that move.
     pub fn movers(&self) -> &[Mover] {
         &self.movers
