@@ -123,8 +123,8 @@ impl Tracking {
         let noise_m = errors.noise_m * 10_f64.powf((45.0 - signal.strength_dbhz) / 20.0);
         let slow_m = slant * (self.slow[satellite.index] + self.zenith);
         let error_m = slow_m + noise_m * self.draw(satellite.index as u64) + signal.detour_m;
-        // Multipath is known to be there and not how much: receivers allow for a metre.
-        let sigma_m = (noise_m.powi(2) + (slant * errors.slow_m).powi(2) + 1.0).sqrt();
+        // Multipath is known to be there and not how much: receivers allow for a metre at the zenith, and more below.
+        let sigma_m = noise_m.hypot(slant * errors.slow_m.hypot(1.0));
         let (system, direction) = (satellite.system, satellite.direction);
         Some(CodeRange { system, direction, error_m, sigma_m, is_reflected: signal.is_reflected })
     }
