@@ -2,7 +2,7 @@
 
 use crate::error::SimulationError;
 use crate::rig::{CalibrationError, RigSpec};
-use formats::velodyne::Model;
+use crate::sensors::lidar::LidarModel;
 use messages::ClassId;
 
 /// The kind of town.
@@ -52,6 +52,10 @@ impl DriveSpec {
     pub fn sparse(self, lidar_step: u32) -> Self {
         Self { lidar_step, cameras: false, mosaics: false, ..self }
     }
+    /// What the rig's lidar can do.
+    pub const fn lidar_model(&self) -> LidarModel {
+        LidarModel::of(self.rig.lidar.model)
+    }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
         // Two minutes are 1.3 km of street and 1.7 GB of drive.
@@ -60,9 +64,6 @@ impl DriveSpec {
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
-        }
-        if self.rig.lidar.model != Model::Hdl32e {
-            return bad("lidar.model", self.rig.lidar.model.name().into(), "must be hdl32e");
         }
         let CalibrationError { rotation_deg, translation_m } = self.calibration_error;
         if !(0.0..=10.0).contains(&rotation_deg) {

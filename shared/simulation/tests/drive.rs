@@ -3,9 +3,11 @@
 #[allow(dead_code, reason = "every test uses its part")]
 mod support;
 
+use formats::drive::Drive;
 use formats::manifest::Manifest;
 use formats::velodyne::{Model, SweepReader};
-use simulation::{DriveSpec, Simulation, SimulationError, write_drive};
+use geometry::Point3;
+use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
 use std::collections::BTreeMap;
 use support::{files, revolutions, udp_payloads};
 
@@ -78,18 +80,22 @@ fn the_manifest_says_what_there_is() {
 }
 
 #[test]
-fn position_packets_tell_the_time_once_a_second() {
+fn position_packets_repeat_the_receiver_s_last_sentence() {
     let files = drive(&DriveSpec::urban(4, 2.2).sparse(100), 2);
     let sentences: Vec<String> = udp_payloads(&files["lidar/000000.pcap"])
         .into_iter()
         .filter(|(port, _)| *port == 8308)
         .map(|(_, bytes)| {
-            assert_eq!(bytes.len(), 512);
+            assert_eq!((bytes.len(), bytes[202]), (512, 2), "the clock follows the pulse");
             String::from_utf8_lossy(&bytes[206..]).trim_end_matches('\0').trim_end().to_owned()
         })
         .collect();
-    assert_eq!(sentences.len(), 3);
-    for (sentence, time) in sentences.iter().zip(["100004.000", "100005.000", "100006.000"]) {
+    // 200 a second, of three seconds.
+    assert_eq!(sentences.len(), 3980_usize.div_ceil(9));
+    let mut different = sentences.clone();
+    different.dedup();
+    assert_eq!(different.len(), 3);
+    for (sentence, time) in different.iter().zip(["100004.000", "100005.000", "100006.000"]) {
         assert!(sentence.starts_with(&format!("$GPRMC,{time},A,48")), "{sentence}");
     }
 }
@@ -153,4 +159,47 @@ fn the_project_s_decoder_finds_the_same_returns() {
         }
     }
     assert!(reader.next_sweep(|_| ()).expect("sound").is_none());
+}
+
+/// Heights in the body frame of what the lidar sees within 8 m, the lowest first.
+fn heights_around(drive: &Drive) -> Vec<f64> {
+    let mut heights = Vec::new();
+    let mut sweeps = drive.sweeps().expect("a recording");
+    while let Some(sweep) = sweeps
+        .next_sweep(|returns| {
+            for found in returns {
+                let p = drive.rig().body_from_lidar * Point3::new(found.x, found.y, found.z).cast::<f64>();
+                if p.x.hypot(p.y) < 8.0 {
+                    heights.push(p.z);
+                }
+            }
+        })
+        .expect("sound")
+    {
+        assert!(sweep.n_returns > 0);
+    }
+    heights.sort_by(f64::total_cmp);
+    heights
+}
+
+#[test]
+fn vehicles_of_other_data_sets_drive_too() {
+    for (name, model, n_cameras) in [("nuscenes", Model::Hdl32e, 6), ("kitti", Model::Hdl64e, 2)] {
+        let rig = RigSpec::built_in(name).expect("built in");
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("drive");
+        let spec = DriveSpec { rig, lidar_step: 8, ..DriveSpec::urban(3, 0.3) };
+        let report = write_drive(&spec, &out, &mut |_| ()).expect("a drive");
+        let drive = match Drive::open(&out) {
+            Ok(drive) => drive,
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!((drive.model(), report.n_images), (model, n_cameras));
+        assert_eq!((drive.camera_frames().len(), drive.mosaic_frames().len()), (n_cameras as usize, 0));
+        // Most of what is near is the road, and the body frame is as high above it as the rig says.
+        let heights = heights_around(&drive);
+        assert!(heights.len() > 500, "{}", heights.len());
+        let road = heights[heights.len() / 3] + spec.rig.body_height_m;
+        assert!(road.abs() < 0.2, "{name}: the road is at {road} m");
+    }
 }

@@ -120,10 +120,10 @@ fn no_byte_of_a_picture_or_a_packet_is_free_to_carry_more() {
                 let blocks = payload[..1200].chunks_exact(100);
                 assert!(blocks.clone().all(|block| block[..2] == [0xff, 0xee]));
                 for block in blocks {
-                    // Angles only go on, 0.01 deg at a time as the motor turns.
+                    // Angles go on as the motor turns, 0.17 deg from round to round, read with the encoder's noise.
                     let azimuth = i32::from(u16::from_le_bytes([block[2], block[3]]));
                     let step = last.map_or(17, |last: i32| (azimuth - last).rem_euclid(36_000));
-                    assert!((16..=17).contains(&step), "{step}");
+                    assert!((12..=21).contains(&step), "{step}");
                     last = Some(azimuth);
                     for part in block[4..].chunks_exact(3) {
                         assert!(part[..2] != [0, 0] || part[2] == 0, "no return has no intensity");

@@ -1,24 +1,30 @@
-//! The lidar's packets as a capture, with a position packet every second, and the labels of its returns.
+//! The lidar's packets as a capture, with position packets between them, and the labels of its returns.
 
 use super::Simulation;
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::sensors::gnss::Epoch;
-use crate::sensors::lidar::{BLOCK_NANOS, Block, Lidar, LidarReturn, N_BLOCKS};
+use crate::sensors::lidar::{Block, LidarReturn};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
 use formats::pcap;
-use formats::velodyne::{DATA_PORT, POSITION_PORT, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
-use rayon::prelude::*;
+use formats::velodyne::{
+    DATA_PORT, POSITION_PORT, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
+};
 use std::fs::File;
 use std::io::BufWriter;
 
 /// Packets that are made at once: a tenth of a second of drive, so that memory stays small and threads stay busy.
 const BATCH: u64 = 181;
+/// Data packets for each position packet, as in a real capture of an HDL-32E.
+const POSITION_EVERY: u64 = 9;
+/// A position packet follows the data packet that it waited for, ns.
+const POSITION_DELAY_NANOS: i64 = 100_000;
 
 /// What the sensors record, s: to the end of the last lidar packet.
 pub fn duration_seconds(spec: &DriveSpec) -> f64 {
-    (Lidar::n_packets(spec.seconds) as i64 * N_BLOCKS as i64 * BLOCK_NANOS) as f64 * 1e-9
+    let model = spec.lidar_model();
+    (model.n_packets(spec.seconds) as i64 * model.packet_nanos()) as f64 * 1e-9
 }
 
 /// Writes capture and labels; the receiver's sentences go into position packets. `done` hears how many packets were made.
@@ -35,19 +41,26 @@ pub fn write(
     let lidar = simulation.lidar();
     let mut epochs = epochs.iter().peekable();
     let mut revolutions = Revolutions::default();
-    let n_packets = Lidar::n_packets(simulation.spec.seconds);
+    let model = *lidar.model();
+    let n_packets = model.n_packets(simulation.spec.seconds);
+    let mut sentence = String::new();
     for first in (0..n_packets).step_by(BATCH as usize) {
         let last = (first + BATCH).min(n_packets);
-        let made: Vec<[Block; N_BLOCKS]> = (first..last).into_par_iter().map(|packet| lidar.packet(packet)).collect();
-        for (packet, blocks) in (first..last).zip(&made) {
+        for (packet, blocks) in (first..last).zip(&lidar.packets(first..last)) {
             let stamp = lidar.packet_stamp(packet);
             while let Some(epoch) = epochs.next_if(|epoch| epoch.stamp <= stamp) {
-                let payload = encode_position_packet(epoch.stamp, &epoch.rmc());
-                capture.write_udp(epoch.stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
+                sentence = epoch.rmc();
             }
-            let payload =
-                encode_data_packet(simulation.rig.lidar.model, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
+            let payload = encode_data_packet(model.model, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
+            // The device sends the receiver's last sentence again and again.
+            if packet % POSITION_EVERY == 0 {
+                let stamp = stamp.plus_nanos(POSITION_DELAY_NANOS);
+                // A vehicle without a receiver has no pulse either.
+                let pulse = if sentence.is_empty() { PulseStatus::Absent } else { PulseStatus::Locked };
+                let payload = encode_position_packet(stamp, pulse, &sentence);
+                capture.write_udp(stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
+            }
             for block in blocks {
                 for found in block.returns.iter().flatten() {
                     report.n_returns += 1;
@@ -70,6 +83,7 @@ fn raw(block: &Block) -> RawBlock {
     let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
     RawBlock {
         azimuth: block.azimuth,
+        is_lower: block.is_lower,
         returns: block.returns.each_ref().map(|r| r.as_ref().map(raw_return).unwrap_or_default()),
     }
 }

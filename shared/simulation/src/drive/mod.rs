@@ -11,13 +11,14 @@ use crate::rig::RigSpec;
 use crate::scene::{self, Scene};
 use crate::sensors::camera::ColorCamera;
 use crate::sensors::gnss::{self, Epoch};
+use crate::sensors::lidar::{Lidar, LidarModel};
 use crate::sensors::mosaic::{BIT_DEPTH, MosaicCamera, SIZE};
-use crate::sensors::{imu, lidar::Lidar, trigger};
+use crate::sensors::{imu, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
 use formats::pgm::pgm_from_samples;
-use geometry::{CameraModel, Stamp};
+use geometry::{CameraModel, Pose, Stamp};
 use messages::ClassId;
 use std::path::Path;
 
@@ -60,7 +61,11 @@ impl Simulation {
     /// The lidar in it.
     pub fn lidar(&self) -> Lidar<'_> {
         let seed = hash(self.spec.seed, LIDAR_STREAM);
-        Lidar::new(&self.scene, &self.motion, self.rig.lidar.body_from_lidar, seed, self.spec.lidar_step)
+        self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)
+    }
+    /// A lidar of any model, mounted anywhere.
+    pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
+        Lidar::new(&self.scene, &self.motion, model, body_from_lidar, seed, self.spec.lidar_step)
     }
     /// When the cameras fire.
     pub fn exposures(&self) -> Vec<Stamp> {
@@ -216,7 +221,7 @@ struct Meter<'a> {
 impl<'a> Meter<'a> {
     fn new(simulation: &Simulation, n_exposures: usize, tell: &'a mut dyn FnMut(f64)) -> Self {
         let Simulation { spec, rig, .. } = simulation;
-        let packets = Lidar::n_packets(spec.seconds) as f64 * PACKET_WORK;
+        let packets = spec.lidar_model().n_packets(spec.seconds) as f64 * PACKET_WORK;
         let images: f64 = rig.cameras.iter().map(|camera| image_work(&camera.lens)).sum();
         let mosaics = rig.mosaics.len() as f64 * MOSAIC_WORK;
         let exposure = if spec.cameras { images } else { 0.0 } + if spec.mosaics { mosaics } else { 0.0 };

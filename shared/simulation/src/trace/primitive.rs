@@ -1,11 +1,9 @@
 //! What rays meet: triangles, cylinders, spheres, and porous spheres that stand for leaves.
 
-use super::{Ray, Vec3};
+use super::pack::Flat;
+use super::{MIN_RANGE_M, Ray, Vec3};
 use crate::random::{hash, mix, unit};
 use nalgebra::Isometry3;
-
-/// Closer hits are the surface that the ray starts on.
-const MIN_RANGE_M: f32 = 1e-3;
 
 /// A shape and what it is made of.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +102,7 @@ impl Shape {
     /// Range of the first hit before `max_m`.
     pub fn range(&self, ray: &Ray, max_m: f32) -> Option<f32> {
         let range = match *self {
-            Self::Triangle { corner, edge1, edge2 } => triangle_range(ray, &corner, &edge1, &edge2)?,
+            Self::Triangle { .. } => Flat::of(self)?.range(ray, max_m)?,
             Self::Cylinder { base, axis, length, radius } => cylinder_range(ray, &base, &axis, length, radius)?,
             Self::Sphere { center, radius } => {
                 let [enter, leave] = sphere_ranges(ray, &center, radius)?;
@@ -146,24 +144,6 @@ impl Shape {
 
 fn porous_hash(ray: &Ray, center: &Vec3) -> u64 {
     hash(ray.seed, u64::from(center.x.to_bits()) << 32 | u64::from(center.z.to_bits()))
-}
-
-/// Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
-fn triangle_range(ray: &Ray, corner: &Vec3, edge1: &Vec3, edge2: &Vec3) -> Option<f32> {
-    let p = ray.direction.cross(edge2);
-    let determinant = edge1.dot(&p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let inverse = 1.0 / determinant;
-    let from_corner = ray.origin - corner;
-    let u = from_corner.dot(&p) * inverse;
-    if !(0.0..=1.0).contains(&u) {
-        return None;
-    }
-    let q = from_corner.cross(edge1);
-    let v = ray.direction.dot(&q) * inverse;
-    (v >= 0.0 && u + v <= 1.0).then(|| edge2.dot(&q) * inverse)
 }
 
 /// Where the line enters and leaves the ball; `None` if it misses or the ball lies behind.
