@@ -13,5 +13,6 @@ pub mod pcd;
 pub mod pgm;
 pub mod ply;
 pub mod recording;
+pub mod sensor_calibration;
 pub mod trajectory;
 pub mod velodyne;
