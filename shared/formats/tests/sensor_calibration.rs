@@ -26,7 +26,7 @@ fn worst_peak_nm(matrix: &CorrectionMatrix, responses: &[Curve]) -> f64 {
 
 #[test]
 fn virtual_bands_of_the_real_cameras_peak_where_the_maker_says() {
-    for (name, worst_nm) in [(HS03, 2.1, 138.0, 219.0), (HS02, 1.7, 243.0, 303.0)] {
+    for (name, worst_nm) in [(HS03, 2.1), (HS02, 1.7)] {
         let Some(camera) = real(name) else { return };
         let matrix = camera.reflectance_matrix().expect("for reflectances");
         for row in &matrix.virtual_bands {

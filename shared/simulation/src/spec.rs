@@ -1,6 +1,7 @@
 //! What drive to make.
 
 use crate::error::SimulationError;
+use crate::sensors::mosaic::EXPOSURE_NANOS;
 use messages::ClassId;
 
 /// The kind of town.
@@ -25,12 +26,25 @@ pub struct DriveSpec {
     pub cameras: bool,
     /// Whether the mosaic cameras record.
     pub mosaics: bool,
+    /// Exposure of the mosaic cameras and of their dark reference, ns: 0.1 to 1000 ms.
+    pub mosaic_exposure_nanos: u64,
+    /// Whether `truth/visibility` is written: which returns each camera sees.
+    pub truth_visibility: bool,
 }
 
 impl DriveSpec {
     /// An urban drive with all sensors.
     pub const fn urban(seed: u64, seconds: f64) -> Self {
-        Self { town: Town::Urban, seed, seconds, lidar_step: 1, cameras: true, mosaics: true }
+        Self {
+            town: Town::Urban,
+            seed,
+            seconds,
+            lidar_step: 1,
+            cameras: true,
+            mosaics: true,
+            mosaic_exposure_nanos: EXPOSURE_NANOS,
+            truth_visibility: false,
+        }
     }
     /// The same drive with a sparse lidar alone, for tests.
     #[must_use]
@@ -45,6 +59,10 @@ impl DriveSpec {
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
+        }
+        if !(100_000..=1_000_000_000).contains(&self.mosaic_exposure_nanos) {
+            let value = self.mosaic_exposure_nanos.to_string();
+            return bad("mosaic_exposure_nanos", value, "must be 100000 to 1000000000");
         }
         Ok(())
     }

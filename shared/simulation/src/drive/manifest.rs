@@ -3,7 +3,7 @@
 use super::mosaic_models;
 use crate::rig;
 use crate::sensors::gnss::ORIGIN;
-use crate::sensors::mosaic::{BIT_DEPTH, EXPOSURE_NANOS, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
+use crate::sensors::mosaic::{BIT_DEPTH, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
 use crate::spec::{DriveSpec, Town};
 use formats::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry,
@@ -21,7 +21,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             body_from_lidar: rig::body_from_lidar().into(),
         },
         cameras: if spec.cameras { cameras() } else { Vec::new() },
-        mosaics: if spec.mosaics { mosaics() } else { Vec::new() },
+        mosaics: if spec.mosaics { mosaics(spec.mosaic_exposure_nanos) } else { Vec::new() },
         gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: ORIGIN, antenna_in_body: rig::ANTENNA_IN_BODY }),
         imu: Some(ImuEntry { file: "imu.csv".into() }),
         truth: Some(TruthEntry { trajectory: "truth/trajectory.txt".into(), labels: "truth/labels".into() }),
@@ -42,21 +42,25 @@ fn cameras() -> Vec<CameraEntry> {
         .collect()
 }
 
-fn mosaics() -> Vec<MosaicEntry> {
+fn mosaics(exposure_nanos: u64) -> Vec<MosaicEntry> {
     mosaic_models()
         .into_iter()
         .zip(rig::mosaic_mountings())
         .map(|(model, body_from_camera)| MosaicEntry {
             name: model.name.into(),
             folder: model.name.into(),
-            exposure_nanos: EXPOSURE_NANOS,
-            dark_exposure_nanos: EXPOSURE_NANOS,
+            exposure_nanos,
+            dark_exposure_nanos: exposure_nanos,
             white_exposure_nanos: WHITE_EXPOSURE_NANOS,
             white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,
             bit_depth: BIT_DEPTH,
             pattern: model.pattern as u32,
             active_area: model.active_area.map(|v| v as u32),
-            wavelengths_nm: model.bands().iter().map(|band| f64::from(band.center_nm)).collect(),
+            wavelengths_nm: model
+                .bands()
+                .iter()
+                .map(|band| (f64::from(band.center_nm) * 10.0).round() / 10.0)
+                .collect(),
             body_from_camera: body_from_camera.into(),
             model: rig::mosaic_lens(),
         })

@@ -1,8 +1,10 @@
 //! A whole drive as a folder (`formats::manifest`).
 
+mod camera_files;
 mod files;
 mod lidar_files;
 mod manifest;
+mod visibility;
 
 use crate::error::SimulationError;
 use crate::motion::{Motion, Progress};
@@ -10,13 +12,13 @@ use crate::random::{hash, unit};
 use crate::rig;
 use crate::scene::{self, Scene};
 use crate::sensors::camera::ColorCamera;
-use crate::sensors::mosaic::{BIT_DEPTH, MosaicCamera, MosaicModel, SIZE};
+use crate::sensors::exposure::Exposure;
+use crate::sensors::mosaic::{MosaicCamera, MosaicModel};
 use crate::sensors::{gnss, imu, lidar::Lidar, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
-use formats::pgm::pgm_from_samples;
-use geometry::Stamp;
+use geometry::{Pose, Stamp};
 use messages::ClassId;
 use std::path::Path;
 
@@ -60,19 +62,34 @@ impl Simulation {
     pub fn exposures(&self) -> Vec<Stamp> {
         trigger::exposures(&self.motion, self.spec.seconds)
     }
-    /// The picture of color camera `index` at a stamp.
+    /// The pictures of all color cameras, which fire together and share their gain, at a stamp.
+    pub fn images(&self, camera: &ColorCamera, stamp: Stamp) -> Vec<Vec<u8>> {
+        let exposures = self.color_exposures(stamp);
+        let gain = camera.meter(&exposures);
+        let pictures = exposures.iter().enumerate();
+        pictures.map(|(index, exposure)| camera.shoot(exposure, gain, self.image_seed(index, stamp))).collect()
+    }
+    /// The picture of color camera `index` alone: the same as in [`Self::images`].
     pub fn image(&self, camera: &ColorCamera, index: usize, stamp: Stamp) -> Vec<u8> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * rig::color_cameras()[index].1;
-        let seed = hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let exposures = self.color_exposures(stamp);
+        camera.shoot(&exposures[index], camera.meter(&exposures), self.image_seed(index, stamp))
     }
     /// The raw samples of mosaic camera `index` at a stamp.
     pub fn mosaic(&self, camera: &MosaicCamera, index: usize, stamp: Stamp) -> Vec<u16> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * rig::mosaic_mountings()[index];
         let seed = hash(hash(self.spec.seed, MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let body_from_camera = rig::mosaic_mountings()[index];
+        let nanos = camera.exposure_nanos();
+        camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
+    }
+    fn color_exposures(&self, stamp: Stamp) -> Vec<Exposure<'_>> {
+        let exposure = |(index, (_, body_from_camera)): (usize, (String, Pose))| {
+            let (nanos, seed) = (rig::CAMERA_EXPOSURE_NANOS, self.image_seed(index, stamp));
+            Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed)
+        };
+        rig::color_cameras().into_iter().enumerate().map(exposure).collect()
+    }
+    fn image_seed(&self, index: usize, stamp: Stamp) -> u64 {
+        hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
     }
 }
 
@@ -109,10 +126,14 @@ pub fn write_drive(
     write_pose_sensors(&simulation, &folder)?;
     lidar_files::write(&simulation, &folder, &mut report, &mut |n| meter.add(n as f64 * PACKET_WORK))?;
     if spec.cameras {
-        report.n_images = write_images(&simulation, &folder, &exposures, &mut meter)?;
+        report.n_images = camera_files::write_images(&simulation, &folder, &exposures, &mut meter)?;
     }
     if spec.mosaics {
-        report.n_mosaics = write_mosaics(&simulation, &folder, &exposures, &mut meter)?;
+        report.n_mosaics = camera_files::write_mosaics(&simulation, &folder, &exposures, &mut meter)?;
+    }
+    camera_files::write_materials(&folder)?;
+    if spec.truth_visibility {
+        visibility::write(&simulation, &folder, &exposures)?;
     }
     folder.write("drive.toml", toml::to_string(&manifest::manifest(spec))?.as_bytes())?;
     folder.complete(out)?;
@@ -129,52 +150,8 @@ fn write_pose_sensors(simulation: &Simulation, folder: &Folder) -> Result<(), Si
     folder.write("truth/trajectory.txt", poses.as_bytes())
 }
 
-fn write_images(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    let camera = ColorCamera::new(&rig::color_lens());
-    for stamp in exposures {
-        for index in 0..rig::N_CAMERAS {
-            let pixels = simulation.image(&camera, index, *stamp);
-            folder.write_jpeg(&format!("camera/{index}/{}.jpg", stamp.0), &pixels, camera.size())?;
-            meter.add(IMAGE_WORK);
-        }
-    }
-    Ok((exposures.len() * rig::N_CAMERAS) as u32)
-}
-
-fn write_mosaics(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    for (index, model) in mosaic_models().into_iter().enumerate() {
-        let name = model.name;
-        let camera = MosaicCamera::new(model, &rig::mosaic_lens());
-        let write = |path: String, samples: Vec<u16>| {
-            folder.write(&path, &pgm_from_samples(SIZE[0] as u32, SIZE[1] as u32, (1 << BIT_DEPTH) - 1, &samples))
-        };
-        let seed = hash(simulation.spec.seed, MOSAIC_STREAM ^ (index as u64 + 1) << 8);
-        write(format!("{name}/dark/0.pgm"), camera.dark(hash(seed, 1)))?;
-        write(format!("{name}/white/0.pgm"), camera.white(hash(seed, 2)))?;
-        for stamp in exposures {
-            write(format!("{name}/{}.pgm", stamp.0), simulation.mosaic(&camera, index, *stamp))?;
-            meter.add(MOSAIC_WORK);
-        }
-    }
-    Ok((exposures.len() * 2) as u32)
-}
-
-/// Work of a packet, an image and a mosaic in measured ms of one core, for an even progress.
+/// Work of a packet in measured ms of one core, for an even progress.
 const PACKET_WORK: f64 = 0.6;
-/// See [`PACKET_WORK`].
-const IMAGE_WORK: f64 = 700.0;
-/// See [`PACKET_WORK`].
-const MOSAIC_WORK: f64 = 350.0;
 
 struct Meter<'a> {
     done: f64,
@@ -187,7 +164,9 @@ impl<'a> Meter<'a> {
         let images = if spec.cameras { n_exposures * rig::N_CAMERAS } else { 0 };
         let mosaics = if spec.mosaics { n_exposures * 2 } else { 0 };
         let packets = Lidar::n_packets(spec.seconds);
-        let total = packets as f64 * PACKET_WORK + images as f64 * IMAGE_WORK + mosaics as f64 * MOSAIC_WORK;
+        let total = packets as f64 * PACKET_WORK
+            + images as f64 * camera_files::IMAGE_WORK
+            + mosaics as f64 * camera_files::MOSAIC_WORK;
         Self { done: 0.0, total, tell }
     }
     fn add(&mut self, work: f64) {
