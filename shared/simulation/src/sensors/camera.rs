@@ -56,8 +56,8 @@ impl ColorCamera {
         let shading =
             rays.iter().map(|ray| ray.map_or(0.0, |ray| 1.0 - 0.38 * (ray.z.acos() / 1.05).powi(2))).collect();
         let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
-        // White balance between sun and sky, as cameras choose it in streets: sunlit walls are warm, shadows cool.
-        let palette = Palette::new(&filters, |sun, sky| sun + 0.8 * sky);
+        // White balance near the sun, as cameras choose it in sunny streets: shadows are cool.
+        let palette = Palette::new(&filters, |sun, sky| sun + 0.4 * sky);
         Self { width, height, rays, shading, palette }
     }
 
