@@ -1,9 +1,9 @@
 //! Rows of houses and the alleys between them.
 
-use super::facade::{self, FLOOR_M, Wall};
-use super::furniture;
 use super::ground::{CROSS_HALF, FACADE_T};
 use super::layout::Town;
+use super::models::facade::{self, FLOOR_M, Wall};
+use super::models::furniture;
 use crate::material::Material;
 use crate::random::Random;
 use crate::trace::Vec3;

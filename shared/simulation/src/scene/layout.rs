@@ -1,10 +1,11 @@
 //! What stands where: fills the street from a seed.
 
+use super::Scene;
 use super::builder::Builder;
-use super::facade::{self, Wall};
 use super::ground::{self, CROSS_HALF, CROSS_REACH, FACADE_T, KERB_T};
+use super::models::facade::{self, Wall};
+use super::models::{furniture, tree};
 use super::street::Street;
-use super::{Scene, furniture, tree};
 use crate::material::Material;
 use crate::motion::Progress;
 use crate::random::Random;

@@ -1,18 +1,14 @@
 //! What there is to see: a street that stands and things that move through it. Nothing here knows of sensors.
 
 mod builder;
-mod car;
-mod facade;
-mod furniture;
 mod ground;
 mod houses;
 mod layout;
+mod models;
 mod mover;
-mod person;
 mod sidewalk;
 mod street;
 mod traffic;
-mod tree;
 
 pub use layout::{LANE_T, build};
 pub use mover::{Mover, Route};

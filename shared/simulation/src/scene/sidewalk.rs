@@ -2,7 +2,7 @@
 
 use super::ground::{FACADE_T, KERB_T};
 use super::layout::Town;
-use super::{furniture, tree};
+use super::models::{furniture, tree};
 use crate::random::Random;
 use std::f32::consts::PI;
 

@@ -1,8 +1,9 @@
 //! Cars, parked and driving, and people.
 
+use super::ground;
 use super::layout::{LANE_T, Town};
+use super::models::{person, vehicle};
 use super::mover::{Mover, Route};
-use super::{car, ground, person};
 use crate::motion::Progress;
 use crate::random::Random;
 
@@ -20,7 +21,7 @@ impl Town {
         while x < end - 5.0 {
             if !self.near_crossing(x, 11.0) && random.chance(0.72) {
                 let instance = self.instance();
-                let model = car::random_model(&mut self.builder, instance, random);
+                let model = vehicle::random_model(&mut self.builder, instance, random);
                 let t = f64::from(side) * (PARKING_T + f64::from(random.range(-0.12, 0.12)));
                 let turned = yaw + f64::from(random.range(-0.03, 0.03));
                 let pose = self.street.frame(f64::from(x), t, road_height(t), turned);
@@ -44,7 +45,7 @@ impl Town {
             .into_iter()
             .filter_map(|(ahead_m, drift_m)| {
                 let instance = self.instance();
-                let model = car::random_model(&mut self.builder, instance, random);
+                let model = vehicle::random_model(&mut self.builder, instance, random);
                 Mover::new(model, Route::Convoy { progress, ahead_m, drift_m, t: LANE_T })
             })
             .collect()
@@ -58,9 +59,9 @@ impl Town {
         while x < progress.x(seconds) + ONCOMING_MPS * seconds + 30.0 {
             let instance = self.instance();
             let model = if movers.len() % 3 == 1 {
-                car::van_model(&mut self.builder, instance, random)
+                vehicle::van_model(&mut self.builder, instance, random)
             } else {
-                car::random_model(&mut self.builder, instance, random)
+                vehicle::random_model(&mut self.builder, instance, random)
             };
             let t = -LANE_T;
             movers.extend(Mover::new(model, Route::Steady { x, t, h: road_height(t), speed_mps: -ONCOMING_MPS }));

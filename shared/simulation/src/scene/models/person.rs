@@ -1,8 +1,8 @@
 //! People in mid-step. The frame stands on the ground, x forward.
 
-use super::builder::Builder;
 use crate::material::Material;
 use crate::random::Random;
+use crate::scene::builder::Builder;
 use crate::trace::{Primitive, Shape, Vec3};
 use messages::ClassId;
 

@@ -1,8 +1,8 @@
 //! Cars and vans: a lofted body, a glazed cabin and four wheels. The frame stands on the ground, x forward.
 
-use super::builder::Builder;
 use crate::material::Material;
 use crate::random::Random;
+use crate::scene::builder::Builder;
 use crate::trace::{Primitive, Shape, Vec3};
 use messages::ClassId;
 

@@ -1,8 +1,8 @@
 //! Trees: a trunk, branches, and clusters of leaves that rays pass in part.
 
-use super::builder::Builder;
 use crate::material::Material;
 use crate::random::Random;
+use crate::scene::builder::Builder;
 use crate::trace::{Shape, Vec3};
 use messages::ClassId;
 use nalgebra::{Isometry3, Point3};

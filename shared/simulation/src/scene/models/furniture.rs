@@ -1,8 +1,8 @@
 //! Lamp posts, signs, traffic lights, bins, benches, railings.
 
-use super::builder::Builder;
 use crate::material::Material;
 use crate::random::Random;
+use crate::scene::builder::Builder;
 use crate::trace::Shape;
 use messages::ClassId;
 use nalgebra::{Isometry3, Point3};
