@@ -3,7 +3,7 @@
 use super::ground::{CROSS_HALF, FACADE_T};
 use super::layout::Town;
 use super::models::facade::{self, FLOOR_M, Wall};
-use super::models::furniture;
+use super::models::fence;
 use crate::material::Material;
 use crate::random::Random;
 use crate::trace::Vec3;
@@ -100,7 +100,7 @@ impl Town {
             self.builder.cuboid(&pose, [0.0, -0.12, -0.6], [width, 0.12, 2.2], concrete);
         } else {
             let feet = [x, x + 0.5 * width, x + width].map(|x| self.stand(x, side * back, 0.0).translation.vector);
-            furniture::railing(&mut self.builder, &feet);
+            fence::railing(&mut self.builder, &feet);
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Scene;
 use super::builder::Builder;
 use super::ground::{self, CROSS_HALF, CROSS_REACH, FACADE_T, KERB_T};
 use super::models::facade::{self, Wall};
-use super::models::{furniture, tree};
+use super::models::{fence, pole, tree};
 use super::street::Street;
 use crate::material::Material;
 use crate::motion::Progress;
@@ -111,16 +111,16 @@ impl Town {
                 }
                 let corner = self.stand(x0 + edge * (CROSS_HALF + 0.6), side * (KERB_T + 0.5), 0.0);
                 if edge * side > 0.0 {
-                    furniture::traffic_light(&mut self.builder, &corner);
+                    pole::traffic_light(&mut self.builder, &corner);
                 }
                 let feet = [2.2_f32, 4.2, 6.2]
                     .map(|d| self.stand(x0 + edge * (CROSS_HALF + d), side * (KERB_T + 0.3), 0.0).translation.vector);
-                furniture::railing(&mut self.builder, &feet);
+                fence::railing(&mut self.builder, &feet);
             }
             let plan = |u: f32, z: f32, out: f32| street.vertex(x0 - CROSS_HALF + u, side * (CROSS_REACH - out), z);
             self.wall_across(&plan, 2.0 * CROSS_HALF, 3, random);
             let foot = |t: f32| street.vertex(x0 + CROSS_HALF - 0.5, side * t, 0.0);
-            tree::hedge(&mut self.builder, &foot(14.0), &foot(20.0), random);
+            tree::hedge(&mut self.builder, &[foot(14.0), foot(20.0)], 1.0, random);
         }
     }
 }

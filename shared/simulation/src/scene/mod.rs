@@ -1,6 +1,7 @@
 //! What there is to see: a street that stands and things that move through it. Nothing here knows of sensors.
 
 mod builder;
+pub mod catalogue;
 mod ground;
 mod houses;
 mod layout;

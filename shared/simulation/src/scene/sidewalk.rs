@@ -2,7 +2,7 @@
 
 use super::ground::{FACADE_T, KERB_T};
 use super::layout::Town;
-use super::models::{furniture, tree};
+use super::models::{clutter, furniture, pole, sign, tree};
 use crate::random::Random;
 use std::f32::consts::PI;
 
@@ -32,21 +32,21 @@ impl Town {
             }
             1 => {
                 let pose = self.stand(x, by_kerb, yaw);
-                furniture::lamp_post(&mut self.builder, &pose);
+                pole::lamp_post(&mut self.builder, &pose, random);
             }
             2 => {
                 let pose = self.stand(x, by_kerb, yaw);
-                furniture::sign(&mut self.builder, &pose, random);
+                sign::sign(&mut self.builder, &pose, random);
             }
             4 => {
                 let pose = self.stand(x, by_wall, PI - yaw);
-                furniture::bench(&mut self.builder, &pose);
+                furniture::bench(&mut self.builder, &pose, random);
             }
             _ => {
                 let (bin, bollard) =
                     (self.stand(x, by_wall, random.range(-0.2, 0.2)), self.stand(x + 1.0, by_kerb, 0.0));
-                furniture::bin(&mut self.builder, &bin);
-                furniture::bollard(&mut self.builder, &bollard);
+                clutter::bin(&mut self.builder, &bin, random);
+                pole::bollard(&mut self.builder, &bollard, random);
             }
         }
     }
