@@ -33,17 +33,21 @@ impl Builder {
     pub fn add(&mut self, shape: Shape, surface: SurfaceId) {
         self.primitives.push(Primitive { shape, surface });
     }
-    /// The corners go around. One panel if they are those of a parallelogram, else two triangles.
+    /// The corners go around. One panel if they are those of a parallelogram, else two triangles; nothing without area, as
+    /// where a wall ends at a window's edge.
     pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4], surface: SurfaceId) {
         let (edge1, edge2) = (b - a, d - a);
         if (c - b - edge2).amax() < FLAT_M {
+            if edge1.cross(&edge2).norm_squared() == 0.0 {
+                return;
+            }
             self.add(Shape::Panel { corner: a, edge1, edge2, fill: 1.0 }, surface);
         } else {
             self.triangle([a, b, c], surface);
             self.triangle([a, c, d], surface);
         }
     }
-    /// Nothing if the corners lie on a line, as where a wall ends at a window's edge.
+    /// Nothing if the corners lie on a line.
     pub fn triangle(&mut self, [a, b, c]: [Vec3; 3], surface: SurfaceId) {
         if (b - a).cross(&(c - a)).norm_squared() > 0.0 {
             self.add(Shape::triangle(a, b, c), surface);

@@ -1,6 +1,8 @@
 //! Every model once, with what it should be: the tests check them by this list, and the catalogue's pictures show them.
 
-use super::{barrier, bridge, clutter, fence, furniture, person, pole, sign, structure, track, tree, vehicle, water};
+use super::{
+    barrier, bridge, clutter, fence, furniture, person, pole, sign, structure, track, tree, two_wheeler, vehicle, water,
+};
 use crate::random::Random;
 use crate::scene::builder::Builder;
 use crate::trace::Vec3;
@@ -161,8 +163,22 @@ pub const ENTRIES: &[Entry] = &[
     line!("person::group", [Pedestrian], [3.2, 3.2, 2.3], 0.95, |b, random| {
         person::group(b, &Isometry3::identity(), &mut || INSTANCE, random);
     }),
-    mover!(vehicle::random_model, [Vehicles], [6.0, 2.4, 2.6], 1.3),
-    mover!(vehicle::van_model, [Vehicles], [6.5, 2.4, 3.0], 1.8),
+    mover!(vehicle::car, [Vehicles], [4.8, 2.2, 1.9], 1.4),
+    mover!(vehicle::taxi, [Vehicles], [4.8, 2.2, 1.8], 1.5),
+    mover!(vehicle::van_model, [Vehicles], [5.6, 2.4, 2.5], 2.2),
+    mover!(vehicle::minibus, [Vehicles], [5.6, 2.4, 2.3], 1.9),
+    mover!(vehicle::random_model, [Vehicles], [5.6, 2.4, 2.5], 1.4),
+    mover!(vehicle::bus, [Vehicles], [12.3, 3.0, 3.3], 2.9),
+    mover!(vehicle::truck, [Vehicles], [7.6, 3.0, 3.6], 3.4),
+    mover!(two_wheeler::bicycle, [Vehicles], [1.9, 0.8, 1.2], 0.9),
+    mover!(two_wheeler::scooter, [Vehicles], [2.0, 0.9, 1.4], 1.1),
+    mover!(two_wheeler::motorcycle, [Vehicles], [2.1, 1.0, 1.4], 1.1),
+    line!("two_wheeler::cyclist", [Vehicles, Pedestrian], [1.9, 0.9, 2.0], 1.5, |b, random| {
+        let model = two_wheeler::cyclist(b, INSTANCE, 0.1, random);
+        b.place(&model, &Isometry3::identity());
+    }),
+    mover!(two_wheeler::scooter_rider, [Vehicles, Pedestrian], [2.0, 0.9, 2.0], 1.4),
+    mover!(two_wheeler::motorcyclist, [Vehicles, Pedestrian], [2.1, 1.0, 2.0], 1.4),
 ];
 
 #[cfg(test)]

@@ -19,5 +19,6 @@ pub mod sign;
 pub mod structure;
 pub mod track;
 pub mod tree;
+pub mod two_wheeler;
 pub mod vehicle;
 pub mod water;

@@ -70,6 +70,11 @@ impl Look {
             hat: random.chance(0.12),
         }
     }
+    /// The same clothes on somebody of that height who carries nothing and wears no skirt.
+    #[must_use]
+    pub const fn without_luggage(self, height_m: f32) -> Self {
+        Self { height_m, bag: Bag::None, skirt: false, ..self }
+    }
     /// Way of two steps, m: a walker that is drawn at phase p has gone p of it.
     #[allow(dead_code, reason = "for movers that swing their legs")]
     pub fn stride_m(&self) -> f32 {
@@ -100,6 +105,8 @@ pub struct Posture {
     pub shoulders: [f32; 2],
     /// Of the elbows, forward.
     pub elbows: [f32; 2],
+    /// How much farther apart the knees are than in a walk, m.
+    pub straddle: f32,
 }
 
 impl Posture {
@@ -114,6 +121,7 @@ impl Posture {
             knees: [0.1 + 0.8 * cos.max(0.0), 0.1 + 0.8 * (-cos).max(0.0)],
             shoulders: [-0.38 * sin, 0.38 * sin],
             elbows: [0.35; 2],
+            straddle: 0.0,
         }
     }
     /// Standing, the arms as chance has it: hanging, folded, with a telephone.
@@ -128,6 +136,7 @@ impl Posture {
             knees: [0.05; 2],
             shoulders: [shoulder, other],
             elbows: [elbow, other_elbow],
+            straddle: 0.0,
         }
     }
     /// On a seat of the given height, hands on the knees.
@@ -139,6 +148,7 @@ impl Posture {
             knees: [1.45, 1.5],
             shoulders: [0.5; 2],
             elbows: [0.8; 2],
+            straddle: 0.08,
         }
     }
 }
@@ -166,7 +176,7 @@ pub fn standing(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Prim
 
 /// Somebody on a seat of 0.46 m height at the origin, looking along x.
 pub fn sitting(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primitive> {
-    let look = Look { bag: Bag::None, skirt: false, height_m: random.range(1.55, 1.9), ..Look::random(random) };
+    let look = Look::random(random).without_luggage(random.range(1.55, 1.9));
     let mut f = Frame::of_instance(b, instance);
     figure(&mut f, &look, &Posture::sitting(0.46));
     f.model()
@@ -277,7 +287,9 @@ fn leg(f: &mut Frame<'_>, look: &Look, posture: &Posture, side: usize, hips: f32
     let thigh = posture.thighs[side];
     let shin = thigh - posture.knees[side];
     let hip = [0.0, y, hips];
-    let knee = swing(hip, LEG * h, thigh);
+    let aside = if side == 0 { 0.5 * posture.straddle } else { -0.5 * posture.straddle };
+    let [x, y, z] = swing(hip, LEG * h, thigh);
+    let knee = [x, y + aside, z];
     let ankle = swing(knee, LEG * h, shin);
     let skin_below = if look.skirt { clothes.skin } else { clothes.legs };
     f.cone(hip, knee, [0.046 * h * g, 0.034 * h], clothes.legs);
