@@ -62,7 +62,7 @@ impl Town {
         let pose = self.stand_at(&at(middle, setback + 0.5 * f64::from(depth)), LAWN_H, yaw);
         cottage::detached(&mut self.builder, &pose, house_width, depth, random);
         if random.chance(0.55) {
-            let instance = self.instance();
+            let instance = self.instances.next();
             let model = fleet::parked(&mut self.builder, instance, random);
             let turn = if random.chance(0.5) { 0.5 * PI } else { -0.5 * PI };
             let pose = line.leaning(drive, side * (outer + 4.2), LAWN_H, turn);

@@ -13,7 +13,7 @@ const CROSSWALK: [f64; 2] = [0.5, 3.0];
 /// Stop lines before crosswalks.
 pub const STOP_LINE: [f64; 2] = [4.0, 4.5];
 /// Stop lines of lanes without lights.
-const YIELD_LINE: [f64; 2] = [0.5, 1.0];
+pub const YIELD_LINE: [f64; 2] = [0.5, 1.0];
 /// Length of the cells along streets, m: where it matters, and elsewhere.
 const CELL_M: [f64; 2] = [0.5, 1.5];
 /// How far below the terrain the meadows under and behind all lie, m: below every road.

@@ -181,18 +181,11 @@ impl Town {
         }
     }
 
-    /// Two to four people who stand around a place and look at each other, `h` m above the terrain.
+    /// Two to four people who talk at a place, `h` m above the terrain.
     pub fn group(&mut self, p: &nalgebra::Vector2<f64>, h: f64, random: &mut Random) {
-        let n = 2 + random.index(3);
-        let turn = f64::from(random.range(0.0, 6.0));
-        for i in 0..n {
-            let angle = turn + 2.0 * PI * i as f64 / n as f64;
-            let at = p + nalgebra::Vector2::new(angle.cos(), angle.sin()) * 0.5;
-            let pose = self.stand_at(&at, h, angle + PI + f64::from(random.range(-0.3, 0.3)));
-            let instance = self.instance();
-            let model = person::model(&mut self.builder, instance, random);
-            self.builder.place(&model, &pose);
-        }
+        let pose = self.stand_at(p, h, 0.0);
+        let Self { builder, instances, .. } = self;
+        person::group(builder, &pose, &mut || instances.next(), random);
     }
 
     /// Railings that keep people from crossing beside the crosswalk.

@@ -12,6 +12,7 @@
 //! | `traffic`, `mover`, `clearance` | what moves |
 
 mod builder;
+pub mod catalogue;
 mod clearance;
 mod cottage;
 mod country;

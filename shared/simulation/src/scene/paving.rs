@@ -21,14 +21,12 @@ pub enum Paving {
     Cobble,
     /// Of meadows and lawns.
     Grass,
-    /// Rails in the road.
-    Rail,
 }
 
 /// The surfaces of all covers.
 #[derive(Clone, Copy, Debug)]
 pub struct Pavings {
-    ids: [SurfaceId; 8],
+    ids: [SurfaceId; 7],
 }
 
 impl Pavings {
@@ -42,7 +40,6 @@ impl Pavings {
             (ClassId::Ground, Material::Concrete),
             (ClassId::Ground, Material::Granite),
             (ClassId::Terrain, Material::Grass),
-            (ClassId::RailTrack, Material::PaintSilver),
         ];
         Self { ids: kinds.map(|(class, material)| b.surface(class, 0, material)) }
     }

@@ -67,7 +67,7 @@ pub fn build(kind: Kind, seed: u64, seconds: f64) -> Drive {
     let mut builder = Builder::default();
     let pavings = Pavings::new(&mut builder);
     let uses = BlockUse::of_blocks(&network, kind, &mut random);
-    let mut town = Town { kind, builder, network, reach, pavings, stretches, uses, seed, n_instances: 0 };
+    let mut town = Town { kind, builder, network, reach, pavings, stretches, uses, instances: Instances::default() };
     town.pave();
     town.fill(&mut random);
     let movers = town.traffic(&way, &legs, &driver, &pace, seconds, &mut random);
@@ -119,17 +119,23 @@ pub struct Town {
     pub stretches: [Stretch; 7],
     /// What the blocks are used for, by their number.
     pub uses: Vec<BlockUse>,
-    pub seed: u64,
-    n_instances: u16,
+    pub instances: Instances,
+}
+
+/// Gives every vehicle and person a number.
+#[derive(Debug, Default)]
+pub struct Instances(u16);
+
+impl Instances {
+    /// The next one; 0 means none.
+    pub fn next(&mut self) -> u16 {
+        // The longest round holds a few thousand.
+        self.0 = self.0.checked_add(1).unwrap_or_else(|| unreachable!("more than 65535 instances"));
+        self.0
+    }
 }
 
 impl Town {
-    /// The next instance id; 0 means none.
-    pub fn instance(&mut self) -> u16 {
-        // The longest round holds a few thousand.
-        self.n_instances = self.n_instances.checked_add(1).unwrap_or_else(|| unreachable!("more than 65535 instances"));
-        self.n_instances
-    }
     /// Whether the recording vehicle drives on a street.
     pub fn is_on_round(&self, street: usize) -> bool {
         self.network.round.iter().any(|leg| leg.street == street)
@@ -189,6 +195,7 @@ impl Town {
                 Kind::Rural | Kind::Field | Kind::Tunnel => self.rural_street(street, random),
             }
             self.park_cars(street, random);
+            self.waiting_cars(street, random);
         }
         self.open_blocks(random);
     }

@@ -90,7 +90,7 @@ impl Town {
     }
 
     fn vehicle_on(&mut self, way: &Arc<Way>, timing: Timing, random: &mut Random) -> Option<Mover> {
-        let instance = self.instance();
+        let instance = self.instances.next();
         let model = fleet::moving(&mut self.builder, instance, random);
         Mover::new(model, Route { way: way.clone(), left_m: 0.0, leans: true, timing })
     }
@@ -149,7 +149,7 @@ impl Town {
     }
 
     fn person_on(&mut self, way: &Arc<Way>, timing: Timing, random: &mut Random) -> Option<Mover> {
-        let instance = self.instance();
+        let instance = self.instances.next();
         let model = person::model(&mut self.builder, instance, random);
         Mover::new(model, Route { way: way.clone(), left_m: 0.0, leans: false, timing })
     }
