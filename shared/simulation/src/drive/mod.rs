@@ -5,7 +5,7 @@ mod lidar_files;
 mod manifest;
 
 use crate::error::SimulationError;
-use crate::motion::{Motion, Progress};
+use crate::motion::Motion;
 use crate::random::{hash, unit};
 use crate::rig;
 use crate::scene::{self, Scene};
@@ -46,10 +46,10 @@ impl Simulation {
     /// Builds the town of a spec.
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
-        let progress = Progress { phase: f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU };
-        let scene = scene::build(spec.seed, spec.seconds, progress);
+        let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
+        let scene::Drive { scene, way, pace } = scene::build(spec.town, spec.seed, spec.seconds);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
-        let motion = Motion::new(begin, progress, scene.street.clone(), scene::LANE_T);
+        let motion = Motion::new(begin, way, pace, phase);
         Ok(Self { spec: spec.clone(), scene, motion })
     }
     /// The lidar in it.
