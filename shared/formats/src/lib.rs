@@ -14,6 +14,7 @@ pub mod pgm;
 pub mod ply;
 pub mod problems;
 pub mod recording;
+pub mod sensor_calibration;
 pub mod toml_file;
 pub mod trajectory;
 pub mod velodyne;

@@ -3,13 +3,38 @@
 use crate::error::SimulationError;
 use crate::rig::{CalibrationError, RigSpec};
 use crate::sensors::lidar::LidarModel;
+use crate::sensors::mosaic::EXPOSURE_NANOS;
 use messages::ClassId;
 
 /// The kind of town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Town {
-    /// One street between houses.
+    /// Blocks of houses, squares and parks; crossings with lights.
     Urban,
+    /// Houses in gardens along curved roads.
+    Suburban,
+    /// A country road: village, fields, forest, tunnel, level crossing, canal, farms.
+    Rural,
+    /// The same road between open fields: nothing stands near it but at its village.
+    Field,
+    /// The same road through tunnels; the drive begins before the first one.
+    Tunnel,
+}
+
+impl Town {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel];
+
+    /// As it is called on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Urban => "urban",
+            Self::Suburban => "suburban",
+            Self::Rural => "rural",
+            Self::Field => "field",
+            Self::Tunnel => "tunnel",
+        }
+    }
 }
 
 /// A drive by its seed. Equal specs give equal bytes.
@@ -19,7 +44,7 @@ pub struct DriveSpec {
     pub town: Town,
     /// Of everything random: the town, its traffic, the noise of the sensors.
     pub seed: u64,
-    /// Length, s: 0.2 to 120. The last revolution of the lidar is completed.
+    /// Length, s: 0.2 to 600. The last revolution of the lidar is completed.
     pub seconds: f64,
     /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser. 1 to 100.
     pub lidar_step: u32,
@@ -27,6 +52,10 @@ pub struct DriveSpec {
     pub cameras: bool,
     /// Whether the mosaic cameras record.
     pub mosaics: bool,
+    /// Exposure of the mosaic cameras and of their dark reference, ns: 0.1 to 1000 ms.
+    pub mosaic_exposure_nanos: u64,
+    /// Whether `truth/visibility` is written: which returns each camera sees. For up to 8 cameras.
+    pub truth_visibility: bool,
     /// The vehicle, as its maker measured it.
     pub rig: RigSpec,
     /// How far the true mountings are from those.
@@ -45,6 +74,8 @@ impl DriveSpec {
             mosaics: true,
             rig: RigSpec::l3d2(),
             calibration_error: CalibrationError::default(),
+            mosaic_exposure_nanos: EXPOSURE_NANOS,
+            truth_visibility: false,
         }
     }
     /// The same drive with a sparse lidar alone, for tests.
@@ -58,9 +89,9 @@ impl DriveSpec {
     }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
-        // Two minutes are 1.3 km of street and 1.7 GB of drive.
-        if !(0.2..=120.0).contains(&self.seconds) {
-            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 120");
+        // Ten minutes are three rounds of 1.5 km and 8 GB of drive.
+        if !(0.2..=600.0).contains(&self.seconds) {
+            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 600");
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
@@ -71,6 +102,14 @@ impl DriveSpec {
         }
         if !(0.0..=1.0).contains(&translation_m) {
             return bad("calibration_error.translation_m", translation_m.to_string(), "must be 0 to 1");
+        }
+        if !(100_000..=1_000_000_000).contains(&self.mosaic_exposure_nanos) {
+            let value = self.mosaic_exposure_nanos.to_string();
+            return bad("mosaic_exposure_nanos", value, "must be 100000 to 1000000000");
+        }
+        let n_cameras = self.rig.cameras.len() + self.rig.mosaics.len();
+        if self.truth_visibility && n_cameras > 8 {
+            return bad("truth_visibility", "true".into(), "is for rigs of up to 8 cameras");
         }
         Ok(())
     }

@@ -2,8 +2,8 @@
 
 use crate::rig::{CameraSpec, MosaicSpec};
 use crate::sensors::gnss::ORIGIN;
-use crate::sensors::mosaic::{BIT_DEPTH, EXPOSURE_NANOS, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
-use crate::spec::{DriveSpec, Town};
+use crate::sensors::mosaic::{BIT_DEPTH, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
+use crate::spec::DriveSpec;
 use formats::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry,
 };
@@ -15,7 +15,6 @@ pub const CALIBRATION_FILE: &str = "truth/calibration.toml";
 pub const GNSS_TRUTH_FILE: &str = "truth/gnss.csv";
 
 pub fn manifest(spec: &DriveSpec) -> Manifest {
-    let Town::Urban = spec.town;
     let rig = &spec.rig;
     let gnss = rig.gnss.map(|gnss| GnssEntry {
         file: GNSS_FILE.into(),
@@ -24,7 +23,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
     });
     Manifest {
         version: MANIFEST_VERSION,
-        name: format!("simulated urban street, seed {}, {} s", spec.seed, spec.seconds),
+        name: format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds),
         lidar: LidarEntry {
             model: rig.lidar.model.name().into(),
             format: "pcap".into(),
@@ -32,7 +31,11 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             body_from_lidar: rig.lidar.body_from_lidar.into(),
         },
         cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
-        mosaics: if spec.mosaics { rig.mosaics.iter().map(mosaic).collect() } else { Vec::new() },
+        mosaics: if spec.mosaics {
+            rig.mosaics.iter().map(|entry| mosaic(entry, spec.mosaic_exposure_nanos)).collect()
+        } else {
+            Vec::new()
+        },
         truth: Some(TruthEntry {
             trajectory: TRAJECTORY_FILE.into(),
             labels: "truth/labels".into(),
@@ -54,19 +57,19 @@ fn camera((index, camera): (usize, &CameraSpec)) -> CameraEntry {
     }
 }
 
-fn mosaic(mosaic: &MosaicSpec) -> MosaicEntry {
+fn mosaic(mosaic: &MosaicSpec, exposure_nanos: u64) -> MosaicEntry {
     let sensor = &mosaic.sensor;
     MosaicEntry {
         name: mosaic.name.clone(),
         folder: mosaic.name.clone(),
-        exposure_nanos: EXPOSURE_NANOS,
-        dark_exposure_nanos: EXPOSURE_NANOS,
+        exposure_nanos,
+        dark_exposure_nanos: exposure_nanos,
         white_exposure_nanos: WHITE_EXPOSURE_NANOS,
         white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,
         bit_depth: BIT_DEPTH,
         pattern: sensor.pattern as u32,
         active_area: sensor.active_area.map(|v| v as u32),
-        wavelengths_nm: sensor.bands().iter().map(|band| f64::from(band.center_nm)).collect(),
+        wavelengths_nm: sensor.bands().iter().map(|band| (f64::from(band.center_nm) * 10.0).round() / 10.0).collect(),
         body_from_camera: mosaic.body_from_camera.into(),
         model: mosaic.lens.clone(),
     }

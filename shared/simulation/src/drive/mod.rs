@@ -1,24 +1,26 @@
 //! A whole drive as a folder (`formats::manifest`).
 
+mod camera_files;
 mod files;
 mod lidar_files;
 mod manifest;
+mod visibility;
 
 use crate::error::SimulationError;
-use crate::motion::{Motion, Progress};
+use crate::motion::Motion;
 use crate::random::{hash, unit};
 use crate::rig::RigSpec;
 use crate::scene::{self, Scene};
 use crate::sensors::camera::ColorCamera;
+use crate::sensors::exposure::Exposure;
 use crate::sensors::gnss::{self, Epoch};
 use crate::sensors::lidar::{Lidar, LidarModel};
-use crate::sensors::mosaic::{BIT_DEPTH, MosaicCamera, SIZE};
+use crate::sensors::mosaic::MosaicCamera;
 use crate::sensors::{imu, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
-use formats::pgm::pgm_from_samples;
-use geometry::{CameraModel, Pose, Stamp};
+use geometry::{Pose, Stamp};
 use messages::ClassId;
 use std::path::Path;
 
@@ -50,11 +52,10 @@ impl Simulation {
     /// Builds the town of a spec.
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
-        let progress = Progress { phase: f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU };
-        let scene = scene::build(spec.seed, spec.seconds, progress);
+        let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
+        let scene::Drive { scene, way, pace } = scene::build(spec.town, spec.seed, spec.seconds);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
-        let motion =
-            Motion::new(begin, progress, scene.street.clone(), scene::LANE_T).with_body_height(spec.rig.body_height_m);
+        let motion = Motion::new(begin, way, pace, phase).with_body_height(spec.rig.body_height_m);
         let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
         Ok(Self { spec: spec.clone(), scene, motion, rig })
     }
@@ -71,12 +72,19 @@ impl Simulation {
     pub fn exposures(&self) -> Vec<Stamp> {
         trigger::exposures(&self.motion, &self.rig.trigger, self.spec.seconds)
     }
-    /// The picture of color camera `index` at a stamp.
+    /// The pictures of the color cameras `group` (indexes), which fire together and share their gain, at a stamp.
+    pub fn images(&self, camera: &ColorCamera, group: &[usize], stamp: Stamp) -> Vec<Vec<u8>> {
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        let pictures = exposures.iter().zip(group);
+        pictures.map(|(exposure, index)| camera.shoot(exposure, gain, self.image_seed(*index, stamp))).collect()
+    }
+    /// The picture of color camera `index` alone: the same as in [`Self::images`].
     pub fn image(&self, camera: &ColorCamera, index: usize, stamp: Stamp) -> Vec<u8> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * self.rig.cameras[index].body_from_camera;
-        let seed = hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let group = self.rig.lens_groups().into_iter().find(|group| group.contains(&index)).unwrap_or_default();
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        camera.shoot(&self.color_exposure(index, stamp), gain, self.image_seed(index, stamp))
     }
     /// What the receiver says in every second; nothing if the vehicle has none.
     pub fn epochs(&self) -> Vec<Epoch> {
@@ -87,10 +95,18 @@ impl Simulation {
     }
     /// The raw samples of mosaic camera `index` at a stamp.
     pub fn mosaic(&self, camera: &MosaicCamera, index: usize, stamp: Stamp) -> Vec<u16> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * self.rig.mosaics[index].body_from_camera;
         let seed = hash(hash(self.spec.seed, MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let body_from_camera = self.rig.mosaics[index].body_from_camera;
+        let nanos = camera.exposure_nanos();
+        camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
+    }
+    fn color_exposure(&self, index: usize, stamp: Stamp) -> Exposure<'_> {
+        let camera = &self.rig.cameras[index];
+        let seed = self.image_seed(index, stamp);
+        Exposure::new(&self.scene, &self.motion, &camera.body_from_camera, stamp, camera.exposure_nanos, seed)
+    }
+    fn image_seed(&self, index: usize, stamp: Stamp) -> u64 {
+        hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
     }
 }
 
@@ -130,10 +146,14 @@ pub fn write_simulation(
     write_pose_sensors(simulation, &folder, &epochs)?;
     lidar_files::write(simulation, &folder, &epochs, &mut report, &mut |n| meter.add(n as f64 * PACKET_WORK))?;
     if simulation.spec.cameras {
-        report.n_images = write_images(simulation, &folder, &exposures, &mut meter)?;
+        report.n_images = camera_files::write_images(simulation, &folder, &exposures, &mut meter)?;
     }
     if simulation.spec.mosaics {
-        report.n_mosaics = write_mosaics(simulation, &folder, &exposures, &mut meter)?;
+        report.n_mosaics = camera_files::write_mosaics(simulation, &folder, &exposures, &mut meter)?;
+    }
+    camera_files::write_materials(&folder)?;
+    if simulation.spec.truth_visibility {
+        visibility::write(simulation, &folder, &exposures)?;
     }
     folder.write("drive.toml", toml::to_string(&manifest::manifest(&simulation.spec))?.as_bytes())?;
     folder.complete(out)?;
@@ -160,57 +180,8 @@ fn write_pose_sensors(simulation: &Simulation, folder: &Folder, epochs: &[Epoch]
     folder.write(manifest::CALIBRATION_FILE, toml::to_string(&rig.calibration())?.as_bytes())
 }
 
-fn write_images(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    for (index, camera) in simulation.rig.cameras.iter().enumerate() {
-        let eye = ColorCamera::new(&camera.lens);
-        for stamp in exposures {
-            let pixels = simulation.image(&eye, index, *stamp);
-            folder.write_jpeg(&format!("camera/{index}/{}.jpg", stamp.0), &pixels, eye.size())?;
-            meter.add(image_work(&camera.lens));
-        }
-    }
-    Ok((exposures.len() * simulation.rig.cameras.len()) as u32)
-}
-
-fn write_mosaics(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    for (index, mosaic) in simulation.rig.mosaics.iter().enumerate() {
-        let name = &mosaic.name;
-        let camera = MosaicCamera::new(mosaic.sensor.clone(), &mosaic.lens);
-        let write = |path: String, samples: Vec<u16>| {
-            folder.write(&path, &pgm_from_samples(SIZE[0] as u32, SIZE[1] as u32, (1 << BIT_DEPTH) - 1, &samples))
-        };
-        let seed = hash(simulation.spec.seed, MOSAIC_STREAM ^ (index as u64 + 1) << 8);
-        write(format!("{name}/dark/0.pgm"), camera.dark(hash(seed, 1)))?;
-        write(format!("{name}/white/0.pgm"), camera.white(hash(seed, 2)))?;
-        for stamp in exposures {
-            write(format!("{name}/{}.pgm", stamp.0), simulation.mosaic(&camera, index, *stamp))?;
-            meter.add(MOSAIC_WORK);
-        }
-    }
-    Ok((exposures.len() * simulation.rig.mosaics.len()) as u32)
-}
-
-/// Work of a packet, a pixel of an image and a mosaic in measured ms of one core, for an even progress.
+/// Work of a packet in measured ms of one core, for an even progress.
 const PACKET_WORK: f64 = 0.6;
-/// See [`PACKET_WORK`].
-const PIXEL_WORK: f64 = 2.2e-3;
-/// See [`PACKET_WORK`].
-const MOSAIC_WORK: f64 = 350.0;
-
-fn image_work(lens: &CameraModel) -> f64 {
-    let (width, height) = lens.size();
-    f64::from(width) * f64::from(height) * PIXEL_WORK
-}
 
 struct Meter<'a> {
     done: f64,
@@ -222,8 +193,8 @@ impl<'a> Meter<'a> {
     fn new(simulation: &Simulation, n_exposures: usize, tell: &'a mut dyn FnMut(f64)) -> Self {
         let Simulation { spec, rig, .. } = simulation;
         let packets = spec.lidar_model().n_packets(spec.seconds) as f64 * PACKET_WORK;
-        let images: f64 = rig.cameras.iter().map(|camera| image_work(&camera.lens)).sum();
-        let mosaics = rig.mosaics.len() as f64 * MOSAIC_WORK;
+        let images: f64 = rig.cameras.iter().map(|camera| camera_files::image_work(&camera.lens)).sum();
+        let mosaics = rig.mosaics.len() as f64 * camera_files::MOSAIC_WORK;
         let exposure = if spec.cameras { images } else { 0.0 } + if spec.mosaics { mosaics } else { 0.0 };
         Self { done: 0.0, total: packets + n_exposures as f64 * exposure, tell }
     }

@@ -125,6 +125,18 @@ impl RigSpec {
         Self::from_toml(Path::new(name), text).ok()
     }
 
+    /// Indexes of color cameras with equal lenses: they are taken for one instrument, whose cameras share their gain.
+    pub fn lens_groups(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            match groups.iter_mut().find(|group| self.cameras[group[0]].lens == camera.lens) {
+                Some(group) => group.push(index),
+                None => groups.push(vec![index]),
+            }
+        }
+        groups
+    }
+
     /// Reads the text of a rig file; the path is for messages. The error has all faults at once.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self, FileError> {
         file::read(path, text)

@@ -1,22 +1,48 @@
-//! What there is to see: a street that stands and things that move through it. Nothing here knows of sensors.
+//! What there is to see: a town that stands and things that move through it. Nothing here knows of sensors.
+//!
+//! | module | says |
+//! |---|---|
+//! | `terrain`, `profile`, `street`, `network` | the lie of the land and the street map |
+//! | `grid`, `country` | street maps of towns |
+//! | `lane`, `reach` | where vehicles drive, and what of the town is near enough to be built |
+//! | `paving`, `ground`, `junction` | what covers the ground |
+//! | `town` | the order in which a town is filled |
+//! | `rows`, `gardens`, `open_blocks`, `rural`, `crossings`, `kerbside`, `parking` | what stands where |
+//! | `models` | how it looks |
+//! | `traffic`, `mover`, `clearance` | what moves |
 
 mod builder;
-mod car;
-mod facade;
-mod furniture;
+pub mod catalogue;
+mod clearance;
+mod cottage;
+mod country;
+mod crossings;
+mod fleet;
+mod gardens;
+mod grid;
 mod ground;
-mod houses;
-mod layout;
+mod junction;
+mod kerbside;
+mod lane;
+mod models;
 mod mover;
-mod person;
-mod sidewalk;
+mod network;
+mod open_blocks;
+mod parking;
+mod paving;
+mod profile;
+mod reach;
+mod rows;
+mod rural;
 mod street;
+mod terrain;
+mod town;
 mod traffic;
-mod tree;
 
-pub use layout::{LANE_T, build};
-pub use mover::{Mover, Route};
-pub use street::Street;
+pub use mover::{Mover, Route, Timing};
+pub use profile::LANE_T;
+pub use terrain::{MAX_SLOPE, Terrain};
+pub use town::{Drive, build};
 
 use crate::material::Material;
 use crate::trace::{Bvh, Placed, Primitive, Ray, Swarm, Vec3};
@@ -37,8 +63,6 @@ pub struct Surface {
 /// The whole town, in the world frame (east, north, up).
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The street's course.
-    pub street: Street,
     statics: Bvh,
     movers: Vec<Mover>,
     surfaces: Vec<Surface>,
@@ -137,7 +161,7 @@ impl Scene {
 
     fn placed(&self, number: usize, seconds: f64) -> Placed {
         let mover = &self.movers[number];
-        let world_from_object = mover.pose(&self.street, seconds);
+        let world_from_object = mover.pose(seconds);
         let center = (world_from_object * Point3::from(mover.center)).coords;
         Placed { number, world_from_object, center, radius: mover.radius }
     }

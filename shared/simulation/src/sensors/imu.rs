@@ -168,12 +168,11 @@ fn normal(of: u64) -> Vector3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Progress;
-    use crate::scene::Street;
+    use crate::motion::example;
     use geometry::Stamp;
 
     fn motion() -> Motion {
-        Motion::new(Stamp(5), Progress { phase: 0.0 }, Street::new(300.0, 0.0), -1.6)
+        example(Stamp(5), 110.0)
     }
 
     fn spec(grade: Grade, position_in_body: [f64; 3]) -> ImuSpec {

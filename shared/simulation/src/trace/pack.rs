@@ -23,6 +23,9 @@ impl Flat {
     pub fn of(shape: &Shape) -> Option<Self> {
         match *shape {
             Shape::Triangle { corner, edge1, edge2 } => Some(Self { corner, edge1, edge2, reach: 1.0 }),
+            Shape::Panel { corner, edge1, edge2, fill } if fill >= 1.0 => {
+                Some(Self { corner, edge1, edge2, reach: 2.0 })
+            }
             _ => None,
         }
     }
