@@ -15,9 +15,9 @@ use std::fmt::Write;
 /// Frames of each reference.
 const N_REFERENCES: u64 = 2;
 /// Work of an image and a mosaic in measured ms of one core, for an even progress.
-pub const IMAGE_WORK: f64 = 700.0;
+pub const IMAGE_WORK: f64 = 1000.0;
 /// See [`IMAGE_WORK`].
-pub const MOSAIC_WORK: f64 = 350.0;
+pub const MOSAIC_WORK: f64 = 1000.0;
 
 /// The color cameras' images; how many.
 pub fn write_images(

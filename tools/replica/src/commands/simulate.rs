@@ -19,6 +19,12 @@ pub struct Args {
     /// Length of the drive, s (0.2 to 600); about 12 MB per second.
     #[arg(long, default_value_t = 12.0)]
     seconds: f64,
+    /// Exposure of the mosaic cameras, ms (0.1 to 1000).
+    #[arg(long, default_value_t = 5.0)]
+    mosaic_exposure_ms: f64,
+    /// Write truth/visibility, too: which cameras saw each return (docs/simulation.md). Takes as long as the rest.
+    #[arg(long)]
+    truth_visibility: bool,
     /// Folder to make; it must not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -52,7 +58,13 @@ impl From<TownName> for Town {
 
 /// Runs the command. What was made goes to stdout, the progress to stderr if that is a terminal.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let spec = DriveSpec { town: args.town.into(), ..DriveSpec::urban(args.seed, args.seconds) };
+    let spec = DriveSpec {
+        town: args.town.into(),
+        // A negative or absurd number becomes 0 or the largest, which the check names.
+        mosaic_exposure_nanos: (args.mosaic_exposure_ms * 1e6).round() as u64,
+        truth_visibility: args.truth_visibility,
+        ..DriveSpec::urban(args.seed, args.seconds)
+    };
     let bar = progress_bar();
     let result = write_drive(&spec, &args.out, &mut |share| bar.set_position((share * STEPS as f64) as u64));
     bar.finish_and_clear();
