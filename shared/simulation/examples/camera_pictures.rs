@@ -17,6 +17,7 @@ fn main() {
     let stamp = simulation.motion.begin.plus_nanos((seconds * 1e9) as i64);
     pictures::six_cameras(&simulation, stamp).save(folder.join("six_cameras.jpg")).unwrap();
     pictures::raw_mosaic(&simulation, stamp).save(folder.join("raw_mosaic.png")).unwrap();
+    pictures::levels(&simulation, stamp);
     std::fs::write(folder.join("spectra.svg"), pictures::spectra_svg()).unwrap();
 }
 
@@ -74,6 +75,22 @@ mod pictures {
         sheet
     }
 
+    /// How the samples of HS03 spread over the range at a short and at a long exposure.
+    pub fn levels(simulation: &Simulation, stamp: Stamp) {
+        for milliseconds in [5, 100] {
+            let camera = MosaicCamera::new(MosaicModel::hs03(), &rig::mosaic_lens()).exposed(milliseconds * 1_000_000);
+            let samples = simulation.mosaic(&camera, 1, stamp);
+            let share = |low: u16, high: u16| {
+                100.0 * samples.iter().filter(|s| (low..=high).contains(*s)).count() as f64 / samples.len() as f64
+            };
+            println!(
+                "hs03 at {milliseconds} ms: {:.0} % of the samples in the lowest eighth of the range, {:.0} % saturated",
+                share(0, 127),
+                share(1023, 1023)
+            );
+        }
+    }
+
     /// Reflectance of six materials from 400 to 1000 nm, with the ranges of the cameras.
     pub fn spectra_svg() -> String {
         let materials = [
@@ -82,7 +99,7 @@ mod pictures {
             (Material::Brick, "#b5482f"),
             (Material::Limestone, "#c9a227"),
             (Material::PaintBlue, "#2456c4"),
-            (Material::Skin, "#d58a94"),
+            (Material::SkinLight, "#d58a94"),
         ];
         let x = |nm: f32| 50.0 + (nm - 400.0) * 0.9;
         let y = |reflectance: f32| 330.0 - reflectance * 400.0;

@@ -14,9 +14,9 @@ use std::fmt::Write;
 /// Frames of each reference.
 const N_REFERENCES: u64 = 2;
 /// Work of a pixel of an image and of a mosaic in measured ms of one core, for an even progress.
-const PIXEL_WORK: f64 = 2.2e-3;
+const PIXEL_WORK: f64 = 3.2e-3;
 /// See [`PIXEL_WORK`].
-pub const MOSAIC_WORK: f64 = 350.0;
+pub const MOSAIC_WORK: f64 = 1000.0;
 
 /// Work of an image, ms of one core.
 pub fn image_work(lens: &CameraModel) -> f64 {

@@ -27,6 +27,12 @@ pub struct Args {
     /// How far sensors sit from where drive.toml says: standard deviations in deg (0 to 10) and cm (0 to 100).
     #[arg(long, value_name = "DEG,CM", default_value = "0,0", value_parser = calibration_error)]
     calibration_error: CalibrationError,
+    /// Exposure of the mosaic cameras, ms (0.1 to 1000).
+    #[arg(long, default_value_t = 5.0)]
+    mosaic_exposure_ms: f64,
+    /// Write truth/visibility, too: which cameras saw each return (docs/simulation.md). Takes as long as the rest.
+    #[arg(long)]
+    truth_visibility: bool,
     /// Folder to make; it must not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -67,9 +73,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::from(stage::exit::CONFIGURATION));
         }
     };
-    let calibration_error = args.calibration_error;
-    let spec =
-        DriveSpec { town: args.town.into(), rig, calibration_error, ..DriveSpec::urban(args.seed, args.seconds) };
+    let spec = DriveSpec {
+        town: args.town.into(),
+        // A negative or absurd number becomes 0 or the largest, which the check names.
+        mosaic_exposure_nanos: (args.mosaic_exposure_ms * 1e6).round() as u64,
+        truth_visibility: args.truth_visibility,
+        rig,
+        calibration_error: args.calibration_error,
+        ..DriveSpec::urban(args.seed, args.seconds)
+    };
     let bar = progress_bar();
     let result = write_drive(&spec, &args.out, &mut |share| bar.set_position((share * STEPS as f64) as u64));
     bar.finish_and_clear();
