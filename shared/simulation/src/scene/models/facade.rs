@@ -137,18 +137,17 @@ impl Front<'_> {
 
     /// Edges of the bays from 0 to the length; one of them holds the passage.
     fn bays(&self) -> Vec<f32> {
-        let evenly = |ends: [f32; 2]| cuts_of(ends, (ends[1] - ends[0]) / self.n_bays(ends[1] - ends[0]) - 1e-4);
+        let evenly = |[from, to]: [f32; 2]| {
+            let n = ((to - from) / self.style.bay_m).round().max(1.0) as usize;
+            (0..=n).map(move |i| from + (to - from) * i as f32 / n as f32)
+        };
         match self.gate {
             Some([from, to]) => {
                 let (left, right) = (evenly([0.0, from - GATE_PIER_M]), evenly([to + GATE_PIER_M, self.length]));
-                left.into_iter().chain(right).collect()
+                left.chain(right).collect()
             }
-            None => evenly([0.0, self.length]),
+            None => evenly([0.0, self.length]).collect(),
         }
-    }
-
-    fn n_bays(&self, length: f32) -> f32 {
-        (length / self.style.bay_m).round().max(1.0)
     }
 
     /// How far the wall stands out at a place, m: swells of 4 m, 1.3 m and 0.5 m.

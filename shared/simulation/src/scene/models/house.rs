@@ -110,7 +110,7 @@ pub fn detached(b: &mut Builder, pose: &Isometry3<f32>, width: f32, depth: f32, 
 
 /// An apartment house that stands alone, all sides with windows.
 pub fn apartments(b: &mut Builder, pose: &Isometry3<f32>, width: f32, depth: f32, floors: usize, random: &mut Random) {
-    let style = Style::modern(random);
+    let style = Style { shops: false, ..Style::modern(random) };
     let lot = Lot { width, depth, floors, open: [true; 2], gate: false };
     let door = Some(random.range(0.2, 0.8) * width);
     free_standing(b, &around(pose, width, depth), &lot, &style, door, random);

@@ -40,12 +40,13 @@ pub fn build(b: &mut Builder, plan: Plan<'_>, body: &Body, style: &Style, random
         gable(b, plan, body, &outline, u, wall);
     }
     match style.roof {
-        Roof::Mansard => {
-            dormers(b, plan, body, style, cover);
-            chimneys(b, plan, body, 2.4, random);
-        }
-        Roof::Gabled => chimneys(b, plan, body, outline[1][1] - 0.8, random),
+        Roof::Mansard => dormers(b, plan, body, style, cover),
+        Roof::Gabled => {}
         Roof::Flat => parapet(b, plan, body, style, random),
+    }
+    if style.chimneys {
+        let ridge = outline.iter().map(|place| place[1]).fold(0.0, f32::max);
+        chimneys(b, plan, body, (ridge - 0.8).max(0.0), random);
     }
 }
 

@@ -48,6 +48,8 @@ pub struct Style {
     pub uneven_m: f32,
     /// The roof.
     pub roof: Roof,
+    /// Whether chimneys stand on it.
+    pub chimneys: bool,
 }
 
 /// Where a house has balconies.
@@ -124,6 +126,7 @@ impl Style {
             recess_m: 0.28,
             uneven_m: 0.025,
             roof: Roof::Mansard,
+            chimneys: true,
         }
     }
 
@@ -158,6 +161,7 @@ impl Style {
             recess_m: 0.2,
             uneven_m: 0.045,
             roof: random.pick([Roof::Gabled, Roof::Gabled, Roof::Mansard]),
+            chimneys: true,
         }
     }
 
@@ -184,6 +188,7 @@ impl Style {
             recess_m: 0.16,
             uneven_m: 0.02,
             roof: random.pick([Roof::Gabled, Roof::Flat]),
+            chimneys: true,
         }
     }
 
@@ -211,6 +216,7 @@ impl Style {
             recess_m: 0.14,
             uneven_m: 0.012,
             roof: Roof::Flat,
+            chimneys: false,
         }
     }
 
@@ -243,6 +249,7 @@ impl Style {
             surrounds: false,
             quoins: false,
             shutters: None,
+            chimneys: false,
             ..Self::cottage(random)
         }
     }
