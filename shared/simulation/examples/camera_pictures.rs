@@ -78,7 +78,8 @@ mod pictures {
     /// How the samples of HS03 spread over the range at a short and at a long exposure.
     pub fn levels(simulation: &Simulation, stamp: Stamp) {
         for milliseconds in [5, 100] {
-            let camera = MosaicCamera::new(MosaicModel::hs03(), &rig::mosaic_lens()).exposed(milliseconds * 1_000_000);
+            let mosaic = &simulation.rig.mosaics[1];
+            let camera = MosaicCamera::new(mosaic.sensor.clone(), &mosaic.lens).exposed(milliseconds * 1_000_000);
             let samples = simulation.mosaic(&camera, 1, stamp);
             let share = |low: u16, high: u16| {
                 100.0 * samples.iter().filter(|s| (low..=high).contains(*s)).count() as f64 / samples.len() as f64

@@ -10,11 +10,10 @@ use simulation::sensors::camera::ColorCamera;
 use std::error::Error;
 use std::path::PathBuf;
 
-const WIDTH: u32 = 400;
-const HEIGHT: u32 = 300;
-const COLUMNS: usize = 4;
-const ROWS: usize = 3;
-const FOCAL_PX: f64 = 480.0;
+/// Columns and rows of a picture on a sheet, px; the only picture is four times as wide.
+const PICTURE: [u32; 2] = [400, 300];
+/// Pictures on a sheet.
+const SHEET: [usize; 2] = [4, 3];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -22,47 +21,52 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seed: u64 = arguments.next().map_or(Ok(1), |seed| seed.parse())?;
     let part = arguments.next().unwrap_or_default();
     std::fs::create_dir_all(&out)?;
-    let camera = ColorCamera::new(&CameraModel::Pinhole(Pinhole {
-        width: WIDTH,
-        height: HEIGHT,
-        fx: FOCAL_PX,
-        fy: FOCAL_PX,
-        cx: f64::from(WIDTH) / 2.0,
-        cy: f64::from(HEIGHT) / 2.0,
-        distortion: [0.0; 5],
-    }));
     let shown: Vec<Exhibit> = exhibits(seed).filter(|exhibit| exhibit.name.contains(&part)).collect();
-    for (sheet, exhibits) in shown.chunks(COLUMNS * ROWS).enumerate() {
-        let (width, height) = (WIDTH * COLUMNS as u32, HEIGHT * ROWS as u32);
-        let mut pixels = vec![0_u8; (3 * width * height) as usize];
+    let (picture, [columns, rows]) =
+        if shown.len() == 1 { (PICTURE.map(|side| 4 * side), [1, 1]) } else { (PICTURE, SHEET) };
+    let lens = lens(picture);
+    let camera = ColorCamera::new(&CameraModel::Pinhole(lens.clone()));
+    let [wide, high] = picture.map(|side| side as usize);
+    for (sheet, exhibits) in shown.chunks(columns * rows).enumerate() {
+        let mut pixels = vec![0_u8; 3 * wide * columns * high * rows];
         for (i, exhibit) in exhibits.iter().enumerate() {
-            let size = exhibit.bounds[1] - exhibit.bounds[0];
-            let classes: Vec<&str> = exhibit.classes.iter().map(|class| class.name()).collect();
-            println!(
-                "{:2} {:28} {:5.1} x {:5.1} x {:5.1} m, {:5} primitives, {}",
-                sheet + 1,
-                exhibit.name,
-                size.x,
-                size.y,
-                size.z,
-                exhibit.n_primitives,
-                classes.join(", ")
-            );
-            let picture = camera.shoot(&exhibit.scene, &exhibit.scene.at(0.0), &viewpoint(exhibit), seed);
-            let (column, row) = (i % COLUMNS, i / COLUMNS);
-            for (v, line) in picture.chunks_exact(3 * WIDTH as usize).enumerate() {
-                let at = 3 * ((row * HEIGHT as usize + v) * width as usize + column * WIDTH as usize);
+            println!("{:2} {}", sheet + 1, description(exhibit));
+            let shot = camera.shoot(&exhibit.scene, &exhibit.scene.at(0.0), &viewpoint(exhibit, &lens), seed);
+            for (v, line) in shot.chunks_exact(3 * wide).enumerate() {
+                let at = 3 * wide * ((i / columns * high + v) * columns + i % columns);
                 pixels[at..at + line.len()].copy_from_slice(line);
             }
         }
         let path = out.join(format!("catalogue_{}.png", sheet + 1));
+        let [width, height] = [(wide * columns) as u32, (high * rows) as u32];
         image::save_buffer(path, &pixels, width, height, image::ExtendedColorType::Rgb8)?;
     }
     Ok(())
 }
 
+fn description(exhibit: &Exhibit) -> String {
+    let size = exhibit.bounds[1] - exhibit.bounds[0];
+    let classes: Vec<&str> = exhibit.classes.iter().map(|class| class.name()).collect();
+    format!(
+        "{:32} {:5.1} x {:5.1} x {:5.1} m, {:5} primitives, {}",
+        exhibit.name,
+        size.x,
+        size.y,
+        size.z,
+        exhibit.n_primitives,
+        classes.join(", ")
+    )
+}
+
+/// 45 degrees wide.
+fn lens([width, height]: [u32; 2]) -> Pinhole {
+    let focal = 1.2 * f64::from(width);
+    let [cx, cy] = [width, height].map(|side| 0.5 * f64::from(side));
+    Pinhole { width, height, fx: focal, fy: focal, cx, cy, distortion: [0.0; 5] }
+}
+
 /// From the front and the right, so near that all of it is just seen. The sun stands behind the camera.
-fn viewpoint(exhibit: &Exhibit) -> Pose {
+fn viewpoint(exhibit: &Exhibit, lens: &Pinhole) -> Pose {
     let [low, high] = exhibit.bounds.map(nalgebra::Matrix::cast::<f64>);
     let low = Vector3::new(low.x, low.y, low.z.max(-1.5));
     let middle = (low + high) * 0.5;
@@ -74,9 +78,9 @@ fn viewpoint(exhibit: &Exhibit) -> Pose {
         .map(|i| {
             let pick = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
             let corner = Vector3::new(pick(0), pick(1), pick(2)) - middle;
-            let across = (corner.dot(&right).abs() / (0.47 * f64::from(WIDTH)))
-                .max(corner.dot(&down).abs() / (0.47 * f64::from(HEIGHT)));
-            corner.dot(&backward) + FOCAL_PX * across
+            let across = (corner.dot(&right).abs() / (0.47 * f64::from(lens.width)))
+                .max(corner.dot(&down).abs() / (0.47 * f64::from(lens.height)));
+            corner.dot(&backward) + lens.fx * across
         })
         .fold(1.0, f64::max);
     let rotation = Rotation3::from_basis_unchecked(&[right, down, -backward]);

@@ -1,4 +1,4 @@
-//! Draws a simulated town from above by class, and what the first seconds look like to a camera.
+//! Draws a simulated town from above by class, and counts what its lidar sees.
 //!
 //! `cargo run --release -p simulation --example town_map -- urban 1 12 FOLDER` writes `FOLDER/map_urban_1.png` (north up,
 //! 0.25 m per pixel; the vehicle's way in white), and prints what the town holds.
@@ -6,6 +6,7 @@
 use messages::ClassId;
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
+use simulation::sensors::lidar::Lidar;
 use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, Town};
 use std::path::Path;
@@ -24,7 +25,7 @@ fn main() {
     let town = Town::ALL.into_iter().find(|kind| kind.name() == town).expect("a kind of town");
     let spec = DriveSpec {
         town,
-        ..DriveSpec::urban(seed.parse().expect("a seed"), seconds.parse().expect("seconds")).sparse(1)
+        ..DriveSpec::urban(seed.parse().expect("a seed"), seconds.parse().expect("seconds")).sparse(9)
     };
     let simulation = Simulation::new(&spec).expect("a town");
     println!(
@@ -33,10 +34,31 @@ fn main() {
         simulation.scene.n_primitives(),
         simulation.scene.movers().len()
     );
+    print_rates(&simulation);
     let image = map(&simulation);
     let path = Path::new(folder).join(format!("map_{}_{seed}.png", town.name()));
     image.save(&path).expect("a picture");
     println!("{}", path.display());
+}
+
+/// The shares of the classes among the lidar's returns.
+fn print_rates(simulation: &Simulation) {
+    let lidar = simulation.lidar();
+    let counts: Vec<[u32; 23]> = (0..Lidar::n_packets(simulation.spec.seconds))
+        .into_par_iter()
+        .map(|packet| {
+            let mut counts = [0; 23];
+            for found in lidar.packet(packet).iter().flat_map(|block| block.returns.iter().flatten()) {
+                counts[found.class as usize] += 1;
+            }
+            counts
+        })
+        .collect();
+    let sum = |class: usize| counts.iter().map(|c| u64::from(c[class])).sum::<u64>();
+    let total: u64 = (0..23).map(sum).sum();
+    for class in ClassId::ALL {
+        println!("{:>14} {:6.2} %", class.name(), 100.0 * sum(*class as usize) as f64 / total.max(1) as f64);
+    }
 }
 
 /// What a ray straight down meets, by class.

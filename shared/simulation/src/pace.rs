@@ -54,8 +54,8 @@ impl Pace {
         let limits = Limits::new(way, driver);
         let mut stops = driver.stops.iter().copied().filter(|(at, _)| *at > start_m + 1.0).peekable();
         let (mut s, mut speed, mut wait) = (start_m, start_mps, 0.0);
-        // The first knots rest, so that a standing start is one.
-        let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 4 }];
+        // The first three knots rest, so that a standing start is one.
+        let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 3 }];
         // Steps much shorter than the knots; past the end by more than the curve's reach.
         const STEPS: usize = 8;
         let step = KNOT_SECONDS / STEPS as f64;

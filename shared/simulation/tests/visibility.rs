@@ -6,7 +6,7 @@ mod support;
 use formats::velodyne::{Model, SweepReader};
 use geometry::{Point3, Stamp};
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation, rig, write_drive};
+use simulation::{DriveSpec, Simulation, write_drive};
 
 /// Masks of a file: stamps of the exposures, and by return one byte for each.
 fn parse(bytes: &[u8]) -> (Vec<i64>, Vec<&[u8]>) {
@@ -42,15 +42,15 @@ fn a_return_is_seen_where_nothing_is_between_it_and_the_camera() {
         for (found, masks) in returns.iter().zip(masks) {
             let seconds = sweep.stamp.seconds_since(simulation.motion.begin) + f64::from(found.offset_nanos) * 1e-9;
             let p = simulation.motion.pose(seconds)
-                * rig::body_from_lidar()
+                * simulation.rig.lidar.body_from_lidar
                 * Point3::new(f64::from(found.x), f64::from(found.y), f64::from(found.z));
             for (stamp, mask) in stamps.iter().zip(masks) {
                 let seconds = Stamp(*stamp).seconds_since(simulation.motion.begin);
-                for (k, (_, body_from_camera)) in rig::color_cameras().into_iter().enumerate() {
-                    let world_from_camera = simulation.motion.pose(seconds) * body_from_camera;
+                for (k, camera) in simulation.rig.cameras.iter().enumerate() {
+                    let world_from_camera = simulation.motion.pose(seconds) * camera.body_from_camera;
                     let is_seen = mask >> k & 1 == 1;
                     all += 1;
-                    if rig::color_lens().pixel_from_camera(&(world_from_camera.inverse() * p)).is_none() {
+                    if camera.lens.pixel_from_camera(&(world_from_camera.inverse() * p)).is_none() {
                         assert!(!is_seen, "outside the picture");
                         continue;
                     }

@@ -4,13 +4,10 @@ use super::Simulation;
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::sensors::gnss::Epoch;
-use crate::sensors::lidar::{Block, LidarReturn};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
 use formats::pcap;
-use formats::velodyne::{
-    DATA_PORT, POSITION_PORT, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
-};
+use formats::velodyne::{DATA_PORT, POSITION_PORT, PulseStatus, encode_position_packet};
 use std::fs::File;
 use std::io::BufWriter;
 
@@ -51,7 +48,7 @@ pub fn write(
             while let Some(epoch) = epochs.next_if(|epoch| epoch.stamp <= stamp) {
                 sentence = epoch.rmc();
             }
-            let payload = encode_data_packet(model.model, stamp, &std::array::from_fn(|i| raw(&blocks[i])));
+            let payload = lidar.payload(packet, blocks);
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
             // The device sends the receiver's last sentence again and again.
             if packet % POSITION_EVERY == 0 {
@@ -77,15 +74,6 @@ pub fn write(
     capture.finish().map_err(SimulationError::write(&path))?;
     let labels = revolutions.finish();
     write_labels(folder, report, &labels)
-}
-
-fn raw(block: &Block) -> RawBlock {
-    let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
-    RawBlock {
-        azimuth: block.azimuth,
-        is_lower: block.is_lower,
-        returns: block.returns.each_ref().map(|r| r.as_ref().map(raw_return).unwrap_or_default()),
-    }
 }
 
 fn write_labels(folder: &Folder, report: &mut DriveReport, labels: &[u32]) -> Result<(), SimulationError> {

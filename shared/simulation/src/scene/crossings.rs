@@ -2,7 +2,7 @@
 
 use super::country::Stretch;
 use super::ground;
-use super::models::{barrier, bridge, pole, track, water};
+use super::models::{barrier, bridge, fence, pole, track, water};
 use super::paving::Paving;
 use super::town::Town;
 use crate::material::Material;
@@ -40,7 +40,7 @@ impl Canal {
     /// Distance of a place from its middle line, m.
     pub fn distance(&self, p: &Vector2<f64>) -> f64 {
         let to = p - self.at;
-        if to.dot(&self.along).abs() < AWAY_M { to.perp(&self.along).abs() } else { f64::INFINITY }
+        if to.dot(&self.along).abs() < AWAY_M - 6.0 { to.perp(&self.along).abs() } else { f64::INFINITY }
     }
     /// Whether a cell of the meadows there would lie over the water.
     pub fn covers(&self, p: &Vector2<f64>) -> bool {
@@ -109,7 +109,12 @@ impl Town {
                     line.vertex(s, t, line.profile.height(t))
                 })
                 .collect();
-            barrier::parapet(&mut self.builder, &feet, ClassId::Bridge, random);
+            // Over the one the water is seen through bars, over the other not at all.
+            if side > 0.0 {
+                fence::railing(&mut self.builder, &feet);
+            } else {
+                barrier::parapet(&mut self.builder, &feet, ClassId::Bridge, random);
+            }
         }
     }
 
@@ -186,6 +191,17 @@ impl Town {
                     [(pair[0], low), (pair[1], low), (pair[1], hill(pair[1]) + 0.4), (pair[0], hill(pair[0]) + 0.4)];
                 self.builder.quad(corners.map(|(t, h)| line.vertex(s, t, h)), stone);
             }
+        }
+    }
+
+    /// A bridge for people between the houses on both sides.
+    pub fn footbridge(&mut self, street: usize, random: &mut Random) {
+        let line = self.network.streets[street].clone();
+        let s = 0.5 * line.length_m;
+        if self.is_built(street, s, 0.0) {
+            let over =
+                bridge::Overpass { span_m: 2.0 * line.profile.outer_t as f32 - 0.4, width_m: 4.0, clearance_m: 5.2 };
+            over.build(&mut self.builder, &line.upright(s, 0.0, 0.0, 0.0), random);
         }
     }
 

@@ -150,7 +150,12 @@ impl Town {
             }
             8 => furniture::hydrant(b, &pose, random),
             9 => furniture::mailbox(b, &pose, random),
-            _ => match random.index(4) {
+            _ => match random.index(5) {
+                4 => self.heap(
+                    &self.network.streets[street].plan(s, side * (self.network.streets[street].profile.kerb_t - 0.9)),
+                    -0.08,
+                    random,
+                ),
                 0 => clutter::bags(b, &pose, random),
                 1 => clutter::cone(b, &pose, random),
                 2 => clutter::barrier(b, &pose, random),

@@ -37,8 +37,8 @@ impl Pavings {
             (ClassId::RoadLine, Material::RoadPaint),
             (ClassId::Sidewalk, Material::Granite),
             (ClassId::Sidewalk, Material::Slab),
-            (ClassId::Ground, Material::Concrete),
-            (ClassId::Ground, Material::Granite),
+            (ClassId::Ground, Material::Gravel),
+            (ClassId::Ground, Material::Cobble),
             (ClassId::Terrain, Material::Grass),
         ];
         Self { ids: kinds.map(|(class, material)| b.surface(class, 0, material)) }

@@ -3,7 +3,6 @@
 use super::models::facade::{self, FLOOR_M, Wall};
 use super::models::{clutter, fence, furniture, tree};
 use super::open_blocks::BlockUse;
-use super::street::Street;
 use super::town::{BUILT_M, Town};
 use crate::material::Material;
 use crate::random::Random;
@@ -28,11 +27,10 @@ struct Plot {
 }
 
 impl Plot {
-    /// The point `share` of the way along the front, `back_m` behind it, `h` above the terrain.
-    fn point(&self, street: &Street, share: f64, back_m: f64) -> (f64, f64) {
+    /// Street coordinates of the place `share` of the way along the front and `back_m` behind it.
+    fn point(&self, share: f64, back_m: f64) -> (f64, f64) {
         let along = |ends: [f64; 2]| ends[0] + (ends[1] - ends[0]) * share;
         let (front, back) = (along(self.front), along(self.back));
-        let _ = street;
         (front + (back - front) * (back_m / DEPTH_M).clamp(0.0, 1.5), self.side * (self.t + back_m))
     }
 }
@@ -91,9 +89,13 @@ impl Town {
                 Material::PlasterCream,
                 Material::PlasterGray,
                 Material::PlasterRose,
+                Material::PlasterOchre,
+                Material::PlasterWhite,
                 Material::Limestone,
-                Material::Limestone,
+                Material::LimestoneDressed,
+                Material::LimestoneDressed,
                 Material::Brick,
+                Material::BrickYellow,
                 Material::Concrete,
             ]),
             balconies: random.chance(0.6),
@@ -103,7 +105,7 @@ impl Town {
         let base = street.point(0.5 * (plot.front[0] + plot.front[1]), plot.side * plot.t, 0.1).z as f32;
         let width = f64::from(wall.length);
         let plan = |u: f32, z: f32, out: f32| {
-            let (s, t) = plot.point(&street, f64::from(u) / width, f64::from(-out));
+            let (s, t) = plot.point(f64::from(u) / width, f64::from(-out));
             let mut p = street.vertex(s, t, 0.0);
             p.z = base + z;
             p
@@ -190,6 +192,20 @@ impl Town {
             furniture::bicycle_rack(&mut self.builder, &pose, random);
         } else {
             clutter::container(&mut self.builder, &pose, random);
+        }
+        self.heap(&yard(DEPTH_M + 7.0, 0.0), h, random);
+    }
+
+    /// A heap of rubble, which none of the classes means: class unlabeled.
+    pub fn heap(&mut self, p: &nalgebra::Vector2<f64>, h: f64, random: &mut Random) {
+        let pose = self.stand_at(p, h, 0.0);
+        let rubble = self.builder.surface(ClassId::Unlabeled, 0, Material::Fieldstone);
+        for _ in 0..24 {
+            let (angle, out) = (random.range(0.0, 6.28), random.range(0.0, 0.9));
+            let center = Vec3::new(out * angle.cos(), out * angle.sin(), 0.55 * (1.0 - out) * random.range(0.3, 1.0));
+            let size = Vec3::new(random.range(0.12, 0.3), random.range(0.12, 0.3), random.range(0.1, 0.2));
+            let turned = pose * Isometry3::new(center, Vec3::z() * angle);
+            self.builder.cuboid(&turned, (-size).into(), size.into(), rubble);
         }
     }
 

@@ -3,9 +3,11 @@
 use super::cottage;
 use super::country::Stretch;
 use super::models::{barrier, bridge, fence, pole, sign, tree};
-use super::town::Town;
+use super::town::{BUILT_M, Town};
+use crate::material::Material;
 use crate::random::Random;
-use crate::trace::Vec3;
+use crate::trace::{Shape, Vec3};
+use messages::ClassId;
 use std::f64::consts::PI;
 
 /// How far the meadows lie below the terrain, m (see `ground`).
@@ -157,6 +159,14 @@ impl Town {
                     } else {
                         cottage::detached(&mut self.builder, &pose, 11.0, 8.0, random);
                     }
+                }
+                // Bales of hay on the meadow: class unlabeled.
+                let p = self.network.streets[street].plan(s + 14.0, side * f64::from(random.range(12.0, 22.0)));
+                if self.reach.is_near(&p, BUILT_M) {
+                    let hay = self.builder.surface(ClassId::Unlabeled, 0, Material::DryGrass);
+                    let pose = self.stand_at(&p, MEADOW_H, f64::from(random.range(0.0, 3.0)));
+                    let at = |y: f32| (pose * nalgebra::Point3::new(0.0, y, 0.62)).coords;
+                    self.builder.add(Shape::cylinder(at(-0.65), at(0.65), 0.65), hay);
                 }
                 s += f64::from(random.range(35.0, 60.0));
             }

@@ -22,6 +22,12 @@ use std::sync::Arc;
 pub const BUILT_M: f64 = 105.0;
 /// From the mouth of its first street to where the vehicle stands at second 0, m.
 const START_M: f64 = 8.0;
+/// Speeds where the way is straight, m/s.
+const TOWN_MPS: f64 = 9.0;
+/// See [`TOWN_MPS`].
+const COUNTRY_MPS: f64 = 11.5;
+/// The leg that passes under a bridge.
+const BRIDGED_LEG: usize = 1;
 /// Every so many crossings with lights one is red.
 const RED_EVERY: usize = 4;
 /// From the front of the recording vehicle's place to a stop line, m.
@@ -38,9 +44,35 @@ pub struct Drive {
     pub pace: Arc<Pace>,
 }
 
+/// The recording vehicle's tour through a town.
+#[derive(Clone, Debug)]
+pub struct Tour {
+    /// Its way.
+    pub way: Arc<Way>,
+    /// For each leg of the round where the way enters and leaves its street between the mouths, m along the way.
+    pub legs: Vec<[f64; 2]>,
+    /// What the driver aims at.
+    pub driver: Driver,
+    /// When the vehicle is where on its way.
+    pub pace: Arc<Pace>,
+    /// Length of the drive, s.
+    pub seconds: f64,
+}
+
 /// The town of a seed and a drive of `seconds` through it, built as far as its sensors reach.
 pub fn build(kind: Kind, seed: u64, seconds: f64) -> Drive {
     let mut random = Random::new(seed, 0x00c1_7100);
+    let (mut town, tour) = found(kind, seed, seconds, &mut random);
+    town.pave();
+    town.fill(&mut random);
+    let movers = town.traffic(&tour, &mut random);
+    let Town { builder, .. } = town;
+    let scene = Scene { statics: Bvh::new(builder.primitives), movers, surfaces: builder.surfaces };
+    Drive { scene, way: tour.way, pace: tour.pace }
+}
+
+/// A town's map and the tour through it; nothing is built yet.
+pub fn found(kind: Kind, seed: u64, seconds: f64, random: &mut Random) -> (Town, Tour) {
     let stretches = country::stretches(match kind {
         Kind::Field => Some(Stretch::Field),
         Kind::Tunnel => Some(Stretch::Tunnel),
@@ -57,23 +89,18 @@ pub fn build(kind: Kind, seed: u64, seconds: f64) -> Drive {
     };
     let way = Arc::new(way);
     let driver = Driver {
-        cruise_mps: if matches!(kind, Kind::Urban | Kind::Suburban) { 9.0 } else { 11.5 },
+        cruise_mps: if matches!(kind, Kind::Urban | Kind::Suburban) { TOWN_MPS } else { COUNTRY_MPS },
         phase: f64::from(random.range(0.0, std::f32::consts::TAU)),
-        stops: stops(&network, &legs, way.length_m(), &mut random),
+        stops: stops(&network, &legs, way.length_m(), random),
     };
     let pace = Arc::new(Pace::from_rest(&way, &driver, legs[0][0] + START_M, seconds));
-    // Two seconds more: the last revolution is completed.
+    // A little more: the last revolution is completed.
     let reach = Reach::new(&way, pace.length_m(0.0), pace.length_m(seconds + 0.2));
     let mut builder = Builder::default();
     let pavings = Pavings::new(&mut builder);
-    let uses = BlockUse::of_blocks(&network, kind, &mut random);
-    let mut town = Town { kind, builder, network, reach, pavings, stretches, uses, instances: Instances::default() };
-    town.pave();
-    town.fill(&mut random);
-    let movers = town.traffic(&way, &legs, &driver, &pace, seconds, &mut random);
-    let Town { builder, .. } = town;
-    let scene = Scene { statics: Bvh::new(builder.primitives), movers, surfaces: builder.surfaces };
-    Drive { scene, way, pace }
+    let uses = BlockUse::of_blocks(&network, kind, random);
+    let town = Town { kind, builder, network, reach, pavings, stretches, uses, instances: Instances::default() };
+    (town, Tour { way, legs, driver, pace, seconds })
 }
 
 /// Drives through fields and tunnels begin there; rural ones at the end of the village.
@@ -175,7 +202,8 @@ impl Town {
         Isometry3::from_parts(Translation3::from(at), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw)).cast()
     }
 
-    fn pave(&mut self) {
+    /// Builds the ground.
+    pub fn pave(&mut self) {
         for street in self.built_streets() {
             ground::street(self, street);
         }
@@ -188,11 +216,16 @@ impl Town {
     }
 
     fn fill(&mut self, random: &mut Random) {
+        // One street of an urban town passes under a bridge between houses.
+        let bridged = self.network.round[BRIDGED_LEG % self.network.round.len()].street;
         for street in self.built_streets() {
             match self.kind {
                 Kind::Urban => self.urban_street(street, random),
                 Kind::Suburban => self.suburban_street(street, random),
                 Kind::Rural | Kind::Field | Kind::Tunnel => self.rural_street(street, random),
+            }
+            if self.kind == Kind::Urban && street == bridged {
+                self.footbridge(street, random);
             }
             self.park_cars(street, random);
             self.waiting_cars(street, random);
@@ -213,6 +246,119 @@ impl Town {
         for side in [-1.0, 1.0] {
             self.gardens(street, side, random);
             self.quiet_kerbside(street, side, random);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::{Primitive, Ray, Vec3};
+    use messages::ClassId;
+
+    /// The bare ground of a town.
+    fn ground(kind: Kind, seed: u64) -> (Town, Bvh) {
+        let (mut town, _) = found(kind, seed, 25.0, &mut Random::new(seed, 1));
+        town.pave();
+        let primitives: Vec<Primitive> = std::mem::take(&mut town.builder.primitives);
+        (town, Bvh::new(primitives))
+    }
+
+    /// Class of the ground below a place, and its height over the terrain, m.
+    fn below(town: &Town, ground: &Bvh, p: &Vector2<f64>) -> Option<(ClassId, f64)> {
+        let height = town.network.terrain.height(p);
+        let origin = Vec3::new(p.x as f32, p.y as f32, (height + 2.0) as f32);
+        let ray = Ray { origin, direction: -Vec3::z(), seed: 0 };
+        let (range, primitive) = ground.nearest(&ray, 50.0)?;
+        Some((town.builder.surfaces[primitive.surface as usize].class, 2.0 - f64::from(range)))
+    }
+
+    #[test]
+    fn streets_have_their_profile_without_gaps() {
+        for (kind, seed) in [(Kind::Urban, 1), (Kind::Suburban, 2), (Kind::Rural, 3)] {
+            let (town, ground) = ground(kind, seed);
+            let mut looked = 0;
+            for number in town.built_streets() {
+                let street = &town.network.streets[number];
+                let profile = street.profile;
+                let [begin, end] = town.network.mouths(number);
+                let mut s = begin + 0.1131;
+                while s < end - 0.1 {
+                    for i in -40..=40 {
+                        let t = profile.outer_t * (f64::from(i) / 40.3 + 0.001);
+                        if !town.reach.is_near(&street.plan(s, 0.0), BUILT_M - 3.0)
+                            || (t.abs() - profile.kerb_t).abs() < 0.02
+                        {
+                            continue;
+                        }
+                        let (class, height) = below(&town, &ground, &street.plan(s, t)).expect("ground");
+                        looked += 1;
+                        let is_road = matches!(class, ClassId::Road | ClassId::RoadLine);
+                        assert_eq!(
+                            is_road,
+                            t.abs() < profile.kerb_t,
+                            "{kind:?} street {number}, s {s}, t {t}: {class:?} at {height} m"
+                        );
+                        // Grass strips of country roads end below the meadows.
+                        let expected = profile.height(t).max(-0.16);
+                        assert!((height - expected).abs() < 0.035, "{kind:?} {number}, s {s}, t {t}: {height} m");
+                    }
+                    s += 1.3717;
+                }
+            }
+            assert!(looked > 10_000, "{looked}");
+        }
+    }
+
+    #[test]
+    fn junctions_are_paved_without_gaps_or_steps() {
+        for (kind, seed) in [(Kind::Urban, 1), (Kind::Urban, 4), (Kind::Suburban, 2), (Kind::Rural, 3)] {
+            let (town, ground) = ground(kind, seed);
+            let mut looked = 0;
+            for (number, node) in town.network.nodes.iter().enumerate() {
+                if !town.is_node_on_round(number) || !town.reach.is_near(&node.at, 0.8 * BUILT_M) {
+                    continue;
+                }
+                for arm in &node.arms {
+                    // Straight to the middle of each mouth, across the whole width of the road.
+                    let street = &town.network.streets[arm.street];
+                    for across in -4..=4 {
+                        let t = (0.24 * f64::from(across) + 0.013) * street.profile.kerb_t;
+                        let (s, t) = street.from_node(arm.end, arm.mouth_m + 0.4, t);
+                        let mouth = street.plan(s, t);
+                        let mut last = None;
+                        for i in 0..=60 {
+                            let p = node.at.lerp(&mouth, f64::from(i) / 60.0);
+                            let (class, height) = below(&town, &ground, &p).expect("ground");
+                            assert!(
+                                matches!(class, ClassId::Road | ClassId::RoadLine),
+                                "{kind:?} node {number}: {class:?} at {height} m, {p}"
+                            );
+                            let step = last.map_or(0.0, |last: f64| (height - last).abs());
+                            assert!(step < 0.03, "{kind:?} node {number}: a step of {step} m");
+                            last = Some(height);
+                            looked += 1;
+                        }
+                    }
+                }
+            }
+            assert!(looked > 1000, "{looked}");
+        }
+    }
+
+    #[test]
+    fn no_place_within_reach_is_a_hole() {
+        for (kind, seed) in [(Kind::Urban, 5), (Kind::Suburban, 6), (Kind::Rural, 7)] {
+            let (town, ground) = ground(kind, seed);
+            let [low, high] = town.reach.bounds(BUILT_M);
+            let n = ((high - low) / 2.317).map(|v| v as usize);
+            for (i, j) in (0..n.x).flat_map(|i| (0..n.y).map(move |j| (i, j))) {
+                let p = low + Vector2::new(i as f64 + 0.37, j as f64 + 0.41) * 2.317;
+                let is_canal = town.canals().iter().any(|canal| canal.covers(&p));
+                if town.reach.is_near(&p, BUILT_M) && !is_canal {
+                    assert!(below(&town, &ground, &p).is_some(), "{kind:?}: a hole at {p}");
+                }
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use super::models::person;
 use super::mover::{Mover, Route, Timing};
 use super::network::Leg;
 use super::profile::{Kind, LANE_T};
-use super::town::{BUILT_M, Town};
+use super::town::{BUILT_M, Tour, Town};
 use crate::pace::{Driver, Pace};
 use crate::random::Random;
 use crate::way::Way;
@@ -27,43 +27,24 @@ const WALKERS_M: [f32; 2] = [4.0, 26.0];
 /// How fast people cross, m/s.
 const CROSSING_MPS: f64 = 1.45;
 
-/// The recording vehicle's drive.
-#[derive(Clone, Copy)]
-struct Vehicle<'a> {
-    way: &'a Arc<Way>,
-    legs: &'a [[f64; 2]],
-    driver: &'a Driver,
-    pace: &'a Arc<Pace>,
-    seconds: f64,
-}
-
 impl Town {
     /// All movers that come near the recording vehicle.
-    pub fn traffic(
-        &mut self,
-        way: &Arc<Way>,
-        legs: &[[f64; 2]],
-        driver: &Driver,
-        pace: &Arc<Pace>,
-        seconds: f64,
-        random: &mut Random,
-    ) -> Vec<Mover> {
-        let vehicle = Vehicle { way, legs, driver, pace, seconds };
-        let mut clearance = Clearance::new(way, pace, seconds);
-        let mut movers = self.convoy(vehicle, random);
-        movers.extend(self.oncoming(vehicle, random));
-        movers.extend(self.people_at_red(vehicle, random));
-        movers.extend(self.people_on_side_streets(vehicle, random));
+    pub fn traffic(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
+        let mut clearance = Clearance::new(&tour.way, &tour.pace, tour.seconds);
+        let mut movers = self.convoy(tour, random);
+        movers.extend(self.oncoming(tour, random));
+        movers.extend(self.people_at_red(tour, random));
+        movers.extend(self.people_on_side_streets(tour, random));
         movers.extend(self.walkers(random));
         movers.retain(|mover| clearance.admit(mover));
         movers
     }
 
     /// A vehicle ahead that finds all lights green, and a queue behind the recording one.
-    fn convoy(&mut self, vehicle: Vehicle<'_>, random: &mut Random) -> Vec<Mover> {
-        let Vehicle { way, driver, pace, seconds, .. } = vehicle;
+    fn convoy(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
+        let Tour { way, driver, pace, seconds, .. } = tour;
         let eager = Driver { cruise_mps: 1.05 * driver.cruise_mps, stops: Vec::new(), ..driver.clone() };
-        let leader = Pace::from_rest(way, &eager, pace.length_m(0.0) + LEADER_M, seconds);
+        let leader = Pace::from_rest(way, &eager, pace.length_m(0.0) + LEADER_M, *seconds);
         let timings = [Timing::Ahead { pace: Arc::new(leader), ahead_m: 0.0 }]
             .into_iter()
             .chain(FOLLOWERS_M.map(|ahead_m| Timing::Ahead { pace: pace.clone(), ahead_m }));
@@ -71,14 +52,14 @@ impl Town {
     }
 
     /// Vehicles the other way round, each a time behind the one before it.
-    fn oncoming(&mut self, vehicle: Vehicle<'_>, random: &mut Random) -> Vec<Mover> {
+    fn oncoming(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let legs: Vec<Leg> = self.network.round.iter().rev().map(|leg| leg.reversed()).collect();
         let Some(lane) = lane::around(&self.network, &legs, -LANE_T) else { return Vec::new() };
         let way = Arc::new(lane.way);
-        let driver = Driver { stops: Vec::new(), ..vehicle.driver.clone() };
+        let driver = Driver { stops: Vec::new(), ..tour.driver.clone() };
         // Long enough for those who are a round ahead.
         let slowest_round = way.length_m() / 4.0;
-        let pace = Arc::new(Pace::rolling(&way, &driver, 0.0, vehicle.seconds + slowest_round));
+        let pace = Arc::new(Pace::rolling(&way, &driver, 0.0, tour.seconds + slowest_round));
         let round_seconds = pace.seconds_at(way.length_m());
         let mut movers = Vec::new();
         let mut seconds = 0.0;
@@ -155,15 +136,15 @@ impl Town {
     }
 
     /// People who cross before the recording vehicle while it waits.
-    fn people_at_red(&mut self, vehicle: Vehicle<'_>, random: &mut Random) -> Vec<Mover> {
+    fn people_at_red(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let mut movers = Vec::new();
-        let round_m = vehicle.way.length_m();
-        for (at, _) in &vehicle.driver.stops {
-            let seconds = vehicle.pace.seconds_at(at - 1.0);
-            let Some(k) = vehicle.legs.iter().position(|leg| (leg[1] - at.rem_euclid(round_m)).abs() < 12.0) else {
+        let round_m = tour.way.length_m();
+        for (at, _) in &tour.driver.stops {
+            let seconds = tour.pace.seconds_at(at - 1.0);
+            let Some(k) = tour.legs.iter().position(|leg| (leg[1] - at.rem_euclid(round_m)).abs() < 12.0) else {
                 continue;
             };
-            if seconds >= vehicle.seconds {
+            if seconds >= tour.seconds {
                 break;
             }
             let leg = self.network.round[k];
@@ -176,7 +157,7 @@ impl Town {
     }
 
     /// People who cross the side streets as the recording vehicle comes.
-    fn people_on_side_streets(&mut self, vehicle: Vehicle<'_>, random: &mut Random) -> Vec<Mover> {
+    fn people_on_side_streets(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let mut movers = Vec::new();
         for (k, leg) in self.network.round.clone().iter().enumerate() {
             let node = self.network.node_after(*leg);
@@ -184,7 +165,7 @@ impl Town {
             if !self.network.nodes[node].has_lights || !self.reach.is_near(&place, BUILT_M) {
                 continue;
             }
-            let seconds = vehicle.pace.seconds_at(vehicle.legs[k][1]);
+            let seconds = tour.pace.seconds_at(tour.legs[k][1]);
             let arms: Vec<(usize, usize)> = self.network.nodes[node].arms.iter().map(|a| (a.street, a.end)).collect();
             for (street, end) in arms {
                 if self.is_on_round(street) {

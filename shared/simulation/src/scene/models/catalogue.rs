@@ -1,14 +1,16 @@
 //! Every model once, with what it should be: the tests check them by this list, and the catalogue's pictures show them.
 
+use super::style::Style;
 use super::{
-    barrier, bridge, clutter, fence, furniture, person, pole, sign, structure, track, tree, two_wheeler, vehicle, water,
+    barrier, bridge, clutter, fence, furniture, house, person, pole, sign, structure, track, tree, two_wheeler,
+    vehicle, water,
 };
 use crate::random::Random;
 use crate::scene::builder::Builder;
 use crate::trace::Vec3;
 use messages::ClassId::{
-    self, Bridge, Dynamic, Fence, Ground, GuardRail, Other, Pedestrian, Pole, RailTrack, Static, Terrain, TrafficLight,
-    TrafficSign, Vegetation, Vehicles, Wall, Water,
+    self, Bridge, Building, Dynamic, Fence, Ground, GuardRail, Other, Pedestrian, Pole, RailTrack, Static, Terrain,
+    TrafficLight, TrafficSign, Vegetation, Vehicles, Wall, Water,
 };
 use nalgebra::Isometry3;
 
@@ -61,6 +63,23 @@ macro_rules! line {
     };
 }
 
+/// A house of 15 by 11 m between two others.
+macro_rules! row {
+    ($name:expr, $style:path, $floors:expr, $gate:expr) => {
+        Entry {
+            name: $name,
+            classes: if $gate { &[Building, Ground] } else { &[Building] },
+            largest: [16.5, 14.5, 33.0],
+            least_height: 10.0,
+            build: |b, random| {
+                let plan = |u: f32, z: f32, out: f32| Vec3::new(u - 7.5, -5.5 - out, z);
+                let lot = house::Lot { width: 15.0, depth: 11.0, floors: $floors, open: [true, false], gate: $gate };
+                house::row_house(b, &plan, &lot, &$style(random), random);
+            },
+        }
+    };
+}
+
 /// Of what can move.
 pub const INSTANCE: u16 = 7;
 
@@ -76,6 +95,20 @@ const OVERPASS: bridge::Overpass = bridge::Overpass { span_m: 16.0, width_m: 9.0
 
 /// All models.
 pub const ENTRIES: &[Entry] = &[
+    row!("house::row_house haussmann", Style::haussmann, 6, false),
+    row!("house::row_house faubourg", Style::faubourg, 4, false),
+    row!("house::row_house brick", Style::brick, 4, false),
+    row!("house::row_house modern", Style::modern, 6, false),
+    row!("house::row_house office", Style::office, 7, false),
+    row!("house::row_house with a gate", Style::urban, 5, true),
+    line!("house::detached", [Building], [17.5, 12.5, 13.5], 3.0, |b, random| {
+        house::detached(b, &Isometry3::identity(), 11.0, 8.0, random);
+    }),
+    line!("house::apartments", [Building], [25.5, 16.0, 24.0], 14.0, |b, random| {
+        house::apartments(b, &Isometry3::identity(), 22.0, 12.0, 6, random);
+    }),
+    thing!(house::barn, [Building], [22.0, 14.0, 14.0], 5.0),
+    thing!(house::church, [Building], [30.0, 14.0, 31.0], 29.0),
     thing!(tree::deciduous, [Vegetation], [7.0, 7.0, 12.0], 6.0),
     thing!(tree::plane_tree, [Vegetation], [11.0, 11.0, 17.0], 9.0),
     thing!(tree::sapling, [Vegetation, Pole], [3.0, 3.0, 6.5], 3.0),

@@ -1,19 +1,22 @@
-//! Houses: uneven walls with recessed windows, doors, mouldings and balconies.
+//! Walls of houses: uneven, with recessed windows, doors, shops, mouldings and balconies.
 //!
-//! A wall is a grid over `u` (along) and `z` (up) whose corners are moved in and out by noise, so that no wall is a plane;
-//! plastered and stone walls of old streets are out by centimetres.
+//! A wall is a grid over `u` (along) and `z` (up) whose corners are moved in and out by noise of several wavelengths, so
+//! that no wall is a plane; plastered and stone walls of old streets are out by centimetres.
 
+use super::opening::{self, Kind, Opening};
+use super::style::{Balconies, Roof, Style};
+use super::{balcony, frame};
 use crate::material::Material;
 use crate::noise::rough;
 use crate::random::Random;
 use crate::scene::builder::{Builder, SurfaceId};
-use crate::trace::{Shape, Vec3};
-use messages::ClassId;
+use crate::trace::Vec3;
+use messages::ClassId::Building;
 
 /// Where a wall stands: a place along it, up, and outward (m) to the world.
 pub type Plan<'a> = &'a dyn Fn(f32, f32, f32) -> Vec3;
 
-/// The measures of a wall.
+/// The measures of a wall in a style of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Wall {
     /// Length, m.
@@ -28,180 +31,213 @@ pub struct Wall {
     pub seed: u64,
 }
 
-/// Height of a storey, m.
+/// One front of a house.
+#[derive(Clone, Copy, Debug)]
+pub struct Front<'a> {
+    /// Its looks.
+    pub style: &'a Style,
+    /// Length, m.
+    pub length: f32,
+    /// Storeys.
+    pub floors: usize,
+    /// Where its door is, if it has one, m along it: in the bay that holds this place.
+    pub door: Option<f32>,
+    /// Where a passage through the ground floor begins and ends, m.
+    pub gate: Option<[f32; 2]>,
+    /// Of its unevenness.
+    pub seed: u64,
+}
+
+/// Height of a storey of a [`Wall`], m.
 pub const FLOOR_M: f32 = 3.1;
-/// How deep windows lie in the wall, m.
-const RECESS_M: f32 = 0.22;
-/// How far the wall reaches into the ground, m.
-const FOOT_M: f32 = 0.7;
-/// Half of the unevenness, m: 4 cm in all on most walls.
+/// How far the wall reaches into the ground, m: streets fall away from it.
+pub const FOOT_M: f32 = 1.2;
+/// Half of the unevenness of a [`Wall`], m: 6 cm in all.
 pub const UNEVEN_M: f32 = 0.03;
+/// Wall between a passage and the next window, m.
+const GATE_PIER_M: f32 = 0.35;
+/// Cells of the wall's grid are no larger, m: half of the shortest swell.
+const CELL_M: f32 = 0.9;
 
-struct Looks {
-    wall: SurfaceId,
-    trim: SurfaceId,
-    glass: SurfaceId,
-    door: SurfaceId,
-    rail: SurfaceId,
-}
-
-/// A wall with windows. Mouldings and balconies stand out of it.
+/// A wall with windows, its ornament left to chance.
 pub fn build(b: &mut Builder, plan: Plan<'_>, wall: &Wall, random: &mut Random) {
-    let looks = Looks {
-        wall: b.surface(ClassId::Building, 0, wall.material),
-        trim: b.surface(ClassId::Building, 0, random.pick([Material::Limestone, Material::PlasterGray])),
-        glass: b.surface(ClassId::Building, 0, Material::Glass),
-        door: b.surface(ClassId::Building, 0, random.pick([Material::Wood, Material::PaintBlue, Material::DarkMetal])),
-        rail: b.surface(ClassId::Building, 0, Material::DarkMetal),
+    let base = Style::faubourg(random).even_storeys();
+    let balconies = if wall.balconies && random.chance(0.6) { Balconies::Alternate } else { Balconies::None };
+    let style =
+        Style { wall: wall.material, base: wall.material, balconies, uneven_m: UNEVEN_M, roof: Roof::Flat, ..base };
+    let front = Front {
+        style: &style,
+        length: wall.length,
+        floors: wall.floors,
+        door: Some(random.range(0.0, wall.length)),
+        gate: None,
+        seed: wall.seed,
     };
-    let n_bays = (wall.length / random.range(2.7, 3.5)).round().max(1.0) as usize;
-    let bay = wall.length / n_bays as f32;
-    let with_balcony = wall.balconies && random.chance(0.6);
-    let door_bay = random.index(n_bays);
-    for floor in 0..wall.floors {
-        for column in 0..n_bays {
-            let is_door = floor == 0 && column == door_bay;
-            let hole = opening(bay, floor, is_door);
-            let at = [column as f32 * bay, floor as f32 * FLOOR_M];
-            panel(b, plan, wall, &looks, at, bay, &hole, is_door);
-            if with_balcony && floor > 0 && (floor + column) % 2 == 0 {
-                balcony(b, plan, &looks, at, &hole);
+    front.build(b, plan, random);
+}
+
+/// The surfaces of a front.
+pub struct Looks {
+    pub wall: SurfaceId,
+    pub base: SurfaceId,
+    pub trim: SurfaceId,
+    pub frame: SurfaceId,
+    pub glass: SurfaceId,
+    pub door: SurfaceId,
+    pub iron: SurfaceId,
+}
+
+impl Front<'_> {
+    /// Wall, openings and what stands out of it.
+    pub fn build(&self, b: &mut Builder, plan: Plan<'_>, random: &mut Random) {
+        let style = self.style;
+        let looks = Looks {
+            wall: b.surface(Building, 0, style.wall),
+            base: b.surface(Building, 0, style.base),
+            trim: b.surface(Building, 0, style.trim),
+            frame: b.surface(Building, 0, style.frame),
+            glass: b.surface(Building, 0, Material::Glass),
+            door: b.surface(Building, 0, style.door),
+            iron: b.surface(Building, 0, Material::DarkMetal),
+        };
+        let bays = self.bays();
+        let bay_at = |u: f32| bays.windows(2).position(|bay| (bay[0]..bay[1]).contains(&u));
+        let gate_bay = self.gate.and_then(|gate| bay_at(0.5 * (gate[0] + gate[1])));
+        let door_bay = self.door.and_then(bay_at);
+        let n = bays.len() - 1;
+        let shop = opening::Shop::random(random);
+        for floor in 0..self.floors {
+            let z = style.floor_z(floor);
+            let storey = style.floor_z(floor + 1) - z;
+            for column in 0..n {
+                let bay = [bays[column], bays[column + 1]];
+                let kind = match (floor, Some(column)) {
+                    (0, bay) if bay == gate_bay => Kind::Gate,
+                    (0, bay) if bay == door_bay => Kind::Door,
+                    (0, _) if style.shops => Kind::Shop,
+                    _ => Kind::Window,
+                };
+                let hole = Opening::new(style, kind, bay, z, storey, self.gate);
+                self.panel(b, plan, &looks, bay, [z, z + storey], &hole);
+                hole.build(b, plan, style, &looks, &shop, &|u, z| self.uneven(u, z), random);
+                if floor > 0 {
+                    balcony::at_window(b, plan, style, &looks, &hole, floor + column);
+                }
+            }
+            if style.balconies == Balconies::Continuous && (floor == 2 || floor + 2 == self.floors && floor > 2) {
+                balcony::along(b, plan, style, &looks, [0.15, self.length - 0.15], z);
+            }
+            if style.courses {
+                course(b, plan, [0.0, self.length], [z + storey - 0.16, z + storey], [-0.05, 0.1], looks.trim);
             }
         }
-        moulding(b, plan, wall.length, (floor + 1) as f32 * FLOOR_M - 0.2, looks.trim);
+        self.edges(b, plan, &looks);
+        self.foot(b, plan, looks.base);
     }
-    foot(b, plan, wall, looks.wall);
-}
 
-/// A window or door inside a bay: its edges from the bay's lower left corner, m.
-struct Opening {
-    u: [f32; 2],
-    z: [f32; 2],
-}
-
-fn opening(bay: f32, floor: usize, is_door: bool) -> Opening {
-    let half = if is_door {
-        0.6
-    } else if floor == 0 {
-        0.36 * bay
-    } else {
-        0.19 * bay
-    };
-    let z = match (floor, is_door) {
-        (_, true) => [0.0, 2.3],
-        (0, false) => [0.7, 2.4],
-        _ => [0.75, 2.45],
-    };
-    Opening { u: [0.5 * bay - half, 0.5 * bay + half], z }
-}
-
-/// One bay of one storey: wall around an opening, the reveals and the pane.
-#[allow(clippy::too_many_arguments, reason = "one place, one measure and one look each; a struct would be used once")]
-fn panel(
-    b: &mut Builder,
-    plan: Plan<'_>,
-    wall: &Wall,
-    looks: &Looks,
-    [u0, z0]: [f32; 2],
-    bay: f32,
-    hole: &Opening,
-    is_door: bool,
-) {
-    let us = [0.0, 0.5 * hole.u[0], hole.u[0], 0.5 * bay, hole.u[1], 0.5 * (hole.u[1] + bay), bay];
-    let zs = [0.0, 0.5 * hole.z[0], hole.z[0], 0.5 * (hole.z[0] + hole.z[1]), hole.z[1], FLOOR_M];
-    let point = |u: f32, z: f32, out: f32| plan(u0 + u, z0 + z, out + uneven(wall, u0 + u, z0 + z));
-    for u in us.windows(2) {
-        for z in zs.windows(2) {
-            let inside = u[0] >= hole.u[0] && u[1] <= hole.u[1] && z[0] >= hole.z[0] && z[1] <= hole.z[1];
-            if inside || z[1] - z[0] < 1e-3 {
-                continue;
+    /// Edges of the bays from 0 to the length; one of them holds the passage.
+    fn bays(&self) -> Vec<f32> {
+        let evenly = |[from, to]: [f32; 2]| {
+            let n = ((to - from) / self.style.bay_m).round().max(1.0) as usize;
+            (0..=n).map(move |i| from + (to - from) * i as f32 / n as f32)
+        };
+        match self.gate {
+            Some([from, to]) => {
+                let (left, right) = (evenly([0.0, from - GATE_PIER_M]), evenly([to + GATE_PIER_M, self.length]));
+                left.chain(right).collect()
             }
-            let corners = [(u[0], z[0]), (u[1], z[0]), (u[1], z[1]), (u[0], z[1])];
-            b.quad(corners.map(|(u, z)| point(u, z, 0.0)), looks.wall);
+            None => evenly([0.0, self.length]).collect(),
         }
     }
-    let rim = [(hole.u[0], hole.z[0]), (hole.u[1], hole.z[0]), (hole.u[1], hole.z[1]), (hole.u[0], hole.z[1])];
-    for i in 0..4 {
-        let ((ua, za), (ub, zb)) = (rim[i], rim[(i + 1) % 4]);
-        let quad = [point(ua, za, 0.0), point(ub, zb, 0.0), point(ub, zb, -RECESS_M), point(ua, za, -RECESS_M)];
-        b.quad(quad, looks.trim);
+
+    /// How far the wall stands out at a place, m: swells of 4 m, 1.3 m and 0.5 m.
+    pub fn uneven(&self, u: f32, z: f32) -> f32 {
+        let large = rough(self.seed, u, z, 4.1, 1.3);
+        let small = rough(self.seed ^ 0x51, u, z, 0.9, 0.5);
+        self.style.uneven_m * (0.8 * large + 0.2 * small)
     }
-    let pane = rim.map(|(u, z)| point(u, z, -RECESS_M));
-    b.quad(pane, if is_door { looks.door } else { looks.glass });
-    if !is_door {
-        frame(b, &|u, z, out| point(u, z, out), looks.trim, hole);
+
+    /// The wall of one bay of one storey around its opening.
+    fn panel(&self, b: &mut Builder, plan: Plan<'_>, looks: &Looks, bay: [f32; 2], z: [f32; 2], hole: &Opening) {
+        let surface = if z[0] == 0.0 { looks.base } else { looks.wall };
+        let us = cuts([bay[0], hole.u[0], hole.u[1], bay[1]]);
+        let zs = cuts([z[0], hole.z[0], hole.z[1], z[1]]);
+        let point = |u: f32, z: f32| plan(u, z, self.uneven(u, z));
+        for u in us.windows(2) {
+            for z in zs.windows(2) {
+                let (u_middle, z_middle) = (0.5 * (u[0] + u[1]), 0.5 * (z[0] + z[1]));
+                if hole.holds(u_middle, z_middle) {
+                    continue;
+                }
+                b.quad([point(u[0], z[0]), point(u[1], z[0]), point(u[1], z[1]), point(u[0], z[1])], surface);
+            }
+        }
+    }
+
+    /// Cornice, quoins and the rain pipe.
+    fn edges(&self, b: &mut Builder, plan: Plan<'_>, looks: &Looks) {
+        let (style, top) = (self.style, self.style.height(self.floors));
+        if style.cornice_m > 0.0 {
+            let out = style.cornice_m;
+            course(b, plan, [0.0, self.length], [top - 0.5, top - 0.25], [-0.05, 0.4 * out], looks.trim);
+            course(b, plan, [0.0, self.length], [top - 0.25, top + 0.02], [-0.05, out], looks.trim);
+        }
+        if style.quoins {
+            let n = (top / 0.45) as usize;
+            for i in 0..n {
+                let (z, wide) = (0.45 * i as f32, if i % 2 == 0 { 0.5 } else { 0.3 });
+                for u in [[0.0, wide], [self.length - wide, self.length]] {
+                    block(b, plan, u, [z + 0.02, z + 0.43], [-0.05, 0.06], looks.trim);
+                }
+            }
+        }
+        let u = self.length - 0.18;
+        b.add(crate::trace::Shape::cylinder(plan(u, 0.1, 0.12), plan(u, top - 0.3, 0.12), 0.05), looks.iron);
+    }
+
+    /// The wall below its ground floor, where the street falls away from it, with a plinth.
+    fn foot(&self, b: &mut Builder, plan: Plan<'_>, surface: SurfaceId) {
+        let out = 0.02 + self.style.uneven_m;
+        let parts = self.gate.map_or(vec![[0.0, self.length]], |gate| vec![[0.0, gate[0]], [gate[1], self.length]]);
+        for pair in
+            parts.into_iter().flat_map(|part| cuts_of(part, 2.0).windows(2).map(<[f32]>::to_vec).collect::<Vec<_>>())
+        {
+            let strip = |from: [f32; 2], to: [f32; 2]| {
+                let corner = |u: f32, [z, out]: [f32; 2]| plan(u, z, out);
+                [corner(pair[0], from), corner(pair[1], from), corner(pair[1], to), corner(pair[0], to)]
+            };
+            b.quad(strip([-FOOT_M, out], [0.25, out]), surface);
+            b.quad(strip([0.25, out], [0.25, -0.1]), surface);
+        }
     }
 }
 
-/// The window's frame: a post and two rails in front of the pane, which the lidar sees where glass lets it pass.
-fn frame(b: &mut Builder, point: &dyn Fn(f32, f32, f32) -> Vec3, surface: SurfaceId, hole: &Opening) {
-    let bar = 0.045;
-    let middle = 0.5 * (hole.u[0] + hole.u[1]);
-    let bars = [
-        ([middle - bar, middle + bar], hole.z),
-        (hole.u, [hole.z[0], hole.z[0] + 2.0 * bar]),
-        (hole.u, [hole.z[1] - 2.0 * bar, hole.z[1]]),
-    ];
-    for ([u0, u1], [z0, z1]) in bars {
-        b.quad([(u0, z0), (u1, z0), (u1, z1), (u0, z1)].map(|(u, z)| point(u, z, 0.04 - RECESS_M)), surface);
+/// Edges of cells: the given ones, and more between them where they are far apart. Equal ones count once.
+fn cuts(edges: [f32; 4]) -> Vec<f32> {
+    let mut cuts = vec![edges[0]];
+    for pair in edges.windows(2) {
+        if pair[1] - pair[0] > 1e-3 {
+            cuts.extend(&cuts_of([pair[0], pair[1]], CELL_M)[1..]);
+        }
     }
+    cuts
 }
 
-fn uneven(wall: &Wall, u: f32, z: f32) -> f32 {
-    UNEVEN_M * rough(wall.seed, u, z, 4.3, 1.1)
+/// Evenly from the first to the second, at most `step` apart.
+pub fn cuts_of([from, to]: [f32; 2], step: f32) -> Vec<f32> {
+    let n = ((to - from) / step).ceil().max(1.0) as usize;
+    (0..=n).map(|i| from + (to - from) * i as f32 / n as f32).collect()
 }
 
-/// A course of stone that stands out 10 cm above each storey.
-fn moulding(b: &mut Builder, plan: Plan<'_>, length: f32, z: f32, surface: SurfaceId) {
-    bar(b, plan, [0.0, length], [z, z + 0.18], [-0.05, 0.1], surface);
+/// A straight block that stands on a wall.
+pub fn block(b: &mut Builder, plan: Plan<'_>, u: [f32; 2], z: [f32; 2], out: [f32; 2], surface: SurfaceId) {
+    let middle = |u: f32| plan(u, 0.5 * (z[0] + z[1]), 0.5 * (out[0] + out[1]));
+    b.add(frame::beam(&middle(u[0]), &middle(u[1]), [out[1] - out[0], z[1] - z[0]]), surface);
 }
 
-/// A straight bar along the wall, cut every 2 m so that it follows a curved one.
-fn bar(b: &mut Builder, plan: Plan<'_>, u: [f32; 2], z: [f32; 2], out: [f32; 2], surface: SurfaceId) {
-    let n = ((u[1] - u[0]) / 2.0).ceil().max(1.0) as usize;
-    let at = |i: usize| u[0] + (u[1] - u[0]) * i as f32 / n as f32;
-    for i in 0..n {
-        let (a, c) = (at(i), at(i + 1));
-        let face =
-            |z0: f32, o0: f32, z1: f32, o1: f32| [plan(a, z0, o0), plan(c, z0, o0), plan(c, z1, o1), plan(a, z1, o1)];
-        b.quad(face(z[0], out[1], z[1], out[1]), surface);
-        b.quad(face(z[0], out[0], z[0], out[1]), surface);
-        b.quad(face(z[1], out[0], z[1], out[1]), surface);
-    }
-    for end in u {
-        let corners = [(z[0], out[0]), (z[0], out[1]), (z[1], out[1]), (z[1], out[0])];
-        b.quad(corners.map(|(z, o)| plan(end, z, o)), surface);
-    }
-}
-
-/// A slab with a railing of thin bars, which beams pass.
-fn balcony(b: &mut Builder, plan: Plan<'_>, looks: &Looks, [u0, z0]: [f32; 2], hole: &Opening) {
-    let (reach, u) = (0.75, [u0 + hole.u[0] - 0.35, u0 + hole.u[1] + 0.35]);
-    let floor = z0 + hole.z[0] - 0.65;
-    bar(b, plan, u, [floor - 0.15, floor], [0.0, reach], looks.trim);
-    let mut rail = |from: [f32; 3], to: [f32; 3], radius: f32| {
-        let point = |[u, z, out]: [f32; 3]| plan(u, z, out);
-        b.add(Shape::cylinder(point(from), point(to), radius), looks.rail);
-    };
-    let (top, out) = (floor + 1.0, reach - 0.05);
-    rail([u[0], top, out], [u[1], top, out], 0.025);
-    let n_bars = ((u[1] - u[0]) / 0.16) as usize;
-    for i in 0..=n_bars {
-        let at = u[0] + (u[1] - u[0]) * i as f32 / n_bars as f32;
-        rail([at, floor, out], [at, top, out], 0.009);
-    }
-    for end in u {
-        rail([end, top, 0.0], [end, top, out], 0.02);
-    }
-}
-
-/// The wall below its ground floor, where the street falls away from it.
-fn foot(b: &mut Builder, plan: Plan<'_>, wall: &Wall, surface: SurfaceId) {
-    let n = (wall.length / 2.0).ceil() as usize;
-    for i in 0..n {
-        let at = |i: usize| wall.length * i as f32 / n as f32;
-        let (a, c) = (at(i), at(i + 1));
-        let out = 0.02;
-        b.quad([plan(a, -FOOT_M, out), plan(c, -FOOT_M, out), plan(c, 0.02, out), plan(a, 0.02, out)], surface);
+/// A block of any length, cut every 2.5 m so that it follows a curved wall.
+pub fn course(b: &mut Builder, plan: Plan<'_>, u: [f32; 2], z: [f32; 2], out: [f32; 2], surface: SurfaceId) {
+    for pair in cuts_of(u, 2.5).windows(2) {
+        block(b, plan, [pair[0], pair[1]], z, out, surface);
     }
 }

@@ -137,3 +137,38 @@ fn posts(feet: &[Vec3], apart_m: f32) -> Vec<Vec3> {
     let line = Line::new(feet, apart_m);
     (0..line.len()).map(|foot| line.point(foot, [0.0, 0.0])).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::{Bvh, Ray};
+
+    /// Share of level rays across a straight fence of 20 m that pass between two heights.
+    fn passing(build: impl Fn(&mut Builder, &[Vec3]), heights: [f32; 2]) -> f32 {
+        let mut b = Builder::default();
+        build(&mut b, &[Vec3::new(-10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, 0.0)]);
+        let tree = Bvh::new(b.primitives);
+        let mut random = Random::new(2, 0);
+        let n = 4000;
+        let passed = (0..n)
+            .filter(|i| {
+                let origin = Vec3::new(random.range(-9.5, 9.5), -5.0, random.range(heights[0], heights[1]));
+                tree.nearest(&Ray { origin, direction: Vec3::y(), seed: *i }, 20.0).is_none()
+            })
+            .count();
+        passed as f32 / n as f32
+    }
+
+    #[test]
+    fn beams_pass_bars_and_mesh_and_not_planks() {
+        for (name, share, expected) in [
+            ("railing", passing(railing, [0.2, 1.0]), 0.80..0.90),
+            ("bar fence", passing(bar_fence, [0.6, 1.7]), 0.76..0.88),
+            ("mesh", passing(mesh_fence, [0.1, 1.7]), 0.68..0.77),
+            ("planks", passing(|b, feet| wooden_fence(b, feet, &mut Random::new(1, 0)), [0.2, 1.4]), 0.10..0.35),
+            ("plinth", passing(bar_fence, [0.0, 0.4]), 0.0..1e-6),
+        ] {
+            assert!(expected.contains(&share), "{name}: {share}");
+        }
+    }
+}

@@ -4,6 +4,7 @@
 //! people) is returned as primitives in its own frame, x forward, to be placed or driven. Lines of things follow a foot
 //! line on the ground.
 
+mod balcony;
 pub mod barrier;
 pub mod bridge;
 pub mod catalogue;
@@ -12,11 +13,15 @@ pub mod facade;
 pub mod fence;
 mod frame;
 pub mod furniture;
+pub mod house;
 mod line;
+mod opening;
 pub mod person;
 pub mod pole;
+mod roof;
 pub mod sign;
 pub mod structure;
+pub mod style;
 pub mod track;
 pub mod tree;
 pub mod two_wheeler;

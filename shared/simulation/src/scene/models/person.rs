@@ -78,8 +78,8 @@ impl Look {
     /// Way of two steps, m: a walker that is drawn at phase p has gone p of it.
     #[allow(dead_code, reason = "for movers that swing their legs")]
     pub fn stride_m(&self) -> f32 {
-        // Twice the spread of the feet at the ends of a step.
-        4.0 * LEG * self.height_m * SWING.sin()
+        // A step spreads the feet by twice the reach of a leg, whose length is two halves.
+        8.0 * LEG * self.height_m * SWING.sin()
     }
 }
 
@@ -344,4 +344,39 @@ fn trolley(f: &mut Frame<'_>, [x, y, z]: At) {
     let foot = [x - 0.45, y, 0.06];
     f.tube([x, y, z], [x - 0.25, y, 0.55 * z], 0.012, metal);
     f.beam(foot, [x - 0.22, y, 0.6 * z], [0.36, 0.22], case);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::hash;
+
+    fn ankle(look: &Look, phase: f32) -> f32 {
+        let posture = Posture::walking(phase);
+        let knee = swing([0.0; 3], LEG * look.height_m, posture.thighs[0]);
+        swing(knee, LEG * look.height_m, posture.thighs[0] - posture.knees[0])[0]
+    }
+
+    #[test]
+    fn the_standing_foot_goes_back_by_half_a_stride() {
+        let look = Look::random(&mut Random::new(3, 0));
+        // From its foremost place at a quarter to its hindmost at three quarters the left foot stands.
+        let back = ankle(&look, 0.25) - ankle(&look, 0.75);
+        assert!((back - 0.5 * look.stride_m()).abs() < 0.06 * look.stride_m(), "{back} of {}", look.stride_m());
+        assert!(look.stride_m() > 0.8 && look.stride_m() < 1.7, "{}", look.stride_m());
+    }
+
+    #[test]
+    fn soles_stay_on_the_ground_and_heads_near_their_height_at_every_phase() {
+        for i in 0..60_u64 {
+            let mut b = Builder::default();
+            let look = Look::random(&mut Random::new(hash(1, i), 0));
+            let model = walker(&mut b, 1, i as f32 / 60.0, &look);
+            let low = model.iter().map(|p| p.shape.bounds()[0].z).fold(f32::INFINITY, f32::min);
+            let high = model.iter().map(|p| p.shape.bounds()[1].z).fold(f32::NEG_INFINITY, f32::max);
+            assert!(low > -0.04 && low < 0.03, "{low}");
+            // A step lowers the head by up to 5 cm, a hat adds up to 12.
+            assert!(high > look.height_m - 0.1 && high < look.height_m + 0.2, "{high} of {}", look.height_m);
+        }
+    }
 }

@@ -28,7 +28,7 @@ pub fn deciduous(b: &mut Builder, pose: &Isometry3<f32>, random: &mut Random) {
     let leaves = f.surface(Vegetation, leaf);
     let height = random.range(7.0, 11.0);
     let crown =
-        Crown { trunk: random.range(2.4, 3.2), height, spread: 0.31 * height, girth: 0.018 * height, clusters: 56 };
+        Crown { trunk: random.range(2.4, 3.2), height, spread: 0.31 * height, girth: 0.018 * height, clusters: 44 };
     crown.grow(&mut f, [bark, leaves], random);
 }
 
@@ -38,7 +38,7 @@ pub fn plane_tree(b: &mut Builder, pose: &Isometry3<f32>, random: &mut Random) {
     let bark = f.surface(Vegetation, Material::BarkPlane);
     let leaves = f.surface(Vegetation, Material::Leaves);
     let height = random.range(10.0, 15.0);
-    let crown = Crown { trunk: random.range(3.5, 4.5), height, spread: 0.36 * height, girth: 0.3, clusters: 80 };
+    let crown = Crown { trunk: random.range(3.5, 4.5), height, spread: 0.36 * height, girth: 0.3, clusters: 60 };
     crown.grow(&mut f, [bark, leaves], random);
 }
 
@@ -99,14 +99,14 @@ impl Crown {
             // More clusters outside than inside: leaves grow where light is.
             let ring = (1.0 - up * up).sqrt() * random.range(0.0, 1.0_f32).powf(0.35);
             let angle = i as f32 * GOLDEN + random.range(-0.4, 0.4);
-            let radius = self.spread * random.range(0.14, 0.29);
+            let radius = self.spread * random.range(0.14, 0.27);
             let reach = (self.spread - radius) * ring;
             let center = [
                 lean[0] + reach * angle.cos(),
                 lean[1] + reach * angle.sin(),
                 middle + up * (half_height - radius) + random.range(-0.15, 0.15),
             ];
-            f.leaves(center, radius, random.range(0.35, 0.75), leaves);
+            f.leaves(center, radius, random.range(0.6, 1.3), leaves);
             if i % 2 == 0 {
                 let from = nearest(&tips, &center);
                 f.tube(from, center, 0.07 * self.girth, bark);
@@ -266,6 +266,36 @@ pub fn hedge(b: &mut Builder, feet: &[Vec3], height: f32, random: &mut Random) {
                 cluster(0.15, z);
                 cluster(-0.15, z);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::{Bvh, Ray};
+
+    #[test]
+    fn rays_pass_a_crown_in_part_and_never_the_trunk() {
+        for (grow, heights) in
+            [(deciduous as fn(&mut Builder, &Isometry3<f32>, &mut Random), [4.0, 6.0]), (plane_tree, [6.0, 9.0])]
+        {
+            let mut b = Builder::default();
+            grow(&mut b, &Isometry3::identity(), &mut Random::new(6, 0));
+            let tree = Bvh::new(b.primitives);
+            let mut random = Random::new(7, 0);
+            let n = 3000;
+            let passed = (0..n)
+                .filter(|i| {
+                    let origin = Vec3::new(-30.0, random.range(-1.5, 1.5), random.range(heights[0], heights[1]));
+                    tree.nearest(&Ray { origin, direction: Vec3::x(), seed: *i }, 60.0).is_none()
+                })
+                .count();
+            let share = passed as f32 / n as f32;
+            assert!((0.002..0.5).contains(&share), "{share}");
+            let low = Ray { origin: Vec3::new(-30.0, 0.0, 1.0), direction: Vec3::x(), seed: 1 };
+            let (range, _) = tree.nearest(&low, 60.0).expect("the trunk");
+            assert!((29.4..30.0).contains(&range), "{range}");
         }
     }
 }

@@ -23,7 +23,9 @@ use crate::random::{gauss, hash};
 use crate::scene::{Scene, SceneHit, Snapshot};
 use crate::trace::{Ray, Vec3};
 use beams::{Beam, Beams};
-use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK};
+use formats::velodyne::{
+    BLOCKS_PER_PACKET, DATA_PACKET_BYTES, LASERS_PER_BLOCK, RawBlock, RawReturn, encode_data_packet,
+};
 use geometry::{Isometry3, Pose, Stamp};
 use messages::ClassId;
 use model::N_SLOTS;
@@ -56,6 +58,18 @@ pub struct Block {
     pub is_lower: bool,
     /// What came back, in firing order.
     pub returns: [Option<LidarReturn>; N_LASERS],
+}
+
+impl Block {
+    /// What the device sends of it.
+    pub fn raw(&self) -> RawBlock {
+        let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
+        RawBlock {
+            azimuth: self.azimuth,
+            is_lower: self.is_lower,
+            returns: self.returns.each_ref().map(|found| found.as_ref().map(raw_return).unwrap_or_default()),
+        }
+    }
 }
 
 /// One return.
@@ -126,6 +140,11 @@ impl<'a> Lidar<'a> {
     pub fn packets(&self, packets: Range<u64>) -> Vec<[Block; N_BLOCKS]> {
         let movers = self.movers_in_reach(packets.clone());
         packets.into_par_iter().map(|packet| self.shoot(packet, &movers).0).collect()
+    }
+
+    /// The payload of a packet with these blocks.
+    pub fn payload(&self, packet: u64, blocks: &[Block; N_BLOCKS]) -> [u8; DATA_PACKET_BYTES] {
+        encode_data_packet(self.model.model, self.packet_stamp(packet), &blocks.each_ref().map(Block::raw))
     }
 
     /// The beams' middles of one packet, in firing order; for benches.
@@ -223,10 +242,9 @@ impl<'a> Lidar<'a> {
         let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
         let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
         let ray = &shot.beam.ray;
-        let correction_m = self.model.model.lasers()[slot.laser].range_m as f32;
         if !(beside[0] | beside[1] | above[0] | above[1]) {
             let part = self.receiver.part(1.0, ray, shot.hit.as_ref()?)?;
-            return self.receiver.strongest(&mut [part], correction_m, ray.seed);
+            return self.receiver.strongest(&mut [part], slot.laser, ray.seed);
         }
         let mut parts = [None; N_PARTS];
         let mut middle_weight = 1.0;
@@ -246,7 +264,7 @@ impl<'a> Lidar<'a> {
         }
         parts[N_PARTS - 1] = shot.hit.and_then(|hit| self.receiver.part(middle_weight, ray, &hit));
         let mut found: Vec<Part> = parts.into_iter().flatten().collect();
-        self.receiver.strongest(&mut found, correction_m, ray.seed)
+        self.receiver.strongest(&mut found, slot.laser, ray.seed)
     }
 
     /// A ray beside the beam's middle, by shares of its width and height.
