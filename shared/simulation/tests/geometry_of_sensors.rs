@@ -17,8 +17,8 @@ fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &V
     simulation.scene.cast(&simulation.scene.at(seconds), &ray, 150.0)
 }
 
-/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves, which end rays
-/// at random, aside.
+/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and
+/// fences, which end rays at random, aside.
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
     let (mut on, mut all) = (0, 0);
     for shot in shots.iter().step_by(7) {
@@ -29,7 +29,7 @@ fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64)
             all += 1;
             continue;
         };
-        if hit.surface.class == ClassId::Vegetation {
+        if matches!(hit.surface.class, ClassId::Vegetation | ClassId::Fence) {
             continue;
         }
         all += 1;

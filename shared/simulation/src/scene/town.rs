@@ -327,7 +327,7 @@ mod tests {
                         let (s, t) = street.from_node(arm.end, arm.mouth_m + 0.4, t);
                         let mouth = street.plan(s, t);
                         let mut last = None;
-                        for i in 0..=60 {
+                        for i in 1..=60 {
                             let p = node.at.lerp(&mouth, f64::from(i) / 60.0);
                             let (class, height) = below(&town, &ground, &p).expect("ground");
                             assert!(
