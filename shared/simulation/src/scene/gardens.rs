@@ -71,7 +71,7 @@ impl Town {
             let pose = line.leaning(drive, side * (outer + 4.2), LAWN_H, turn);
             self.builder.place(&model, &pose);
         }
-        for _ in 0..1 + random.index(3) {
+        for _ in 0..=random.index(3) {
             let p =
                 at(from + width * f64::from(random.range(0.1, 0.9)), f64::from(random.range(0.2, 0.8)) * setback + 1.2);
             let pose = self.stand_at(&p, LAWN_H, 0.0);

@@ -11,6 +11,7 @@ use crate::random::Random;
 use crate::trace::Vec3;
 use messages::ClassId;
 use nalgebra::Isometry3;
+use std::f32::consts::TAU;
 
 /// How deep houses are, m.
 const DEPTH_M: f64 = 10.0;
@@ -40,10 +41,8 @@ impl Plot {
 impl Town {
     /// Houses from corner to corner, where the block beside the street has houses.
     pub fn row_of_houses(&mut self, street: usize, side: f64, random: &mut Random) {
-        if let Some(block) = self.block_beside(street, side) {
-            if self.uses[block] != BlockUse::Houses {
-                return;
-            }
+        if self.block_beside(street, side).is_some_and(|block| self.uses[block] != BlockUse::Houses) {
+            return;
         }
         let profile = self.network.streets[street].profile;
         let [begin, end] = self.network.facade_ends(street, side);
@@ -154,7 +153,7 @@ impl Town {
         let pose = self.stand_at(p, h, 0.0);
         let rubble = self.builder.surface(ClassId::Unlabeled, 0, Material::Fieldstone);
         for _ in 0..24 {
-            let (angle, out) = (random.range(0.0, 6.28), random.range(0.0, 0.9));
+            let (angle, out) = (random.range(0.0, TAU), random.range(0.0, 0.9));
             let center = Vec3::new(out * angle.cos(), out * angle.sin(), 0.55 * (1.0 - out) * random.range(0.3, 1.0));
             let size = Vec3::new(random.range(0.12, 0.3), random.range(0.12, 0.3), random.range(0.1, 0.2));
             let turned = pose * Isometry3::new(center, Vec3::z() * angle);
@@ -172,7 +171,7 @@ impl Town {
             let line = self.network.streets[street].clone();
             let half = line.profile.outer_t as f32 + 1.5;
             let from = self.network.arm(street, end).mouth_m;
-            let (s, _) = line.from_node(end, from, 0.0);
+            let (s, _) = line.at_node(end, from, 0.0);
             if !self.reach.is_near(&line.plan(s, 0.0), BUILT_M + 15.0) {
                 continue;
             }
@@ -180,7 +179,7 @@ impl Town {
             let wall = Wall { length: 2.0 * half, floors: 4, material, balconies: false, seed: random.bits() };
             let base = line.point(s, 0.0, 0.05).z as f32;
             let plan = |u: f32, z: f32, out: f32| {
-                let (s, t) = line.from_node(end, from + f64::from(out), f64::from(u - half));
+                let (s, t) = line.at_node(end, from + f64::from(out), f64::from(u - half));
                 let mut p = line.vertex(s, t, 0.0);
                 p.z = base + z;
                 p
