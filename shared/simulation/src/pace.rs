@@ -10,6 +10,8 @@ const ACCELERATION: f64 = 1.5;
 const SIDEWARD: f64 = 1.9;
 /// Between two knots of the pace, s. Speed changes over six of them: no jerk beyond 1.5 m/s^3.
 const KNOT_SECONDS: f64 = 0.4;
+/// Steps of the simulation between two knots.
+const STEPS: usize = 8;
 /// The speed swells by this share, in waves of this length.
 const SWELL: (f64, f64) = (0.1, 90.0);
 
@@ -56,9 +58,8 @@ impl Pace {
         let (mut s, mut speed, mut wait) = (start_m, start_mps, 0.0);
         // The first three knots rest, so that a standing start is one.
         let mut lengths = vec![SVector::from([s]); if start_mps > 0.0 { 1 } else { 3 }];
-        // Steps much shorter than the knots; past the end by more than the curve's reach.
-        const STEPS: usize = 8;
         let step = KNOT_SECONDS / STEPS as f64;
+        // Past the end by more than the curve's reach.
         for _ in 0..(seconds / KNOT_SECONDS).ceil() as usize + 8 {
             for _ in 0..STEPS {
                 if wait > 0.0 {

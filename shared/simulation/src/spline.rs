@@ -103,8 +103,10 @@ mod tests {
 
     #[test]
     fn a_closed_curve_has_no_seam() {
-        let ring =
-            (0..12).map(|i| Vector2::new((f64::from(i) * 0.5236).cos(), (f64::from(i) * 0.5236).sin())).collect();
+        let ring = (0..12)
+            .map(|i| f64::from(i) * std::f64::consts::FRAC_PI_6)
+            .map(|a| Vector2::new(a.cos(), a.sin()))
+            .collect();
         let ring = Spline::closed(ring).expect("points");
         assert!((ring.at(11.999_999) - ring.at(0.0)).norm() < 1e-5);
         assert_eq!(ring.at(3.5), ring.at(15.5));

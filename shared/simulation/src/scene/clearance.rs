@@ -99,7 +99,7 @@ mod tests {
         assert!(at(0.0, 0.0, 0.0).meets(&at(3.9, 0.0, 0.0)));
         assert!(!at(0.0, 0.0, 0.0).meets(&at(4.1, 0.0, 0.0)));
         // Side by side in opposite lanes.
-        assert!(!at(0.0, 0.0, 0.0).meets(&at(0.0, 2.1, 3.14)));
+        assert!(!at(0.0, 0.0, 0.0).meets(&at(0.0, 2.1, std::f64::consts::PI)));
         // Turned by 45 degrees, a corner reaches 2.1 m.
         assert!(at(0.0, 0.0, 0.0).meets(&at(3.9, 0.0, 0.785)));
         assert!(!at(0.0, 0.0, 0.0).meets(&at(4.3, 0.0, 0.785)));

@@ -38,7 +38,7 @@ pub fn stretches(all: Option<Stretch>) -> [Stretch; N] {
 }
 
 /// The map of a seed: streets 0 to 6 are the round of about 1.6 km, the others lanes that end after 90 to 130 m.
-pub fn build(seed: u64, stretches: &[Stretch; N]) -> Network {
+pub fn build(seed: u64, stretches: [Stretch; N]) -> Network {
     let mut random = Random::new(seed, 0x000c_0a27);
     let terrain = Terrain::new(seed);
     let turn = f64::from(random.range(0.0, TAU as f32));
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn the_country_road_is_a_round_with_a_lane_at_every_node() {
         for seed in 0..12 {
-            let network = build(seed, &stretches(None));
+            let network = build(seed, stretches(None));
             for (k, leg) in network.round.iter().enumerate() {
                 let next = network.round[(k + 1) % N];
                 assert_eq!(network.node_after(*leg), network.node_after(next.reversed()));

@@ -1,8 +1,7 @@
 //! Houses in gardens along residential streets.
 
-use super::cottage;
 use super::fleet;
-use super::models::{barrier, fence, structure, tree};
+use super::models::{barrier, fence, house, structure, tree};
 use super::open_blocks::BlockUse;
 use super::town::Town;
 use crate::random::Random;
@@ -56,11 +55,15 @@ impl Town {
         let (drive, front) = if is_drive_first { (from + 1.9, [from + 3.5, to]) } else { (to - 1.9, [from, to - 3.5]) };
         self.front(street, side, front, random);
         let middle = 0.5 * (from + to) + if is_drive_first { 1.2 } else { -1.2 };
-        // The house looks to the street along its -y... its x runs along the street.
+        // The house looks to the street along its -y.
         let yaw = line.heading(middle) + if side > 0.0 { 0.0 } else { PI };
         let (house_width, depth) = ((width - 6.5).clamp(7.0, 13.0) as f32, random.range(7.5, 9.5));
         let pose = self.stand_at(&at(middle, setback + 0.5 * f64::from(depth)), LAWN_H, yaw);
-        cottage::detached(&mut self.builder, &pose, house_width, depth, random);
+        if width > 18.0 && random.chance(0.2) {
+            house::apartments(&mut self.builder, &pose, house_width, depth, 3 + random.index(2), random);
+        } else {
+            house::detached(&mut self.builder, &pose, house_width, depth, random);
+        }
         if random.chance(0.55) {
             let instance = self.instances.next();
             let model = fleet::parked(&mut self.builder, instance, random);
@@ -68,7 +71,7 @@ impl Town {
             let pose = line.leaning(drive, side * (outer + 4.2), LAWN_H, turn);
             self.builder.place(&model, &pose);
         }
-        for _ in 0..1 + random.index(3) {
+        for _ in 0..=random.index(3) {
             let p =
                 at(from + width * f64::from(random.range(0.1, 0.9)), f64::from(random.range(0.2, 0.8)) * setback + 1.2);
             let pose = self.stand_at(&p, LAWN_H, 0.0);

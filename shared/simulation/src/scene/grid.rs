@@ -53,11 +53,11 @@ pub fn build(seed: u64, style: &GridStyle) -> Network {
     let (rows, columns) = (widths(), widths());
     let profile = |walk_m: f64| if style.is_urban { Profile::urban(walk_m) } else { Profile::residential() };
     let mut streets = Vec::new();
-    for j in 0..NODES {
-        streets.extend((0..N).map(|i| street(node(i, j), node(i + 1, j), true, profile(rows[j]))));
+    for (j, width) in rows.into_iter().enumerate() {
+        streets.extend((0..N).map(|i| street(node(i, j), node(i + 1, j), true, profile(width))));
     }
-    for i in 0..NODES {
-        streets.extend((0..N).map(|j| street(node(i, j), node(i, j + 1), false, profile(columns[i]))));
+    for (i, width) in columns.into_iter().enumerate() {
+        streets.extend((0..N).map(|j| street(node(i, j), node(i, j + 1), false, profile(width))));
     }
     let mut network = Network::new(terrain, &places, streets, |_| style.is_urban);
     network.round = round(&mut random);
@@ -130,16 +130,16 @@ fn round(random: &mut Random) -> Vec<Leg> {
         if y0 == y1 {
             let leg = |x: usize, is_forward| Leg { street: eastward(x, y0), is_forward };
             if x1 > x0 {
-                legs.extend((x0..x1).map(|x| leg(x, true)))
+                legs.extend((x0..x1).map(|x| leg(x, true)));
             } else {
-                legs.extend((x1..x0).rev().map(|x| leg(x, false)))
+                legs.extend((x1..x0).rev().map(|x| leg(x, false)));
             }
         } else {
             let leg = |y: usize, is_forward| Leg { street: northward(x0, y), is_forward };
             if y1 > y0 {
-                legs.extend((y0..y1).map(|y| leg(y, true)))
+                legs.extend((y0..y1).map(|y| leg(y, true)));
             } else {
-                legs.extend((y1..y0).rev().map(|y| leg(y, false)))
+                legs.extend((y1..y0).rev().map(|y| leg(y, false)));
             }
         }
     }

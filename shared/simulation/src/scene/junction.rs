@@ -59,7 +59,7 @@ fn mouth(town: &Town, arm: &Arm) -> Vec<Spot> {
     let columns = street.profile.columns().into_iter().filter(|t| t.abs() <= kerb);
     columns
         .map(|t| {
-            let (s, t) = street.from_node(arm.end, arm.mouth_m, t);
+            let (s, t) = street.at_node(arm.end, arm.mouth_m, t);
             (street.plan(s, t), street.profile.road_height(t))
         })
         .collect()
@@ -79,7 +79,7 @@ impl CornerLine {
     fn new(town: &Town, arm: Arm, next: Arm) -> Self {
         let [a, b] = [arm, next].map(|arm| town.network.streets[arm.street].clone());
         let place = |arm: Arm, street: &Street, s: f64, t: f64| {
-            let (s, t) = street.from_node(arm.end, s, t);
+            let (s, t) = street.at_node(arm.end, s, t);
             street.plan(s, t)
         };
         let line = |ta: f64, tb: f64, met_a: f64, met_b: f64| {

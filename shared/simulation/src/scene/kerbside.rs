@@ -25,7 +25,7 @@ impl Town {
         while s < end - CLEAR_M {
             beat += 1;
             if self.is_built(street, s, 0.0) {
-                if beat % tree_every == 0 {
+                if beat.is_multiple_of(tree_every) {
                     let pose = self.by_kerb(street, s, side, 0.85);
                     match tree_kind {
                         0 => tree::plane_tree(&mut self.builder, &pose, random),
@@ -35,7 +35,7 @@ impl Town {
                 } else {
                     self.thing_by_the_kerb(beat, street, s, side, random);
                 }
-                if beat % 3 == 0 {
+                if beat.is_multiple_of(3) {
                     self.thing_by_the_wall(street, s, side, random);
                 }
             }
@@ -87,7 +87,7 @@ impl Town {
             let yaw = if end == 1 { 0.0 } else { PI };
             let at = line.profile.kerb_t + 0.45;
             for (t, is_right) in [(at, true), (-at, false)] {
-                let (s, t) = line.from_node(end, from_node, t);
+                let (s, t) = line.at_node(end, from_node, t);
                 if !self.is_built(street, s, 0.0) {
                     continue;
                 }
@@ -204,11 +204,11 @@ impl Town {
             }
             let feet: Vec<_> = (0..4)
                 .map(|i| {
-                    let (s, _) = line.from_node(end, mouth + 5.2 + 1.3 * f64::from(i), 0.0);
+                    let (s, _) = line.at_node(end, mouth + 5.2 + 1.3 * f64::from(i), 0.0);
                     self.stand(street, s, side * (line.profile.kerb_t + 0.25), 0.0).translation.vector
                 })
                 .collect();
-            if self.is_built(street, line.from_node(end, mouth + 7.0, 0.0).0, 0.0) {
+            if self.is_built(street, line.at_node(end, mouth + 7.0, 0.0).0, 0.0) {
                 fence::railing(&mut self.builder, &feet);
             }
         }

@@ -14,7 +14,6 @@
 mod builder;
 pub mod catalogue;
 mod clearance;
-mod cottage;
 mod country;
 mod crossings;
 mod fleet;

@@ -127,7 +127,7 @@ impl Leg {
     }
     /// Street coordinates of the place `s` m from where the leg begins, `t` to the left of its direction.
     pub const fn on(self, street: &Street, s: f64, t: f64) -> (f64, f64) {
-        street.from_node(if self.is_forward { 0 } else { 1 }, s, t)
+        street.at_node(if self.is_forward { 0 } else { 1 }, s, t)
     }
 }
 
@@ -173,7 +173,7 @@ fn arms(streets: &[Street], node: usize) -> Vec<Arm> {
 /// How far from the node the line at `t` along `street` comes within `reach` of the center line of `other`.
 fn meeting(street: &Street, end: usize, t: f64, other: &Street, reach: f64) -> f64 {
     let is_near = |s: f64| {
-        let (s, t) = street.from_node(end, s, t);
+        let (s, t) = street.at_node(end, s, t);
         other.distance(&street.plan(s, t)) < reach
     };
     let far = CORNER_REACH_M.min(0.45 * street.length_m);
@@ -233,7 +233,7 @@ mod tests {
                 let (this, next) = (arms[k], arms[(k + 1) % 4]);
                 let place = |arm: Arm, s: f64, t: f64| {
                     let street = &network.streets[arm.street];
-                    let (s, t) = street.from_node(arm.end, s, t);
+                    let (s, t) = street.at_node(arm.end, s, t);
                     street.plan(s, t)
                 };
                 let a = place(this, this.left.outer_m, profile.outer_t);

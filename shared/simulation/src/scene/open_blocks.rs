@@ -9,6 +9,7 @@ use crate::random::Random;
 use crate::spec::Town as Kind;
 use crate::trace::Vec3;
 use nalgebra::{Vector2, Vector3};
+use std::f32::consts::TAU;
 
 /// What is between four streets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,7 +139,7 @@ impl Town {
         }
         for _ in 0..26 {
             let p = place.at(f64::from(random.range(0.0, 1.0)), f64::from(random.range(0.3, 0.93)));
-            let pose = self.stand_at(&p, h, f64::from(random.range(0.0, 6.28)));
+            let pose = self.stand_at(&p, h, f64::from(random.range(0.0, TAU)));
             let b = &mut self.builder;
             match random.index(13) {
                 0 | 1 => furniture::bench(b, &pose, random),
@@ -170,7 +171,7 @@ impl Town {
         super::models::water::pond(&mut self.builder, &pose, random.range(5.0, 9.0), random);
         for _ in 0..46 {
             let p = place.at(f64::from(random.range(0.0, 1.0)), f64::from(random.range(0.45, 0.95)));
-            let pose = self.stand_at(&p, place.h, f64::from(random.range(0.0, 6.28)));
+            let pose = self.stand_at(&p, place.h, f64::from(random.range(0.0, TAU)));
             let b = &mut self.builder;
             match random.index(10) {
                 0..=3 => tree::build(b, &pose, random),

@@ -30,7 +30,7 @@ impl Town {
             let mut from_node = self.network.arm(street, end).mouth_m + line + QUEUE_M[0];
             let mut is_taken = random.chance(0.5);
             while is_taken {
-                let (s, t) = self.network.streets[street].from_node(end, from_node, LANE_T);
+                let (s, t) = self.network.streets[street].at_node(end, from_node, LANE_T);
                 if self.is_built(street, s, t) {
                     let instance = self.instances.next();
                     let model = fleet::car(&mut self.builder, instance, random);

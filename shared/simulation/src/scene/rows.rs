@@ -1,6 +1,8 @@
 //! Rows of houses along streets between blocks, with gateways to courtyards between them.
 
-use super::models::facade::{self, FLOOR_M, Wall};
+use super::models::facade::{self, Wall};
+use super::models::house::{self, Lot};
+use super::models::style::Style;
 use super::models::{clutter, fence, furniture, tree};
 use super::open_blocks::BlockUse;
 use super::town::{BUILT_M, Town};
@@ -9,6 +11,7 @@ use crate::random::Random;
 use crate::trace::Vec3;
 use messages::ClassId;
 use nalgebra::Isometry3;
+use std::f32::consts::TAU;
 
 /// How deep houses are, m.
 const DEPTH_M: f64 = 10.0;
@@ -38,10 +41,8 @@ impl Plot {
 impl Town {
     /// Houses from corner to corner, where the block beside the street has houses.
     pub fn row_of_houses(&mut self, street: usize, side: f64, random: &mut Random) {
-        if let Some(block) = self.block_beside(street, side) {
-            if self.uses[block] != BlockUse::Houses {
-                return;
-            }
+        if self.block_beside(street, side).is_some_and(|block| self.uses[block] != BlockUse::Houses) {
+            return;
         }
         let profile = self.network.streets[street].profile;
         let [begin, end] = self.network.facade_ends(street, side);
@@ -82,73 +83,24 @@ impl Town {
     }
 
     fn house(&mut self, plot: &Plot, random: &mut Random) {
-        let wall = Wall {
-            length: (plot.front[1] - plot.front[0]) as f32,
+        let style = Style::urban(random);
+        let lot = Lot {
+            width: (plot.front[1] - plot.front[0]) as f32,
+            depth: DEPTH_M as f32,
             floors: 3 + random.index(4),
-            material: random.pick([
-                Material::PlasterCream,
-                Material::PlasterGray,
-                Material::PlasterRose,
-                Material::PlasterOchre,
-                Material::PlasterWhite,
-                Material::Limestone,
-                Material::LimestoneDressed,
-                Material::LimestoneDressed,
-                Material::Brick,
-                Material::BrickYellow,
-                Material::Concrete,
-            ]),
-            balconies: random.chance(0.6),
-            seed: random.bits(),
+            open: [false; 2],
+            gate: random.chance(0.15),
         };
         let street = self.network.streets[plot.street].clone();
         let base = street.point(0.5 * (plot.front[0] + plot.front[1]), plot.side * plot.t, 0.1).z as f32;
-        let width = f64::from(wall.length);
+        let width = f64::from(lot.width);
         let plan = |u: f32, z: f32, out: f32| {
             let (s, t) = plot.point(f64::from(u) / width, f64::from(-out));
             let mut p = street.vertex(s, t, 0.0);
             p.z = base + z;
             p
         };
-        facade::build(&mut self.builder, &plan, &wall, random);
-        self.shell(&plan, &wall, random);
-    }
-
-    /// Party walls, back wall and a zinc roof with chimneys, for courtyards, the skyline and shadows.
-    fn shell(&mut self, plan: facade::Plan<'_>, wall: &Wall, random: &mut Random) {
-        let (width, depth) = (wall.length, DEPTH_M as f32);
-        let top = wall.floors as f32 * FLOOR_M;
-        let stone = self.builder.surface(ClassId::Building, 0, wall.material);
-        let zinc = self.builder.surface(ClassId::Building, 0, Material::Zinc);
-        let rise = random.range(0.8, 2.8);
-        for u in [0.0, width] {
-            // As far out as the uneven wall goes, so that no sky shows between two houses.
-            let out = facade::UNEVEN_M;
-            let corners = [plan(u, -0.7, out), plan(u, -0.7, -depth), plan(u, top, -depth), plan(u, top, out)];
-            self.builder.quad(corners, stone);
-            let gable =
-                [plan(u, top, 0.0), plan(u, top, -depth), plan(u, top + rise, -depth), plan(u, top + rise, -2.2)];
-            self.builder.quad(gable, stone);
-        }
-        let n = (width / 3.0).ceil() as usize;
-        let mut strip = |from: [f32; 2], to: [f32; 2], surface: u32| {
-            for i in 0..n {
-                let (a, c) = (width * i as f32 / n as f32, width * (i + 1) as f32 / n as f32);
-                let corner = |u: f32, [z, back]: [f32; 2]| plan(u, z, -back);
-                self.builder.quad([corner(a, from), corner(c, from), corner(c, to), corner(a, to)], surface);
-            }
-        };
-        strip([top, -0.05], [top + rise, 2.2], zinc);
-        strip([top + rise, 2.2], [top + rise, depth], zinc);
-        strip([-0.7, depth], [top + rise, depth], stone);
-        let brick = self.builder.surface(ClassId::Building, 0, Material::Brick);
-        for _ in 0..=random.index(3) {
-            let (u, tall) = (random.range(0.5, width - 1.5), rise + random.range(0.8, 1.6));
-            let (corner, along) = (plan(u, top, -3.0), plan(u + 0.5, top, -3.0));
-            let yaw = (along - corner).y.atan2((along - corner).x);
-            let pose = Isometry3::new(corner, Vec3::z() * yaw);
-            self.builder.cuboid(&pose, [0.0, -0.3, 0.0], [1.1, 0.3, tall], brick);
-        }
+        house::row_house(&mut self.builder, &plan, &lot, &style, random);
     }
 
     /// A gap between two houses: closed by a fence at the sidewalk, or open to a paved yard with a wall at its end.
@@ -201,7 +153,7 @@ impl Town {
         let pose = self.stand_at(p, h, 0.0);
         let rubble = self.builder.surface(ClassId::Unlabeled, 0, Material::Fieldstone);
         for _ in 0..24 {
-            let (angle, out) = (random.range(0.0, 6.28), random.range(0.0, 0.9));
+            let (angle, out) = (random.range(0.0, TAU), random.range(0.0, 0.9));
             let center = Vec3::new(out * angle.cos(), out * angle.sin(), 0.55 * (1.0 - out) * random.range(0.3, 1.0));
             let size = Vec3::new(random.range(0.12, 0.3), random.range(0.12, 0.3), random.range(0.1, 0.2));
             let turned = pose * Isometry3::new(center, Vec3::z() * angle);
@@ -219,7 +171,7 @@ impl Town {
             let line = self.network.streets[street].clone();
             let half = line.profile.outer_t as f32 + 1.5;
             let from = self.network.arm(street, end).mouth_m;
-            let (s, _) = line.from_node(end, from, 0.0);
+            let (s, _) = line.at_node(end, from, 0.0);
             if !self.reach.is_near(&line.plan(s, 0.0), BUILT_M + 15.0) {
                 continue;
             }
@@ -227,7 +179,7 @@ impl Town {
             let wall = Wall { length: 2.0 * half, floors: 4, material, balconies: false, seed: random.bits() };
             let base = line.point(s, 0.0, 0.05).z as f32;
             let plan = |u: f32, z: f32, out: f32| {
-                let (s, t) = line.from_node(end, from + f64::from(out), f64::from(u - half));
+                let (s, t) = line.at_node(end, from + f64::from(out), f64::from(u - half));
                 let mut p = line.vertex(s, t, 0.0);
                 p.z = base + z;
                 p

@@ -1,8 +1,7 @@
 //! What lies along country roads.
 
-use super::cottage;
 use super::country::Stretch;
-use super::models::{barrier, bridge, fence, pole, sign, tree};
+use super::models::{barrier, bridge, fence, house, pole, sign, tree};
 use super::town::{BUILT_M, Town};
 use crate::material::Material;
 use crate::random::Random;
@@ -79,12 +78,16 @@ impl Town {
                 _ => {}
             }
         }
-        // A barn and trees at its end.
+        // A barn or the village's church at its end.
         let line = self.network.streets[street].clone();
         if self.is_built(street, end, 0.0) {
-            let p = line.plan(end + 9.0, 0.0);
-            let pose = self.stand_at(&p, MEADOW_H, line.heading(end) + 0.5 * PI);
-            cottage::barn(&mut self.builder, &pose, random);
+            if line.profile.has_kerb() {
+                let pose = self.stand_at(&line.plan(end + 14.0, 0.0), MEADOW_H, line.heading(end));
+                house::church(&mut self.builder, &pose, random);
+            } else {
+                let pose = self.stand_at(&line.plan(end + 9.0, 0.0), MEADOW_H, line.heading(end) - 0.5 * PI);
+                house::barn(&mut self.builder, &pose, random);
+            }
         }
     }
 
@@ -155,9 +158,9 @@ impl Town {
                     let yaw = line.heading(s) + if side > 0.0 { 0.0 } else { PI };
                     let pose = self.stand_at(&line.plan(s, t), MEADOW_H, yaw);
                     if random.chance(0.5) {
-                        cottage::barn(&mut self.builder, &pose, random);
+                        house::barn(&mut self.builder, &pose, random);
                     } else {
-                        cottage::detached(&mut self.builder, &pose, 11.0, 8.0, random);
+                        house::detached(&mut self.builder, &pose, 11.0, 8.0, random);
                     }
                 }
                 // Bales of hay on the meadow: class unlabeled.

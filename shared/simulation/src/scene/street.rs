@@ -97,7 +97,7 @@ impl Street {
         Isometry3::from_parts(Translation3::from(self.point(s, t, h)), rotation).cast()
     }
     /// Street coordinates of the place `s` m from the node at an end (0 or 1), `t` to the left of a look away from it.
-    pub const fn from_node(&self, end: usize, s: f64, t: f64) -> (f64, f64) {
+    pub const fn at_node(&self, end: usize, s: f64, t: f64) -> (f64, f64) {
         if end == 0 { (s, t) } else { (self.length_m - s, -t) }
     }
     /// Distance of a place from the center line between the nodes, m.
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn both_ends_see_the_same_places() {
         let street = street();
-        let (s, t) = street.from_node(1, 7.0, 2.0);
+        let (s, t) = street.at_node(1, 7.0, 2.0);
         let p = street.plan(s, t);
         let (end, direction) = street.center(street.length_m);
         let away = p - end;

@@ -81,7 +81,7 @@ pub fn found(kind: Kind, seed: u64, seconds: f64, random: &mut Random) -> (Town,
     let mut network = match kind {
         Kind::Urban => grid::build(seed, &GridStyle::URBAN),
         Kind::Suburban => grid::build(seed, &GridStyle::SUBURBAN),
-        Kind::Rural | Kind::Field | Kind::Tunnel => country::build(seed, &stretches),
+        Kind::Rural | Kind::Field | Kind::Tunnel => country::build(seed, stretches),
     };
     start_at_stretch(&mut network, kind, &stretches);
     let Some(Lane { way, legs }) = lane::around(&network, &network.round, -LANE_T) else {
@@ -324,10 +324,10 @@ mod tests {
                     let street = &town.network.streets[arm.street];
                     for across in -4..=4 {
                         let t = (0.24 * f64::from(across) + 0.013) * street.profile.kerb_t;
-                        let (s, t) = street.from_node(arm.end, arm.mouth_m + 0.4, t);
+                        let (s, t) = street.at_node(arm.end, arm.mouth_m + 0.4, t);
                         let mouth = street.plan(s, t);
                         let mut last = None;
-                        for i in 0..=60 {
+                        for i in 1..=60 {
                             let p = node.at.lerp(&mouth, f64::from(i) / 60.0);
                             let (class, height) = below(&town, &ground, &p).expect("ground");
                             assert!(

@@ -148,7 +148,7 @@ impl Town {
                 break;
             }
             let leg = self.network.round[k];
-            for i in 0..1 + random.index(3) {
+            for i in 0..=random.index(3) {
                 let from = seconds - 0.5 + 0.8 * i as f64;
                 movers.extend(self.person_across(leg.street, usize::from(leg.is_forward), from, i, random));
             }
@@ -196,7 +196,7 @@ impl Town {
         let n = (2.0 * reach) as usize;
         let points = (0..=n).map(|i| {
             let t = side * reach * (2.0 * i as f64 / n as f64 - 1.0);
-            let (s, t) = line.from_node(end, at, t);
+            let (s, t) = line.at_node(end, at, t);
             let p = line.plan(s, t);
             Vector3::new(p.x, p.y, self.network.terrain.height(&p) + line.profile.height(t))
         });
