@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let camera = ColorCamera::new(&CameraModel::Pinhole(lens.clone()));
     let [wide, high] = picture.map(|side| side as usize);
     for (sheet, exhibits) in shown.chunks(columns * rows).enumerate() {
+        let rows = exhibits.len().div_ceil(columns);
         let mut pixels = vec![0_u8; 3 * wide * columns * high * rows];
         for (i, exhibit) in exhibits.iter().enumerate() {
             println!("{:2} {}", sheet + 1, description(exhibit));
