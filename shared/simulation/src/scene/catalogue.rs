@@ -2,7 +2,6 @@
 
 use super::builder::Builder;
 use super::models::catalogue::{ENTRIES, Entry};
-use super::street::Street;
 use super::{Scene, Surface};
 use crate::material::Material;
 use crate::random::Random;
@@ -61,5 +60,5 @@ fn exhibit(entry: &Entry, seed: u64) -> Exhibit {
 
 /// A scene in which nothing moves.
 fn still(statics: Bvh, surfaces: Vec<Surface>) -> Scene {
-    Scene { street: Street::new(1.0, 0.0), statics, movers: Vec::new(), surfaces }
+    Scene { statics, movers: Vec::new(), surfaces }
 }

@@ -1,11 +1,9 @@
 //! What rays meet: triangles, panels, cuboids, cylinders, cones, spheres, and porous spheres that stand for leaves.
 
-use super::{Ray, Vec3};
+use super::pack::Flat;
+use super::{MIN_RANGE_M, Ray, Vec3};
 use crate::random::{hash, mix, unit};
 use nalgebra::{Isometry3, UnitQuaternion};
-
-/// Closer hits are the surface that the ray starts on.
-const MIN_RANGE_M: f32 = 1e-3;
 
 /// A shape and what it is made of.
 #[derive(Clone, Copy, Debug)]
@@ -163,9 +161,9 @@ impl Shape {
     /// Range of the first hit before `max_m`.
     pub fn range(&self, ray: &Ray, max_m: f32) -> Option<f32> {
         let range = match *self {
-            Self::Triangle { corner, edge1, edge2 } => triangle_range(ray, &corner, &edge1, &edge2)?,
+            Self::Triangle { .. } => Flat::of(self)?.range(ray, max_m)?,
             Self::Panel { corner, edge1, edge2, fill } => {
-                let range = panel_range(ray, &corner, &edge1, &edge2)?;
+                let range = Flat { corner, edge1, edge2, reach: 2.0 }.range(ray, max_m)?;
                 (fill >= 1.0 || unit(porous_hash(ray, &corner)) < fill).then_some(range)?
             }
             Self::Cuboid { center, half, rotation } => cuboid_range(ray, &center, &half, &rotation)?,
@@ -229,42 +227,6 @@ fn disc_reach(axis: &Vec3, radius: f32) -> Vec3 {
 
 fn porous_hash(ray: &Ray, center: &Vec3) -> u64 {
     hash(ray.seed, u64::from(center.x.to_bits()) << 32 | u64::from(center.z.to_bits()))
-}
-
-/// Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
-fn triangle_range(ray: &Ray, corner: &Vec3, edge1: &Vec3, edge2: &Vec3) -> Option<f32> {
-    let p = ray.direction.cross(edge2);
-    let determinant = edge1.dot(&p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let inverse = 1.0 / determinant;
-    let from_corner = ray.origin - corner;
-    let u = from_corner.dot(&p) * inverse;
-    if !(0.0..=1.0).contains(&u) {
-        return None;
-    }
-    let q = from_corner.cross(edge1);
-    let v = ray.direction.dot(&q) * inverse;
-    (v >= 0.0 && u + v <= 1.0).then(|| edge2.dot(&q) * inverse)
-}
-
-/// As [`triangle_range`], with the half beyond the diagonal.
-fn panel_range(ray: &Ray, corner: &Vec3, edge1: &Vec3, edge2: &Vec3) -> Option<f32> {
-    let p = ray.direction.cross(edge2);
-    let determinant = edge1.dot(&p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let inverse = 1.0 / determinant;
-    let from_corner = ray.origin - corner;
-    let u = from_corner.dot(&p) * inverse;
-    if !(0.0..=1.0).contains(&u) {
-        return None;
-    }
-    let q = from_corner.cross(edge1);
-    let v = ray.direction.dot(&q) * inverse;
-    (0.0..=1.0).contains(&v).then(|| edge2.dot(&q) * inverse)
 }
 
 /// Slabs in the box's own frame (Kay and Kajiya, "Ray tracing complex scenes", 1986).
