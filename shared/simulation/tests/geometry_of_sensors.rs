@@ -18,8 +18,8 @@ fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &V
     simulation.scene.cast(&simulation.scene.at(seconds), &ray, 150.0)
 }
 
-/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and
-/// fences, which end rays at random, aside.
+/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and mesh,
+/// which end rays at random, aside.
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
     let (mut on, mut all) = (0, 0);
     for shot in shots.iter().step_by(7) {
@@ -61,13 +61,13 @@ fn decoded_points_lie_on_the_scene_at_the_true_poses_and_not_beside_them() {
     // Near the end the vehicle drives at full speed; a sweep lasts 0.8 m of way.
     let sweep = &sweeps[38];
     let right = share_on_surfaces(&simulation, sweep, at);
-    // The others are at the edges of thin things: bars of balconies, twigs.
-    assert!(right > 0.97, "{right}");
+    // The others are edges, where the beam is wider than the ray.
+    assert!(right > 0.965, "{right}");
     // Without motion during the sweep, and half a metre beside.
     let middle = sweep[sweep.len() / 2].seconds;
     let frozen = share_on_surfaces(&simulation, sweep, |_| at(middle));
     let beside = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
-    assert!(frozen < right - 0.03 && beside < 0.6, "{right} {frozen} {beside}");
+    assert!(frozen < right - 0.03 && beside < right - 0.15, "{right} {frozen} {beside}");
 }
 
 /// Error of each sent range, and the range that a ray along the middle of the beam meets, of one revolution at rest.
