@@ -1,7 +1,7 @@
 //! The pictures of `docs/simulation.md`, section Cameras, and how long each image takes.
 //!
 //! ```sh
-//! cargo run --release -p simulation --example camera_pictures -- docs/pictures 1 6.25
+//! cargo run --release -p simulation --example camera_pictures -- docs 1 6.25
 //! ```
 //!
 //! Folder, seed of the town, and second of the drive.
@@ -9,13 +9,13 @@
 #[allow(clippy::unwrap_used, reason = "an example ends with its first error")]
 fn main() {
     let mut arguments = std::env::args().skip(1);
-    let folder = std::path::PathBuf::from(arguments.next().unwrap_or_else(|| "docs/pictures".to_owned()));
+    let folder = std::path::PathBuf::from(arguments.next().unwrap_or_else(|| "docs".to_owned()));
     let seed: u64 = arguments.next().map_or(1, |seed| seed.parse().unwrap());
     let seconds: f64 = arguments.next().map_or(6.25, |seconds| seconds.parse().unwrap());
     std::fs::create_dir_all(&folder).unwrap();
     let simulation = simulation::Simulation::new(&simulation::DriveSpec::urban(seed, seconds + 1.0)).unwrap();
     let stamp = simulation.motion.begin.plus_nanos((seconds * 1e9) as i64);
-    pictures::six_cameras(&simulation, stamp).save(folder.join("six_cameras.jpg")).unwrap();
+    pictures::six_cameras(&simulation, stamp).save(folder.join("cameras.jpg")).unwrap();
     pictures::raw_mosaic(&simulation, stamp).save(folder.join("raw_mosaic.png")).unwrap();
     pictures::levels(&simulation, stamp);
     std::fs::write(folder.join("spectra.svg"), pictures::spectra_svg()).unwrap();

@@ -5,6 +5,7 @@ mod support;
 
 use formats::velodyne::{Model, SweepReader};
 use geometry::{Point3, Stamp};
+use messages::ClassId;
 use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, write_drive};
 
@@ -23,22 +24,22 @@ fn parse(bytes: &[u8]) -> (Vec<i64>, Vec<&[u8]>) {
 fn a_return_is_seen_where_nothing_is_between_it_and_the_camera() {
     let folder = tempfile::tempdir().expect("a folder");
     let drive = folder.path().join("drive");
-    let spec = DriveSpec { truth_visibility: true, ..DriveSpec::urban(3, 3.4).sparse(12) };
+    let spec = DriveSpec { truth_visibility: true, ..DriveSpec::urban(3, 5.0).sparse(12) };
     write_drive(&spec, &drive, &mut |_| ()).expect("a drive");
     let simulation = Simulation::new(&spec).expect("a town");
     let mut reader = SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(Model::Hdl32e)).expect("a capture");
     let (mut seen, mut all, mut hidden, mut wrong) = (0_u32, 0_u32, 0_u32, 0_u32);
-    for seq in 0..30 {
+    for seq in 0..45 {
         let mut returns = Vec::new();
         let sweep = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a sweep");
         let bytes = std::fs::read(drive.join(format!("truth/visibility/{seq:06}.visibility"))).expect("a file");
         let (stamps, masks) = parse(&bytes);
         assert_eq!(masks.len(), returns.len());
         assert!(stamps.iter().all(|stamp| (stamp - sweep.stamp.0).abs() <= 2_000_000_000));
-        if seq != 24 {
+        if seq < 30 || seq % 5 != 0 {
             continue;
         }
-        assert_eq!(stamps.len(), 3);
+        assert!(stamps.len() >= 2, "{stamps:?}");
         for (found, masks) in returns.iter().zip(masks) {
             let seconds = sweep.stamp.seconds_since(simulation.motion.begin) + f64::from(found.offset_nanos) * 1e-9;
             let p = simulation.motion.pose(seconds)
@@ -59,9 +60,13 @@ fn a_return_is_seen_where_nothing_is_between_it_and_the_camera() {
                     let direction = (toward / toward.norm()).cast();
                     let ray = Ray { origin: eye.coords.cast(), direction, seed: 9 };
                     let before = (toward.norm() - 1.0) as f32;
-                    if simulation.scene.is_blocked(&simulation.scene.at(seconds), &ray, before.max(0.1)) {
+                    let hit = simulation.scene.cast(&simulation.scene.at(seconds), &ray, before.max(0.1));
+                    if hit.is_some_and(|hit| hit.surface.class == ClassId::Vegetation) {
+                        // Between leaves a ray passes or not.
+                        continue;
+                    }
+                    if hit.is_some() {
                         hidden += 1;
-                        // Through the gaps of leaves a ray may pass or not.
                         wrong += u32::from(is_seen);
                     } else {
                         seen += u32::from(is_seen);
@@ -70,6 +75,6 @@ fn a_return_is_seen_where_nothing_is_between_it_and_the_camera() {
             }
         }
     }
-    assert!(seen > 2000 && hidden > 500 && all > 4 * seen, "{seen} {hidden} {all}");
-    assert!(f64::from(wrong) < 0.03 * f64::from(hidden), "{wrong} of {hidden} behind something are seen");
+    assert!(seen > 2000 && hidden > 30 && all > 4 * seen, "{seen} {hidden} {all}");
+    assert!(f64::from(wrong) < 0.02 * f64::from(hidden), "{wrong} of {hidden} behind something are seen");
 }

@@ -24,7 +24,7 @@ const SKY_STEP: usize = 8;
 /// Places at which the exposure is metered, px apart.
 const METER_STEP: usize = 16;
 /// The meter brings the mean of what it sees (whites clipped) to this level.
-const METER_LEVEL: f32 = 0.32;
+const METER_LEVEL: f32 = 0.29;
 /// Range of the automatic gain: below, the shutter is too long; above, noise would be all.
 const GAINS: [f32; 2] = [0.25, 8.0];
 /// Levels after the tone curve that differ by more, out of 1, are sampled more.
