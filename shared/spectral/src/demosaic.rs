@@ -109,7 +109,9 @@ impl Demosaicer {
         check_length("masks of bands", bands.len(), n_pixels * self.n_bands())?;
         self.lattice.interpolate_into(valid, bands);
         // Weights are multiples of 1/25 at least: anything below 1 had an invalid sample.
-        bands.iter_mut().for_each(|share| *share = f32::from(u8::from(*share > 0.999)));
+        for share in bands {
+            *share = f32::from(u8::from(*share > 0.999));
+        }
         Ok(())
     }
 }
