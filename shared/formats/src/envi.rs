@@ -2,7 +2,7 @@
 //!
 //! Read with all numeric types, interleaves and byte orders, and the habits of the programs that write them: comments, keys in any
 //! case, lists over many lines, a missing `lines` (it follows from the file's size), a data file by any of the usual
-//! endings. Written band-sequential, f32, little-endian: what SPy, GDAL and ENVI open without a question.
+//! endings. Written band-sequential, f32, little-endian: what `SPy`, GDAL and ENVI open without a question.
 
 mod header;
 mod values;
