@@ -178,7 +178,7 @@ impl Header {
         };
         let one_number = || value.parse::<f32>().map_err(|_| "must be a number".to_owned());
         match key {
-            "description" => self.description = value.to_owned(),
+            "description" => value.clone_into(&mut self.description),
             "samples" => self.samples = size(1)?,
             "lines" => self.lines = size(1)?,
             "bands" => self.bands = size(1)?,
@@ -204,11 +204,11 @@ impl Header {
             }
             "wavelength" => self.wavelengths = numbers(value)?,
             "fwhm" => self.fwhm = numbers(value)?,
-            "wavelength units" => self.wavelength_units = value.to_owned(),
+            "wavelength units" => value.clone_into(&mut self.wavelength_units),
             "band names" => self.band_names = names(value),
             "spectra names" => self.spectra_names = names(value),
             "reflectance scale factor" => {
-                self.reflectance_scale_factor = Some(one_number()?).filter(|factor| *factor > 0.0)
+                self.reflectance_scale_factor = Some(one_number()?).filter(|factor| *factor > 0.0);
             }
             "data ignore value" => self.data_ignore_value = Some(one_number()?),
             _ => {}
@@ -224,7 +224,9 @@ impl Header {
             |names: &[String]| names.iter().map(|name| plain(name).replace(',', ";")).collect::<Vec<_>>().join(", ");
         let joined = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         // Writing to a string cannot fail.
-        let mut line = |key: &str, value: String| drop(writeln!(text, "{key} = {value}"));
+        let mut line = |key: &str, value: String| {
+            let _ = writeln!(text, "{key} = {value}");
+        };
         if !self.description.is_empty() {
             line("description", format!("{{{}}}", plain(&self.description)));
         }
