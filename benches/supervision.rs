@@ -12,11 +12,15 @@ const WATCHED: Duration = Duration::from_secs(10);
 /// Limit after which a silent stage hangs, s.
 const HANG_S: f64 = 1.0;
 
-/// Sweeps of 2000 points without end; a barrier every 50 of them. The pause before a restart is the default, 0.5 s.
-fn launch() -> Launch {
+/// Five times real time: what the project wants of a pipeline on two cores.
+const PACE_MS: u64 = 20;
+
+/// Sweeps of 2000 points without end, one every `pace_ms` or as fast as they are taken (0); a barrier every 50 of them. The
+/// pause before a restart is the default, 0.5 s.
+fn launch(pace_ms: u64) -> Launch {
     let mut text = format!(
         "[run]\ndrive = '.'\noutput = 'out'\nbarrier_s = 5.0\nrestarts = 1000\nhang_s = {HANG_S:.1}\n\
-         restart_delay_s = 0.5\n[source]\nprogram = '{}'\nticks = 1000000\npoints = 2000\n",
+         restart_delay_s = 0.5\n[source]\nprogram = '{}'\nticks = 1000000\npoints = 2000\npace_ms = {pace_ms}\n",
         binary("misbehaving-source").display()
     );
     for (table, keys) in [("relay", ""), ("sink", "lines = false")] {
@@ -50,9 +54,9 @@ fn cpu_s(pid: Pid) -> f64 {
     nanos.sum::<u64>() as f64 * 1e-9
 }
 
-/// Share of a core that the supervisor uses while its run is at work, per cent.
+/// Share of a core that the supervisor uses while its run is at work at five times real time, per cent.
 fn supervisor_share() -> f64 {
-    let launch = launch();
+    let launch = launch(PACE_MS);
     let running = launch.start();
     wait_for_barrier_after(&launch, 0);
     let (begun, before) = (Instant::now(), cpu_s(running.pid()));
@@ -84,7 +88,7 @@ fn reaction(launch: &Launch, running: &Running, signal: Signal, words: &str) -> 
 fn reactions(rounds: usize, signal: Signal, words: &str) -> Vec<Reaction> {
     // A run of its own for each: the pause before a restart doubles with every further one.
     let round = |_| {
-        let launch = launch();
+        let launch = launch(0);
         let running = launch.start();
         reaction(&launch, &running, signal, words)
     };

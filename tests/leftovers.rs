@@ -2,6 +2,7 @@
 
 use replica_tests::{Launch, domain_of, is_alive, leftovers, processes_of, said, wait_for};
 use rustix::process::{Signal, kill_process};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 
 const ENDLESS: &str = "ticks = 1000000\npoints = 100000";
 
@@ -58,6 +59,41 @@ fn two_runs_side_by_side_do_not_meet() {
         let alone = Launch::of_misbehaving("", &format!("ticks = 30\npoints = {points}"), "");
         assert_eq!(alone.run().status.code(), Some(0));
         assert!(launch.read("sink.txt") == alone.read("sink.txt"), "the run with {points} points was disturbed");
+    }
+}
+
+/// The number of `nobody` on all Linux systems.
+const NOBODY: u32 = 65534;
+
+/// Only the superuser may start processes of other users.
+#[test]
+fn runs_of_two_users_do_not_meet() {
+    let [own, other] = [700, 701]
+        .map(|points| Launch::of_misbehaving("", &format!("ticks = 1000000\npoints = {points}\npace_ms = 1"), ""));
+    let Some(theirs) = other.start_as(NOBODY) else {
+        eprintln!("runs_of_two_users_do_not_meet: skipped, a process of another user cannot be started here");
+        return;
+    };
+    let ours = own.start();
+    for launch in [&own, &other] {
+        launch.wait_for_barrier(2);
+    }
+    for (launch, user) in [(&own, rustix::process::getuid().as_raw()), (&other, NOBODY)] {
+        let files = leftovers(&domain_of(&launch.output()));
+        assert!(!files.is_empty());
+        for file in files {
+            // A file may go while we look.
+            let Ok(about) = std::fs::symlink_metadata(&file) else { continue };
+            let others = about.permissions().mode() & 0o077;
+            assert_eq!((about.uid(), others), (user, 0), "{file}");
+        }
+    }
+    for running in [ours, theirs] {
+        running.signal(Signal::TERM);
+        assert_eq!(running.wait(), Some(3));
+    }
+    for launch in [&own, &other] {
+        assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
     }
 }
 

@@ -115,7 +115,7 @@ fn status_tells_what_every_stage_and_topic_is_doing() {
     let blocks = [json(&watch.line()), json(&watch.line())];
     for block in &blocks {
         assert_eq!(block["supervisor"], running.pid().as_raw_nonzero().get());
-        assert_eq!((&block["alive"], &block["restarts"]), (&true.into(), &0.into()));
+        assert_eq!((&block["alive"], &block["started_anew"]), (&true.into(), &0.into()));
         assert!(block["shared_memory_bytes"].as_u64() > Some(0), "{block}");
         let stages = block["stages"].as_array().expect("a list");
         assert_eq!(
@@ -337,7 +337,7 @@ fn an_onlooker_goes_on_with_the_run_after_a_restart() {
     });
     assert!(back > 0);
     let status = json(&looked(&launch, &["status", "--json"]));
-    assert_eq!(status["restarts"], 1);
+    assert_eq!(status["started_anew"], 1);
     onlooker.signal(Signal::TERM);
     let output = onlooker.finish();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));

@@ -152,5 +152,5 @@ fn countdown(left: &mut Option<u64>, begun: bool, n: u64) -> bool {
 
 fn is_saving(barrier: &Path) -> bool {
     let files = std::fs::read_dir(barrier).into_iter().flatten().flatten();
-    files.into_iter().any(|file| file.path().extension().is_some_and(|extension| extension == "unfinished"))
+    files.into_iter().any(|file| file.path().extension().is_some_and(|extension| extension == "partial"))
 }

@@ -81,6 +81,16 @@ impl Launch {
             command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running::new(child, self.folder())
     }
+    /// As [`Launch::start`] by another user, whom the folder then belongs to. `None` where that is not allowed, or where that
+    /// user may not read the programs.
+    pub fn start_as(&self, user: u32) -> Option<Running> {
+        use std::os::unix::process::CommandExt;
+        std::os::unix::fs::chown(self.folder(), Some(user), Some(user)).ok()?;
+        let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
+        let mut command = self.command();
+        let child = command.uid(user).gid(user).stdout(Stdio::null()).stderr(errors).spawn().ok()?;
+        Some(Running::new(child, self.folder()))
+    }
     /// As [`Launch::start`], with nobody reading what it says.
     pub fn start_with_closed_stderr(&self) -> Running {
         let mut child =

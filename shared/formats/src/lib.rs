@@ -4,6 +4,8 @@ pub mod atomic_file;
 pub mod calendar;
 pub mod cloud;
 pub mod drive;
+pub mod ecostress;
+pub mod envi;
 pub mod imu;
 pub mod kitti;
 pub mod manifest;

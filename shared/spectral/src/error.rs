@@ -28,6 +28,16 @@ pub enum SpectralError {
         /// Side of the pattern.
         pattern: u32,
     },
+    /// A mosaic that ends within a cell of its pattern.
+    #[error("mosaic of {width}x{height} px; must have whole cells of {pattern}x{pattern} px")]
+    PartialCells {
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Side of the pattern.
+        pattern: usize,
+    },
     /// A buffer that does not fit the mosaic.
     #[error("{what} of {got} values; must have {expected}")]
     Length {

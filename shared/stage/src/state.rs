@@ -2,6 +2,7 @@
 
 use crate::StepError;
 use crate::health::Traffic;
+use formats::atomic_file::AtomicFile;
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
@@ -241,24 +242,12 @@ fn end_part(sum: u64, len: usize) -> u64 {
 }
 
 fn write_atomically(path: &Path, parts: &[&[u8]]) -> std::io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)?;
-    let unfinished = path.with_extension("unfinished");
-    let write = || {
-        let mut file = File::create(&unfinished)?;
-        for part in parts {
-            file.write_all(part)?;
-        }
-        file.sync_all()?;
-        std::fs::rename(&unfinished, path)
-    };
-    if let Err(error) = write() {
-        // On a full disk the half-written file would keep the room that others need.
-        let _ = std::fs::remove_file(&unfinished);
-        return Err(error);
+    std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
+    let file = AtomicFile::create(path)?;
+    for part in parts {
+        file.file().write_all(part)?;
     }
-    // The new name itself must be on disk too.
-    File::open(folder)?.sync_all()
+    file.commit()
 }
 
 #[cfg(test)]

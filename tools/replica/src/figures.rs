@@ -43,8 +43,8 @@ pub struct RunFigures {
     pub alive: bool,
     /// Process id of the supervisor.
     pub supervisor: u32,
-    /// Restarts so far.
-    pub restarts: u32,
+    /// How often its stages have been started anew, by faults and by swaps.
+    pub started_anew: u32,
     /// Shared memory that the run really uses, bytes.
     pub shared_memory_bytes: u64,
     /// In the order of the dataflow.
@@ -137,7 +137,7 @@ impl RunFigures {
             run: run.output.clone(),
             alive: run.is_alive(),
             supervisor,
-            restarts: attempt,
+            started_anew: attempt,
             shared_memory_bytes: run.domain().map_or(0, |domain| domain.used_bytes()),
             stages: stages
                 .iter()

@@ -80,10 +80,10 @@ fn show(run: &Run, heartbeats: &Heartbeats, args: &Args, shown_lines: usize) -> 
 
 fn block(figures: &RunFigures) -> String {
     let mut text = format!(
-        "{}  supervisor {}  restarts {}  shared memory {} MB\n",
+        "{}  supervisor {}  started anew {}  shared memory {} MB\n",
         figures.run.display(),
         figures.supervisor,
-        figures.restarts,
+        figures.started_anew,
         millions(figures.shared_memory_bytes as f64)
     );
     let durations = "p50/p99/max ms";

@@ -1,0 +1,67 @@
+//! The sharp pseudo-panchromatic image of PPID (Mihoubi et al., IEEE TCI 2017, section III).
+
+use super::lattice::Lattice;
+
+/// Added to every difference along a direction, so that weights stay finite: a step of one in 255, as in the paper.
+const FLAT: f32 = 1.0 / 255.0;
+
+/// A place relative to the pixel, and its weight in a direction's dissimilarity.
+type Term = ([isize; 2], f32);
+
+/// Unit step (x, y) to the next sample of the same band, and where the two surroundings are compared.
+fn directions() -> [([isize; 2], Vec<Term>); 8] {
+    [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]].map(|[dx, dy]| {
+        let terms = if dx == 0 || dy == 0 {
+            // The pixel, the next one in the direction, and both their neighbors across: (2 - i)(2 - |j|).
+            let weights = [(0, -1, 2.0), (0, 0, 4.0), (0, 1, 2.0), (1, -1, 1.0), (1, 0, 2.0), (1, 1, 1.0)];
+            weights.map(|(i, j, weight)| ([i * dx - j * dy, i * dy + j * dx], weight)).to_vec()
+        } else {
+            // The square between the pixel and the next one in the direction.
+            vec![([0, 0], 4.0), ([dx, 0], 2.0), ([0, dy], 2.0), ([dx, dy], 4.0)]
+        };
+        ([dx, dy], terms)
+    })
+}
+
+/// The PPI at each pixel: its sample, and the mean of `difference` (the blurred PPI minus the sample) at the eight nearest samples of
+/// its band, weighed by how alike the mosaic is here and there.
+pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut [f32]) {
+    let (width, pattern) = (lattice.width, lattice.pattern as isize);
+    // Terms reach one pixel beyond the next sample.
+    let margin = lattice.pattern + 1;
+    let stride = (width + 2 * margin) as isize;
+    let [samples_padded, difference_padded] = [samples, difference].map(|image| lattice.padded(image, margin));
+    let directions = directions();
+    let (mut unlike, mut sum, mut weights) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
+    let rows = samples.chunks_exact(width).zip(ppi.chunks_exact_mut(width));
+    for (y, (samples, ppi)) in rows.enumerate() {
+        let start = (y + margin) as isize * stride + margin as isize;
+        // The row, moved: inside the margin.
+        let moved = |[dx, dy]: [isize; 2]| {
+            let from = (start + dy * stride + dx) as usize;
+            from..from + width
+        };
+        sum.fill(0.0);
+        weights.fill(0.0);
+        for ([dx, dy], terms) in &directions {
+            let [far_x, far_y] = [dx * pattern, dy * pattern];
+            unlike.fill(FLAT);
+            for ([x, y], weight) in terms {
+                let here = &samples_padded[moved([*x, *y])];
+                let there = &samples_padded[moved([x + far_x, y + far_y])];
+                for ((unlike, here), there) in unlike.iter_mut().zip(here).zip(there) {
+                    *unlike += weight * (here - there).abs();
+                }
+            }
+            let there = &difference_padded[moved([far_x, far_y])];
+            for (((sum, weights), unlike), there) in sum.iter_mut().zip(&mut weights).zip(&unlike).zip(there) {
+                let weight = 1.0 / unlike;
+                *sum += weight * there;
+                *weights += weight;
+            }
+        }
+        for (((ppi, sample), sum), weights) in ppi.iter_mut().zip(samples).zip(&sum).zip(&weights) {
+            *ppi = sample + sum / weights;
+        }
+    }
+}
