@@ -107,7 +107,7 @@ impl Crown {
                 middle + up * (half_height - radius) + random.range(-0.15, 0.15),
             ];
             // Leaves of larger trees are larger and farther apart.
-            f.leaves(center, radius, self.spread * random.range(0.22, 0.42), leaves);
+            f.leaves(center, radius, self.spread * random.range(0.16, 0.30), leaves);
             if i % 2 == 0 {
                 let from = nearest(&tips, &center);
                 f.tube(from, center, 0.07 * self.girth, bark);
