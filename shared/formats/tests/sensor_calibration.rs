@@ -93,17 +93,15 @@ fn small(version: u32) -> String {
     let response = if version == 0 { "response_composition" } else { "response" };
     let index = if version == 0 { "pattern_position_index" } else { "index" };
     // The bands of the file do not stand in the order of the pattern.
-    let bands: String = [2, 0, 1, 3]
-        .into_iter()
-        .map(|k| {
-            let center = 500.0 + 10.0 * f64::from(k);
-            let values = vector(response, [0.1, 0.2 + 0.1 * f64::from(k), 0.3]);
-            format!(
-                "<band version=\"2\" {index}=\"{k}\" selected=\"true\"><peaks><peak order=\"1\"><wavelength_nm>{center}\
+    let bands = [2, 0, 1, 3].map(|k| {
+        let center = 500.0 + 10.0 * f64::from(k);
+        let values = vector(response, [0.1, 0.2 + 0.1 * f64::from(k), 0.3]);
+        format!(
+            "<band version=\"2\" {index}=\"{k}\" selected=\"true\"><peaks><peak order=\"1\"><wavelength_nm>{center}\
                  </wavelength_nm><fwhm_nm>8</fwhm_nm><QE>0.2</QE></peak></peaks>{values}</band>"
-            )
-        })
-        .collect();
+        )
+    });
+    let bands = bands.concat();
     let area = "<filter_area version=\"0\"><offset_x>1</offset_x><offset_y>2</offset_y><width>6</width><height>4</height>\
                 </filter_area><pattern_width>2</pattern_width><pattern_height>2</pattern_height>\
                 <spectral_range_start_nm>490</spectral_range_start_nm><spectral_range_end_nm>540</spectral_range_end_nm>";
