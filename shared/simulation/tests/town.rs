@@ -152,7 +152,7 @@ fn an_urban_town_has_the_class_rates_of_real_ones() {
     let lidar = simulation.lidar();
     let mut counts = BTreeMap::new();
     let mut total = 0.0;
-    for packet in (0..simulation::sensors::lidar::Lidar::n_packets(30.0)).step_by(3) {
+    for packet in (0..lidar.model().n_packets(30.0)).step_by(3) {
         for found in lidar.packet(packet).iter().flat_map(|block| block.returns.iter().flatten()) {
             *counts.entry(found.class).or_insert(0.0) += 1.0;
             total += 1.0;
