@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
              median intensity {}, {:.2} % above 100",
             recording.sweep.len(),
             100.0 * recording.share_of_firings,
-            recording.quantile(|r| range(r), 0.5),
+            recording.quantile(range, 0.5),
             100.0 * recording.share(|r| range(r) > 100.0),
             recording.quantile(|r| f32::from(r.intensity), 0.5),
             100.0 * recording.share(|r| r.intensity > 100),
