@@ -94,7 +94,7 @@ fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec
         exposure_nanos: EXPOSURE_NANOS,
         ..CubeHeader::default()
     };
-    for (out, band) in header.wavelengths_nm.iter_mut().zip(&bands) {
+    for (out, band) in header.wavelengths_nm.iter_mut().zip(bands) {
         *out = band.center_nm;
     }
     (header, rows)
