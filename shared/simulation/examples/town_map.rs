@@ -6,7 +6,6 @@
 use messages::ClassId;
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
-use simulation::sensors::lidar::Lidar;
 use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, Town};
 use std::path::Path;
@@ -44,7 +43,7 @@ fn main() {
 /// The shares of the classes among the lidar's returns.
 fn print_rates(simulation: &Simulation) {
     let lidar = simulation.lidar();
-    let counts: Vec<[u32; 23]> = (0..Lidar::n_packets(simulation.spec.seconds))
+    let counts: Vec<[u32; 23]> = (0..lidar.model().n_packets(simulation.spec.seconds))
         .into_par_iter()
         .map(|packet| {
             let mut counts = [0; 23];

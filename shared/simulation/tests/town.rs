@@ -49,7 +49,7 @@ fn nobody_moves_through_the_vehicle_and_everybody_has_a_number() {
             .collect();
         let mut moved = 0;
         for (number, mover) in movers.iter().enumerate() {
-            let [low, high] = mover.model.bounds().expect("a model");
+            let [low, high] = mover.bounds();
             let begin = mover.pose(0.0).translation.vector;
             moved += usize::from((mover.pose(40.0).translation.vector - begin).norm() > 5.0);
             for i in 0..450 {
@@ -152,7 +152,7 @@ fn an_urban_town_has_the_class_rates_of_real_ones() {
     let lidar = simulation.lidar();
     let mut counts = BTreeMap::new();
     let mut total = 0.0;
-    for packet in (0..simulation::sensors::lidar::Lidar::n_packets(30.0)).step_by(3) {
+    for packet in (0..lidar.model().n_packets(30.0)).step_by(3) {
         for found in lidar.packet(packet).iter().flat_map(|block| block.returns.iter().flatten()) {
             *counts.entry(found.class).or_insert(0.0) += 1.0;
             total += 1.0;
