@@ -14,29 +14,26 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use simulation::sensors::camera::ColorCamera;
 use simulation::sensors::mosaic::{
-    BIT_DEPTH, EXPOSURE_NANOS, MosaicCamera, MosaicModel, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE,
+    BIT_DEPTH, EXPOSURE_NANOS, MosaicCamera, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE,
 };
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation, rig};
+use simulation::{DriveSpec, RigSpec, Simulation};
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 use stage::testing::{Bench, context};
 
 const N_POINTS: u32 = 60_000;
 
-fn models() -> [MosaicModel; 2] {
-    [MosaicModel::hs02(), MosaicModel::hs03()]
-}
-
 fn manifest() -> Manifest {
-    let cameras = rig::color_cameras();
-    let mosaics = models().into_iter().zip(rig::mosaic_mountings()).map(|(model, mounting)| {
-        let area = model.active_area.map(|v| v as u32);
-        let mut entry = mosaic(model.name, mounting, rig::mosaic_lens(), model.pattern as u32, area);
-        entry.wavelengths_nm = model.bands().iter().map(|band| f64::from(band.center_nm)).collect();
+    let rig = RigSpec::l3d2();
+    let mosaics = rig.mosaics.iter().map(|spec| {
+        let sensor = &spec.sensor;
+        let area = sensor.active_area.map(|v| v as u32);
+        let mut entry = mosaic(&spec.name, spec.body_from_camera, spec.lens.clone(), sensor.pattern as u32, area);
+        entry.wavelengths_nm = sensor.bands().iter().map(|band| f64::from(band.center_nm)).collect();
         entry
     });
     Manifest {
-        cameras: cameras.iter().map(|(name, mounting)| camera(name, *mounting, rig::color_lens())).collect(),
+        cameras: rig.cameras.iter().map(|spec| camera(&spec.name, spec.body_from_camera, spec.lens.clone())).collect(),
         mosaics: mosaics.collect(),
         ..bare_manifest()
     }
@@ -66,12 +63,13 @@ fn points(simulation: &Simulation, stamp: Stamp) -> Vec<(SubmapPoint, ClassId)> 
 }
 
 fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec<u32>) {
-    let model = models()[index].clone();
+    let spec = &simulation.rig.mosaics[index];
+    let model = spec.sensor.clone();
     let bands = model.bands();
     let [x0, y0, width, height] = model.active_area.map(|v| v as u32);
     let pattern = model.pattern as u32;
     let mosaic = Mosaic::new(SIZE.map(|v| v as u32), pattern, [x0, y0, width, height], BIT_DEPTH).expect("sound");
-    let camera = MosaicCamera::new(model, &rig::mosaic_lens());
+    let camera = MosaicCamera::new(model, &spec.lens);
     let reference = |what, frame: &[u16]| {
         let mut reference = Reference::new(what, &mosaic);
         reference.add(frame).map(|()| reference).expect("fits")
@@ -104,11 +102,12 @@ fn cube(simulation: &Simulation, index: usize, stamp: Stamp) -> (CubeHeader, Vec
 
 /// Trees before the mosaic cameras, which look to the left alone.
 fn n_vegetation_in_view(simulation: &Simulation, stamp: Stamp) -> usize {
-    let body_from_camera = rig::mosaic_mountings()[0];
+    let camera = &simulation.rig.mosaics[0];
+    let camera_from_body = camera.body_from_camera.inverse();
     let points = points(simulation, stamp);
     let vegetation = points.iter().filter(|(_, class)| *class == ClassId::Vegetation);
-    let p_in_camera = vegetation.map(|(p, _)| body_from_camera.inverse() * Point3::new(p.x, p.y, p.z).cast::<f64>());
-    p_in_camera.filter(|p| rig::mosaic_lens().pixel_from_camera(p).is_some()).count()
+    let p_in_camera = vegetation.map(|(p, _)| camera_from_body * Point3::new(p.x, p.y, p.z).cast::<f64>());
+    p_in_camera.filter(|p| camera.lens.pixel_from_camera(p).is_some()).count()
 }
 
 fn mean_of(values: impl Iterator<Item = f64>) -> f64 {
@@ -128,9 +127,9 @@ fn vegetation_is_green_and_bright_in_the_near_infrared() {
     let stamps = (-30..=30).map(|i| stamp.plus_nanos(i * 50_000_000));
     let poses = stamps.map(|stamp| stamped(stamp.0, simulation.motion.pose_at(stamp))).collect();
     bench.send::<Trajectory>(stamp.0, NoHeader::default(), poses);
-    let color_camera = ColorCamera::new(&rig::color_lens());
+    let color_camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
     let (width, height) = color_camera.size();
-    for index in 0..rig::N_CAMERAS {
+    for index in 0..simulation.rig.cameras.len() {
         let header = ImageHeader { camera: index as u32, width, height, channels: 3, exposure_nanos: 2_000_000 };
         bench.send::<Image>(stamp.0, header, simulation.image(&color_camera, index, stamp));
     }

@@ -7,18 +7,17 @@ mod check;
 mod clouds;
 mod infer;
 mod listing;
-mod problems;
 mod read;
 mod sweeps;
 
 pub use clouds::returns_from_cloud;
 pub use listing::Frame;
-pub use problems::{DriveError, DriveProblem};
 pub use sweeps::{DriveSweep, SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
 use crate::manifest::Manifest;
 use crate::nmea::{self, Fix, LogStats};
+use crate::problems::{FileError, FileProblem};
 use crate::trajectory::trajectory_from_tum;
 use crate::velodyne::{Model, SweepError};
 use geometry::{Rig, Stamp, Trajectory};
@@ -53,22 +52,22 @@ impl Drive {
     /// Without `drive.toml`, the folder must hold clouds or captures. Clouds are taken for an HDL-64E's at 10 Hz, as KITTI
     /// has them: sweep k is at k times 0.1 s, points have no times, body and lidar frame are one, no cameras. Captures
     /// name their sensor themselves.
-    pub fn open(folder: &Path) -> Result<Self, DriveError> {
+    pub fn open(folder: &Path) -> Result<Self, FileError> {
         if !folder.is_dir() {
-            return Err(DriveProblem::of_file(folder, "is no folder").into());
+            return Err(FileProblem::of_file(folder, "is no folder").into());
         }
         let path = folder.join(MANIFEST_FILE);
         let (read, is_inferred) = match fs::read_to_string(&path) {
             Ok(text) => (read::Read::of_text(&path, text), false),
             Err(error) if error.kind() == io::ErrorKind::NotFound => (infer::read(folder)?, true),
-            Err(error) => return Err(DriveProblem::of_file(&path, format!("cannot be read: {error}")).into()),
+            Err(error) => return Err(FileProblem::of_file(&path, format!("cannot be read: {error}")).into()),
         };
         check::drive(folder, read, is_inferred)
     }
 
     /// The manifest alone, without a look at the files it names: the rig of a vehicle before its recording is there. `None` if
     /// the folder has no `drive.toml`.
-    pub fn rig_alone(folder: &Path) -> Result<Option<Manifest>, DriveError> {
+    pub fn rig_alone(folder: &Path) -> Result<Option<Manifest>, FileError> {
         let path = folder.join(MANIFEST_FILE);
         if path.exists() { read_manifest(&path).map(Some) } else { Ok(None) }
     }
@@ -130,19 +129,19 @@ impl Drive {
     }
 
     /// True poses, if they are known.
-    pub fn true_trajectory(&self) -> Option<Result<Trajectory, DriveProblem>> {
+    pub fn true_trajectory(&self) -> Option<Result<Trajectory, FileProblem>> {
         let path = self.folder.join(&self.manifest.truth.as_ref()?.trajectory);
-        let text = fs::read_to_string(&path).map_err(|error| DriveProblem::of_file(&path, error.to_string()));
+        let text = fs::read_to_string(&path).map_err(|error| FileProblem::of_file(&path, error.to_string()));
         Some(text.and_then(|text| {
-            trajectory_from_tum(&text).map_err(|error| DriveProblem::of_file(&path, error.to_string()))
+            trajectory_from_tum(&text).map_err(|error| FileProblem::of_file(&path, error.to_string()))
         }))
     }
 }
 
 /// Reads a `drive.toml`, wherever it is, and checks its LiDAR and its poses but not the files that it names. The error has all
 /// problems at once.
-pub fn read_manifest(path: &Path) -> Result<Manifest, DriveError> {
+pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
     let text = fs::read_to_string(path);
-    let text = text.map_err(|error| DriveProblem::of_file(path, format!("cannot be read: {error}")))?;
+    let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot be read: {error}")))?;
     check::manifest(read::Read::of_text(path, text))
 }

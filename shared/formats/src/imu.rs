@@ -1,4 +1,5 @@
-//! Inertial samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, body frame.
+//! Inertial samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, along the
+//! body's axes.
 
 use geometry::Stamp;
 use std::fmt::Write;

@@ -1,5 +1,10 @@
 //! `drive.toml`: what a drive folder holds and how its sensors are mounted (`docs/drive.md`).
 
+mod calibration;
+pub mod rules;
+
+pub use calibration::{Calibration, MountingEntry};
+
 use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +124,9 @@ pub struct GnssEntry {
 pub struct ImuEntry {
     /// The log.
     pub file: String,
+    /// Where acceleration is felt, in the body frame, m. The axes are the body's.
+    #[serde(default)]
+    pub position_in_body: [f64; 3],
 }
 
 /// What is known to be true.
@@ -130,6 +138,12 @@ pub struct TruthEntry {
     /// Folder with one file per sweep, `<seq, 6 digits>.label`, as SemanticKITTI: u32 per return in the order of firing,
     /// low 16 bits class, high 16 bits instance.
     pub labels: String,
+    /// True mountings ([`Calibration`]); those of this manifest are what the vehicle's maker measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
+    /// What the receiver went through: CSV, one line per second with the satellites in sight and the error of the fix.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gnss: Option<String>,
 }
 
 impl PoseEntry {

@@ -1,6 +1,7 @@
 //! Drive folders: what is in them, and everything that is wrong with them at once.
 
-use formats::drive::{Drive, DriveProblem, TIMES_FILE};
+use formats::drive::{Drive, TIMES_FILE};
+use formats::problems::FileProblem;
 use formats::velodyne::Model;
 use real_data::real_data;
 use std::fs;
@@ -47,7 +48,7 @@ fn drive(text: &str) -> tempfile::TempDir {
     folder
 }
 
-fn problems(folder: &Path) -> Vec<DriveProblem> {
+fn problems(folder: &Path) -> Vec<FileProblem> {
     Drive::open(folder).expect_err("is faulty").problems
 }
 

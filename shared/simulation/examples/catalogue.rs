@@ -7,6 +7,8 @@ use geometry::{CameraModel, Pinhole, Pose, Translation3, UnitQuaternion, Vector3
 use nalgebra::Rotation3;
 use simulation::scene::catalogue::{Exhibit, exhibits};
 use simulation::sensors::camera::ColorCamera;
+use simulation::sensors::exposure::Exposure;
+use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -26,12 +28,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         if shown.len() == 1 { (PICTURE.map(|side| 4 * side), [1, 1]) } else { (PICTURE, SHEET) };
     let lens = lens(picture);
     let camera = ColorCamera::new(&CameraModel::Pinhole(lens.clone()));
+    let motion = Simulation::new(&DriveSpec::urban(seed, 1.0))?.motion;
     let [wide, high] = picture.map(|side| side as usize);
     for (sheet, exhibits) in shown.chunks(columns * rows).enumerate() {
         let mut pixels = vec![0_u8; 3 * wide * columns * high * rows];
         for (i, exhibit) in exhibits.iter().enumerate() {
             println!("{:2} {}", sheet + 1, description(exhibit));
-            let shot = camera.shoot(&exhibit.scene, &exhibit.scene.at(0.0), &viewpoint(exhibit, &lens), seed);
+            // The camera stands: the vehicle that carries it has not begun to roll.
+            let body_from_camera = motion.pose(0.0).inverse() * viewpoint(exhibit, &lens);
+            let exposure = Exposure::new(&exhibit.scene, &motion, &body_from_camera, motion.begin, 1, seed);
+            let shot = camera.shoot(&exposure, camera.meter(std::slice::from_ref(&exposure)), seed);
             for (v, line) in shot.chunks_exact(3 * wide).enumerate() {
                 let at = 3 * wide * ((i / columns * high + v) * columns + i % columns);
                 pixels[at..at + line.len()].copy_from_slice(line);

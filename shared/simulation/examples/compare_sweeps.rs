@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
              median intensity {}, {:.2} % above 100",
             recording.sweep.len(),
             100.0 * recording.share_of_firings,
-            recording.quantile(|r| range(r), 0.5),
+            recording.quantile(range, 0.5),
             100.0 * recording.share(|r| range(r) > 100.0),
             recording.quantile(|r| f32::from(r.intensity), 0.5),
             100.0 * recording.share(|r| r.intensity > 100),
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 struct Recording {
     sweep: Vec<LidarReturn>,
     share_of_firings: f64,
-    steps: Vec<u16>,
+    steps: Vec<u32>,
     height_m: f64,
 }
 
@@ -77,10 +77,11 @@ impl Recording {
         let mut sweep = Vec::new();
         let info = reader.next_sweep(|some| sweep.extend_from_slice(some))?.ok_or("no whole revolution")?;
         let mut packets = PacketReader::open(path)?;
-        let mut azimuths = Vec::new();
+        let mut azimuths: Vec<u32> = Vec::new();
         while let Some(packet) = packets.next()? {
             let data = DataPacket::new(packet.payload);
-            azimuths.extend(data.iter().flat_map(|data| (0..12).filter_map(|block| data.azimuth(block))));
+            azimuths
+                .extend(data.iter().flat_map(|data| (0..12).filter_map(|block| data.azimuth(block).map(u32::from))));
         }
         let steps = azimuths.windows(2).map(|pair| (pair[1] + 36_000 - pair[0]) % 36_000).filter(|step| *step < 100);
         // The lowest ring meets the ground: the height that most of its returns agree on.
@@ -176,7 +177,7 @@ fn histograms(real: &Recording, simulated: &Recording) -> String {
     let both = [real, simulated];
     let ranges = both.map(|r| r.sweep.iter().map(range).collect::<Vec<f32>>());
     let intensities = both.map(|r| r.sweep.iter().map(|found| f32::from(found.intensity)).collect::<Vec<f32>>());
-    let steps = both.map(|r| r.steps.iter().map(|step| f32::from(*step)).collect::<Vec<f32>>());
+    let steps = both.map(|r| r.steps.iter().map(|step| *step as f32).collect::<Vec<f32>>());
     let mut svg = String::from(
         "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 960 250' font-family='sans-serif' font-size='11'>\n\
          <rect width='960' height='250' fill='white'/>\n",

@@ -33,8 +33,9 @@ pub mod trace;
 pub mod truth;
 mod way;
 
-pub use drive::{Simulation, write_drive};
+pub use drive::{Simulation, write_drive, write_simulation};
 pub use error::SimulationError;
 pub use pace::{Driver, Pace};
+pub use rig::{CalibrationError, RigSpec};
 pub use spec::{DriveReport, DriveSpec, Town};
 pub use way::Way;

@@ -1,5 +1,6 @@
-//! Sun and sky, and how much of each falls on a surface.
+//! Sun, sky, and what the town throws back of both: how much of each falls on a surface, and how the sky itself looks.
 
+use crate::noise::value_noise;
 use crate::scene::{Scene, SceneHit, Snapshot};
 use crate::trace::{Ray, Vec3};
 
@@ -9,23 +10,71 @@ pub fn sun_direction() -> Vec3 {
     Vec3::new(0.35, -0.57, 0.743).normalize()
 }
 
-/// Shares of the full sun and the full sky that light a surface, 0 to 1 each. A white target that faces the sun under the
-/// open sky has 1 and 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Light by its color, in units of what a white target that faces the sun under the open sky gets: 1 and 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Light {
-    /// Direct.
+    /// Of the sun's color: direct, from clouds, or thrown back by the town.
     pub sun: f32,
-    /// Scattered.
+    /// Of the blue sky's color.
     pub sky: f32,
 }
 
 /// Strength of the skylight against the direct sun.
 pub const SKY_STRENGTH: f32 = 0.35;
+/// What the town throws back onto a surface that sees no sky, against the full sun: the mean facade and road reflect a
+/// quarter, and half of them are in the sun.
+const THROWN_BACK: f32 = 0.12;
+/// Shadows of things farther than this from the surface are left out.
+const SHADOW_M: f32 = 60.0;
 
-/// Brightness of the sky in a direction against its mean: the haze near the horizon and around the sun.
-pub fn sky_brightness(direction: &Vec3) -> f32 {
-    let around_sun = direction.dot(&sun_direction()).max(0.0).powi(24);
-    0.8 + 0.7 * (1.0 - direction.z.max(0.0)).powi(3) + 1.5 * around_sun
+impl Light {
+    /// A share of it.
+    #[must_use]
+    pub fn times(self, share: f32) -> Self {
+        Self { sun: self.sun * share, sky: self.sky * share }
+    }
+
+    /// What falls on a hit that sees the share `open` of the sky it could see, 0 to 1, weighted by the cosine.
+    pub fn on(scene: &Scene, snapshot: &Snapshot, ray: &Ray, hit: &SceneHit, open: f32) -> Self {
+        let sun = sun_direction();
+        let facing = hit.normal.dot(&sun);
+        let shaded = facing <= 0.0 || {
+            let origin = ray.at(hit.range_m) + hit.normal * 0.01;
+            let to_sun = Ray { origin, direction: sun, seed: ray.seed ^ 0x5_0115 };
+            scene.is_blocked(snapshot, &to_sun, SHADOW_M)
+        };
+        Self { sun: THROWN_BACK * (1.0 - open) + if shaded { 0.0 } else { facing }, sky: open }
+    }
+
+    /// The sky in a direction: blue, with haze at the horizon, clouds, and the sun with its glow. A white surface under the
+    /// full light has the brightness 1 and 1.
+    pub fn of_sky(direction: &Vec3) -> Self {
+        let up = direction.z.max(0.0);
+        let to_sun = direction.dot(&sun_direction()).max(0.0);
+        let cloud = clouds(direction);
+        let haze = (1.0 - up).powi(4);
+        // The sun's disk and the glow that lens and air make around it.
+        let glow = 0.4 * to_sun.powi(24) + 3.0 * to_sun.powi(400) + 40.0 * to_sun.powi(20_000);
+        let bright = cloud * (0.75 + 0.4 * to_sun.powi(4));
+        Self { sun: bright + 0.28 * haze * (1.0 - cloud) + glow, sky: (1.0 - 0.8 * cloud) * (0.75 + 0.35 * haze) }
+    }
+}
+
+/// Fair-weather clouds 1.2 km up: 0 is blue sky, 1 is cloud.
+fn clouds(direction: &Vec3) -> f32 {
+    if direction.z < 0.02 {
+        return 0.0;
+    }
+    let scale = 1.9 / (direction.z + 0.12);
+    let (x, y) = (direction.x * scale, direction.y * scale);
+    let octave = |i: u32| {
+        let f = f32::from(1_u16 << i);
+        value_noise(u64::from(i) ^ 0x0c10_0d00, x * f, y * f, 0.3 * f) / f
+    };
+    let density = (0..5).map(octave).sum::<f32>() - 0.16;
+    // Edges of clouds are soft over a tenth of their density.
+    let edge = (density / 0.45).clamp(0.0, 1.0);
+    edge * edge * (3.0 - 2.0 * edge)
 }
 
 /// Share of light that a smooth surface mirrors: `normal` at right angles, all at grazing incidence (Schlick, 1994).
@@ -33,29 +82,23 @@ pub fn mirrored(normal: f32, incidence: f32) -> f32 {
     normal + (1.0 - normal) * (1.0 - incidence.clamp(0.0, 1.0)).powi(5)
 }
 
-/// Brightness of what a mirror shows of sky and town: the sky above, a dim street below.
-pub fn mirror_brightness(ray: &Ray, normal: &Vec3) -> f32 {
-    let direction = ray.direction - normal * (2.0 * normal.dot(&ray.direction));
-    // Houses hide the lowest 20 degrees of the sky.
-    if direction.z > 0.35 { sky_brightness(&direction) } else { 0.25 }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Shadows of things farther than this from the surface are left out.
-const SHADOW_M: f32 = 60.0;
-/// Skylight that reaches surfaces which face down, from the lit ground.
-const BOUNCE: f32 = 0.15;
-
-impl Light {
-    /// What falls on a hit.
-    pub fn on(scene: &Scene, snapshot: &Snapshot, ray: &Ray, hit: &SceneHit) -> Self {
-        let sun = sun_direction();
-        let facing = hit.normal.dot(&sun).max(0.0);
-        let origin = ray.at(hit.range_m) + hit.normal * 0.01;
-        let shaded = facing > 0.0 && {
-            let to_sun = Ray { origin, direction: sun, seed: ray.seed ^ 0x5_0115 };
-            scene.is_blocked(snapshot, &to_sun, SHADOW_M)
-        };
-        let open = 0.5 + 0.5 * hit.normal.z;
-        Self { sun: if shaded { 0.0 } else { facing }, sky: BOUNCE + (1.0 - BOUNCE) * open }
+    #[test]
+    fn the_sky_is_brightest_at_the_sun_and_paler_at_the_horizon() {
+        let sun = Light::of_sky(&sun_direction());
+        let mut dark = f32::INFINITY;
+        for i in 0..2000_u16 {
+            let (z, angle) = (f32::from(i) / 2000.0, f32::from(i) * 2.399_963);
+            let across = (1.0 - z * z).sqrt();
+            let sky = Light::of_sky(&Vec3::new(across * angle.cos(), across * angle.sin(), z));
+            assert!(sky.sun >= 0.0 && sky.sky > 0.0 && sky.sun + sky.sky < sun.sun + sun.sky, "{sky:?}");
+            dark = dark.min(sky.sun);
+        }
+        assert!(sun.sun > 20.0 && dark < 0.05, "{dark}");
+        let (low, high) = (Light::of_sky(&Vec3::new(0.0, 1.0, 0.01)), Light::of_sky(&Vec3::new(0.0, 0.6, 0.8)));
+        assert!(low.sun / low.sky > 0.2 && low.sky > 0.0 && high.sky > 0.1);
     }
 }

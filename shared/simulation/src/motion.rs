@@ -8,9 +8,6 @@ use geometry::{Pose, Stamp};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 
-/// Height of the body frame above the road, m.
-const BODY_H: f64 = 1.0;
-
 /// The vehicle's motion.
 #[derive(Clone, Debug)]
 pub struct Motion {
@@ -20,12 +17,18 @@ pub struct Motion {
     pace: Arc<Pace>,
     /// Where it rocks, rad.
     phase: f64,
+    body_height_m: f64,
 }
 
 impl Motion {
-    /// Along a way at a pace; `phase` (rad) makes vehicles rock differently.
+    /// Along a way at a pace, with the body frame 1 m above the road; `phase` (rad) makes vehicles rock differently.
     pub const fn new(begin: Stamp, way: Arc<Way>, pace: Arc<Pace>, phase: f64) -> Self {
-        Self { begin, way, pace, phase }
+        Self { begin, way, pace, phase, body_height_m: 1.0 }
+    }
+    /// The same with the body frame at another height above the road, m.
+    #[must_use]
+    pub fn with_body_height(self, body_height_m: f64) -> Self {
+        Self { body_height_m, ..self }
     }
     /// Length of way since second 0 of its way, m.
     pub fn length_m(&self, seconds: f64) -> f64 {
@@ -41,7 +44,8 @@ impl Motion {
         let pitch = 0.004 * (0.65 * x + 1.0).sin();
         let wander = (0.009 * (0.09 * x + self.phase).cos()).atan();
         let rock = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
-        self.way.frame(x, left, wander) * Isometry3::from_parts(Vector3::new(0.0, 0.0, BODY_H + bounce).into(), rock)
+        let height = Vector3::new(0.0, 0.0, self.body_height_m + bounce);
+        self.way.frame(x, left, wander) * Isometry3::from_parts(height.into(), rock)
     }
     /// `world_from_body` at a stamp.
     pub fn pose_at(&self, stamp: Stamp) -> Pose {

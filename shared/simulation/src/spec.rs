@@ -1,6 +1,9 @@
 //! What drive to make.
 
 use crate::error::SimulationError;
+use crate::rig::{CalibrationError, RigSpec};
+use crate::sensors::lidar::LidarModel;
+use crate::sensors::mosaic::EXPOSURE_NANOS;
 use messages::ClassId;
 
 /// The kind of town.
@@ -49,17 +52,40 @@ pub struct DriveSpec {
     pub cameras: bool,
     /// Whether the mosaic cameras record.
     pub mosaics: bool,
+    /// Exposure of the mosaic cameras and of their dark reference, ns: 0.1 to 1000 ms.
+    pub mosaic_exposure_nanos: u64,
+    /// Whether `truth/visibility` is written: which returns each camera sees. For up to 8 cameras.
+    pub truth_visibility: bool,
+    /// The vehicle, as its maker measured it.
+    pub rig: RigSpec,
+    /// How far the true mountings are from those.
+    pub calibration_error: CalibrationError,
 }
 
 impl DriveSpec {
-    /// An urban drive with all sensors.
-    pub const fn urban(seed: u64, seconds: f64) -> Self {
-        Self { town: Town::Urban, seed, seconds, lidar_step: 1, cameras: true, mosaics: true }
+    /// An urban drive with all sensors of the thesis' vehicle.
+    pub fn urban(seed: u64, seconds: f64) -> Self {
+        Self {
+            town: Town::Urban,
+            seed,
+            seconds,
+            lidar_step: 1,
+            cameras: true,
+            mosaics: true,
+            rig: RigSpec::l3d2(),
+            calibration_error: CalibrationError::default(),
+            mosaic_exposure_nanos: EXPOSURE_NANOS,
+            truth_visibility: false,
+        }
     }
     /// The same drive with a sparse lidar alone, for tests.
     #[must_use]
-    pub const fn sparse(self, lidar_step: u32) -> Self {
+    pub fn sparse(self, lidar_step: u32) -> Self {
         Self { lidar_step, cameras: false, mosaics: false, ..self }
+    }
+    /// What the rig's lidar can do.
+    pub const fn lidar_model(&self) -> LidarModel {
+        LidarModel::of(self.rig.lidar.model)
     }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
@@ -69,6 +95,21 @@ impl DriveSpec {
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
+        }
+        let CalibrationError { rotation_deg, translation_m } = self.calibration_error;
+        if !(0.0..=10.0).contains(&rotation_deg) {
+            return bad("calibration_error.rotation_deg", rotation_deg.to_string(), "must be 0 to 10");
+        }
+        if !(0.0..=1.0).contains(&translation_m) {
+            return bad("calibration_error.translation_m", translation_m.to_string(), "must be 0 to 1");
+        }
+        if !(100_000..=1_000_000_000).contains(&self.mosaic_exposure_nanos) {
+            let value = self.mosaic_exposure_nanos.to_string();
+            return bad("mosaic_exposure_nanos", value, "must be 100000 to 1000000000");
+        }
+        let n_cameras = self.rig.cameras.len() + self.rig.mosaics.len();
+        if self.truth_visibility && n_cameras > 8 {
+            return bad("truth_visibility", "true".into(), "is for rigs of up to 8 cameras");
         }
         Ok(())
     }

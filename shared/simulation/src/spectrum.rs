@@ -44,13 +44,18 @@ impl Spectrum {
     pub fn from_fn(value: impl Fn(f32) -> f32) -> Self {
         Self(std::array::from_fn(|i| value(FIRST_NM + STEP_NM * i as f32)))
     }
-    /// Direct sunlight: a black body of 5800 K, 1 at its strongest.
+    /// Direct sunlight at the ground: a black body of 5800 K, 1 at its strongest, without what oxygen and water vapor take
+    /// (ASTM G173 at 10 nm).
     pub fn sunlight() -> Self {
-        Self::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0))
+        Self::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0) * air(nm))
     }
     /// Light of the clear sky: sunlight scattered by the fourth power of the frequency, on a white haze.
     pub fn skylight() -> Self {
-        Self::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0) * (0.35 + 0.65 * (480.0 / nm).powi(4)))
+        Self::from_fn(|nm| planck(nm, 5800.0) / planck(500.0, 5800.0) * air(nm) * (0.35 + 0.65 * (480.0 / nm).powi(4)))
+    }
+    /// (wavelength in nm, value), 400 to 1000 nm in steps of 10.
+    pub fn samples(&self) -> impl Iterator<Item = (f32, f32)> {
+        self.0.iter().enumerate().map(|(i, value)| (FIRST_NM + STEP_NM * i as f32, *value))
     }
     /// The value at a wavelength in nm; the end values outside.
     pub fn at(&self, nm: f32) -> f32 {
@@ -59,25 +64,54 @@ impl Spectrum {
         let share = position - i as f32;
         self.0[i] * (1.0 - share) + self.0[i + 1] * share
     }
-    /// The mean under a filter of Gaussian shape, weighted with a light.
-    pub fn through(&self, light: &Self, filter: Band) -> f32 {
-        let weight = |i: usize| {
-            let off = (FIRST_NM + STEP_NM * i as f32 - filter.center_nm) / filter.sigma_nm;
-            (-0.5 * off * off).exp()
-        };
-        let (sum, weights) = (0..SAMPLES)
-            .fold((0.0, 0.0), |(sum, weights), i| (sum + self.0[i] * light.0[i] * weight(i), weights + weight(i)));
-        sum / weights
+    /// What a filter of area 1 lets through of this reflectance under a light.
+    pub fn through(&self, light: &Self, filter: &Filter) -> f32 {
+        filter.0.iter().zip(self.0.iter().zip(&light.0)).map(|(weight, (value, light))| weight * value * light).sum()
     }
 }
 
-/// A filter of Gaussian shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Band {
-    /// Center, nm.
-    pub center_nm: f32,
-    /// Standard deviation, nm.
-    pub sigma_nm: f32,
+/// How much a band lets through by wavelength, as weights of the samples of a [`Spectrum`]: exact for products of spectra
+/// that are linear between their samples, however narrow the band.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter([f32; SAMPLES]);
+
+impl Filter {
+    /// Of Gaussian shape and area 1.
+    pub fn gauss(center_nm: f32, sigma_nm: f32) -> Self {
+        let filter = Self::from_fn(|nm| {
+            let off = (nm - f64::from(center_nm)) / f64::from(sigma_nm);
+            (-0.5 * off * off).exp()
+        });
+        let area: f32 = filter.0.iter().sum();
+        Self(filter.0.map(|weight| weight / area))
+    }
+    /// From a response by wavelength in nm, of which every nm from 400 to 1000 counts.
+    pub fn from_fn(response: impl Fn(f64) -> f64) -> Self {
+        let mut weights = [0.0_f64; SAMPLES];
+        for step in 0..=(SAMPLES - 1) * STEP_NM as usize {
+            let position = step as f64 / f64::from(STEP_NM);
+            let i = (position as usize).min(SAMPLES - 2);
+            let share = position - i as f64;
+            let value = response(f64::from(FIRST_NM) + step as f64);
+            weights[i] += value * (1.0 - share);
+            weights[i + 1] += value * share;
+        }
+        Self(weights.map(|weight| weight as f32))
+    }
+}
+
+/// Transmission of the air beside haze: middle (nm), half width (nm) and depth of its bands. Oxygen takes light at 690 and
+/// 760 nm, water vapor the rest; ozone a little of the yellow.
+fn air(nm: f32) -> f32 {
+    let bands = [
+        (600.0, 45.0, 0.05),
+        (688.0, 6.0, 0.15),
+        (722.0, 8.0, 0.16),
+        (762.0, 5.0, 0.38),
+        (820.0, 9.0, 0.14),
+        (938.0, 18.0, 0.48),
+    ];
+    bands.iter().map(|(middle, width, depth)| 1.0 - depth * (-((nm - middle) / width).powi(2)).exp()).product()
 }
 
 /// Planck's law without its constants.
@@ -108,12 +142,14 @@ mod tests {
     fn a_filter_sees_the_neighborhood_of_its_center() {
         let flat = Spectrum::from_fn(|_| 0.4);
         let white = Spectrum::from_fn(|_| 1.0);
-        let band = Band { center_nm: 700.0, sigma_nm: 8.0 };
-        assert!((flat.through(&white, band) - 0.4).abs() < 1e-6);
+        assert!((flat.through(&white, &Filter::gauss(700.0, 8.0)) - 0.4).abs() < 1e-6);
         let edge = Spectrum::from_fn(|nm| if nm > 700.0 { 1.0 } else { 0.0 });
-        let below = Band { center_nm: 670.0, sigma_nm: 8.0 };
-        let above = Band { center_nm: 730.0, sigma_nm: 8.0 };
-        assert!(edge.through(&white, below) < 0.01 && edge.through(&white, above) > 0.99);
+        let (below, above) = (Filter::gauss(670.0, 8.0), Filter::gauss(730.0, 8.0));
+        assert!(edge.through(&white, &below) < 0.01 && edge.through(&white, &above) > 0.99);
+        // Also where the filter is narrower than the steps of the spectrum.
+        let rise = Spectrum::from_fn(|nm| nm / 1000.0);
+        let narrow = Filter::gauss(634.0, 2.0);
+        assert!((rise.through(&white, &narrow) - 0.634).abs() < 1e-4);
     }
 
     #[test]

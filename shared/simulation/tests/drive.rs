@@ -3,9 +3,13 @@
 #[allow(dead_code, reason = "every test uses its part")]
 mod support;
 
+use formats::drive::Drive;
 use formats::manifest::Manifest;
-use formats::velodyne::{Model, SweepReader};
-use simulation::{DriveSpec, Simulation, SimulationError, write_drive};
+use formats::sensor_calibration::SensorCalibration;
+use formats::velodyne::{LidarReturn, Model, SweepReader};
+use geometry::{CameraModel, KannalaBrandt, Point3};
+use simulation::sensors::camera::ColorCamera;
+use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
 use std::collections::BTreeMap;
 use support::{files, revolutions, udp_payloads};
 
@@ -19,10 +23,30 @@ fn drive(spec: &DriveSpec, threads: usize) -> BTreeMap<String, Vec<u8>> {
 
 #[test]
 fn same_seed_same_bytes_whatever_the_threads() {
-    let spec = DriveSpec { lidar_step: 8, ..DriveSpec::urban(5, 0.4) };
+    let spec = DriveSpec { lidar_step: 8, cameras: false, truth_visibility: true, ..DriveSpec::urban(5, 0.4) };
     let (one, two) = (drive(&spec, 1), drive(&spec, 2));
-    assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.starts_with("camera/")));
+    assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.starts_with("hs02/")));
     assert!(one == two, "a file differs");
+    // Pictures of a sixteenth of the size, so that the test stays short.
+    let CameraModel::KannalaBrandt(lens) = RigSpec::l3d2().cameras[0].lens.clone() else { panic!("another lens") };
+    let (fx, fy, cx, cy) = (lens.fx / 4.0, lens.fy / 4.0, lens.cx / 4.0, lens.cy / 4.0);
+    let camera = ColorCamera::new(&CameraModel::KannalaBrandt(KannalaBrandt {
+        width: 154,
+        height: 128,
+        fx,
+        fy,
+        cx,
+        cy,
+        ..lens
+    }));
+    let simulation = Simulation::new(&spec).expect("a town");
+    let images = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| simulation.images(&camera, &[0, 1, 2, 3, 4, 5], simulation.exposures()[0]))
+    };
+    let (one, two) = (images(1), images(3));
+    assert!(one == two, "an image differs");
+    assert!(simulation.image(&camera, 2, simulation.exposures()[0]) == one[2], "alone as with the others");
 }
 
 #[test]
@@ -65,7 +89,13 @@ fn the_manifest_says_what_there_is() {
     }
     for mosaic in &manifest.mosaics {
         assert_eq!(mosaic.wavelengths_nm.len(), (mosaic.pattern * mosaic.pattern) as usize);
-        for kind in ["dark/0.pgm", "white/0.pgm", "1622541603250000000.pgm"] {
+        let xml = std::str::from_utf8(&files[&format!("{}/sensor.xml", mosaic.folder)]).expect("text");
+        let sensor = SensorCalibration::from_xml(xml).expect("the maker's format");
+        assert_eq!((sensor.active_area, sensor.pattern), (mosaic.active_area, mosaic.pattern));
+        for (band, nm) in sensor.bands.iter().zip(&mosaic.wavelengths_nm) {
+            assert!((band.wavelength_nm() - nm).abs() < 0.05);
+        }
+        for kind in ["dark/0.pgm", "white/1.pgm", "1622541603250000000.pgm"] {
             let bytes = &files[&format!("{}/{kind}", mosaic.folder)];
             assert!(bytes.starts_with(b"P5\n2048 1088\n1023\n"));
             assert_eq!(bytes.len(), 18 + 2048 * 1088 * 2);
@@ -124,6 +154,7 @@ fn settings_outside_their_range_are_named() {
         (DriveSpec::urban(1, f64::NAN), "seconds"),
         (DriveSpec::urban(1, 1e9), "seconds"),
         (DriveSpec { lidar_step: 0, ..DriveSpec::urban(1, 1.0) }, "lidar_step"),
+        (DriveSpec { mosaic_exposure_nanos: 5, ..DriveSpec::urban(1, 1.0) }, "mosaic_exposure_nanos"),
     ] {
         let error = write_drive(&spec, &out, &mut |_| ()).expect_err("refused");
         assert!(error.to_string().contains(name), "{error}");
@@ -157,4 +188,43 @@ fn the_project_s_decoder_finds_the_same_returns() {
         }
     }
     assert!(reader.next_sweep(|_| ()).expect("sound").is_none());
+}
+
+/// Heights in the body frame of what the lidar sees within 8 m, the lowest first.
+fn heights_around(drive: &Drive) -> Vec<f64> {
+    let mut heights = Vec::new();
+    let mut sweeps = drive.sweeps().expect("a recording");
+    let mut look = |returns: &[LidarReturn]| {
+        for found in returns {
+            let p = drive.rig().body_from_lidar * Point3::new(found.x, found.y, found.z).cast::<f64>();
+            if p.x.hypot(p.y) < 8.0 {
+                heights.push(p.z);
+            }
+        }
+    };
+    while sweeps.next_sweep(&mut look).expect("sound").is_some() {}
+    heights.sort_by(f64::total_cmp);
+    heights
+}
+
+#[test]
+fn vehicles_of_other_data_sets_drive_too() {
+    for (name, model, n_cameras) in [("nuscenes", Model::Hdl32e, 6), ("kitti", Model::Hdl64e, 2)] {
+        let rig = RigSpec::built_in(name).expect("built in");
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("drive");
+        let spec = DriveSpec { rig, lidar_step: 8, ..DriveSpec::urban(3, 0.3) };
+        let report = write_drive(&spec, &out, &mut |_| ()).expect("a drive");
+        let drive = match Drive::open(&out) {
+            Ok(drive) => drive,
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!((drive.model(), report.n_images), (model, n_cameras));
+        assert_eq!((drive.camera_frames().len(), drive.mosaic_frames().len()), (n_cameras as usize, 0));
+        // Most of what is near is the road, and the body frame is as high above it as the rig says.
+        let heights = heights_around(&drive);
+        assert!(heights.len() > 500, "{}", heights.len());
+        let road = heights[heights.len() / 3] + spec.rig.body_height_m;
+        assert!(road.abs() < 0.2, "{name}: the road is at {road} m");
+    }
 }

@@ -9,7 +9,7 @@ use simulation::scene::SceneHit;
 use simulation::sensors::camera::ColorCamera;
 use simulation::sensors::lidar::{LidarModel, LidarReturn};
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation, rig, write_drive};
+use simulation::{DriveSpec, Simulation, write_drive};
 use support::{Shot, files, revolutions};
 
 /// The scene along a ray without noise.
@@ -18,24 +18,19 @@ fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &V
     simulation.scene.cast(&simulation.scene.at(seconds), &ray, 150.0)
 }
 
-/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and
-/// fences, which end rays at random, aside.
+/// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and mesh,
+/// which end rays at random, aside.
 fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64) -> Pose) -> f64 {
     let (mut on, mut all) = (0, 0);
     for shot in shots.iter().step_by(7) {
-        let world_from_lidar = pose(shot.seconds) * rig::body_from_lidar();
+        let world_from_lidar = pose(shot.seconds) * simulation.rig.lidar.body_from_lidar;
         let origin = world_from_lidar * Point3::origin();
         let direction = world_from_lidar * Vector3::from(shot.direction);
         let Some(hit) = look(simulation, shot.seconds, &origin, &direction) else {
             all += 1;
             continue;
         };
-        let is_porous = |seed| {
-            let ray = Ray { origin: origin.coords.cast(), direction: direction.cast(), seed };
-            let hit = simulation.scene.cast(&simulation.scene.at(shot.seconds), &ray, 150.0);
-            hit.is_some_and(|hit| matches!(hit.surface.class, ClassId::Vegetation | ClassId::Fence))
-        };
-        if (0..6).any(is_porous) {
+        if matches!(hit.surface.class, ClassId::Vegetation | ClassId::Fence) {
             continue;
         }
         all += 1;
@@ -61,18 +56,18 @@ fn decoded_points_lie_on_the_scene_at_the_true_poses_and_not_beside_them() {
     // Near the end the vehicle drives at full speed; a sweep lasts 0.8 m of way.
     let sweep = &sweeps[38];
     let right = share_on_surfaces(&simulation, sweep, at);
-    // The others are at the edges of thin things: bars of balconies, twigs.
-    assert!(right > 0.97, "{right}");
+    // The others are edges, where the beam is wider than the ray.
+    assert!(right > 0.965, "{right}");
     // Without motion during the sweep, and half a metre beside.
     let middle = sweep[sweep.len() / 2].seconds;
     let frozen = share_on_surfaces(&simulation, sweep, |_| at(middle));
     let beside = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
-    assert!(frozen < right - 0.03 && beside < 0.6, "{right} {frozen} {beside}");
+    assert!(frozen < right - 0.03 && beside < right - 0.15, "{right} {frozen} {beside}");
 }
 
 /// Error of each sent range, and the range that a ray along the middle of the beam meets, of one revolution at rest.
 fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, Option<SceneHit>)> {
-    let lidar = simulation.lidar_of(model, rig::body_from_lidar(), 3);
+    let lidar = simulation.lidar_of(model, simulation.rig.lidar.body_from_lidar, 3);
     let (lasers, per_second) = (model.model.lasers(), model.turns_per_second);
     let mut found = Vec::new();
     for packet in 0..model.n_packets(1.0 / per_second) {
@@ -82,7 +77,7 @@ fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, 
                 let nanos = packet as i64 * model.packet_nanos() + i64::from(model.model.firing_nanos(i, laser));
                 let azimuth = nanos as f64 * 1e-9 * per_second * std::f64::consts::TAU;
                 let (sin_e, cos_e) = lasers[laser % lasers.len()].elevation_deg.to_radians().sin_cos();
-                let world_from_lidar = simulation.motion.pose(0.0) * rig::body_from_lidar();
+                let world_from_lidar = simulation.motion.pose(0.0) * simulation.rig.lidar.body_from_lidar;
                 let direction = world_from_lidar * Vector3::new(cos_e * azimuth.cos(), -cos_e * azimuth.sin(), sin_e);
                 let hit = look(simulation, 0.0, &(world_from_lidar * Point3::origin()), &direction);
                 found.push((f64::from(sent.range_2mm) * 0.002 - f64::from(sent.range_m), *sent, hit));
@@ -127,8 +122,8 @@ fn echoes_lie_on_surfaces_and_between_close_ones_only_at_edges() {
 /// Mean color where a class of lidar points falls on a picture, for points that the camera sees.
 fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp, shift: f64) -> [Option<[f64; 3]>; 2] {
     let seconds = stamp.seconds_since(simulation.motion.begin);
-    let world_from_camera = simulation.motion.pose(seconds) * rig::color_cameras()[index].1;
-    let (lens, eye) = (rig::color_lens(), world_from_camera * Point3::origin());
+    let world_from_camera = simulation.motion.pose(seconds) * simulation.rig.cameras[index].body_from_camera;
+    let (lens, eye) = (&simulation.rig.cameras[index].lens, world_from_camera * Point3::origin());
     let (width, height) = lens.size();
     let mut sums = [([0.0; 3], 0_u32); 2];
     // A regular fan of rays stands for any sensor's points.
@@ -158,14 +153,14 @@ fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp
 #[test]
 fn a_picture_shows_known_points_where_the_lens_model_puts_them() {
     let simulation = Simulation::new(&DriveSpec::urban(1, 6.0)).expect("a town");
-    let camera = ColorCamera::new(&rig::color_lens());
+    let camera = ColorCamera::new(&simulation.rig.cameras[0].lens);
     let mut seen = [0; 2];
     for stamp in simulation.exposures() {
         for index in [0, 3] {
             let image = simulation.image(&camera, index, stamp);
             let [leaves, paint] = mean_colors(&simulation, &image, index, stamp, 0.0);
             if let Some([red, green, blue]) = leaves {
-                assert!(green > 1.08 * red && green > 1.05 * blue, "leaves are green: {red} {green} {blue}");
+                assert!(green > 1.03 * red && green > 1.15 * blue, "leaves are green: {red} {green} {blue}");
                 seen[0] += 1;
             }
             if let Some([_, bright, _]) = paint {

@@ -27,11 +27,11 @@ fn read(path: &Path) -> Sweep {
     let mut returns = Vec::new();
     let info = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a whole revolution");
     let mut packets = PacketReader::open(path).expect("a capture");
-    let mut azimuths = Vec::new();
+    let mut azimuths: Vec<u32> = Vec::new();
     // A real capture ends within a packet.
     while let Ok(Some(packet)) = packets.next() {
         let data = DataPacket::new(packet.payload);
-        azimuths.extend(data.iter().flat_map(|data| (0..12).filter_map(|block| data.azimuth(block))));
+        azimuths.extend(data.iter().flat_map(|data| (0..12).filter_map(|block| data.azimuth(block).map(u32::from))));
     }
     let steps: Vec<f64> = azimuths.windows(2).map(|pair| f64::from((pair[1] + 36_000 - pair[0]) % 36_000)).collect();
     let mean = steps.iter().sum::<f64>() / steps.len() as f64;

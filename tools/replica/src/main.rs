@@ -52,7 +52,7 @@ fn main() -> ExitCode {
         Cli::Convert(args) => commands::convert::run(&args),
         Cli::Import(args) => commands::import::run(&args),
         Cli::Send(args) => commands::send::run(&args).map(|()| ExitCode::SUCCESS),
-        Cli::Simulate(args) => commands::simulate::run(&args).map(|()| ExitCode::SUCCESS),
+        Cli::Simulate(args) => commands::simulate::run(&args),
         Cli::Record(args) => commands::record::run(&args),
         Cli::Replay(args) => commands::replay::run(&args),
         Cli::Compare(args) => commands::compare::run(&args),

@@ -41,6 +41,54 @@ fn a_simulated_capture_converts_into_clouds_that_can_be_inspected() {
 }
 
 #[test]
+fn a_vehicle_of_one_s_own_drives_and_a_wrong_one_is_told_every_fault() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, drive) = (folder.path().join("mine.toml"), folder.path().join("drive"));
+    let rig =
+        "name = \"mine\"\nbody_height_m = 0.5\n[lidar]\nmodel = \"hdl32e\"\nmounting = { position = [0, 0, 2] }\n";
+    let simulate = |error: &str| {
+        let to = ["--seconds", "0.3", "--out", text(&drive)];
+        replica(&[&["simulate", "--rig", text(&file), "--calibration-error", error][..], &to].concat())
+    };
+    std::fs::write(&file, rig.replace("0.5", "5").replace("hdl32e", "hdl")).expect("written");
+    let output = simulate("0,0");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(78), "{said}");
+    assert!(said.contains("mine.toml:2: body_height_m: value 5 must be 0 to 3"), "{said}");
+    assert!(said.contains("mine.toml:4: lidar.model: value \"hdl\" must be one of"), "{said}");
+    assert!(!drive.exists());
+
+    std::fs::write(&file, rig).expect("written");
+    assert_eq!(simulate("0.1").status.code(), Some(2), "two numbers");
+    succeeded(&simulate("0.2,1"));
+    assert!(drive.join("lidar").is_dir() && !drive.join("camera").exists() && !drive.join("gnss.nmea").exists());
+    let read = |name: &str| std::fs::read_to_string(drive.join(name)).expect("a text");
+    let height = |text: &str| {
+        let table: toml::Table = text.parse().expect("TOML");
+        let lidar = table.get("lidar").and_then(toml::Value::as_table).unwrap_or(&table);
+        lidar["body_from_lidar"]["translation"][2].as_float().expect("a number")
+    };
+    let (said, is) = (height(&read("drive.toml")), height(&read("truth/calibration.toml")));
+    assert!(said == 2.0 && is != 2.0 && (is - 2.0).abs() < 0.04, "{said} {is}");
+}
+
+#[test]
+fn a_full_disk_is_named_and_nothing_is_left_behind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = folder.path().join("drive");
+    // A limit on the size of files stands for the disk's: both end a write with an error.
+    let script = "trap '' XFSZ; ulimit -f 200; exec \"$0\" simulate --seconds 1 --out \"$1\"";
+    let output = Command::new("bash")
+        .args(["-c", script, env!("CARGO_BIN_EXE_replica"), text(&drive)])
+        .output()
+        .expect("bash starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("lidar/000000.pcap: File too large"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "{said}");
+}
+
+#[test]
 fn what_is_no_capture_is_refused_with_its_name() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("letter.pcap");

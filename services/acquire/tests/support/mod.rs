@@ -133,7 +133,7 @@ fn manifest() -> Manifest {
             model: model.clone(),
         }],
         gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: [48.8, 2.3, 100.0], antenna_in_body: [0.0; 3] }),
-        imu: Some(ImuEntry { file: "imu.csv".into() }),
+        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3] }),
         truth: None,
     }
 }

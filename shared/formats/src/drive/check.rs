@@ -2,25 +2,23 @@
 
 use super::listing::{Frame, files_with_extension, frames};
 use super::read::Read;
-use super::{Drive, DriveError, TIMES_FILE};
+use super::{Drive, TIMES_FILE};
 use crate::manifest::{
-    CameraEntry, GnssEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry, TruthEntry,
+    CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry, rules,
 };
+use crate::problems::FileError;
+use crate::toml_file::TomlFile;
 use crate::velodyne::Model;
-use geometry::{CameraModel, Stamp};
+use geometry::Stamp;
 use std::path::{Component, Path, PathBuf};
 
 /// Sweeps of a drive of clouds without times: 10 Hz.
 const SWEEP_NANOS: i64 = 100_000_000;
-/// No camera here has longer sides.
-const MAX_SIDE: u32 = 32_768;
 
 /// The drive, or everything that is wrong with it.
-pub(super) fn drive(folder: &Path, mut read: Read, is_inferred: bool) -> Result<Drive, DriveError> {
-    let Some(manifest) = read.manifest.take() else {
-        return Err(DriveError { problems: read.problems });
-    };
-    let mut check = Check { folder, read, strange: Vec::new() };
+pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Drive, FileError> {
+    let (manifest, file) = read.sound()?;
+    let mut check = Check { folder, file, strange: Vec::new() };
     check.general(&manifest);
     let model = check.lidar(&manifest.lidar);
     let (sweep_files, sweep_stamps) = check.sweeps(&manifest.lidar);
@@ -39,14 +37,14 @@ pub(super) fn drive(folder: &Path, mut read: Read, is_inferred: bool) -> Result<
         check.gnss(entry);
     }
     if let Some(entry) = &manifest.imu {
-        check.file("imu.file", &entry.file);
+        check.imu(entry);
     }
     if let Some(entry) = &manifest.truth {
         check.truth(entry);
     }
-    let Check { read, strange, .. } = check;
+    let Check { file, strange, .. } = check;
     match (manifest.rig(), model) {
-        (Ok(rig), Some(model)) if read.problems.is_empty() => Ok(Drive {
+        (Ok(rig), Some(model)) if file.is_sound() => Ok(Drive {
             folder: folder.to_owned(),
             manifest,
             rig,
@@ -58,51 +56,44 @@ pub(super) fn drive(folder: &Path, mut read: Read, is_inferred: bool) -> Result<
             mosaic_frames,
             strange_files: strange,
         }),
-        _ => Err(DriveError { problems: read.problems }),
+        _ => Err(file.into_error()),
     }
 }
 
 /// The manifest by itself: its LiDAR and its poses.
-pub(super) fn manifest(mut read: Read) -> Result<Manifest, DriveError> {
-    let Some(manifest) = read.manifest.take() else {
-        return Err(DriveError { problems: read.problems });
-    };
-    let mut check = Check { folder: Path::new(""), read, strange: Vec::new() };
+pub(super) fn manifest(read: Read) -> Result<Manifest, FileError> {
+    let (manifest, file) = read.sound()?;
+    let mut check = Check { folder: Path::new(""), file, strange: Vec::new() };
     check.general(&manifest);
     check.lidar(&manifest.lidar);
     for (index, entry) in manifest.cameras.iter().enumerate() {
-        check.pose(&format!("camera[{index}].body_from_camera"), &entry.body_from_camera);
+        rules::pose(&mut check.file, &format!("camera[{index}].body_from_camera"), &entry.body_from_camera);
     }
     for (index, entry) in manifest.mosaics.iter().enumerate() {
-        check.pose(&format!("mosaic[{index}].body_from_camera"), &entry.body_from_camera);
+        rules::pose(&mut check.file, &format!("mosaic[{index}].body_from_camera"), &entry.body_from_camera);
     }
-    let problems = check.read.problems;
-    if problems.is_empty() { Ok(manifest) } else { Err(DriveError { problems }) }
+    check.file.finish().map(|()| manifest)
 }
 
 struct Check<'a> {
     folder: &'a Path,
-    read: Read,
+    file: TomlFile,
     strange: Vec<PathBuf>,
 }
 
 impl Check<'_> {
-    fn rule(&mut self, key: &str, holds: bool, rule: impl FnOnce() -> String) {
-        if !holds {
-            self.read.fault(key, rule());
-        }
-    }
-
     fn general(&mut self, manifest: &Manifest) {
         let version = manifest.version;
-        self.rule("version", version == MANIFEST_VERSION, || format!("value {version} must be {MANIFEST_VERSION}"));
+        self.file
+            .rule("version", version == MANIFEST_VERSION, || format!("value {version} must be {MANIFEST_VERSION}"));
     }
 
     fn lidar(&mut self, entry: &LidarEntry) -> Option<Model> {
-        self.pose("lidar.body_from_lidar", &entry.body_from_lidar);
+        rules::pose(&mut self.file, "lidar.body_from_lidar", &entry.body_from_lidar);
         let model = Model::from_name(&entry.model);
         let names = || Model::ALL.map(Model::name).join(", ");
-        self.rule("lidar.model", model.is_some(), || format!("value {:?} must be one of {}", entry.model, names()));
+        self.file
+            .rule("lidar.model", model.is_some(), || format!("value {:?} must be one of {}", entry.model, names()));
         model
     }
 
@@ -114,13 +105,13 @@ impl Check<'_> {
             "pcd" => &["pcd"],
             "bin" => &["bin"],
             other => {
-                self.read.fault("lidar.format", format!("value {other:?} must be one of pcap, pcd, bin"));
+                self.file.fault("lidar.format", format!("value {other:?} must be one of pcap, pcd, bin"));
                 return none;
             }
         };
         let Some(folder) = self.folder("lidar.folder", &entry.folder) else { return none };
         let files = self.listed("lidar.folder", files_with_extension(&folder, extensions)).unwrap_or_default();
-        self.rule("lidar.folder", !files.is_empty(), || {
+        self.file.rule("lidar.folder", !files.is_empty(), || {
             format!("{} holds no *.{}", folder.display(), extensions.join(", *."))
         });
         let stamps = if entry.format == "pcap" { Vec::new() } else { self.times(&folder, files.len()) };
@@ -136,7 +127,7 @@ impl Check<'_> {
         let stamps: Option<Vec<Stamp>> = lines.map(|line| line.parse().ok().map(Stamp)).collect();
         let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
         let stamps = stamps.filter(|stamps| stamps.len() == n_sweeps && rising(stamps));
-        self.rule("lidar.folder", stamps.is_some(), || {
+        self.file.rule("lidar.folder", stamps.is_some(), || {
             format!("{} must have {n_sweeps} rising stamps in ns, one a line for each sweep", path.display())
         });
         stamps.unwrap_or_default()
@@ -144,36 +135,36 @@ impl Check<'_> {
 
     fn camera(&mut self, index: usize, entry: &CameraEntry) -> Vec<Frame> {
         let key = |name: &str| format!("camera[{index}].{name}");
-        self.pose(&key("body_from_camera"), &entry.body_from_camera);
-        self.lens(&key("model"), &entry.model);
-        self.exposure(&key("exposure_nanos"), entry.exposure_nanos);
+        rules::pose(&mut self.file, &key("body_from_camera"), &entry.body_from_camera);
+        rules::lens(&mut self.file, &key("model"), &entry.model);
+        rules::exposure(&mut self.file, &key("exposure_nanos"), entry.exposure_nanos);
         self.frames(&key("folder"), &entry.folder, index, &["jpg", "jpeg", "png"])
     }
 
     fn mosaic(&mut self, index: usize, entry: &MosaicEntry) -> Vec<Frame> {
         let key = |name: &str| format!("mosaic[{index}].{name}");
-        self.pose(&key("body_from_camera"), &entry.body_from_camera);
-        self.lens(&key("model"), &entry.model);
-        self.exposure(&key("exposure_nanos"), entry.exposure_nanos);
-        self.exposure(&key("dark_exposure_nanos"), entry.dark_exposure_nanos);
-        self.exposure(&key("white_exposure_nanos"), entry.white_exposure_nanos);
+        rules::pose(&mut self.file, &key("body_from_camera"), &entry.body_from_camera);
+        rules::lens(&mut self.file, &key("model"), &entry.model);
+        rules::exposure(&mut self.file, &key("exposure_nanos"), entry.exposure_nanos);
+        rules::exposure(&mut self.file, &key("dark_exposure_nanos"), entry.dark_exposure_nanos);
+        rules::exposure(&mut self.file, &key("white_exposure_nanos"), entry.white_exposure_nanos);
         let white = entry.white_reflectance;
-        self.rule(&key("white_reflectance"), white > 0.0 && white <= 1.0, || {
+        self.file.rule(&key("white_reflectance"), white > 0.0 && white <= 1.0, || {
             format!("value {white} must be above 0, up to 1")
         });
         let bits = entry.bit_depth;
-        self.rule(&key("bit_depth"), (1..=16).contains(&bits), || format!("value {bits} must be 1 to 16"));
+        self.file.rule(&key("bit_depth"), (1..=16).contains(&bits), || format!("value {bits} must be 1 to 16"));
         let (side, n_bands) = (entry.pattern, entry.wavelengths_nm.len());
-        self.rule(&key("pattern"), (1..=5).contains(&side), || format!("value {side} must be 1 to 5"));
-        self.rule(&key("wavelengths_nm"), n_bands == (side as usize).saturating_pow(2), || {
+        self.file.rule(&key("pattern"), (1..=5).contains(&side), || format!("value {side} must be 1 to 5"));
+        self.file.rule(&key("wavelengths_nm"), n_bands == (side as usize).saturating_pow(2), || {
             format!("{n_bands} values, must be one for each of the {side} x {side} cells of the pattern")
         });
         let sound = entry.wavelengths_nm.iter().all(|nm| *nm > 0.0 && nm.is_finite());
-        self.rule(&key("wavelengths_nm"), sound, || "must be positive".into());
+        self.file.rule(&key("wavelengths_nm"), sound, || "must be positive".into());
         let ([x, y, w, h], (width, height)) = (entry.active_area, entry.model.size());
         let inside =
             u64::from(x) + u64::from(w) <= u64::from(width) && u64::from(y) + u64::from(h) <= u64::from(height);
-        self.rule(&key("active_area"), inside && w >= side && h >= side, || {
+        self.file.rule(&key("active_area"), inside && w >= side && h >= side, || {
             format!("{:?} must lie in the {width} x {height} image and hold a pattern of {side}", entry.active_area)
         });
         self.frames(&key("folder"), &entry.folder, index, &["pgm"])
@@ -182,45 +173,27 @@ impl Check<'_> {
     fn gnss(&mut self, entry: &GnssEntry) {
         let [latitude, longitude, height] = entry.origin;
         let on_earth = latitude.abs() <= 90.0 && longitude.abs() <= 180.0 && height.abs() < 100_000.0;
-        self.rule("gnss.origin", on_earth, || {
+        self.file.rule("gnss.origin", on_earth, || {
             format!("value {:?} must be latitude -90 to 90, longitude -180 to 180 and height in m", entry.origin)
         });
-        let finite = entry.antenna_in_body.iter().all(|v| v.abs() < 100.0);
-        self.rule("gnss.antenna_in_body", finite, || {
-            format!("value {:?} must be three lengths below 100 m", entry.antenna_in_body)
-        });
+        rules::position(&mut self.file, "gnss.antenna_in_body", &entry.antenna_in_body);
         self.file("gnss.file", &entry.file);
+    }
+
+    fn imu(&mut self, entry: &ImuEntry) {
+        rules::position(&mut self.file, "imu.position_in_body", &entry.position_in_body);
+        self.file("imu.file", &entry.file);
     }
 
     fn truth(&mut self, entry: &TruthEntry) {
         self.file("truth.trajectory", &entry.trajectory);
         self.folder("truth.labels", &entry.labels);
-    }
-
-    fn pose(&mut self, key: &str, entry: &PoseEntry) {
-        self.rule(key, entry.to_pose().is_some(), || {
-            format!("{entry:?} is no rigid transform: must be finite, with a unit quaternion x y z w")
-        });
-    }
-
-    fn exposure(&mut self, key: &str, nanos: u64) {
-        let range = 1..=10_000_000_000;
-        self.rule(key, range.contains(&nanos), || format!("value {nanos} must be 1 ns to 10 s"));
-    }
-
-    fn lens(&mut self, key: &str, model: &CameraModel) {
-        let (width, height) = model.size();
-        let sized = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
-        self.rule(key, sized, || format!("size {width} x {height} must be 1 to {MAX_SIDE} px a side"));
-        let (focal, rest, angle) = match model {
-            CameraModel::Pinhole(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), 1.0),
-            CameraModel::KannalaBrandt(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), m.max_angle),
-        };
-        let focused = focal.iter().all(|f| *f > 0.0 && f.is_finite());
-        self.rule(key, focused, || format!("focal lengths {focal:?} must be positive"));
-        self.rule(key, rest.iter().all(|v| v.is_finite()), || "principal point and distortion must be numbers".into());
-        let opens = angle > 0.0 && angle <= std::f64::consts::PI;
-        self.rule(key, opens, || format!("max_angle {angle} must be above 0, up to pi"));
+        if let Some(name) = &entry.calibration {
+            self.file("truth.calibration", name);
+        }
+        if let Some(name) = &entry.gnss {
+            self.file("truth.gnss", name);
+        }
     }
 
     fn frames(&mut self, key: &str, name: &str, camera: usize, extensions: &[&str]) -> Vec<Frame> {
@@ -231,19 +204,19 @@ impl Check<'_> {
     }
 
     fn listed<T>(&mut self, key: &str, listed: std::io::Result<T>) -> Option<T> {
-        listed.map_err(|error| self.read.fault(key, format!("cannot be listed: {error}"))).ok()
+        listed.map_err(|error| self.file.fault(key, format!("cannot be listed: {error}"))).ok()
     }
 
     fn folder(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let path = self.inside(key, name)?;
         let is_there = path.is_dir();
-        self.rule(key, is_there, || format!("{} is no folder", path.display()));
+        self.file.rule(key, is_there, || format!("{} is no folder", path.display()));
         is_there.then_some(path)
     }
 
     fn file(&mut self, key: &str, name: &str) {
         if let Some(path) = self.inside(key, name) {
-            self.rule(key, path.is_file(), || format!("{} is no file", path.display()));
+            self.file.rule(key, path.is_file(), || format!("{} is no file", path.display()));
         }
     }
 
@@ -251,7 +224,7 @@ impl Check<'_> {
     fn inside(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let stays = |part| matches!(part, Component::Normal(_) | Component::CurDir);
         let inside = !name.is_empty() && Path::new(name).components().all(stays);
-        self.rule(key, inside, || format!("value {name:?} must be a path inside the drive's folder"));
+        self.file.rule(key, inside, || format!("value {name:?} must be a path inside the drive's folder"));
         inside.then(|| self.folder.join(name))
     }
 }

@@ -1,10 +1,10 @@
 //! What a bare folder of sweeps is taken for.
 
+use super::MANIFEST_FILE;
 use super::listing::files_with_extension;
-use super::problems::DriveProblem;
 use super::read::Read;
-use super::{DriveError, MANIFEST_FILE};
 use crate::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use crate::problems::{FileError, FileProblem};
 use crate::velodyne::{Model, SweepReader};
 use std::path::Path;
 
@@ -12,8 +12,8 @@ use std::path::Path;
 const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
 
 /// The assumed manifest of a folder without one.
-pub(super) fn read(folder: &Path) -> Result<Read, DriveError> {
-    let problem = |rule: String| DriveError::from(DriveProblem::of_file(folder, rule));
+pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
+    let problem = |rule: String| FileError::from(FileProblem::of_file(folder, rule));
     for extension in FORMATS {
         let files = files_with_extension(folder, &[extension]).map_err(|error| problem(error.to_string()))?;
         if files.is_empty() {
@@ -41,7 +41,7 @@ pub(super) fn read(folder: &Path) -> Result<Read, DriveError> {
             imu: None,
             truth: None,
         };
-        return Ok(Read::assumed(folder.join(MANIFEST_FILE), manifest));
+        return Ok(Read::assumed(&folder.join(MANIFEST_FILE), manifest));
     }
     Err(problem(format!("holds neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
 }

@@ -2,6 +2,7 @@
 
 use super::{Fix, KNOT_MPS, checksum};
 use crate::calendar::{DAY_NANOS, date_from_days};
+use geometry::Stamp;
 
 /// The fix as `$GPGGA`, without line end; `geoid_m` is the geoid above the ellipsoid. A fix without altitude has empty
 /// fields there.
@@ -10,21 +11,37 @@ pub fn gga_from_fix(fix: &Fix, geoid_m: f64) -> String {
     let hdop = fix.hdop.map(|hdop| format!("{hdop:.1}")).unwrap_or_default();
     let position = position(fix.position_deg);
     let (quality, satellites) = (fix.quality, fix.satellites);
-    sealed(&format!("GPGGA,{},{position},{quality},{satellites:02},{hdop},{height},M,{geoid_m:.1},M,,", time(fix)))
+    let time = time(fix.stamp);
+    sealed(&format!("GPGGA,{time},{position},{quality},{satellites:02},{hdop},{height},M,{geoid_m:.1},M,,"))
+}
+
+/// A moment without a position as `$GPGGA`: quality 0.
+pub fn gga_without_fix(stamp: Stamp) -> String {
+    sealed(&format!("GPGGA,{},,,,,0,00,,,M,,M,,", time(stamp)))
 }
 
 /// The fix as `$GPRMC`, without line end.
 pub fn rmc_from_fix(fix: &Fix) -> String {
-    let (year, month, day) = date_from_days(fix.stamp.0.div_euclid(DAY_NANOS));
     let knots = fix.speed_mps.map(|speed| format!("{:.3}", speed / KNOT_MPS)).unwrap_or_default();
     let course = fix.course_deg.map(|course| format!("{course:.2}")).unwrap_or_default();
-    let (position, year) = (position(fix.position_deg), year.rem_euclid(100));
-    sealed(&format!("GPRMC,{},A,{position},{knots},{course},{day:02}{month:02}{year:02},,,A", time(fix)))
+    let (time, position, date) = (time(fix.stamp), position(fix.position_deg), date(fix.stamp));
+    sealed(&format!("GPRMC,{time},A,{position},{knots},{course},{date},,,A"))
+}
+
+/// A moment without a position as `$GPRMC`: the clock goes on, status V.
+pub fn rmc_without_fix(stamp: Stamp) -> String {
+    sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
+}
+
+/// Day, month and year, two digits each.
+fn date(stamp: Stamp) -> String {
+    let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
+    format!("{day:02}{month:02}{:02}", year.rem_euclid(100))
 }
 
 /// To the millisecond.
-fn time(fix: &Fix) -> String {
-    let millis = fix.stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
+fn time(stamp: Stamp) -> String {
+    let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
     let seconds = millis / 1000;
     format!("{:02}{:02}{:02}.{:03}", seconds / 3600, seconds / 60 % 60, seconds % 60, millis % 1000)
 }

@@ -157,7 +157,7 @@ fn time_of_day(stamp: Stamp) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nmea::{gga_from_fix, rmc_from_fix};
+    use crate::nmea::{gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 
     fn fix(i: i64) -> Fix {
         Fix {
@@ -205,6 +205,17 @@ mod tests {
         assert_eq!(back.len(), 10);
         assert_near(&back[9], &fix(9));
         assert_eq!((back[0].speed_mps.is_some(), back[9].speed_mps), (true, None));
+    }
+
+    #[test]
+    fn moments_without_a_position_are_counted_and_keep_the_date() {
+        let stamp = fix(4).stamp;
+        let lost = [gga_without_fix(stamp), rmc_without_fix(stamp)];
+        let found = [gga_from_fix(&fix(5), 44.6), rmc_from_fix(&fix(5))];
+        let (back, stats) = fixes(&log(lost.into_iter().chain(found)));
+        assert_eq!(stats, LogStats { sentences: 4, without_fix: 1, ..LogStats::default() });
+        assert_eq!(back.len(), 1);
+        assert_near(&back[0], &fix(5));
     }
 
     #[test]

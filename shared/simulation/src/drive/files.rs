@@ -10,9 +10,13 @@ use std::path::{Path, PathBuf};
 /// Good enough that no block edge is stronger than the sensor's own texture.
 const JPEG_QUALITY: u8 = 88;
 
-/// A folder beside the drive's place; it takes that place when it is complete, so that a cut run leaves no half drive.
+/// A folder beside the drive's place; it takes that place when it is complete, and goes if it is given up. So a failed run leaves
+/// nothing, and a killed one no half drive.
 #[derive(Debug)]
-pub struct Folder(PathBuf);
+pub struct Folder {
+    path: PathBuf,
+    is_complete: bool,
+}
 
 impl Folder {
     /// Starts anew; what a cut run left there goes.
@@ -27,11 +31,11 @@ impl Folder {
             _ => {}
         }
         fs::create_dir_all(&path).map_err(SimulationError::write(&path))?;
-        Ok(Self(path))
+        Ok(Self { path, is_complete: false })
     }
     /// Path of a file inside; its folder is made.
     pub fn path(&self, name: &str) -> Result<PathBuf, SimulationError> {
-        let path = self.0.join(name);
+        let path = self.path.join(name);
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(SimulationError::write(parent))?;
         }
@@ -47,11 +51,22 @@ impl Folder {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
             .encode(pixels, width, height, ExtendedColorType::Rgb8)
-            .map_err(|source| SimulationError::Image { path: self.0.join(name), source })?;
+            .map_err(|source| SimulationError::Image { path: self.path.join(name), source })?;
         self.write(name, &bytes)
     }
     /// The drive is complete.
-    pub fn complete(self, out: &Path) -> Result<(), SimulationError> {
-        fs::rename(&self.0, out).map_err(SimulationError::write(out))
+    pub fn complete(mut self, out: &Path) -> Result<(), SimulationError> {
+        fs::rename(&self.path, out).map_err(SimulationError::write(out))?;
+        self.is_complete = true;
+        Ok(())
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if !self.is_complete {
+            // The error that is on its way says what went wrong; what cannot be removed either, the next run removes.
+            let _ = fs::remove_dir_all(&self.path);
+        }
     }
 }

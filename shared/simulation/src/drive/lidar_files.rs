@@ -1,14 +1,11 @@
 //! The lidar's packets as a capture, with position packets between them, and the labels of its returns.
 
+use super::Simulation;
 use super::files::Folder;
-use super::{GNSS_STREAM, Simulation};
 use crate::error::SimulationError;
-use crate::random::hash;
-use crate::sensors::gnss;
-use crate::sensors::lidar::LidarModel;
+use crate::sensors::gnss::Epoch;
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth::Revolutions;
-use formats::nmea::rmc_from_fix;
 use formats::pcap;
 use formats::velodyne::{DATA_PORT, POSITION_PORT, PulseStatus, encode_position_packet};
 use std::fs::File;
@@ -23,14 +20,15 @@ const POSITION_DELAY_NANOS: i64 = 100_000;
 
 /// What the sensors record, s: to the end of the last lidar packet.
 pub fn duration_seconds(spec: &DriveSpec) -> f64 {
-    let model = LidarModel::HDL32E;
+    let model = spec.lidar_model();
     (model.n_packets(spec.seconds) as i64 * model.packet_nanos()) as f64 * 1e-9
 }
 
-/// Writes capture and labels. `done` hears how many packets were made.
+/// Writes capture and labels; the receiver's sentences go into position packets. `done` hears how many packets were made.
 pub fn write(
     simulation: &Simulation,
     folder: &Folder,
+    epochs: &[Epoch],
     report: &mut DriveReport,
     done: &mut dyn FnMut(u64),
 ) -> Result<(), SimulationError> {
@@ -38,9 +36,7 @@ pub fn write(
     let file = File::create(&path).map_err(SimulationError::write(&path))?;
     let mut capture = pcap::Writer::new(BufWriter::new(file)).map_err(SimulationError::write(&path))?;
     let lidar = simulation.lidar();
-    let seed = hash(simulation.spec.seed, GNSS_STREAM);
-    let fixes = gnss::record(&simulation.motion, duration_seconds(&simulation.spec), seed);
-    let mut fixes = fixes.iter().peekable();
+    let mut epochs = epochs.iter().peekable();
     let mut revolutions = Revolutions::default();
     let model = *lidar.model();
     let n_packets = model.n_packets(simulation.spec.seconds);
@@ -49,15 +45,17 @@ pub fn write(
         let last = (first + BATCH).min(n_packets);
         for (packet, blocks) in (first..last).zip(&lidar.packets(first..last)) {
             let stamp = lidar.packet_stamp(packet);
-            while let Some(fix) = fixes.next_if(|fix| fix.stamp <= stamp) {
-                sentence = rmc_from_fix(fix);
+            while let Some(epoch) = epochs.next_if(|epoch| epoch.stamp <= stamp) {
+                sentence = epoch.rmc();
             }
             let payload = lidar.payload(packet, blocks);
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
             // The device sends the receiver's last sentence again and again.
             if packet % POSITION_EVERY == 0 {
                 let stamp = stamp.plus_nanos(POSITION_DELAY_NANOS);
-                let payload = encode_position_packet(stamp, PulseStatus::Locked, &sentence);
+                // A vehicle without a receiver has no pulse either.
+                let pulse = if sentence.is_empty() { PulseStatus::Absent } else { PulseStatus::Locked };
+                let payload = encode_position_packet(stamp, pulse, &sentence);
                 capture.write_udp(stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;
             }
             for block in blocks {

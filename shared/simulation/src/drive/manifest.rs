@@ -1,64 +1,76 @@
-//! `drive.toml` of a simulated drive.
+//! `drive.toml` of a simulated drive: what the vehicle's maker says of it, and where the files are.
 
-use super::mosaic_models;
-use crate::rig;
+use crate::rig::{CameraSpec, MosaicSpec};
 use crate::sensors::gnss::ORIGIN;
-use crate::sensors::mosaic::{BIT_DEPTH, EXPOSURE_NANOS, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
+use crate::sensors::mosaic::{BIT_DEPTH, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
 use crate::spec::DriveSpec;
 use formats::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry,
 };
 
+pub const GNSS_FILE: &str = "gnss.nmea";
+pub const IMU_FILE: &str = "imu.csv";
+pub const TRAJECTORY_FILE: &str = "truth/trajectory.txt";
+pub const CALIBRATION_FILE: &str = "truth/calibration.toml";
+pub const GNSS_TRUTH_FILE: &str = "truth/gnss.csv";
+
 pub fn manifest(spec: &DriveSpec) -> Manifest {
+    let rig = &spec.rig;
+    let gnss = rig.gnss.map(|gnss| GnssEntry {
+        file: GNSS_FILE.into(),
+        origin: ORIGIN,
+        antenna_in_body: gnss.antenna_in_body,
+    });
     Manifest {
         version: MANIFEST_VERSION,
         name: format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds),
         lidar: LidarEntry {
-            model: "hdl32e".into(),
+            model: rig.lidar.model.name().into(),
             format: "pcap".into(),
             folder: "lidar".into(),
-            body_from_lidar: rig::body_from_lidar().into(),
+            body_from_lidar: rig.lidar.body_from_lidar.into(),
         },
-        cameras: if spec.cameras { cameras() } else { Vec::new() },
-        mosaics: if spec.mosaics { mosaics() } else { Vec::new() },
-        gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: ORIGIN, antenna_in_body: rig::ANTENNA_IN_BODY }),
-        imu: Some(ImuEntry { file: "imu.csv".into() }),
-        truth: Some(TruthEntry { trajectory: "truth/trajectory.txt".into(), labels: "truth/labels".into() }),
+        cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
+        mosaics: if spec.mosaics {
+            rig.mosaics.iter().map(|entry| mosaic(entry, spec.mosaic_exposure_nanos)).collect()
+        } else {
+            Vec::new()
+        },
+        truth: Some(TruthEntry {
+            trajectory: TRAJECTORY_FILE.into(),
+            labels: "truth/labels".into(),
+            calibration: Some(CALIBRATION_FILE.into()),
+            gnss: gnss.as_ref().map(|_| GNSS_TRUTH_FILE.into()),
+        }),
+        gnss,
+        imu: rig.imu.map(|imu| ImuEntry { file: IMU_FILE.into(), position_in_body: imu.position_in_body }),
     }
 }
 
-fn cameras() -> Vec<CameraEntry> {
-    rig::color_cameras()
-        .into_iter()
-        .enumerate()
-        .map(|(index, (name, body_from_camera))| CameraEntry {
-            name,
-            folder: format!("camera/{index}"),
-            exposure_nanos: rig::CAMERA_EXPOSURE_NANOS,
-            body_from_camera: body_from_camera.into(),
-            model: rig::color_lens(),
-        })
-        .collect()
+fn camera((index, camera): (usize, &CameraSpec)) -> CameraEntry {
+    CameraEntry {
+        name: camera.name.clone(),
+        folder: format!("camera/{index}"),
+        exposure_nanos: camera.exposure_nanos,
+        body_from_camera: camera.body_from_camera.into(),
+        model: camera.lens.clone(),
+    }
 }
 
-fn mosaics() -> Vec<MosaicEntry> {
-    mosaic_models()
-        .into_iter()
-        .zip(rig::mosaic_mountings())
-        .map(|(model, body_from_camera)| MosaicEntry {
-            name: model.name.into(),
-            folder: model.name.into(),
-            exposure_nanos: EXPOSURE_NANOS,
-            dark_exposure_nanos: EXPOSURE_NANOS,
-            white_exposure_nanos: WHITE_EXPOSURE_NANOS,
-            white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,
-            bit_depth: BIT_DEPTH,
-            pattern: model.pattern as u32,
-            active_area: model.active_area.map(|v| v as u32),
-            wavelengths_nm: model.bands().iter().map(|band| f64::from(band.center_nm)).collect(),
-            body_from_camera: body_from_camera.into(),
-            model: rig::mosaic_lens(),
-        })
-        .inspect(|entry| debug_assert!(entry.active_area[0] + entry.active_area[2] <= SIZE[0] as u32))
-        .collect()
+fn mosaic(mosaic: &MosaicSpec, exposure_nanos: u64) -> MosaicEntry {
+    let sensor = &mosaic.sensor;
+    MosaicEntry {
+        name: mosaic.name.clone(),
+        folder: mosaic.name.clone(),
+        exposure_nanos,
+        dark_exposure_nanos: exposure_nanos,
+        white_exposure_nanos: WHITE_EXPOSURE_NANOS,
+        white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,
+        bit_depth: BIT_DEPTH,
+        pattern: sensor.pattern as u32,
+        active_area: sensor.active_area.map(|v| v as u32),
+        wavelengths_nm: sensor.bands().iter().map(|band| (f64::from(band.center_nm) * 10.0).round() / 10.0).collect(),
+        body_from_camera: mosaic.body_from_camera.into(),
+        model: mosaic.lens.clone(),
+    }
 }

@@ -1,22 +1,25 @@
 //! A whole drive as a folder (`formats::manifest`).
 
+mod camera_files;
 mod files;
 mod lidar_files;
 mod manifest;
+mod visibility;
 
 use crate::error::SimulationError;
 use crate::motion::Motion;
 use crate::random::{hash, unit};
-use crate::rig;
+use crate::rig::RigSpec;
 use crate::scene::{self, Scene};
 use crate::sensors::camera::ColorCamera;
+use crate::sensors::exposure::Exposure;
+use crate::sensors::gnss::{self, Epoch};
 use crate::sensors::lidar::{Lidar, LidarModel};
-use crate::sensors::mosaic::{BIT_DEPTH, MosaicCamera, MosaicModel, SIZE};
-use crate::sensors::{gnss, imu, trigger};
+use crate::sensors::mosaic::MosaicCamera;
+use crate::sensors::{imu, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
-use formats::pgm::pgm_from_samples;
 use geometry::{Pose, Stamp};
 use messages::ClassId;
 use std::path::Path;
@@ -30,6 +33,7 @@ const CAMERA_STREAM: u64 = 2;
 const MOSAIC_STREAM: u64 = 3;
 const GNSS_STREAM: u64 = 4;
 const IMU_STREAM: u64 = 5;
+const CALIBRATION_STREAM: u64 = 6;
 
 /// The town and the vehicle's way through it, before any sensor.
 #[derive(Debug)]
@@ -38,8 +42,10 @@ pub struct Simulation {
     pub spec: DriveSpec,
     /// The town.
     pub scene: Scene,
-    /// The vehicle.
+    /// The vehicle's way.
     pub motion: Motion,
+    /// The vehicle as it really is; that of the spec is what its maker measured.
+    pub rig: RigSpec,
 }
 
 impl Simulation {
@@ -49,13 +55,14 @@ impl Simulation {
         let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
         let scene::Drive { scene, way, pace } = scene::build(spec.town, spec.seed, spec.seconds);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
-        let motion = Motion::new(begin, way, pace, phase);
-        Ok(Self { spec: spec.clone(), scene, motion })
+        let motion = Motion::new(begin, way, pace, phase).with_body_height(spec.rig.body_height_m);
+        let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
+        Ok(Self { spec: spec.clone(), scene, motion, rig })
     }
     /// The lidar in it.
     pub fn lidar(&self) -> Lidar<'_> {
         let seed = hash(self.spec.seed, LIDAR_STREAM);
-        self.lidar_of(LidarModel::HDL32E, rig::body_from_lidar(), seed)
+        self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)
     }
     /// A lidar of any model, mounted anywhere.
     pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
@@ -63,42 +70,66 @@ impl Simulation {
     }
     /// When the cameras fire.
     pub fn exposures(&self) -> Vec<Stamp> {
-        trigger::exposures(&self.motion, self.spec.seconds)
+        trigger::exposures(&self.motion, &self.rig.trigger, self.spec.seconds)
     }
-    /// The picture of color camera `index` at a stamp.
+    /// The pictures of the color cameras `group` (indexes), which fire together and share their gain, at a stamp.
+    pub fn images(&self, camera: &ColorCamera, group: &[usize], stamp: Stamp) -> Vec<Vec<u8>> {
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        let pictures = exposures.iter().zip(group);
+        pictures.map(|(exposure, index)| camera.shoot(exposure, gain, self.image_seed(*index, stamp))).collect()
+    }
+    /// The picture of color camera `index` alone: the same as in [`Self::images`].
     pub fn image(&self, camera: &ColorCamera, index: usize, stamp: Stamp) -> Vec<u8> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * rig::color_cameras()[index].1;
-        let seed = hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let group = self.rig.lens_groups().into_iter().find(|group| group.contains(&index)).unwrap_or_default();
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        camera.shoot(&self.color_exposure(index, stamp), gain, self.image_seed(index, stamp))
+    }
+    /// What the receiver says in every second; nothing if the vehicle has none.
+    pub fn epochs(&self) -> Vec<Epoch> {
+        let seed = hash(self.spec.seed, GNSS_STREAM);
+        let end = lidar_files::duration_seconds(&self.spec);
+        let record = |gnss| gnss::record(&self.scene, &self.motion, gnss, end, seed);
+        self.rig.gnss.as_ref().map(record).unwrap_or_default()
     }
     /// The raw samples of mosaic camera `index` at a stamp.
     pub fn mosaic(&self, camera: &MosaicCamera, index: usize, stamp: Stamp) -> Vec<u16> {
-        let seconds = stamp.seconds_since(self.motion.begin);
-        let world_from_camera = self.motion.pose(seconds) * rig::mosaic_mountings()[index];
         let seed = hash(hash(self.spec.seed, MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
-        camera.shoot(&self.scene, &self.scene.at(seconds), &world_from_camera, seed)
+        let body_from_camera = self.rig.mosaics[index].body_from_camera;
+        let nanos = camera.exposure_nanos();
+        camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
+    }
+    fn color_exposure(&self, index: usize, stamp: Stamp) -> Exposure<'_> {
+        let camera = &self.rig.cameras[index];
+        let seed = self.image_seed(index, stamp);
+        Exposure::new(&self.scene, &self.motion, &camera.body_from_camera, stamp, camera.exposure_nanos, seed)
+    }
+    fn image_seed(&self, index: usize, stamp: Stamp) -> u64 {
+        hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
     }
 }
 
-/// The mosaic cameras by index.
-pub(crate) fn mosaic_models() -> [MosaicModel; 2] {
-    [MosaicModel::hs02(), MosaicModel::hs03()]
-}
-
-/// Makes the drive in a folder beside `out` and gives it that name when it is complete. `progress` hears the share that is
-/// done, 0 to 1.
+/// Makes the drive in a folder beside `out` and gives it that name when it is complete; a failure leaves nothing. `progress`
+/// hears the share that is done, 0 to 1.
 pub fn write_drive(
     spec: &DriveSpec,
     out: &Path,
     progress: &mut dyn FnMut(f64),
 ) -> Result<DriveReport, SimulationError> {
-    spec.check()?;
-    if out.exists() {
-        return Err(SimulationError::Exists(out.to_owned()));
-    }
+    // Before the town is built, which takes a while.
+    refuse_existing(out)?;
+    write_simulation(&Simulation::new(spec)?, out, progress)
+}
+
+/// Like [`write_drive`], of a town that is there.
+pub fn write_simulation(
+    simulation: &Simulation,
+    out: &Path,
+    progress: &mut dyn FnMut(f64),
+) -> Result<DriveReport, SimulationError> {
+    refuse_existing(out)?;
     let folder = Folder::beside(out)?;
-    let simulation = Simulation::new(spec)?;
     let mut report = DriveReport {
         n_sweeps: 0,
         n_packets: 0,
@@ -109,77 +140,48 @@ pub fn write_drive(
         n_primitives: simulation.scene.n_primitives(),
     };
     let exposures = simulation.exposures();
-    let mut meter = Meter::new(spec, exposures.len(), progress);
+    let mut meter = Meter::new(simulation, exposures.len(), progress);
 
-    write_pose_sensors(&simulation, &folder)?;
-    lidar_files::write(&simulation, &folder, &mut report, &mut |n| meter.add(n as f64 * PACKET_WORK))?;
-    if spec.cameras {
-        report.n_images = write_images(&simulation, &folder, &exposures, &mut meter)?;
+    let epochs = simulation.epochs();
+    write_pose_sensors(simulation, &folder, &epochs)?;
+    lidar_files::write(simulation, &folder, &epochs, &mut report, &mut |n| meter.add(n as f64 * PACKET_WORK))?;
+    if simulation.spec.cameras {
+        report.n_images = camera_files::write_images(simulation, &folder, &exposures, &mut meter)?;
     }
-    if spec.mosaics {
-        report.n_mosaics = write_mosaics(&simulation, &folder, &exposures, &mut meter)?;
+    if simulation.spec.mosaics {
+        report.n_mosaics = camera_files::write_mosaics(simulation, &folder, &exposures, &mut meter)?;
     }
-    folder.write("drive.toml", toml::to_string(&manifest::manifest(spec))?.as_bytes())?;
+    camera_files::write_materials(&folder)?;
+    if simulation.spec.truth_visibility {
+        visibility::write(simulation, &folder, &exposures)?;
+    }
+    folder.write("drive.toml", toml::to_string(&manifest::manifest(&simulation.spec))?.as_bytes())?;
     folder.complete(out)?;
     Ok(report)
 }
 
-fn write_pose_sensors(simulation: &Simulation, folder: &Folder) -> Result<(), SimulationError> {
-    let Simulation { spec, motion, .. } = simulation;
-    let (gnss_seed, imu_seed) = (hash(spec.seed, GNSS_STREAM), hash(spec.seed, IMU_STREAM));
+fn refuse_existing(out: &Path) -> Result<(), SimulationError> {
+    if out.exists() { Err(SimulationError::Exists(out.to_owned())) } else { Ok(()) }
+}
+
+fn write_pose_sensors(simulation: &Simulation, folder: &Folder, epochs: &[Epoch]) -> Result<(), SimulationError> {
+    let Simulation { spec, motion, rig, .. } = simulation;
     let end = lidar_files::duration_seconds(spec);
-    folder.write("gnss.nmea", gnss::nmea(&gnss::record(motion, end, gnss_seed)).as_bytes())?;
-    folder.write("imu.csv", formats::imu::csv_from_samples(&imu::record(motion, end, imu_seed)).as_bytes())?;
+    if rig.gnss.is_some() {
+        folder.write(manifest::GNSS_FILE, gnss::nmea(epochs).as_bytes())?;
+        folder.write(manifest::GNSS_TRUTH_FILE, gnss::truth_csv(epochs).as_bytes())?;
+    }
+    if let Some(imu) = &rig.imu {
+        let samples = imu::record(motion, imu, end, hash(spec.seed, IMU_STREAM));
+        folder.write(manifest::IMU_FILE, formats::imu::csv_from_samples(&samples).as_bytes())?;
+    }
     let poses = formats::trajectory::tum_from_trajectory(&truth::trajectory(motion, end));
-    folder.write("truth/trajectory.txt", poses.as_bytes())
+    folder.write(manifest::TRAJECTORY_FILE, poses.as_bytes())?;
+    folder.write(manifest::CALIBRATION_FILE, toml::to_string(&rig.calibration())?.as_bytes())
 }
 
-fn write_images(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    let camera = ColorCamera::new(&rig::color_lens());
-    for stamp in exposures {
-        for index in 0..rig::N_CAMERAS {
-            let pixels = simulation.image(&camera, index, *stamp);
-            folder.write_jpeg(&format!("camera/{index}/{}.jpg", stamp.0), &pixels, camera.size())?;
-            meter.add(IMAGE_WORK);
-        }
-    }
-    Ok((exposures.len() * rig::N_CAMERAS) as u32)
-}
-
-fn write_mosaics(
-    simulation: &Simulation,
-    folder: &Folder,
-    exposures: &[Stamp],
-    meter: &mut Meter<'_>,
-) -> Result<u32, SimulationError> {
-    for (index, model) in mosaic_models().into_iter().enumerate() {
-        let name = model.name;
-        let camera = MosaicCamera::new(model, &rig::mosaic_lens());
-        let write = |path: String, samples: Vec<u16>| {
-            folder.write(&path, &pgm_from_samples(SIZE[0] as u32, SIZE[1] as u32, (1 << BIT_DEPTH) - 1, &samples))
-        };
-        let seed = hash(simulation.spec.seed, MOSAIC_STREAM ^ (index as u64 + 1) << 8);
-        write(format!("{name}/dark/0.pgm"), camera.dark(hash(seed, 1)))?;
-        write(format!("{name}/white/0.pgm"), camera.white(hash(seed, 2)))?;
-        for stamp in exposures {
-            write(format!("{name}/{}.pgm", stamp.0), simulation.mosaic(&camera, index, *stamp))?;
-            meter.add(MOSAIC_WORK);
-        }
-    }
-    Ok((exposures.len() * 2) as u32)
-}
-
-/// Work of a packet, an image and a mosaic in measured ms of one core, for an even progress.
+/// Work of a packet in measured ms of one core, for an even progress.
 const PACKET_WORK: f64 = 0.6;
-/// See [`PACKET_WORK`].
-const IMAGE_WORK: f64 = 700.0;
-/// See [`PACKET_WORK`].
-const MOSAIC_WORK: f64 = 350.0;
 
 struct Meter<'a> {
     done: f64,
@@ -188,12 +190,13 @@ struct Meter<'a> {
 }
 
 impl<'a> Meter<'a> {
-    fn new(spec: &DriveSpec, n_exposures: usize, tell: &'a mut dyn FnMut(f64)) -> Self {
-        let images = if spec.cameras { n_exposures * rig::N_CAMERAS } else { 0 };
-        let mosaics = if spec.mosaics { n_exposures * 2 } else { 0 };
-        let packets = LidarModel::HDL32E.n_packets(spec.seconds);
-        let total = packets as f64 * PACKET_WORK + images as f64 * IMAGE_WORK + mosaics as f64 * MOSAIC_WORK;
-        Self { done: 0.0, total, tell }
+    fn new(simulation: &Simulation, n_exposures: usize, tell: &'a mut dyn FnMut(f64)) -> Self {
+        let Simulation { spec, rig, .. } = simulation;
+        let packets = spec.lidar_model().n_packets(spec.seconds) as f64 * PACKET_WORK;
+        let images: f64 = rig.cameras.iter().map(|camera| camera_files::image_work(&camera.lens)).sum();
+        let mosaics = rig.mosaics.len() as f64 * camera_files::MOSAIC_WORK;
+        let exposure = if spec.cameras { images } else { 0.0 } + if spec.mosaics { mosaics } else { 0.0 };
+        Self { done: 0.0, total: packets + n_exposures as f64 * exposure, tell }
     }
     fn add(&mut self, work: f64) {
         self.done += work;

@@ -87,12 +87,12 @@ pub struct SceneHit {
 impl Scene {
     /// Where everything is, `seconds` after the drive's begin.
     pub fn at(&self, seconds: f64) -> Snapshot {
-        Snapshot(Swarm::new((0..self.movers.len()).map(|number| self.placed(number, seconds)).collect()))
+        Snapshot(Swarm::new(&(0..self.movers.len()).map(|number| self.placed(number, seconds)).collect::<Vec<_>>()))
     }
 
     /// Where some of the movers are, by their numbers; the others are nowhere.
     pub fn some_at(&self, movers: &[usize], seconds: f64) -> Snapshot {
-        Snapshot(Swarm::new(movers.iter().map(|number| self.placed(*number, seconds)).collect()))
+        Snapshot(Swarm::new(&movers.iter().map(|number| self.placed(*number, seconds)).collect::<Vec<_>>()))
     }
 
     /// Numbers of the movers that come within `reach_m` of a point.
@@ -137,6 +137,15 @@ impl Scene {
     /// What stands.
     pub fn statics(&self) -> &Bvh {
         &self.statics
+    }
+
+    /// The same town where everything has the class and instance that `label` gives: what no sensor may notice.
+    #[must_use]
+    pub fn relabeled(mut self, label: impl Fn(ClassId, u16) -> (ClassId, u16)) -> Self {
+        for surface in &mut self.surfaces {
+            (surface.class, surface.instance) = label(surface.class, surface.instance);
+        }
+        self
     }
 
     /// Things that move.

@@ -1,25 +1,39 @@
-//! The color cameras: one ray per pixel, lit by sun and sky, coded as sRGB.
+//! The color cameras: wide-angle, with a shutter that moves with the vehicle, automatic gain, and the noise of small pixels.
 //!
-//! An exposure is taken at its middle: at 10 m/s and 2 ms the vehicle moves 2 cm, which no pixel of the facades shows.
+//! Every pixel is sampled once in the middle of the exposure; where it differs from its neighbors (edges, texture), at four
+//! more places within the pixel, each at its own quarter of the exposure. So edges are smooth, and what passes nearby is
+//! blurred as far as it moved.
 
-use super::{FAR_M, for_tracer, lens_rays};
-use crate::light::{Light, SKY_STRENGTH, mirror_brightness, mirrored, sky_brightness};
-use crate::material::{Material, Properties};
-use crate::random::hash;
-use crate::scene::{Scene, Snapshot};
-use crate::spectrum::{Band, Spectrum};
-use crate::trace::{Ray, Vec3};
-use geometry::{CameraModel, Pose};
+mod develop;
+
+use super::exposure::{Exposure, MIDDLE, stratified};
+use super::lens_rays;
+use super::look::{Palette, Seen};
+use super::sky_view::SkyView;
+use crate::random::{hash, unit};
+use crate::spectrum::Filter;
+use crate::trace::Vec3;
+use develop::{develop, tone};
+use geometry::CameraModel;
 use rayon::prelude::*;
 
-/// Filters of the red, green and blue pixels.
-const FILTERS: [Band; 3] = [
-    Band { center_nm: 610.0, sigma_nm: 28.0 },
-    Band { center_nm: 540.0, sigma_nm: 28.0 },
-    Band { center_nm: 460.0, sigma_nm: 24.0 },
-];
-/// A white surface in full sun comes out at this linear level before the tone curve.
-const EXPOSURE: f32 = 1.1;
+/// Middle and standard deviation of the red, green and blue filters, nm.
+const FILTERS: [(f32, f32); 3] = [(616.0, 28.0), (541.0, 28.0), (462.0, 25.0)];
+/// Places of the pictures' sky view, px apart.
+const SKY_STEP: usize = 8;
+/// Places at which the exposure is metered, px apart.
+const METER_STEP: usize = 16;
+/// The meter brings the mean of what it sees (whites clipped) to this level.
+const METER_LEVEL: f32 = 0.32;
+/// Range of the automatic gain: below, the shutter is too long; above, noise would be all.
+const GAINS: [f32; 2] = [0.25, 8.0];
+/// Levels after the tone curve that differ by more, out of 1, are sampled more.
+const CONTRAST: f32 = 0.035;
+/// Samples of such pixels beside the first.
+const FINE: usize = 4;
+
+/// Light by color: 1 fills the sensor at gain 1.
+type Rgb = [f32; 3];
 
 /// A color camera and how it sees materials.
 #[derive(Debug)]
@@ -27,17 +41,9 @@ pub struct ColorCamera {
     width: u32,
     height: u32,
     rays: Vec<Option<Vec3>>,
-    materials: Vec<Look>,
-    /// Color of the skylight, red green blue, with its strength.
-    sky: [f32; 3],
-}
-
-#[derive(Debug)]
-struct Look {
-    properties: Properties,
-    /// Reflected of the full sun and of the full sky.
-    sun: [f32; 3],
-    sky: [f32; 3],
+    /// Share of the light that arrives at a pixel: the lens is darker to its rim.
+    shading: Vec<f32>,
+    palette: Palette,
 }
 
 impl ColorCamera {
@@ -45,24 +51,14 @@ impl ColorCamera {
     pub fn new(model: &CameraModel) -> Self {
         let (width, height) = model.size();
         let pixels = (0..height).flat_map(|v| (0..width).map(move |u| [f64::from(u), f64::from(v)]));
-        let white = Spectrum::from_fn(|_| 1.0);
-        let (sunlight, skylight) = (Spectrum::sunlight(), Spectrum::skylight());
-        // White balance on the direct sun: shadows then are bluish, as in photographs.
-        let balance = FILTERS.map(|filter| 1.0 / white.through(&sunlight, filter));
-        let seen = |spectrum: &Spectrum, light: &Spectrum, strength: f32| -> [f32; 3] {
-            std::array::from_fn(|c| strength * balance[c] * spectrum.through(light, FILTERS[c]))
-        };
-        let materials = Material::ALL
-            .iter()
-            .map(|material| {
-                let properties = material.properties();
-                let sun = seen(&properties.spectrum, &sunlight, 1.0);
-                let sky = seen(&properties.spectrum, &skylight, SKY_STRENGTH);
-                Look { properties, sun, sky }
-            })
-            .collect();
-        let sky = seen(&white, &skylight, SKY_STRENGTH);
-        Self { width, height, rays: lens_rays(model, pixels), materials, sky }
+        let rays = lens_rays(model, pixels);
+        // Between the square of the cosine and none, as a retrofocus lens: 0.62 at 60 degrees from the axis.
+        let shading =
+            rays.iter().map(|ray| ray.map_or(0.0, |ray| 1.0 - 0.38 * (ray.z.acos() / 1.05).powi(2))).collect();
+        let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
+        // White balance near the sun, as cameras choose it in sunny streets: shadows are cool.
+        let palette = Palette::new(&filters, |sun, sky| sun + 0.4 * sky);
+        Self { width, height, rays, shading, palette }
     }
 
     /// Columns and rows.
@@ -70,62 +66,112 @@ impl ColorCamera {
         (self.width, self.height)
     }
 
-    /// The picture: sRGB, row-major.
-    pub fn shoot(&self, scene: &Scene, snapshot: &Snapshot, world_from_camera: &Pose, seed: u64) -> Vec<u8> {
-        let pose = for_tracer(world_from_camera);
-        let row = 3 * self.width as usize;
-        let mut pixels = vec![0_u8; row * self.height as usize];
-        pixels.par_chunks_mut(row).zip(self.rays.par_chunks(self.width as usize)).enumerate().for_each(
-            |(v, (pixels, rays))| {
-                for (u, (pixel, ray)) in pixels.chunks_exact_mut(3).zip(rays).enumerate() {
-                    let Some(direction) = ray else { continue };
-                    let seed = hash(seed, (v * rays.len() + u) as u64);
-                    let ray = Ray { origin: pose.translation.vector, direction: pose.rotation * direction, seed };
-                    pixel.copy_from_slice(&self.color(scene, snapshot, &ray).map(srgb));
-                }
-            },
-        );
-        pixels
+    /// The gain that the exposures of cameras that fire together ask for.
+    pub fn meter(&self, exposures: &[Exposure<'_>]) -> f32 {
+        let [width, height] = self.sides();
+        let mean_at = |gain: f32, levels: &[f32]| {
+            levels.iter().map(|level| (level * gain).min(1.0)).sum::<f32>() / levels.len().max(1) as f32
+        };
+        let pixels: Vec<(usize, usize)> = (METER_STEP / 2..height)
+            .step_by(METER_STEP)
+            .flat_map(|v| (METER_STEP / 2..width).step_by(METER_STEP).map(move |u| (u, v)))
+            .collect();
+        let level = |exposure: &Exposure<'_>, sky: &SkyView, (u, v): (usize, usize)| {
+            let direction = self.rays[v * width + u]?;
+            let ray = exposure.ray(MIDDLE, &direction, (v * width + u) as u64);
+            let seen = self.palette.look(exposure, sky, MIDDLE, &ray, [u as f32, v as f32]);
+            Some(self.color(&seen)[1])
+        };
+        let levels: Vec<f32> = exposures
+            .iter()
+            .flat_map(|exposure| {
+                let sky = SkyView::new(exposure, [width, height], 4 * SKY_STEP, |u, v| self.rays[v * width + u]);
+                pixels.par_iter().filter_map(|pixel| level(exposure, &sky, *pixel)).collect::<Vec<f32>>()
+            })
+            .collect();
+        // The mean rises with the gain: halve the interval in stops; a twentieth of a stop is not seen.
+        let [mut low, mut high] = GAINS.map(f32::log2);
+        while high - low > 0.05 {
+            let middle = 0.5 * (low + high);
+            if mean_at(middle.exp2(), &levels) < METER_LEVEL { low = middle } else { high = middle }
+        }
+        (0.5 * (low + high)).exp2()
     }
 
-    fn color(&self, scene: &Scene, snapshot: &Snapshot, ray: &Ray) -> [f32; 3] {
-        let Some(hit) = scene.cast(snapshot, ray, FAR_M) else {
-            let brightness = sky_brightness(&ray.direction);
-            return self.sky.map(|c| c * brightness * 1.6);
-        };
-        let light = Light::on(scene, snapshot, ray, &hit);
-        let look = &self.materials[hit.surface.material as usize];
-        let texture = look.properties.texture(&hit.texture_point, &hit.normal);
-        let mirror = if look.properties.gloss > 0.0 {
-            mirrored(look.properties.gloss, -hit.normal.dot(&ray.direction))
-        } else {
-            0.0
-        };
-        let mirror_light = if mirror > 0.0 { mirror * mirror_brightness(ray, &hit.normal) } else { 0.0 };
-        std::array::from_fn(|c| {
-            let scattered = texture * (light.sun * look.sun[c] + light.sky * look.sky[c]);
-            (1.0 - mirror) * scattered + mirror_light * self.sky[c]
-        })
+    /// The picture at a gain: sRGB, row-major.
+    pub fn shoot(&self, exposure: &Exposure<'_>, gain: f32, seed: u64) -> Vec<u8> {
+        let [width, height] = self.sides();
+        let sky = SkyView::new(exposure, [width, height], SKY_STEP, |u, v| self.rays[v * width + u]);
+        let pixels = 0..width * height;
+        let first: Vec<Rgb> =
+            pixels.clone().into_par_iter().map(|i| self.sample(exposure, &sky, i, MIDDLE, [0.0; 2], 0)).collect();
+        let levels: Vec<f32> =
+            first.par_iter().map(|rgb| tone(gain * (rgb[0] + 2.0 * rgb[1] + rgb[2]) / 4.0)).collect();
+        let light: Vec<Rgb> = pixels
+            .into_par_iter()
+            .map(|i| if self.is_busy(&levels, i) { self.fine(exposure, &sky, i, first[i]) } else { first[i] })
+            .collect();
+        develop(&light, &self.shading, gain, seed)
     }
-}
 
-/// Linear light to 8 bits: a shoulder that keeps the sky below white, then the sRGB curve (IEC 61966-2-1).
-fn srgb(linear: f32) -> u8 {
-    let exposed = EXPOSURE * linear;
-    let toned = 1.45 * exposed / (1.0 + 0.45 * exposed);
-    let clipped = toned.clamp(0.0, 1.0);
-    let coded = if clipped <= 0.003_130_8 { 12.92 * clipped } else { 1.055 * clipped.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * coded).round() as u8
-}
+    const fn sides(&self) -> [usize; 2] {
+        [self.width as usize, self.height as usize]
+    }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+    /// Whether a pixel differs from those around it.
+    fn is_busy(&self, levels: &[f32], i: usize) -> bool {
+        let [width, height] = self.sides();
+        let (u, v) = (i % width, i / width);
+        let around = [
+            (u > 0).then(|| i - 1),
+            (u + 1 < width).then_some(i + 1),
+            (v > 0).then(|| i - width),
+            (v + 1 < height).then_some(i + width),
+        ];
+        around.into_iter().flatten().any(|near| (levels[near] - levels[i]).abs() > CONTRAST)
+    }
 
-    #[test]
-    fn the_tone_curve_rises_from_black_to_white() {
-        let levels: Vec<u8> = (0..=20).map(|i| srgb(i as f32 * 0.06)).collect();
-        assert_eq!((levels[0], levels[20]), (0, 255));
-        assert!(levels.is_sorted() && levels[5] > 100 && levels[5] < 220);
+    /// The mean of the first sample and of one in each quarter of the pixel.
+    fn fine(&self, exposure: &Exposure<'_>, sky: &SkyView, i: usize, first: Rgb) -> Rgb {
+        let random = hash(i as u64, 0xf14e);
+        let mut sum = first;
+        for k in 0..FINE {
+            let random = hash(random, k as u64);
+            let within = |corner: usize, random: u64| 0.5 * (corner as f32 + unit(random)) - 0.5;
+            let offset = [within(k % 2, random), within(k / 2, random << 24)];
+            // Which quarter of the pixel sees which of the exposure changes from pixel to pixel.
+            let instant = stratified(k + i % FINE + i / self.width as usize, FINE, random);
+            let rgb = self.sample(exposure, sky, i, instant, offset, k as u64 + 1);
+            sum = std::array::from_fn(|c| sum[c] + rgb[c]);
+        }
+        sum.map(|c| c / (FINE + 1) as f32)
+    }
+
+    /// One ray through a pixel, `offset` px beside its middle.
+    fn sample(
+        &self,
+        exposure: &Exposure<'_>,
+        sky: &SkyView,
+        i: usize,
+        instant: usize,
+        offset: [f32; 2],
+        k: u64,
+    ) -> Rgb {
+        let width = self.width as usize;
+        let Some(center) = self.rays[i] else { return [0.0; 3] };
+        // The neighbors' rays say how far a pixel is.
+        let toward = |step: usize, share: f32| {
+            let neighbor = if share < 0.0 { i.checked_sub(step) } else { Some(i + step) };
+            let ray = neighbor.and_then(|n| self.rays.get(n)).copied().flatten();
+            ray.map_or_else(Vec3::zeros, |ray| (ray - center) * share.abs())
+        };
+        let direction = (center + toward(1, offset[0]) + toward(width, offset[1])).normalize();
+        let ray = exposure.ray(instant, &direction, (i as u64) << 3 | k);
+        let at = [(i % width) as f32 + offset[0], (i / width) as f32 + offset[1]].map(|p| p.max(0.0));
+        self.color(&self.palette.look(exposure, sky, instant, &ray, at))
+    }
+
+    fn color(&self, seen: &Seen) -> Rgb {
+        std::array::from_fn(|c| seen.iter().map(|part| self.palette.band(part, c)).sum())
     }
 }

@@ -2,14 +2,17 @@
 //! noise, and knows nothing of the others.
 
 pub mod camera;
+pub mod exposure;
 pub mod gnss;
 pub mod imu;
 pub mod lidar;
+mod look;
 pub mod mosaic;
+mod sky_view;
 pub mod trigger;
 
 use crate::trace::Vec3;
-use geometry::{CameraModel, Pose, Vector2};
+use geometry::{CameraModel, Vector2};
 
 /// Nothing farther is seen, m.
 pub(crate) const FAR_M: f32 = 250.0;
@@ -17,9 +20,4 @@ pub(crate) const FAR_M: f32 = 250.0;
 /// Directions through points of an image, in the camera's frame; `None` where the lens shows nothing.
 pub(crate) fn lens_rays(model: &CameraModel, pixels: impl Iterator<Item = [f64; 2]>) -> Vec<Option<Vec3>> {
     pixels.map(|[u, v]| model.ray_from_pixel(&Vector2::new(u, v)).map(nalgebra::Vector3::cast)).collect()
-}
-
-/// Origin and rotation of a camera for the tracer.
-pub(crate) fn for_tracer(world_from_camera: &Pose) -> nalgebra::Isometry3<f32> {
-    world_from_camera.cast()
 }

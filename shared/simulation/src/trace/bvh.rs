@@ -28,15 +28,16 @@ impl Bvh {
             .collect();
         let mut leaves = Vec::new();
         let tree = Tree::over(&mut items, |first, count| leaves.push(first..first + count));
-        let primitives: Vec<Primitive> = items.par_iter().map(|item| primitives[item.index as usize]).collect();
+        let ordered: Vec<Primitive> = items.par_iter().map(|item| primitives[item.index as usize]).collect();
+        drop(primitives);
         let packs = leaves
             .into_par_iter()
             .map(|leaf| {
                 let first = leaf.start as u32;
-                Pack::new(first, primitives[leaf].iter().filter_map(|primitive| Flat::of(&primitive.shape)))
+                Pack::new(first, ordered[leaf].iter().filter_map(|primitive| Flat::of(&primitive.shape)))
             })
             .collect();
-        Self { tree, packs, primitives }
+        Self { tree, packs, primitives: ordered }
     }
 
     /// Number of primitives.

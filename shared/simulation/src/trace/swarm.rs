@@ -29,7 +29,7 @@ pub struct Swarm {
 
 impl Swarm {
     /// The tree over the things.
-    pub fn new(placed: Vec<Placed>) -> Self {
+    pub fn new(placed: &[Placed]) -> Self {
         let mut items: Vec<Item> = placed
             .iter()
             .enumerate()

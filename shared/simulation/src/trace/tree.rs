@@ -206,9 +206,9 @@ impl Widen<'_> {
             let code =
                 if node.count == 0 { self.node(tree, child, stack - 1 + children.len()) } else { self.leaf(&node) };
             codes[lane] = code;
-            for axis in 0..3 {
-                sides[0][axis][lane] = node.low[axis];
-                sides[1][axis][lane] = node.high[axis];
+            for (axis, (low, high)) in node.low.iter().zip(&node.high).enumerate() {
+                sides[0][axis][lane] = *low;
+                sides[1][axis][lane] = *high;
             }
         }
         tree.nodes[number] = Wide { sides: sides.map(|side| side.map(f32x4::new)), children: codes };

@@ -287,7 +287,7 @@ impl Shot {
                 let ahead = hit.normal.dot(&self.beam.ray.direction) / hit.normal.dot(&other.beam.ray.direction);
                 let off = (hit.range_m * ahead - there.range_m).abs();
                 // Also where the other beam does not meet the plane at all.
-                ahead <= 0.0 || !(off < JUMP_M + share * hit.range_m)
+                ahead <= 0.0 || off.is_nan() || off >= JUMP_M + share * hit.range_m
             }
             _ => true,
         }

@@ -1,11 +1,11 @@
-//! What can be wrong with a drive folder.
+//! What can be wrong with a file that people write, such as `drive.toml`: all faults at once, each with its place.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// One fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DriveProblem {
+pub struct FileProblem {
     /// The file it is about.
     pub file: PathBuf,
     /// Line in it, from 1, if the fault has one.
@@ -16,20 +16,21 @@ pub struct DriveProblem {
     pub rule: String,
 }
 
-/// All faults of a drive folder, at least one.
+/// All faults of a file, or of a folder and the file that describes it; at least one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub struct DriveError {
-    /// In the order of the manifest.
-    pub problems: Vec<DriveProblem>,
+pub struct FileError {
+    /// In the order in which they were found.
+    pub problems: Vec<FileProblem>,
 }
 
-impl DriveProblem {
-    pub(crate) fn of_file(file: &Path, rule: impl Into<String>) -> Self {
+impl FileProblem {
+    /// A fault of a whole file.
+    pub fn of_file(file: &Path, rule: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line: None, key: String::new(), rule: rule.into() }
     }
 }
 
-impl fmt::Display for DriveProblem {
+impl fmt::Display for FileProblem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.file.display())?;
         if let Some(line) = self.line {
@@ -42,7 +43,7 @@ impl fmt::Display for DriveProblem {
     }
 }
 
-impl fmt::Display for DriveError {
+impl fmt::Display for FileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, problem) in self.problems.iter().enumerate() {
             let separator = if index == 0 { "" } else { "\n" };
@@ -52,8 +53,8 @@ impl fmt::Display for DriveError {
     }
 }
 
-impl From<DriveProblem> for DriveError {
-    fn from(problem: DriveProblem) -> Self {
+impl From<FileProblem> for FileError {
+    fn from(problem: FileProblem) -> Self {
         Self { problems: vec![problem] }
     }
 }

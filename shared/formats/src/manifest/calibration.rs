@@ -1,0 +1,31 @@
+//! `truth/calibration.toml`: where the sensors of a simulated vehicle really are.
+
+use super::PoseEntry;
+use serde::{Deserialize, Serialize};
+
+/// Mountings by sensor, in the order of `drive.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Of the antenna in the body frame, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub antenna_in_body: Option<[f64; 3]>,
+    /// Of the LiDAR.
+    pub body_from_lidar: PoseEntry,
+    /// Color cameras by index.
+    #[serde(default, rename = "camera")]
+    pub cameras: Vec<MountingEntry>,
+    /// Mosaic cameras by index.
+    #[serde(default, rename = "mosaic")]
+    pub mosaics: Vec<MountingEntry>,
+}
+
+/// One camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountingEntry {
+    /// As in `drive.toml`.
+    pub name: String,
+    /// Mounting.
+    pub body_from_camera: PoseEntry,
+}

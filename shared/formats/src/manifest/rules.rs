@@ -1,0 +1,45 @@
+//! Rules that hold wherever sensors are described: in `drive.toml` and in a simulated vehicle's rig file.
+
+use super::PoseEntry;
+use crate::toml_file::TomlFile;
+use geometry::CameraModel;
+
+/// No camera here has longer sides, px.
+const MAX_SIDE: u32 = 32_768;
+/// No vehicle here is longer, m.
+const MAX_OFFSET_M: f64 = 100.0;
+
+/// A rigid transform.
+pub fn pose(file: &mut TomlFile, key: &str, entry: &PoseEntry) {
+    file.rule(key, entry.to_pose().is_some(), || {
+        format!("{entry:?} is no rigid transform: must be finite, with a unit quaternion x y z w")
+    });
+}
+
+/// A place on the vehicle.
+pub fn position(file: &mut TomlFile, key: &str, position: &[f64; 3]) {
+    let near = position.iter().all(|v| v.abs() < MAX_OFFSET_M);
+    file.rule(key, near, || format!("value {position:?} must be three lengths below {MAX_OFFSET_M} m"));
+}
+
+/// An exposure time.
+pub fn exposure(file: &mut TomlFile, key: &str, nanos: u64) {
+    let range = 1..=10_000_000_000;
+    file.rule(key, range.contains(&nanos), || format!("value {nanos} must be 1 ns to 10 s"));
+}
+
+/// A lens and the size of its image.
+pub fn lens(file: &mut TomlFile, key: &str, model: &CameraModel) {
+    let (width, height) = model.size();
+    let sized = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
+    file.rule(key, sized, || format!("size {width} x {height} must be 1 to {MAX_SIDE} px a side"));
+    let (focal, rest, angle) = match model {
+        CameraModel::Pinhole(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), 1.0),
+        CameraModel::KannalaBrandt(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), m.max_angle),
+    };
+    let focused = focal.iter().all(|f| *f > 0.0 && f.is_finite());
+    file.rule(key, focused, || format!("focal lengths {focal:?} must be positive"));
+    file.rule(key, rest.iter().all(|v| v.is_finite()), || "principal point and distortion must be numbers".into());
+    let opens = angle > 0.0 && angle <= std::f64::consts::PI;
+    file.rule(key, opens, || format!("max_angle {angle} must be above 0, up to pi"));
+}

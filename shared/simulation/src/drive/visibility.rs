@@ -1,0 +1,114 @@
+//! `truth/visibility`: which cameras saw each return.
+//!
+//! One file per sweep, `<sweep, 6 digits>.visibility`, little-endian:
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | `REPLVIS1` |
+//! | 4 | number of exposures e near in time |
+//! | 4 | number of returns r, those of the sweep's `.label` file in its order |
+//! | 8 e | stamps of the exposures, i64 |
+//! | r e | by return, then by exposure: bit k is set if camera k saw it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
+//!
+//! A camera saw a return if a ray from it at the middle of the exposure meets the surface there. So what moved away meanwhile
+//! was not seen. Leaves count if the ray ends within half a metre.
+
+use super::Simulation;
+use super::files::Folder;
+use crate::error::SimulationError;
+use crate::scene::{SceneHit, Snapshot};
+use crate::trace::Ray;
+use formats::velodyne::SweepReader;
+use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
+use messages::ClassId;
+use rayon::prelude::*;
+
+/// Exposures farther in time from a sweep are left out, s: at 10 m/s they are 20 m away.
+const NEAR_SECONDS: f64 = 2.0;
+/// Five standard deviations of the lidar's range, m.
+const TOLERANCE_M: f64 = 0.1;
+/// The same across the surface that the ray meets, for surfaces seen at grazing incidence, m.
+const TOLERANCE_ACROSS_M: f64 = 0.06;
+/// And along the ray then, and in leaves, m.
+const TOLERANCE_LEAVES_M: f64 = 0.5;
+
+struct View {
+    camera_from_world: Pose,
+    model: CameraModel,
+}
+
+struct NearExposure {
+    stamp: Stamp,
+    snapshot: Snapshot,
+    views: Vec<View>,
+}
+
+/// Writes the files of all sweeps of the capture that is there already.
+pub fn write(simulation: &Simulation, folder: &Folder, stamps: &[Stamp]) -> Result<(), SimulationError> {
+    let capture = folder.path("lidar/000000.pcap")?;
+    let failed =
+        |error: &dyn std::fmt::Display| SimulationError::write(&capture)(std::io::Error::other(error.to_string()));
+    let mut reader =
+        SweepReader::open(vec![capture.clone()], Some(simulation.rig.lidar.model)).map_err(|error| failed(&error))?;
+    let exposures: Vec<NearExposure> = stamps.iter().map(|stamp| near_exposure(simulation, *stamp)).collect();
+    loop {
+        let mut returns = Vec::new();
+        let sweep = reader.next_sweep(|some| returns.extend_from_slice(some)).map_err(|error| failed(&error))?;
+        let Some(sweep) = sweep else { return Ok(()) };
+        let near: Vec<&NearExposure> =
+            exposures.iter().filter(|e| e.stamp.seconds_since(sweep.stamp).abs() <= NEAR_SECONDS).collect();
+        let masks: Vec<u8> = returns
+            .par_iter()
+            .flat_map_iter(|found| {
+                let seconds = sweep.stamp.seconds_since(simulation.motion.begin) + f64::from(found.offset_nanos) * 1e-9;
+                let p = Point3::new(f64::from(found.x), f64::from(found.y), f64::from(found.z));
+                let p_in_world = simulation.motion.pose(seconds) * simulation.rig.lidar.body_from_lidar * p;
+                near.iter().map(move |exposure| mask(simulation, exposure, &p_in_world))
+            })
+            .collect();
+        let mut bytes = b"REPLVIS1".to_vec();
+        bytes.extend((near.len() as u32).to_le_bytes());
+        bytes.extend((returns.len() as u32).to_le_bytes());
+        bytes.extend(near.iter().flat_map(|exposure| exposure.stamp.0.to_le_bytes()));
+        bytes.extend(masks);
+        folder.write(&format!("truth/visibility/{:06}.visibility", sweep.seq), &bytes)?;
+    }
+}
+
+fn near_exposure(simulation: &Simulation, stamp: Stamp) -> NearExposure {
+    let seconds = stamp.seconds_since(simulation.motion.begin);
+    let world_from_body = simulation.motion.pose(seconds);
+    let rig = &simulation.rig;
+    let color = rig.cameras.iter().map(|camera| (camera.body_from_camera, camera.lens.clone()));
+    let mosaics = rig.mosaics.iter().map(|camera| (camera.body_from_camera, camera.lens.clone()));
+    let view =
+        |(pose, model): (Pose, CameraModel)| View { camera_from_world: (world_from_body * pose).inverse(), model };
+    NearExposure { stamp, snapshot: simulation.scene.at(seconds), views: color.chain(mosaics).map(view).collect() }
+}
+
+fn mask(simulation: &Simulation, exposure: &NearExposure, p: &Point3<f64>) -> u8 {
+    let bits = exposure.views.iter().enumerate().map(|(k, view)| {
+        let in_picture = view.model.pixel_from_camera(&(view.camera_from_world * p)).is_some_and(|pixel| {
+            let (width, height) = view.model.size();
+            let inside = |at: f64, side: u32| at >= -0.5 && at < f64::from(side) - 0.5;
+            inside(pixel.x, width) && inside(pixel.y, height)
+        });
+        u8::from(in_picture && is_seen(simulation, exposure, view, p)) << k
+    });
+    bits.fold(0, |mask, bit| mask | bit)
+}
+
+fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &View, p: &Point3<f64>) -> bool {
+    let eye = view.camera_from_world.inverse() * Point3::origin();
+    let toward: Vector3<f64> = p - eye;
+    let distance = toward.norm();
+    let direction = (toward / distance).cast::<f32>();
+    let ray = Ray { origin: eye.coords.cast(), direction, seed: 0 };
+    let hit = simulation.scene.cast(&exposure.snapshot, &ray, (distance + TOLERANCE_LEAVES_M) as f32);
+    hit.is_some_and(|hit: SceneHit| {
+        let gap = (distance - f64::from(hit.range_m)).abs();
+        let across = gap * f64::from(hit.normal.dot(&direction).abs());
+        let leaves = hit.surface.class == ClassId::Vegetation;
+        gap < TOLERANCE_M || (gap < TOLERANCE_LEAVES_M && (leaves || across < TOLERANCE_ACROSS_M))
+    })
+}

@@ -1,0 +1,261 @@
+//! The GNSS receiver: what the sky between the houses lets it know, once a second.
+//!
+//! | module | says |
+//! |---|---|
+//! | [`sky`] | where the satellites are |
+//! | [`signal`] | what of them reaches the antenna, by ray casts into the scene |
+//! | [`receiver`] | what a receiver measures and makes of it |
+//! | [`solve`] | a position from ranges |
+//! | [`geodesy`] | the world frame on the ellipsoid |
+
+pub mod geodesy;
+pub mod receiver;
+pub mod signal;
+pub mod sky;
+pub mod solve;
+
+pub use geodesy::{ORIGIN, geodetic_from_world};
+pub use receiver::Receiver;
+
+use crate::motion::Motion;
+use crate::random::hash;
+use crate::rig::GnssSpec;
+use crate::scene::Scene;
+use formats::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
+use geodesy::GEOID_M;
+use geometry::{Point3, Stamp, Vector3};
+use rayon::prelude::*;
+use receiver::Tracking;
+use signal::{Antenna, Around, Signal, Surroundings};
+use sky::{Satellite, Sky};
+use std::fmt::Write;
+
+/// Below this speed a receiver gives no course, m/s.
+const LEAST_SPEED_MPS: f64 = 0.3;
+
+/// One second of the receiver.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Epoch {
+    /// When.
+    pub stamp: Stamp,
+    /// What it says; `None` without a position.
+    pub fix: Option<Fix>,
+    /// Truth: satellites whose direct signals arrive.
+    pub n_in_sight: u32,
+    /// Truth: satellites in the solution that were received by way of a wall alone.
+    pub n_reflected: u32,
+    /// Truth: error of the position in the world frame, m.
+    pub error: Option<Vector3<f64>>,
+}
+
+impl Epoch {
+    /// The sentence with the date.
+    pub fn rmc(&self) -> String {
+        self.fix.map_or_else(|| rmc_without_fix(self.stamp), |fix| rmc_from_fix(&fix))
+    }
+    /// The sentence with the height.
+    pub fn gga(&self) -> String {
+        self.fix.map_or_else(|| gga_without_fix(self.stamp), |fix| gga_from_fix(&fix, GEOID_M))
+    }
+}
+
+/// What the receiver says at the whole seconds of a drive.
+pub fn record(scene: &Scene, motion: &Motion, spec: &GnssSpec, seconds: f64, seed: u64) -> Vec<Epoch> {
+    record_in(|at| Around(scene, scene.at(at)), motion, spec, seconds, seed)
+}
+
+fn record_in<S: Surroundings>(
+    around: impl Fn(f64) -> S + Sync,
+    motion: &Motion,
+    spec: &GnssSpec,
+    seconds: f64,
+    seed: u64,
+) -> Vec<Epoch> {
+    let n = seconds as i64 + 1;
+    let sky = Sky::new(hash(seed, 0));
+    let receive = |i: i64| {
+        let (at, noise) = (i as f64, hash(hash(seed, 1), i as u64));
+        let antenna = (motion.pose(at) * Point3::from(spec.antenna_in_body)).coords;
+        let around = around(at);
+        let antenna = Antenna::new(&around, antenna, motion.velocity(at), noise);
+        let received = |satellite| Some((satellite, antenna.receive(&satellite)?));
+        sky.above(at).into_iter().filter_map(received).collect()
+    };
+    // What arrives depends on the place alone; what the receiver makes of it depends on what was before.
+    let received: Vec<Vec<(Satellite, Signal)>> = (0..n).into_par_iter().map(receive).collect();
+    let mut tracking = Tracking::new(spec.receiver, hash(seed, 2));
+    received.iter().enumerate().map(|(i, signals)| epoch(motion, spec, &mut tracking, i as i64, signals)).collect()
+}
+
+fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, signals: &[(Satellite, Signal)]) -> Epoch {
+    let (at, stamp) = (i as f64, motion.begin.plus_nanos(i * 1_000_000_000));
+    let n_in_sight = signals.iter().filter(|(_, signal)| !signal.is_reflected).count() as u32;
+    let Some(position) = tracking.next(signals) else {
+        return Epoch { stamp, fix: None, n_in_sight, n_reflected: 0, error: None };
+    };
+    let antenna = motion.pose(at) * Point3::from(spec.antenna_in_body);
+    let velocity = motion.velocity(at) + position.speed_error;
+    let speed_mps = velocity.xy().norm();
+    let [latitude_deg, longitude_deg, altitude_m] = geodetic_from_world(&(antenna.coords + position.error));
+    let fix = Fix {
+        stamp,
+        position_deg: [latitude_deg, longitude_deg],
+        altitude_m: Some(altitude_m),
+        speed_mps: Some(speed_mps),
+        course_deg: (speed_mps > LEAST_SPEED_MPS).then(|| velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0)),
+        hdop: Some(position.hdop),
+        satellites: position.used.len() as u32,
+        quality: spec.receiver.quality(),
+    };
+    let n_reflected = position.used.iter().filter(|range| range.is_reflected).count() as u32;
+    Epoch { stamp, fix: Some(fix), n_in_sight, n_reflected, error: Some(position.error) }
+}
+
+/// The log of all seconds.
+pub fn nmea(epochs: &[Epoch]) -> String {
+    let sentences = epochs.iter().flat_map(|epoch| [epoch.gga(), epoch.rmc()]);
+    sentences.flat_map(|sentence| [sentence, "\r\n".to_owned()]).collect()
+}
+
+/// The truth about all seconds, for `truth/gnss.csv`; errors are empty where there was no position.
+pub fn truth_csv(epochs: &[Epoch]) -> String {
+    let mut text = "stamp,in_sight,reflected,east_m,north_m,up_m\n".to_owned();
+    for epoch in epochs {
+        let error = epoch.error.map_or_else(|| ",,".into(), |e| format!("{:.3},{:.3},{:.3}", e.x, e.y, e.z));
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{},{},{},{error}", epoch.stamp.0, epoch.n_in_sight, epoch.n_reflected);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::example;
+    use crate::trace::{Ray, Vec3};
+
+    /// Endless walls along the street, so many metres from its middle line and so high; none if they have no height.
+    #[derive(Clone, Copy)]
+    struct Canyon {
+        half_width: f32,
+        height: f32,
+    }
+
+    impl Surroundings for Canyon {
+        fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool {
+            self.nearest(ray, max_m).is_some()
+        }
+        fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)> {
+            let side = ray.direction.y.signum();
+            let range = (side * self.half_width - ray.origin.y) / ray.direction.y;
+            let hits = range > 0.0 && range < max_m && ray.at(range).z < self.height;
+            hits.then(|| (range, Vec3::new(0.0, -side, 0.0)))
+        }
+    }
+
+    const FIELD: Canyon = Canyon { half_width: 20.0, height: -1e6 };
+
+    /// Whether there is a hill overhead.
+    struct Underground(bool);
+
+    impl Surroundings for Underground {
+        fn is_blocked(&self, _: &Ray, _: f32) -> bool {
+            self.0
+        }
+        fn nearest(&self, ray: &Ray, _: f32) -> Option<(f32, Vec3)> {
+            self.0.then(|| (5.0, -ray.direction))
+        }
+    }
+
+    fn motion() -> Motion {
+        // RMC gives the year in two digits: the date must be of this century.
+        let begin = Stamp(1_622_541_600_000_000_000);
+        // Along the x axis for the first 25 s.
+        example(begin, 60.0)
+    }
+
+    fn spec(receiver: Receiver) -> GnssSpec {
+        GnssSpec { receiver, antenna_in_body: [-1.2, 0.3, 1.75] }
+    }
+
+    fn drives(around: Canyon, receiver: Receiver) -> Vec<Vec<Epoch>> {
+        let (motion, spec) = (motion(), spec(receiver));
+        (0..30).map(|seed| record_in(|_| around, &motion, &spec, 20.0, seed)).collect()
+    }
+
+    /// Root mean square of the horizontal and the vertical errors, m.
+    fn rms(drives: &[Vec<Epoch>]) -> [f64; 2] {
+        let errors: Vec<Vector3<f64>> = drives.iter().flatten().filter_map(|epoch| epoch.error).collect();
+        let mean = |of: &dyn Fn(&Vector3<f64>) -> f64| errors.iter().map(of).sum::<f64>() / errors.len() as f64;
+        [mean(&|e| e.xy().norm_squared()).sqrt(), mean(&|e| e.z * e.z).sqrt()]
+    }
+
+    #[test]
+    fn under_the_open_sky_errors_have_the_stated_size_and_wander() {
+        for (receiver, range) in [(Receiver::SingleFrequency, 0.8..2.0), (Receiver::Differential, 0.1..0.4)] {
+            let drives = drives(FIELD, receiver);
+            assert!(drives.iter().flatten().all(|epoch| epoch.fix.is_some()));
+            let [across, up] = rms(&drives);
+            assert!(range.contains(&across) && up > across, "{receiver:?}: {across} m, {up} m");
+            let steps = drives
+                .iter()
+                .flat_map(|drive| drive.windows(2))
+                .map(|pair| (pair[1].error.expect("a fix") - pair[0].error.expect("a fix")).xy().norm_squared());
+            let step = (steps.sum::<f64>() / 600.0).sqrt();
+            assert!(step < 0.3 * across, "{receiver:?}: {step} m from second to second");
+        }
+    }
+
+    #[test]
+    fn between_houses_fewer_satellites_give_a_worse_position() {
+        let canyon = Canyon { half_width: 20.0, height: motion().pose(10.0).translation.z as f32 + 25.0 };
+        let (open, narrow) = (drives(FIELD, Receiver::SingleFrequency), drives(canyon, Receiver::SingleFrequency));
+        let in_sight = |drives: &[Vec<Epoch>]| drives.iter().flatten().map(|e| f64::from(e.n_in_sight)).sum::<f64>();
+        assert!(in_sight(&narrow) < 0.75 * in_sight(&open), "{} {}", in_sight(&narrow), in_sight(&open));
+        let ([before, _], [after, _]) = (rms(&open), rms(&narrow));
+        assert!(after > 1.5 * before && after < 30.0, "{before} m, {after} m");
+        assert!(narrow.iter().flatten().any(|epoch| epoch.n_reflected > 0));
+        let hdop = |drives: &[Vec<Epoch>]| drives[0][15].fix.and_then(|fix| fix.hdop).unwrap_or(99.0);
+        assert!(hdop(&narrow) > hdop(&open));
+    }
+
+    #[test]
+    fn a_tunnel_is_an_outage_and_the_log_says_so() {
+        let (motion, spec) = (motion(), spec(Receiver::SingleFrequency));
+        let tunnel = |at: f64| Underground((20.0..28.0).contains(&at));
+        let epochs = record_in(tunnel, &motion, &spec, 40.0, 3);
+        let without: Vec<usize> = (0..epochs.len()).filter(|i| epochs[*i].fix.is_none()).collect();
+        assert_eq!(without, (20..28).collect::<Vec<_>>());
+        let (read, stats) = formats::nmea::fixes(nmea(&epochs).as_bytes());
+        assert_eq!((read.len(), stats.sentences, stats.bad_lines, stats.without_fix), (33, 82, 0, 8));
+        assert!(epochs[28].error.expect("a fix").norm() < 10.0);
+        assert_eq!(truth_csv(&epochs).lines().filter(|line| line.ends_with(",,")).count(), 8);
+    }
+
+    #[test]
+    fn the_log_says_what_was_measured() {
+        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let epochs = record_in(|_| FIELD, &motion, &spec, 10.0, 9);
+        let (read, stats) = formats::nmea::fixes(nmea(&epochs).as_bytes());
+        assert_eq!((read.len(), stats.sentences, stats.bad_lines), (11, 22, 0));
+        for (i, (read, epoch)) in read.iter().zip(&epochs).enumerate() {
+            let fix = epoch.fix.expect("an open sky");
+            assert_eq!((read.stamp, read.satellites, read.quality), (fix.stamp, fix.satellites, 2));
+            // A millionth of a minute of arc is 2 mm.
+            let off = (0..2).map(|axis| (read.position_deg[axis] - fix.position_deg[axis]).abs());
+            assert!(off.into_iter().all(|off| off < 1e-6 / 60.0));
+            let altitude = |fix: &Fix| fix.altitude_m.expect("GGA has one");
+            assert!((altitude(read) - altitude(&fix)).abs() < 1e-3);
+            // The error that is told is the one that was made.
+            let antenna = (motion.pose(i as f64) * Point3::from(spec.antenna_in_body)).coords;
+            let [latitude, longitude, height] = geodetic_from_world(&antenna);
+            let error = epoch.error.expect("an open sky");
+            assert!(((fix.position_deg[0] - latitude) * 111_201.0 - error.y).abs() < 0.01);
+            assert!(((fix.position_deg[1] - longitude) * 73_361.0 - error.x).abs() < 0.01);
+            assert!((altitude(&fix) - height - error.z).abs() < 0.01);
+        }
+        // A standing vehicle has no course.
+        let has_course = |i: usize| epochs[i].fix.is_some_and(|fix| fix.course_deg.is_some());
+        assert!(!has_course(0) && has_course(10));
+    }
+}

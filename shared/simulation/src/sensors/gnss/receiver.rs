@@ -1,0 +1,170 @@
+//! What a receiver makes of the signals: code ranges with their errors, a position, and a filter that leans on the speed.
+
+use super::signal::Signal;
+use super::sky::{N_SATELLITES, Satellite};
+use super::solve::{CodeRange, Solution, solve};
+use crate::random::{gauss, hash};
+use geometry::Vector3;
+
+/// How good a receiver is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Receiver {
+    /// L1 and E1 alone, broadcast orbits and ionosphere: 1 to 2 m under the open sky.
+    SingleFrequency,
+    /// With corrections of a network for orbits, clocks and ionosphere: 0.3 m under the open sky. Houses disturb it as well.
+    Differential,
+}
+
+/// Errors of the ranges, m.
+struct Errors {
+    /// Orbit, clock and what the models of ionosphere and troposphere leave, at the zenith, by satellite.
+    slow_m: f64,
+    /// The same for all satellites, at the zenith.
+    zenith_m: f64,
+    /// Code noise at 45 dB-Hz.
+    noise_m: f64,
+    /// Of the speed, m/s, at a dilution of 1.
+    speed_mps: f64,
+}
+
+/// Time scale of the slow errors, s: the ionosphere changes within tens of minutes, orbit and clock within hours.
+const SLOW_SECONDS: f64 = 900.0;
+/// No satellite lower than this is used, as a sine: 10 degrees.
+const MASK: f64 = 0.174;
+/// Signals below this are not tracked, dB-Hz.
+const WEAKEST_DBHZ: f64 = 27.0;
+/// The receiver trusts its speed this well over a second, m: how far the filter lets positions jump.
+const TRUST_M: f64 = 0.15;
+/// After so many seconds without a position the filter starts anew.
+const FORGET_SECONDS: u32 = 5;
+
+impl Receiver {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::SingleFrequency, Self::Differential];
+
+    /// As a rig file writes it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SingleFrequency => "single_frequency",
+            Self::Differential => "differential",
+        }
+    }
+    /// GGA's quality of its fixes.
+    pub const fn quality(self) -> u32 {
+        match self {
+            Self::SingleFrequency => 1,
+            Self::Differential => 2,
+        }
+    }
+    /// User range errors as in the GPS SPS performance standard (2020, table 3.8-1 and appendix B): 0.5 to 1 m of orbit and clock, some metres of
+    /// ionosphere after the broadcast model.
+    const fn errors(self) -> Errors {
+        match self {
+            Self::SingleFrequency => Errors { slow_m: 1.0, zenith_m: 1.5, noise_m: 0.3, speed_mps: 0.05 },
+            Self::Differential => Errors { slow_m: 0.2, zenith_m: 0.2, noise_m: 0.2, speed_mps: 0.03 },
+        }
+    }
+}
+
+/// A position and speed, with their errors against the truth.
+#[derive(Clone, Debug)]
+pub struct Position {
+    /// World frame, m.
+    pub error: Vector3<f64>,
+    /// World frame, m/s.
+    pub speed_error: Vector3<f64>,
+    /// Horizontal dilution of precision.
+    pub hdop: f64,
+    /// Ranges that were used.
+    pub used: Vec<CodeRange>,
+}
+
+/// A receiver at work: call it once a second.
+#[derive(Clone, Debug)]
+pub struct Tracking {
+    receiver: Receiver,
+    seed: u64,
+    second: u64,
+    slow: Vec<f64>,
+    zenith: f64,
+    /// Error and variances of the filtered position; `None` before the first and after a long outage.
+    filtered: Option<(Vector3<f64>, Vector3<f64>)>,
+    seconds_without: u32,
+}
+
+impl Tracking {
+    /// Switched on, long before the drive.
+    pub fn new(receiver: Receiver, seed: u64) -> Self {
+        let errors = receiver.errors();
+        let start = |i: usize| f64::from(gauss(hash(seed, i as u64)));
+        let slow = (0..N_SATELLITES).map(|i| errors.slow_m * start(i)).collect();
+        let zenith = errors.zenith_m * start(N_SATELLITES);
+        Self { receiver, seed, second: 0, slow, zenith, filtered: None, seconds_without: 0 }
+    }
+
+    /// The next second's position from the signals that arrive; `None` if they give none.
+    pub fn next(&mut self, signals: &[(Satellite, Signal)]) -> Option<Position> {
+        let ranges = signals.iter().filter_map(|(satellite, signal)| self.range(satellite, signal)).collect();
+        let solution = solve(ranges);
+        let position = self.filter(solution);
+        self.second += 1;
+        self.wander();
+        position
+    }
+
+    fn range(&self, satellite: &Satellite, signal: &Signal) -> Option<CodeRange> {
+        if satellite.direction.z < MASK || signal.strength_dbhz < WEAKEST_DBHZ {
+            return None;
+        }
+        let errors = self.receiver.errors();
+        // Obliquity of a thin layer at 350 km, as in Klobuchar's model.
+        let cos = (1.0 - satellite.direction.z.powi(2)).sqrt();
+        let slant = 1.0 / (1.0 - (0.947_9 * cos).powi(2)).sqrt();
+        let noise_m = errors.noise_m * 10_f64.powf((45.0 - signal.strength_dbhz) / 20.0);
+        let slow_m = slant * (self.slow[satellite.index] + self.zenith);
+        let error_m = slow_m + noise_m * self.draw(satellite.index as u64) + signal.detour_m;
+        // Multipath is known to be there and not how much: receivers allow for a metre at the zenith, and more below.
+        let sigma_m = noise_m.hypot(slant * errors.slow_m.hypot(1.0));
+        let (system, direction) = (satellite.system, satellite.direction);
+        Some(CodeRange { system, direction, error_m, sigma_m, is_reflected: signal.is_reflected })
+    }
+
+    /// A Kalman filter by axis: positions follow the measured speed, and new ones pull.
+    fn filter(&mut self, solution: Option<Solution>) -> Option<Position> {
+        let spread = self.filtered.map(|(error, variances)| (error, variances.add_scalar(TRUST_M * TRUST_M)));
+        let Some(solution) = solution else {
+            self.seconds_without += 1;
+            self.filtered = spread.filter(|_| self.seconds_without <= FORGET_SECONDS);
+            return None;
+        };
+        self.seconds_without = 0;
+        let (error, variances) = match spread {
+            None => (solution.error, solution.variances),
+            Some((error, variances)) => {
+                let pull = variances.component_div(&(variances + solution.variances));
+                let error = error + pull.component_mul(&(solution.error - error));
+                (error, variances - pull.component_mul(&variances))
+            }
+        };
+        self.filtered = Some((error, variances));
+        let speed_mps = self.receiver.errors().speed_mps * solution.hdop;
+        let speed_error = Vector3::from_fn(|axis, _| speed_mps * self.draw(100 + axis as u64));
+        Some(Position { error, speed_error, hdop: solution.hdop, used: solution.used })
+    }
+
+    /// The slow errors go on as first-order Gauss-Markov processes.
+    fn wander(&mut self) {
+        let errors = self.receiver.errors();
+        let memory = (-1.0 / SLOW_SECONDS).exp();
+        let fresh = (1.0 - memory * memory).sqrt();
+        for i in 0..self.slow.len() {
+            self.slow[i] = memory * self.slow[i] + fresh * errors.slow_m * self.draw(200 + i as u64);
+        }
+        self.zenith = memory * self.zenith + fresh * errors.zenith_m * self.draw(300);
+    }
+
+    /// Normal, by second and use.
+    fn draw(&self, kind: u64) -> f64 {
+        f64::from(gauss(hash(self.seed ^ 0x6e55, self.second << 10 | kind)))
+    }
+}

@@ -1,0 +1,134 @@
+//! Which satellites stand where: the nominal constellations of GPS and Galileo on circular orbits.
+
+use super::geodesy::world_from_ecef;
+use crate::random::{hash, unit};
+use geometry::Vector3;
+use std::f64::consts::TAU;
+
+/// Gravitation of the Earth, m^3/s^2, and its rate of rotation, rad/s (IS-GPS-200).
+const EARTH_GM: f64 = 3.986_005e14;
+/// See [`EARTH_GM`].
+pub const EARTH_RATE: f64 = 7.292_115_146_7e-5;
+
+/// A satellite system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum System {
+    /// 30 satellites in 6 planes.
+    Gps,
+    /// 24 satellites in 3 planes.
+    Galileo,
+}
+
+/// Walker constellation: inclination (deg), satellites, planes, phase shift from plane to plane in units of a full turn by the
+/// number of satellites, radius of the orbit (m).
+struct Walker(f64, u32, u32, u32, f64);
+
+impl System {
+    /// GPS flies five and more satellites in each of its six planes; Galileo is Walker 24/3/1 (its OS SIS ICD).
+    const fn walker(self) -> Walker {
+        match self {
+            Self::Gps => Walker(55.0, 30, 6, 1, 26_560e3),
+            Self::Galileo => Walker(56.0, 24, 3, 1, 29_600e3),
+        }
+    }
+}
+
+/// Number of satellites.
+pub const N_SATELLITES: usize = 54;
+
+/// One satellite above the horizon.
+#[derive(Clone, Copy, Debug)]
+pub struct Satellite {
+    /// 0 to [`N_SATELLITES`] - 1.
+    pub index: usize,
+    /// Whose.
+    pub system: System,
+    /// Towards it, unit, world frame.
+    pub direction: Vector3<f64>,
+}
+
+/// Both constellations, turned by the seed.
+#[derive(Clone, Copy, Debug)]
+pub struct Sky {
+    /// Of the first orbit's node and of its first satellite, rad, by system.
+    turns: [[f64; 2]; 2],
+}
+
+impl Sky {
+    /// The sky of a seed.
+    pub fn new(seed: u64) -> Self {
+        let turn = |i: u64| f64::from(unit(hash(seed, i))) * TAU;
+        Self { turns: [[turn(0), turn(1)], [turn(2), turn(3)]] }
+    }
+
+    /// The satellites above the horizon of the world's origin, by index.
+    pub fn above(&self, seconds: f64) -> Vec<Satellite> {
+        let mut index = 0;
+        let mut satellites = Vec::new();
+        for (system, [node, phase]) in [System::Gps, System::Galileo].into_iter().zip(self.turns) {
+            let Walker(inclination_deg, n, planes, shift, radius) = system.walker();
+            let rate = (EARTH_GM / radius.powi(3)).sqrt();
+            let (sin_i, cos_i) = inclination_deg.to_radians().sin_cos();
+            for plane in 0..planes {
+                // The Earth turns below the orbits.
+                let node = node + TAU * f64::from(plane) / f64::from(planes) - EARTH_RATE * seconds;
+                for slot in 0..n / planes {
+                    let along = f64::from(slot * planes) + f64::from(plane * shift);
+                    let anomaly = phase + TAU * along / f64::from(n) + rate * seconds;
+                    let (x, y) = (anomaly.cos(), anomaly.sin());
+                    let at = Vector3::new(
+                        x * node.cos() - y * cos_i * node.sin(),
+                        x * node.sin() + y * cos_i * node.cos(),
+                        y * sin_i,
+                    );
+                    let direction = world_from_ecef(&(at * radius)).normalize();
+                    if direction.z > 0.0 {
+                        satellites.push(Satellite { index, system, direction });
+                    }
+                    index += 1;
+                }
+            }
+        }
+        satellites
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_stand_above_15_degrees_as_in_reality_and_they_move_slowly() {
+        for seed in 0..40 {
+            let sky = Sky::new(seed);
+            let high: Vec<Satellite> = sky.above(0.0).into_iter().filter(|s| s.direction.z > 0.26).collect();
+            let of = |system| high.iter().filter(|s| s.system == system).count();
+            assert!((5..=14).contains(&of(System::Gps)) && (4..=11).contains(&of(System::Galileo)), "seed {seed}");
+            for later in sky.above(60.0) {
+                assert!(later.index < N_SATELLITES);
+                if let Some(before) = high.iter().find(|s| s.index == later.index) {
+                    // Twelve hours a turn is half a degree a minute, seen from the Earth somewhat more.
+                    let angle = before.direction.angle(&later.direction).to_degrees();
+                    assert!(angle > 0.05 && angle < 0.8, "{angle}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn at_this_latitude_no_satellite_stands_in_the_north() {
+        // Orbits of 55 degrees of inclination leave a hole around the pole, whose far side is just above the horizon.
+        let mut n_south = 0;
+        for seed in 0..200 {
+            for satellite in Sky::new(seed).above(0.0) {
+                let d = satellite.direction;
+                let elevation_deg = d.z.asin().to_degrees();
+                if d.x.abs() < 0.1 * d.y.abs() && (12.0..60.0).contains(&elevation_deg) {
+                    assert!(d.y < 0.0, "{elevation_deg} degrees high in the north");
+                    n_south += 1;
+                }
+            }
+        }
+        assert!(n_south > 50, "{n_south}");
+    }
+}

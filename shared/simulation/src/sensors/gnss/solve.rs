@@ -1,0 +1,164 @@
+//! A position out of code ranges: weighted least squares with a test for ranges that do not fit.
+//!
+//! The unknowns are the position's error in the world frame, the receiver's clock and the offset of Galileo's time, all in m.
+//! Satellites are 20 000 km away, so that the equations are linear within a millimetre over the errors met here.
+
+use super::sky::System;
+use geometry::Vector3;
+use nalgebra::{Matrix5, Vector5};
+
+/// Receivers give no position out of a geometry that is worse.
+const MAX_PDOP: f64 = 20.0;
+/// A range whose residual is so many standard deviations long does not fit.
+const MAX_RESIDUAL: f64 = 3.5;
+
+/// One code range.
+#[derive(Clone, Copy, Debug)]
+pub struct CodeRange {
+    /// Whose clock.
+    pub system: System,
+    /// Towards the satellite, unit, world frame.
+    pub direction: Vector3<f64>,
+    /// Measured less true, m.
+    pub error_m: f64,
+    /// What the receiver believes its standard deviation to be, m.
+    pub sigma_m: f64,
+    /// Whether it came by a wall alone, which the receiver does not know.
+    pub is_reflected: bool,
+}
+
+/// A position.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// Its error in the world frame, m.
+    pub error: Vector3<f64>,
+    /// Variances that the receiver believes, by axis of the world frame, m^2.
+    pub variances: Vector3<f64>,
+    /// Horizontal dilution of precision.
+    pub hdop: f64,
+    /// Ranges that were used.
+    pub used: Vec<CodeRange>,
+}
+
+/// The position of the ranges that fit together; `None` if there are too few or they come from one side.
+pub fn solve(mut ranges: Vec<CodeRange>) -> Option<Solution> {
+    loop {
+        let (solution, residuals) = least_squares(&ranges)?;
+        let worst = residuals.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        match worst {
+            // What is left must still have one range more than unknowns, or every range fits.
+            Some((index, residual)) if residual > MAX_RESIDUAL && ranges.len() > n_unknowns(&ranges) + 1 => {
+                ranges.remove(index);
+            }
+            _ => return Some(Solution { used: ranges, ..solution }),
+        }
+    }
+}
+
+fn n_unknowns(ranges: &[CodeRange]) -> usize {
+    let has = |system| usize::from(ranges.iter().any(|range| range.system == system));
+    3 + has(System::Gps) + has(System::Galileo)
+}
+
+/// The solution, without its ranges, and each residual in its standard deviations.
+fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
+    if ranges.len() < n_unknowns(ranges) {
+        return None;
+    }
+    let (mut weighted, mut plain, mut right) = (Matrix5::zeros(), Matrix5::zeros(), Vector5::zeros());
+    for range in ranges {
+        let row = row(range);
+        let weight = range.sigma_m.powi(-2);
+        weighted += row * row.transpose() * weight;
+        plain += row * row.transpose();
+        right += row * (weight * range.error_m);
+    }
+    // A clock that no range needs.
+    for system in [System::Gps, System::Galileo] {
+        if !ranges.iter().any(|range| range.system == system) {
+            weighted[(clock(system), clock(system))] = 1.0;
+            plain[(clock(system), clock(system))] = 1.0;
+        }
+    }
+    let covariance = weighted.try_inverse()?;
+    let shape = plain.try_inverse()?;
+    let pdop2 = shape[(0, 0)] + shape[(1, 1)] + shape[(2, 2)];
+    // Also refuses what rounding has made of a geometry without solution.
+    if !(0.0..=MAX_PDOP * MAX_PDOP).contains(&pdop2) {
+        return None;
+    }
+    let state = covariance * right;
+    let residual = |range: &CodeRange| (range.error_m - row(range).dot(&state)).abs() / range.sigma_m;
+    let solution = Solution {
+        error: state.fixed_rows::<3>(0).into(),
+        variances: covariance.diagonal().fixed_rows::<3>(0).into(),
+        hdop: (shape[(0, 0)] + shape[(1, 1)]).sqrt(),
+        used: Vec::new(),
+    };
+    Some((solution, ranges.iter().map(residual).collect()))
+}
+
+const fn clock(system: System) -> usize {
+    match system {
+        System::Gps => 3,
+        System::Galileo => 4,
+    }
+}
+
+/// How a range grows with the unknowns.
+fn row(range: &CodeRange) -> Vector5<f64> {
+    let d = range.direction;
+    let mut row = Vector5::new(-d.x, -d.y, -d.z, 0.0, 0.0);
+    row[clock(range.system)] = 1.0;
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensors::gnss::sky::Sky;
+
+    /// Ranges that a receiver at `off` with the given clocks would measure.
+    fn ranges(off: Vector3<f64>, clocks: [f64; 2]) -> Vec<CodeRange> {
+        let high = Sky::new(5).above(0.0).into_iter().filter(|s| s.direction.z > 0.2);
+        high.map(|s| CodeRange {
+            system: s.system,
+            direction: s.direction,
+            error_m: clocks[clock(s.system) - 3] - s.direction.dot(&off),
+            sigma_m: 1.0,
+            is_reflected: false,
+        })
+        .collect()
+    }
+
+    #[test]
+    fn position_and_clocks_are_told_apart() {
+        let off = Vector3::new(3.0, -2.0, 7.0);
+        let solution = solve(ranges(off, [100.0, -40.0])).expect("a fix");
+        assert!((solution.error - off).norm() < 1e-9, "{solution:?}");
+        assert!((0.3..1.5).contains(&solution.hdop), "{}", solution.hdop);
+    }
+
+    #[test]
+    fn one_range_that_does_not_fit_is_left_out() {
+        let mut ranges = ranges(Vector3::zeros(), [0.0; 2]);
+        let n = ranges.len();
+        ranges[4].error_m += 60.0;
+        let solution = solve(ranges).expect("a fix");
+        assert_eq!(solution.used.len(), n - 1);
+        assert!(solution.error.norm() < 1e-9);
+    }
+
+    #[test]
+    fn too_few_or_from_one_side_is_no_fix() {
+        let all = ranges(Vector3::zeros(), [0.0; 2]);
+        let gps: Vec<CodeRange> = all.iter().copied().filter(|r| r.system == System::Gps).collect();
+        assert!(solve(gps[..4].to_vec()).is_some());
+        assert!(solve(gps[..3].to_vec()).is_none());
+        let mut together = gps[..4].to_vec();
+        for (i, range) in together.iter_mut().enumerate() {
+            range.direction = Vector3::new(0.01 * i as f64, 0.002 * (i * i) as f64, 1.0).normalize();
+        }
+        assert!(solve(together).is_none());
+    }
+}

@@ -1,0 +1,122 @@
+//! The silicon of the mosaic cameras: bias, dark current, uneven and broken pixels, noise and counting.
+
+use crate::random::{gauss, hash, unit};
+
+/// Columns and rows of the raw image.
+pub const SIZE: [usize; 2] = [2048, 1088];
+/// Bits of a sample.
+pub const BIT_DEPTH: u32 = 10;
+/// The largest sample.
+pub const FULL: f32 = 1023.0;
+/// Electrons that fill a pixel.
+pub const FULL_WELL: f32 = 11_000.0;
+/// Level without light, counts.
+const BIAS: f32 = 16.0;
+/// Mean dark current of a warm chip, counts per ms.
+const DARK_PER_MS: f32 = 0.05;
+/// Electrons per count.
+const ELECTRONS: f32 = FULL_WELL / FULL;
+/// Read noise, counts.
+const READ_NOISE: f32 = 0.8;
+/// Uneven bias of pixels and of columns, gain of pixels: half widths, counts and share.
+const UNEVEN: [f32; 3] = [1.2, 0.8, 0.012];
+/// One pixel in this many is stuck at full or at nothing.
+const BROKEN_EVERY: u64 = 60_000;
+
+/// What is wrong with a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Defect {
+    /// Always full.
+    Hot,
+    /// Never more than nothing.
+    Dead,
+}
+
+/// One chip; what is uneven on it belongs to it and not to the drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Chip(u64);
+
+impl Chip {
+    /// The chip of a serial number.
+    pub fn new(sensor_id: &str) -> Self {
+        Self(sensor_id.bytes().fold(0x00c4_1900, |seed, byte| hash(seed, u64::from(byte))))
+    }
+
+    /// Broken pixels: column, row and fault, row by row.
+    pub fn defects(self) -> impl Iterator<Item = (usize, usize, Defect)> {
+        let pixels = (0..SIZE[1]).flat_map(|v| (0..SIZE[0]).map(move |u| (u, v)));
+        pixels.filter_map(move |(u, v)| self.defect(u, v).map(|defect| (u, v, defect)))
+    }
+
+    /// What is wrong with a pixel.
+    pub fn defect(self, u: usize, v: usize) -> Option<Defect> {
+        match self.of_pixel(u, v) % (2 * BROKEN_EVERY) {
+            0 => Some(Defect::Hot),
+            1 => Some(Defect::Dead),
+            _ => None,
+        }
+    }
+
+    /// A pixel's sample for `light` counts.
+    pub fn read_out(self, [u, v]: [usize; 2], light: f32, exposure_ms: f32, seed: u64) -> u16 {
+        match self.defect(u, v) {
+            Some(Defect::Hot) => return FULL as u16,
+            Some(Defect::Dead) => return 0,
+            None => {}
+        }
+        let pixel = self.of_pixel(u, v);
+        let around_zero = |random: u64| 2.0 * unit(random) - 1.0;
+        let column = hash(self.0 ^ 0xc0_1000, u as u64);
+        let bias = BIAS + UNEVEN[0] * around_zero(pixel << 8) + UNEVEN[1] * around_zero(column);
+        // A few pixels leak much more than the mean.
+        let dark = DARK_PER_MS * exposure_ms * -unit(pixel << 16).max(1e-6).ln();
+        let light = light * (1.0 + UNEVEN[2] * around_zero(pixel << 24));
+        let random = hash(seed, (v * SIZE[0] + u) as u64);
+        let noise = (READ_NOISE * READ_NOISE + (light + dark) / ELECTRONS).sqrt() * gauss(random);
+        (bias + dark + light + noise).round().clamp(0.0, FULL) as u16
+    }
+
+    fn of_pixel(self, u: usize, v: usize) -> u64 {
+        hash(self.0, (v * SIZE[0] + u) as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean and standard deviation of a chip's samples.
+    fn statistics(light: f32, exposure_ms: f32) -> (f64, f64) {
+        let chip = Chip::new("a chip");
+        let pixels = (0..40_000).map(|i| [i % 200, i / 200]).filter(|[u, v]| chip.defect(*u, *v).is_none());
+        let samples: Vec<f64> = pixels.map(|at| f64::from(chip.read_out(at, light, exposure_ms, 5))).collect();
+        let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+        let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64;
+        (mean, variance.sqrt())
+    }
+
+    #[test]
+    fn samples_grow_with_light_and_dark_current_and_clip() {
+        let (dark, spread) = statistics(0.0, 5.0);
+        assert!((dark - 16.25).abs() < 0.1 && (1.0..1.8).contains(&spread), "{dark} {spread}");
+        let (long, _) = statistics(0.0, 100.0);
+        assert!((long - dark - 4.75).abs() < 0.15, "{long}");
+        let (lit, spread) = statistics(400.0, 5.0);
+        // Shot noise of 4300 electrons is 6.1 counts, the uneven gain 2.8.
+        assert!((lit - dark - 400.0).abs() < 0.5 && (6.0..8.0).contains(&spread), "{lit} {spread}");
+        assert_eq!(statistics(3000.0, 5.0), (1023.0, 0.0));
+    }
+
+    #[test]
+    fn broken_pixels_are_few_and_stay_where_they_are() {
+        let chip = Chip::new("13.8.0.2");
+        let defects: Vec<_> = chip.defects().collect();
+        assert!((15..80).contains(&defects.len()), "{}", defects.len());
+        for (u, v, defect) in &defects {
+            let expected = if *defect == Defect::Hot { 1023 } else { 0 };
+            assert!((0..5).all(|seed| chip.read_out([*u, *v], 300.0, 5.0, seed) == expected));
+        }
+        assert!(defects.iter().any(|d| d.2 == Defect::Hot) && defects.iter().any(|d| d.2 == Defect::Dead));
+        assert_ne!(defects, Chip::new("9.4.0.3").defects().collect::<Vec<_>>());
+    }
+}
