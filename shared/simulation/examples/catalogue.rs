@@ -1,6 +1,6 @@
 //! Draws every model of the simulator with its own color camera: `catalogue OUT_DIR [SEED] [PART_OF_NAME]`.
 //!
-//! Writes sheets `catalogue_1.png` … of 4 by 3 pictures and prints the models' names in their order, row by row, with their
+//! Writes sheets `catalogue_1.png` … of 6 by 4 pictures and prints the models' names in their order, row by row, with their
 //! sizes.
 
 use geometry::{CameraModel, Pinhole, Pose, Translation3, UnitQuaternion, Vector3};
@@ -12,10 +12,12 @@ use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::PathBuf;
 
-/// Columns and rows of a picture on a sheet, px; the only picture is four times as wide.
-const PICTURE: [u32; 2] = [400, 300];
+/// Columns and rows of a picture on a sheet, px; the only picture is five times as wide.
+const PICTURE: [u32; 2] = [240, 180];
 /// Pictures on a sheet.
-const SHEET: [usize; 2] = [4, 3];
+const SHEET: [usize; 2] = [6, 4];
+/// A pixel is the mean of that many by that many rays.
+const RAYS: usize = 3;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -25,12 +27,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(&out)?;
     let shown: Vec<Exhibit> = exhibits(seed).filter(|exhibit| exhibit.name.contains(&part)).collect();
     let (picture, [columns, rows]) =
-        if shown.len() == 1 { (PICTURE.map(|side| 4 * side), [1, 1]) } else { (PICTURE, SHEET) };
-    let lens = lens(picture);
+        if shown.len() == 1 { (PICTURE.map(|side| 5 * side), [1, 1]) } else { (PICTURE, SHEET) };
+    let lens = lens(picture.map(|side| RAYS as u32 * side));
     let camera = ColorCamera::new(&CameraModel::Pinhole(lens.clone()));
     let motion = Simulation::new(&DriveSpec::urban(seed, 1.0))?.motion;
     let [wide, high] = picture.map(|side| side as usize);
     for (sheet, exhibits) in shown.chunks(columns * rows).enumerate() {
+        let rows = exhibits.len().div_ceil(columns);
         let mut pixels = vec![0_u8; 3 * wide * columns * high * rows];
         for (i, exhibit) in exhibits.iter().enumerate() {
             println!("{:2} {}", sheet + 1, description(exhibit));
@@ -38,9 +41,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let body_from_camera = motion.pose(0.0).inverse() * viewpoint(exhibit, &lens);
             let exposure = Exposure::new(&exhibit.scene, &motion, &body_from_camera, motion.begin, 1, seed);
             let shot = camera.shoot(&exposure, camera.meter(std::slice::from_ref(&exposure)), seed);
-            for (v, line) in shot.chunks_exact(3 * wide).enumerate() {
+            for v in 0..high {
                 let at = 3 * wide * ((i / columns * high + v) * columns + i % columns);
-                pixels[at..at + line.len()].copy_from_slice(line);
+                for u in 0..wide {
+                    pixels[at + 3 * u..at + 3 * u + 3].copy_from_slice(&mean(&shot, RAYS * wide, [RAYS * u, RAYS * v]));
+                }
             }
         }
         let path = out.join(format!("catalogue_{}.png", sheet + 1));
@@ -48,6 +53,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         image::save_buffer(path, &pixels, width, height, image::ExtendedColorType::Rgb8)?;
     }
     Ok(())
+}
+
+/// Of the square of [`RAYS`] whose first pixel is at the given column and row.
+fn mean(pixels: &[u8], width: usize, [column, row]: [usize; 2]) -> [u8; 3] {
+    let mut sum = [0_usize; 3];
+    for v in row..row + RAYS {
+        for u in column..column + RAYS {
+            for (channel, sum) in sum.iter_mut().enumerate() {
+                *sum += usize::from(pixels[3 * (v * width + u) + channel]);
+            }
+        }
+    }
+    sum.map(|sum| (sum / (RAYS * RAYS)) as u8)
 }
 
 fn description(exhibit: &Exhibit) -> String {

@@ -139,7 +139,6 @@ mod tests {
             (Material::ClayTile, "red clay tile"),
             (Material::Slate, "black tile"),
             (Material::Bitumen, "bitumen"),
-            (Material::Needles, "coniferous tree"),
         ] {
             let spectrum = material.spectrum();
             for (nm, value) in nm.iter().zip(&kinds[kind]).filter(|(nm, _)| **nm < 1000.0) {

@@ -43,7 +43,7 @@ fn exhibit(entry: &Entry, seed: u64) -> Exhibit {
     });
     // What digs into the ground, as a canal, would lie under the square.
     let level = if bounds[0].z < -1.2 { bounds[0].z } else { 0.0 };
-    let ground = builder.surface(ClassId::Ground, 0, Material::Slab);
+    let ground = builder.surface(ClassId::Ground, 0, Material::BeigeCloth);
     let corner = Vec3::new(-200.0, -200.0, level);
     builder.add(Shape::Panel { corner, edge1: Vec3::x() * 400.0, edge2: Vec3::y() * 400.0, fill: 1.0 }, ground);
     let Builder { primitives, surfaces } = builder;

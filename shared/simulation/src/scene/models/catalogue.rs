@@ -203,6 +203,8 @@ pub const ENTRIES: &[Entry] = &[
     mover!(vehicle::random_model, [Vehicles], [5.6, 2.4, 2.5], 1.4),
     mover!(vehicle::bus, [Vehicles], [12.3, 3.0, 3.3], 2.9),
     mover!(vehicle::truck, [Vehicles], [7.6, 3.0, 3.6], 3.4),
+    mover!(vehicle::tram, [Vehicles], [24.3, 2.9, 4.9], 4.2),
+    mover!(vehicle::tractor, [Vehicles], [8.6, 2.5, 3.0], 2.5),
     mover!(two_wheeler::bicycle, [Vehicles], [1.9, 0.8, 1.2], 0.9),
     mover!(two_wheeler::scooter, [Vehicles], [2.0, 0.9, 1.4], 1.1),
     mover!(two_wheeler::motorcycle, [Vehicles], [2.1, 1.0, 1.4], 1.1),

@@ -205,6 +205,7 @@ pub fn statue(b: &mut Builder, pose: &Isometry3<f32>, random: &mut Random) {
     let mut figure = f.part([0.0, 0.0, 1.88], turn);
     figure.cone([0.0, 0.0, 0.0], [0.0, 0.0, 1.15], [0.4, 0.22], bronze);
     figure.cone([0.0, 0.0, 1.1], [0.0, 0.0, 1.65], [0.2, 0.28], bronze);
+    figure.tube([0.0, 0.0, 1.6], [0.02, 0.0, 1.85], 0.08, bronze);
     figure.ball([0.02, 0.0, 1.92], 0.15, bronze);
     figure.tube([0.0, 0.26, 1.6], [0.35, 0.32, 1.75], 0.065, bronze);
     figure.tube([0.0, -0.26, 1.6], [0.1, -0.36, 1.05], 0.065, bronze);

@@ -70,10 +70,10 @@ impl Look {
             hat: random.chance(0.12),
         }
     }
-    /// The same clothes on somebody of that height who carries nothing and wears no skirt.
+    /// The same clothes on somebody of that height who carries nothing and wears neither skirt nor hat.
     #[must_use]
     pub const fn without_luggage(self, height_m: f32) -> Self {
-        Self { height_m, bag: Bag::None, skirt: false, ..self }
+        Self { height_m, bag: Bag::None, skirt: false, hat: false, ..self }
     }
     /// Way of two steps, m: a walker that is drawn at phase p has gone p of it.
     #[allow(dead_code, reason = "for movers that swing their legs")]

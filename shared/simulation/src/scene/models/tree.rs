@@ -106,7 +106,8 @@ impl Crown {
                 lean[1] + reach * angle.sin(),
                 middle + up * (half_height - radius) + random.range(-0.15, 0.15),
             ];
-            f.leaves(center, radius, random.range(0.6, 1.3), leaves);
+            // Leaves of larger trees are larger and farther apart.
+            f.leaves(center, radius, self.spread * random.range(0.16, 0.30), leaves);
             if i % 2 == 0 {
                 let from = nearest(&tips, &center);
                 f.tube(from, center, 0.07 * self.girth, bark);

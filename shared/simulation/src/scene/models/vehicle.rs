@@ -153,6 +153,17 @@ const TRUCK_CAB: Body = Body {
     clearance: 0.40,
 };
 
+const TRAM: Body = Body {
+    outline: &[[-12.0, 1.05, 1.00], [-11.2, 1.15, 1.20], [11.2, 1.15, 1.20], [12.0, 1.05, 1.00]],
+    cabin: [-11.98, -11.2, 11.2, 11.98],
+    roof: [3.35, 1.12],
+    glazed: [-11.0, 11.0],
+    posts: &[-9.2, -7.4, -5.6, -3.8, -2.0, 2.0, 3.8, 5.6, 7.4, 9.2],
+    axles: &[],
+    wheel: 0.30,
+    clearance: 0.16,
+};
+
 /// A car of any kind, sometimes a taxi or a van, in a random color.
 pub fn random_model(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     match random.index(24) {
@@ -252,6 +263,84 @@ pub fn truck(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primiti
     }
     f.cuboid([-3.72, -1.2, 0.5], [-3.62, 1.2, 0.62], dark);
     f.cuboid([-3.74, -0.26, 0.64], [-3.72, 0.26, 0.75], plate);
+    f.model()
+}
+
+/// A tram of 24 m in three parts, its current collector up.
+pub fn tram(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primitive> {
+    let paint = random.pick([Material::PaintWhite, Material::PaintGreen, Material::PaintSilver, Material::PaintRed]);
+    let mut f = Frame::of_instance(b, instance);
+    build(&mut f, &TRAM, paint);
+    let [dark, glass, metal] =
+        [Material::BlackPlastic, Material::CarGlass, Material::DarkMetal].map(|material| f.surface(Vehicles, material));
+    // The bellows between the parts.
+    for x in [-4.7, 4.7] {
+        f.cuboid([x - 0.3, -1.225, 0.25], [x + 0.3, 1.225, 3.3], dark);
+    }
+    for side in [-1.0_f32, 1.0] {
+        for x in [-8.3, 0.0, 8.3] {
+            f.cuboid([x - 0.7, side * 1.215 - 0.02, 0.3], [x + 0.7, side * 1.215 + 0.02, 2.5], dark);
+            f.cuboid([x - 0.6, side * 1.225 - 0.02, 0.4], [x + 0.6, side * 1.225 + 0.02, 2.4], glass);
+        }
+        for (foot, elbow) in [(0.6, -0.5), (0.4, -0.6)] {
+            f.tube([foot, side * 0.5, 3.5], [elbow, side * 0.4, 4.0], 0.025, metal);
+            f.tube([elbow, side * 0.4, 4.0], [0.5, side * 0.3, 4.5], 0.02, metal);
+        }
+    }
+    f.tube([0.5, -0.8, 4.5], [0.5, 0.8, 4.5], 0.03, metal);
+    for x in [-9.7, -8.1, -0.9, 0.9, 8.1, 9.7] {
+        for side in [-1.0_f32, 1.0] {
+            f.tube([x, side * 0.68, 0.3], [x, side * 0.8, 0.3], 0.3, metal);
+        }
+    }
+    for x in [-9.0, 6.5] {
+        f.cuboid([x, -0.8, 3.3], [x + 2.4, 0.8, 3.6], metal);
+    }
+    f.model()
+}
+
+/// A farm tractor with a cab, half of them with a trailer.
+pub fn tractor(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primitive> {
+    let paint = random.pick([Material::PaintGreen, Material::PaintRed, Material::PaintBlue]);
+    let mut f = Frame::of_instance(b, instance);
+    let [paint, glass, dark, rim, lamp] =
+        [paint, Material::CarGlass, Material::BlackPlastic, Material::PaintYellow, Material::Lamp]
+            .map(|material| f.surface(Vehicles, material));
+    let rubber = f.surface(Vehicles, Material::Rubber);
+    for side in [-1.0_f32, 1.0] {
+        for (x, radius, wide) in [(-0.9, 0.85, 0.5), (1.45, 0.55, 0.35)] {
+            let [near, far] = [side * 0.65, side * (0.65 + wide)];
+            f.tube([x, near, radius], [x, far, radius], radius, rubber);
+            f.tube([x, far, radius], [x, far + side * 0.01, radius], 0.55 * radius, rim);
+        }
+        f.cuboid([-1.6, side * 0.9 - 0.27, 1.72], [-0.2, side * 0.9 + 0.27, 1.78], paint);
+        f.tube([1.98, side * 0.3, 1.15], [2.01, side * 0.3, 1.15], 0.09, lamp);
+    }
+    f.cuboid([0.2, -0.38, 0.75], [2.0, 0.38, 1.45], paint);
+    f.cuboid([-1.3, -0.55, 0.6], [0.4, 0.55, 1.3], dark);
+    f.cuboid([-1.25, -0.72, 1.3], [0.15, 0.72, 2.45], glass);
+    for [x, y] in [[-1.25, -0.72], [-1.25, 0.72], [0.15, -0.72], [0.15, 0.72]] {
+        f.beam([x, y, 1.25], [x, y, 2.5], [0.08, 0.08], paint);
+    }
+    f.cuboid([-1.35, -0.8, 2.45], [0.25, 0.8, 2.6], paint);
+    f.tube([1.1, 0.42, 1.3], [1.1, 0.42, 2.3], 0.04, dark);
+    if random.chance(0.5) {
+        f.beam([-1.3, 0.0, 0.6], [-2.4, 0.0, 0.8], [0.1, 0.1], dark);
+        f.cuboid([-6.2, -1.1, 0.95], [-2.3, 1.1, 1.05], dark);
+        for (low, high) in [
+            ([-6.2, -1.1], [-2.3, -1.04]),
+            ([-6.2, 1.04], [-2.3, 1.1]),
+            ([-6.2, -1.04], [-6.14, 1.04]),
+            ([-2.36, -1.04], [-2.3, 1.04]),
+        ] {
+            f.cuboid([low[0], low[1], 1.05], [high[0], high[1], 1.75], paint);
+        }
+        for x in [-5.2, -4.2] {
+            for side in [-1.0_f32, 1.0] {
+                f.tube([x, side * 0.8, 0.45], [x, side * 1.1, 0.45], 0.45, rubber);
+            }
+        }
+    }
     f.model()
 }
 
