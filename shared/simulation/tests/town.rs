@@ -49,7 +49,7 @@ fn nobody_moves_through_the_vehicle_and_everybody_has_a_number() {
             .collect();
         let mut moved = 0;
         for (number, mover) in movers.iter().enumerate() {
-            let [low, high] = mover.model.bounds().expect("a model");
+            let [low, high] = mover.bounds();
             let begin = mover.pose(0.0).translation.vector;
             moved += usize::from((mover.pose(40.0).translation.vector - begin).norm() > 5.0);
             for i in 0..450 {

@@ -21,7 +21,7 @@ enum Cli {
     Import(commands::import::Args),
     /// Play a packet capture back to a host, as the sensor sent it.
     Send(commands::send::Args),
-    /// Make a drive of a procedural street.
+    /// Make a drive through a procedural town.
     Simulate(commands::simulate::Args),
     /// Record topics of a running pipeline.
     Record(commands::record::Args),

@@ -60,7 +60,7 @@ impl Clearance {
     }
     /// Takes a mover that comes near the recording vehicle and meets nobody.
     pub fn admit(&mut self, mover: &Mover) -> bool {
-        let Some([low, high]) = mover.model.bounds() else { return false };
+        let [low, high] = mover.bounds();
         let half = [0, 1].map(|axis| 0.5 * f64::from(high[axis] - low[axis]) + MARGIN_M);
         let middle = nalgebra::Point3::from((low + high) * 0.5).cast::<f64>();
         let prints: Vec<Footprint> = times(self.seconds)

@@ -112,7 +112,7 @@ impl Scene {
             best = Some(self.hit(ray, range, primitive));
         }
         snapshot.0.visit(ray, limit, |placed, local, limit| {
-            if let Some((range, primitive)) = self.movers[placed.number].model.nearest(local, *limit) {
+            if let Some((range, primitive)) = self.movers[placed.number].models[placed.phase].nearest(local, *limit) {
                 *limit = range;
                 let hit = self.hit(local, range, primitive);
                 best = Some(SceneHit { normal: placed.world_from_object.rotation * hit.normal, ..hit });
@@ -127,7 +127,7 @@ impl Scene {
         let mut is_blocked = self.statics.any(ray, max_m);
         if !is_blocked {
             snapshot.0.visit(ray, max_m, |placed, local, limit| {
-                is_blocked = self.movers[placed.number].model.any(local, *limit);
+                is_blocked = self.movers[placed.number].models[placed.phase].any(local, *limit);
                 is_blocked
             });
         }
@@ -155,14 +155,14 @@ impl Scene {
 
     /// Number of primitives, standing and moving.
     pub fn n_primitives(&self) -> usize {
-        self.statics.len() + self.movers.iter().map(|mover| mover.model.len()).sum::<usize>()
+        self.statics.len() + self.movers.iter().flat_map(|mover| &mover.models).map(Bvh::len).sum::<usize>()
     }
 
     fn placed(&self, number: usize, seconds: f64) -> Placed {
         let mover = &self.movers[number];
         let world_from_object = mover.pose(seconds);
         let center = (world_from_object * Point3::from(mover.center)).coords;
-        Placed { number, world_from_object, center, radius: mover.radius }
+        Placed { number, phase: mover.phase(seconds), world_from_object, center, radius: mover.radius }
     }
 
     fn hit(&self, ray: &Ray, range_m: f32, primitive: &Primitive) -> SceneHit {

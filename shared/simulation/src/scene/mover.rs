@@ -9,11 +9,13 @@ use std::sync::Arc;
 /// One moving thing.
 #[derive(Clone, Debug)]
 pub struct Mover {
-    /// Its shape in its own frame: on the ground, x forward.
-    pub model: Bvh,
-    /// Middle of the model, m.
+    /// Its shapes in its own frame: on the ground, x forward. One, or those of a walker's two steps in turn.
+    pub models: Vec<Bvh>,
+    /// Way after which the shapes begin anew, m.
+    stride_m: f64,
+    /// Middle of the models, m.
     pub center: Vec3,
-    /// The ball around `center` holds the model, m.
+    /// The ball around `center` holds the models, m.
     pub radius: f32,
     /// Where it goes.
     pub route: Route,
@@ -66,28 +68,50 @@ pub enum Timing {
 }
 
 impl Mover {
-    /// A thing on its way; `None` for a model without primitives.
+    /// A thing on its way that keeps its shape; `None` for a model without primitives.
     pub fn new(model: Vec<Primitive>, route: Route) -> Option<Self> {
-        let model = Bvh::new(model);
-        let [low, high] = model.bounds()?;
+        Self::striding(vec![model], 1.0, route)
+    }
+    /// A thing that takes its models in turn, all of them within `stride_m` of its way; `None` without primitives.
+    pub fn striding(models: Vec<Vec<Primitive>>, stride_m: f64, route: Route) -> Option<Self> {
+        let models: Vec<Bvh> = models.into_iter().map(Bvh::new).collect();
+        let [low, high] = hull(&models)?;
         let (center, radius) = ((low + high) * 0.5, (high - low).norm() * 0.5);
-        Some(Self { model, center, radius, route })
+        Some(Self { models, stride_m, center, radius, route })
     }
     /// `world_from_object`, `seconds` after the drive's begin.
     pub fn pose(&self, seconds: f64) -> Isometry3<f32> {
         self.route.pose(seconds).cast()
     }
+    /// Which of the models it shows then.
+    pub fn phase(&self, seconds: f64) -> usize {
+        let strides = self.route.length_m(seconds) / self.stride_m;
+        let phase = (strides - strides.floor()) * self.models.len() as f64;
+        (phase as usize).min(self.models.len() - 1)
+    }
+    /// Smallest and largest coordinates of all models, m, in its own frame.
+    pub fn bounds(&self) -> [Vec3; 2] {
+        hull(&self.models).unwrap_or([self.center; 2])
+    }
+}
+
+fn hull(models: &[Bvh]) -> Option<[Vec3; 2]> {
+    models.iter().filter_map(Bvh::bounds).reduce(|[low, high], [a, b]| [low.inf(&a), high.sup(&b)])
 }
 
 impl Route {
     /// `world_from_object` at a time.
     pub fn pose(&self, seconds: f64) -> Isometry3<f64> {
-        let s = match &self.timing {
+        let s = self.length_m(seconds);
+        if self.leans { self.way.frame(s, self.left_m, 0.0) } else { self.way.upright(s, self.left_m, 0.0) }
+    }
+    /// Length of way at a time, m.
+    fn length_m(&self, seconds: f64) -> f64 {
+        match &self.timing {
             Timing::Steady { from_m, speed_mps } => from_m + speed_mps * seconds,
             Timing::Ahead { pace, ahead_m } => pace.length_m(seconds) + ahead_m,
             Timing::Earlier { pace, seconds: earlier } => pace.length_m(seconds + earlier),
             Timing::Once { from, speed_mps } => (speed_mps * (seconds - from)).clamp(0.0, self.way.length_m() - 1.0),
-        };
-        if self.leans { self.way.frame(s, self.left_m, 0.0) } else { self.way.upright(s, self.left_m, 0.0) }
+        }
     }
 }

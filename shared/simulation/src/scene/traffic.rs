@@ -24,6 +24,8 @@ const SLOT_SECONDS: [f32; 2] = [4.2, 11.0];
 const WALKS: [(f64, f64); 2] = [(1.45, 1.32), (2.05, 1.18)];
 /// Between two people on the same lane, m.
 const WALKERS_M: [f32; 2] = [4.0, 26.0];
+/// Shapes of a walker in two steps.
+const PHASES: u8 = 8;
 /// How fast people cross, m/s.
 const CROSSING_MPS: f64 = 1.45;
 
@@ -131,8 +133,11 @@ impl Town {
 
     fn person_on(&mut self, way: &Arc<Way>, timing: Timing, random: &mut Random) -> Option<Mover> {
         let instance = self.instances.next();
-        let model = person::model(&mut self.builder, instance, random);
-        Mover::new(model, Route { way: way.clone(), left_m: 0.0, leans: false, timing })
+        let look = person::Look::random(random);
+        let phase = |i: u8| f32::from(i) / f32::from(PHASES);
+        let models = (0..PHASES).map(|i| person::walker(&mut self.builder, instance, phase(i), &look)).collect();
+        let route = Route { way: way.clone(), left_m: 0.0, leans: false, timing };
+        Mover::striding(models, f64::from(look.stride_m()), route)
     }
 
     /// People who cross before the recording vehicle while it waits.

@@ -10,6 +10,8 @@ use nalgebra::{Isometry3, Point3};
 pub struct Placed {
     /// Its number among all things.
     pub number: usize,
+    /// Which of its models it shows.
+    pub phase: usize,
     /// Where it is, m.
     pub world_from_object: Isometry3<f32>,
     /// Middle of the ball that holds it, in the world, m.
