@@ -18,7 +18,6 @@ fn main() {
     pictures::six_cameras(&simulation, stamp).save(folder.join("cameras.jpg")).unwrap();
     pictures::raw_mosaic(&simulation, stamp).save(folder.join("raw_mosaic.png")).unwrap();
     pictures::levels(&simulation, stamp);
-    std::fs::write(folder.join("spectra.svg"), pictures::spectra_svg()).unwrap();
 }
 
 mod pictures {
@@ -26,10 +25,8 @@ mod pictures {
     use image::imageops::{FilterType, crop_imm, replace, resize};
     use image::{GrayImage, RgbImage};
     use simulation::Simulation;
-    use simulation::material::Material;
     use simulation::sensors::camera::ColorCamera;
     use simulation::sensors::mosaic::{MosaicCamera, SIZE};
-    use std::fmt::Write;
     use std::time::Instant;
 
     /// Above left ahead, ahead, right ahead; below left back, right back, up.
@@ -90,49 +87,5 @@ mod pictures {
                 share(1023, 1023)
             );
         }
-    }
-
-    /// Reflectance of six materials from 400 to 1000 nm, with the ranges of the cameras.
-    pub fn spectra_svg() -> String {
-        let materials = [
-            (Material::Leaves, "#2a8f3c"),
-            (Material::Asphalt, "#444444"),
-            (Material::Brick, "#b5482f"),
-            (Material::Limestone, "#c9a227"),
-            (Material::PaintBlue, "#2456c4"),
-            (Material::SkinLight, "#d58a94"),
-        ];
-        let x = |nm: f32| 50.0 + (nm - 400.0) * 0.9;
-        let y = |reflectance: f32| 330.0 - reflectance * 400.0;
-        let mut svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 720 390\" font-family=\"sans-serif\" \
-                       font-size=\"13\">\n<rect width=\"720\" height=\"390\" fill=\"white\"/>\n"
-            .to_owned();
-        for (name, low, high, fill) in [("HS03", 470.0, 630.0, "#dce9f7"), ("HS02", 630.0, 975.0, "#f6e3de")] {
-            let (left, width) = (x(low), x(high) - x(low));
-            let _ =
-                writeln!(svg, "<rect x=\"{left}\" y=\"{}\" width=\"{width}\" height=\"280\" fill=\"{fill}\"/>", y(0.7));
-            let _ = writeln!(svg, "<text x=\"{}\" y=\"{}\" fill=\"#667\">{name}</text>", left + 6.0, y(0.66));
-        }
-        for tenth in 0..=7_u8 {
-            let at = y(f32::from(tenth) * 0.1);
-            let _ = writeln!(svg, "<line x1=\"50\" x2=\"590\" y1=\"{at}\" y2=\"{at}\" stroke=\"#ccc\"/>");
-            let _ = writeln!(svg, "<text x=\"20\" y=\"{}\">0.{tenth}</text>", at + 4.0);
-        }
-        for hundred in 4..=10_u16 {
-            let nm = f32::from(hundred) * 100.0;
-            let _ = writeln!(svg, "<text x=\"{}\" y=\"350\" text-anchor=\"middle\">{nm}</text>", x(nm));
-        }
-        let _ = writeln!(svg, "<text x=\"320\" y=\"378\" text-anchor=\"middle\">wavelength, nm</text>");
-        let _ = writeln!(svg, "<text x=\"50\" y=\"34\">reflectance</text>");
-        for (row, (material, color)) in materials.into_iter().enumerate() {
-            let points: Vec<String> =
-                material.spectrum().samples().map(|(nm, r)| format!("{:.1},{:.1}", x(nm), y(r))).collect();
-            let points = points.join(" ");
-            let _ =
-                writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>");
-            let at = 70.0 + 22.0 * row as f32;
-            let _ = writeln!(svg, "<text x=\"602\" y=\"{at}\" fill=\"{color}\">{material:?}</text>");
-        }
-        svg + "</svg>\n"
     }
 }
