@@ -34,13 +34,25 @@ pub struct FeatureSettings {
     pub min_planarity: f32,
     /// One feature per cube of this side, m.
     pub spacing_m: f64,
+    /// A feature is moved along its normal to the mean height of the points of its ring within this distance, m; 0 leaves
+    /// it where it was measured.
+    pub smoothing_m: f32,
 }
 
 impl Default for FeatureSettings {
     /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. At 80 m the rings of an HDL-32E are 1.9 m
-    /// apart. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's.
+    /// apart. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's. Smoothing
+    /// over 0.1 m takes noise off and no shape; over the whole neighborhood, which grows with the range, it bends the
+    /// road: what is far ahead is smoothed more than what is near, and the vehicle climbs by 0.5 degrees in 100 m.
     fn default() -> Self {
-        Self { column_step: 3, min_range_m: 1.5, max_range_m: 80.0, min_planarity: 0.15, spacing_m: 0.2 }
+        Self {
+            column_step: 3,
+            min_range_m: 1.5,
+            max_range_m: 80.0,
+            min_planarity: 0.15,
+            spacing_m: 0.2,
+            smoothing_m: 0.1,
+        }
     }
 }
 
@@ -50,8 +62,13 @@ const COLUMN_OFFSETS: [usize; 9] = [0, 2, 4, 6, 8, RIM - 2, RIM - 4, RIM - 6, RI
 const RIM: usize = 1 << 16;
 /// Fewer neighbors give no normal that can be trusted.
 const MIN_NEIGHBORS: f32 = 7.0;
-/// Largest deviation across the plane, m: range noise of 2 to 3 cm, and roughness as much.
-const MAX_ROUGHNESS_M: f64 = 0.06;
+/// Largest deviation across the plane, m: range noise of 2 cm, and a little roughness. Kerbs and gutters, whose normals
+/// change with the point of view, are left out; with 6 cm they turn the vehicle by 0.2 degrees in 100 m.
+const MAX_ROUGHNESS_M: f64 = 0.035;
+/// Columns to each side that smoothing may reach: 1 degree, 0.1 m at 6 m.
+const SMOOTHING_COLUMNS: usize = 6;
+/// Points farther off the plane are on something else, m: four times range noise.
+const SMOOTHING_GATE_M: f32 = 0.08;
 /// Largest share of the third deviation in the second: with 27 neighbors the normal is then known to about 4 degrees.
 const MAX_THICKNESS: f64 = 0.4;
 
@@ -103,8 +120,7 @@ fn feature_at(
     if !(settings.min_range_m..=settings.max_range_m).contains(&range) {
         return None;
     }
-    let (deviations, normal) = neighborhood(sweep.image(), row, col, center, range)?;
-    let [s1, s2, s3] = deviations;
+    let ([s1, s2, s3], normal) = neighborhood(sweep.image(), row, col, center, range)?;
     let planarity = ((s2 - s3) / s1) as f32;
     if planarity < settings.min_planarity || s3 > MAX_ROUGHNESS_M || s3 > MAX_THICKNESS * s2 {
         return None;
@@ -114,7 +130,9 @@ fn feature_at(
         0 => 0.0,
         duration => (f64::from(point.offset_nanos) / f64::from(duration) - 0.5) as f32,
     };
-    Some(Feature { position: point.position, normal: towards_sensor.into(), share, planarity })
+    let lift = mean_height(sweep.image(), row, col, center, normal, settings.smoothing_m);
+    let position = (center + normal * lift).into();
+    Some(Feature { position, normal: towards_sensor.into(), share, planarity })
 }
 
 fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
@@ -123,7 +141,8 @@ fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
     }
 }
 
-/// Deviations along the principal axes of the points around a cell, and the direction of the smallest.
+/// Deviations along the principal axes of the points around a cell, from largest to smallest (m), and the direction of
+/// the smallest.
 fn neighborhood(
     image: &RangeImage,
     row: usize,
@@ -166,6 +185,27 @@ fn neighborhood(
     let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose();
     let (values, normal) = smallest_eigenvector(&covariance)?;
     Some((values.map(|value| value.max(0.0).sqrt()), normal.cast()))
+}
+
+/// Mean height over the plane through `center` of the points of the same ring within `reach_m`, m.
+fn mean_height(
+    image: &RangeImage,
+    row: usize,
+    col: usize,
+    center: Vector3<f32>,
+    normal: Vector3<f32>,
+    reach_m: f32,
+) -> f32 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for column in col + RIM - SMOOTHING_COLUMNS..=col + RIM + SMOOTHING_COLUMNS {
+        let d = image.position(row, column) - center;
+        let height = normal.dot(&d);
+        if d.norm_squared() < reach_m * reach_m && height.abs() < SMOOTHING_GATE_M {
+            sum += height;
+            n += 1.0_f32;
+        }
+    }
+    sum / n.max(1.0)
 }
 
 #[cfg(test)]

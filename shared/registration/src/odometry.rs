@@ -1,12 +1,12 @@
 //! Sweep after sweep onto the local map.
 
-use crate::features::thinned_features;
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
+use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
-    Feature, FeatureSettings, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sweep, SweepMotion,
-    planar_features,
+    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sampling, Sweep,
+    SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
 use nalgebra::Point3;
@@ -93,7 +93,7 @@ pub(crate) struct HeldSweep {
     pub duration_s: f64,
     /// All, for the map.
     pub features: Vec<Feature>,
-    /// Some, for matching.
+    /// Some, for matching, without regard to a map.
     pub matching: Vec<Feature>,
 }
 
@@ -195,7 +195,7 @@ impl Odometry {
             mid_stamp: sweep.mid_stamp(),
             duration_nanos: sweep.duration_nanos(),
             duration_s: f64::from(sweep.duration_nanos()) * 1e-9,
-            matching: evenly_chosen(&features, &self.settings.matching),
+            matching: self.sampled(&features, |_| true),
             features,
         }
     }
@@ -231,11 +231,33 @@ impl Odometry {
             previous: (last.mid, seconds),
             duration_s: sweep.duration_s,
         };
-        let matched = match_features(&sweep.matching, &self.map, &prediction, &self.settings.matching)
+        let gated = match self.settings.matching.sampling {
+            Sampling::NineLists { .. } => Some(self.near_map(sweep, &prediction.motion)),
+            Sampling::Even { .. } => None,
+        };
+        let samples = gated.as_ref().unwrap_or(&sweep.matching);
+        let matched = match_features(samples, &self.map, &prediction, &self.settings.matching)
             .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
         self.state.last = Some(last.clone());
         self.arrive(sweep, motion, matched, seconds)
+    }
+
+    /// The samples of a sweep that are near the map where the motion puts them.
+    fn near_map(&self, sweep: &HeldSweep, motion: &SweepMotion) -> Vec<Feature> {
+        let matching = &self.settings.matching;
+        let radius_m = if matching.coarse_rounds > 0 { matching.coarse.0 } else { matching.fine.0 };
+        let kernel = Kernel { radius_m, weights: Weights::Compact };
+        self.sampled(&sweep.features, |feature| {
+            let pose = motion.at(f64::from(feature.share));
+            let position = pose * Point3::from(feature.position).cast::<f64>();
+            let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
+            self.map.surface(position.coords.into(), &normal.cast(), &kernel).is_some()
+        })
+    }
+
+    fn sampled(&self, features: &[Feature], is_near_model: impl Fn(&Feature) -> bool) -> Vec<Feature> {
+        sampled(features, self.settings.matching.sampling, &self.state.begin.rotation, is_near_model)
     }
 
     /// Books the sweep's motion, and grows the map by it if it was matched.
@@ -300,10 +322,4 @@ pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32)
         MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
     };
     features.iter().map(in_odom).collect()
-}
-
-fn evenly_chosen(features: &[Feature], settings: &MatchSettings) -> Vec<Feature> {
-    let thinned = thinned_features(features, settings.spacing_m);
-    let step = thinned.len().div_ceil(settings.max_features.max(1)).max(1);
-    thinned.into_iter().step_by(step).collect()
 }
