@@ -125,9 +125,10 @@ impl Stage for SlamAggregate {
         }
         let mut rows = Vec::new();
         for received in inputs.take::<Sweep>() {
-            let cloud = Cloud::new(received);
+            let cloud = Cloud::new(received, &self.settings);
             let registered = self.odometry.register(&cloud.sweep).map_err(StepError::data)?;
-            let mut clouds = self.waiting.take().map(Cloud::new).into_iter().chain([cloud]);
+            let mut clouds =
+                self.waiting.take().map(|received| Cloud::new(received, &self.settings)).into_iter().chain([cloud]);
             for (registered, cloud) in registered.iter().zip(clouds.by_ref()) {
                 self.place(&cloud, registered, &mut rows, outputs)?;
             }
@@ -141,7 +142,7 @@ impl Stage for SlamAggregate {
         self.reopen(outputs)?;
         let mut rows = Vec::new();
         if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
-            self.place(&Cloud::new(received), &registered, &mut rows, outputs)?;
+            self.place(&Cloud::new(received, &self.settings), &registered, &mut rows, outputs)?;
         }
         publish_poses(&rows, outputs)?;
         self.close(outputs)
@@ -178,6 +179,7 @@ fn count(registered: &Registered, outputs: &mut Outputs) {
     outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
     outputs.count("degenerate_sweeps", u64::from(weak));
     outputs.count("maps_restarted", u64::from(registered.map_restarted));
+    outputs.count("points_moving", registered.moving.len() as u64);
 }
 
 fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {

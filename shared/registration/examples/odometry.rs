@@ -28,6 +28,7 @@ fn main() -> anyhow::Result<()> {
     let folder = SweepFolder::open(Path::new(sweeps))?;
     let mut odometry = Odometry::new(settings, folder.mounting);
     let (mut ms, mut text, mut n_points) = (Vec::new(), String::new(), 0);
+    let mut scores = MovingScores::default();
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
         let (points, n_rings) = folder.points(number)?;
@@ -35,11 +36,13 @@ fn main() -> anyhow::Result<()> {
         let start = cpu_ms();
         waiting.push(Sweep::new(folder.stamp(number), points, n_rings));
         let registered = odometry.register(&waiting[waiting.len() - 1])?;
+        let first = number + 1 - waiting.len();
         for (sweep, registered) in waiting.drain(..registered.len()).zip(&registered) {
             std::hint::black_box(deskewed(&sweep, registered));
         }
         ms.push(cpu_ms() - start);
-        for registered in &registered {
+        for (number, registered) in (first..).zip(&registered) {
+            scores.add(&registered.moving, folder.moving(number)?.as_deref());
             text.push_str(&kitti_line(&registered.end()));
             if verbose {
                 report(registered, ms[ms.len() - 1]);
@@ -64,7 +67,32 @@ fn main() -> anyhow::Result<()> {
         counted[counted.len() - 1],
         odometry.map().points().len()
     );
+    scores.print();
     Ok(())
+}
+
+/// Points flagged as moving against the truth.
+#[derive(Default)]
+struct MovingScores {
+    right: usize,
+    flagged: usize,
+    moving: usize,
+}
+
+impl MovingScores {
+    fn add(&mut self, found: &[u32], truth: Option<&[u8]>) {
+        let Some(truth) = truth else { return };
+        self.flagged += found.len();
+        self.right += found.iter().filter(|&&idx| truth[idx as usize] != 0).count();
+        self.moving += truth.iter().filter(|&&flag| flag != 0).count();
+    }
+    fn print(&self) {
+        if self.moving > 0 {
+            let share = |of: usize| 100.0 * self.right as f64 / of.max(1) as f64;
+            let (precision, recall) = (share(self.flagged), share(self.moving));
+            println!("moving: {} points, precision {precision:.1} %, recall {recall:.1} %", self.moving);
+        }
+    }
 }
 
 /// The dense cloud as the stage would write it.

@@ -8,35 +8,40 @@ use anyhow::Context;
 use folder::{kitti_line, npy};
 use formats::drive::{Drive, DriveSweep};
 use formats::velodyne::LidarReturn;
-use geometry::{Pose, Trajectory, Vector3, interpolate};
+use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
+use simulation::trace::Ray;
+use simulation::{DriveSpec, Simulation};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", seed, seconds, out] => {
-            let spec = simulation::DriveSpec::urban(seed.parse()?, seconds.parse()?);
-            let spec = simulation::DriveSpec { cameras: false, mosaics: false, ..spec };
+            let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
+            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
-            fs::create_dir_all(out)?;
-            simulation::write_drive(&spec, &drive, &mut |_| {})?;
-            write(&drive, Path::new(out))
+            if !drive.exists() {
+                fs::create_dir_all(out)?;
+                simulation::write_drive(&spec, &drive, &mut |_| {})?;
+            }
+            let movers = Movers { simulation: Simulation::new(&spec)?, looks: BTreeMap::new() };
+            write(&drive, Path::new(out), Some(movers))
         }
-        [drive, out] => write(Path::new(drive), Path::new(out)),
+        [drive, out] => write(Path::new(drive), Path::new(out), None),
         _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate SEED SECONDS) OUT"),
     }
 }
 
-fn write(drive: &Path, out: &Path) -> anyhow::Result<()> {
+fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result<()> {
     let drive = Drive::open(drive)?;
     let truth = drive.true_trajectory().transpose().map_err(|problem| anyhow::anyhow!("{problem}"))?;
     let body_from_lidar = drive.rig().body_from_lidar;
     for kind in ["velodyne", "times", "rings"] {
         fs::create_dir_all(out.join(kind))?;
     }
-    let (mut stamps, mut poses, mut things) = (String::new(), String::new(), Things::default());
+    let (mut stamps, mut poses) = (String::new(), String::new());
     let mut labelled = Vec::new();
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
@@ -54,12 +59,15 @@ fn write(drive: &Path, out: &Path) -> anyhow::Result<()> {
             let at = |nanos: u32| pose_at(truth, &sweep, nanos);
             let (begin, end) = (at(0)?, at(last)?);
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
-            if let Some(instances) = instances(&drive, &sweep, returns.len())? {
-                let place = |point: &LidarReturn| {
-                    let pose = interpolate(&begin, &end, f64::from(point.offset_nanos) / f64::from(last.max(1)));
-                    pose * body_from_lidar * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>()
+            if let Some(movers) = &mut movers {
+                let instances = instances(&drive, &sweep, returns.len())?;
+                let look = |(point, &instance): (&LidarReturn, &u16)| {
+                    let share = f64::from(point.offset_nanos) / f64::from(last.max(1));
+                    let pose = interpolate(&begin, &end, share) * body_from_lidar;
+                    let place = pose * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>();
+                    (instance, [place.coords, pose.translation.vector])
                 };
-                things.see(returns.iter().zip(&instances).map(|(point, &instance)| (instance, place(point).coords)));
+                movers.look(sweep.stamp, returns.iter().zip(&instances).map(look));
                 labelled.push((name, instances));
             }
         }
@@ -70,7 +78,7 @@ fn write(drive: &Path, out: &Path) -> anyhow::Result<()> {
     if truth.is_some() {
         fs::write(out.join("poses.txt"), poses)?;
     }
-    let moving = things.moving();
+    let moving = movers.map(|movers| movers.moving()).unwrap_or_default();
     for (name, instances) in labelled {
         fs::create_dir_all(out.join("moving"))?;
         let flags: Vec<u8> = instances.iter().map(|instance| u8::from(moving.contains(instance))).collect();
@@ -97,61 +105,47 @@ fn pose_at(truth: &Trajectory, sweep: &DriveSweep, nanos: u32) -> anyhow::Result
     truth.at(stamp).with_context(|| format!("the true trajectory has no pose at {}", stamp.0))
 }
 
-/// The instance of each return, where the drive is labelled.
-fn instances(drive: &Drive, sweep: &DriveSweep, n_returns: usize) -> anyhow::Result<Option<Vec<u16>>> {
-    let Some(folder) = drive.manifest().truth.as_ref().map(|truth| &truth.labels) else { return Ok(None) };
-    let path: PathBuf = drive.folder().join(folder).join(format!("{:06}.label", sweep.seq));
+/// The instance of each return of a labelled drive.
+fn instances(drive: &Drive, sweep: &DriveSweep, n_returns: usize) -> anyhow::Result<Vec<u16>> {
+    let truth = drive.manifest().truth.as_ref().context("the drive has no truth")?;
+    let path = drive.folder().join(&truth.labels).join(format!("{:06}.label", sweep.seq));
     let labels = formats::kitti::labels_from_bytes(&fs::read(&path).with_context(|| path.display().to_string())?)?;
     anyhow::ensure!(labels.len() == n_returns, "{}: {} labels for {n_returns}", path.display(), labels.len());
-    Ok(Some(labels.iter().map(|label| label.instance).collect()))
+    Ok(labels.iter().map(|label| label.instance).collect())
 }
 
-/// How far the points of each instance reach.
-#[derive(Default)]
-struct Things {
-    by_instance: BTreeMap<u16, Reach>,
+/// Which instances of a simulated drive move: the scene is asked whether what was hit is still there a second later.
+struct Movers {
+    simulation: Simulation,
+    /// Points that were gone, and those that were not, by instance.
+    looks: BTreeMap<u16, (u32, u32)>,
 }
 
-#[derive(Clone)]
-struct Reach {
-    all: Bounds,
-    largest_m: f64,
-    n_sweeps: usize,
-}
+/// Points of an instance that are looked at in each sweep, at most.
+const LOOKS: usize = 8;
 
-#[derive(Clone, Copy)]
-struct Bounds([Vector3<f64>; 2]);
-
-impl Bounds {
-    fn around(point: Vector3<f64>) -> Self {
-        Self([point, point])
-    }
-    fn with(self, other: Self) -> Self {
-        Self([self.0[0].inf(&other.0[0]), self.0[1].sup(&other.0[1])])
-    }
-    fn diagonal_m(self) -> f64 {
-        (self.0[1] - self.0[0]).xy().norm()
-    }
-}
-
-impl Things {
-    fn see(&mut self, points: impl Iterator<Item = (u16, Vector3<f64>)>) {
-        let mut now: BTreeMap<u16, Bounds> = BTreeMap::new();
-        for (instance, point) in points.filter(|(instance, _)| *instance != 0) {
-            let point = Bounds::around(point);
-            now.entry(instance).and_modify(|bounds| *bounds = bounds.with(point)).or_insert(point);
-        }
-        for (instance, bounds) in now {
-            let reach = self.by_instance.entry(instance).or_insert(Reach { all: bounds, largest_m: 0.0, n_sweeps: 0 });
-            reach.all = reach.all.with(bounds);
-            reach.largest_m = reach.largest_m.max(bounds.diagonal_m());
-            reach.n_sweeps += 1;
+impl Movers {
+    /// Instances with the place of a point and where it was seen from, at `stamp`.
+    fn look(&mut self, stamp: Stamp, points: impl Iterator<Item = (u16, [Vector3<f64>; 2])>) {
+        let later = stamp.seconds_since(self.simulation.motion.begin) + 1.0;
+        let snapshot = self.simulation.scene.at(later);
+        let mut n_looks: BTreeMap<u16, usize> = BTreeMap::new();
+        for (instance, [place, from]) in points.filter(|(instance, _)| *instance != 0) {
+            let n = n_looks.entry(instance).or_default();
+            if *n == LOOKS {
+                continue;
+            }
+            *n += 1;
+            let direction = (place - from).normalize();
+            // Ten times the noise before and behind.
+            let ray = Ray { origin: (place - direction * 0.2).cast(), direction: direction.cast(), seed: 0 };
+            let is_there =
+                (self.simulation.scene.cast(&snapshot, &ray, 0.4)).is_some_and(|hit| hit.surface.instance == instance);
+            let (gone, still) = self.looks.entry(instance).or_default();
+            *if is_there { still } else { gone } += 1;
         }
     }
-    /// Instances that reach farther over the drive than any single look at them by more than seeing another side of a
-    /// standing thing explains.
     fn moving(&self) -> Vec<u16> {
-        let is_moving = |reach: &Reach| reach.all.diagonal_m() > 1.4 * reach.largest_m + 0.7;
-        self.by_instance.iter().filter(|(_, reach)| is_moving(reach)).map(|(instance, _)| *instance).collect()
+        self.looks.iter().filter(|(_, (gone, still))| gone > still).map(|(instance, _)| *instance).collect()
     }
 }

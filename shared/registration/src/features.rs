@@ -2,7 +2,7 @@
 
 use crate::eigen::smallest_eigenvector;
 use crate::voxel::{VoxelIndex, VoxelSet, thinned};
-use crate::{RangeImage, Sweep, TimedPoint};
+use crate::{RangeImage, Sweep};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,6 +19,8 @@ pub struct Feature {
     /// (s2 - s3) / s1 with s1 >= s2 >= s3 the deviations of the neighborhood along its principal axes: 0 line or
     /// volume, 1 plane (`a2D`, Demantké et al. 2011).
     pub planarity: f32,
+    /// Index of the point in its sweep.
+    pub point_idx: u32,
 }
 
 /// What becomes a feature.
@@ -94,7 +96,7 @@ fn row_features(sweep: &Sweep, row: usize, settings: &FeatureSettings) -> Vec<Fe
         if taken.contains(cube) {
             continue;
         }
-        if let Some(feature) = feature_at(sweep, point, row, col, settings) {
+        if let Some(feature) = feature_at(sweep, point_idx, row, col, settings) {
             taken.insert(cube);
             features.push(feature);
         }
@@ -108,13 +110,8 @@ pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feat
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
-fn feature_at(
-    sweep: &Sweep,
-    point: &TimedPoint,
-    row: usize,
-    col: usize,
-    settings: &FeatureSettings,
-) -> Option<Feature> {
+fn feature_at(sweep: &Sweep, point_idx: usize, row: usize, col: usize, settings: &FeatureSettings) -> Option<Feature> {
+    let point = &sweep.points()[point_idx];
     let center = Vector3::from(point.position);
     let range = center.norm();
     if !(settings.min_range_m..=settings.max_range_m).contains(&range) {
@@ -132,7 +129,7 @@ fn feature_at(
     };
     let lift = mean_height(sweep.image(), row, col, center, normal, settings.smoothing_m);
     let position = (center + normal * lift).into();
-    Some(Feature { position, normal: towards_sensor.into(), share, planarity })
+    Some(Feature { position, normal: towards_sensor.into(), share, planarity, point_idx: point_idx as u32 })
 }
 
 fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
@@ -211,6 +208,7 @@ fn mean_height(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::TimedPoint;
     use geometry::Stamp;
 
     /// A floor 1.8 m below and a wall 12 m ahead, with a deterministic ripple of 1 cm as noise.

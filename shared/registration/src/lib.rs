@@ -13,13 +13,17 @@
 
 mod eigen;
 mod features;
+mod ground;
 mod local_map;
 mod matching;
 mod motion;
+mod moving;
 mod normal_equations;
 mod odometry;
 mod range_image;
 mod sampling;
+mod seen;
+mod small_objects;
 mod start;
 mod sweep;
 mod voxel;

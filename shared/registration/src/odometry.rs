@@ -2,6 +2,7 @@
 
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
+use crate::moving::MovingObjects;
 use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
@@ -54,6 +55,9 @@ pub struct Registered {
     pub matched: Option<Matched>,
     /// A new map was begun with this sweep because the old one was lost.
     pub map_restarted: bool,
+    /// Indices of the sweep's points on things that move, rising: they stand where an earlier sweep saw through. Things that
+    /// have only just come into view are not known to move.
+    pub moving: Vec<u32>,
 }
 
 impl Registered {
@@ -107,8 +111,8 @@ struct Last {
 /// Everything that the next sweep depends on, see [`Odometry::save`]. Numbers keep their bits in any format that does.
 ///
 /// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
-/// (at most two lists of one feature per range image cell and column step, 32 bytes each): 3.2 MB with the defaults, as
-/// a street fills them about 2 MB.
+/// (at most two lists of one feature per range image cell and column step, 36 bytes each), and the ranges of eight sweeps
+/// (2 bytes a ray): 4.3 MB with the defaults and 32 rings, as a street fills them about 3 MB.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
@@ -118,6 +122,7 @@ pub struct OdometryState {
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
+    moving: MovingObjects,
     map_points: Vec<MapPoint>,
 }
 
@@ -141,6 +146,7 @@ impl Odometry {
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
+            moving: MovingObjects::default(),
             map_points: Vec::new(),
         };
         Self { settings, state, map: LocalMap::default() }
@@ -149,6 +155,7 @@ impl Odometry {
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
     /// needs two), both for the second, from then on each at once.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        let full = sweep;
         let sweep = self.hold(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
         if let Some(last) = before.or(self.state.held.as_ref().map(|held| held.mid_stamp))
@@ -157,10 +164,10 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
         }
         if let Some(last) = self.state.last.take() {
-            return Ok(vec![self.follow(&sweep, &last)]);
+            return Ok(vec![self.follow(&sweep, full, &last)]);
         }
         if let Some(first) = self.state.held.take() {
-            return Ok(self.start(&first, sweep));
+            return Ok(self.start(&first, sweep, full));
         }
         self.state.held = Some(sweep);
         Ok(Vec::new())
@@ -200,7 +207,7 @@ impl Odometry {
         }
     }
 
-    fn start(&mut self, first: &HeldSweep, second: HeldSweep) -> Vec<Registered> {
+    fn start(&mut self, first: &HeldSweep, second: HeldSweep, full: &Sweep) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
         let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
@@ -219,11 +226,11 @@ impl Odometry {
         });
         let first_match = start.second.clone();
         let first = first.registered(start.first, Some(first_match), false);
-        let second = self.arrive(&second, start.second.motion, Some(start.second), seconds);
+        let second = self.arrive(&second, full, start.second.motion, Some(start.second), seconds);
         vec![first, second]
     }
 
-    fn follow(&mut self, sweep: &HeldSweep, last: &Last) -> Registered {
+    fn follow(&mut self, sweep: &HeldSweep, full: &Sweep, last: &Last) -> Registered {
         let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
         let mid = last.velocity.advance(&last.mid, seconds);
         let prediction = Prediction {
@@ -240,7 +247,7 @@ impl Odometry {
             .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
         self.state.last = Some(last.clone());
-        self.arrive(sweep, motion, matched, seconds)
+        self.arrive(sweep, full, motion, matched, seconds)
     }
 
     /// The samples of a sweep that are near the map where the motion puts them.
@@ -261,7 +268,14 @@ impl Odometry {
     }
 
     /// Books the sweep's motion, and grows the map by it if it was matched.
-    fn arrive(&mut self, sweep: &HeldSweep, motion: SweepMotion, matched: Option<Matched>, seconds: f64) -> Registered {
+    fn arrive(
+        &mut self,
+        sweep: &HeldSweep,
+        full: &Sweep,
+        motion: SweepMotion,
+        matched: Option<Matched>,
+        seconds: f64,
+    ) -> Registered {
         let velocity = match (&self.state.last, &matched) {
             (Some(last), None) => last.velocity,
             (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
@@ -275,11 +289,19 @@ impl Odometry {
             self.map = LocalMap::default();
             self.state.bridged_in_a_row = 0;
             self.state.grown_at = None;
+            self.state.moving = MovingObjects::default();
         }
+        // A sweep that only follows the last motion would make standing things move.
+        let moving = if matched.is_some() { self.state.moving.found(full, &motion) } else { Vec::new() };
         if map_restarted || matched.is_some() {
-            self.grow(&sweep.features, &motion);
+            let stands = |feature: &&Feature| moving.binary_search(&feature.point_idx).is_err();
+            let standing: Vec<Feature> = sweep.features.iter().filter(stands).cloned().collect();
+            self.grow(&standing, &motion);
         }
-        sweep.registered(motion, matched, map_restarted)
+        if matched.is_some() {
+            self.state.moving.remember(full, &motion);
+        }
+        Registered { moving, ..sweep.registered(motion, matched, map_restarted) }
     }
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
@@ -298,7 +320,14 @@ impl Odometry {
 
 impl HeldSweep {
     fn registered(&self, motion: SweepMotion, matched: Option<Matched>, map_restarted: bool) -> Registered {
-        Registered { stamp: self.stamp, duration_nanos: self.duration_nanos, motion, matched, map_restarted }
+        Registered {
+            stamp: self.stamp,
+            duration_nanos: self.duration_nanos,
+            motion,
+            matched,
+            map_restarted,
+            moving: Vec::new(),
+        }
     }
 }
 
