@@ -1,6 +1,7 @@
 //! The stage's state, to the bit.
 
 use crate::open_submap::{OpenSubmap, SubmapFrame};
+use crate::weak_stretches::WeakStretches;
 use messages::{Submap, SubmapHeader, SubmapPoint, pod};
 use registration::OdometryState;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,7 @@ pub(crate) struct Saved {
     pub waiting: Option<Bytes>,
     pub submap: Option<SavedSubmap>,
     pub last_row_stamp: Option<i64>,
+    pub weak: WeakStretches,
 }
 
 /// An [`OpenSubmap`] outside shared memory.

@@ -5,6 +5,7 @@ use crate::odometry_settings::odometry_settings;
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
 use crate::sweeps::Cloud;
+use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
 use geometry::{Isometry3, Pose};
 use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
@@ -22,6 +23,7 @@ pub struct SlamAggregate {
     /// Loaded, and not yet in a slot.
     saved_submap: Option<SavedSubmap>,
     last_row_stamp: Option<i64>,
+    weak: WeakStretches,
 }
 
 impl SlamAggregate {
@@ -36,6 +38,7 @@ impl SlamAggregate {
             open: None,
             saved_submap: None,
             last_row_stamp: None,
+            weak: WeakStretches::default(),
         }
     }
 
@@ -48,6 +51,9 @@ impl SlamAggregate {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         count(registered, outputs);
+        if let Some(text) = self.weak.see(registered) {
+            outputs.note(text);
+        }
         let (kept, n_dropped) = cloud.kept(self.settings.min_range_m, self.settings.thin_m);
         outputs.count("points_out_of_range", n_dropped as u64);
         let body_from_lidar = self.body_from_lidar;
@@ -145,6 +151,9 @@ impl Stage for SlamAggregate {
             self.place(&Cloud::new(received, &self.settings), &registered, &mut rows, outputs)?;
         }
         publish_poses(&rows, outputs)?;
+        if let Some(text) = self.weak.finish() {
+            outputs.note(text);
+        }
         self.close(outputs)
     }
 
@@ -155,6 +164,7 @@ impl Stage for SlamAggregate {
             waiting: self.waiting.as_ref().map(Received::to_bytes),
             submap: open.or_else(|| self.saved_submap.take()),
             last_row_stamp: self.last_row_stamp,
+            weak: self.weak.clone(),
         };
         let bytes = stage::encode_state(STATE_VERSION, &saved)?;
         if self.open.is_none() {
@@ -170,6 +180,7 @@ impl Stage for SlamAggregate {
         self.open = None;
         self.saved_submap = saved.submap;
         self.last_row_stamp = saved.last_row_stamp;
+        self.weak = saved.weak;
         Ok(())
     }
 }

@@ -53,7 +53,8 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
         }
         let name = format!("{n_sweeps:06}");
         write_returns(out, &name, &returns, sweep.has_times)?;
-        stamps.push_str(&format!("{}\n", sweep.stamp.0));
+        stamps.push_str(&sweep.stamp.0.to_string());
+        stamps.push('\n');
         if let Some(truth) = &truth {
             let last = returns.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
             let at = |nanos: u32| pose_at(truth, &sweep, nanos);

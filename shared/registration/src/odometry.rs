@@ -295,7 +295,7 @@ impl Odometry {
         let moving = if matched.is_some() { self.state.moving.found(full, &motion) } else { Vec::new() };
         if map_restarted || matched.is_some() {
             let stands = |feature: &&Feature| moving.binary_search(&feature.point_idx).is_err();
-            let standing: Vec<Feature> = sweep.features.iter().filter(stands).cloned().collect();
+            let standing: Vec<Feature> = sweep.features.iter().filter(stands).copied().collect();
             self.grow(&standing, &motion);
         }
         if matched.is_some() {

@@ -83,10 +83,8 @@ impl SmallObjects {
 
 impl Extent {
     fn add(&mut self, point: &[f32; 3]) {
-        for axis in 0..3 {
-            self.low[axis] = self.low[axis].min(point[axis]);
-            self.high[axis] = self.high[axis].max(point[axis]);
-        }
+        self.low = std::array::from_fn(|axis| self.low[axis].min(point[axis]));
+        self.high = std::array::from_fn(|axis| self.high[axis].max(point[axis]));
         self.n += 1;
     }
     fn is_small(&self) -> bool {
