@@ -6,7 +6,8 @@
 //! 3. The previous motion is repeated as a prediction; features are matched to the surface of the [`LocalMap`],
 //!    with the motion *during* the sweep refined along with the pose.
 //! 4. Directions that the scene does not determine are held to the prediction and reported.
-//! 5. Registered features enter the map; points of old sweeps leave it.
+//! 5. Small objects that stand where an earlier sweep saw through are moving: their points are reported.
+//! 6. The other features enter the map; points of old sweeps leave it.
 //!
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
 //! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
