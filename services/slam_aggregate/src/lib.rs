@@ -12,6 +12,7 @@ mod saved;
 mod settings;
 mod slam;
 mod sweeps;
+mod weak_stretches;
 
 pub use settings::Settings;
 pub use slam::SlamAggregate;

@@ -1,7 +1,7 @@
 //! From the stage's settings to the odometry's.
 
 use crate::Settings;
-use registration::OdometrySettings;
+use registration::{OdometrySettings, Sampling};
 
 pub(crate) fn odometry_settings(settings: &Settings) -> OdometrySettings {
     let mut odometry = OdometrySettings::default();
@@ -11,7 +11,9 @@ pub(crate) fn odometry_settings(settings: &Settings) -> OdometrySettings {
     odometry.map.spacing_m = settings.map_spacing_m;
     odometry.map.batches = settings.map_sweeps;
     odometry.map.max_points = settings.map_points_max as usize;
-    odometry.matching.max_features = settings.matches_max as usize;
+    if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {
+        *max_features = settings.matches_max as usize;
+    }
     odometry.matching.fine.0 = 1.5 * settings.map_spacing_m;
     odometry
 }

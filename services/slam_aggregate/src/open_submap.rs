@@ -3,7 +3,8 @@
 use crate::sweeps::Cloud;
 use geometry::{Pose, UnitQuaternion, Vector3};
 use messages::{
-    MAX_SWEEPS_PER_SUBMAP, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep, SweepPoint,
+    MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
+    SweepPoint,
 };
 use registration::{DeskewTable, Registered};
 use stage::{Loan, Outputs, StepError};
@@ -70,8 +71,12 @@ impl OpenSubmap {
         if first_point == 0 {
             (*bounds.0, *bounds.1) = ([f32::MAX; 3], [f32::MIN; 3]);
         }
+        // Both lists rise.
+        let mut moving = registered.moving.iter().map(|&idx| idx as usize).peekable();
         for (row, &point_idx) in rows.iter_mut().zip(kept) {
             *row = submap_point(cloud, point_idx, &table, sweep_idx);
+            while moving.next_if(|&idx| idx < point_idx).is_some() {}
+            row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
             for (axis, value) in [row.x, row.y, row.z].into_iter().enumerate() {
                 bounds.0[axis] = bounds.0[axis].min(value);
                 bounds.1[axis] = bounds.1[axis].max(value);

@@ -1,15 +1,16 @@
 //! The stage's state, to the bit.
 
 use crate::open_submap::{OpenSubmap, SubmapFrame};
+use crate::weak_stretches::WeakStretches;
 use messages::{Submap, SubmapHeader, SubmapPoint, pod};
 use registration::OdometryState;
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Raised when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 1;
+pub(crate) const STATE_VERSION: u32 = 2;
 
-/// Everything that the next tick depends on: the odometry's state (at most 3.2 MB with default settings), the first
+/// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), the first
 /// sweep while it waits for the second (about 1.3 MB), and the open submap (28 bytes a point).
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
@@ -18,6 +19,7 @@ pub(crate) struct Saved {
     pub waiting: Option<Bytes>,
     pub submap: Option<SavedSubmap>,
     pub last_row_stamp: Option<i64>,
+    pub weak: WeakStretches,
 }
 
 /// An [`OpenSubmap`] outside shared memory.

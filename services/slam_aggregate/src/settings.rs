@@ -25,6 +25,12 @@ stage::settings! {
         /// Spacing of the local map's points, m: ten times the range noise. The search reaches 1.5 times as far, at
         /// most 0.5 m, hence the upper limit.
         pub map_spacing_m: f64 = 0.2 => stage::within(0.05, 0.33);
+        /// What to make of sweeps without point times: "none" takes them as rigid, as those are whose motion has been
+        /// compensated; "clockwise" and "counterclockwise" (seen from the sensor's top) give each point the time at which a
+        /// sensor that turns evenly from behind to behind fires there.
+        pub untimed_turn: String = "none".to_owned() => stage::one_of(&["none", "clockwise", "counterclockwise"]);
+        /// Time of such a turn, s.
+        pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
         /// Planar points that are matched per sweep at most: 2000 average 3 cm of noise below 1 mm.
         pub matches_max: u32 = 2_000 => stage::within(200, 50_000);
     }

@@ -5,6 +5,7 @@ use crate::odometry_settings::odometry_settings;
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
 use crate::sweeps::Cloud;
+use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
 use geometry::{Isometry3, Pose};
 use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
@@ -22,6 +23,7 @@ pub struct SlamAggregate {
     /// Loaded, and not yet in a slot.
     saved_submap: Option<SavedSubmap>,
     last_row_stamp: Option<i64>,
+    weak: WeakStretches,
 }
 
 impl SlamAggregate {
@@ -36,6 +38,7 @@ impl SlamAggregate {
             open: None,
             saved_submap: None,
             last_row_stamp: None,
+            weak: WeakStretches::default(),
         }
     }
 
@@ -48,6 +51,9 @@ impl SlamAggregate {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         count(registered, outputs);
+        if let Some(text) = self.weak.see(registered) {
+            outputs.note(text);
+        }
         let (kept, n_dropped) = cloud.kept(self.settings.min_range_m, self.settings.thin_m);
         outputs.count("points_out_of_range", n_dropped as u64);
         let body_from_lidar = self.body_from_lidar;
@@ -125,9 +131,10 @@ impl Stage for SlamAggregate {
         }
         let mut rows = Vec::new();
         for received in inputs.take::<Sweep>() {
-            let cloud = Cloud::new(received);
+            let cloud = Cloud::new(received, &self.settings);
             let registered = self.odometry.register(&cloud.sweep).map_err(StepError::data)?;
-            let mut clouds = self.waiting.take().map(Cloud::new).into_iter().chain([cloud]);
+            let mut clouds =
+                self.waiting.take().map(|received| Cloud::new(received, &self.settings)).into_iter().chain([cloud]);
             for (registered, cloud) in registered.iter().zip(clouds.by_ref()) {
                 self.place(&cloud, registered, &mut rows, outputs)?;
             }
@@ -141,9 +148,12 @@ impl Stage for SlamAggregate {
         self.reopen(outputs)?;
         let mut rows = Vec::new();
         if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
-            self.place(&Cloud::new(received), &registered, &mut rows, outputs)?;
+            self.place(&Cloud::new(received, &self.settings), &registered, &mut rows, outputs)?;
         }
         publish_poses(&rows, outputs)?;
+        if let Some(text) = self.weak.finish() {
+            outputs.note(text);
+        }
         self.close(outputs)
     }
 
@@ -154,6 +164,7 @@ impl Stage for SlamAggregate {
             waiting: self.waiting.as_ref().map(Received::to_bytes),
             submap: open.or_else(|| self.saved_submap.take()),
             last_row_stamp: self.last_row_stamp,
+            weak: self.weak.clone(),
         };
         let bytes = stage::encode_state(STATE_VERSION, &saved)?;
         if self.open.is_none() {
@@ -169,6 +180,7 @@ impl Stage for SlamAggregate {
         self.open = None;
         self.saved_submap = saved.submap;
         self.last_row_stamp = saved.last_row_stamp;
+        self.weak = saved.weak;
         Ok(())
     }
 }
@@ -178,6 +190,7 @@ fn count(registered: &Registered, outputs: &mut Outputs) {
     outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
     outputs.count("degenerate_sweeps", u64::from(weak));
     outputs.count("maps_restarted", u64::from(registered.map_restarted));
+    outputs.count("points_moving", registered.moving.len() as u64);
 }
 
 fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {

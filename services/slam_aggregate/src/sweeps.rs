@@ -1,8 +1,9 @@
 //! Sweeps as they come and as the odometry sees them.
 
+use crate::Settings;
 use geometry::Stamp;
 use messages::{Sweep, SweepPoint};
-use registration::TimedPoint;
+use registration::{TimedPoint, Turn};
 use stage::Received;
 
 /// A sweep on its way through the stage.
@@ -12,14 +13,22 @@ pub(crate) struct Cloud {
 }
 
 impl Cloud {
-    pub fn new(received: Received<Sweep>) -> Self {
+    pub fn new(received: Received<Sweep>, settings: &Settings) -> Self {
         let header = received.header();
         let timed = |point: &SweepPoint| TimedPoint {
             position: [point.x, point.y, point.z],
             offset_nanos: if header.has_times == 0 { 0 } else { point.offset_nanos },
             ring: point.ring,
         };
-        let points = received.rows().iter().map(timed).collect();
+        let mut points: Vec<TimedPoint> = received.rows().iter().map(timed).collect();
+        let turn = match settings.untimed_turn.as_str() {
+            "clockwise" => Some(Turn::Clockwise),
+            "counterclockwise" => Some(Turn::Counterclockwise),
+            _ => None,
+        };
+        if let Some(turn) = turn.filter(|_| header.has_times == 0) {
+            registration::set_times_from_azimuth(&mut points, turn, (settings.untimed_turn_s * 1e9) as u32);
+        }
         let sweep = registration::Sweep::new(Stamp(received.stamp()), points, header.n_rings);
         Self { received, sweep }
     }

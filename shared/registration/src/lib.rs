@@ -6,28 +6,35 @@
 //! 3. The previous motion is repeated as a prediction; features are matched to the surface of the [`LocalMap`],
 //!    with the motion *during* the sweep refined along with the pose.
 //! 4. Directions that the scene does not determine are held to the prediction and reported.
-//! 5. Registered features enter the map; points of old sweeps leave it.
+//! 5. Small objects that stand where an earlier sweep saw through are moving: their points are reported.
+//! 6. The other features enter the map; points of old sweeps leave it.
 //!
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
 //! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
 
 mod eigen;
 mod features;
+mod ground;
 mod local_map;
 mod matching;
 mod motion;
+mod moving;
 mod normal_equations;
 mod odometry;
 mod range_image;
+mod sampling;
+mod seen;
+mod small_objects;
 mod start;
 mod sweep;
 mod voxel;
 
 pub use features::{Feature, FeatureSettings, planar_features};
-pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
+pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};
 pub use matching::{MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion};
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use range_image::RangeImage;
-pub use sweep::{Sweep, TimedPoint};
+pub use sampling::Sampling;
+pub use sweep::{Sweep, TimedPoint, Turn, set_times_from_azimuth};
 pub use voxel::thinned;

@@ -3,6 +3,7 @@
 use crate::voxel::{EMPTY_KEY, VoxelIndex, first_slot, table_bits};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// A point of a surface, 40 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,21 +23,28 @@ pub struct MapSettings {
     pub spacing_m: f64,
     /// Insertions after which a point leaves.
     pub batches: u32,
+    /// How far a point moves along its normal towards a new point of its cube, as a share of their distance; 0 leaves it
+    /// where the first measurement was.
+    pub refinement: f64,
     /// Points at most; the oldest leave first.
     pub max_points: usize,
 }
 
 impl Default for MapSettings {
     /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10
-    /// m/s, as far as surfaces are hit densely. 80 000 points are 3.2 MB of state; a street fills about half.
+    /// m/s, as far as surfaces are hit densely. A refinement of 0.1 averages over some ten sweeps. 80 000 points are 3.2 MB of state; a street fills about half.
     fn default() -> Self {
-        Self { spacing_m: 0.2, batches: 60, max_points: 80_000 }
+        Self { spacing_m: 0.2, batches: 60, refinement: 0.1, max_points: 80_000 }
     }
 }
 
 /// Side of a search cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the
 /// default spacing.
 const CELL_M: f64 = 1.0;
+/// Cosine of the largest angle between normals of one surface, 37 degrees.
+const SAME_SURFACE: f32 = 0.8;
+/// A new point farther off a map point's plane is on something else, m: five times range noise.
+const REFINEMENT_GATE_M: f64 = 0.1;
 /// Largest radius of [`LocalMap::surface`], m.
 pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
 
@@ -55,6 +63,8 @@ struct Index {
     keys: Vec<u64>,
     ends: Vec<u32>,
     sorted: Vec<MapPoint>,
+    /// Where each of `sorted` stands in the order of insertion.
+    order: Vec<u32>,
     /// Slot of each point, while the index is built.
     slots: Vec<u32>,
 }
@@ -70,18 +80,28 @@ impl LocalMap {
     pub fn points(&self) -> &[MapPoint] {
         &self.points
     }
-    /// Adds the points whose cube is still free, drops what is older than the settings allow, and keeps within bounds.
-    /// New points are expected to be thinned among themselves.
+    /// Adds the points whose cube is still free; others move the point in their cube towards them, along its normal, by the
+    /// share that the settings say. Drops what is older than they allow, and keeps within bounds. New points are expected
+    /// to be thinned among themselves.
     pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
         let per_m = 1.0 / settings.spacing_m;
-        let free = |point: &&MapPoint| {
-            let cube = VoxelIndex::containing(point.position, per_m);
+        let mut free = Vec::new();
+        for new in new_points {
+            let cube = VoxelIndex::containing(new.position, per_m);
             // The first coordinate tells most cubes apart; the factor covers its rounding.
-            let is_beside = |p: &&MapPoint| (p.position[0] - point.position[0]).abs() < 1.01 * settings.spacing_m;
-            let mut near = self.index.cell(cell_of(point.position)).iter().filter(is_beside);
-            near.all(|p| VoxelIndex::containing(p.position, per_m) != cube)
-        };
-        let free: Vec<MapPoint> = new_points.iter().filter(free).map(|point| MapPoint { batch, ..*point }).collect();
+            let is_same = |old: &MapPoint| {
+                (old.position[0] - new.position[0]).abs() < 1.01 * settings.spacing_m
+                    && VoxelIndex::containing(old.position, per_m) == cube
+            };
+            let cell = self.index.cell_range(cell_of(new.position));
+            match cell.into_iter().find(|&place| is_same(&self.index.sorted[place])) {
+                Some(place) => {
+                    let point = &mut self.points[self.index.order[place] as usize];
+                    refine(point, new, settings.refinement);
+                }
+                None => free.push(MapPoint { batch, ..*new }),
+            }
+        }
         let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
         let expired = self.points.partition_point(|point| point.batch < oldest);
         self.points.drain(..expired);
@@ -91,12 +111,12 @@ impl LocalMap {
         self.index.rebuild(&self.points);
     }
     /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
-    /// `radius_m` (at most 0.5 m, half a search cell) whose normals are within about 37 degrees of `normal`: the other
+    /// the kernel's radius (at most 0.5 m, half a search cell) whose normals are within about 37 degrees of `normal`: the other
     /// side of a wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
     #[inline]
-    pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, radius_m: f64) -> Option<Surface> {
+    pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, kernel: &Kernel) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
-        let radius = radius_m.min(MAX_RADIUS_M);
+        let radius = kernel.radius_m.min(MAX_RADIUS_M);
         let limit = radius * radius;
         // How far above the face between the lower and the upper cells the position lies, by axis.
         let above: [f64; 3] = std::array::from_fn(|axis| position[axis] - f64::from(base[axis] + 1) * CELL_M);
@@ -111,11 +131,13 @@ impl LocalMap {
             for point in self.index.cell(cell) {
                 let offset = Vector3::from(position) - Vector3::from(point.position);
                 let squared = offset.norm_squared();
-                if squared >= limit || Vector3::from(point.normal).dot(normal) <= 0.8 {
+                if squared >= limit || Vector3::from(point.normal).dot(normal) <= SAME_SURFACE {
                     continue;
                 }
-                // (1 - d^2/r^2)^2 instead of a Gaussian: as smooth, ends at the radius, costs no exponential.
-                let weight = (1.0 - squared / limit).powi(2);
+                let weight = match kernel.weights {
+                    Weights::Compact => (1.0 - squared / limit).powi(2),
+                    Weights::Gaussian { h_m } => (-squared / (h_m * h_m)).exp(),
+                };
                 let normal = Vector3::from(point.normal).cast::<f64>();
                 weights += weight;
                 distances += weight * normal.dot(&offset);
@@ -124,6 +146,38 @@ impl LocalMap {
         }
         (weights > 1e-6).then(|| Surface { distance_m: distances / weights, normal: normals.normalize() })
     }
+}
+
+/// Moves a point along its normal by `share` of the way to the plane through another of the same surface. Sideways it
+/// stays: thinning goes on as it was.
+fn refine(point: &mut MapPoint, new: &MapPoint, share: f64) {
+    let normal = Vector3::from(point.normal);
+    let height = normal.cast::<f64>().dot(&(Vector3::from(new.position) - Vector3::from(point.position)));
+    if normal.dot(&Vector3::from(new.normal)) > SAME_SURFACE && height.abs() < REFINEMENT_GATE_M {
+        let step = normal.cast::<f64>() * (share * height);
+        point.position = (Vector3::from(point.position) + step).into();
+    }
+}
+
+/// How a point counts by its distance d, see [`LocalMap::surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Weights {
+    /// (1 - d^2/r^2)^2 within the radius r: as smooth as a Gaussian, ends at the radius, costs no exponential.
+    Compact,
+    /// exp(-d^2/h^2) within the radius (Kolluri 2008; IMLS-SLAM's form).
+    Gaussian {
+        /// h, m.
+        h_m: f64,
+    },
+}
+
+/// Which points make a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kernel {
+    /// Points farther away do not count, m; at most 0.5.
+    pub radius_m: f64,
+    /// How nearer ones count.
+    pub weights: Weights,
 }
 
 /// See [`LocalMap::surface`].
@@ -158,9 +212,11 @@ impl Index {
         if let Some(&any) = points.first() {
             self.sorted.resize(points.len(), any);
         }
-        for (point, &slot) in points.iter().zip(&self.slots) {
+        self.order.resize(points.len(), 0);
+        for (idx, (point, &slot)) in points.iter().zip(&self.slots).enumerate() {
             let place = &mut self.ends[slot as usize];
             self.sorted[*place as usize] = *point;
+            self.order[*place as usize] = idx as u32;
             *place += 1;
         }
     }
@@ -199,21 +255,28 @@ impl Index {
     }
     #[inline]
     fn cell(&self, cell: VoxelIndex) -> &[MapPoint] {
+        &self.sorted[self.cell_range(cell)]
+    }
+    /// Where the cell's points are in `sorted`.
+    #[inline]
+    fn cell_range(&self, cell: VoxelIndex) -> Range<usize> {
         if self.keys.is_empty() {
-            return &[];
+            return 0..0;
         }
         let slot = self.slot(cell.key());
         if self.keys[slot] == EMPTY_KEY {
-            return &[];
+            return 0..0;
         }
         let start = if slot == 0 { 0 } else { self.ends[slot - 1] };
-        &self.sorted[start as usize..self.ends[slot] as usize]
+        start as usize..self.ends[slot] as usize
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const KERNEL: Kernel = Kernel { radius_m: 0.5, weights: Weights::Compact };
 
     fn point(x: f64, y: f64, z: f64) -> MapPoint {
         MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], batch: 0 }
@@ -242,7 +305,7 @@ mod tests {
                 weights += weight;
                 heights += weight * offset.z;
             }
-            let surface = map.surface(query.position, &up, 0.5);
+            let surface = map.surface(query.position, &up, &KERNEL);
             assert_eq!(surface.is_some(), weights > 1e-6);
             if let Some(surface) = surface {
                 assert!((surface.distance_m - heights / weights).abs() < 1e-9);
@@ -251,13 +314,13 @@ mod tests {
             }
         }
         assert!(found > 400 && found < 700, "both outcomes must occur: {found} of 700");
-        assert_eq!(map.surface([0.0; 3], &Vector3::x(), 0.5), None, "normals disagree everywhere");
-        assert_eq!(LocalMap::default().surface([0.0; 3], &up, 0.5), None);
+        assert_eq!(map.surface([0.0; 3], &Vector3::x(), &KERNEL), None, "normals disagree everywhere");
+        assert_eq!(LocalMap::default().surface([0.0; 3], &up, &KERNEL), None);
     }
 
     #[test]
     fn a_map_is_thin_ages_and_stays_bounded() {
-        let settings = MapSettings { spacing_m: 0.2, batches: 3, max_points: 1000 };
+        let settings = MapSettings { spacing_m: 0.2, batches: 3, refinement: 0.0, max_points: 1000 };
         let mut map = LocalMap::default();
         map.insert(0, &[point(0.05, 0.05, 0.05), point(0.3, 0.0, 0.0)], &settings);
         map.insert(1, &[point(0.1, 0.1, 0.1), point(-0.05, 0.0, 0.0)], &settings);

@@ -1,8 +1,9 @@
 //! Scan-to-map matching: point to plane, robust, over the pose and the motion during the sweep.
 
+use crate::local_map::{Kernel, Weights};
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
-use crate::{Feature, LocalMap, SweepMotion};
+use crate::{Feature, LocalMap, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use rayon::prelude::*;
@@ -10,15 +11,19 @@ use rayon::prelude::*;
 /// How features are matched.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatchSettings {
-    /// Features used at most, evenly chosen.
-    pub max_features: usize,
-    /// One feature per cube of this side is used, m: keeps the road before the vehicle from outvoting the facades.
-    pub spacing_m: f64,
+    /// Which features are matched.
+    pub sampling: Sampling,
+    /// How map points around a feature count.
+    pub weights: Weights,
+    /// Whether the motion during the sweep is found along with its pose, tied to the way from the sweep before. If not, the
+    /// sweep is rigid, deskewed as predicted, and deskewed again with the way from the sweep before to the pose found
+    /// (Deschaud 2018).
+    pub bends: bool,
     /// Rounds with the coarse radius and scale.
     pub coarse_rounds: u32,
     /// Rounds in all, at most.
     pub max_rounds: u32,
-    /// Search radius and robust scale (Cauchy) of the coarse rounds, m.
+    /// Search radius and robust scale (Cauchy; infinite = least squares) of the coarse rounds, m.
     pub coarse: (f64, f64),
     /// The same of the fine rounds, m.
     pub fine: (f64, f64),
@@ -27,6 +32,8 @@ pub struct MatchSettings {
     pub acceleration: (f64, f64),
     /// Error of a residual for the purpose of that tie, m. Larger than the range noise: neighbors err alike.
     pub residual_m: f64,
+    /// A step below this (m, rad) ends the fine rounds.
+    pub small_step: (f64, f64),
     /// A direction is weak if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
 }
@@ -34,20 +41,22 @@ pub struct MatchSettings {
 impl Default for MatchSettings {
     /// 2000 features average 3 cm of noise below 1 mm. The coarse radius is what the map's cells allow; the fine one
     /// spans 1.5 times the map's spacing, so that a surface is the mean of several points. Drift on the synthetic
-    /// street of `examples/odometry_bench.rs`: 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m; 0.58 % with the nearest point
+    /// street of `tests/support/world.rs`: 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m; 0.58 % with the nearest point
     /// alone. Cauchy's 0.1 m is three times noise and roughness. 4 m/s^2 is firm braking. 0.7 rad/s^2 is a car pitching
     /// by 0.5 degrees at 1.4 Hz; a looser tie lets noise bend the sweep (same street: 0.29 % with 1.5, 0.22 % with
     /// 0.7). 0.004 is what normals that are off by 3.6 degrees pretend along a tunnel.
     fn default() -> Self {
         Self {
-            max_features: 2000,
-            spacing_m: 0.5,
+            sampling: Sampling::Even { spacing_m: 0.5, max_features: 2000 },
+            weights: Weights::Compact,
+            bends: true,
             coarse_rounds: 3,
             max_rounds: 15,
             coarse: (0.5, 0.3),
-            fine: (0.3, 0.1),
+            fine: (0.3, 0.05),
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
+            small_step: (1e-3, 1.745e-4),
             min_influence: 0.004,
         }
     }
@@ -73,7 +82,7 @@ pub struct Matched {
     /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the lidar. Features are
     /// taken as independent.
     pub information: Matrix6<f64>,
-    /// Whether the last step was below 1 mm and 0.01 degrees.
+    /// Whether the last step was below [`MatchSettings::small_step`].
     pub converged: bool,
 }
 
@@ -92,8 +101,6 @@ pub(crate) struct Prediction {
 const LEVER_M: f64 = 10.0;
 /// Fewer matches than this are no measurement of six unknowns.
 const MIN_MATCHES: usize = 60;
-/// A step below this ends the rounds: 1 mm, and 0.01 degrees.
-const SMALL_STEP: (f64, f64) = (1e-3, 1.745e-4);
 /// Features of one piece of parallel work; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 
@@ -109,17 +116,23 @@ pub(crate) fn match_features(
     for round in 0..settings.max_rounds {
         let coarse = round < settings.coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
-        let equations = linearize(features, map, &motion, radius_m, scale_m);
+        let kernel = Kernel { radius_m, weights: settings.weights };
+        let equations = linearize(features, map, &motion, &kernel, scale_m);
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
         let weak = WeakDirections::of(&equations, settings.min_influence);
         let (pose_step, motion_step) = solve(&equations, &weak, &motion, prediction, settings)?;
         motion = stepped(&motion, &pose_step, &motion_step);
-        let small =
-            pose_step.fixed_rows::<3>(0).norm() < SMALL_STEP.0 && pose_step.fixed_rows::<3>(3).norm() < SMALL_STEP.1;
+        let (small_m, small_rad) = settings.small_step;
+        let small = pose_step.fixed_rows::<3>(0).norm() < small_m && pose_step.fixed_rows::<3>(3).norm() < small_rad;
         let converged = !coarse && small;
         if converged || round + 1 == settings.max_rounds {
+            if !settings.bends {
+                let (previous, seconds) = &prediction.previous;
+                motion =
+                    Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
+            }
             let mean_square = equations.weighted_squares / equations.weight;
             return Some(Matched {
                 motion,
@@ -142,11 +155,11 @@ fn linearize(
     features: &[Feature],
     map: &LocalMap,
     motion: &SweepMotion,
-    radius_m: f64,
+    kernel: &Kernel,
     scale_m: f64,
 ) -> NormalEquations {
     let parts: Vec<NormalEquations> =
-        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, map, motion, radius_m, scale_m)).collect();
+        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, map, motion, kernel, scale_m)).collect();
     let mut sum = NormalEquations::zero();
     for part in &parts {
         sum.merge(part);
@@ -159,7 +172,7 @@ fn linearize_chunk(
     features: &[Feature],
     map: &LocalMap,
     motion: &SweepMotion,
-    radius_m: f64,
+    kernel: &Kernel,
     scale_m: f64,
 ) -> NormalEquations {
     let mut sum = NormalEquations::zero();
@@ -173,7 +186,7 @@ fn linearize_chunk(
         let arm = rotation * (p_in_lidar + first + turn.cross(&first) * 0.5);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
-        let Some(surface) = map.surface(position.into(), &normal.cast(), radius_m) else {
+        let Some(surface) = map.surface(position.into(), &normal.cast(), kernel) else {
             sum.cost += 1.0;
             continue;
         };
@@ -221,6 +234,10 @@ fn solve(
     settings: &MatchSettings,
 ) -> Option<(Vector6<f64>, Vector6<f64>)> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
+    if !settings.bends {
+        let pose_step = equations.solve_pose((&weak.stiffness, &to_predicted))?;
+        return Some((pose_step, Vector6::zeros()));
+    }
     let (previous, seconds) = &prediction.previous;
     let tied = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
     let rotation_gap = motion.mid.rotation * (tied.rotation - motion.rotation);

@@ -80,6 +80,10 @@ impl NormalEquations {
         self.cross.fill_lower_triangle_with_upper_triangle();
         self.motion.fill_lower_triangle_with_upper_triangle();
     }
+    /// The step of the pose alone that lowers the cost most; see [`NormalEquations::solve`].
+    pub fn solve_pose(&self, (prior, offset): (&Matrix6<f64>, &Vector6<f64>)) -> Option<Vector6<f64>> {
+        Some((self.pose + prior).cholesky()?.solve(&(prior * offset - self.pose_gradient)))
+    }
     /// Steps of pose and motion that lower the cost most, under a prior on each: `pose_prior` is an information matrix
     /// and `pose_offset` the step that it wants; alike for the motion. `None` if the system is singular.
     pub fn solve(

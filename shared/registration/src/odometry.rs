@@ -1,12 +1,13 @@
 //! Sweep after sweep onto the local map.
 
-use crate::features::thinned_features;
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
+use crate::moving::MovingObjects;
+use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
-    Feature, FeatureSettings, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sweep, SweepMotion,
-    planar_features,
+    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sampling, Sweep,
+    SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
 use nalgebra::Point3;
@@ -54,6 +55,9 @@ pub struct Registered {
     pub matched: Option<Matched>,
     /// A new map was begun with this sweep because the old one was lost.
     pub map_restarted: bool,
+    /// Indices of the sweep's points on things that move, rising: they stand where an earlier sweep saw through. Things that
+    /// have only just come into view are not known to move.
+    pub moving: Vec<u32>,
 }
 
 impl Registered {
@@ -93,7 +97,7 @@ pub(crate) struct HeldSweep {
     pub duration_s: f64,
     /// All, for the map.
     pub features: Vec<Feature>,
-    /// Some, for matching.
+    /// Some, for matching, without regard to a map.
     pub matching: Vec<Feature>,
 }
 
@@ -107,8 +111,8 @@ struct Last {
 /// Everything that the next sweep depends on, see [`Odometry::save`]. Numbers keep their bits in any format that does.
 ///
 /// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
-/// (at most two lists of one feature per range image cell and column step, 32 bytes each): 3.2 MB with the defaults, as
-/// a street fills them about 2 MB.
+/// (at most two lists of one feature per range image cell and column step, 36 bytes each), and the ranges of eight sweeps
+/// (2 bytes a ray): 4.3 MB with the defaults and 32 rings, as a street fills them about 3 MB.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
@@ -118,6 +122,7 @@ pub struct OdometryState {
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
+    moving: MovingObjects,
     map_points: Vec<MapPoint>,
 }
 
@@ -141,6 +146,7 @@ impl Odometry {
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
+            moving: MovingObjects::default(),
             map_points: Vec::new(),
         };
         Self { settings, state, map: LocalMap::default() }
@@ -149,6 +155,7 @@ impl Odometry {
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
     /// needs two), both for the second, from then on each at once.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        let full = sweep;
         let sweep = self.hold(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
         if let Some(last) = before.or(self.state.held.as_ref().map(|held| held.mid_stamp))
@@ -157,10 +164,10 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
         }
         if let Some(last) = self.state.last.take() {
-            return Ok(vec![self.follow(&sweep, &last)]);
+            return Ok(vec![self.follow(&sweep, full, &last)]);
         }
         if let Some(first) = self.state.held.take() {
-            return Ok(self.start(&first, sweep));
+            return Ok(self.start(&first, sweep, full));
         }
         self.state.held = Some(sweep);
         Ok(Vec::new())
@@ -195,12 +202,12 @@ impl Odometry {
             mid_stamp: sweep.mid_stamp(),
             duration_nanos: sweep.duration_nanos(),
             duration_s: f64::from(sweep.duration_nanos()) * 1e-9,
-            matching: evenly_chosen(&features, &self.settings.matching),
+            matching: self.sampled(&features, |_| true),
             features,
         }
     }
 
-    fn start(&mut self, first: &HeldSweep, second: HeldSweep) -> Vec<Registered> {
+    fn start(&mut self, first: &HeldSweep, second: HeldSweep, full: &Sweep) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
         let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
@@ -219,11 +226,11 @@ impl Odometry {
         });
         let first_match = start.second.clone();
         let first = first.registered(start.first, Some(first_match), false);
-        let second = self.arrive(&second, start.second.motion, Some(start.second), seconds);
+        let second = self.arrive(&second, full, start.second.motion, Some(start.second), seconds);
         vec![first, second]
     }
 
-    fn follow(&mut self, sweep: &HeldSweep, last: &Last) -> Registered {
+    fn follow(&mut self, sweep: &HeldSweep, full: &Sweep, last: &Last) -> Registered {
         let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
         let mid = last.velocity.advance(&last.mid, seconds);
         let prediction = Prediction {
@@ -231,15 +238,44 @@ impl Odometry {
             previous: (last.mid, seconds),
             duration_s: sweep.duration_s,
         };
-        let matched = match_features(&sweep.matching, &self.map, &prediction, &self.settings.matching)
+        let gated = match self.settings.matching.sampling {
+            Sampling::NineLists { .. } => Some(self.near_map(sweep, &prediction.motion)),
+            Sampling::Even { .. } => None,
+        };
+        let samples = gated.as_ref().unwrap_or(&sweep.matching);
+        let matched = match_features(samples, &self.map, &prediction, &self.settings.matching)
             .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
         self.state.last = Some(last.clone());
-        self.arrive(sweep, motion, matched, seconds)
+        self.arrive(sweep, full, motion, matched, seconds)
+    }
+
+    /// The samples of a sweep that are near the map where the motion puts them.
+    fn near_map(&self, sweep: &HeldSweep, motion: &SweepMotion) -> Vec<Feature> {
+        let matching = &self.settings.matching;
+        let radius_m = if matching.coarse_rounds > 0 { matching.coarse.0 } else { matching.fine.0 };
+        let kernel = Kernel { radius_m, weights: Weights::Compact };
+        self.sampled(&sweep.features, |feature| {
+            let pose = motion.at(f64::from(feature.share));
+            let position = pose * Point3::from(feature.position).cast::<f64>();
+            let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
+            self.map.surface(position.coords.into(), &normal.cast(), &kernel).is_some()
+        })
+    }
+
+    fn sampled(&self, features: &[Feature], is_near_model: impl Fn(&Feature) -> bool) -> Vec<Feature> {
+        sampled(features, self.settings.matching.sampling, &self.state.begin.rotation, is_near_model)
     }
 
     /// Books the sweep's motion, and grows the map by it if it was matched.
-    fn arrive(&mut self, sweep: &HeldSweep, motion: SweepMotion, matched: Option<Matched>, seconds: f64) -> Registered {
+    fn arrive(
+        &mut self,
+        sweep: &HeldSweep,
+        full: &Sweep,
+        motion: SweepMotion,
+        matched: Option<Matched>,
+        seconds: f64,
+    ) -> Registered {
         let velocity = match (&self.state.last, &matched) {
             (Some(last), None) => last.velocity,
             (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
@@ -253,11 +289,19 @@ impl Odometry {
             self.map = LocalMap::default();
             self.state.bridged_in_a_row = 0;
             self.state.grown_at = None;
+            self.state.moving = MovingObjects::default();
         }
+        // A sweep that only follows the last motion would make standing things move.
+        let moving = if matched.is_some() { self.state.moving.found(full, &motion) } else { Vec::new() };
         if map_restarted || matched.is_some() {
-            self.grow(&sweep.features, &motion);
+            let stands = |feature: &&Feature| moving.binary_search(&feature.point_idx).is_err();
+            let standing: Vec<Feature> = sweep.features.iter().filter(stands).copied().collect();
+            self.grow(&standing, &motion);
         }
-        sweep.registered(motion, matched, map_restarted)
+        if matched.is_some() {
+            self.state.moving.remember(full, &motion);
+        }
+        Registered { moving, ..sweep.registered(motion, matched, map_restarted) }
     }
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
@@ -276,7 +320,14 @@ impl Odometry {
 
 impl HeldSweep {
     fn registered(&self, motion: SweepMotion, matched: Option<Matched>, map_restarted: bool) -> Registered {
-        Registered { stamp: self.stamp, duration_nanos: self.duration_nanos, motion, matched, map_restarted }
+        Registered {
+            stamp: self.stamp,
+            duration_nanos: self.duration_nanos,
+            motion,
+            matched,
+            map_restarted,
+            moving: Vec::new(),
+        }
     }
 }
 
@@ -300,10 +351,4 @@ pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32)
         MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
     };
     features.iter().map(in_odom).collect()
-}
-
-fn evenly_chosen(features: &[Feature], settings: &MatchSettings) -> Vec<Feature> {
-    let thinned = thinned_features(features, settings.spacing_m);
-    let step = thinned.len().div_ceil(settings.max_features.max(1)).max(1);
-    thinned.into_iter().step_by(step).collect()
 }

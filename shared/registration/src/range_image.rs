@@ -50,7 +50,7 @@ impl RangeImage {
             }
             (lowest, highest) = (lowest.min(slope), highest.max(slope));
             let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
-            let col = ((y.atan2(x) / std::f32::consts::TAU + 0.5) * COLS as f32) as usize % COLS;
+            let col = Self::column(x, y);
             let place = row * COLS + col;
             image.places.push(place as u32);
             if image.cells[place] == EMPTY {
@@ -63,6 +63,11 @@ impl RangeImage {
             image.reach = ((REACH_DEG / step_deg).round() as usize).clamp(1, 4);
         }
         image
+    }
+    /// The column of a direction.
+    #[inline]
+    pub(crate) fn column(x: f32, y: f32) -> usize {
+        ((y.atan2(x) / std::f32::consts::TAU + 0.5) * COLS as f32) as usize % COLS
     }
     /// Rows: rings, or bins of elevation.
     pub fn rows(&self) -> usize {

@@ -14,6 +14,30 @@ pub struct TimedPoint {
     pub ring: u8,
 }
 
+/// Sense in which a sensor turns, seen from its top.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// From left over ahead to right, as Velodynes do.
+    Clockwise,
+    /// From right over ahead to left.
+    Counterclockwise,
+}
+
+/// Gives points of a recording without times the times at which a sensor fires there that turns evenly once in
+/// `duration_nanos`, beginning and ending behind (along -x): so are the sweeps of KITTI raw cut.
+pub fn set_times_from_azimuth(points: &mut [TimedPoint], turn: Turn, duration_nanos: u32) {
+    for point in points {
+        let [x, y, _] = point.position;
+        let left = y.atan2(x) / std::f32::consts::TAU;
+        let share = match turn {
+            Turn::Clockwise => 0.5 - left,
+            Turn::Counterclockwise => 0.5 + left,
+        };
+        // A point that is no number is shot first and never used.
+        point.offset_nanos = (f64::from(share.clamp(0.0, 1.0)) * f64::from(duration_nanos)) as u32;
+    }
+}
+
 /// The returns of one revolution and how they lie beside each other.
 #[derive(Clone, Debug)]
 pub struct Sweep {
@@ -55,5 +79,25 @@ impl Sweep {
     /// not tell.
     pub fn incidence(&self, point_idx: usize) -> Option<f32> {
         self.image.incidence(&self.points, point_idx)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_begins_behind_and_passes_its_first_side_before_its_second() {
+        let at = |x: f32, y: f32| TimedPoint { position: [x, y, 1.0], offset_nanos: 7, ring: 0 };
+        let mut points = [at(-5.0, 0.001), at(0.0, 5.0), at(5.0, 0.0), at(0.0, -5.0), at(-5.0, -0.001)];
+        let nanos = |points: &[TimedPoint]| points.iter().map(|p| p.offset_nanos.div_ceil(1000)).collect::<Vec<_>>();
+        set_times_from_azimuth(&mut points, Turn::Clockwise, 100_000_000);
+        for (found, expected) in nanos(&points).iter().zip([0, 25_000, 50_000, 75_000, 100_000]) {
+            assert!(found.abs_diff(expected) < 10, "{found} us, expected {expected}");
+        }
+        set_times_from_azimuth(&mut points, Turn::Counterclockwise, 100_000_000);
+        for (found, expected) in nanos(&points).iter().zip([100_000, 75_000, 50_000, 25_000, 0]) {
+            assert!(found.abs_diff(expected) < 10, "{found} us, expected {expected}");
+        }
     }
 }

@@ -80,7 +80,9 @@ impl Drive {
             let across = from.y + nearest * ray.y;
             return (across.abs() < 8.0 && nearest < 90.0).then_some(nearest);
         }
-        for house in -8..=24 {
+        // Houses in sight; the street goes on as far as anybody drives.
+        let here = (from.x / 7.0).floor() as i32;
+        for house in (here - 16).max(-8)..=(here + 24).max(24) {
             for side in [-1.0, 1.0] {
                 hit(facade_range(from, ray, house, side));
                 hit(corner_range(from, ray, house, side));

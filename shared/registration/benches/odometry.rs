@@ -1,0 +1,59 @@
+//! What a sweep costs, and whether that stays so: `cargo bench -p registration --bench odometry [-- SWEEPS [MPS]]`.
+//!
+//! A synthetic street without end, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th
+//! percentile of the CPU time of all threads (range image, features, registration, moving objects), the points of the map,
+//! the bytes of the state, and the error of the position in share of the way. 300 sweeps at 10 m/s unless said; 5000 at
+//! 20 m/s are 10 km.
+#![allow(missing_docs, reason = "not part of the library")]
+#![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
+
+#[path = "../tests/support/world.rs"]
+#[allow(dead_code, reason = "the tests use more of it")]
+mod world;
+
+use registration::{Odometry, OdometrySettings, Registered};
+use rustix::time::{ClockId, clock_gettime};
+use world::Drive;
+
+fn main() {
+    // Cargo passes `--bench`.
+    let numbers: Vec<f64> = std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
+    let n_sweeps = numbers.first().map_or(300, |&n| n as u32).max(20);
+    let drive = Drive { speed: numbers.get(1).copied().unwrap_or(10.0), noise_m: 0.02, ground_only: false };
+    let mut odometry = Odometry::new(OdometrySettings::default(), drive.world_from_lidar(0.0));
+    println!("way m    median ms  p95 ms  map points  state bytes  off m (% of the way)");
+    let mut ms = Vec::new();
+    let mut last: Option<Registered> = None;
+    for number in 0..n_sweeps {
+        let raw = drive.sweep(number);
+        let points = raw.points().to_vec();
+        let begin = cpu_ms();
+        let sweep = registration::Sweep::new(raw.stamp(), points, 32);
+        last = odometry.register(&sweep).unwrap().pop().or(last);
+        ms.push(cpu_ms() - begin);
+        if (number + 1) % (n_sweeps / 10) == 0 {
+            report(&drive, last.as_ref().unwrap(), &mut ms, &odometry);
+        }
+    }
+}
+
+fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odometry) {
+    let seconds = (last.stamp.0 + i64::from(last.duration_nanos)) as f64 * 1e-9;
+    let truth = drive.world_from_lidar(seconds).translation.vector;
+    let off = (last.end().translation.vector - truth).norm();
+    let state = postcard::to_stdvec(&odometry.save()).unwrap().len();
+    ms.sort_by(f64::total_cmp);
+    let (median, p95) = (ms[ms.len() / 2], ms[ms.len() * 95 / 100]);
+    let way = truth.x;
+    println!(
+        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12}  {off:.3} ({:.3} %)",
+        odometry.map().points().len(),
+        100.0 * off / way
+    );
+    ms.clear();
+}
+
+fn cpu_ms() -> f64 {
+    let now = clock_gettime(ClockId::ProcessCPUTime);
+    now.tv_sec as f64 * 1e3 + now.tv_nsec as f64 * 1e-6
+}

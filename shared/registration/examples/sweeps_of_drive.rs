@@ -1,0 +1,152 @@
+//! The sweeps of a drive as a folder that other people's odometries read (`folder/mod.rs` has the layout):
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate SEED SECONDS OUT` for a simulated urban drive with the
+//! lidar alone.
+
+mod folder;
+
+use anyhow::Context;
+use folder::{kitti_line, npy};
+use formats::drive::{Drive, DriveSweep};
+use formats::velodyne::LidarReturn;
+use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
+use simulation::trace::Ray;
+use simulation::{DriveSpec, Simulation};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["--simulate", seed, seconds, out] => {
+            let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
+            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
+            let drive = Path::new(out).join("drive");
+            if !drive.exists() {
+                fs::create_dir_all(out)?;
+                simulation::write_drive(&spec, &drive, &mut |_| {})?;
+            }
+            let movers = Movers { simulation: Simulation::new(&spec)?, looks: BTreeMap::new() };
+            write(&drive, Path::new(out), Some(movers))
+        }
+        [drive, out] => write(Path::new(drive), Path::new(out), None),
+        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate SEED SECONDS) OUT"),
+    }
+}
+
+fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result<()> {
+    let drive = Drive::open(drive)?;
+    let truth = drive.true_trajectory().transpose().map_err(|problem| anyhow::anyhow!("{problem}"))?;
+    let body_from_lidar = drive.rig().body_from_lidar;
+    for kind in ["velodyne", "times", "rings"] {
+        fs::create_dir_all(out.join(kind))?;
+    }
+    let (mut stamps, mut poses) = (String::new(), String::new());
+    let mut labelled = Vec::new();
+    let mut source = drive.sweeps()?;
+    let mut n_sweeps = 0;
+    loop {
+        let mut returns: Vec<LidarReturn> = Vec::new();
+        let Some(sweep) = source.next_sweep(|piece| returns.extend_from_slice(piece))? else { break };
+        if sweep.turn < 0.95 || returns.is_empty() {
+            continue;
+        }
+        let name = format!("{n_sweeps:06}");
+        write_returns(out, &name, &returns, sweep.has_times)?;
+        stamps.push_str(&sweep.stamp.0.to_string());
+        stamps.push('\n');
+        if let Some(truth) = &truth {
+            let last = returns.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
+            let at = |nanos: u32| pose_at(truth, &sweep, nanos);
+            let (begin, end) = (at(0)?, at(last)?);
+            poses.push_str(&kitti_line(&(end * body_from_lidar)));
+            if let Some(movers) = &mut movers {
+                let instances = instances(&drive, &sweep, returns.len())?;
+                let look = |(point, &instance): (&LidarReturn, &u16)| {
+                    let share = f64::from(point.offset_nanos) / f64::from(last.max(1));
+                    let pose = interpolate(&begin, &end, share) * body_from_lidar;
+                    let place = pose * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>();
+                    (instance, [place.coords, pose.translation.vector])
+                };
+                movers.look(sweep.stamp, returns.iter().zip(&instances).map(look));
+                labelled.push((name, instances));
+            }
+        }
+        n_sweeps += 1;
+    }
+    fs::write(out.join("stamps.txt"), stamps)?;
+    fs::write(out.join("mounting.txt"), kitti_line(&body_from_lidar))?;
+    if truth.is_some() {
+        fs::write(out.join("poses.txt"), poses)?;
+    }
+    let moving = movers.map(|movers| movers.moving()).unwrap_or_default();
+    for (name, instances) in labelled {
+        fs::create_dir_all(out.join("moving"))?;
+        let flags: Vec<u8> = instances.iter().map(|instance| u8::from(moving.contains(instance))).collect();
+        fs::write(out.join("moving").join(format!("{name}.npy")), npy::of_bytes(&flags))?;
+    }
+    println!("{}: {n_sweeps} sweeps, {} moving things", out.display(), moving.len());
+    Ok(())
+}
+
+fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: bool) -> anyhow::Result<()> {
+    let numbers = returns.iter().flat_map(|p| [p.x, p.y, p.z, f32::from(p.intensity)]);
+    fs::write(out.join(format!("velodyne/{name}.bin")), numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
+    if has_times {
+        let times: Vec<f64> = returns.iter().map(|point| f64::from(point.offset_nanos) * 1e-9).collect();
+        fs::write(out.join(format!("times/{name}.npy")), npy::of_f64s(&times))?;
+        let rings: Vec<u8> = returns.iter().map(|point| point.ring).collect();
+        fs::write(out.join(format!("rings/{name}.npy")), npy::of_bytes(&rings))?;
+    }
+    Ok(())
+}
+
+fn pose_at(truth: &Trajectory, sweep: &DriveSweep, nanos: u32) -> anyhow::Result<Pose> {
+    let stamp = sweep.stamp.plus_nanos(i64::from(nanos));
+    truth.at(stamp).with_context(|| format!("the true trajectory has no pose at {}", stamp.0))
+}
+
+/// The instance of each return of a labelled drive.
+fn instances(drive: &Drive, sweep: &DriveSweep, n_returns: usize) -> anyhow::Result<Vec<u16>> {
+    let truth = drive.manifest().truth.as_ref().context("the drive has no truth")?;
+    let path = drive.folder().join(&truth.labels).join(format!("{:06}.label", sweep.seq));
+    let labels = formats::kitti::labels_from_bytes(&fs::read(&path).with_context(|| path.display().to_string())?)?;
+    anyhow::ensure!(labels.len() == n_returns, "{}: {} labels for {n_returns}", path.display(), labels.len());
+    Ok(labels.iter().map(|label| label.instance).collect())
+}
+
+/// Which instances of a simulated drive move: the scene is asked whether what was hit is still there a second later.
+struct Movers {
+    simulation: Simulation,
+    /// Points that were gone, and those that were not, by instance.
+    looks: BTreeMap<u16, (u32, u32)>,
+}
+
+/// Points of an instance that are looked at in each sweep, at most.
+const LOOKS: usize = 8;
+
+impl Movers {
+    /// Instances with the place of a point and where it was seen from, at `stamp`.
+    fn look(&mut self, stamp: Stamp, points: impl Iterator<Item = (u16, [Vector3<f64>; 2])>) {
+        let later = stamp.seconds_since(self.simulation.motion.begin) + 1.0;
+        let snapshot = self.simulation.scene.at(later);
+        let mut n_looks: BTreeMap<u16, usize> = BTreeMap::new();
+        for (instance, [place, from]) in points.filter(|(instance, _)| *instance != 0) {
+            let n = n_looks.entry(instance).or_default();
+            if *n == LOOKS {
+                continue;
+            }
+            *n += 1;
+            let direction = (place - from).normalize();
+            // Ten times the noise before and behind.
+            let ray = Ray { origin: (place - direction * 0.2).cast(), direction: direction.cast(), seed: 0 };
+            let is_there =
+                (self.simulation.scene.cast(&snapshot, &ray, 0.4)).is_some_and(|hit| hit.surface.instance == instance);
+            let (gone, still) = self.looks.entry(instance).or_default();
+            *if is_there { still } else { gone } += 1;
+        }
+    }
+    fn moving(&self) -> Vec<u16> {
+        self.looks.iter().filter(|(_, (gone, still))| gone > still).map(|(instance, _)| *instance).collect()
+    }
+}

@@ -1,0 +1,118 @@
+//! The road and what joins it: a height field grown from under the vehicle.
+
+use std::collections::VecDeque;
+
+/// Side of a cell, m.
+const CELL_M: f32 = 0.5;
+/// Cells from the middle to each side: 48 m. Beyond, rings are too far apart for the field to grow.
+const REACH: usize = 96;
+const SIDE: usize = 2 * REACH;
+/// Cells in this distance of the vehicle may be where the ground begins, m.
+const SEED_M: f32 = 6.0;
+/// Seeds lie at most this much above the lowest of them, m: a sidewalk is ground, a bonnet is not.
+const SEED_STEP_M: f32 = 0.3;
+/// From a cell to the next but one at most, m: a kerb, or a slope of 20 %.
+const STEP_M: f32 = 0.2;
+/// Points in this height over the field belong to the ground, m.
+const THICKNESS_M: f32 = 0.25;
+
+/// Heights of the ground around the vehicle.
+pub(crate) struct GroundField {
+    /// Lowest point of each cell, NaN where it is not ground.
+    heights: Vec<f32>,
+}
+
+impl GroundField {
+    /// From points around the vehicle, z up, m; the origin is the lidar.
+    pub fn grown(points: &[[f32; 3]]) -> Self {
+        let mut lowest = vec![f32::NAN; SIDE * SIDE];
+        for &[x, y, z] in points {
+            if let Some(cell) = cell(x, y) {
+                // The minimum of NaN and a number is the number.
+                lowest[cell] = lowest[cell].min(z);
+            }
+        }
+        let seeds = seeds(&lowest);
+        let mut heights = vec![f32::NAN; SIDE * SIDE];
+        let mut border: VecDeque<usize> = VecDeque::new();
+        for seed in seeds {
+            heights[seed] = lowest[seed];
+            border.push_back(seed);
+        }
+        while let Some(from) = border.pop_front() {
+            for to in around(from, 2) {
+                // A comparison with NaN is false: empty cells are never reached.
+                if heights[to].is_nan() && (lowest[to] - heights[from]).abs() < STEP_M {
+                    heights[to] = lowest[to];
+                    border.push_back(to);
+                }
+            }
+        }
+        Self { heights }
+    }
+    /// Whether a point is ground, or so close to it that it cannot be told. Where the field has no height those around it
+    /// count.
+    pub fn holds(&self, [x, y, z]: [f32; 3]) -> bool {
+        let Some(cell) = cell(x, y) else { return false };
+        let height = self.heights[cell];
+        if height.is_nan() {
+            let near = around(cell, 1).map(|cell| self.heights[cell]);
+            return near.into_iter().any(|height| z - height < THICKNESS_M);
+        }
+        z - height < THICKNESS_M
+    }
+}
+
+/// Cells around the vehicle that are about as low as the lowest of them.
+fn seeds(lowest: &[f32]) -> Vec<usize> {
+    let near: Vec<usize> = (0..SIDE * SIDE)
+        .filter(|cell| {
+            let along = |index: usize| (index as f32 - REACH as f32 + 0.5) * CELL_M;
+            along(cell / SIDE).hypot(along(cell % SIDE)) < SEED_M && !lowest[*cell].is_nan()
+        })
+        .collect();
+    let floor = near.iter().map(|&cell| lowest[cell]).fold(f32::MAX, f32::min);
+    near.into_iter().filter(|&cell| lowest[cell] < floor + SEED_STEP_M).collect()
+}
+
+fn cell(x: f32, y: f32) -> Option<usize> {
+    let index = |v: f32| {
+        let index = (v / CELL_M).floor() + REACH as f32;
+        (0.0..SIDE as f32).contains(&index).then_some(index as usize)
+    };
+    Some(index(x)? * SIDE + index(y)?)
+}
+
+/// Cells at most `reach` rows and columns away.
+fn around(cell: usize, reach: usize) -> impl Iterator<Item = usize> + Clone {
+    let (row, col) = (cell / SIDE, cell % SIDE);
+    let span = move |at: usize| at.saturating_sub(reach)..=(at + reach).min(SIDE - 1);
+    span(row).flat_map(move |row| span(col).map(move |col| row * SIDE + col)).filter(move |&other| other != cell)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn road_kerb_and_sidewalk_are_ground_and_a_car_is_not() {
+        let mut points = Vec::new();
+        for i in -300..300_i32 {
+            for k in -100..100_i32 {
+                let (x, y) = (0.1 * i as f32, 0.1 * k as f32);
+                let slope = 0.05 * x;
+                let kerb = if y > 4.0 { 0.15 } else { 0.0 };
+                let is_car = (8.0..12.0).contains(&x) && (-1.0..1.0).contains(&y);
+                let height = if is_car { 1.4 } else { kerb };
+                points.push([x, y, slope + height - 2.0]);
+            }
+        }
+        let ground = GroundField::grown(&points);
+        let found = |x: f32, y: f32, above: f32| ground.holds([x, y, 0.05 * x + above - 2.0]);
+        assert!(found(-20.0, 0.3, 0.0) && found(25.0, 0.0, 0.05), "the road, up and down the slope");
+        assert!(found(20.0, 6.0, 0.15), "the sidewalk");
+        assert!(!found(10.0, 0.0, 1.4), "a roof");
+        assert!(!found(20.0, 6.0, 0.6), "a bollard");
+        assert!(!found(60.0, 0.0, 0.0), "out of reach nothing is known");
+    }
+}

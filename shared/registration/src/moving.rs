@@ -1,0 +1,147 @@
+//! Which small objects of a sweep stand where an earlier sweep saw through.
+
+use crate::seen::{Seen, Sight};
+use crate::small_objects::SmallObjects;
+use crate::{DeskewTable, Sweep, SweepMotion};
+use geometry::{Isometry3, Pose, Stamp, Translation3, Vector3};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Earlier sweeps that are asked, at most. A thing that drives by stays in the view of a tilted lidar for half a second; who
+/// walks has left the place where he was after as long.
+const MEMORY: usize = 8;
+/// Seconds between them at least: every sweep of a lidar at 10 Hz.
+const APART_S: f64 = 0.08;
+/// Points of an object whose places are asked for, at most.
+const ASKED: u32 = 64;
+/// An object moves if this share of the answers is that a ray went through, and at least so many are. Half of a moving
+/// thing stands where it has been before or where nothing was in view; of a standing one hardly a hundredth seems free.
+const FREE_SHARE: f64 = 0.1;
+const FREE_ANSWERS: u32 = 4;
+
+/// Tells what moves. Bounded: [`MEMORY`] images of 2 bytes a ray, 1 MB for 32 rings.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct MovingObjects {
+    memory: VecDeque<(Stamp, Seen)>,
+}
+
+impl MovingObjects {
+    /// Indices of the sweep's points on moving objects, rising.
+    pub fn found(&self, sweep: &Sweep, motion: &SweepMotion) -> Vec<u32> {
+        if self.memory.is_empty() {
+            return Vec::new();
+        }
+        let placed = upright(sweep, motion);
+        let objects = SmallObjects::found(sweep, &placed);
+        let asked = objects.members(ASKED);
+        let mut answers = vec![(0_u32, 0_u32); objects.n];
+        let middle = motion.mid.translation.vector;
+        for (_, seen) in &self.memory {
+            let seen = seen.placed();
+            for &idx in &asked {
+                let (free, filled) = &mut answers[objects.of_point[idx as usize] as usize];
+                match seen.sight(&(Vector3::from(placed[idx as usize]).cast::<f64>() + middle)) {
+                    Sight::Free => *free += 1,
+                    Sight::Filled => *filled += 1,
+                    Sight::Hidden => {}
+                }
+            }
+        }
+        let moves: Vec<bool> = answers
+            .iter()
+            .map(|&(free, filled)| free >= FREE_ANSWERS && f64::from(free) >= FREE_SHARE * f64::from(free + filled))
+            .collect();
+        let is_moving = |object: u32| object != SmallObjects::NONE && moves[object as usize];
+        (0..placed.len() as u32).filter(|&idx| is_moving(objects.of_point[idx as usize])).collect()
+    }
+
+    /// Keeps the sweep in mind, if the last one kept is old enough.
+    pub fn remember(&mut self, sweep: &Sweep, motion: &SweepMotion) {
+        let now = sweep.mid_stamp();
+        if self.memory.back().is_some_and(|(last, _)| now.seconds_since(*last) < APART_S) {
+            return;
+        }
+        if self.memory.len() == MEMORY {
+            self.memory.pop_front();
+        }
+        self.memory.push_back((now, Seen::new(sweep, *motion)));
+    }
+}
+
+/// Deskewed points in odom axes, seen from the lidar at the middle of the sweep, m.
+fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
+    let from_middle = |pose: Pose| {
+        let offset = pose.translation.vector - motion.mid.translation.vector;
+        Isometry3::from_parts(Translation3::from(offset), pose.rotation)
+    };
+    let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
+    sweep.points().iter().map(|point| table.deskew(point.position, point.offset_nanos)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TimedPoint;
+
+    /// Range to the nearest of a floor 2 m below, a wall 20 m ahead and two boxes of 1.5 m; and which box was hit.
+    fn nearest(ray: &Vector3<f32>, boxes: [[f32; 2]; 2]) -> (f32, Option<usize>) {
+        let floor = if ray.z < 0.0 { -2.0 / ray.z } else { f32::MAX };
+        let wall = if ray.x > 0.0 { 20.0 / ray.x } else { f32::MAX };
+        let mut best = (floor.min(wall), None);
+        for (number, [x, y]) in boxes.into_iter().enumerate() {
+            let (low, high) = ([x - 0.75, y - 0.75, -1.9], [x + 0.75, y + 0.75, -0.4]);
+            let (mut enter, mut leave) = (0.0_f32, f32::MAX);
+            for axis in 0..3 {
+                let (a, b) = (low[axis] / ray[axis], high[axis] / ray[axis]);
+                enter = enter.max(a.min(b));
+                leave = leave.min(a.max(b));
+            }
+            if enter > 0.0 && enter < leave && enter < best.0 {
+                best = (enter, Some(number));
+            }
+        }
+        best
+    }
+
+    /// A standing lidar sees one box that stands and one that crosses at 3 m/s.
+    fn sweep(number: u32) -> (Sweep, Vec<Option<usize>>) {
+        let (mut points, mut hits) = (Vec::new(), Vec::new());
+        let boxes = [[9.0, -4.0], [9.0, 1.0 + 0.3 * number as f32]];
+        for column in 0..2000_u32 {
+            for ring in 0..32_u8 {
+                let azimuth = std::f32::consts::PI - column as f32 * std::f32::consts::TAU / 2000.0;
+                let elevation = (-30.67 + f32::from(ring) * 1.333_f32).to_radians();
+                let ray =
+                    Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
+                let (range, hit) = nearest(&ray, boxes);
+                if range < 80.0 {
+                    points.push(TimedPoint { position: (ray * range).into(), offset_nanos: column * 50_000, ring });
+                    hits.push(hit);
+                }
+            }
+        }
+        (Sweep::new(Stamp(i64::from(number) * 100_000_000), points, 32), hits)
+    }
+
+    #[test]
+    fn what_crosses_moves_and_what_stands_does_not() {
+        let still = SweepMotion::still(Pose::identity());
+        let mut moving = MovingObjects::default();
+        for number in 0..8 {
+            let (sweep, hits) = sweep(number);
+            let found = moving.found(&sweep, &still);
+            assert!(found.is_sorted());
+            let on = |object: usize| hits.iter().filter(|hit| **hit == Some(object)).count();
+            let right = found.iter().filter(|&&idx| hits[idx as usize] == Some(1)).count();
+            assert_eq!(found.len(), right, "sweep {number}: neither the wall nor the box that stands");
+            assert!(on(0) > 50 && on(1) > 50);
+            if number == 0 {
+                assert!(found.is_empty(), "nothing is known yet");
+            } else if number >= 3 {
+                assert!(right * 10 > on(1) * 7, "sweep {number}: {right} of {}", on(1));
+            }
+            moving.remember(&sweep, &still);
+        }
+        assert_eq!(moving.memory.len(), MEMORY.min(8));
+    }
+}
