@@ -91,10 +91,10 @@ impl Job<'_> {
         let connectivity = self.connectivity;
         let area = || self.argument.parse().expect("an area");
         match self.operator {
-            "dilate" => self.time(|| morphology::dilate(&image, &self.element())),
-            "erode" => self.time(|| morphology::erode(&image, &self.element())),
-            "opening" => self.time(|| morphology::opening(&image, &self.element())),
-            "closing" => self.time(|| morphology::closing(&image, &self.element())),
+            "dilate" => self.time(|| morphology::dilate(&image, self.element())),
+            "erode" => self.time(|| morphology::erode(&image, self.element())),
+            "opening" => self.time(|| morphology::opening(&image, self.element())),
+            "closing" => self.time(|| morphology::closing(&image, self.element())),
             "area_opening" => self.time(|| morphology::area_opening(&image, area(), connectivity)),
             "area_closing" => self.time(|| morphology::area_closing(&image, area(), connectivity)),
             "regional_maxima" => self.time(|| morphology::regional_maxima(&image, connectivity)),
@@ -132,7 +132,7 @@ impl Job<'_> {
                 let area = self.argument.parse().expect("an area");
                 self.time(|| morphology::area_closing(&mask, area, self.connectivity));
             }
-            "dilate" => self.time(|| morphology::dilate(&mask, &self.element())),
+            "dilate" => self.time(|| morphology::dilate(&mask, self.element())),
             other => panic!("unknown operator on a mask {other}"),
         }
     }

@@ -219,7 +219,9 @@ impl<T: Level> Gather<T> {
                     for others in rest.chunks(4) {
                         match *others {
                             [a, b, c, d] => {
-                                (0..n).for_each(|i| line[i] = pick(line[i], pick(pick(a[i], b[i]), pick(c[i], d[i]))))
+                                for (i, value) in line.iter_mut().enumerate() {
+                                    *value = pick(*value, pick(pick(a[i], b[i]), pick(c[i], d[i])));
+                                }
                             }
                             _ => others.iter().for_each(|other| pick_into(line, other, pick)),
                         }

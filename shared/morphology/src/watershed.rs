@@ -28,12 +28,11 @@ pub fn watershed<T: Level>(
             *label = CLOSED;
         }
     }
-    match T::N_RANKS {
-        Some(n_ranks) => flood(&values, &mut labels, connectivity, Buckets::new(n_ranks, values.pixels.len())),
-        None => {
-            let ranks = image.iter().map(|value| value.rank());
-            flood(&values, &mut labels, connectivity, ByAge::new(ranks));
-        }
+    if let Some(n_ranks) = T::N_RANKS {
+        flood(&values, &mut labels, connectivity, Buckets::new(n_ranks, values.pixels.len()));
+    } else {
+        let ranks = image.iter().map(|value| value.rank());
+        flood(&values, &mut labels, connectivity, ByAge::new(ranks));
     }
     labels.unframed(|label| if label == CLOSED { 0 } else { label })
 }
