@@ -2,7 +2,7 @@
 //! `cargo run --release -p instance --example bench_instance`.
 
 use instance::{InstanceStage, Settings};
-use messages::{Class, ClassHeader, ClassId, ClassRow, Instance, Submap, SubmapHeader, SubmapPoint};
+use messages::{Class, ClassHeader, ClassId, ClassRow, Instance, PoseRow, Submap, SubmapHeader, SubmapPoint};
 use stage::testing::{Bench, context};
 use std::path::Path;
 use std::time::Instant;
@@ -41,7 +41,9 @@ fn main() {
     for _ in 0..N_RUNS {
         let stage = Bench::<InstanceStage>::new(&Settings::default(), &context(Path::new("/nowhere")));
         let mut bench = stage.expect("the stage reads no files");
-        bench.send::<Submap>(0, SubmapHeader::default(), points.clone());
+        let world_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+        let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
+        bench.send::<Submap>(0, header, points.clone());
         bench.send::<Class>(0, ClassHeader::default(), classes.clone());
         let begin = Instant::now();
         bench.tick().expect("the submap is sound");

@@ -6,12 +6,14 @@
 mod check;
 mod clouds;
 mod infer;
+mod labels;
 mod listing;
 mod problems;
 mod read;
 mod sweeps;
 
 pub use clouds::returns_from_cloud;
+pub use labels::{TrueLabel, TrueLabels};
 pub use listing::Frame;
 pub use problems::{DriveError, DriveProblem};
 pub use sweeps::{DriveSweep, SourcePosition, SweepSource};
