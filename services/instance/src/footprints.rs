@@ -74,7 +74,8 @@ fn part_by_peaks(elevation_m: &Array2<f32>, footprint: &Array2<bool>, peak_m: f6
     let mut peaks = h_maxima(&smooth_m, peak_m as f32, Connectivity::Eight);
     peaks.zip_mut_with(footprint, |peak, &inside| *peak &= inside);
     let markers = connected_components(&peaks, Connectivity::Eight);
-    watershed(&smooth_m.mapv(|z| -z), &markers.image, footprint, Connectivity::Eight)
+    // Cells without a point are flooded last, so that each outline goes to the roof it belongs to before the gap is crossed.
+    watershed(&elevation_m.mapv(|z| -z), &markers.image, footprint, Connectivity::Eight)
 }
 
 fn ground_shares(components: &Array2<u32>, n: usize, view: &TopView) -> Vec<Option<f64>> {
