@@ -78,9 +78,10 @@ fn variants() -> Vec<(&'static str, Settings)> {
         });
         Settings { things: things.collect(), ..settings.clone() }
     };
-    let thesis = Settings { apart_s: 0.0, remembered_submaps: 0, ..Settings::default() };
-    let remembered = Settings { apart_s: 0.0, ..Settings::default() };
-    let timed = Settings { apart_s: 0.6, ..Settings::default() };
+    let plain = with([0.0, 0.0], [0.0, 0.0], Settings::default());
+    let thesis = Settings { apart_s: 0.0, remembered_submaps: 0, ..plain.clone() };
+    let remembered = Settings { apart_s: 0.0, ..plain.clone() };
+    let timed = Settings { apart_s: 0.6, ..plain };
     vec![
         ("thesis", thesis),
         ("+ ids over borders", remembered),

@@ -3,7 +3,7 @@
 use crate::footprints::Footprints;
 use crate::settings::{Kind, Settings};
 use crate::top_view::{Cell, TopView};
-use crate::visits::{GLIMPSE_NANOS, Sets, groups};
+use crate::visits::{GLIMPSE_NANOS, Sets, Visits};
 use geometry::OrientedRectangle;
 use messages::SubmapPoint;
 
@@ -29,34 +29,37 @@ pub(crate) fn find(
     settings: &Settings,
 ) -> Vec<Object> {
     let footprints = Footprints::of(view, points, is_class, kind, settings);
-    let times: Vec<i64> = footprints.candidates.iter().map(|c| time_of(&points[c.point_idx as usize])).collect();
-    let (numbers, n) = if settings.apart_s > 0.0 {
+    let times = footprints.candidates.iter().map(|candidate| time_of(&points[candidate.point_idx as usize]));
+    let is_timed = settings.apart_s > 0.0;
+    let apart_nanos = if is_timed { (settings.apart_s * 1e9) as i64 } else { i64::MAX };
+    let visits = Visits::of(&footprints, times, apart_nanos);
+    let (numbers, n) = if is_timed {
         // The squares around two cells touch if they are that near.
-        let reach = 2 * view.in_cells(settings.dilation_m) + 1;
-        groups(&footprints, &times, (settings.apart_s * 1e9) as i64, reach)
+        visits.groups(&footprints, apart_nanos, 2 * view.in_cells(settings.dilation_m) + 1)
     } else {
-        let part = |c: &crate::footprints::Candidate| footprints.parts[c.cell] - 1;
-        (footprints.candidates.iter().map(part).collect(), footprints.n)
+        (visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1).collect(), footprints.n)
     };
     let nothing =
         || Object { points: Vec::new(), cells: Default::default(), span: (i64::MAX, i64::MIN), is_grounded: false };
     let mut objects: Vec<Object> = (0..n).map(|_| nothing()).collect();
-    for (&number, &time) in numbers.iter().zip(&times) {
+    for (visit, &number) in visits.all.iter().zip(&numbers) {
         let span = &mut objects[number as usize].span;
-        *span = (span.0.min(time), span.1.max(time));
+        *span = (span.0.min(visit.begin), span.1.max(visit.end));
     }
-    for ((candidate, &number), &time) in footprints.candidates.iter().zip(&numbers).zip(&times) {
+    for (visit, &number) in visits.all.iter().zip(&numbers) {
         let object = &mut objects[number as usize];
-        object.points.push(candidate.point_idx);
-        object.cells[0].push(candidate.cell);
-        if time <= object.span.0 + GLIMPSE_NANOS {
-            object.cells[1].push(candidate.cell);
+        object.cells[0].push(visit.cell);
+        if visit.begin <= object.span.0.saturating_add(GLIMPSE_NANOS) {
+            object.cells[1].push(visit.cell);
         }
-        if time >= object.span.1 - GLIMPSE_NANOS {
-            object.cells[2].push(candidate.cell);
+        if visit.end >= object.span.1.saturating_sub(GLIMPSE_NANOS) {
+            object.cells[2].push(visit.cell);
         }
-        let around = footprints.ground_around[footprints.parts[candidate.cell] as usize];
+        let around = footprints.ground_around[footprints.parts[visit.cell] as usize];
         object.is_grounded |= around.is_none_or(|share| share >= settings.min_ground_around);
+    }
+    for (candidate, &visit) in footprints.candidates.iter().zip(&visits.of_candidate) {
+        objects[numbers[visit as usize] as usize].points.push(candidate.point_idx);
     }
     objects.retain(|object| !object.points.is_empty());
     objects.iter_mut().for_each(Object::sort);

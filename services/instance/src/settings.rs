@@ -50,17 +50,17 @@ pub struct Thing {
 }
 
 impl Thing {
-    /// Those of the thesis.
+    /// Those of the thesis; heads in a group are parted.
     fn defaults() -> Vec<Self> {
-        let thing = |class: ClassId, max_height_m: f64, min_points: u32| Self {
+        let thing = |class: ClassId, max_height_m: f64, min_points: u32, peak_m: f64| Self {
             class: class.name().to_owned(),
             max_height_m,
             min_points,
-            peak_m: 0.0,
+            peak_m,
             join_m: 0.0,
             max_length_m: 0.0,
         };
-        vec![thing(ClassId::Vehicles, 4.0, 500), thing(ClassId::Pedestrian, 3.0, 100)]
+        vec![thing(ClassId::Vehicles, 4.0, 500, 0.0), thing(ClassId::Pedestrian, 3.0, 100, 0.4)]
     }
 }
 

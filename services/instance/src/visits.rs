@@ -22,40 +22,52 @@ const SAME_THING: f64 = 0.5;
 const NONE: u32 = u32::MAX;
 
 /// A stay in a cell.
-struct Visit {
-    cell: Cell,
-    begin: i64,
-    end: i64,
+pub(crate) struct Visit {
+    pub(crate) cell: Cell,
+    pub(crate) begin: i64,
+    pub(crate) end: i64,
     /// The visit of the same cell before this one.
     before: u32,
 }
 
-/// Group of each candidate, from 0, and how many groups. `time` is that of a point, ns; candidates are in its order but for the
-/// shots of one sweep.
-pub(crate) fn groups(footprints: &Footprints, times: &[i64], apart_nanos: i64, reach: usize) -> (Vec<u32>, usize) {
-    let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
-    let mut visits: Vec<Visit> = Vec::new();
-    let mut visit_of: Vec<u32> = Vec::with_capacity(times.len());
-    for (candidate, &time) in footprints.candidates.iter().zip(times) {
-        let cell = candidate.cell;
-        let known = latest[cell];
-        let goes_on = visits.get(known as usize).is_some_and(|visit| time - visit.end <= apart_nanos);
-        if goes_on {
-            let visit = &mut visits[known as usize];
-            (visit.begin, visit.end) = (visit.begin.min(time), visit.end.max(time));
-            visit_of.push(known);
-        } else {
-            let new = visits.len() as u32;
-            visits.push(Visit { cell, begin: time, end: time, before: known });
-            latest[cell] = new;
-            visit_of.push(new);
+/// All visits of a class.
+pub(crate) struct Visits {
+    pub(crate) all: Vec<Visit>,
+    /// Visit of each candidate.
+    pub(crate) of_candidate: Vec<u32>,
+    latest: Array2<u32>,
+}
+
+impl Visits {
+    /// `times` are those of the candidates, ns; candidates are in their order but for the shots of one sweep.
+    pub(crate) fn of(footprints: &Footprints, times: impl Iterator<Item = i64>, apart_nanos: i64) -> Self {
+        let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
+        let mut all: Vec<Visit> = Vec::new();
+        let mut of_candidate: Vec<u32> = Vec::with_capacity(footprints.candidates.len());
+        for (candidate, time) in footprints.candidates.iter().zip(times) {
+            let latest = &mut latest[candidate.cell];
+            match all.get_mut(*latest as usize) {
+                Some(visit) if time.saturating_sub(visit.end) <= apart_nanos => {
+                    (visit.begin, visit.end) = (visit.begin.min(time), visit.end.max(time));
+                }
+                _ => {
+                    let before = std::mem::replace(latest, all.len() as u32);
+                    all.push(Visit { cell: candidate.cell, begin: time, end: time, before });
+                }
+            }
+            of_candidate.push(*latest);
         }
+        Self { all, of_candidate, latest }
     }
-    let mut sets = Sets::new(visits.len());
-    link_neighbors(&visits, &latest, &footprints.parts, apart_nanos, reach, &mut sets);
-    let (mut group_of_visit, n) = sets.numbers();
-    let n = join_standing(&visits, &mut group_of_visit, n, footprints);
-    (visit_of.iter().map(|&visit| group_of_visit[visit as usize]).collect(), n)
+
+    /// Group of each visit, from 0, and how many groups. Cells hang together up to `reach` cells apart.
+    pub(crate) fn groups(&self, footprints: &Footprints, apart_nanos: i64, reach: usize) -> (Vec<u32>, usize) {
+        let mut sets = Sets::new(self.all.len());
+        link_neighbors(&self.all, &self.latest, &footprints.parts, apart_nanos, reach, &mut sets);
+        let (mut group_of_visit, n) = sets.numbers();
+        let n = join_standing(&self.all, &mut group_of_visit, n, footprints);
+        (group_of_visit, n)
+    }
 }
 
 fn link_neighbors(
