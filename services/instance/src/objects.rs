@@ -28,6 +28,9 @@ pub(crate) fn find(
     kind: &Kind,
     settings: &Settings,
 ) -> Vec<Object> {
+    if !is_class.contains(&true) {
+        return Vec::new();
+    }
     let footprints = Footprints::of(view, points, is_class, kind, settings);
     let times = footprints.candidates.iter().map(|candidate| time_of(&points[candidate.point_idx as usize]));
     let is_timed = settings.apart_s > 0.0;
