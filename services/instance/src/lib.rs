@@ -120,12 +120,11 @@ impl InstanceStage {
             return None;
         }
         let view = TopView::around(points, classes, &is_thing, self.settings.cell_m);
-        match &view {
-            Some(view) => tell(view, &self.settings, outputs),
-            None => {
-                outputs.count("submaps_without_view", 1);
-                outputs.note("a submap's things are too far apart for a top-down view: it has no instances");
-            }
+        if let Some(view) = &view {
+            tell(view, &self.settings, outputs);
+        } else {
+            outputs.count("submaps_without_view", 1);
+            outputs.note("a submap's things are too far apart for a top-down view: it has no instances");
         }
         view
     }

@@ -147,7 +147,9 @@ fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footpri
         }
     }
     let (numbers, n) = sets.numbers();
-    group_of_visit.iter_mut().for_each(|group| *group = numbers[*group as usize]);
+    for group in group_of_visit {
+        *group = numbers[*group as usize];
+    }
     n
 }
 
