@@ -19,7 +19,7 @@ use simulation::DriveSpec;
 use stage::testing::{Bench, context};
 use std::path::Path;
 
-/// As slam_aggregate closes them.
+/// As the stage `slam_aggregate` closes them.
 const SUBMAP_M: f64 = 20.0;
 const SUBMAP_NANOS: i64 = 5_000_000_000;
 /// Smaller true objects count for nobody: 100 returns of a drive are a car 60 m away.
@@ -48,7 +48,9 @@ fn main() {
         let submaps = submaps(&Drive::open(&path).expect("opens"));
         for (variant_idx, (name, settings)) in variants().into_iter().enumerate() {
             let scores = evaluate(&submaps, &settings);
-            scores.iter().for_each(|score| print(&seed.to_string(), name, score));
+            for score in &scores {
+                print(&seed.to_string(), name, score);
+            }
             pooled.resize(pooled.len().max(variant_idx + 1), Vec::new());
             pooled[variant_idx].extend(scores);
         }
@@ -120,7 +122,7 @@ fn print(seed: &str, name: &str, score: &ClassScore) {
     println!("| {seed} | {name} | {class} | {} | {} | {} |", score.n_true, score.n_predicted, percent.join(" | "));
 }
 
-/// The drive's returns by true poses, cut as slam_aggregate cuts them.
+/// The drive's returns by true poses, cut as the stage `slam_aggregate` cuts them.
 fn submaps(drive: &Drive) -> Vec<Street> {
     let trajectory = drive.true_trajectory().expect("has a truth").expect("reads");
     let labels = drive.true_labels().expect("has labels");

@@ -6,14 +6,18 @@ mod support;
 use instance::{Settings, Thing};
 use messages::{Class, ClassHeader, ClassId, Instance, PoseRow, Submap, SubmapHeader};
 use stage::parse_table;
-use support::{Street, at, bench};
+use support::{Street, bench};
 
-/// Ids of one submap after another, each with its header.
-fn ids_of(submaps: &[(SubmapHeader, &Street)], settings: &Settings) -> Vec<Vec<u32>> {
+/// A submap whose frame is the world's.
+const HERE: PoseRow = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+
+/// Ids of one submap after another, each in its place.
+fn ids_of(submaps: &[(PoseRow, &Street)], settings: &Settings) -> Vec<Vec<u32>> {
     let mut bench = bench(settings);
     let mut ids = Vec::new();
-    for (header, street) in submaps {
-        bench.send::<Submap>(0, *header, street.points.clone());
+    for &(world_from_submap, street) in submaps {
+        let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
+        bench.send::<Submap>(0, header, street.points.clone());
         bench.send::<Class>(0, ClassHeader::default(), street.classes.clone());
         bench.tick().expect("steps");
         ids.extend(bench.take::<Instance>().iter().map(|column| column.rows().to_vec()));
@@ -57,14 +61,13 @@ fn a_car_cut_by_a_border_keeps_its_id_however_little_of_it_comes_after() {
     }
     let half = 0.5_f64.sqrt();
     let world_from_far = PoseRow { translation: [15.0, 0.0, 0.0], rotation: [0.0, 0.0, half, half] };
-    let turned = SubmapHeader { world_from_submap: world_from_far, ..SubmapHeader::default() };
     // A point (y, 15 - x) turned by a right angle and moved is (x, y) again.
-    let ids = ids_of(&[(at([0.0; 3]), &near), (turned, &far)], &Settings::default());
+    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &Settings::default());
     assert_eq!(ids_of_thing(&ids[0], &near, 1), [1]);
     assert_eq!(ids_of_thing(&ids[1], &far, 1), [1]);
 
     let forgetful = Settings { remembered_submaps: 0, ..Settings::default() };
-    let ids = ids_of(&[(at([0.0; 3]), &near), (turned, &far)], &forgetful);
+    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &forgetful);
     assert_eq!(ids_of_thing(&ids[1], &far, 1), [0], "490 points alone are no vehicle");
 }
 
@@ -73,9 +76,9 @@ fn a_thing_is_remembered_over_submaps_that_do_not_see_it_and_then_forgotten() {
     let (car, none) = (one_car(3000), Street::road(&[]));
     let settings = Settings { remembered_submaps: 2, ..Settings::default() };
     for (n_between, expected) in [(0, 1), (1, 1), (2, 2)] {
-        let mut submaps = vec![(at([0.0; 3]), &car)];
-        submaps.extend((0..n_between).map(|_| (at([0.0; 3]), &none)));
-        submaps.push((at([0.0; 3]), &car));
+        let mut submaps = vec![(HERE, &car)];
+        submaps.extend((0..n_between).map(|_| (HERE, &none)));
+        submaps.push((HERE, &car));
         let ids = ids_of(&submaps, &settings);
         assert_eq!(ids_of_thing(&ids[n_between + 1], &car, 1), [expected], "{n_between} between");
     }
@@ -106,19 +109,19 @@ fn passing(cars: &[(f32, f32)], step_m: f32) -> Street {
 #[test]
 fn cars_that_drive_through_one_place_one_after_the_other_are_two() {
     let street = passing(&[(0.0, 5.0), (2.2, 5.1)], 0.9);
-    let ids = &ids_of(&[(at([0.0; 3]), &street)], &Settings::default())[0];
+    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
     let (first, second) = (ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2));
     assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
     assert_ne!(first, second);
     let timeless = Settings { apart_s: 0.0, ..Settings::default() };
-    let ids = &ids_of(&[(at([0.0; 3]), &street)], &timeless)[0];
+    let ids = &ids_of(&[(HERE, &street)], &timeless)[0];
     assert_eq!(ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2));
 }
 
 #[test]
 fn a_parked_car_that_was_hidden_for_a_while_is_one() {
     let street = passing(&[(0.0, 5.0), (2.2, 5.0)], 0.0);
-    let ids = &ids_of(&[(at([0.0; 3]), &street)], &Settings::default())[0];
+    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
     assert_eq!(ids_of_thing(ids, &street, 1), [1]);
     assert_eq!(ids_of_thing(ids, &street, 2), [1]);
 }
@@ -130,7 +133,7 @@ fn a_moving_car_keeps_its_id_over_the_border_and_the_next_one_gets_its_own() {
     for (point, _) in second.points.iter_mut().zip(&second.truth).filter(|(_, thing)| **thing == 1) {
         point.x += 13.0;
     }
-    let ids = ids_of(&[(at([0.0; 3]), &first), (at([0.0; 3]), &second)], &Settings::default());
+    let ids = ids_of(&[(HERE, &first), (HERE, &second)], &Settings::default());
     assert_eq!(ids_of_thing(&ids[0], &first, 1), [1]);
     assert_eq!(ids_of_thing(&ids[1], &second, 1), [1]);
     assert_eq!(ids_of_thing(&ids[1], &second, 2), [2]);
@@ -150,9 +153,9 @@ fn bumper_to_bumper() -> Street {
 #[test]
 fn cars_bumper_to_bumper_are_parted_between_their_roofs() {
     let street = bumper_to_bumper();
-    let joined = &ids_of(&[(at([0.0; 3]), &street)], &Settings::default())[0];
+    let joined = &ids_of(&[(HERE, &street)], &Settings::default())[0];
     assert_eq!(ids_of_thing(joined, &street, 1), ids_of_thing(joined, &street, 2));
-    let ids = &ids_of(&[(at([0.0; 3]), &street)], &with_first_thing(|thing| thing.peak_m = 0.4))[0];
+    let ids = &ids_of(&[(HERE, &street)], &with_first_thing(|thing| thing.peak_m = 0.4))[0];
     let n_wrong = ids.iter().zip(&street.truth).filter(|(id, truth)| id != truth).count();
     assert!(n_wrong < 260, "{n_wrong} of 26 000 points have the other car's number, or none");
 }
@@ -165,7 +168,7 @@ fn two_halves_of_a_van_are_joined_and_two_cars_are_not() {
         street.object(half, [0.2, 2.2], 2000, ClassId::Vehicles, 1);
     }
     let join = |length_m: f64| with_first_thing(|thing| (thing.join_m, thing.max_length_m) = (0.8, length_m));
-    let ids = |settings: &Settings| ids_of_thing(&ids_of(&[(at([0.0; 3]), &street)], settings)[0], &street, 1);
+    let ids = |settings: &Settings| ids_of_thing(&ids_of(&[(HERE, &street)], settings)[0], &street, 1);
     assert_eq!(ids(&Settings::default()), [1, 2]);
     assert_eq!(ids(&join(6.0)), [1]);
     assert_eq!(ids(&join(4.5)), [1, 2], "together they are 5 m long");
@@ -182,7 +185,7 @@ fn any_class_can_be_told_apart() {
             .expect("parses");
     let (settings, problems) = parse_table::<Settings>(table.get_ref());
     assert_eq!(problems, []);
-    assert_eq!(ids_of(&[(at([0.0; 3]), &street)], &settings)[0], street.truth);
+    assert_eq!(ids_of(&[(HERE, &street)], &settings)[0], street.truth);
 }
 
 #[test]
