@@ -7,39 +7,50 @@
 //! 4. components with too few points, or with points but no ground around them, are dropped;
 //! 5. the points get their component's number.
 //!
-//! Numbers count up over the whole drive, first vehicles, then pedestrians, each in raster order of the submap's frame. A
-//! thing that lies across the border of two submaps gets two numbers: they are not matched yet.
+//! Beyond the thesis, each a setting: what passed through the same cells at different times is told apart (`visits`), roofs and
+//! heads that touch are parted by watershed (`footprints`), near parts are joined (`objects`), and a thing that was in an
+//! earlier submap keeps its id (`memory`), whatever the number of its points now.
 //!
-//! Where a submap has no ground, heights and surroundings are not asked.
+//! New ids count up over the whole drive, in the order of the classes in `things`, then of the things' first points. Where a
+//! submap has no ground, heights and surroundings are not asked.
 
+mod footprints;
+mod memory;
 mod objects;
 mod pairing;
 mod settings;
 mod top_view;
+mod visits;
 
-pub use settings::Settings;
+pub use settings::{Settings, Thing};
 
-use messages::{Class, ClassRow, Instance, InstanceHeader, Submap, SubmapPoint};
+use geometry::Pose;
+use memory::{Memory, Remembered};
+use messages::{Class, ClassRow, Instance, InstanceHeader, Submap, SubmapHeader, SubmapPoint};
+use objects::Object;
 use pairing::{Pairing, SavedPairing};
 use serde::{Deserialize, Serialize};
-use settings::Thing;
+use settings::Kind;
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 use top_view::TopView;
 
 /// Raised when the saved state changes its meaning.
-const STATE_VERSION: u32 = 1;
+const STATE_VERSION: u32 = 2;
 
 /// The stage.
 pub struct InstanceStage {
     settings: Settings,
     pairing: Pairing,
+    kinds: Vec<Kind>,
     /// Id of the next thing; 0 is no thing.
     next_id: u32,
+    memory: Memory,
 }
 
 #[derive(Serialize, Deserialize)]
 struct SavedState {
     next_id: u32,
+    memory: Memory,
     pairing: SavedPairing,
 }
 
@@ -56,7 +67,7 @@ impl InstanceStage {
         let ids = loan.grow(n_points).ok_or_else(|| {
             StepError::data(format!("the instance column of submap {} has no room for {n_points} points", submap.seq()))
         })?;
-        let header = self.number(submap.rows(), classes, ids, outputs)?;
+        let header = self.number(submap, classes, ids, outputs)?;
         *loan.header_mut() = header;
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
@@ -64,50 +75,82 @@ impl InstanceStage {
     /// Writes the id of every point that belongs to a thing; the others are 0 already.
     fn number(
         &mut self,
-        points: &[SubmapPoint],
+        submap: &Received<Submap>,
         classes: &[ClassRow],
         ids: &mut [u32],
         outputs: &mut Outputs,
     ) -> Result<InstanceHeader, StepError> {
         let mut header = InstanceHeader::default();
-        let things = self.settings.things();
-        let is_thing = |class_id: u8| things.iter().any(|thing| thing.class as u8 == class_id);
-        if !classes.iter().any(|row| is_thing(row.class_id)) {
-            return Ok(header);
+        let mut seen: Vec<Remembered> = Vec::new();
+        let view = self.view(submap.rows(), classes, outputs);
+        let world_from_submap = pose(submap)?;
+        for kind in self.kinds.clone() {
+            let Some(view) = &view else { break };
+            let found = self.find(view, submap, classes, &kind);
+            let class = kind.class as u8;
+            let mut things: Vec<Remembered> =
+                found.iter().map(|object| Remembered::of(object, class, &view.grid, &world_from_submap)).collect();
+            let known = self.memory.recognize(&things, self.settings.min_overlap);
+            for ((object, thing), known) in found.iter().zip(&mut things).zip(known) {
+                if !object.is_grounded {
+                    outputs.count("things_without_ground_around", u64::from(object.points.len() >= kind.min_points));
+                    continue;
+                }
+                thing.id = match known {
+                    Some(id) => id,
+                    None if object.points.len() < kind.min_points => continue,
+                    None => self.new_id()?,
+                };
+                outputs.count("instances_of_earlier_submaps", u64::from(known.is_some()));
+                object.points.iter().for_each(|&point_idx| ids[point_idx as usize] = thing.id);
+                header.n_instances += 1;
+                header.n_points += object.points.len() as u32;
+            }
+            seen.extend(things.into_iter().filter(|thing| thing.id != 0));
         }
-        let Some(view) = TopView::around(points, classes, is_thing, self.settings.cell_m) else {
-            outputs.count("submaps_without_view", 1);
-            outputs.note("a submap's things are too far apart for a top-down view: it has no instances");
-            return Ok(header);
-        };
-        tell(&view, &self.settings, outputs);
-        for thing in things {
-            let found = self.number_class(&view, points, classes, thing, ids)?;
-            header.n_instances += found.n;
-            header.n_points += found.members.len() as u32;
-            outputs.count("things_without_ground_around", u64::from(found.n_afloat));
-        }
+        self.memory.update(seen, self.settings.remembered_submaps);
         outputs.count("instances", u64::from(header.n_instances));
         Ok(header)
     }
 
-    fn number_class(
-        &mut self,
-        view: &TopView,
-        points: &[SubmapPoint],
-        classes: &[ClassRow],
-        thing: Thing,
-        ids: &mut [u32],
-    ) -> Result<objects::Objects, StepError> {
-        let found = objects::find(view, points, classes, thing, &self.settings);
-        let next_id = self.next_id.checked_add(found.n);
-        let next_id = next_id.ok_or_else(|| StepError::data("more than 2^32 - 1 instances in one drive"))?;
-        for &(point_idx, number) in &found.members {
-            ids[point_idx] = self.next_id + number;
+    /// The view of a submap that has things.
+    fn view(&self, points: &[SubmapPoint], classes: &[ClassRow], outputs: &mut Outputs) -> Option<TopView> {
+        let is_thing: [bool; 256] = std::array::from_fn(|id| self.kinds.iter().any(|kind| kind.class as usize == id));
+        if !classes.iter().any(|row| is_thing[usize::from(row.class_id)]) {
+            return None;
         }
-        self.next_id = next_id;
-        Ok(found)
+        let view = TopView::around(points, classes, &is_thing, self.settings.cell_m);
+        if let Some(view) = &view {
+            tell(view, &self.settings, outputs);
+        } else {
+            outputs.count("submaps_without_view", 1);
+            outputs.note("a submap's things are too far apart for a top-down view: it has no instances");
+        }
+        view
     }
+
+    fn find(&self, view: &TopView, submap: &Received<Submap>, classes: &[ClassRow], kind: &Kind) -> Vec<Object> {
+        let is_class = |&(point_idx, _): &(u32, _)| classes[point_idx as usize].class_id == kind.class as u8;
+        let is_class: Vec<bool> = view.of_things.iter().map(is_class).collect();
+        let header: &SubmapHeader = submap.header();
+        let time_of = |point: &SubmapPoint| {
+            let sweep = header.sweeps.get(usize::from(point.sweep_idx));
+            sweep.map_or(0, |sweep| sweep.stamp).saturating_add(i64::from(point.offset_nanos))
+        };
+        objects::find(view, submap.rows(), &is_class, time_of, kind, &self.settings)
+    }
+
+    fn new_id(&mut self) -> Result<u32, StepError> {
+        let id = self.next_id;
+        let next = id.checked_add(1);
+        self.next_id = next.ok_or_else(|| StepError::data("more than 2^32 - 2 instances in one drive"))?;
+        Ok(id)
+    }
+}
+
+fn pose(submap: &Received<Submap>) -> Result<Pose, StepError> {
+    let row = submap.header().world_from_submap;
+    row.to_pose().ok_or_else(|| StepError::data(format!("submap {}: {row:?} is no rigid transform", submap.seq())))
 }
 
 fn tell(view: &TopView, settings: &Settings, outputs: &mut Outputs) {
@@ -135,7 +178,13 @@ impl Stage for InstanceStage {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        Ok(Self { settings: settings.clone(), pairing: Pairing::new(context.mode), next_id: 1 })
+        Ok(Self {
+            settings: settings.clone(),
+            kinds: settings.kinds(),
+            pairing: Pairing::new(context.mode),
+            next_id: 1,
+            memory: Memory::default(),
+        })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -155,7 +204,7 @@ impl Stage for InstanceStage {
     }
 
     fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        let state = SavedState { next_id: self.next_id, pairing: self.pairing.save() };
+        let state = SavedState { next_id: self.next_id, memory: self.memory.clone(), pairing: self.pairing.save() };
         Ok(stage::encode_state(STATE_VERSION, &state)?)
     }
 
@@ -163,6 +212,7 @@ impl Stage for InstanceStage {
         let state: SavedState = stage::decode_state(STATE_VERSION, state)?;
         self.pairing.load(&state.pairing)?;
         self.next_id = state.next_id;
+        self.memory = state.memory;
         Ok(())
     }
 }

@@ -1,96 +1,145 @@
-//! Things of one class: cells joined by dilation, closed by area, sorted out by points and surroundings.
+//! Things of one class: parts of the footprint, told apart by time, joined where they belong together.
 
-use crate::settings::{Settings, Thing};
-use crate::top_view::{TopView, cell_of};
-use messages::{ClassRow, SubmapPoint};
-use morphology::{Connectivity, Labels, area_closing, connected_components, dilate};
-use ndarray::Array2;
+use crate::footprints::Footprints;
+use crate::settings::{Kind, Settings};
+use crate::top_view::{Cell, TopView};
+use crate::visits::{GLIMPSE_NANOS, Sets, Visits};
+use geometry::OrientedRectangle;
+use messages::SubmapPoint;
 
-/// Width of the ring around a thing in which ground is looked for, m: past the sill of a car, before the next parked one.
-const RING_M: f64 = 0.5;
-
-/// Points of the things that were found.
-pub(crate) struct Objects {
-    /// Index of each point that belongs to a thing, and the thing's number from 0 in raster order.
-    pub(crate) members: Vec<(usize, u32)>,
-    /// How many things.
-    pub(crate) n: u32,
-    /// Components that had points enough but no ground around them.
-    pub(crate) n_afloat: u32,
+/// A thing of this submap.
+pub(crate) struct Object {
+    /// Indices of its points, rising.
+    pub(crate) points: Vec<u32>,
+    /// Its cells, those of its first and those of its last half second, sorted.
+    pub(crate) cells: [Vec<Cell>; 3],
+    /// Times of its first and last point, ns since the Unix epoch.
+    pub(crate) span: (i64, i64),
+    /// Whether there is ground around it; `true` if that cannot be told.
+    pub(crate) is_grounded: bool,
 }
 
-/// All things of one class in the view.
+/// All things of one class in the view, in the order of their first points.
 pub(crate) fn find(
     view: &TopView,
     points: &[SubmapPoint],
-    classes: &[ClassRow],
-    thing: Thing,
+    is_class: &[bool],
+    time_of: impl Fn(&SubmapPoint) -> i64,
+    kind: &Kind,
     settings: &Settings,
-) -> Objects {
-    let mut occupied = Array2::from_elem(view.seen.dim(), false);
-    let mut candidates: Vec<(usize, (usize, usize))> = Vec::new();
-    for (point_idx, (point, row)) in points.iter().zip(classes).enumerate() {
-        if row.class_id != thing.class as u8 {
-            continue;
-        }
-        let cell = cell_of(&view.grid, point).filter(|&cell| view.is_below(point, cell, thing.max_height_m));
-        if let Some(cell) = cell {
-            occupied[cell] = true;
-            candidates.push((point_idx, cell));
-        }
+) -> Vec<Object> {
+    if !is_class.contains(&true) {
+        return Vec::new();
     }
-    let components = footprints(&occupied, view, settings);
-
-    let mut n_points = vec![0_usize; components.n() + 1];
-    for &(_, cell) in &candidates {
-        n_points[components.image[cell] as usize] += 1;
+    let footprints = Footprints::of(view, points, is_class, kind, settings);
+    let times = footprints.candidates.iter().map(|candidate| time_of(&points[candidate.point_idx as usize]));
+    let is_timed = settings.apart_s > 0.0;
+    let apart_nanos = if is_timed { (settings.apart_s * 1e9) as i64 } else { i64::MAX };
+    let visits = Visits::of(&footprints, times, apart_nanos);
+    let (numbers, n) = if is_timed {
+        // The squares around two cells touch if they are that near.
+        visits.groups(&footprints, apart_nanos, 2 * view.in_cells(settings.dilation_m) + 1)
+    } else {
+        (visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1).collect(), footprints.n)
+    };
+    let nothing =
+        || Object { points: Vec::new(), cells: Default::default(), span: (i64::MAX, i64::MIN), is_grounded: false };
+    let mut objects: Vec<Object> = (0..n).map(|_| nothing()).collect();
+    for (visit, &number) in visits.all.iter().zip(&numbers) {
+        let span = &mut objects[number as usize].span;
+        *span = (span.0.min(visit.begin), span.1.max(visit.end));
     }
-    let shares = ground_shares(&components, view);
-    let mut objects = Objects { members: Vec::new(), n: 0, n_afloat: 0 };
-    let mut numbers: Vec<Option<u32>> = vec![None; components.n() + 1];
-    for label in 1..=components.n() {
-        if n_points[label] < thing.min_points {
-            continue;
+    for (visit, &number) in visits.all.iter().zip(&numbers) {
+        let object = &mut objects[number as usize];
+        object.cells[0].push(visit.cell);
+        if visit.begin <= object.span.0.saturating_add(GLIMPSE_NANOS) {
+            object.cells[1].push(visit.cell);
         }
-        if shares[label].is_some_and(|share| share < settings.min_ground_around) {
-            objects.n_afloat += 1;
-            continue;
+        if visit.end >= object.span.1.saturating_sub(GLIMPSE_NANOS) {
+            object.cells[2].push(visit.cell);
         }
-        numbers[label] = Some(objects.n);
-        objects.n += 1;
+        let around = footprints.ground_around[footprints.parts[visit.cell] as usize];
+        object.is_grounded |= around.is_none_or(|share| share >= settings.min_ground_around);
     }
-    let number = |cell: (usize, usize)| numbers[components.image[cell] as usize];
-    objects.members.extend(candidates.iter().filter_map(|&(point_idx, cell)| Some((point_idx, number(cell)?))));
-    objects
+    for (candidate, &visit) in footprints.candidates.iter().zip(&visits.of_candidate) {
+        objects[numbers[visit as usize] as usize].points.push(candidate.point_idx);
+    }
+    objects.retain(|object| !object.points.is_empty());
+    objects.iter_mut().for_each(Object::sort);
+    if kind.join_m > 0.0 { join(objects, view, kind) } else { objects }
 }
 
-/// Components of the occupied cells after dilation, their small holes filled.
-fn footprints(occupied: &Array2<bool>, view: &TopView, settings: &Settings) -> Labels {
-    let grown = dilate(occupied, in_cells(settings.dilation_m, view));
-    // A hole between eight-connected cells is four-connected, so it never joins two components.
-    let closed = area_closing(&grown, settings.hole_cells as usize, Connectivity::Four);
-    connected_components(&closed, Connectivity::Eight)
+impl Object {
+    fn sort(&mut self) {
+        self.points.sort_unstable();
+        for cells in &mut self.cells {
+            cells.sort_unstable();
+            cells.dedup();
+        }
+    }
+
+    fn absorb(&mut self, mut other: Self) {
+        self.points.append(&mut other.points);
+        for (cells, others) in self.cells.iter_mut().zip(&mut other.cells) {
+            cells.append(others);
+        }
+        self.span = (self.span.0.min(other.span.0), self.span.1.max(other.span.1));
+        self.is_grounded |= other.is_grounded;
+    }
 }
 
-/// By label: share of the cells with points around the component that have ground. `None` where nothing was seen around
-/// it, or the view has no ground at all.
-fn ground_shares(components: &Labels, view: &TopView) -> Vec<Option<f64>> {
-    let mut n_seen = vec![0_u32; components.n() + 1];
-    let mut n_ground = n_seen.clone();
-    if view.terrain_m.is_some() {
-        // Where two rings cross, the later component has the cell.
-        let around = dilate(&components.image, in_cells(RING_M, view));
-        for ((cell, &label), &inside) in around.indexed_iter().zip(&components.image) {
-            if label != 0 && inside == 0 && view.seen[cell] {
-                n_seen[label as usize] += 1;
-                n_ground[label as usize] += u32::from(view.ground[cell]);
+/// Joins parts that are near and together no longer than a thing of the class, the nearest first.
+fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Object> {
+    let mut pairs: Vec<(u64, usize, usize)> = Vec::new();
+    let limit = (kind.join_m / view.grid.cell_m).ceil() as usize;
+    let boxes: Vec<[usize; 4]> = objects.iter().map(|object| bounds(&object.cells[0])).collect();
+    for (a, box_a) in boxes.iter().enumerate() {
+        for (b, box_b) in boxes.iter().enumerate().skip(a + 1) {
+            let apart = |low: usize, high: usize| {
+                box_a[low].saturating_sub(box_b[high]).max(box_b[low].saturating_sub(box_a[high]))
+            };
+            if apart(0, 1) <= limit && apart(2, 3) <= limit {
+                let gap_m = gap(&objects[a].cells[0], &objects[b].cells[0]).sqrt() * view.grid.cell_m;
+                if gap_m <= kind.join_m {
+                    pairs.push(((gap_m * 1e6) as u64, a, b));
+                }
             }
         }
     }
-    let share = |(&seen, &ground): (&u32, &u32)| (seen > 0).then(|| f64::from(ground) / f64::from(seen));
-    n_seen.iter().zip(&n_ground).map(share).collect()
+    pairs.sort_unstable();
+    let mut sets = Sets::new(objects.len());
+    for &(_, a, b) in &pairs {
+        let (numbers, _) = sets.numbers();
+        let of_both = |idx: &usize| numbers[*idx] == numbers[a] || numbers[*idx] == numbers[b];
+        let corners = (0..objects.len()).filter(of_both).flat_map(|idx| &objects[idx].cells[0]);
+        let centers: Vec<[f64; 2]> = corners.map(|&(row, col)| view.grid.center(row, col).into()).collect();
+        let length_m = OrientedRectangle::around(&centers).map_or(0.0, |r| r.length_m) + view.grid.cell_m;
+        if length_m <= kind.max_length_m {
+            sets.union(a, b);
+        }
+    }
+    let (numbers, n) = sets.numbers();
+    let mut joined: Vec<Option<Object>> = (0..n).map(|_| None).collect();
+    for (object, &number) in objects.into_iter().zip(&numbers) {
+        match &mut joined[number as usize] {
+            Some(whole) => whole.absorb(object),
+            empty => *empty = Some(object),
+        }
+    }
+    let mut joined: Vec<Object> = joined.into_iter().flatten().collect();
+    joined.iter_mut().for_each(Object::sort);
+    joined
 }
 
-fn in_cells(length_m: f64, view: &TopView) -> usize {
-    (length_m / view.grid.cell_m).round() as usize
+/// Least and greatest row, least and greatest column.
+fn bounds(cells: &[Cell]) -> [usize; 4] {
+    cells.iter().fold([usize::MAX, 0, usize::MAX, 0], |[a, b, c, d], &(row, col)| {
+        [a.min(row), b.max(row), c.min(col), d.max(col)]
+    })
+}
+
+/// Least squared distance of two cells.
+fn gap(a: &[Cell], b: &[Cell]) -> f64 {
+    let squared = |p: &Cell, q: &Cell| (p.0.abs_diff(q.0).pow(2) + p.1.abs_diff(q.1).pow(2)) as f64;
+    a.iter().flat_map(|p| b.iter().map(move |q| squared(p, q))).fold(f64::INFINITY, f64::min)
 }

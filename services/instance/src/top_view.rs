@@ -11,6 +11,9 @@ const MAX_CELLS: usize = 1 << 24;
 /// How far around the things ground and other points are looked at, m: enough to bridge the shadow of a truck.
 const MARGIN_M: f64 = 5.0;
 
+/// Row and column.
+pub(crate) type Cell = (usize, usize);
+
 /// Grid, terrain and what was seen where.
 pub(crate) struct TopView {
     pub(crate) grid: BevGrid,
@@ -20,6 +23,8 @@ pub(crate) struct TopView {
     pub(crate) ground: Array2<bool>,
     /// Cells with any point.
     pub(crate) seen: Array2<bool>,
+    /// Index and cell of the points of thing classes, in the order of the submap.
+    pub(crate) of_things: Vec<(u32, Cell)>,
 }
 
 impl TopView {
@@ -27,48 +32,54 @@ impl TopView {
     pub(crate) fn around(
         points: &[SubmapPoint],
         classes: &[ClassRow],
-        is_thing: impl Fn(u8) -> bool,
+        is_thing: &[bool; 256],
         cell_m: f64,
     ) -> Option<Self> {
-        let things = points.iter().zip(classes).filter(|(point, row)| is_thing(row.class_id) && is_finite(point));
-        let nothing = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let is_thing = |row: &ClassRow| is_thing[usize::from(row.class_id)];
+        let things = points.iter().zip(classes).filter(|(point, row)| is_thing(row) && is_finite(point));
+        let nothing = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
         let (min, max) = things.fold(nothing, |(min, max), (point, _)| {
-            let xy = [f64::from(point.x), f64::from(point.y)];
-            ([min[0].min(xy[0]), min[1].min(xy[1])], [max[0].max(xy[0]), max[1].max(xy[1])])
+            ([min[0].min(point.x), min[1].min(point.y)], [max[0].max(point.x), max[1].max(point.y)])
         });
-        let (min, max) = (min.map(|v| v - MARGIN_M), max.map(|v| v + MARGIN_M));
+        let (min, max) = (min.map(|v| f64::from(v) - MARGIN_M), max.map(|v| f64::from(v) + MARGIN_M));
         let grid = BevGrid::covering_coarsened(min, max, cell_m, MAX_CELLS)?;
 
         let shape = (grid.rows, grid.cols);
         let mut lowest_m = Array2::from_elem(shape, f32::INFINITY);
         let mut seen = Array2::from_elem(shape, false);
-        for (point, row) in points.iter().zip(classes) {
+        let mut of_things = Vec::new();
+        let ground_classes: [bool; 256] =
+            std::array::from_fn(|id| GROUND_CLASSES.iter().any(|&class| class as usize == id));
+        for (point_idx, (point, row)) in points.iter().zip(classes).enumerate() {
             let Some(cell) = cell_of(&grid, point) else { continue };
             seen[cell] = true;
-            if is_ground(row.class_id) {
+            if ground_classes[usize::from(row.class_id)] {
                 lowest_m[cell] = point.z.min(lowest_m[cell]);
+            } else if is_thing(row) {
+                of_things.push((point_idx as u32, cell));
             }
         }
         let ground = lowest_m.mapv(f32::is_finite);
         let terrain_m = fill_gaps(&lowest_m, &ground);
-        Some(Self { grid, terrain_m, ground, seen })
+        Some(Self { grid, terrain_m, ground, seen, of_things })
     }
 
-    /// Whether the point is at most `max_height_m` above the ground, or there is no ground to measure from.
-    pub(crate) fn is_below(&self, point: &SubmapPoint, cell: (usize, usize), max_height_m: f32) -> bool {
-        self.terrain_m.as_ref().is_none_or(|terrain| point.z - terrain[cell] <= max_height_m)
+    /// Height of a point above the ground, m; above the submap's origin if there is no ground to measure from.
+    pub(crate) fn above_ground(&self, point: &SubmapPoint, cell: Cell) -> f32 {
+        point.z - self.terrain_m.as_ref().map_or(0.0, |terrain| terrain[cell])
+    }
+
+    /// A length in whole cells, rounded.
+    pub(crate) fn in_cells(&self, length_m: f64) -> usize {
+        (length_m / self.grid.cell_m).round() as usize
     }
 }
 
 /// Row and column of a point, `None` outside or if a coordinate is no number.
-pub(crate) fn cell_of(grid: &BevGrid, point: &SubmapPoint) -> Option<(usize, usize)> {
+fn cell_of(grid: &BevGrid, point: &SubmapPoint) -> Option<Cell> {
     grid.cell(f64::from(point.x), f64::from(point.y)).filter(|_| point.z.is_finite())
 }
 
 fn is_finite(point: &SubmapPoint) -> bool {
     [point.x, point.y, point.z].iter().all(|v| v.is_finite())
-}
-
-fn is_ground(class_id: u8) -> bool {
-    GROUND_CLASSES.iter().any(|&class| class as u8 == class_id)
 }

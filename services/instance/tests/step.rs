@@ -1,84 +1,13 @@
 //! The stage on the bench, on streets whose things are known.
 
+mod support;
+
 use instance::{InstanceStage, Settings};
-use messages::{Class, ClassHeader, ClassId, ClassRow, Instance, Submap, SubmapHeader, SubmapPoint};
+use messages::{Class, ClassHeader, ClassId, ClassRow, Instance, Submap};
 use stage::Stage;
 use stage::testing::{Bench, context};
 use std::path::Path;
-
-/// Points, their classes and the number of the thing that each belongs to, 0 for none.
-#[derive(Clone, Default)]
-struct Street {
-    points: Vec<SubmapPoint>,
-    classes: Vec<ClassRow>,
-    truth: Vec<u32>,
-}
-
-impl Street {
-    fn push(&mut self, [x, y, z]: [f32; 3], class: ClassId, thing: u32) {
-        self.points.push(SubmapPoint { x, y, z, ..SubmapPoint::default() });
-        self.classes.push(ClassRow { class_id: class as u8, score: 255 });
-        self.truth.push(thing);
-    }
-
-    /// 30 m x 14 m of road that climbs by 10 %, one point every 10 cm, none under the boxes of `holes`.
-    fn road(holes: &[[f32; 4]]) -> Self {
-        let mut street = Self::default();
-        for (row, col) in (0..300_u16).flat_map(|row| (0..140_u16).map(move |col| (row, col))) {
-            let (x, y) = (f32::from(row) * 0.1 + 0.05, f32::from(col) * 0.1 + 0.05);
-            if !holes.iter().any(|&[x0, y0, x1, y1]| x > x0 && x < x1 && y > y0 && y < y1) {
-                street.push([x, y, slope(x)], ClassId::Road, 0);
-            }
-        }
-        street
-    }
-
-    /// The outline of a box as a lidar sees it: points on a spiral of 50 rounds up its sides.
-    fn object(&mut self, [x0, y0, x1, y1]: [f32; 4], heights: [f32; 2], n: usize, class: ClassId, thing: u32) {
-        let perimeter = 2.0 * (x1 - x0 + y1 - y0);
-        for i in 0..n {
-            let share = i as f32 / n as f32;
-            let along = (share * 50.0).fract() * perimeter;
-            let (dx, dy) = (x1 - x0, y1 - y0);
-            let (x, y) = match along {
-                a if a < dx => (x0 + a, y0),
-                a if a < dx + dy => (x1, y0 + a - dx),
-                a if a < 2.0 * dx + dy => (x1 - (a - dx - dy), y1),
-                a => (x0, y1 - (a - 2.0 * dx - dy)),
-            };
-            let above = heights[0] + share * (heights[1] - heights[0]);
-            self.push([x, y, slope(x) + above], class, thing);
-        }
-    }
-}
-
-fn slope(x: f32) -> f32 {
-    0.1 * x
-}
-
-const CARS: [[f32; 4]; 3] = [[2.0, 2.0, 6.4, 3.8], [7.0, 2.0, 11.4, 3.8], [20.0, 9.0, 24.4, 10.8]];
-const PEOPLE: [[f32; 4]; 2] = [[14.0, 6.0, 14.5, 6.5], [15.2, 6.0, 15.7, 6.5]];
-
-/// Three cars, two of them 60 cm apart, and two people 70 cm apart.
-fn street() -> Street {
-    let mut street = Street::road(&[CARS, [PEOPLE[0], PEOPLE[1], CARS[0]]].concat());
-    for (number, car) in (1..).zip(CARS) {
-        street.object(car, [0.2, 1.5], 3000, ClassId::Vehicles, number);
-    }
-    for (number, person) in (4..).zip(PEOPLE) {
-        street.object(person, [0.0, 1.8], 300, ClassId::Pedestrian, number);
-    }
-    street
-}
-
-fn bench(settings: &Settings) -> Bench<InstanceStage> {
-    Bench::new(settings, &context(Path::new("/nowhere"))).expect("builds")
-}
-
-fn send(bench: &mut Bench<InstanceStage>, street: &Street) {
-    bench.send::<Submap>(0, SubmapHeader::default(), street.points.clone());
-    bench.send::<Class>(0, ClassHeader::default(), street.classes.clone());
-}
+use support::{CARS, Street, at, bench, send, street};
 
 /// Ids of one submap through a new stage, and that stage.
 fn ids_of(street: &Street, settings: &Settings) -> (Vec<u32>, Bench<InstanceStage>) {
@@ -143,26 +72,32 @@ fn the_roof_rack_above_the_limit_is_cut_off() {
 
 #[test]
 fn ids_go_on_from_submap_to_submap_also_over_a_restart() {
-    let ids = |restart: bool| {
-        let settings = Settings::default();
-        let mut bench = bench(&settings);
+    let ids = |restart: bool, settings: &Settings| {
+        let mut bench = bench(settings);
         let mut ids = Vec::new();
-        for tick in 0..4 {
-            send(&mut bench, &street());
+        for tick in 0..6 {
+            // Two ticks in one place, then on to the next.
+            bench.send::<Submap>(0, at([f64::from(tick / 2) * 100.0, 0.0, 0.0]), street().points);
+            bench.send::<Class>(0, ClassHeader::default(), street().classes);
             bench.tick().expect("steps");
             ids.extend(bench.take::<Instance>().iter().map(|column| column.rows().to_vec()));
-            if restart && tick == 1 {
-                bench = bench.restarted(&settings, &context(Path::new("/nowhere"))).expect("restarts");
+            if restart && tick % 2 == 0 {
+                bench = bench.restarted(settings, &context(Path::new("/nowhere"))).expect("restarts");
             }
         }
         ids
     };
-    let undisturbed = ids(false);
-    for (submap, ids) in (0..).zip(&undisturbed) {
-        let expected: Vec<u32> = street().truth.iter().map(|&t| if t == 0 { 0 } else { 5 * submap + t }).collect();
-        assert_eq!(ids, &expected);
+    let expected =
+        |first: u32| -> Vec<u32> { street().truth.iter().map(|&t| if t == 0 { 0 } else { first + t }).collect() };
+    let undisturbed = ids(false, &Settings::default());
+    for (tick, ids) in (0..).zip(&undisturbed) {
+        assert_eq!(ids, &expected(5 * (tick / 2)));
     }
-    assert_eq!(ids(true), undisturbed);
+    assert_eq!(ids(true, &Settings::default()), undisturbed);
+    let forgetful = Settings { remembered_submaps: 0, ..Settings::default() };
+    for (tick, ids) in (0..).zip(ids(true, &forgetful)) {
+        assert_eq!(ids, expected(5 * tick));
+    }
 }
 
 #[test]
@@ -170,8 +105,8 @@ fn classes_that_come_later_find_their_submap_also_over_a_restart() {
     let settings = Settings::default();
     for restart in [false, true] {
         let mut bench = bench(&settings);
-        bench.send::<Submap>(11, SubmapHeader::default(), street().points);
-        bench.send::<Submap>(12, SubmapHeader::default(), Vec::new());
+        bench.send::<Submap>(11, at([0.0; 3]), street().points);
+        bench.send::<Submap>(12, at([0.0; 3]), Vec::new());
         bench.tick().expect("steps");
         assert_eq!(bench.take::<Instance>().len(), 0);
         if restart {
@@ -193,14 +128,14 @@ fn classes_that_come_later_find_their_submap_also_over_a_restart() {
 #[test]
 fn columns_of_wrong_length_or_too_many_waiting_submaps_are_errors() {
     let mut bench = bench(&Settings::default());
-    bench.send::<Submap>(0, SubmapHeader::default(), street().points);
+    bench.send::<Submap>(0, at([0.0; 3]), street().points);
     bench.send::<Class>(0, ClassHeader::default(), vec![ClassRow::default(); 7]);
     let error = bench.tick().expect_err("7 rows do not fit").to_string();
     assert!(error.contains("class column of submap 0 has 7 rows"), "{error}");
 
     let mut bench = self::bench(&Settings::default());
     for _ in 0..3 {
-        bench.send::<Submap>(0, SubmapHeader::default(), Vec::new());
+        bench.send::<Submap>(0, at([0.0; 3]), Vec::new());
     }
     let error = bench.tick().expect_err("three may not wait").to_string();
     assert!(error.contains("3 messages of submap wait"), "{error}");

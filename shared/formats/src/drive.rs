@@ -6,11 +6,13 @@
 mod check;
 mod clouds;
 mod infer;
+mod labels;
 mod listing;
 mod read;
 mod sweeps;
 
 pub use clouds::returns_from_cloud;
+pub use labels::{TrueLabel, TrueLabels};
 pub use listing::Frame;
 pub use sweeps::{DriveSweep, SourcePosition, SweepSource};
 

@@ -35,17 +35,27 @@ impl BevGrid {
         self.rows * self.cols
     }
     /// Row and column of a point, `None` outside. Every point within the bounds given to [`BevGrid::covering`] has one.
+    #[inline]
     pub fn cell(&self, x: f64, y: f64) -> Option<(usize, usize)> {
         // Whole cells are subtracted, not metres: x - x0 rounds, and a point on the edge would fall off the grid.
-        let row = (x / self.cell_m).floor() - (self.x0 / self.cell_m).round();
-        let col = (y / self.cell_m).floor() - (self.y0 / self.cell_m).round();
-        let inside = row >= 0.0 && col >= 0.0 && row < self.rows as f64 && col < self.cols as f64;
+        let row = whole(x / self.cell_m)? - whole(self.x0 / self.cell_m + 0.5)?;
+        let col = whole(y / self.cell_m)? - whole(self.y0 / self.cell_m + 0.5)?;
+        let inside = row >= 0 && col >= 0 && row < self.rows as i64 && col < self.cols as i64;
         inside.then_some((row as usize, col as usize))
     }
     /// x and y of a cell's center, m.
     pub fn center(&self, row: usize, col: usize) -> (f64, f64) {
         (self.x0 + (row as f64 + 0.5) * self.cell_m, self.y0 + (col as f64 + 0.5) * self.cell_m)
     }
+}
+
+/// The greatest whole number that is not above `value`, without the call that [`f64::floor`] is on processors before SSE 4.1.
+/// `None` for what is no number, or beyond 2^62.
+#[inline]
+fn whole(value: f64) -> Option<i64> {
+    const LIMIT: f64 = (1_u64 << 62) as f64;
+    let towards_zero = value as i64;
+    (value.abs() < LIMIT).then(|| towards_zero - i64::from(towards_zero as f64 > value))
 }
 
 #[cfg(test)]

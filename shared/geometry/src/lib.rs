@@ -3,6 +3,7 @@
 mod bev;
 mod camera;
 mod pose;
+mod rectangle;
 mod rig;
 mod stamp;
 
@@ -10,5 +11,6 @@ pub use bev::BevGrid;
 pub use camera::{CameraModel, KannalaBrandt, Pinhole};
 pub use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector2, Vector3};
 pub use pose::{Pose, Trajectory, interpolate};
+pub use rectangle::OrientedRectangle;
 pub use rig::{Rig, RigCamera};
 pub use stamp::Stamp;

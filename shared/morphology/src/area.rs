@@ -1,65 +1,130 @@
 //! Opening and closing by area: peaks and pits of fewer than `area` pixels are levelled, all else keeps its exact shape.
 
-use crate::neighbors::Raster;
+use crate::components::Runs;
+use crate::padded::Padded;
 use crate::{Connectivity, Level};
 use ndarray::Array2;
-use std::cmp::Ordering;
 
 /// The greatest level at which the pixel belongs to a component of `{image >= level}` with at least `area` pixels; the
 /// image's least value if the whole image has fewer. On a binary image: components of fewer than `area` pixels go.
 pub fn area_opening<T: Level>(image: &Array2<T>, area: usize, connectivity: Connectivity) -> Array2<T> {
-    level_extrema(image, area, connectivity, |a, b| b.order(a))
+    match two_levels(image) {
+        Some(levels) => open_binary(image, levels, area, connectivity),
+        None => level_peaks(image, area, connectivity, |value| value),
+    }
 }
 
 /// The dual of [`area_opening`]. On a binary image: holes and bays of fewer than `area` pixels are filled. The
 /// connectivity is that of the pits; components with eight neighbors have holes with four.
 pub fn area_closing<T: Level>(image: &Array2<T>, area: usize, connectivity: Connectivity) -> Array2<T> {
-    level_extrema(image, area, connectivity, T::order)
+    match two_levels(image) {
+        Some([low, high]) => open_binary(image, [high, low], area, connectivity),
+        None => level_peaks(image, area, connectivity, T::complement),
+    }
 }
 
-/// Floods from the extrema (first in `order`) and lets a basin grow until it has `area` pixels (Meijster and Wilkinson
-/// 2002, the union-find algorithm).
-fn level_extrema<T: Level>(
+/// The two values, if there are no more.
+fn two_levels<T: Level>(image: &Array2<T>) -> Option<[T; 2]> {
+    let first = *image.first()?;
+    let second = image.iter().copied().find(|&value| value != first).unwrap_or(first);
+    let only_those = image.iter().all(|&value| value == first || value == second);
+    only_those.then(|| if first < second { [first, second] } else { [second, first] })
+}
+
+/// Components of `peak` that are too small become `base`.
+fn open_binary<T: Level>(
     image: &Array2<T>,
+    [base, peak]: [T; 2],
     area: usize,
     connectivity: Connectivity,
-    order: impl Fn(T, T) -> Ordering,
 ) -> Array2<T> {
-    let raster = Raster::new(image.dim());
     let mut result = image.as_standard_layout().into_owned();
-    let levels = result.as_slice_mut().expect("standard layout was asked for");
-    let mut sequence: Vec<u32> = (0..levels.len() as u32).collect();
-    sequence.sort_by(|&a, &b| order(levels[a as usize], levels[b as usize]));
-
-    let mut forest = Basins::new(levels.len());
-    for pixel in sequence.iter().map(|&pixel| pixel as usize) {
-        forest.start(pixel);
-        for neighbor in raster.neighbors(pixel, connectivity) {
-            let Some(basin) = forest.find(neighbor) else { continue };
-            if basin == pixel {
-                continue;
-            }
-            if order(levels[basin], levels[pixel]) == Ordering::Equal || forest.areas[basin] < area {
-                forest.merge(basin, pixel);
-            } else {
-                // The pixel's own component holds that basin too, so it is large enough as well.
-                forest.areas[pixel] = forest.areas[pixel].max(area);
-            }
-        }
+    if base == peak {
+        return result;
     }
-    for pixel in sequence.iter().rev().map(|&pixel| pixel as usize) {
-        let parent = forest.parents[pixel] as usize;
-        levels[pixel] = levels[parent];
+    let runs = Runs::of(&image.mapv(|value| value == peak));
+    let (labels, n) = runs.labels(connectivity);
+    let mut areas = vec![0; n + 1];
+    for (label, [start, end]) in labels.iter().zip(&runs.ends) {
+        areas[*label as usize] += (end - start) as usize;
+    }
+    for (row, mut line) in result.rows_mut().into_iter().enumerate() {
+        for run_idx in runs.of_row(row).filter(|&run_idx| areas[labels[run_idx] as usize] < area) {
+            let [start, end] = runs.ends[run_idx].map(|col| col as usize);
+            line.slice_mut(ndarray::s![start..end]).fill(base);
+        }
     }
     result
 }
 
-struct Basins {
+/// Floods from the peaks and lets a component grow until it has `area` pixels (Meijster and Wilkinson 2002, the union-find
+/// algorithm). `sense` is the identity, or the complement for pits.
+fn level_peaks<T: Level>(
+    image: &Array2<T>,
+    area: usize,
+    connectivity: Connectivity,
+    sense: impl Fn(T) -> T + Copy,
+) -> Array2<T> {
+    let mut levels = Padded::mapped(image, T::LOWEST, sense);
+    let steps = levels.steps(connectivity);
+    let sequence = highest_first(&levels);
+    let mut forest = Forest::new(levels.pixels.len());
+    for &pixel in &sequence {
+        let pixel = pixel as usize;
+        forest.start(pixel);
+        let level = levels.pixels[pixel].rank();
+        for &step in &steps {
+            let Some(peak) = forest.find(pixel.wrapping_add_signed(step)) else { continue };
+            if peak == pixel {
+                continue;
+            }
+            if forest.areas[peak] < area || levels.pixels[peak].rank() == level {
+                forest.merge(peak, pixel);
+            } else {
+                // The pixel's own component holds that peak too, so it is large enough as well.
+                forest.areas[pixel] = forest.areas[pixel].max(area);
+            }
+        }
+    }
+    for &pixel in sequence.iter().rev() {
+        levels.pixels[pixel as usize] = levels.pixels[forest.parents[pixel as usize] as usize];
+    }
+    levels.unframed(sense)
+}
+
+/// Flat indices of all pixels but the frame, by falling level, those of one level in raster order: a radix sort.
+fn highest_first<T: Level>(levels: &Padded<T>) -> Vec<u32> {
+    const BITS: u32 = 11;
+    let digit = |pixel: u32, shift: u32| (!levels.pixels[pixel as usize].rank() >> shift) as usize & ((1 << BITS) - 1);
+    let row = |row: usize| (levels.row_start(row)..levels.row_start(row) + levels.cols).map(|pixel| pixel as u32);
+    let mut sequence: Vec<u32> = (0..levels.rows).flat_map(row).collect();
+    let mut sorted = vec![0; sequence.len()];
+    let n_bits = T::N_RANKS.map_or(u32::BITS, |n| n.ilog2());
+    for shift in (0..n_bits).step_by(BITS as usize) {
+        let mut ends = vec![0_usize; 1 << BITS];
+        for &pixel in &sequence {
+            ends[digit(pixel, shift)] += 1;
+        }
+        let mut start = 0;
+        for end in &mut ends {
+            (start, *end) = (start + *end, start);
+        }
+        for &pixel in &sequence {
+            let place = &mut ends[digit(pixel, shift)];
+            sorted[*place] = pixel;
+            *place += 1;
+        }
+        std::mem::swap(&mut sequence, &mut sorted);
+    }
+    sequence
+}
+
+struct Forest {
     parents: Vec<u32>,
     areas: Vec<usize>,
 }
 
-impl Basins {
+impl Forest {
     const NOT_REACHED: u32 = u32::MAX;
 
     fn new(n: usize) -> Self {
@@ -69,11 +134,11 @@ impl Basins {
         self.parents[pixel] = pixel as u32;
         self.areas[pixel] = 1;
     }
-    fn merge(&mut self, basin: usize, into: usize) {
-        self.parents[basin] = into as u32;
-        self.areas[into] += self.areas[basin];
+    fn merge(&mut self, peak: usize, into: usize) {
+        self.parents[peak] = into as u32;
+        self.areas[into] += self.areas[peak];
     }
-    /// Root of the basin, `None` if the flood has not come here yet.
+    /// Root of the component, `None` if the flood has not come here yet.
     fn find(&mut self, pixel: usize) -> Option<usize> {
         let mut at = pixel;
         if self.parents[at] == Self::NOT_REACHED {

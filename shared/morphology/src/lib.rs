@@ -6,28 +6,42 @@
 //!
 //! | file | operator | cost per pixel |
 //! |---|---|---|
-//! | `square` | dilation, erosion, opening, closing by a flat square (van Herk 1992, Gil and Werman 1993) | constant in the side |
-//! | `area` | opening and closing by area (Vincent 1992, union-find of Meijster and Wilkinson 2002) | a sort |
+//! | `flat` | dilation, erosion, opening, closing by flat elements (`element`: squares, rectangles, lines, discs, any set) | constant for rectangles but for log2 of the width along the row; else the element's rows |
+//! | `area` | opening and closing by area (Vincent 1992, union-find of Meijster and Wilkinson 2002) | a radix sort |
 //! | `components` | connected components | near constant |
+//! | `extrema` | regional maxima and minima, h-maxima | near constant |
 //! | `flat_zones` | lambda-quasi-flat zones (Meyer 1998), also over gaps | near constant |
+//! | `geodesic` | geodesic distances and elongation (Lantuejoul and Maisonneuve 1984) | a heap |
 //! | `reconstruction` | geodesic reconstruction, filling of basins (Vincent 1993) | near constant |
+//! | `watershed` | basins of markers (Meyer 1991) | constant up to 16 bits, else a heap |
 //! | `gaps` | interpolation of missing heights | constant |
 
 mod area;
 mod components;
+mod element;
+mod extrema;
+mod flat;
 mod flat_zones;
 mod gaps;
+mod geodesic;
 mod level;
 mod neighbors;
+mod padded;
 mod reconstruction;
-mod square;
+mod rows;
 mod union_find;
+mod watershed;
+mod wide;
 
 pub use area::{area_closing, area_opening};
 pub use components::{Labels, connected_components};
+pub use element::Element;
+pub use extrema::{Height, h_maxima, regional_maxima, regional_minima};
+pub use flat::{closing, dilate, erode, opening};
 pub use flat_zones::{quasi_flat_zones, quasi_flat_zones_over_gaps};
 pub use gaps::fill_gaps;
+pub use geodesic::{geodesic_distances, geodesic_elongations};
 pub use level::Level;
 pub use neighbors::Connectivity;
 pub use reconstruction::{fill_basins, reconstruct_by_dilation, reconstruct_by_erosion};
-pub use square::{closing, dilate, erode, opening};
+pub use watershed::watershed;

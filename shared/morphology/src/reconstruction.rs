@@ -1,9 +1,9 @@
 //! Geodesic reconstruction: a marker grows under a mask until nothing changes (Vincent 1993, the hybrid algorithm).
 
-use crate::neighbors::Raster;
+use crate::padded::{Padded, shifted, sup_across};
+use crate::wide::wide;
 use crate::{Connectivity, Level};
 use ndarray::Array2;
-use std::cmp::Ordering;
 use std::collections::VecDeque;
 
 /// The marker dilated under the mask for ever: peaks that hold no marker go, the others keep their shape. Where the
@@ -16,7 +16,7 @@ pub fn reconstruct_by_dilation<T: Level>(
     mask: &Array2<T>,
     connectivity: Connectivity,
 ) -> Array2<T> {
-    reconstruct(marker, mask, connectivity, T::order, T::sup, T::inf)
+    reconstruct(marker, mask, connectivity, |value| value)
 }
 
 /// The marker eroded over the mask for ever. Where the marker lies below the mask it counts as the mask.
@@ -24,7 +24,7 @@ pub fn reconstruct_by_dilation<T: Level>(
 /// # Panics
 /// If the images differ in size.
 pub fn reconstruct_by_erosion<T: Level>(marker: &Array2<T>, mask: &Array2<T>, connectivity: Connectivity) -> Array2<T> {
-    reconstruct(marker, mask, connectivity, |a, b| b.order(a), T::inf, T::sup)
+    reconstruct(marker, mask, connectivity, T::complement)
 }
 
 /// Fills every basin to the lowest pass out of it, as rain would: a pixel's new height is the least, over all ways to
@@ -38,55 +38,117 @@ pub fn fill_basins<T: Level>(heights: &Array2<T>, connectivity: Connectivity) ->
     reconstruct_by_erosion(&marker, heights, connectivity)
 }
 
-/// `grow` is the supremum in the direction of growth, `bound` holds a value back to the mask.
+/// `sense` is the identity, or the complement for the dual.
 fn reconstruct<T: Level>(
     marker: &Array2<T>,
     mask: &Array2<T>,
     connectivity: Connectivity,
-    order: impl Fn(T, T) -> Ordering,
-    grow: impl Fn(T, T) -> T,
-    bound: impl Fn(T, T) -> T,
+    sense: impl Fn(T) -> T + Copy,
 ) -> Array2<T> {
     assert_eq!(marker.dim(), mask.dim(), "marker and mask differ in size");
-    let raster = Raster::new(mask.dim());
-    let mask = mask.as_standard_layout();
-    let mask = mask.as_slice().expect("standard layout was asked for");
-    let mut result = marker.as_standard_layout().into_owned();
-    let values = result.as_slice_mut().expect("standard layout was asked for");
-    for (value, &limit) in values.iter_mut().zip(mask) {
-        *value = bound(*value, limit);
-    }
+    let mut values = Padded::mapped(marker, T::LOWEST, sense);
+    // Nothing grows into the frame.
+    let mask = Padded::mapped(mask, T::LOWEST, sense);
+    wide(|| sweep(&mut values, &mask, connectivity));
+    let mut queue = VecDeque::new();
+    wide(|| find_unsettled(&values, &mask, connectivity, &mut queue));
+    spread(&mut values, &mask, connectivity, queue);
+    values.unframed(sense)
+}
 
-    let sweep = |values: &mut [T], pixel: usize, sign: isize| {
-        let mut value = values[pixel];
-        for &(row, col) in connectivity.before() {
-            if let Some(neighbor) = raster.neighbor(pixel, (sign * row, sign * col)) {
-                value = grow(value, values[neighbor]);
-            }
+/// Down and up once: most pixels are settled then.
+#[inline(always)]
+fn sweep<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Connectivity) {
+    let (rows, cols, stride) = (values.rows, values.cols, values.stride);
+    for row in 0..rows {
+        let (above, at) = values.pixels.split_at_mut((row + 1) * stride);
+        let (above, at, limits) = (&above[row * stride..], &mut at[1..=cols], mask.row(row));
+        from_across(at, shifted(above, cols), limits, connectivity);
+        let mut beside = T::LOWEST;
+        for (value, &limit) in at.iter_mut().zip(limits) {
+            beside = value.sup(beside).inf(limit);
+            *value = beside;
         }
-        values[pixel] = bound(value, mask[pixel]);
-    };
-    for pixel in 0..values.len() {
-        sweep(values, pixel, 1);
     }
-    for pixel in (0..values.len()).rev() {
-        sweep(values, pixel, -1);
+    for row in (0..rows).rev() {
+        let (at, below) = values.pixels.split_at_mut((row + 2) * stride);
+        let (at, limits) = (&mut at[(row + 1) * stride..][1..=cols], mask.row(row));
+        from_across(at, shifted(below, cols), limits, connectivity);
+        let mut beside = T::LOWEST;
+        for (value, &limit) in at.iter_mut().zip(limits).rev() {
+            beside = value.sup(beside).inf(limit);
+            *value = beside;
+        }
     }
+}
 
-    // Two sweeps settle most pixels; the queue carries on where a neighbor can still grow.
-    let can_grow = |values: &[T], from: usize, to: usize| {
-        order(values[to], values[from]) == Ordering::Less && order(values[to], mask[to]) == Ordering::Less
+#[inline(always)]
+fn from_across<T: Level>(at: &mut [T], across: [&[T]; 3], limits: &[T], connectivity: Connectivity) {
+    for (i, (value, &limit)) in at.iter_mut().zip(limits).enumerate() {
+        *value = value.sup(sup_across(across, i, connectivity)).inf(limit);
+    }
+}
+
+/// Pixels from which one after them can still grow. Those before them saw them in the way up.
+#[inline(always)]
+fn find_unsettled<T: Level>(
+    values: &Padded<T>,
+    mask: &Padded<T>,
+    connectivity: Connectivity,
+    queue: &mut VecDeque<u32>,
+) {
+    let n = values.cols;
+    // What a pixel must exceed to make this neighbor grow.
+    let threshold = |value: T, limit: T| if value < limit { value } else { T::HIGHEST };
+    let fill = |into: &mut [T], row: usize| {
+        let ([_, v, _], [_, m, _]) = (values.three_rows(row), mask.three_rows(row));
+        for ((threshold_here, &value), &limit) in into.iter_mut().zip(v).zip(m) {
+            *threshold_here = threshold(value, limit);
+        }
     };
-    let mut queue: VecDeque<usize> = (0..values.len())
-        .filter(|&pixel| raster.neighbors(pixel, connectivity).any(|other| can_grow(values, pixel, other)))
-        .collect();
+    let mut here = vec![T::HIGHEST; values.stride];
+    let mut below = here.clone();
+    let mut grows = vec![false; n];
+    if values.rows > 0 {
+        fill(&mut here, 0);
+    }
+    for row in 0..values.rows {
+        if row + 1 < values.rows {
+            fill(&mut below, row + 1);
+        } else {
+            below.fill(T::HIGHEST);
+        }
+        let ([_, _, right], [before, under, after]) = (shifted(&here, n), shifted(&below, n));
+        let line = values.row(row);
+        let mut any = false;
+        for i in 0..n {
+            let mut least = right[i].inf(under[i]);
+            if connectivity == Connectivity::Eight {
+                least = least.inf(before[i]).inf(after[i]);
+            }
+            grows[i] = least < line[i];
+            any |= grows[i];
+        }
+        if any {
+            let start = values.row_start(row);
+            queue.extend(grows.iter().enumerate().filter(|(_, grows)| **grows).map(|(i, _)| (start + i) as u32));
+        }
+        std::mem::swap(&mut here, &mut below);
+    }
+}
+
+/// Breadth first from those pixels.
+fn spread<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Connectivity, mut queue: VecDeque<u32>) {
+    let steps = values.steps(connectivity);
     while let Some(pixel) = queue.pop_front() {
-        for other in raster.neighbors(pixel, connectivity) {
-            if can_grow(values, pixel, other) {
-                values[other] = bound(values[pixel], mask[other]);
-                queue.push_back(other);
+        let value = values.pixels[pixel as usize];
+        for &step in &steps {
+            let neighbor = (pixel as usize).wrapping_add_signed(step);
+            let (old, limit) = (values.pixels[neighbor], mask.pixels[neighbor]);
+            if old < value && old < limit {
+                values.pixels[neighbor] = value.inf(limit);
+                queue.push_back(neighbor as u32);
             }
         }
     }
-    result
 }

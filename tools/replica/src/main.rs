@@ -31,6 +31,10 @@ enum Cli {
     Compare(commands::compare::Args),
     /// Look into a file or folder.
     Inspect(commands::inspect::Args),
+    /// Hold a result against the truth.
+    Evaluate(commands::evaluate::Args),
+    /// List the objects of a run's clouds.
+    Instances(commands::instances::Args),
     /// Measure a pipeline, and what it would cost if messages were copied.
     Bench(commands::bench::Args),
     /// What the stages and topics of a running pipeline are doing.
@@ -57,6 +61,8 @@ fn main() -> ExitCode {
         Cli::Replay(args) => commands::replay::run(&args),
         Cli::Compare(args) => commands::compare::run(&args),
         Cli::Inspect(args) => commands::inspect::run(&args),
+        Cli::Evaluate(args) => commands::evaluate::run(&args),
+        Cli::Instances(args) => commands::instances::run(&args),
         Cli::Bench(args) => commands::bench::run(&args),
         Cli::Status(args) => terminal::quietly(commands::status::run(&args)),
         Cli::Topics(args) => terminal::quietly(commands::topics::run(&args)),

@@ -12,6 +12,7 @@ use camera::Camera;
 use canvas::Canvas;
 use clap::ValueEnum;
 use cloud::Cloud;
+pub use cloud::files as cloud_files;
 use palette::Painter;
 use std::io::Write;
 use std::path::PathBuf;

@@ -1,0 +1,74 @@
+//! The true classes of a simulated drive, in the place of infer: what the stages behind it can reach at best.
+//!
+//! ```sh
+//! replica-launch launch.toml --set infer.program=target/release/truth-segmenter
+//! ```
+//!
+//! The drive's labels are those of its returns; a point is found among them by the time of its shot and its ring.
+
+use formats::drive::{Drive, TrueLabels};
+use stage::messages::pod::{FINGERPRINT_START, fingerprint};
+use stage::messages::{CLASS_TABLE_VERSION, Class, ClassHeader, ClassId, ClassRow, Submap};
+use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+
+stage::settings! {
+    /// Settings of the segmenter: none.
+    pub struct Settings {}
+}
+
+/// The stage.
+pub struct TruthSegmenter {
+    labels: TrueLabels,
+}
+
+impl TruthSegmenter {
+    /// Classes of a submap's points; how many have no label.
+    fn label(&self, submap: &Received<Submap>, rows: &mut [ClassRow]) -> u64 {
+        let header = submap.header();
+        let mut n_unknown = 0;
+        for (row, point) in rows.iter_mut().zip(submap.rows()) {
+            let sweep = header.sweeps.get(usize::from(point.sweep_idx));
+            let label = sweep
+                .and_then(|sweep| self.labels.find(sweep.stamp + i64::from(point.offset_nanos), point.ring))
+                .filter(|label| ClassId::from_id(label.class).is_some());
+            n_unknown += u64::from(label.is_none());
+            *row = label.map_or(ClassRow::default(), |label| ClassRow { class_id: label.class, score: 255 });
+        }
+        n_unknown
+    }
+}
+
+impl Stage for TruthSegmenter {
+    const NAME: &'static str = "infer";
+    type Settings = Settings;
+
+    fn inputs() -> Vec<Port> {
+        vec![Port::of::<Submap>()]
+    }
+
+    fn outputs() -> Vec<Port> {
+        vec![Port::of::<Class>()]
+    }
+
+    fn new(_settings: &Settings, context: &Context) -> Result<Self, StepError> {
+        let drive = Drive::open(&context.drive).map_err(StepError::data)?;
+        Ok(Self { labels: drive.true_labels().map_err(StepError::data)? })
+    }
+
+    fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        for submap in inputs.take::<Submap>() {
+            let n_points = submap.rows().len();
+            let mut loan = outputs.loan::<Class>(n_points)?;
+            let model_digest = fingerprint(FINGERPRINT_START, b"truth_segmenter 1");
+            *loan.header_mut() = ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest };
+            let rows = loan.grow(n_points).ok_or_else(|| StepError::data("the class column has no room"))?;
+            outputs.count("points_without_label", self.label(&submap, rows));
+            outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+        }
+        Ok(Flow::Continue)
+    }
+
+    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+        Ok(Vec::new())
+    }
+}

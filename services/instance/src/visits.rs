@@ -1,0 +1,197 @@
+//! What was where when: a car that drives through leaves the same cells behind as a parked one, but not all at once.
+//!
+//! A *visit* is a stay of points in one cell without a pause of `apart_s`. Visits of cells that are as near as the dilation joins them
+//! hang together if no such pause lies between them; a *group* is what hangs together. A parked thing that was hidden for a
+//! while has several groups in one place, which are joined again; so has a lane through which several things drove, and these
+//! are not: a group that is *moving* lies at its end elsewhere than at its beginning.
+
+use crate::footprints::Footprints;
+use crate::top_view::Cell;
+use ndarray::Array2;
+use std::collections::BTreeMap;
+
+/// How long the first and the last footprint of a group take, ns: five sweeps, so that rings that miss do not matter.
+pub(crate) const GLIMPSE_NANOS: i64 = 500_000_000;
+
+/// Footprints that share less than this part of the smaller one are in different places.
+const SAME_PLACE: f64 = 0.2;
+
+/// Groups of a standing thing share at least this part of the smaller one.
+const SAME_THING: f64 = 0.5;
+
+const NONE: u32 = u32::MAX;
+
+/// A stay in a cell.
+pub(crate) struct Visit {
+    pub(crate) cell: Cell,
+    pub(crate) begin: i64,
+    pub(crate) end: i64,
+    /// The visit of the same cell before this one.
+    before: u32,
+}
+
+/// All visits of a class.
+pub(crate) struct Visits {
+    pub(crate) all: Vec<Visit>,
+    /// Visit of each candidate.
+    pub(crate) of_candidate: Vec<u32>,
+    latest: Array2<u32>,
+}
+
+impl Visits {
+    /// `times` are those of the candidates, ns; candidates are in their order but for the shots of one sweep.
+    pub(crate) fn of(footprints: &Footprints, times: impl Iterator<Item = i64>, apart_nanos: i64) -> Self {
+        let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
+        let mut all: Vec<Visit> = Vec::new();
+        let mut of_candidate: Vec<u32> = Vec::with_capacity(footprints.candidates.len());
+        for (candidate, time) in footprints.candidates.iter().zip(times) {
+            let latest = &mut latest[candidate.cell];
+            match all.get_mut(*latest as usize) {
+                Some(visit) if time.saturating_sub(visit.end) <= apart_nanos => {
+                    (visit.begin, visit.end) = (visit.begin.min(time), visit.end.max(time));
+                }
+                _ => {
+                    let before = std::mem::replace(latest, all.len() as u32);
+                    all.push(Visit { cell: candidate.cell, begin: time, end: time, before });
+                }
+            }
+            of_candidate.push(*latest);
+        }
+        Self { all, of_candidate, latest }
+    }
+
+    /// Group of each visit, from 0, and how many groups. Cells hang together up to `reach` cells apart.
+    pub(crate) fn groups(&self, footprints: &Footprints, apart_nanos: i64, reach: usize) -> (Vec<u32>, usize) {
+        let mut sets = Sets::new(self.all.len());
+        link_neighbors(&self.all, &self.latest, &footprints.parts, apart_nanos, reach, &mut sets);
+        let (mut group_of_visit, n) = sets.numbers();
+        let n = join_standing(&self.all, &mut group_of_visit, n, footprints);
+        (group_of_visit, n)
+    }
+}
+
+fn link_neighbors(
+    visits: &[Visit],
+    latest: &Array2<u32>,
+    parts: &Array2<u32>,
+    apart_nanos: i64,
+    reach: usize,
+    sets: &mut Sets,
+) {
+    let reach = reach as isize;
+    for (idx, visit) in visits.iter().enumerate() {
+        let (row, col) = visit.cell;
+        // Half of the neighbors; the other half finds this one.
+        for (rows, cols) in (0..=reach).flat_map(|r| (-reach..=reach).map(move |c| (r, c))) {
+            if rows == 0 && cols <= 0 {
+                continue;
+            }
+            let Some(cell) = row.checked_add_signed(rows).zip(col.checked_add_signed(cols)) else { continue };
+            let Some(&first) = latest.get(cell) else { continue };
+            if first == NONE || parts[cell] != parts[visit.cell] {
+                continue;
+            }
+            let mut other = first;
+            while other != NONE {
+                let visit_there = &visits[other as usize];
+                let pause = (visit_there.begin - visit.end).max(visit.begin - visit_there.end);
+                if pause <= apart_nanos {
+                    sets.union(idx, other as usize);
+                }
+                other = visit_there.before;
+            }
+        }
+    }
+}
+
+/// Joins groups of one part that stand in the same place. How many groups are left.
+fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footprints: &Footprints) -> usize {
+    let mut spans = vec![(i64::MAX, i64::MIN); n];
+    for (visit, &group) in visits.iter().zip(&*group_of_visit) {
+        let (begin, end) = &mut spans[group as usize];
+        (*begin, *end) = ((*begin).min(visit.begin), (*end).max(visit.end));
+    }
+    // By group: cells, those of its beginning, those of its end.
+    let mut cells: Vec<[Vec<Cell>; 3]> = vec![Default::default(); n];
+    for (visit, &group) in visits.iter().zip(&*group_of_visit) {
+        let (begin, end) = spans[group as usize];
+        let [all, first, last] = &mut cells[group as usize];
+        all.push(visit.cell);
+        if visit.begin <= begin + GLIMPSE_NANOS {
+            first.push(visit.cell);
+        }
+        if visit.end >= end - GLIMPSE_NANOS {
+            last.push(visit.cell);
+        }
+    }
+    for sets in &mut cells {
+        for set in sets {
+            set.sort_unstable();
+            set.dedup();
+        }
+    }
+    let is_moving: Vec<bool> = cells.iter().map(|[_, first, last]| overlap(first, last) < SAME_PLACE).collect();
+
+    let mut by_part: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (group, [all, ..]) in cells.iter().enumerate().filter(|(group, _)| !is_moving[*group]) {
+        by_part.entry(footprints.parts[all[0]]).or_default().push(group);
+    }
+    let mut sets = Sets::new(n);
+    for groups in by_part.values() {
+        for (i, &a) in groups.iter().enumerate() {
+            for &b in &groups[i + 1..] {
+                if overlap(&cells[a][0], &cells[b][0]) >= SAME_THING {
+                    sets.union(a, b);
+                }
+            }
+        }
+    }
+    let (numbers, n) = sets.numbers();
+    for group in group_of_visit {
+        *group = numbers[*group as usize];
+    }
+    n
+}
+
+/// Share of the smaller of two sorted sets that the other has, too; 0 if one is empty.
+pub(crate) fn overlap<T: Ord>(a: &[T], b: &[T]) -> f64 {
+    let (small, large) = if a.len() <= b.len() { (a, b) } else { (b, a) };
+    let n_both = small.iter().filter(|member| large.binary_search(member).is_ok()).count();
+    n_both as f64 / small.len().max(1) as f64
+}
+
+/// Disjoint sets, each named by its first member.
+pub(crate) struct Sets(Vec<u32>);
+
+impl Sets {
+    pub(crate) fn new(n: usize) -> Self {
+        Self((0..n as u32).collect())
+    }
+    fn find(&mut self, member: usize) -> usize {
+        let mut at = member;
+        while self.0[at] as usize != at {
+            self.0[at] = self.0[self.0[at] as usize];
+            at = self.0[at] as usize;
+        }
+        at
+    }
+    pub(crate) fn union(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b)] = a.min(b) as u32;
+    }
+    /// Number of each member's set in the order of the first members, and how many sets.
+    pub(crate) fn numbers(&mut self) -> (Vec<u32>, usize) {
+        let mut numbers = vec![0; self.0.len()];
+        let mut n = 0;
+        for member in 0..numbers.len() {
+            let first = self.find(member);
+            if first == member {
+                numbers[member] = n;
+                n += 1;
+            } else {
+                numbers[member] = numbers[first];
+            }
+        }
+        (numbers, n as usize)
+    }
+}

@@ -1,0 +1,207 @@
+//! What is told apart and joined beyond the thesis' rules.
+
+#[allow(dead_code, reason = "each test file uses a part of it")]
+mod support;
+
+use instance::{Settings, Thing};
+use messages::{Class, ClassHeader, ClassId, Instance, PoseRow, Submap, SubmapHeader};
+use stage::parse_table;
+use support::{Street, bench};
+
+/// A submap whose frame is the world's.
+const HERE: PoseRow = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+
+/// Ids of one submap after another, each in its place.
+fn ids_of(submaps: &[(PoseRow, &Street)], settings: &Settings) -> Vec<Vec<u32>> {
+    let mut bench = bench(settings);
+    let mut ids = Vec::new();
+    for &(world_from_submap, street) in submaps {
+        let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
+        bench.send::<Submap>(0, header, street.points.clone());
+        bench.send::<Class>(0, ClassHeader::default(), street.classes.clone());
+        bench.tick().expect("steps");
+        ids.extend(bench.take::<Instance>().iter().map(|column| column.rows().to_vec()));
+    }
+    ids
+}
+
+/// The distinct ids of the points whose thing has that number.
+fn ids_of_thing(ids: &[u32], street: &Street, thing: u32) -> Vec<u32> {
+    let mut of_thing: Vec<u32> =
+        ids.iter().zip(&street.truth).filter(|(_, t)| **t == thing).map(|(id, _)| *id).collect();
+    of_thing.sort_unstable();
+    of_thing.dedup();
+    of_thing
+}
+
+fn with_first_thing(change: impl FnOnce(&mut Thing)) -> Settings {
+    let mut settings = Settings::default();
+    change(&mut settings.things[0]);
+    settings
+}
+
+const CAR: [f32; 4] = [20.0, 4.0, 24.2, 5.8];
+
+/// A road with one car; `n` points of it.
+fn one_car(n: usize) -> Street {
+    let mut street = Street::road(&[CAR]);
+    street.object(CAR, [0.2, 1.5], n, ClassId::Vehicles, 1);
+    street
+}
+
+#[test]
+fn a_car_cut_by_a_border_keeps_its_id_however_little_of_it_comes_after() {
+    // The second submap lies 15 m further and is turned by a right angle: (x, y) there is (15 - y', x') in the world.
+    let (near, mut far) = (one_car(3000), Street::default());
+    let mut behind = one_car(490);
+    for (point, (class, truth)) in behind.points.drain(..).zip(behind.classes.iter().zip(&behind.truth)) {
+        far.points.push(messages::SubmapPoint { x: point.y, y: 15.0 - point.x, ..point });
+        far.classes.push(*class);
+        far.truth.push(*truth);
+    }
+    let half = 0.5_f64.sqrt();
+    let world_from_far = PoseRow { translation: [15.0, 0.0, 0.0], rotation: [0.0, 0.0, half, half] };
+    // A point (y, 15 - x) turned by a right angle and moved is (x, y) again.
+    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &Settings::default());
+    assert_eq!(ids_of_thing(&ids[0], &near, 1), [1]);
+    assert_eq!(ids_of_thing(&ids[1], &far, 1), [1]);
+
+    let forgetful = Settings { remembered_submaps: 0, ..Settings::default() };
+    let ids = ids_of(&[(HERE, &near), (world_from_far, &far)], &forgetful);
+    assert_eq!(ids_of_thing(&ids[1], &far, 1), [0], "490 points alone are no vehicle");
+}
+
+#[test]
+fn a_thing_is_remembered_over_submaps_that_do_not_see_it_and_then_forgotten() {
+    let (car, none) = (one_car(3000), Street::road(&[]));
+    let settings = Settings { remembered_submaps: 2, ..Settings::default() };
+    for (n_between, expected) in [(0, 1), (1, 1), (2, 2)] {
+        let mut submaps = vec![(HERE, &car)];
+        submaps.extend((0..n_between).map(|_| (HERE, &none)));
+        submaps.push((HERE, &car));
+        let ids = ids_of(&submaps, &settings);
+        assert_eq!(ids_of_thing(&ids[n_between + 1], &car, 1), [expected], "{n_between} between");
+    }
+}
+
+/// A road on which cars drive by: each leaves a box of points every tenth of a second, moving by `step_m`.
+fn passing(cars: &[(f32, f32)], step_m: f32) -> Street {
+    let mut street = Street::road(&[]);
+    for (number, &(begin_s, y)) in (1..).zip(cars) {
+        for i in 0..15 {
+            let first = street.points.len();
+            let x = 3.0 + i as f32 * step_m;
+            street.object([x, y, x + 4.2, y + 1.8], [0.2, 1.5], 3000, ClassId::Vehicles, number);
+            let offset_nanos = ((begin_s + i as f32 * 0.1) * 1e9) as u32;
+            street.points[first..].iter_mut().for_each(|point| point.offset_nanos = offset_nanos);
+        }
+    }
+    // In the order of time, as a submap is.
+    let mut order: Vec<usize> = (0..street.points.len()).collect();
+    order.sort_by_key(|&i| street.points[i].offset_nanos);
+    Street {
+        points: order.iter().map(|&i| street.points[i]).collect(),
+        classes: order.iter().map(|&i| street.classes[i]).collect(),
+        truth: order.iter().map(|&i| street.truth[i]).collect(),
+    }
+}
+
+#[test]
+fn cars_that_drive_through_one_place_one_after_the_other_are_two() {
+    let street = passing(&[(0.0, 5.0), (2.2, 5.1)], 0.9);
+    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
+    let (first, second) = (ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2));
+    assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
+    assert_ne!(first, second);
+    let timeless = Settings { apart_s: 0.0, ..Settings::default() };
+    let ids = &ids_of(&[(HERE, &street)], &timeless)[0];
+    assert_eq!(ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2));
+}
+
+#[test]
+fn a_parked_car_that_was_hidden_for_a_while_is_one() {
+    let street = passing(&[(0.0, 5.0), (2.2, 5.0)], 0.0);
+    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
+    assert_eq!(ids_of_thing(ids, &street, 1), [1]);
+    assert_eq!(ids_of_thing(ids, &street, 2), [1]);
+}
+
+#[test]
+fn a_moving_car_keeps_its_id_over_the_border_and_the_next_one_gets_its_own() {
+    let (first, mut second) = (passing(&[(0.0, 5.0)], 0.9), passing(&[(1.5, 5.0), (2.8, 5.0)], 0.9));
+    // The first car goes on where it was; the second drives over the first's whole way.
+    for (point, _) in second.points.iter_mut().zip(&second.truth).filter(|(_, thing)| **thing == 1) {
+        point.x += 13.0;
+    }
+    let ids = ids_of(&[(HERE, &first), (HERE, &second)], &Settings::default());
+    assert_eq!(ids_of_thing(&ids[0], &first, 1), [1]);
+    assert_eq!(ids_of_thing(&ids[1], &second, 1), [1]);
+    assert_eq!(ids_of_thing(&ids[1], &second, 2), [2]);
+}
+
+/// Two cars bumper to bumper, 20 cm apart: bodies and cabins.
+fn bumper_to_bumper() -> Street {
+    let bodies = [[5.0, 4.0, 9.2, 5.8], [9.4, 4.0, 13.6, 5.8]];
+    let mut street = Street::road(&bodies);
+    for (number, [x0, y0, x1, y1]) in (1..).zip(bodies) {
+        street.object([x0, y0, x1, y1], [0.2, 0.8], 6500, ClassId::Vehicles, number);
+        street.object([x0 + 1.2, y0 + 0.2, x1 - 1.0, y1 - 0.2], [0.8, 1.5], 6500, ClassId::Vehicles, number);
+    }
+    street
+}
+
+#[test]
+fn cars_bumper_to_bumper_are_parted_between_their_roofs() {
+    let street = bumper_to_bumper();
+    let joined = &ids_of(&[(HERE, &street)], &Settings::default())[0];
+    assert_eq!(ids_of_thing(joined, &street, 1), ids_of_thing(joined, &street, 2));
+    let ids = &ids_of(&[(HERE, &street)], &with_first_thing(|thing| thing.peak_m = 0.4))[0];
+    let n_wrong = ids.iter().zip(&street.truth).filter(|(id, truth)| id != truth).count();
+    assert!(n_wrong < 260, "{n_wrong} of 26 000 points have the other car's number, or none");
+}
+
+#[test]
+fn two_halves_of_a_van_are_joined_and_two_cars_are_not() {
+    let halves = [[5.0, 4.0, 7.2, 5.8], [7.9, 4.0, 10.0, 5.8]];
+    let mut street = Street::road(&halves);
+    for half in halves {
+        street.object(half, [0.2, 2.2], 2000, ClassId::Vehicles, 1);
+    }
+    let join = |length_m: f64| with_first_thing(|thing| (thing.join_m, thing.max_length_m) = (0.8, length_m));
+    let ids = |settings: &Settings| ids_of_thing(&ids_of(&[(HERE, &street)], settings)[0], &street, 1);
+    assert_eq!(ids(&Settings::default()), [1, 2]);
+    assert_eq!(ids(&join(6.0)), [1]);
+    assert_eq!(ids(&join(4.5)), [1, 2], "together they are 5 m long");
+}
+
+#[test]
+fn any_class_can_be_told_apart() {
+    let mut street = Street::road(&[]);
+    for (number, x) in [(1, 5.0), (2, 8.0)] {
+        street.object([x, 4.0, x + 0.3, 4.3], [0.0, 6.0], 400, ClassId::Pole, number);
+    }
+    let table =
+        stage::toml::de::DeTable::parse("things = [{ class = \"pole\", max_height_m = 12.0, min_points = 50 }]")
+            .expect("parses");
+    let (settings, problems) = parse_table::<Settings>(table.get_ref());
+    assert_eq!(problems, []);
+    assert_eq!(ids_of(&[(HERE, &street)], &settings)[0], street.truth);
+}
+
+#[test]
+fn a_thing_that_makes_no_sense_is_refused() {
+    for entry in [
+        "class = \"poles\", max_height_m = 12.0, min_points = 50",
+        "class = \"unlabeled\", max_height_m = 12.0, min_points = 50",
+        "class = \"pole\", max_height_m = 0.0, min_points = 50",
+        "class = \"pole\", max_height_m = 12.0, min_points = 0",
+        "class = \"pole\", max_height_m = 12.0, min_points = 50, joins_m = 1.0",
+        "class = \"pole\", max_height_m = 12.0",
+    ] {
+        let text = format!("things = [{{ {entry} }}]");
+        let table = stage::toml::de::DeTable::parse(&text).expect("parses");
+        let (_, problems) = parse_table::<Settings>(table.get_ref());
+        assert_eq!(problems.len(), 1, "{entry}");
+        assert_eq!(problems[0].key, "things", "{entry}");
+    }
+}

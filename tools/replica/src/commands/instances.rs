@@ -1,0 +1,114 @@
+//! `replica instances`: what stands in the clouds of a run, one line an object.
+
+use crate::commands::inspect::cloud_files;
+use formats::ply::Vertices;
+use geometry::OrientedRectangle;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Side of the cells from which footprints are reckoned, m.
+const CELL_M: f64 = 0.05;
+
+/// Writes a table (CSV) of the instances of clouds: class, points, box that may be turned, height.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// The output folder of a run, or a PLY file, with `semantic` and `instance`.
+    path: PathBuf,
+}
+
+/// What is known of one object.
+#[derive(Default)]
+struct Object {
+    /// Points by class.
+    classes: BTreeMap<u8, u64>,
+    n_points: u64,
+    n_clouds: u64,
+    cells: BTreeSet<(i64, i64)>,
+    /// Lowest and highest point, m.
+    z: Option<(f64, f64)>,
+}
+
+/// Prints the table.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let mut objects: BTreeMap<i64, Object> = BTreeMap::new();
+    for file in cloud_files(&args.path)? {
+        add(&mut objects, &Vertices::load(&file)?)?;
+    }
+    // A reader that closes the pipe early has seen what it wanted.
+    let _ = std::io::stdout().write_all(table(&objects).as_bytes());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<()> {
+    let (x, y, z) = (cloud.f64s("x")?, cloud.f64s("y")?, cloud.f64s("z")?);
+    let (classes, instances) = (cloud.u8s("semantic")?, cloud.i64s("instance")?);
+    let mut seen = BTreeSet::new();
+    for (point_idx, &instance) in instances.iter().enumerate().filter(|(_, instance)| **instance != 0) {
+        let object = objects.entry(instance).or_default();
+        *object.classes.entry(classes[point_idx]).or_default() += 1;
+        object.n_points += 1;
+        object.n_clouds += u64::from(seen.insert(instance));
+        let cell = |v: f64| (v / CELL_M).floor() as i64;
+        object.cells.insert((cell(x[point_idx]), cell(y[point_idx])));
+        let (low, high) = object.z.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
+        object.z = Some((low.min(z[point_idx]), high.max(z[point_idx])));
+    }
+    Ok(())
+}
+
+fn table(objects: &BTreeMap<i64, Object>) -> String {
+    let mut text = "id,class,points,clouds,x_m,y_m,z_m,length_m,width_m,height_m,heading_rad\n".to_owned();
+    for (id, object) in objects {
+        let centers: Vec<[f64; 2]> =
+            object.cells.iter().map(|&(i, j)| [i, j].map(|v| (v as f64 + 0.5) * CELL_M)).collect();
+        let (Some(footprint), Some((low, high))) = (OrientedRectangle::around(&centers), object.z) else { continue };
+        let most = object.classes.iter().max_by_key(|(class, n)| (**n, std::cmp::Reverse(**class)));
+        let class = most.map_or("", |(class, _)| messages::class_name(*class));
+        let OrientedRectangle { center: [x, y], length_m, width_m, heading } = footprint;
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{id},{class},{},{},{x:.2},{y:.2},{low:.2},{length_m:.2},{width_m:.2},{:.2},{heading:.3}",
+            object.n_points,
+            object.n_clouds,
+            high - low
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::ply::{Header, Kind, PlyWriter, Row};
+
+    #[test]
+    fn a_car_over_two_clouds_is_one_line() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let header = Header::new(
+            ["x", "y", "z"]
+                .map(|name| (name, Kind::Float))
+                .into_iter()
+                .chain([("semantic", Kind::UChar), ("instance", Kind::Int)]),
+        );
+        let mut objects = BTreeMap::new();
+        for half in 0..2 {
+            let path = folder.path().join(format!("{half}.ply"));
+            let mut writer = PlyWriter::create(&path, &header, 40 * 36).expect("creates");
+            let encode = |i: usize, row: &mut Row<'_>| {
+                let (x, y) = ((i / 36) as f32 * 0.05 + half as f32 * 2.0 + 0.02, (i % 36) as f32 * 0.05 + 0.02);
+                row.f32(x).f32(y).f32(if i == 0 { 1.5 } else { 0.25 }).u8(if i < 9 { 0 } else { 10 }).i32(5);
+            };
+            writer.write_each(40 * 36, encode).expect("writes");
+            writer.finish().expect("finishes");
+            add(&mut objects, &Vertices::load(&path).expect("loads")).expect("adds");
+        }
+        let table = table(&objects);
+        let lines: Vec<&str> = table.lines().collect();
+        assert_eq!(lines.len(), 2, "{table}");
+        assert_eq!(lines[1], "5,vehicles,2880,2,2.00,0.90,0.25,3.95,1.75,1.25,0.000");
+    }
+}
