@@ -1,6 +1,7 @@
 //! True class and instance of every return of a simulated or annotated drive.
 
-use super::{Drive, DriveProblem};
+use super::Drive;
+use crate::problems::FileProblem;
 use std::path::Path;
 
 /// A point's time may have been rounded to a double of seconds, which keeps 0.24 us; a laser fires every 46 us.
@@ -37,8 +38,8 @@ struct Labelled {
 
 impl Drive {
     /// The labels of all returns. An error if the drive has none, or a sweep has not as many as returns.
-    pub fn true_labels(&self) -> Result<TrueLabels, DriveProblem> {
-        let fault = |file: &Path, rule: String| DriveProblem::of_file(file, rule);
+    pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
+        let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
         let Some(truth) = &self.manifest.truth else {
             return Err(fault(
                 &self.folder,
