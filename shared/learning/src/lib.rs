@@ -12,7 +12,9 @@ pub mod network;
 mod random;
 pub mod scores;
 mod segmenter;
+pub mod spherical;
 pub mod tape;
+pub mod training;
 
 pub use error::LearningError;
 pub use model_file::{MAX_MODEL_BYTES, ModelCard};

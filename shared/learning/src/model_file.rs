@@ -63,6 +63,15 @@ impl ModelFile {
         Ok(Self { path: path.into(), card, settings: text.settings, bytes })
     }
 
+    /// Refuses a file of another version of its architecture.
+    pub(crate) fn expect_version(&self, expected: u32) -> Result<(), LearningError> {
+        if self.card.version == expected {
+            return Ok(());
+        }
+        let (architecture, got) = (self.card.architecture.clone(), self.card.version);
+        Err(LearningError::Version { path: self.path.clone(), architecture, got, expected })
+    }
+
     pub(crate) fn settings<S: DeserializeOwned>(&self) -> Result<S, LearningError> {
         S::deserialize(&self.settings)
             .map_err(|error| LearningError::Card { path: self.path.clone(), reason: format!("settings: {error}") })

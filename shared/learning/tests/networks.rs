@@ -73,13 +73,13 @@ fn derivatives_by_every_variable_are_those_of_finite_differences() {
                 variables.set(name, values, shape.dims()).expect("sets");
                 f64::from(loss().to_scalar::<f32>().expect("a number"))
             };
-            let step = 2e-3;
+            let step = 2e-4;
             let difference = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
             moved(0.0);
             // Rectifiers bend between the two places, and f32 holds seven digits: a few percent of the derivative's size.
             assert!(size > 1e-3, "{name} of {spec:?} has no derivative");
             let error = (difference - along).abs();
-            assert!(error < 0.03 * size + 0.02, "{name} of {spec:?}: {along} for {difference}, size {size}");
+            assert!(error < 0.02 * size + 0.05, "{name} of {spec:?}: {along} for {difference}, size {size}");
         }
     }
 }

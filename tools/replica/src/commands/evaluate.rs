@@ -1,0 +1,25 @@
+//! `replica evaluate`: how well predictions agree with the truth.
+
+mod classes;
+
+use std::process::ExitCode;
+
+/// Scores of predictions against truth, pooled over all clouds.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// Classes of points: precision, recall, IoU of each class, mIoU, overall accuracy, confusion matrix.
+    Classes(classes::Args),
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match &args.what {
+        What::Classes(args) => classes::run(args),
+    }
+}
