@@ -128,6 +128,15 @@ impl Trainer {
     pub fn best(&self) -> &Weights {
         &self.best
     }
+    /// The same with the best weights in place of the last, for scoring.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn best_trainer(&self) -> Result<Self, LearningError> {
+        let variables = Variables::from_weights(self.variables.spec(), &self.best)?;
+        let tree = self.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; self.n_classes]));
+        Self::new(self.settings.clone(), variables, (self.n_classes, self.fold), self.border, tree)
+    }
     /// Whether all passes are done, or validation has not become better for too long.
     pub fn is_done(&self) -> bool {
         let done = self.curves.epochs.len();

@@ -78,7 +78,7 @@ impl TownDrive {
         for sweep in 0..n_sweeps.min(MAX_SWEEPS_PER_SUBMAP) {
             let turn = first_turn + sweep as u64 * stride;
             let stamp = lidar.packet_stamp(turn * PACKETS_PER_TURN);
-            let since_begin = stamp.nanos_since(begin);
+            let since_begin = stamp.0 - begin.0;
             let duration_nanos = (PACKETS_PER_TURN as i64 * 12 * BLOCK_NANOS) as u32;
             let first_point = submap.points.len();
             for packet in 0..PACKETS_PER_TURN {
