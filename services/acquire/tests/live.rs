@@ -5,7 +5,7 @@ mod support;
 use acquire::{Acquire, Settings};
 use formats::nmea::{gga_from_fix, rmc_from_fix};
 use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, encode_position_packet};
+use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
 use messages::{Gnss, Sweep, pod};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Mode, Stage};
@@ -57,7 +57,7 @@ fn simulated(folder: &Path) -> Packets {
         if number % 300 == 100 {
             let fix = fix(nanos / 1_000_000_000);
             let sentence = if number % 600 == 100 { rmc_from_fix(&fix) } else { gga_from_fix(&fix, 44.6) };
-            let position = encode_position_packet(BEGIN.plus_nanos(nanos), &sentence).to_vec();
+            let position = encode_position_packet(BEGIN.plus_nanos(nanos), PulseStatus::Locked, &sentence).to_vec();
             packets.extend([position.clone(), position.clone(), position]);
         }
         packets.push(packet);

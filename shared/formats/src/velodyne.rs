@@ -11,7 +11,8 @@
 //! | 1204 | 1 | return mode: `37` strongest, `38` last, `39` both |
 //! | 1205 | 1 | product: `21` HDL-32E, `22` VLP-16 |
 //!
-//! A position packet is 512 bytes: µs past the hour at 198, an NMEA sentence `$GPRMC` from 206 on.
+//! A position packet is 512 bytes: µs past the hour at 198, the state of the pulse per second at 202 (0 none, 1 synchronizing, 2 locked, 3
+//! error), an NMEA sentence `$GPRMC` from 206 on.
 //!
 //! **Frame.** The encoder counts from the sensor's front: a beam at angle 0 looks along +x, one at 90 deg to the right,
 //! along -y. With elevation e and azimuth a, x = r cos e cos a, y = -r cos e sin a, z = r sin e. (The maker's manuals and
@@ -32,7 +33,7 @@ mod sweeps;
 mod tables;
 
 pub use decode::{Decoder, LidarReturn};
-pub use encode::{RawBlock, RawReturn, encode_data_packet, encode_position_packet};
+pub use encode::{PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
 pub use model::{Laser, Model};
 pub use packet::{
     BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET,

@@ -2,7 +2,7 @@
 
 mod support;
 
-use formats::velodyne::{LidarStats, Model, SweepError, SweepReader, encode_position_packet};
+use formats::velodyne::{LidarStats, Model, PulseStatus, SweepError, SweepReader, encode_position_packet};
 use support::{BEGIN, hdl32e_packets, open, sweeps, write_capture};
 
 /// Three whole revolutions and a bit: 180.84 packets each.
@@ -80,7 +80,7 @@ fn lost_doubled_late_short_and_foreign_packets_are_counted_and_cost_nothing_else
     torn.insert(52, (torn[50].0, 2368, vec![1; 100]));
     torn.insert(53, (torn[50].0, 5353, vec![1; 100]));
     let rmc = "$GPRMC,214106,V,,,,,,,141123,,,N*49";
-    torn.insert(54, (torn[50].0, 8308, encode_position_packet(BEGIN, rmc).to_vec()));
+    torn.insert(54, (torn[50].0, 8308, encode_position_packet(BEGIN, PulseStatus::Locked, rmc).to_vec()));
     torn[200].2[500] = 0; // the flag of a block
     let mut reader = open(&write_capture(&folder.path().join("torn.pcap"), &torn));
     let found = sweeps(&mut reader);

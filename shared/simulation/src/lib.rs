@@ -1,4 +1,4 @@
-//! Simulated drives: a procedural street, the L3D2 rig that drives through it, and the truth about both.
+//! Simulated drives: procedural towns, the L3D2 rig that drives through them, and the truth about both.
 //!
 //! | module | says |
 //! |---|---|
@@ -21,15 +21,20 @@ pub mod light;
 pub mod material;
 pub mod motion;
 mod noise;
+mod pace;
 mod random;
 pub mod rig;
 pub mod scene;
 pub mod sensors;
 mod spec;
 pub mod spectrum;
+mod spline;
 pub mod trace;
 pub mod truth;
+mod way;
 
 pub use drive::{Simulation, write_drive};
 pub use error::SimulationError;
+pub use pace::{Driver, Pace};
 pub use spec::{DriveReport, DriveSpec, Town};
+pub use way::Way;

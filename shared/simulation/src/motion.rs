@@ -1,70 +1,47 @@
-//! The recording vehicle's way: how far it is at a time, and its pose there.
+//! The recording vehicle's motion: its pose at a time, on its way and at its pace.
 //!
-//! All closed forms with continuous derivatives, so that inertial samples can be taken from them exactly.
+//! Way and pace are smooth curves with continuous derivatives, so that inertial samples can be taken from them exactly.
 
-use crate::scene::Street;
+use crate::pace::Pace;
+use crate::way::Way;
 use geometry::{Pose, Stamp};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use std::sync::Arc;
 
-/// Where along the street the vehicle starts, m.
-const START_X: f64 = 40.0;
-/// Lower bound of the speed once it rolls, m/s.
-const CRUISE_MPS: f64 = 8.2;
-/// Time scale of starting, s: 2.1 m/s^2 at most.
-const START_SECONDS: f64 = 2.5;
-/// The speed swells by this much, m/s.
-const SWELL_MPS: f64 = 1.8;
-/// In this rhythm, rad/s.
-const SWELL_RATE: f64 = 0.7;
 /// Height of the body frame above the road, m.
 const BODY_H: f64 = 1.0;
-
-/// How the vehicle's x grows: from rest to 8 to 10 m/s.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
-    /// Shifts the rhythm of the speed, rad.
-    pub phase: f64,
-}
-
-impl Progress {
-    /// x of the vehicle, `seconds` after the begin.
-    pub fn x(&self, seconds: f64) -> f64 {
-        // Speed c s^2 / (s^2 + T^2) from rest, plus a swell that begins at zero with zero slope.
-        let s = seconds;
-        let start = CRUISE_MPS * (s - START_SECONDS * (s / START_SECONDS).atan());
-        let swell = 0.5 * SWELL_MPS * (s - (SWELL_RATE * s).sin() / SWELL_RATE);
-        START_X + start + swell
-    }
-}
 
 /// The vehicle's motion.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// The date of second 0.
     pub begin: Stamp,
-    progress: Progress,
-    street: Street,
-    lane_t: f64,
+    way: Arc<Way>,
+    pace: Arc<Pace>,
+    /// Where it rocks, rad.
+    phase: f64,
 }
 
 impl Motion {
-    /// Along a lane of the street.
-    pub fn new(begin: Stamp, progress: Progress, street: Street, lane_t: f64) -> Self {
-        Self { begin, progress, street, lane_t }
+    /// Along a way at a pace; `phase` (rad) makes vehicles rock differently.
+    pub const fn new(begin: Stamp, way: Arc<Way>, pace: Arc<Pace>, phase: f64) -> Self {
+        Self { begin, way, pace, phase }
+    }
+    /// Length of way since second 0 of its way, m.
+    pub fn length_m(&self, seconds: f64) -> f64 {
+        self.pace.length_m(seconds)
     }
     /// `world_from_body`, `seconds` after the begin.
     pub fn pose(&self, seconds: f64) -> Pose {
-        let x = self.progress.x(seconds);
+        let x = self.length_m(seconds);
         // The vehicle keeps its lane within 10 cm and rocks on its springs: 1 cm, a quarter of a degree.
-        let phase = self.progress.phase;
-        let t = self.lane_t + 0.1 * (0.09 * x + phase).sin();
-        let bounce = 0.01 * (0.8 * x + phase).sin();
+        let left = 0.1 * (0.09 * x + self.phase).sin();
+        let bounce = 0.01 * (0.8 * x + self.phase).sin();
         let roll = 0.004 * (0.55 * x).sin();
         let pitch = 0.004 * (0.65 * x + 1.0).sin();
-        let wander = (0.009 * (0.09 * x + phase).cos()).atan();
-        let frame = self.street.frame(x, t, 0.0, wander);
+        let wander = (0.009 * (0.09 * x + self.phase).cos()).atan();
         let rock = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
-        frame * Isometry3::from_parts(Vector3::new(0.0, 0.0, BODY_H + bounce).into(), rock)
+        self.way.frame(x, left, wander) * Isometry3::from_parts(Vector3::new(0.0, 0.0, BODY_H + bounce).into(), rock)
     }
     /// `world_from_body` at a stamp.
     pub fn pose_at(&self, stamp: Stamp) -> Pose {
@@ -90,17 +67,38 @@ impl Motion {
     }
 }
 
+/// A round of 1 km with four turns over hills, for tests of what moves.
+#[cfg(test)]
+pub fn example_way() -> Way {
+    use crate::scene::Terrain;
+    let terrain = Terrain::new(11);
+    let corners = [[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]];
+    let mut points = Vec::new();
+    for i in 0..4 {
+        let (a, b) = (nalgebra::Vector2::from(corners[i]), nalgebra::Vector2::from(corners[(i + 1) % 4]));
+        let n = ((b - a).norm() / 4.0) as usize;
+        points.extend((0..n).map(|k| a + (b - a) * (k as f64 / n as f64)));
+    }
+    let points = points.iter().map(|p| Vector3::new(p.x, p.y, terrain.height(p))).collect();
+    Way::closed(points, 4.0, terrain).unwrap_or_else(|| unreachable!("a thousand metres of points"))
+}
+
+/// A drive of `seconds` on [`example_way`].
+#[cfg(test)]
+pub fn example(begin: Stamp, seconds: f64) -> Motion {
+    use crate::pace::Driver;
+    let way = example_way();
+    let pace = Pace::from_rest(&way, &Driver { cruise_mps: 9.0, phase: 0.4, stops: Vec::new() }, 40.0, seconds);
+    Motion::new(begin, Arc::new(way), Arc::new(pace), 0.4)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn motion() -> Motion {
-        Motion::new(Stamp(1_000_000_000), Progress { phase: 0.4 }, Street::new(300.0, 0.2), -1.6)
-    }
-
     #[test]
     fn the_vehicle_starts_from_rest_and_reaches_its_speed() {
-        let motion = motion();
+        let motion = example(Stamp(1_000_000_000), 40.0);
         assert!(motion.velocity(0.0).norm() < 1e-3);
         for i in 0..40 {
             let seconds = 8.0 + f64::from(i) * 0.5;
@@ -111,19 +109,23 @@ mod tests {
     }
 
     #[test]
-    fn inertial_samples_integrate_to_the_motion() {
-        let motion = motion();
-        let dt = 0.002;
-        let mut rotation = motion.pose(2.0).rotation;
-        let (mut position, mut velocity) = (motion.pose(2.0).translation.vector, motion.velocity(2.0));
-        for i in 0..1500 {
-            let middle = 2.0 + (f64::from(i) + 0.5) * dt;
-            rotation *= UnitQuaternion::from_scaled_axis(motion.angular_rate(middle) * dt);
-            position += (velocity + motion.acceleration(middle) * (0.5 * dt)) * dt;
-            velocity += motion.acceleration(middle) * dt;
+    fn inertial_samples_integrate_to_the_motion_on_straights_and_in_turns() {
+        let motion = example(Stamp(1_000_000_000), 40.0);
+        // At 34 s it is in its first turn.
+        for begin in [2.0, 31.0] {
+            let dt = 0.002;
+            let mut rotation = motion.pose(begin).rotation;
+            let (mut position, mut velocity) = (motion.pose(begin).translation.vector, motion.velocity(begin));
+            for i in 0..2500 {
+                let middle = begin + (f64::from(i) + 0.5) * dt;
+                rotation *= UnitQuaternion::from_scaled_axis(motion.angular_rate(middle) * dt);
+                position += (velocity + motion.acceleration(middle) * (0.5 * dt)) * dt;
+                velocity += motion.acceleration(middle) * dt;
+            }
+            let end = motion.pose(begin + 5.0);
+            assert!((position - end.translation.vector).norm() < 0.004, "{}", position - end.translation.vector);
+            assert!(rotation.angle_to(&end.rotation) < 1e-4);
         }
-        let end = motion.pose(5.0);
-        assert!((position - end.translation.vector).norm() < 0.002);
-        assert!(rotation.angle_to(&end.rotation) < 1e-4);
+        assert!(motion.pose(31.0).rotation.angle_to(&motion.pose(36.0).rotation) > 0.7, "there is a turn");
     }
 }

@@ -6,8 +6,32 @@ use messages::ClassId;
 /// The kind of town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Town {
-    /// One street between houses.
+    /// Blocks of houses, squares and parks; crossings with lights.
     Urban,
+    /// Houses in gardens along curved roads.
+    Suburban,
+    /// A country road: village, fields, forest, tunnel, level crossing, canal, farms.
+    Rural,
+    /// The same road between open fields: nothing stands near it but at its village.
+    Field,
+    /// The same road through tunnels; the drive begins before the first one.
+    Tunnel,
+}
+
+impl Town {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel];
+
+    /// As it is called on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Urban => "urban",
+            Self::Suburban => "suburban",
+            Self::Rural => "rural",
+            Self::Field => "field",
+            Self::Tunnel => "tunnel",
+        }
+    }
 }
 
 /// A drive by its seed. Equal specs give equal bytes.
@@ -17,7 +41,7 @@ pub struct DriveSpec {
     pub town: Town,
     /// Of everything random: the town, its traffic, the noise of the sensors.
     pub seed: u64,
-    /// Length, s: 0.2 to 120. The last revolution of the lidar is completed.
+    /// Length, s: 0.2 to 600. The last revolution of the lidar is completed.
     pub seconds: f64,
     /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser. 1 to 100.
     pub lidar_step: u32,
@@ -39,9 +63,9 @@ impl DriveSpec {
     }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
-        // Two minutes are 1.3 km of street and 1.7 GB of drive.
-        if !(0.2..=120.0).contains(&self.seconds) {
-            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 120");
+        // Ten minutes are three rounds of 1.5 km and 8 GB of drive.
+        if !(0.2..=600.0).contains(&self.seconds) {
+            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 600");
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");

@@ -53,8 +53,8 @@ mod tests {
     #[test]
     fn a_revolution_ends_where_the_angle_falls() {
         let block = |azimuth: u16, n: usize| {
-            let some = LidarReturn { range_2mm: 900, intensity: 3, class: ClassId::Pole, instance: 2 };
-            Block { azimuth, returns: std::array::from_fn(|i| (i < n).then_some(some)) }
+            let some = LidarReturn { range_2mm: 900, intensity: 3, class: ClassId::Pole, instance: 2, range_m: 1.8 };
+            Block { azimuth, is_lower: false, returns: std::array::from_fn(|i| (i < n).then_some(some)) }
         };
         let mut revolutions = Revolutions::default();
         assert_eq!(revolutions.push(&block(100, 4)), None);

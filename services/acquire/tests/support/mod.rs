@@ -36,7 +36,7 @@ pub fn write_lidar(folder: &Path, keep: impl Fn(i64) -> bool) {
         let blocks = std::array::from_fn(|index| {
             let round = packet * 12 + index as i64;
             let azimuth = ((round as f64 * 46_080e-9 * 10.0).fract() * 36_000.0) as u16;
-            RawBlock { azimuth, returns: [RawReturn { range_2mm: range_2mm(round), intensity: 50 }; 32] }
+            RawBlock { azimuth, is_lower: false, returns: [RawReturn { range_2mm: range_2mm(round), intensity: 50 }; 32] }
         });
         let stamp = BEGIN.plus_nanos(packet * 552_960);
         writer.write_udp(stamp, DATA_PORT, &encode_data_packet(Model::Hdl32e, stamp, &blocks)).expect("writes");

@@ -173,11 +173,26 @@ impl Decoder {
             let other_half = self.model == Model::Hdl64e && block.is_lower() && !before.is_lower();
             (is_dual || other_half) && index % 2 == 1 && before.azimuth() == block.azimuth()
         };
+        // A pair of an HDL-64E takes as long as two of its blocks one by one.
+        let pair = if self.model == Model::Hdl64e { 2 } else { 1 };
         let mut slots = [0; BLOCKS_PER_PACKET];
         for index in 1..BLOCKS_PER_PACKET {
-            slots[index] = slots[index - 1] + u8::from(!is_second(index));
+            let step = if is_second(index) {
+                0
+            } else if index > 1 && is_second(index - 1) {
+                pair
+            } else {
+                1
+            };
+            slots[index] = slots[index - 1] + step;
         }
         slots
+    }
+
+    /// Time slots of a packet whose blocks have these.
+    pub(super) fn n_slots(&self, slots: [u8; BLOCKS_PER_PACKET]) -> u8 {
+        let [.., before, last] = slots;
+        last + if self.model == Model::Hdl64e && before == last { 2 } else { 1 }
     }
 
     fn is_dual(&self, packet: DataPacket<'_>) -> bool {

@@ -2,8 +2,8 @@
 
 use super::Model;
 use super::packet::{
-    BLOCK_BYTES, BLOCKS_PER_PACKET, DATA_PACKET_BYTES, FACTORY_AT, LASERS_PER_BLOCK, MICROS_AT, POSITION_MICROS_AT,
-    POSITION_NMEA_AT, POSITION_PACKET_BYTES, ReturnMode, UPPER_BLOCK,
+    BLOCK_BYTES, BLOCKS_PER_PACKET, DATA_PACKET_BYTES, FACTORY_AT, LASERS_PER_BLOCK, LOWER_BLOCK, MICROS_AT,
+    POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES, POSITION_PULSE_AT, ReturnMode, UPPER_BLOCK,
 };
 use geometry::Stamp;
 
@@ -21,12 +21,27 @@ pub struct RawReturn {
 pub struct RawBlock {
     /// Encoder angle at the first firing, 0.01 deg, 0 to 35999.
     pub azimuth: u16,
+    /// Whether it is of lasers 32 to 63 (HDL-64E).
+    pub is_lower: bool,
     /// By laser.
     pub returns: [RawReturn; LASERS_PER_BLOCK],
 }
 
-/// The payload of a data packet whose first laser fires at `stamp` (cut to µs), strongest returns.
-/// For sensors with one kind of block: HDL-32E and VLP-16.
+/// What a sensor says of its pulse per second (byte 202 of a position packet).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum PulseStatus {
+    /// None.
+    #[default]
+    Absent = 0,
+    /// The clock is being set by it.
+    Synchronizing = 1,
+    /// The clock follows it.
+    Locked = 2,
+}
+
+/// The payload of a data packet whose first laser fires at `stamp` (cut to µs), strongest returns. The last two bytes of an
+/// HDL-64E are 0 (it sends a status there).
 pub fn encode_data_packet(
     model: Model,
     stamp: Stamp,
@@ -34,7 +49,8 @@ pub fn encode_data_packet(
 ) -> [u8; DATA_PACKET_BYTES] {
     let mut bytes = [0; DATA_PACKET_BYTES];
     for (block, out) in blocks.iter().zip(bytes.chunks_exact_mut(BLOCK_BYTES)) {
-        out[..2].copy_from_slice(&UPPER_BLOCK.to_le_bytes());
+        let flag = if block.is_lower { LOWER_BLOCK } else { UPPER_BLOCK };
+        out[..2].copy_from_slice(&flag.to_le_bytes());
         out[2..4].copy_from_slice(&block.azimuth.to_le_bytes());
         for (return_, out) in block.returns.iter().zip(out[4..].chunks_exact_mut(3)) {
             out[..2].copy_from_slice(&return_.range_2mm.to_le_bytes());
@@ -42,16 +58,19 @@ pub fn encode_data_packet(
         }
     }
     bytes[MICROS_AT..FACTORY_AT].copy_from_slice(&micros_past_hour(stamp).to_le_bytes());
-    bytes[FACTORY_AT] = ReturnMode::Strongest as u8;
+    if model != Model::Hdl64e {
+        bytes[FACTORY_AT] = ReturnMode::Strongest as u8;
+    }
     bytes[FACTORY_AT + 1] = model.product_byte();
     bytes
 }
 
 /// The payload of a position packet sent at `stamp`: `nmea` is one sentence without line end, at most 304 bytes (more is
 /// cut; a `$GPRMC` has some 70).
-pub fn encode_position_packet(stamp: Stamp, nmea: &str) -> [u8; POSITION_PACKET_BYTES] {
+pub fn encode_position_packet(stamp: Stamp, pulse: PulseStatus, nmea: &str) -> [u8; POSITION_PACKET_BYTES] {
     let mut bytes = [0; POSITION_PACKET_BYTES];
     bytes[POSITION_MICROS_AT..][..4].copy_from_slice(&micros_past_hour(stamp).to_le_bytes());
+    bytes[POSITION_PULSE_AT] = pulse as u8;
     let room = &mut bytes[POSITION_NMEA_AT..];
     let length = nmea.len().min(room.len() - 2);
     room[..length].copy_from_slice(&nmea.as_bytes()[..length]);

@@ -110,7 +110,12 @@ impl Model {
         let (round, laser) = (return_idx / timing.round_lasers, return_idx % timing.round_lasers);
         block as u32 * timing.block_nanos + round as u32 * timing.round_nanos + laser as u32 * timing.laser_nanos
     }
-    /// From one packet to the next, ns.
+    /// Whether the encoder's angle is that of a block's first firing alone, and the head has turned on at the others. The
+    /// HDL-64E's corrections hold for the block's angle.
+    pub const fn carries_azimuth(self) -> bool {
+        self.timing().interpolate_azimuth
+    }
+    /// From one packet to the next, ns; of an HDL-64E whose blocks come in pairs or follow each other.
     pub fn packet_nanos(self) -> u32 {
         self.timing().block_nanos * super::BLOCKS_PER_PACKET as u32
     }

@@ -19,6 +19,7 @@ pub(super) const BLOCK_BYTES: usize = 100;
 pub(super) const MICROS_AT: usize = 1200;
 pub(super) const FACTORY_AT: usize = 1204;
 pub(super) const POSITION_MICROS_AT: usize = 198;
+pub(super) const POSITION_PULSE_AT: usize = 202;
 pub(super) const POSITION_NMEA_AT: usize = 206;
 /// Flag of a block of lasers 0 to 31.
 pub(super) const UPPER_BLOCK: u16 = 0xeeff;

@@ -341,7 +341,7 @@ impl SweepReader {
             }
             Step::Repeated { stamp } => stamp,
             Step::Forward { stamp, nanos } => {
-                let slots = i64::from(self.slots[BLOCKS_PER_PACKET - 1]) + 1;
+                let slots = i64::from(self.decoder.n_slots(self.slots));
                 let packet_nanos = slots * i64::from(self.decoder.model().timing().block_nanos);
                 n_lost =
                     if self.at.clock.is_regular() { ((nanos + packet_nanos / 2) / packet_nanos - 1).max(0) } else { 0 };

@@ -41,7 +41,7 @@ pub fn hdl32e_packets(n: usize) -> Vec<Sent> {
                 0 => RawReturn::default(),
                 n => RawReturn { range_2mm: 1000 + 2000 * n as u16, intensity: chance.below(256) as u8 },
             };
-            RawBlock { azimuth, returns: std::array::from_fn(|_| one()) }
+            RawBlock { azimuth, is_lower: false, returns: std::array::from_fn(|_| one()) }
         });
         let stamp = BEGIN.plus_nanos(number as i64 * 552_960);
         (stamp.plus_nanos(300_000), DATA_PORT, encode_data_packet(Model::Hdl32e, stamp, &blocks).to_vec())

@@ -4,16 +4,15 @@ use super::mosaic_models;
 use crate::rig;
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::mosaic::{BIT_DEPTH, EXPOSURE_NANOS, SIZE, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
-use crate::spec::{DriveSpec, Town};
+use crate::spec::DriveSpec;
 use formats::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry,
 };
 
 pub fn manifest(spec: &DriveSpec) -> Manifest {
-    let Town::Urban = spec.town;
     Manifest {
         version: MANIFEST_VERSION,
-        name: format!("simulated urban street, seed {}, {} s", spec.seed, spec.seconds),
+        name: format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds),
         lidar: LidarEntry {
             model: "hdl32e".into(),
             format: "pcap".into(),

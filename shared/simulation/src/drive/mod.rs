@@ -5,18 +5,19 @@ mod lidar_files;
 mod manifest;
 
 use crate::error::SimulationError;
-use crate::motion::{Motion, Progress};
+use crate::motion::Motion;
 use crate::random::{hash, unit};
 use crate::rig;
 use crate::scene::{self, Scene};
 use crate::sensors::camera::ColorCamera;
+use crate::sensors::lidar::{Lidar, LidarModel};
 use crate::sensors::mosaic::{BIT_DEPTH, MosaicCamera, MosaicModel, SIZE};
-use crate::sensors::{gnss, imu, lidar::Lidar, trigger};
+use crate::sensors::{gnss, imu, trigger};
 use crate::spec::{DriveReport, DriveSpec};
 use crate::truth;
 use files::Folder;
 use formats::pgm::pgm_from_samples;
-use geometry::Stamp;
+use geometry::{Pose, Stamp};
 use messages::ClassId;
 use std::path::Path;
 
@@ -45,16 +46,20 @@ impl Simulation {
     /// Builds the town of a spec.
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
-        let progress = Progress { phase: f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU };
-        let scene = scene::build(spec.seed, spec.seconds, progress);
+        let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
+        let scene::Drive { scene, way, pace } = scene::build(spec.town, spec.seed, spec.seconds);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
-        let motion = Motion::new(begin, progress, scene.street.clone(), scene::LANE_T);
+        let motion = Motion::new(begin, way, pace, phase);
         Ok(Self { spec: spec.clone(), scene, motion })
     }
     /// The lidar in it.
     pub fn lidar(&self) -> Lidar<'_> {
         let seed = hash(self.spec.seed, LIDAR_STREAM);
-        Lidar::new(&self.scene, &self.motion, rig::body_from_lidar(), seed, self.spec.lidar_step)
+        self.lidar_of(LidarModel::HDL32E, rig::body_from_lidar(), seed)
+    }
+    /// A lidar of any model, mounted anywhere.
+    pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
+        Lidar::new(&self.scene, &self.motion, model, body_from_lidar, seed, self.spec.lidar_step)
     }
     /// When the cameras fire.
     pub fn exposures(&self) -> Vec<Stamp> {
@@ -186,7 +191,7 @@ impl<'a> Meter<'a> {
     fn new(spec: &DriveSpec, n_exposures: usize, tell: &'a mut dyn FnMut(f64)) -> Self {
         let images = if spec.cameras { n_exposures * rig::N_CAMERAS } else { 0 };
         let mosaics = if spec.mosaics { n_exposures * 2 } else { 0 };
-        let packets = Lidar::n_packets(spec.seconds);
+        let packets = LidarModel::HDL32E.n_packets(spec.seconds);
         let total = packets as f64 * PACKET_WORK + images as f64 * IMAGE_WORK + mosaics as f64 * MOSAIC_WORK;
         Self { done: 0.0, total, tell }
     }

@@ -4,10 +4,13 @@ use super::Surface;
 use crate::material::Material;
 use crate::trace::{Primitive, Shape, Vec3};
 use messages::ClassId;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 
 /// Number of a surface in the scene's table.
 pub type SurfaceId = u32;
+
+/// Corners that are this near to those of a parallelogram are taken for them: a tenth of the lidar's count.
+const FLAT_M: f32 = 2e-4;
 
 /// What has been built so far.
 #[derive(Clone, Debug, Default)]
@@ -30,21 +33,31 @@ impl Builder {
     pub fn add(&mut self, shape: Shape, surface: SurfaceId) {
         self.primitives.push(Primitive { shape, surface });
     }
-    /// Two triangles; the corners go around.
+    /// The corners go around. One panel if they are those of a parallelogram, else two triangles; nothing without area, as
+    /// where a wall ends at a window's edge.
     pub fn quad(&mut self, [a, b, c, d]: [Vec3; 4], surface: SurfaceId) {
-        // Quads of zero width (a wall that ends where a window begins) have no area to hit.
-        self.add(Shape::triangle(a, b, c), surface);
-        self.add(Shape::triangle(a, c, d), surface);
+        let (edge1, edge2) = (b - a, d - a);
+        if (c - b - edge2).amax() < FLAT_M {
+            if edge1.cross(&edge2).norm_squared() == 0.0 {
+                return;
+            }
+            self.add(Shape::Panel { corner: a, edge1, edge2, fill: 1.0 }, surface);
+        } else {
+            self.triangle([a, b, c], surface);
+            self.triangle([a, c, d], surface);
+        }
+    }
+    /// Nothing if the corners lie on a line.
+    pub fn triangle(&mut self, [a, b, c]: [Vec3; 3], surface: SurfaceId) {
+        if (b - a).cross(&(c - a)).norm_squared() > 0.0 {
+            self.add(Shape::triangle(a, b, c), surface);
+        }
     }
     /// A box from its lowest to its highest corner in the frame `pose`.
     pub fn cuboid(&mut self, pose: &Isometry3<f32>, low: [f32; 3], high: [f32; 3], surface: SurfaceId) {
-        let corner = |i: usize| {
-            let pick = |axis: usize| if i >> axis & 1 == 1 { high[axis] } else { low[axis] };
-            (pose * nalgebra::Point3::new(pick(0), pick(1), pick(2))).coords
-        };
-        for face in [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]] {
-            self.quad(face.map(corner), surface);
-        }
+        let (low, high) = (Vec3::from(low), Vec3::from(high));
+        let center = (pose * Point3::from((low + high) * 0.5)).coords;
+        self.add(Shape::Cuboid { center, half: (high - low) * 0.5, rotation: pose.rotation }, surface);
     }
     /// A copy of a model's primitives at a pose. Its surfaces are this builder's.
     pub fn place(&mut self, model: &[Primitive], pose: &Isometry3<f32>) {

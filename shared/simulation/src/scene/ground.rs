@@ -1,206 +1,153 @@
-//! Road with its paint, kerbs, sidewalks, the cross street, and the ground behind the houses.
+//! The ground: streets with their paint, kerbs and sidewalks, and the meadows under and behind all.
 
-use super::builder::{Builder, SurfaceId};
+use super::network::Network;
+use super::paving::Paving;
+use super::profile::Kind;
 use super::street::Street;
-use crate::material::Material;
-use crate::noise::rough;
+use super::town::Town;
 use crate::trace::Vec3;
-use messages::ClassId;
+use nalgebra::{Vector2, Vector3};
 
-/// Distance from the center line to the kerb, m: a lane of 3 m and parked cars of 2.2 m.
-pub const KERB_T: f32 = 5.2;
-/// To the facades, m.
-pub const FACADE_T: f32 = 8.4;
-/// Height of the kerb, m.
-pub const KERB_H: f32 = 0.14;
-/// How far the cross street reaches to either side, m.
-pub const CROSS_REACH: f32 = 60.0;
+/// Crosswalks begin this far behind the mouth of a street and are so long, m.
+const CROSSWALK: [f64; 2] = [0.5, 3.0];
+/// Stop lines before crosswalks.
+pub const STOP_LINE: [f64; 2] = [4.0, 4.5];
+/// Stop lines of lanes without lights.
+pub const YIELD_LINE: [f64; 2] = [0.5, 1.0];
+/// Length of the cells along streets, m: where it matters, and elsewhere.
+const CELL_M: [f64; 2] = [0.5, 1.5];
+/// How far below the terrain the meadows under and behind all lie, m: below every road.
+const BED_M: f64 = 0.16;
+/// Cells of the meadows, m. The terrain bends less than a centimetre within them.
+const BED_CELL_M: f64 = 4.0;
 
-/// Half the widths of a crossing road and of its space between the houses, m.
-const CROSS_ROAD: f32 = 3.5;
-/// See [`CROSS_ROAD`].
-pub const CROSS_HALF: f32 = 6.5;
-
-/// Length of the cells along the street, m. Lines and their dashes begin on cell edges.
-const CELL: f32 = 0.5;
-
-/// The ground's surfaces.
-struct Looks {
-    road: SurfaceId,
-    paint: SurfaceId,
-    kerb: SurfaceId,
-    slab: SurfaceId,
+/// Edges of a cell or strip on the ground: road level and level of what lies beside it are two.
+pub fn vertex(town: &Town, p: &Vector2<f64>, h: f64) -> Vec3 {
+    let terrain = &town.network.terrain;
+    Vector3::new(p.x, p.y, terrain.height(p) + terrain.uneven(p) + h).cast()
 }
 
-/// The uneven ground of the whole street. `crossings` are the `x` of cross streets.
-pub fn build(builder: &mut Builder, street: &Street, crossings: &[f32], seed: u64) {
-    let looks = Looks {
-        road: builder.surface(ClassId::Road, 0, Material::Asphalt),
-        paint: builder.surface(ClassId::RoadLine, 0, Material::RoadPaint),
-        kerb: builder.surface(ClassId::Sidewalk, 0, Material::Granite),
-        slab: builder.surface(ClassId::Sidewalk, 0, Material::Slab),
-    };
-    let columns = columns();
-    let n_rows = ((street.ends[1] - street.ends[0]) as f32 / CELL) as usize;
-    for row in 0..n_rows {
-        let x = street.ends[0] as f32 + row as f32 * CELL;
-        for pair in columns.windows(2) {
-            cell(builder, street, &looks, crossings, seed, x, [pair[0], pair[1]]);
+/// The pavement of a street between its mouths.
+pub fn street(town: &mut Town, number: usize) {
+    let [begin, end] = town.network.mouths(number);
+    let is_driven = town.is_on_round(number);
+    let mut s = begin;
+    while s < end - 1e-6 {
+        let is_fine = is_driven || s - begin < 6.0 || end - s < 6.0;
+        let cell = if is_fine { CELL_M[0] } else { CELL_M[1] };
+        // The last cell takes what is left.
+        let next = if end - s < 1.6 * cell { end } else { s + cell };
+        let middle = town.network.streets[number].plan(0.5 * (s + next), 0.0);
+        if town.reach.is_near(&middle, super::town::BUILT_M) {
+            row(town, number, [s, next]);
         }
-        kerbs(builder, street, &looks, crossings, seed, x);
+        s = next;
     }
-    for &x in crossings {
-        cross_street(builder, street, &looks, seed, x);
-    }
-    backyards(builder, street);
 }
 
-/// Edges of the cells across the street: paint 12 cm wide in the middle, crosswalk bars and slabs of about half a metre.
-fn columns() -> Vec<f32> {
-    let mut columns = vec![-0.06_f32, 0.06];
-    for i in 1..=16 {
-        let t = i as f32 * 0.5;
-        if (t - KERB_T).abs() > 0.3 {
-            columns.extend([-t, t]);
+fn row(town: &mut Town, number: usize, [s0, s1]: [f64; 2]) {
+    let street = &town.network.streets[number];
+    let profile = street.profile;
+    let columns = profile.columns();
+    let middle = 0.5 * (s0 + s1);
+    let mut quads = Vec::with_capacity(columns.len() + 6);
+    for pair in columns.windows(2) {
+        let t = 0.5 * (pair[0] + pair[1]);
+        let is_road = t.abs() < profile.kerb_t;
+        let (paving, height): (Paving, &dyn Fn(f64) -> f64) = if is_road {
+            (road_paving(&town.network, number, middle, t), &|t| profile.road_height(t))
+        } else {
+            (profile.side_paving(t), &|t| profile.side_height(t))
+        };
+        let corner = |s: f64, t: f64| vertex(town, &street.plan(s, t), height(t));
+        quads.push(([corner(s0, pair[0]), corner(s1, pair[0]), corner(s1, pair[1]), corner(s0, pair[1])], paving));
+    }
+    for side in [-1.0, 1.0] {
+        let at = |s: f64, t: f64, h: f64| vertex(town, &street.plan(s, side * t), h);
+        if profile.has_kerb() {
+            let (t, low, high) =
+                (profile.kerb_t, profile.road_height(profile.kerb_t) - 0.02, profile.side_height(profile.kerb_t));
+            quads.push(([at(s0, t, low), at(s1, t, low), at(s1, t, high), at(s0, t, high)], Paving::Kerb));
+        }
+        if let Some((width, h, paving)) = skirt(street) {
+            let (t, top) = (profile.outer_t, profile.side_height(profile.outer_t));
+            quads.push(([at(s0, t, top), at(s1, t, top), at(s1, t + width, h), at(s0, t + width, h)], paving));
         }
     }
-    columns.extend([-KERB_T, KERB_T, -KERB_T - 0.15, KERB_T + 0.15, -FACADE_T - 0.6, FACADE_T + 0.6]);
-    columns.sort_by(f32::total_cmp);
-    columns
-}
-
-/// Height of the smooth, crowned road over the center line.
-pub fn road_height(t: f32) -> f32 {
-    -0.018 * t.abs().min(KERB_T)
-}
-
-/// Height of the smooth sidewalk over the center line.
-pub fn walk_height(t: f32) -> f32 {
-    road_height(t) + KERB_H + 0.01 * (t.abs() - KERB_T)
-}
-
-/// How far the ground is off its smooth shape: 3.6 cm from the deepest rut to the highest swell.
-fn uneven(seed: u64, x: f32, t: f32) -> f32 {
-    0.018 * rough(seed, x, t, 3.1, 0.9)
-}
-
-/// Height of the uneven ground over the center line.
-pub fn height(crossings: &[f32], seed: u64, x: f32, t: f32) -> f32 {
-    uneven(seed, x, t) + if on_sidewalk(crossings, x, t) { walk_height(t) } else { road_height(t) }
-}
-
-/// Whether the place is raised: beyond the kerb and not where a cross street opens.
-pub fn on_sidewalk(crossings: &[f32], x: f32, t: f32) -> bool {
-    t.abs() >= KERB_T && !crossings.iter().any(|c| (x - c).abs() < CROSS_ROAD)
-}
-
-fn cell(b: &mut Builder, street: &Street, looks: &Looks, crossings: &[f32], seed: u64, x: f32, [t0, t1]: [f32; 2]) {
-    let middle = 0.5 * (t0 + t1);
-    let raised = on_sidewalk(crossings, x + 0.5 * CELL, middle);
-    let surface = if raised {
-        if middle.abs() < KERB_T + 0.15 { looks.kerb } else { looks.slab }
-    } else if is_painted(crossings, x, middle) {
-        looks.paint
-    } else {
-        looks.road
-    };
-    // A cell is raised as a whole: its height on the kerb's edge is that of its own side.
-    let h = |x: f32, t: f32| uneven(seed, x, t) + if raised { walk_height(t) } else { road_height(t) };
-    let corner = |x: f32, t: f32| street.vertex(x, t, h(x, t));
-    b.quad([corner(x, t0), corner(x + CELL, t0), corner(x + CELL, t1), corner(x, t1)], surface);
-}
-
-/// A dashed middle line (3 m in 6 m), and crosswalks before and after each crossing.
-fn is_painted(crossings: &[f32], x: f32, t: f32) -> bool {
-    let near = crossings.iter().map(|c| (x + 0.5 * CELL - c).abs()).fold(f32::INFINITY, f32::min);
-    let crosswalk = (CROSS_ROAD + 0.5..CROSS_ROAD + 3.0).contains(&near);
-    if crosswalk {
-        return t.abs() < KERB_T && ((t + 10.0) / 0.5).floor().rem_euclid(2.0) < 0.5;
+    for (corners, paving) in quads {
+        let id = town.pavings.id(paving);
+        town.builder.quad(corners, id);
     }
-    t.abs() < 0.06 && near > CROSS_HALF && x.rem_euclid(6.0) < 3.0
 }
 
-/// The upright faces of the kerbs, along the street and into the cross streets.
-fn kerbs(b: &mut Builder, street: &Street, looks: &Looks, crossings: &[f32], seed: u64, x: f32) {
-    for side in [-1.0_f32, 1.0] {
-        let t = side * KERB_T;
-        if !on_sidewalk(crossings, x + 0.5 * CELL, t) {
+/// What leads from the outer edge to the meadows or under the facades: width, height of its far edge, cover.
+pub fn skirt(street: &Street) -> Option<(f64, f64, Paving)> {
+    let profile = street.profile;
+    match profile.kind {
+        Kind::Urban => Some((0.8, profile.side_height(profile.outer_t), Paving::Slab)),
+        Kind::Residential | Kind::Village => Some((1.4, -0.3, Paving::Grass)),
+        // It ends below the meadows by itself.
+        Kind::Country => None,
+    }
+}
+
+/// What covers the road, crossings included.
+fn road_paving(network: &Network, number: usize, s: f64, t: f64) -> Paving {
+    let street = &network.streets[number];
+    let [begin, end] = network.mouths(number);
+    for (node_end, from_mouth) in [(0, s - begin), (1, end - s)] {
+        let node = &network.nodes[street.nodes[node_end]];
+        if node.arms.len() < 3 {
             continue;
         }
-        let foot = |x: f32| uneven(seed, x, t) + road_height(t);
-        let corner = |x: f32, up: f32| street.vertex(x, t, foot(x) + up);
-        let top = KERB_H;
-        b.quad([corner(x, -0.02), corner(x + CELL, -0.02), corner(x + CELL, top), corner(x, top)], looks.kerb);
-    }
-    for &c in crossings {
-        for edge in [c - CROSS_ROAD, c + CROSS_ROAD] {
-            if !(x..x + CELL).contains(&edge) {
-                continue;
+        let inside = |span: [f64; 2]| (span[0]..span[1]).contains(&from_mouth);
+        // Who drives towards the node is on the left of a look away from it.
+        let t_from_node = if node_end == 0 { t } else { -t };
+        let is_incoming = (0.0..street.profile.kerb_t.min(3.1)).contains(&t_from_node);
+        if node.has_lights {
+            if inside(CROSSWALK) {
+                let is_bar = ((t + 50.0) / 0.5).floor().rem_euclid(2.0) < 0.5;
+                return if is_bar && t.abs() < street.profile.kerb_t - 0.3 { Paving::Paint } else { Paving::Asphalt };
             }
-            for side in [-1.0_f32, 1.0] {
-                let corner = |t: f32, up: f32| street.vertex(edge, side * t, -0.11 + up);
-                let quad = [corner(KERB_T, 0.0), corner(FACADE_T, 0.0), corner(FACADE_T, 0.19), corner(KERB_T, 0.19)];
-                b.quad(quad, looks.kerb);
+            if from_mouth < STOP_LINE[1] + 0.2 {
+                return if inside(STOP_LINE) && is_incoming { Paving::Paint } else { Paving::Asphalt };
             }
+        } else if from_mouth < YIELD_LINE[1] {
+            let gives_way = !network.round.iter().any(|leg| leg.street == number);
+            return if gives_way && is_incoming && inside(YIELD_LINE) { Paving::Paint } else { Paving::Asphalt };
         }
     }
+    street.profile.road_paving(s, t)
 }
 
-/// The arms of a cross street beyond the facades: road between two sidewalks, in cells of 1 m.
-fn cross_street(b: &mut Builder, street: &Street, looks: &Looks, seed: u64, x0: f32) {
-    let edges = [-CROSS_HALF, -5.0, -CROSS_ROAD, -2.0, -0.06, 0.06, 2.0, CROSS_ROAD, 5.0, CROSS_HALF];
-    for side in [-1.0_f32, 1.0] {
-        for step in 0..(CROSS_REACH - FACADE_T) as usize {
-            let (t0, t1) = (FACADE_T + step as f32 + 0.5, FACADE_T + step as f32 + 1.5);
-            for pair in edges.windows(2) {
-                let middle = 0.5 * (pair[0] + pair[1]);
-                let raised = middle.abs() > CROSS_ROAD;
-                let surface = match (raised, middle.abs() < 0.06 && step % 6 < 3) {
-                    (true, _) => looks.slab,
-                    (false, true) => looks.paint,
-                    (false, false) => looks.road,
+/// Meadows under and behind all: what is seen through gaps, and never a hole. Coarse and deeper far away.
+pub fn bed(town: &mut Town) {
+    let grass = town.pavings.id(Paving::Grass);
+    let canals = town.canals();
+    for (cell, depth, reach, is_far) in
+        [(BED_CELL_M, BED_M, super::town::BUILT_M + 20.0, false), (20.0, 0.7, 420.0, true)]
+    {
+        let [low, high] = town.reach.bounds(reach);
+        let n = (high - low) / cell;
+        for j in 0..n.y.ceil() as usize {
+            for i in 0..n.x.ceil() as usize {
+                let at = |di: usize, dj: usize| low + Vector2::new((i + di) as f64, (j + dj) as f64) * cell;
+                let middle = (at(0, 0) + at(1, 1)) * 0.5;
+                let distance = town.reach.distance(&middle);
+                // Far cells go on below the near ones, for the seam.
+                if distance > reach
+                    || (is_far && distance < super::town::BUILT_M - 20.0)
+                    || canals.iter().any(|canal| canal.covers(&middle))
+                {
+                    continue;
+                }
+                let corner = |di: usize, dj: usize| -> Vec3 {
+                    let p = at(di, dj);
+                    Vector3::new(p.x, p.y, town.network.terrain.height(&p) - depth).cast()
                 };
-                let corner = |dx: f32, t: f32| -> Vec3 {
-                    let (x, t) = (x0 + dx, side * t);
-                    let up = if raised { KERB_H + 0.02 } else { 0.0 };
-                    street.vertex(x, t, uneven(seed, x, t) + road_height(KERB_T) + up)
-                };
-                b.quad([corner(pair[0], t0), corner(pair[1], t0), corner(pair[1], t1), corner(pair[0], t1)], surface);
+                let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                town.builder.quad(corners, grass);
             }
         }
-    }
-}
-
-/// Grass under and behind all: what is seen through gaps, and never a hole.
-fn backyards(b: &mut Builder, street: &Street) {
-    let grass = b.surface(ClassId::Terrain, 0, Material::Grass);
-    let (from, to) = (street.ends[0] as f32 - 40.0, street.ends[1] as f32 + 40.0);
-    let n = ((to - from) / 5.0).ceil() as usize;
-    for row in 0..n {
-        let (x0, x1) = (from + row as f32 * 5.0, from + (row + 1) as f32 * 5.0);
-        for pair in [-110.0_f32, -70.0, -40.0, -20.0, 0.0, 20.0, 40.0, 70.0, 110.0].windows(2) {
-            let corner = |x: f32, t: f32| street.vertex(x, t, -0.35);
-            b.quad([corner(x0, pair[0]), corner(x1, pair[0]), corner(x1, pair[1]), corner(x0, pair[1])], grass);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sidewalks_are_raised_and_open_at_crossings() {
-        let crossings = [50.0];
-        let step = height(&crossings, 1, 20.0, KERB_T + 0.01) - height(&crossings, 1, 20.0, KERB_T - 0.01);
-        assert!((step - KERB_H).abs() < 0.01, "{step}");
-        assert!(!on_sidewalk(&crossings, 50.0, 7.0) && on_sidewalk(&crossings, 60.0, 7.0));
-    }
-
-    #[test]
-    fn lines_are_dashed_and_crosswalks_striped() {
-        assert!(is_painted(&[50.0], 12.5, 0.0) && !is_painted(&[50.0], 15.5, 0.0) && !is_painted(&[50.0], 12.5, 1.0));
-        let bars = [-1.75_f32, -1.25, -0.75, -0.25].map(|t| is_painted(&[50.0], 45.0, t));
-        assert_eq!(bars, [true, false, true, false].map(|b| b == bars[0]));
     }
 }

@@ -1,10 +1,10 @@
-//! Things that move: a model and its way along the street.
+//! Things that move: a model and its way at its pace.
 
-use super::ground;
-use super::street::Street;
-use crate::motion::Progress;
+use crate::pace::Pace;
 use crate::trace::{Bvh, Primitive, Vec3};
+use crate::way::Way;
 use nalgebra::Isometry3;
+use std::sync::Arc;
 
 /// One moving thing.
 #[derive(Clone, Debug)]
@@ -15,35 +15,53 @@ pub struct Mover {
     pub center: Vec3,
     /// The ball around `center` holds the model, m.
     pub radius: f32,
-    /// Its way.
+    /// Where it goes.
     pub route: Route,
 }
 
-/// A way along the street.
-#[derive(Clone, Copy, Debug)]
-pub enum Route {
-    /// At constant speed: x and distance from the center line at the begin (m), height of the ground there (m), speed along
-    /// x (m/s, negative = against it).
+/// A way and when to be where on it.
+#[derive(Clone, Debug)]
+pub struct Route {
+    /// The curve.
+    pub way: Arc<Way>,
+    /// Beside it, m to the left.
+    pub left_m: f64,
+    /// Whether it leans with the ground, as vehicles do and people do not.
+    pub leans: bool,
+    /// When it is where.
+    pub timing: Timing,
+}
+
+/// When something is where on its way.
+#[derive(Clone, Debug)]
+pub enum Timing {
+    /// At a constant speed, from `from_m` at the drive's begin.
     Steady {
-        /// x at the begin.
-        x: f64,
-        /// Left of the center line.
-        t: f64,
-        /// Above the center line.
-        h: f64,
-        /// Along x.
+        /// Where on the way, m.
+        from_m: f64,
+        /// m/s.
         speed_mps: f64,
     },
-    /// Ahead of the recording vehicle (negative = behind), with its speed and a slow drift of `drift_m`.
-    Convoy {
-        /// The vehicle's way.
-        progress: Progress,
-        /// How far ahead.
+    /// At a pace that others have too, a length ahead of it (negative = behind): a queue that stands and goes as one.
+    Ahead {
+        /// The pace.
+        pace: Arc<Pace>,
+        /// How far ahead, m.
         ahead_m: f64,
-        /// How much the distance changes.
-        drift_m: f64,
-        /// Left of the center line.
-        t: f64,
+    },
+    /// At a pace, so much earlier: everyone is as fast at the same place, and slow in turns.
+    Earlier {
+        /// The pace.
+        pace: Arc<Pace>,
+        /// How much earlier, s.
+        seconds: f64,
+    },
+    /// Waits at the begin of the way, goes to its end from second `from` on, and waits there.
+    Once {
+        /// s after the drive's begin.
+        from: f64,
+        /// m/s.
+        speed_mps: f64,
     },
 }
 
@@ -56,17 +74,20 @@ impl Mover {
         Some(Self { model, center, radius, route })
     }
     /// `world_from_object`, `seconds` after the drive's begin.
-    pub fn pose(&self, street: &Street, seconds: f64) -> Isometry3<f32> {
-        let frame = match self.route {
-            Route::Steady { x, t, h, speed_mps } => {
-                let yaw = if speed_mps < 0.0 { std::f64::consts::PI } else { 0.0 };
-                street.frame(x + speed_mps * seconds, t, h, yaw)
-            }
-            Route::Convoy { progress, ahead_m, drift_m, t } => {
-                let drift = drift_m * (0.35 * seconds).sin();
-                street.frame(progress.x(seconds) + ahead_m + drift, t, f64::from(ground::road_height(t as f32)), 0.0)
-            }
+    pub fn pose(&self, seconds: f64) -> Isometry3<f32> {
+        self.route.pose(seconds).cast()
+    }
+}
+
+impl Route {
+    /// `world_from_object` at a time.
+    pub fn pose(&self, seconds: f64) -> Isometry3<f64> {
+        let s = match &self.timing {
+            Timing::Steady { from_m, speed_mps } => from_m + speed_mps * seconds,
+            Timing::Ahead { pace, ahead_m } => pace.length_m(seconds) + ahead_m,
+            Timing::Earlier { pace, seconds: earlier } => pace.length_m(seconds + earlier),
+            Timing::Once { from, speed_mps } => (speed_mps * (seconds - from)).clamp(0.0, self.way.length_m() - 1.0),
         };
-        frame.cast()
+        if self.leans { self.way.frame(s, self.left_m, 0.0) } else { self.way.upright(s, self.left_m, 0.0) }
     }
 }

@@ -90,8 +90,7 @@ pub fn nmea(fixes: &[Fix]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Progress;
-    use crate::scene::Street;
+    use crate::motion::example;
     use geometry::Stamp;
 
     #[test]
@@ -110,7 +109,7 @@ mod tests {
     fn the_log_says_what_was_measured() {
         // RMC gives the year in two digits: the date must be of this century.
         let begin = Stamp(1_622_541_600_000_000_000);
-        let motion = Motion::new(begin, Progress { phase: 0.0 }, Street::new(300.0, 0.0), -1.6);
+        let motion = example(begin, 110.0);
         let fixes = record(&motion, 10.0, 9);
         let (read, stats) = formats::nmea::fixes(nmea(&fixes).as_bytes());
         assert_eq!((read.len(), stats.sentences, stats.bad_lines), (11, 22, 0));
@@ -126,7 +125,7 @@ mod tests {
 
     #[test]
     fn fixes_are_about_a_metre_off_and_no_more() {
-        let motion = Motion::new(Stamp(0), Progress { phase: 0.0 }, Street::new(1400.0, 0.0), -1.6);
+        let motion = example(Stamp(0), 110.0);
         let fixes = record(&motion, 100.0, 9);
         assert_eq!(fixes.len(), 101);
         let errors: Vec<f64> = fixes

@@ -44,13 +44,12 @@ fn part(hash: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Progress;
-    use crate::scene::Street;
+    use crate::motion::example;
     use geometry::Stamp;
 
     #[test]
     fn samples_show_gravity_at_rest_and_turns_in_curves() {
-        let motion = Motion::new(Stamp(5), Progress { phase: 0.0 }, Street::new(300.0, 0.0), -1.6);
+        let motion = example(Stamp(5), 110.0);
         let samples = record(&motion, 10.0, 3);
         assert_eq!(samples.len(), 1001);
         assert!((Vector3::from(samples[0].acceleration).norm() - GRAVITY).abs() < 0.1);

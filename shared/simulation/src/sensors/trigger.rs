@@ -28,12 +28,11 @@ pub fn exposures(motion: &Motion, seconds: f64) -> Vec<Stamp> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Progress;
-    use crate::scene::Street;
+    use crate::motion::example;
 
     #[test]
     fn a_standing_vehicle_takes_no_second_picture() {
-        let motion = Motion::new(Stamp(0), Progress { phase: 0.0 }, Street::new(200.0, 0.0), -1.6);
+        let motion = example(Stamp(0), 110.0);
         let stamps = exposures(&motion, 6.0);
         // The vehicle has moved less than 1 m after its first second.
         let seconds: Vec<f64> = stamps.iter().map(|s| s.0 as f64 * 1e-9).collect();

@@ -1,55 +1,42 @@
-//! A tree of boxes over primitives (bounding volume hierarchy), split by the surface area heuristic in bins (Wald, "On
-//! fast construction of SAH-based bounding volume hierarchies", 2007).
+//! A bounding volume hierarchy over primitives.
 
+use super::build::Item;
+use super::pack::{Flat, Pack};
+use super::tree::{Leaf, Tree};
 use super::{Primitive, Ray, Vec3};
+use rayon::prelude::*;
 
-const BINS: usize = 16;
-/// A box test costs about as much as a triangle test; four primitives fill a cache line pair.
-const LEAF: usize = 4;
-/// The tree is split by halves from here on, so that the stack of a traversal is bounded for any input.
-const SAH_DEPTH: usize = 32;
-/// [`SAH_DEPTH`] and the halvings of 2^32 primitives.
-const STACK: usize = 64;
-
-/// The tree. Primitives lie in the order of its leaves.
-#[derive(Clone, Debug)]
+/// The tree and what it holds.
+#[derive(Clone, Debug, Default)]
 pub struct Bvh {
-    nodes: Vec<Node>,
+    tree: Tree,
+    packs: Vec<Pack>,
+    /// In the order of the leaves.
     primitives: Vec<Primitive>,
-}
-
-/// Inner node: `count` 0, children at `first` and `first + 1`. Leaf: primitives `first..first + count`.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    low: Vec3,
-    first: u32,
-    high: Vec3,
-    count: u32,
-}
-
-struct Item {
-    low: Vec3,
-    high: Vec3,
-    center: Vec3,
-    primitive: Primitive,
 }
 
 impl Bvh {
     /// The tree over the primitives.
     pub fn new(primitives: Vec<Primitive>) -> Self {
         let mut items: Vec<Item> = primitives
-            .into_iter()
-            .map(|primitive| {
+            .par_iter()
+            .enumerate()
+            .map(|(index, primitive)| {
                 let [low, high] = primitive.shape.bounds();
-                Item { low, high, center: (low + high) * 0.5, primitive }
+                Item { low, high, index: index as u32, is_flat: Flat::of(&primitive.shape).is_some() }
             })
             .collect();
-        let mut nodes = Vec::with_capacity(items.len() / 2 + 1);
-        if !items.is_empty() {
-            nodes.push(leaf(&items, 0));
-            split(&mut nodes, 0, &mut items, 0, 0);
-        }
-        Self { nodes, primitives: items.into_iter().map(|item| item.primitive).collect() }
+        let mut leaves = Vec::new();
+        let tree = Tree::over(&mut items, |first, count| leaves.push(first..first + count));
+        let primitives: Vec<Primitive> = items.par_iter().map(|item| primitives[item.index as usize]).collect();
+        let packs = leaves
+            .into_par_iter()
+            .map(|leaf| {
+                let first = leaf.start as u32;
+                Pack::new(first, primitives[leaf].iter().filter_map(|primitive| Flat::of(&primitive.shape)))
+            })
+            .collect();
+        Self { tree, packs, primitives }
     }
 
     /// Number of primitives.
@@ -62,178 +49,58 @@ impl Bvh {
         self.primitives.is_empty()
     }
 
+    /// Memory that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.packs) + size_of_val(&*self.primitives) + self.tree.bytes()
+    }
+
+    /// The primitives, in the order of the tree's leaves.
+    pub fn primitives(&self) -> &[Primitive] {
+        &self.primitives
+    }
+
     /// Smallest and largest coordinates; `None` of an empty tree.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
-        self.nodes.first().map(|root| [root.low, root.high])
+        self.tree.bounds()
     }
 
     /// The first hit before `max_m`: its range and the primitive.
     pub fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, &Primitive)> {
         let mut best = None;
-        let mut limit = max_m;
-        self.visit(ray, &mut limit, |primitive, limit| {
-            if let Some(range) = primitive.shape.range(ray, *limit) {
+        self.tree.walk(ray, max_m, |leaf, limit| {
+            if let Some((range, place)) = self.hit(ray, leaf, *limit) {
                 *limit = range;
-                best = Some((range, primitive));
+                best = Some((range, place));
             }
             false
         });
-        best
+        best.map(|(range, place)| (range, &self.primitives[place]))
     }
 
     /// Whether anything lies before `max_m`.
     pub fn any(&self, ray: &Ray, max_m: f32) -> bool {
-        let mut hit = false;
-        let mut limit = max_m;
-        self.visit(ray, &mut limit, |primitive, limit| {
-            hit = primitive.shape.range(ray, *limit).is_some();
-            hit
+        let mut is_hit = false;
+        self.tree.walk(ray, max_m, |leaf, limit| {
+            is_hit = self.hit(ray, leaf, *limit).is_some();
+            is_hit
         });
-        hit
+        is_hit
     }
 
-    /// Calls `test` for the primitives of boxes that the ray meets before the limit, near boxes first, until it says stop.
+    /// Range and place of the first hit in a leaf.
     #[inline]
-    fn visit<'a>(&'a self, ray: &Ray, limit: &mut f32, mut test: impl FnMut(&'a Primitive, &mut f32) -> bool) {
-        let inverse = ray.direction.map(|d| 1.0 / d);
-        let Some(root) = self.nodes.first() else { return };
-        if entry(root, ray, &inverse, *limit).is_none() {
-            return;
-        }
-        let mut stack = [(0_u32, 0.0_f32); STACK];
-        let mut depth = 0;
-        let mut at = 0_u32;
-        loop {
-            let node = &self.nodes[at as usize];
-            if node.count > 0 {
-                for primitive in &self.primitives[node.first as usize..(node.first + node.count) as usize] {
-                    if test(primitive, limit) {
-                        return;
-                    }
-                }
-            } else {
-                let (left, right) = (node.first, node.first + 1);
-                let enter_left = entry(&self.nodes[left as usize], ray, &inverse, *limit);
-                let enter_right = entry(&self.nodes[right as usize], ray, &inverse, *limit);
-                match (enter_left, enter_right) {
-                    (Some(l), Some(r)) => {
-                        let (near, far) = if l <= r { (left, (right, r)) } else { (right, (left, l)) };
-                        stack[depth] = far;
-                        depth += 1;
-                        at = near;
-                        continue;
-                    }
-                    (Some(_), None) => {
-                        at = left;
-                        continue;
-                    }
-                    (None, Some(_)) => {
-                        at = right;
-                        continue;
-                    }
-                    (None, None) => {}
-                }
+    fn hit(&self, ray: &Ray, leaf: Leaf, limit: f32) -> Option<(f32, usize)> {
+        match leaf {
+            Leaf::Flats(pack) => {
+                let pack = &self.packs[pack as usize];
+                pack.nearest(ray, limit).map(|(lane, range)| (range, pack.first as usize + lane))
             }
-            loop {
-                if depth == 0 {
-                    return;
-                }
-                depth -= 1;
-                if stack[depth].1 < *limit {
-                    at = stack[depth].0;
-                    break;
-                }
+            Leaf::Single(place) => {
+                let place = place as usize;
+                self.primitives[place].shape.range(ray, limit).map(|range| (range, place))
             }
         }
     }
-}
-
-/// Range at which the ray enters the box, if it does so before the limit.
-#[inline]
-fn entry(node: &Node, ray: &Ray, inverse: &Vec3, limit: f32) -> Option<f32> {
-    let to_low = (node.low - ray.origin).component_mul(inverse);
-    let to_high = (node.high - ray.origin).component_mul(inverse);
-    let enter = to_low.x.min(to_high.x).max(to_low.y.min(to_high.y)).max(to_low.z.min(to_high.z)).max(0.0);
-    let leave = to_low.x.max(to_high.x).min(to_low.y.max(to_high.y)).min(to_low.z.max(to_high.z));
-    // f32 may lose the last two bits on the way.
-    (enter <= leave * 1.000_001 && enter < limit).then_some(enter)
-}
-
-fn leaf(items: &[Item], first: usize) -> Node {
-    let (low, high) = hull(items.iter().map(|item| (item.low, item.high)));
-    Node { low, high, first: first as u32, count: items.len() as u32 }
-}
-
-fn hull(boxes: impl Iterator<Item = (Vec3, Vec3)>) -> (Vec3, Vec3) {
-    let none = (Vec3::repeat(f32::INFINITY), Vec3::repeat(f32::NEG_INFINITY));
-    boxes.fold(none, |(low, high), (a, b)| (low.inf(&a), high.sup(&b)))
-}
-
-fn split(nodes: &mut Vec<Node>, node: usize, items: &mut [Item], first: usize, depth: usize) {
-    if items.len() <= LEAF {
-        return;
-    }
-    let middle = if depth < SAH_DEPTH { sah_split(items) } else { None }.unwrap_or_else(|| halve(items));
-    let left = nodes.len();
-    nodes[node].first = left as u32;
-    nodes[node].count = 0;
-    let (before, after) = items.split_at_mut(middle);
-    nodes.push(leaf(before, first));
-    nodes.push(leaf(after, first + middle));
-    split(nodes, left, before, first, depth + 1);
-    split(nodes, left + 1, after, first + middle, depth + 1);
-}
-
-/// Sorts the items around the cheapest plane between bins; `None` if all centers coincide.
-fn sah_split(items: &mut [Item]) -> Option<usize> {
-    let (low, high) = hull(items.iter().map(|item| (item.center, item.center)));
-    let mut best: Option<(f32, usize, usize)> = None;
-    for axis in 0..3 {
-        let extent = high[axis] - low[axis];
-        if extent <= 1e-6 {
-            continue;
-        }
-        let mut bins: Vec<(usize, Vec3, Vec3)> =
-            vec![(0, Vec3::repeat(f32::INFINITY), Vec3::repeat(f32::NEG_INFINITY)); BINS];
-        for item in items.iter() {
-            let bin = &mut bins[bin_of(item.center[axis], low[axis], extent)];
-            *bin = (bin.0 + 1, bin.1.inf(&item.low), bin.2.sup(&item.high));
-        }
-        for cut in 1..BINS {
-            let side = |part: &[(usize, Vec3, Vec3)]| {
-                let count: usize = part.iter().map(|bin| bin.0).sum();
-                let (a, b) = hull(part.iter().map(|bin| (bin.1, bin.2)));
-                (count, half_area(&(b - a)))
-            };
-            let ((n_left, area_left), (n_right, area_right)) = (side(&bins[..cut]), side(&bins[cut..]));
-            if n_left == 0 || n_right == 0 {
-                continue;
-            }
-            let cost = n_left as f32 * area_left + n_right as f32 * area_right;
-            if best.is_none_or(|(least, _, _)| cost < least) {
-                best = Some((cost, axis, cut));
-            }
-        }
-    }
-    let (_, axis, cut) = best?;
-    let extent = high[axis] - low[axis];
-    items.sort_by_key(|item| bin_of(item.center[axis], low[axis], extent) >= cut);
-    Some(items.partition_point(|item| bin_of(item.center[axis], low[axis], extent) < cut))
-}
-
-fn bin_of(value: f32, low: f32, extent: f32) -> usize {
-    (((value - low) / extent * BINS as f32) as usize).min(BINS - 1)
-}
-
-fn half_area(size: &Vec3) -> f32 {
-    size.x * size.y + size.y * size.z + size.z * size.x
-}
-
-fn halve(items: &mut [Item]) -> usize {
-    let (low, high) = hull(items.iter().map(|item| (item.center, item.center)));
-    let axis = (high - low).imax();
-    items.sort_by(|a, b| a.center[axis].total_cmp(&b.center[axis]));
-    items.len() / 2
 }
 
 #[cfg(test)]

@@ -1,11 +1,19 @@
-//! Rays against surfaces: primitives and the tree over them. f32 throughout: within 1 km of the origin its steps are
+//! Rays against surfaces: primitives, the tree over them, and trees of trees for what moves. f32 throughout: within 1 km of the origin its steps are
 //! below 0.1 mm, a twentieth of the lidar's quantization.
 
+mod build;
 mod bvh;
+mod pack;
 mod primitive;
+mod swarm;
+mod tree;
 
 pub use bvh::Bvh;
 pub use primitive::{Primitive, Shape};
+pub use swarm::{Placed, Swarm};
+
+/// Closer hits are the surface that the ray starts on, m.
+pub(crate) const MIN_RANGE_M: f32 = 1e-3;
 
 /// A vector or point of the tracer, m.
 pub type Vec3 = nalgebra::Vector3<f32>;

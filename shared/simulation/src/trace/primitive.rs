@@ -1,11 +1,9 @@
-//! What rays meet: triangles, cylinders, spheres, and porous spheres that stand for leaves.
+//! What rays meet: triangles, panels, cuboids, cylinders, cones, spheres, and porous spheres that stand for leaves.
 
-use super::{Ray, Vec3};
+use super::pack::Flat;
+use super::{MIN_RANGE_M, Ray, Vec3};
 use crate::random::{hash, mix, unit};
-use nalgebra::Isometry3;
-
-/// Closer hits are the surface that the ray starts on.
-const MIN_RANGE_M: f32 = 1e-3;
+use nalgebra::{Isometry3, UnitQuaternion};
 
 /// A shape and what it is made of.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +25,37 @@ pub enum Shape {
         edge1: Vec3,
         /// From it to the third.
         edge2: Vec3,
+    },
+    /// A parallelogram, seen from both sides. Wire mesh is a panel that stops some of the rays.
+    Panel {
+        /// One corner.
+        corner: Vec3,
+        /// From it to the second.
+        edge1: Vec3,
+        /// From it to the fourth.
+        edge2: Vec3,
+        /// Share of rays that it stops, above 0; 1 = solid.
+        fill: f32,
+    },
+    /// A box in any direction.
+    Cuboid {
+        /// Its middle.
+        center: Vec3,
+        /// Half of its edges, above 0, in its own frame.
+        half: Vec3,
+        /// From its frame.
+        rotation: UnitQuaternion<f32>,
+    },
+    /// A round piece with flat ends of two sizes.
+    Cone {
+        /// Middle of one end.
+        base: Vec3,
+        /// Unit vector to the other end.
+        axis: Vec3,
+        /// Between the ends.
+        length: f32,
+        /// At `base` and at the other end; one of them may be 0.
+        radii: [f32; 2],
     },
     /// A tube with flat ends.
     Cylinder {
@@ -68,6 +97,12 @@ impl Shape {
         let length = along.norm().max(1e-6);
         Self::Cylinder { base: from, axis: along / length, length, radius }
     }
+    /// The round piece between two points that narrows or widens. Callers give distinct points.
+    pub fn cone(from: Vec3, to: Vec3, radii: [f32; 2]) -> Self {
+        let along = to - from;
+        let length = along.norm().max(1e-6);
+        Self::Cone { base: from, axis: along / length, length, radii }
+    }
     /// The same shape elsewhere.
     #[must_use]
     pub fn moved(&self, by: &Isometry3<f32>) -> Self {
@@ -75,6 +110,15 @@ impl Shape {
         match *self {
             Self::Triangle { corner, edge1, edge2 } => {
                 Self::Triangle { corner: point(corner), edge1: by.rotation * edge1, edge2: by.rotation * edge2 }
+            }
+            Self::Panel { corner, edge1, edge2, fill } => {
+                Self::Panel { corner: point(corner), edge1: by.rotation * edge1, edge2: by.rotation * edge2, fill }
+            }
+            Self::Cuboid { center, half, rotation } => {
+                Self::Cuboid { center: point(center), half, rotation: by.rotation * rotation }
+            }
+            Self::Cone { base, axis, length, radii } => {
+                Self::Cone { base: point(base), axis: by.rotation * axis, length, radii }
             }
             Self::Cylinder { base, axis, length, radius } => {
                 Self::Cylinder { base: point(base), axis: by.rotation * axis, length, radius }
@@ -90,10 +134,23 @@ impl Shape {
                 let (b, c) = (corner + edge1, corner + edge2);
                 [corner.inf(&b).inf(&c), corner.sup(&b).sup(&c)]
             }
+            Self::Panel { corner, edge1, edge2, .. } => {
+                let (b, c) = (corner + edge1, corner + edge2);
+                let d = b + edge2;
+                [corner.inf(&b).inf(&c.inf(&d)), corner.sup(&b).sup(&c.sup(&d))]
+            }
+            Self::Cuboid { center, half, rotation } => {
+                let reach = rotation.to_rotation_matrix().matrix().abs() * half;
+                [center - reach, center + reach]
+            }
+            Self::Cone { base, axis, length, radii } => {
+                let tip = base + axis * length;
+                let [reach_base, reach_tip] = radii.map(|radius| disc_reach(&axis, radius));
+                [(base - reach_base).inf(&(tip - reach_tip)), (base + reach_base).sup(&(tip + reach_tip))]
+            }
             Self::Cylinder { base, axis, length, radius } => {
                 let tip = base + axis * length;
-                // A disc of that radius reaches radius * sin(angle to the coordinate axis) along it.
-                let reach = axis.map(|a| radius * (1.0 - a * a).max(0.0).sqrt());
+                let reach = disc_reach(&axis, radius);
                 [base.inf(&tip) - reach, base.sup(&tip) + reach]
             }
             Self::Sphere { center, radius } | Self::Porous { center, radius, .. } => {
@@ -104,7 +161,13 @@ impl Shape {
     /// Range of the first hit before `max_m`.
     pub fn range(&self, ray: &Ray, max_m: f32) -> Option<f32> {
         let range = match *self {
-            Self::Triangle { corner, edge1, edge2 } => triangle_range(ray, &corner, &edge1, &edge2)?,
+            Self::Triangle { .. } => Flat::of(self)?.range(ray, max_m)?,
+            Self::Panel { corner, edge1, edge2, fill } => {
+                let range = Flat { corner, edge1, edge2, reach: 2.0 }.range(ray, max_m)?;
+                (fill >= 1.0 || unit(porous_hash(ray, &corner)) < fill).then_some(range)?
+            }
+            Self::Cuboid { center, half, rotation } => cuboid_range(ray, &center, &half, &rotation)?,
+            Self::Cone { base, axis, length, radii } => cone_range(ray, &base, &axis, length, radii)?,
             Self::Cylinder { base, axis, length, radius } => cylinder_range(ray, &base, &axis, length, radius)?,
             Self::Sphere { center, radius } => {
                 let [enter, leave] = sphere_ranges(ray, &center, radius)?;
@@ -123,7 +186,20 @@ impl Shape {
     pub fn normal(&self, ray: &Ray, range: f32) -> Vec3 {
         let point = ray.at(range);
         let outward = match *self {
-            Self::Triangle { edge1, edge2, .. } => edge1.cross(&edge2),
+            Self::Triangle { edge1, edge2, .. } | Self::Panel { edge1, edge2, .. } => edge1.cross(&edge2),
+            Self::Cuboid { center, half, rotation } => {
+                // The face whose plane is nearest, measured in half edges.
+                let inside = rotation.inverse_transform_vector(&(point - center)).component_div(&half);
+                rotation * Vec3::ith(inside.iamax(), 1.0)
+            }
+            Self::Cone { base, axis, length, radii } => {
+                let along = (point - base).dot(&axis);
+                let radial = point - base - axis * along;
+                let slope = (radii[1] - radii[0]) / length;
+                let on_end = radial.norm() < 0.999 * (radii[0] + slope * along)
+                    && (along < 0.01 * length || along > 0.99 * length);
+                if on_end { axis } else { radial - axis * (slope * radial.norm()) }
+            }
             Self::Cylinder { base, axis, length, radius } => {
                 let along = (point - base).dot(&axis);
                 let radial = point - base - axis * along;
@@ -144,26 +220,65 @@ impl Shape {
     }
 }
 
+/// How far a disc reaches along each coordinate axis: radius * sin(angle between the axes).
+fn disc_reach(axis: &Vec3, radius: f32) -> Vec3 {
+    axis.map(|a| radius * (1.0 - a * a).max(0.0).sqrt())
+}
+
 fn porous_hash(ray: &Ray, center: &Vec3) -> u64 {
     hash(ray.seed, u64::from(center.x.to_bits()) << 32 | u64::from(center.z.to_bits()))
 }
 
-/// Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
-fn triangle_range(ray: &Ray, corner: &Vec3, edge1: &Vec3, edge2: &Vec3) -> Option<f32> {
-    let p = ray.direction.cross(edge2);
-    let determinant = edge1.dot(&p);
-    if determinant == 0.0 {
-        return None;
+/// Slabs in the box's own frame (Kay and Kajiya, "Ray tracing complex scenes", 1986).
+fn cuboid_range(ray: &Ray, center: &Vec3, half: &Vec3, rotation: &UnitQuaternion<f32>) -> Option<f32> {
+    let origin = rotation.inverse_transform_vector(&(ray.origin - center));
+    let inverse = rotation.inverse_transform_vector(&ray.direction).map(|d| 1.0 / d);
+    let to_low = (-half - origin).component_mul(&inverse);
+    let to_high = (half - origin).component_mul(&inverse);
+    let enter = to_low.x.min(to_high.x).max(to_low.y.min(to_high.y)).max(to_low.z.min(to_high.z));
+    let leave = to_low.x.max(to_high.x).min(to_low.y.max(to_high.y)).min(to_low.z.max(to_high.z));
+    (enter <= leave).then_some(if enter > MIN_RANGE_M { enter } else { leave })
+}
+
+/// Where the ray meets a cone's side, `|off(t)| = radius(along(t))`, or one of its ends.
+fn cone_range(ray: &Ray, base: &Vec3, axis: &Vec3, length: f32, radii: [f32; 2]) -> Option<f32> {
+    // From the point of the ray that is nearest to the base: the small differences below keep their precision far away.
+    let shift = (base - ray.origin).dot(&ray.direction);
+    let from_base = ray.at(shift) - base;
+    let slope = (radii[1] - radii[0]) / length;
+    let (direction_along, start_along) = (ray.direction.dot(axis), from_base.dot(axis));
+    let direction_off = ray.direction - axis * direction_along;
+    let start_off = from_base - axis * start_along;
+    let start_radius = radii[0] + slope * start_along;
+    let a = direction_off.norm_squared() - (slope * direction_along).powi(2);
+    let half_b = direction_off.dot(&start_off) - slope * direction_along * start_radius;
+    let c = start_off.norm_squared() - start_radius * start_radius;
+    let mut best = f32::INFINITY;
+    let mut consider = |step: f32, on_side: bool| {
+        let along = start_along + direction_along * step;
+        if shift + step > MIN_RANGE_M && (!on_side || (0.0..=length).contains(&along)) {
+            best = best.min(shift + step);
+        }
+    };
+    if a.abs() > 1e-9 {
+        let root2 = half_b * half_b - a * c;
+        if root2 >= 0.0 {
+            let root = root2.sqrt();
+            consider((-half_b - root) / a, true);
+            consider((-half_b + root) / a, true);
+        }
+    } else if half_b.abs() > 1e-9 {
+        consider(-0.5 * c / half_b, true);
     }
-    let inverse = 1.0 / determinant;
-    let from_corner = ray.origin - corner;
-    let u = from_corner.dot(&p) * inverse;
-    if !(0.0..=1.0).contains(&u) {
-        return None;
+    if direction_along.abs() > 1e-6 {
+        for (end, radius) in [(0.0, radii[0]), (length, radii[1])] {
+            let step = (end - start_along) / direction_along;
+            if (start_off + direction_off * step).norm_squared() <= radius * radius {
+                consider(step, false);
+            }
+        }
     }
-    let q = from_corner.cross(edge1);
-    let v = ray.direction.dot(&q) * inverse;
-    (v >= 0.0 && u + v <= 1.0).then(|| edge2.dot(&q) * inverse)
+    (best < f32::INFINITY).then_some(best)
 }
 
 /// Where the line enters and leaves the ball; `None` if it misses or the ball lies behind.
@@ -264,6 +379,65 @@ mod tests {
     }
 
     #[test]
+    fn a_cuboid_is_hit_on_its_turned_face() {
+        let rotation = UnitQuaternion::from_axis_angle(&Vec3::z_axis(), std::f32::consts::FRAC_PI_4);
+        let shape = Shape::Cuboid { center: Vec3::new(10.0, 0.0, 0.0), half: Vec3::new(1.0, 1.0, 2.0), rotation };
+        // Its edge points at the origin.
+        let near_edge = ray([0.0, 0.1, 0.0], [1.0, 0.0, 0.0]);
+        let range = shape.range(&near_edge, 100.0).expect("side");
+        assert!((range - (10.0 - 2.0_f32.sqrt() + 0.1)).abs() < 1e-4);
+        let normal = shape.normal(&near_edge, range);
+        assert!((normal - Vec3::new(-1.0, 1.0, 0.0).normalize()).norm() < 1e-4);
+        assert_eq!(shape.range(&ray([0.0, 1.5, 0.0], [1.0, 0.0, 0.0]), 100.0), None);
+        let from_inside = shape.range(&ray([10.0, 0.0, 0.0], [0.0, 0.0, 1.0]), 100.0).expect("top");
+        assert!((from_inside - 2.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_cone_is_hit_on_its_slope_and_on_its_foot() {
+        let tip = Shape::cone(Vec3::new(50.0, 0.0, 0.0), Vec3::new(50.0, 0.0, 2.0), [1.0, 0.0]);
+        let side = ray([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]);
+        let range = tip.range(&side, 100.0).expect("side");
+        assert!((range - 49.5).abs() < 1e-4);
+        // Half as wide as high: the slope's normal rises by a half.
+        let normal = tip.normal(&side, range);
+        assert!((normal - Vec3::new(-2.0, 0.0, 1.0).normalize()).norm() < 1e-3, "{normal}");
+        assert_eq!(tip.range(&ray([0.0, 0.6, 1.0], [1.0, 0.0, 0.0]), 100.0), None);
+        assert_eq!(tip.range(&ray([0.0, 0.0, 2.1], [1.0, 0.0, 0.0]), 100.0), None);
+        let from_below = tip.range(&ray([50.3, 0.0, -3.0], [0.0, 0.0, 1.0]), 100.0).expect("foot");
+        assert!((from_below - 3.0).abs() < 1e-5);
+        let above = ray([50.5, 0.0, 9.0], [0.0, 0.0, -1.0]);
+        assert!((tip.range(&above, 100.0).expect("slope") - 8.0).abs() < 1e-4);
+        // Without slope it is a cylinder.
+        let straight = Shape::cone(Vec3::zeros(), Vec3::new(0.3, -0.2, 2.0), [0.4, 0.4]);
+        let tube = Shape::cylinder(Vec3::zeros(), Vec3::new(0.3, -0.2, 2.0), 0.4);
+        for i in 0..400 {
+            let y = i as f32 * 0.01 - 2.0;
+            let across = ray([-5.0, y, 1.0], [1.0, -0.2 * y, 0.1]);
+            match (straight.range(&across, 50.0), tube.range(&across, 50.0)) {
+                (Some(a), Some(b)) => assert!((a - b).abs() < 1e-3),
+                (a, b) => assert!(a.is_none() && b.is_none() || y.abs() > 0.3, "{y}: {a:?} {b:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_mesh_stops_its_share_of_rays() {
+        let (corner, edge1) = (Vec3::new(5.0, -1.0, -1.0), Vec3::new(0.0, 2.0, 0.0));
+        let shape = Shape::Panel { corner, edge1, edge2: Vec3::new(0.0, 0.5, 2.0), fill: 0.3 };
+        let stopped = (0..20_000_u64)
+            .filter(|&seed| {
+                let through = Ray { seed, ..ray([0.0, 0.9, 0.8], [1.0, 0.0, 0.0]) };
+                let range = shape.range(&through, 100.0);
+                assert!(range.is_none_or(|range| range == 5.0));
+                range.is_some()
+            })
+            .count();
+        assert!((stopped as f32 / 20_000.0 - 0.3).abs() < 0.01, "{stopped}");
+        assert_eq!(shape.range(&ray([0.0, -0.9, 0.8], [1.0, 0.0, 0.0]), 100.0), None);
+    }
+
+    #[test]
     fn leaves_let_the_expected_share_of_rays_pass() {
         let (radius, free_path) = (1.0_f32, 0.8_f32);
         let shape = Shape::Porous { center: Vec3::new(10.0, 0.0, 0.0), radius, free_path };
@@ -287,6 +461,9 @@ mod tests {
             Shape::triangle(Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 2.0, 0.0), Vec3::new(0.0, 0.0, 3.0)),
             Shape::cylinder(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.5, 0.5, 1.0), 0.7),
             Shape::Sphere { center: Vec3::new(0.5, 0.5, 0.5), radius: 1.1 },
+            Shape::cone(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.5, 0.5, 1.0), [0.9, 0.2]),
+            Shape::Cuboid { center: Vec3::new(0.2, 0.0, 0.3), half: Vec3::new(1.0, 0.4, 0.7), rotation: pose.rotation },
+            Shape::Panel { corner: Vec3::zeros(), edge1: Vec3::x() * 2.0, edge2: Vec3::new(0.5, 2.0, 1.0), fill: 1.0 },
         ];
         for shape in shapes {
             let moved = shape.moved(&pose);

@@ -123,6 +123,7 @@ mod tests {
         for packet in [0_i64, 1, 2] {
             let blocks = std::array::from_fn(|index| RawBlock {
                 azimuth: 9000 + (packet as u16 * 12 + index as u16) * 18,
+                is_lower: false,
                 returns: [RawReturn { range_2mm: 2500, intensity: packet as u8 }; 32],
             });
             let stamp = Stamp(1_700_000_000_000_000_000 + packet * 552_960);

@@ -1,4 +1,4 @@
-//! `replica simulate`: a drive through a procedural street, with truth.
+//! `replica simulate`: a drive through a procedural town, with truth.
 
 use anyhow::Context;
 use clap::ValueEnum;
@@ -16,7 +16,7 @@ pub struct Args {
     /// Seed of town, traffic and noise; equal seeds give equal bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Length of the drive, s (0.2 to 120); about 12 MB per second.
+    /// Length of the drive, s (0.2 to 600); about 12 MB per second.
     #[arg(long, default_value_t = 12.0)]
     seconds: f64,
     /// Folder to make; it must not exist.
@@ -26,14 +26,33 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum TownName {
-    /// One street between houses.
+    /// Blocks of houses, squares and parks; a round of 1.5 km.
     Urban,
+    /// Houses in gardens along curved roads; a round of 1.5 km.
+    Suburban,
+    /// A country road with village, fields, forest, tunnel, level crossing, canal and farms.
+    Rural,
+    /// The country road through open fields: next to nothing for an odometry to hold on to.
+    Field,
+    /// The country road through tunnels of 110 m and more; the drive begins before the first one.
+    Tunnel,
+}
+
+impl From<TownName> for Town {
+    fn from(name: TownName) -> Self {
+        match name {
+            TownName::Urban => Self::Urban,
+            TownName::Suburban => Self::Suburban,
+            TownName::Rural => Self::Rural,
+            TownName::Field => Self::Field,
+            TownName::Tunnel => Self::Tunnel,
+        }
+    }
 }
 
 /// Runs the command. What was made goes to stdout, the progress to stderr if that is a terminal.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let TownName::Urban = args.town;
-    let spec = DriveSpec { town: Town::Urban, ..DriveSpec::urban(args.seed, args.seconds) };
+    let spec = DriveSpec { town: args.town.into(), ..DriveSpec::urban(args.seed, args.seconds) };
     let bar = progress_bar();
     let result = write_drive(&spec, &args.out, &mut |share| bar.set_position((share * STEPS as f64) as u64));
     bar.finish_and_clear();

@@ -3,10 +3,10 @@
 //! A wall is a grid over `u` (along) and `z` (up) whose corners are moved in and out by noise, so that no wall is a plane;
 //! plastered and stone walls of old streets are out by centimetres.
 
-use super::builder::{Builder, SurfaceId};
 use crate::material::Material;
 use crate::noise::rough;
 use crate::random::Random;
+use crate::scene::builder::{Builder, SurfaceId};
 use crate::trace::{Shape, Vec3};
 use messages::ClassId;
 

@@ -1,0 +1,91 @@
+//! Where beams start and look.
+
+use super::model::{LidarModel, N_SLOTS, Slot, slots};
+use crate::trace::{Ray, Vec3};
+use formats::velodyne::Model;
+use nalgebra::{Isometry3, Point3};
+
+/// A model's beams, by slot of a packet.
+#[derive(Clone, Debug)]
+pub struct Beams {
+    /// What is known of each slot.
+    pub slots: Vec<Slot>,
+    lasers: Vec<Laser>,
+    turns_per_nano: f64,
+    carries_angle: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Laser {
+    sin_elevation: f32,
+    cos_elevation: f32,
+    /// Left of the encoder's angle, rad.
+    left: f64,
+    /// Where the beam starts: ahead of the axis, left of it, above the origin, m.
+    start: [f32; 3],
+}
+
+/// One beam.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam {
+    /// Its middle.
+    pub ray: Ray,
+    /// Across it, clockwise as the head turns, unit.
+    pub right: Vec3,
+    /// Across it, towards higher rings, unit.
+    pub up: Vec3,
+}
+
+impl Beams {
+    /// Of a model.
+    pub fn new(model: &LidarModel) -> Self {
+        let lasers = model.model.lasers().iter().map(|laser| {
+            let (sin, cos) = laser.elevation_deg.to_radians().sin_cos();
+            // The vertical offset of an HDL-64E is at right angles to the beam (`formats::velodyne`).
+            let (ahead, up) =
+                if model.model == Model::Hdl64e { (-laser.up_m * sin, laser.up_m * cos) } else { (0.0, laser.up_m) };
+            Laser {
+                sin_elevation: sin as f32,
+                cos_elevation: cos as f32,
+                left: laser.azimuth_deg.to_radians(),
+                start: [ahead as f32, laser.left_m as f32, up as f32],
+            }
+        });
+        Self {
+            slots: slots(model.model),
+            lasers: lasers.collect(),
+            turns_per_nano: model.turns_per_second * 1e-9,
+            carries_angle: model.model.carries_azimuth(),
+        }
+    }
+
+    /// Turns of the head since the begin, at a time after it, ns.
+    pub fn turns(&self, nanos: i64) -> f64 {
+        nanos as f64 * self.turns_per_nano
+    }
+
+    /// The beam of a slot of a packet that begins `packet_nanos` after the begin.
+    pub fn beam(&self, slot: usize, packet_nanos: i64, world_from_lidar: &Isometry3<f32>, seed: u64) -> Beam {
+        debug_assert!(slot < N_SLOTS);
+        let Slot { laser, block_nanos, firing_nanos, .. } = self.slots[slot];
+        let laser = &self.lasers[laser];
+        // An HDL-64E's corrections hold for the angle at the block's begin.
+        let nanos = packet_nanos + i64::from(if self.carries_angle { firing_nanos } else { block_nanos });
+        let azimuth = self.turns(nanos).fract() * std::f64::consts::TAU - laser.left;
+        let (sin, cos) = (azimuth.sin() as f32, azimuth.cos() as f32);
+        let (sin_e, cos_e) = (laser.sin_elevation, laser.cos_elevation);
+        // Azimuth 0 is along x, 90 degrees to the right, along -y.
+        let [ahead, left, up] = laser.start;
+        let start = Point3::new(ahead * cos + left * sin, left * cos - ahead * sin, up);
+        let turn = |v: Vec3| world_from_lidar.rotation * v;
+        Beam {
+            ray: Ray {
+                origin: (world_from_lidar * start).coords,
+                direction: turn(Vec3::new(cos_e * cos, -cos_e * sin, sin_e)),
+                seed,
+            },
+            right: turn(Vec3::new(-sin, -cos, 0.0)),
+            up: turn(Vec3::new(-sin_e * cos, sin_e * sin, cos_e)),
+        }
+    }
+}

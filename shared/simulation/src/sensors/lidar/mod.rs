@@ -1,0 +1,277 @@
+//! Rotating multi-beam lidars: the HDL-32E and its kin, as data in [`LidarModel`].
+//!
+//! Timing and layout of packets are those that [`formats::velodyne`] decodes. The vehicle moves while the head turns: every
+//! block is cast from where the head is then (it moves less than 0.6 mm within a block of an HDL-32E), things that move
+//! stand still during a packet (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
+//!
+//! A beam is some centimetres wide. Its middle is traced always. Where the beams beside it meet something else than the
+//! surface that the middle met would be there, the beam's side towards them is traced too: the light of both surfaces comes
+//! back, as one echo if they are closer than the pulse is long, and of several echoes the strongest counts. About half of
+//! the beams of a street need no more than the middle.
+//!
+//! The own vehicle is not there to see: the rig stands clear of the roof, and what is nearer than the shortest range
+//! is not measured.
+
+mod beams;
+mod model;
+mod receiver;
+
+pub use model::LidarModel;
+
+use crate::motion::Motion;
+use crate::random::{gauss, hash};
+use crate::scene::{Scene, SceneHit, Snapshot};
+use crate::trace::{Ray, Vec3};
+use beams::{Beam, Beams};
+use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK};
+use geometry::{Isometry3, Pose, Stamp};
+use messages::ClassId;
+use model::N_SLOTS;
+use rayon::prelude::*;
+use receiver::{N_PARTS, Part, Receiver};
+use std::ops::Range;
+
+/// Blocks of a packet.
+pub const N_BLOCKS: usize = BLOCKS_PER_PACKET;
+/// Returns of a block.
+pub const N_LASERS: usize = LASERS_PER_BLOCK;
+/// The parts beside the middle lie this far from it, as a share of the beam's width and height: five parts of equal weight
+/// then stand for a beam of even brightness.
+const OFF_MIDDLE: f32 = 0.35;
+/// Share of the beam of each part.
+const PART_WEIGHT: f32 = 1.0 / N_PARTS as f32;
+/// The beam beside meets another surface if it is this far off the plane of this one, m, and this share of the range:
+/// sideways, where beams touch, and upwards, where they are ten widths apart and uneven ground is off its plane.
+const JUMP_M: f32 = 0.1;
+const JUMP_SHARES: [f32; 2] = [0.02, 0.15];
+/// Nothing moves faster, m/s.
+const MAX_SPEED_MPS: f64 = 60.0;
+
+/// A block of a packet: one round of firings, two of a VLP-16, half a one of an HDL-64E.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Encoder angle at its first firing, 0.01 deg, 0 to 35999.
+    pub azimuth: u16,
+    /// Whether it is of lasers 32 to 63.
+    pub is_lower: bool,
+    /// What came back, in firing order.
+    pub returns: [Option<LidarReturn>; N_LASERS],
+}
+
+/// One return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LidarReturn {
+    /// Range as sent, in units of 2 mm, never zero.
+    pub range_2mm: u16,
+    /// 0 to 100 for what scatters, above for what reflects.
+    pub intensity: u8,
+    /// Truth: class of the surface that gave most of the echo.
+    pub class: ClassId,
+    /// Truth: its instance.
+    pub instance: u16,
+    /// Truth: the echo's range, m, before noise and correction.
+    pub range_m: f32,
+}
+
+/// The sensor on its way through the scene.
+#[derive(Debug)]
+pub struct Lidar<'a> {
+    scene: &'a Scene,
+    motion: &'a Motion,
+    model: LidarModel,
+    beams: Beams,
+    receiver: Receiver,
+    body_from_lidar: Pose,
+    seed: u64,
+    step: u32,
+}
+
+/// A firing.
+#[derive(Clone, Copy, Debug)]
+struct Shot {
+    beam: Beam,
+    hit: Option<SceneHit>,
+}
+
+impl<'a> Lidar<'a> {
+    /// `step` of 3 leaves two of three blocks (pairs of an HDL-64E) without returns.
+    pub fn new(
+        scene: &'a Scene,
+        motion: &'a Motion,
+        model: LidarModel,
+        body_from_lidar: Pose,
+        seed: u64,
+        step: u32,
+    ) -> Self {
+        let (beams, receiver) = (Beams::new(&model), Receiver::new(&model));
+        Self { scene, motion, model, beams, receiver, body_from_lidar, seed, step: step.max(1) }
+    }
+
+    /// What it is.
+    pub fn model(&self) -> &LidarModel {
+        &self.model
+    }
+
+    /// Time of a packet's first firing.
+    pub fn packet_stamp(&self, packet: u64) -> Stamp {
+        self.motion.begin.plus_nanos(self.packet_nanos(packet))
+    }
+
+    /// The blocks of one packet.
+    pub fn packet(&self, packet: u64) -> [Block; N_BLOCKS] {
+        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).0
+    }
+
+    /// The blocks of some packets, made in parallel.
+    pub fn packets(&self, packets: Range<u64>) -> Vec<[Block; N_BLOCKS]> {
+        let movers = self.movers_in_reach(packets.clone());
+        packets.into_par_iter().map(|packet| self.shoot(packet, &movers).0).collect()
+    }
+
+    /// The beams' middles of one packet, in firing order; for benches.
+    pub fn rays(&self, packet: u64) -> Vec<Ray> {
+        self.aim(packet).into_iter().flatten().map(|beam| beam.ray).collect()
+    }
+
+    /// How many rays a packet takes, those beside the beams' middles among them; for benches.
+    pub fn n_rays(&self, packet: u64) -> usize {
+        self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).1
+    }
+
+    fn packet_nanos(&self, packet: u64) -> i64 {
+        packet as i64 * self.model.packet_nanos()
+    }
+
+    /// Things that may be seen during some packets.
+    fn movers_in_reach(&self, packets: Range<u64>) -> Vec<usize> {
+        let [begin, end] = [packets.start, packets.end].map(|packet| self.packet_nanos(packet) as f64 * 1e-9);
+        let middle = 0.5 * (begin + end);
+        let eye = (self.motion.pose(middle) * self.body_from_lidar).translation.vector.cast();
+        let margin_m = 1.0 + MAX_SPEED_MPS * (end - begin);
+        self.scene.movers_near(&eye, self.model.range_m[1] + margin_m as f32, middle)
+    }
+
+    /// The beams by slot; `None` where the step leaves them out.
+    fn aim(&self, packet: u64) -> Vec<Option<Beam>> {
+        let begin = self.packet_nanos(packet);
+        let mut beams = vec![None; N_SLOTS];
+        let mut block_nanos = None;
+        let mut world_from_lidar = Isometry3::<f32>::identity();
+        for (slot, out) in beams.iter_mut().enumerate() {
+            let nanos = self.beams.slots[slot].block_nanos;
+            if block_nanos != Some(nanos) {
+                block_nanos = Some(nanos);
+                let middle = begin + i64::from(nanos + self.model.model.packet_nanos() / (2 * N_BLOCKS as u32));
+                world_from_lidar = (self.motion.pose(middle as f64 * 1e-9) * self.body_from_lidar).cast();
+            }
+            // Blocks that fire at once count as one.
+            let number = packet * N_BLOCKS as u64 + (slot / N_LASERS) as u64;
+            let number = number / self.model.model.n_rings().div_ceil(N_LASERS) as u64;
+            if number.is_multiple_of(u64::from(self.step)) {
+                let seed = hash(self.seed, packet * N_SLOTS as u64 + slot as u64);
+                *out = Some(self.beams.beam(slot, begin, &world_from_lidar, seed));
+            }
+        }
+        beams
+    }
+
+    /// The blocks, and the number of rays that they took.
+    fn shoot(&self, packet: u64, movers: &[usize]) -> ([Block; N_BLOCKS], usize) {
+        let begin = self.packet_nanos(packet);
+        let middle = (begin + self.model.packet_nanos() / 2) as f64 * 1e-9;
+        let snapshot = self.scene.some_at(movers, middle);
+        let mut shots: Vec<Option<Shot>> =
+            self.aim(packet).into_iter().map(|beam| beam.map(|beam| Shot { beam, hit: None })).collect();
+        // One laser after the other: neighbors go the same way through the tree.
+        for laser in 0..N_LASERS {
+            for shot in shots.iter_mut().skip(laser).step_by(N_LASERS).flatten() {
+                shot.hit = self.scene.cast(&snapshot, &shot.beam.ray, self.model.range_m[1]);
+            }
+        }
+        let mut n_rays = shots.iter().flatten().count();
+        let blocks = std::array::from_fn(|block| {
+            let first = block * N_LASERS;
+            Block {
+                azimuth: self.azimuth(packet, first),
+                is_lower: self.beams.slots[first].laser >= N_LASERS,
+                returns: std::array::from_fn(|i| self.receive(&snapshot, &shots, first + i, &mut n_rays)),
+            }
+        });
+        (blocks, n_rays)
+    }
+
+    /// What the encoder reads at a block.
+    fn azimuth(&self, packet: u64, slot: usize) -> u16 {
+        let nanos = self.packet_nanos(packet) + i64::from(self.beams.slots[slot].block_nanos);
+        let noise = gauss(hash(self.seed ^ 0xe2c0_de12, nanos as u64)) * self.model.encoder_sigma;
+        // The encoder counts down to 0.01 deg; what is left is the sensor's own error. A recording begins with a turn.
+        let count = (self.beams.turns(nanos) * 36_000.0 + f64::from(noise)).max(0.0);
+        (count % 36_000.0) as u16
+    }
+
+    fn receive(
+        &self,
+        snapshot: &Snapshot,
+        shots: &[Option<Shot>],
+        number: usize,
+        n_rays: &mut usize,
+    ) -> Option<LidarReturn> {
+        let shot = shots[number].as_ref()?;
+        let slot = &self.beams.slots[number];
+        let neighbor = |other: Option<usize>| other.and_then(|other| shots[other].as_ref());
+        // Of the beam of another packet nothing is known: it is looked for.
+        let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
+        let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
+        let ray = &shot.beam.ray;
+        let correction_m = self.model.model.lasers()[slot.laser].range_m as f32;
+        if !(beside[0] | beside[1] | above[0] | above[1]) {
+            let part = self.receiver.part(1.0, ray, shot.hit.as_ref()?)?;
+            return self.receiver.strongest(&mut [part], correction_m, ray.seed);
+        }
+        let mut parts = [None; N_PARTS];
+        let mut middle_weight = 1.0;
+        for (i, (is_traced, [right, up])) in beside
+            .into_iter()
+            .chain(above)
+            .zip([[-OFF_MIDDLE, 0.0], [OFF_MIDDLE, 0.0], [0.0, -OFF_MIDDLE], [0.0, OFF_MIDDLE]])
+            .enumerate()
+        {
+            if is_traced {
+                *n_rays += 1;
+                middle_weight -= PART_WEIGHT;
+                let ray = self.part_of(&shot.beam, right, up, i as u64);
+                let hit = self.scene.cast(snapshot, &ray, self.model.range_m[1]);
+                parts[i] = hit.and_then(|hit| self.receiver.part(PART_WEIGHT, &ray, &hit));
+            }
+        }
+        parts[N_PARTS - 1] = shot.hit.and_then(|hit| self.receiver.part(middle_weight, ray, &hit));
+        let mut found: Vec<Part> = parts.into_iter().flatten().collect();
+        self.receiver.strongest(&mut found, correction_m, ray.seed)
+    }
+
+    /// A ray beside the beam's middle, by shares of its width and height.
+    fn part_of(&self, beam: &Beam, right: f32, up: f32, part: u64) -> Ray {
+        let across = |[width, height]: [f32; 2]| -> Vec3 { beam.right * (right * width) + beam.up * (up * height) };
+        Ray {
+            origin: beam.ray.origin + across(self.model.aperture_m),
+            direction: (beam.ray.direction + across(self.model.divergence)).normalize(),
+            seed: hash(beam.ray.seed, 8 + part),
+        }
+    }
+}
+
+impl Shot {
+    /// Whether another beam meets something else than the plane that this one meets.
+    fn jumps_to(&self, other: &Self, share: f32) -> bool {
+        match (&self.hit, &other.hit) {
+            (None, None) => false,
+            (Some(hit), Some(there)) => {
+                let ahead = hit.normal.dot(&self.beam.ray.direction) / hit.normal.dot(&other.beam.ray.direction);
+                let off = (hit.range_m * ahead - there.range_m).abs();
+                // Also where the other beam does not meet the plane at all.
+                ahead <= 0.0 || !(off < JUMP_M + share * hit.range_m)
+            }
+            _ => true,
+        }
+    }
+}
