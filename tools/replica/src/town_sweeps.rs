@@ -1,21 +1,25 @@
 //! Sweeps of simulated towns with their truth, cast on the fly, as submaps: what models learn from and are scored on.
 
 use anyhow::Context;
-use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
+use formats::velodyne::Model;
+use geometry::{Isometry3, Point3, Pose, UnitQuaternion, Vector3};
 use learning::Random;
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
-use simulation::sensors::lidar::{BLOCK_NANOS, Lidar, N_LASERS, elevation};
+use simulation::sensors::lidar::{Block, Lidar, LidarModel};
 use simulation::{DriveSpec, Simulation, Town, rig};
 
-/// Lidar packets of one revolution.
-const PACKETS_PER_TURN: u64 = 181;
+/// Length of a revolution, s.
+const TURN_SECONDS: f64 = 0.1;
+/// Noise of the ranges, m: one sigma of the makers' data sheets.
+const RANGE_SIGMA_M: f32 = 0.02;
 
-/// How the lidar is mounted.
+/// Which lidar, and how it is mounted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mount {
-    /// As on the L3D2 vehicle.
+    /// The HDL-32E of the L3D2 vehicle.
     Rig,
-    /// As on the L3D2 vehicle within 3 degrees and 20 cm, or upright on a roof 1.6 to 2.4 m high, one like the other.
+    /// That within 3 degrees and 20 cm; or upright on a roof, 1.6 to 2.4 m above the road, an HDL-64E, HDL-32E or VLP-16:
+    /// the one like the other, by chance.
     Random,
 }
 
@@ -65,51 +69,29 @@ impl TownDrive {
         mount: Mount,
     ) -> TownSubmap {
         let mut random = Random::new(self.seed, index as u64);
-        let body_from_lidar = mount.body_from_lidar(&mut random);
+        let (model, body_from_lidar) = mount.lidar(&mut random);
         let seed = self.seed ^ (index as u64) << 32;
-        let lidar = Lidar::new(&simulation.scene, &simulation.motion, body_from_lidar, seed, 1);
-        let begin = lidar.packet_stamp(first_turn * PACKETS_PER_TURN);
+        let lidar = simulation.lidar_of(LidarModel::of(model), body_from_lidar, seed);
+        let packets_per_turn = lidar.model().n_packets(TURN_SECONDS);
+        let begin = lidar.packet_stamp(first_turn * packets_per_turn);
         let submap_from_world = simulation.motion.pose_at(begin).inverse();
         let pose_at =
             |nanos: i64| submap_from_world * simulation.motion.pose_at(begin.plus_nanos(nanos)) * body_from_lidar;
         let mut submap = TownSubmap { header: Box::default(), points: Vec::new(), truth: Vec::new() };
-        submap.header.n_rings = N_LASERS as u32;
-        let ring_of_laser = rings();
+        submap.header.n_rings = model.n_rings() as u32;
         for sweep in 0..n_sweeps.min(MAX_SWEEPS_PER_SUBMAP) {
             let turn = first_turn + sweep as u64 * stride;
-            let stamp = lidar.packet_stamp(turn * PACKETS_PER_TURN);
+            let stamp = lidar.packet_stamp(turn * packets_per_turn);
             let since_begin = stamp.0 - begin.0;
-            let duration_nanos = (PACKETS_PER_TURN as i64 * 12 * BLOCK_NANOS) as u32;
+            let duration_nanos = packets_per_turn as u32 * model.packet_nanos();
             let first_point = submap.points.len();
-            for packet in 0..PACKETS_PER_TURN {
-                for (i, block) in lidar.packet(turn * PACKETS_PER_TURN + packet).iter().enumerate() {
-                    let nanos = (packet as i64 * 12 + i as i64) * BLOCK_NANOS;
-                    let submap_from_lidar = pose_at(since_begin + nanos);
-                    for (laser, found) in block.returns.iter().enumerate() {
-                        let Some(found) = found else { continue };
-                        let range_m = f64::from(found.range_2mm) * 0.002;
-                        // Within a round of firings the head turns by up to 0.13 deg: a laser's own angle.
-                        let turned = laser as f64 * 1_152.0 / 1e8 * std::f64::consts::TAU;
-                        let azimuth = f64::from(block.azimuth) * 1e-2_f64.to_radians() + turned;
-                        let up = f64::from(elevation(laser));
-                        let ray = Vector3::new(up.cos() * azimuth.cos(), -up.cos() * azimuth.sin(), up.sin());
-                        let at = submap_from_lidar * nalgebra_point(ray * range_m);
-                        submap.points.push(SubmapPoint {
-                            x: at.x as f32,
-                            y: at.y as f32,
-                            z: at.z as f32,
-                            offset_nanos: nanos as u32,
-                            azimuth: block.azimuth,
-                            elevation: (f64::from(elevation(laser)).to_degrees() * 100.0).round() as i16,
-                            sweep_idx: sweep as u16,
-                            intensity: found.intensity,
-                            ring: ring_of_laser[laser],
-                            ..SubmapPoint::default()
-                        });
-                        submap.truth.push(found.class as u8);
-                    }
-                }
-            }
+            submap.push_turn(
+                &lidar,
+                turn * packets_per_turn..(turn + 1) * packets_per_turn,
+                sweep,
+                &mut random,
+                |nanos| pose_at(since_begin + nanos),
+            );
             submap.header.sweeps[sweep] = SubmapSweep {
                 stamp: stamp.0,
                 seq: turn,
@@ -126,8 +108,58 @@ impl TownDrive {
     }
 }
 
-fn nalgebra_point(v: Vector3<f64>) -> geometry::Point3<f64> {
-    geometry::Point3::from(v)
+impl TownSubmap {
+    /// The returns of one revolution. `submap_from_lidar` takes ns after its begin.
+    fn push_turn(
+        &mut self,
+        lidar: &Lidar<'_>,
+        packets: std::ops::Range<u64>,
+        sweep: usize,
+        random: &mut Random,
+        submap_from_lidar: impl Fn(i64) -> Pose,
+    ) {
+        let model = lidar.model().model;
+        let rings = model.rings();
+        for (packet, blocks) in (0..).zip(lidar.packets(packets)) {
+            for (number, block) in blocks.iter().enumerate() {
+                let block_nanos = model.firing_nanos(number, 0);
+                let nanos = packet * i64::from(model.packet_nanos()) + i64::from(block_nanos);
+                let submap_from_lidar = submap_from_lidar(nanos);
+                for (index, found) in block.returns.iter().enumerate() {
+                    let Some(found) = found else { continue };
+                    let laser = laser_of(model, block, index);
+                    let turned_nanos = model.firing_nanos(number, index) - block_nanos;
+                    let carried = if model.carries_azimuth() { f64::from(turned_nanos) } else { 0.0 };
+                    let turned_deg = carried * 1e-9 / TURN_SECONDS * 360.0;
+                    let of_laser = &model.lasers()[laser];
+                    let azimuth_deg =
+                        (f64::from(block.azimuth) * 0.01 + turned_deg - of_laser.azimuth_deg).rem_euclid(360.0);
+                    let (azimuth, up) = (azimuth_deg.to_radians(), of_laser.elevation_deg.to_radians());
+                    let range_m = f64::from(found.range_m + RANGE_SIGMA_M * random.gauss());
+                    let ray = Vector3::new(up.cos() * azimuth.cos(), -up.cos() * azimuth.sin(), up.sin());
+                    let at = submap_from_lidar * Point3::from(ray * range_m);
+                    self.points.push(SubmapPoint {
+                        x: at.x as f32,
+                        y: at.y as f32,
+                        z: at.z as f32,
+                        offset_nanos: nanos as u32,
+                        azimuth: ((azimuth_deg * 100.0) as u16).min(35_999),
+                        elevation: (of_laser.elevation_deg * 100.0).round() as i16,
+                        sweep_idx: sweep as u16,
+                        intensity: found.intensity,
+                        ring: rings[laser],
+                        ..SubmapPoint::default()
+                    });
+                    self.truth.push(found.class as u8);
+                }
+            }
+        }
+    }
+}
+
+/// Laser of a return of a block.
+fn laser_of(model: Model, block: &Block, index: usize) -> usize {
+    index % model.n_rings() + if block.is_lower { 32 } else { 0 }
 }
 
 /// x y z, qx qy qz qw.
@@ -136,27 +168,24 @@ fn row(pose: &Pose) -> [f32; 7] {
     [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|v| v as f32)
 }
 
-/// Rank of each laser by elevation, 0 = lowest.
-fn rings() -> [u8; N_LASERS] {
-    std::array::from_fn(|laser| (0..N_LASERS).filter(|&other| elevation(other) < elevation(laser)).count() as u8)
-}
-
 impl Mount {
-    fn body_from_lidar(self, random: &mut Random) -> Pose {
+    fn lidar(self, random: &mut Random) -> (Model, Pose) {
         let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
         let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
         let rig = rig::body_from_lidar();
         match self {
-            Self::Rig => rig,
+            Self::Rig => (Model::Hdl32e, rig),
             Self::Random if random.chance(0.5) => {
                 let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
-                Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter)
+                let pose = Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter);
+                (Model::Hdl32e, pose)
             }
             // The body frame is 1 m above the road.
             Self::Random => {
                 let height = f64::from(random.range(0.6, 1.4));
                 let along = f64::from(random.range(-1.0, 0.5));
-                Isometry3::from_parts(Vector3::new(along, 0.0, height).into(), jitter)
+                let model = [Model::Hdl64e, Model::Hdl64e, Model::Hdl32e, Model::Vlp16][random.index(4)];
+                (model, Isometry3::from_parts(Vector3::new(along, 0.0, height).into(), jitter))
             }
         }
     }

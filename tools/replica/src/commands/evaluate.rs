@@ -1,6 +1,7 @@
 //! `replica evaluate`: how well predictions agree with the truth.
 
 mod classes;
+mod projections;
 
 use std::process::ExitCode;
 
@@ -15,11 +16,14 @@ pub struct Args {
 enum What {
     /// Classes of points: precision, recall, IoU of each class, mIoU, overall accuracy, confusion matrix.
     Classes(classes::Args),
+    /// What range images lose: collisions by size, and accuracy by method of back-projection.
+    Projections(projections::Args),
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     match &args.what {
         What::Classes(args) => classes::run(args),
+        What::Projections(args) => projections::run(args).map(|()| ExitCode::SUCCESS),
     }
 }

@@ -1,6 +1,6 @@
 //! `replica evaluate classes`: of label files, of simulated towns, of SemanticKITTI.
 
-mod kitti;
+pub mod kitti;
 mod labels;
 mod towns;
 

@@ -134,8 +134,7 @@ impl Recipe {
 
 /// The kind of town of that name.
 pub fn town_from_name(name: &str) -> anyhow::Result<Town> {
-    match name {
-        "urban" => Ok(Town::Urban),
-        other => anyhow::bail!("no kind of town is called {other:?}"),
-    }
+    let known = || Town::ALL.map(Town::name).join(", ");
+    let town = Town::ALL.into_iter().find(|town| town.name() == name);
+    town.with_context(|| format!("no kind of town is called {name:?}; there are {}", known()))
 }

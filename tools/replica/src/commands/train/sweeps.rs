@@ -11,6 +11,9 @@ use learning::{Cloud, Random, ground};
 use messages::ClassId;
 use rayon::prelude::*;
 
+/// Rows of the images that are learned from: an HDL-32E's. Networks have no rows of their own and take any number later.
+const ROWS: usize = 32;
+
 /// Sweeps as images, with the class of every pixel.
 pub struct Sweeps {
     sweeps: Vec<(PolarImage, Vec<u8>)>,
@@ -60,15 +63,32 @@ fn images_of(submap: &TownSubmap, settings: &Settings) -> anyhow::Result<Vec<(Po
     let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
     let heights_m = ground::heights(&cloud).context("heights above the ground")?;
     let output = output_of_class(settings);
+    let mut random = Random::new(submap.truth.len() as u64, 0);
     let of_sweep = |sweep: learning::spherical::Sweep| {
         let class = |&shown: &u32| match shown {
             NO_POINT => UNKNOWN,
             point => output[usize::from(submap.truth[sweep.points.start + point as usize])],
         };
         let truth = sweep.image.nearest.iter().map(class).collect();
-        (sweep.polar, truth)
+        with_rows(&sweep.polar, truth, ROWS, &mut random)
     };
     Ok(sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect())
+}
+
+/// The same image with `rows` rows: filled up below with nothing, or, of a denser sensor, every other row or neighboring rows,
+/// by chance.
+fn with_rows(image: &PolarImage, truth: Vec<u8>, rows: usize, random: &mut Random) -> (PolarImage, Vec<u8>) {
+    let step = if image.rows >= 2 * rows && random.chance(0.5) { image.rows / rows } else { 1 };
+    let spare = image.rows.saturating_sub((rows - 1) * step + 1);
+    let first = random.index(spare + 1);
+    let chosen = (0..rows).map(|row| first + row * step).filter(|&row| row < image.rows);
+    let range = |row: usize| row * image.columns..(row + 1) * image.columns;
+    let n = rows * image.columns;
+    let mut pixels: Vec<PolarPixel> = chosen.clone().flat_map(|row| &image.pixels[range(row)]).copied().collect();
+    let mut classes: Vec<u8> = chosen.flat_map(|row| &truth[range(row)]).copied().collect();
+    pixels.resize(n, PolarPixel::default());
+    classes.resize(n, UNKNOWN);
+    (PolarImage { rows, pixels, ..*image }, classes)
 }
 
 /// Output of a network by class id, [`UNKNOWN`] for classes that it does not learn.

@@ -47,10 +47,20 @@ fn as_labelled(class: u8) -> u8 {
 }
 
 /// The HDL-64E of KITTI, upright 1.73 m above the road.
-const GRID: SphericalGrid = SphericalGrid { rows: 64, columns: 36_000, up: 0.035, down: -0.436 };
+pub const GRID: SphericalGrid = SphericalGrid { rows: 64, columns: 36_000, up: 0.035, down: -0.436 };
 
-/// Confusion of each sweep.
-pub fn confusions(model: &dyn Segmenter, folder: &Path) -> anyhow::Result<Vec<(String, Confusion)>> {
+/// A sweep with the benchmark's ids, 0 to 19.
+pub struct LabelledSweep {
+    /// Of its file.
+    pub name: String,
+    /// Sensor frame, m.
+    pub points: Vec<[f32; 3]>,
+    /// By point.
+    pub ids: Vec<u32>,
+}
+
+/// All sweeps of a folder, by name.
+pub fn labelled_sweeps(folder: &Path) -> anyhow::Result<Vec<LabelledSweep>> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
         .with_context(|| folder.display().to_string())?
         .map(|entry| Ok(entry?.path()))
@@ -58,26 +68,36 @@ pub fn confusions(model: &dyn Segmenter, folder: &Path) -> anyhow::Result<Vec<(S
     files.retain(|path| path.to_string_lossy().ends_with(".npy") && name_of(path).contains("_points_"));
     files.sort();
     anyhow::ensure!(!files.is_empty(), "{}: no *_points_*.npy", folder.display());
-    files.iter().map(|points| Ok((name_of(points), confusion(model, points)?))).collect()
+    files.iter().map(|path| labelled_sweep(path)).collect()
 }
 
-fn confusion(model: &dyn Segmenter, points: &Path) -> anyhow::Result<Confusion> {
-    let labels = points.with_file_name(name_of(points).replace("_points_", "_labels_")).with_extension("npy");
-    let coordinates: Vec<f32> = words(points)?.into_iter().map(f32::from_le_bytes).collect();
+fn labelled_sweep(path: &Path) -> anyhow::Result<LabelledSweep> {
+    let name = name_of(path);
+    let labels = path.with_file_name(name.replace("_points_", "_labels_")).with_extension("npy");
+    let coordinates: Vec<f32> = words(path)?.into_iter().map(f32::from_le_bytes).collect();
     let ids: Vec<u32> = words(&labels)?.into_iter().map(u32::from_le_bytes).collect();
     anyhow::ensure!(coordinates.len() == 3 * ids.len(), "{}: {} labels", labels.display(), ids.len());
-    let (header, rows) = submap(&coordinates);
+    let last = CLASS_OF_ID.len() as u32 - 1;
+    anyhow::ensure!(ids.iter().all(|&id| id <= last), "{}: ids must be 0 to {last}", labels.display());
+    Ok(LabelledSweep { name, points: coordinates.as_chunks::<3>().0.to_vec(), ids })
+}
+
+/// Confusion of each sweep.
+pub fn confusions(model: &dyn Segmenter, folder: &Path) -> anyhow::Result<Vec<(String, Confusion)>> {
+    labelled_sweeps(folder)?.iter().map(|sweep| Ok((sweep.name.clone(), confusion(model, sweep)?))).collect()
+}
+
+fn confusion(model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<Confusion> {
+    let (header, rows) = submap(&sweep.points);
     let mut classes = vec![ClassRow::default(); rows.len()];
     model.segment(&Cloud { header: &header, points: &rows, colors: None }, &mut classes)?;
-    let of_id = |id: &u32| CLASS_OF_ID.get(*id as usize).map(|class| *class as u8);
-    let truth: Option<Vec<u8>> = ids.iter().map(of_id).collect();
-    let truth = truth.with_context(|| format!("{}: ids must be 0 to 19", labels.display()))?;
+    let truth: Vec<u8> = sweep.ids.iter().map(|&id| CLASS_OF_ID[id as usize] as u8).collect();
     let predicted: Vec<u8> = classes.iter().map(|row| as_labelled(row.class_id)).collect();
     Ok(count(&truth, &predicted, |class| class != Unlabeled as u8))
 }
 
 /// The sweep as a submap: laser and encoder angle by the spherical projection.
-fn submap(coordinates: &[f32]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
+fn submap(points: &[[f32; 3]]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     let row = |xyz: &[f32; 3]| {
         // Points a little outside the elevations belong to the outermost lasers.
         let [x, y, z] = *xyz;
@@ -94,7 +114,7 @@ fn submap(coordinates: &[f32]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
             ..SubmapPoint::default()
         }
     };
-    let rows: Vec<SubmapPoint> = coordinates.as_chunks::<3>().0.iter().map(row).collect();
+    let rows: Vec<SubmapPoint> = points.iter().map(row).collect();
     let mut header: Box<SubmapHeader> = Box::default();
     (header.n_rings, header.n_sweeps) = (GRID.rows as u32, 1);
     let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
