@@ -84,8 +84,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             for (name, loss) in &losses {
                 let mut scores = Vec::new();
                 for seed in 0..n_seeds {
-                    let spec =
-                        NetworkSpec::Unet { inputs: 1, outputs: n_classes, widths: vec![filters, 2 * filters, 4 * filters] };
+                    let spec = NetworkSpec::Unet {
+                        inputs: 1,
+                        outputs: n_classes,
+                        widths: vec![filters, 2 * filters, 4 * filters],
+                    };
                     let settings = TrainSettings {
                         seed,
                         epochs: if is_binary { 5 } else { 15 },
@@ -106,8 +109,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     scores.push(confusion.mean_iou().unwrap_or(0.0));
                 }
                 let mean = scores.iter().sum::<f64>() / scores.len() as f64;
-                let deviation =
-                    (scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / scores.len() as f64).sqrt();
+                let deviation = (scores.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / scores.len() as f64).sqrt();
                 let best = scores.iter().copied().fold(0.0, f64::max);
                 println!("| {filters} | {batch} | {name} | {mean:.4} ± {deviation:.4} | {best:.4} |");
             }

@@ -147,7 +147,9 @@ impl Level {
         let (p, y) = (self.known()?, &self.y);
         let both = (&p * y)?.sum(0)?;
         // y is 0 or 1: its power is itself.
-        let either = ((y.sum(0)? + p.powf(power)?.sum(0)?)? - &both)?;
+        // A square is the usual power, and many times faster than a power.
+        let raised = if power == 2.0 { p.sqr()? } else { p.powf(power)? };
+        let either = ((y.sum(0)? + raised.sum(0)?)? - &both)?;
         (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
     }
 }

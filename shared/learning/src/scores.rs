@@ -47,6 +47,17 @@ impl Confusion {
         assert_eq!(self.n_classes, other.n_classes);
         self.counts.iter_mut().zip(&other.counts).for_each(|(sum, n)| *sum += n);
     }
+    /// The same points with other classes: what `class_of` makes of truth and prediction alike.
+    #[must_use]
+    pub fn merged(&self, class_of: impl Fn(usize) -> usize) -> Self {
+        let mut merged = Self::new(self.n_classes);
+        for truth in 0..self.n_classes {
+            for predicted in 0..self.n_classes {
+                merged.counts[class_of(truth) * self.n_classes + class_of(predicted)] += self.count(truth, predicted);
+            }
+        }
+        merged
+    }
     /// Points of a class taken for another.
     pub fn count(&self, truth: usize, predicted: usize) -> u64 {
         self.counts[truth * self.n_classes + predicted]
@@ -202,6 +213,12 @@ mod tests {
         assert_eq!(confusion.mean_iou(), Some((2.0 / 3.0 + 1.0 / 3.0) / 2.0));
         assert_eq!(confusion.overall_accuracy(), Some(0.6));
         assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
+    }
+
+    #[test]
+    fn merged_classes_are_not_confused_with_each_other() {
+        let merged = small().merged(|class| class.min(1));
+        assert_eq!((merged.count(0, 0), merged.count(0, 1), merged.count(1, 1), merged.n()), (2, 1, 2, 5));
     }
 
     #[test]

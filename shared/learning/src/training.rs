@@ -13,7 +13,7 @@ use crate::losses::{Hierarchy, Loss};
 use crate::network::{Tape, Variables, Weights};
 use crate::tape::rows_from_image;
 use crate::{LearningError, Random};
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -196,7 +196,10 @@ impl Trainer {
             }
             known.truncate(wanted);
         }
-        let loss = self.loss(examples, &truth, &known, Some(random))?;
+        let logits = self.logits(examples, Some(random))?;
+        let logits = logits.index_select(&Tensor::new(known.as_slice(), &Device::Cpu)?, 0)?;
+        let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
+        let loss = self.loss_of_logits(&logits, &classes)?;
         let gradients = loss.backward()?;
         self.adam.step(&self.variables, &gradients, &self.frozen)?;
         Ok(f64::from(loss.to_scalar::<f32>()?))
@@ -213,23 +216,16 @@ impl Trainer {
         let rows = rows_from_image(&out, self.fold * self.n_classes)?;
         Ok(rows.reshape(((), self.n_classes))?)
     }
-    fn loss(
-        &self,
-        examples: &[Example],
-        truth: &[u8],
-        known: &[u32],
-        dropout: Option<Random>,
-    ) -> Result<Tensor, LearningError> {
-        let logits = self.logits(examples, dropout)?;
-        let logits = logits.index_select(&Tensor::new(known, &Device::Cpu)?, 0)?;
-        let mut y = vec![0.0_f32; known.len() * self.n_classes];
-        for (row, &pixel) in y.chunks_exact_mut(self.n_classes).zip(known) {
-            row[usize::from(truth[pixel as usize])] = 1.0;
+    /// Against the class of every row.
+    fn loss_of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, LearningError> {
+        let mut y = vec![0.0_f32; classes.len() * self.n_classes];
+        for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
+            row[usize::from(class)] = 1.0;
         }
-        let y = Tensor::from_vec(y, (known.len(), self.n_classes), &Device::Cpu)?.to_dtype(DType::F32)?;
+        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), &Device::Cpu)?;
         Ok(match &self.tree {
-            Some(tree) => self.settings.loss.of_hierarchy(&logits, &y, tree)?,
-            None => self.settings.loss.of_logits(&logits, &y)?,
+            Some(tree) => self.settings.loss.of_hierarchy(logits, &y, tree)?,
+            None => self.settings.loss.of_logits(logits, &y)?,
         })
     }
 }

@@ -69,14 +69,14 @@ fn train(trainer: &mut Trainer, epochs: usize) {
 
 #[test]
 fn a_network_learns_what_one_pixel_does_not_tell() {
-    let mut trainer = trainer(settings());
+    let mut trainer = trainer(TrainSettings { epochs: 30, ..settings() });
     let (_, before) = trainer.evaluate(&Bars(8)).expect("evaluates");
-    train(&mut trainer, 6);
+    train(&mut trainer, 30);
     assert!(trainer.is_done());
     let (_, after) = trainer.evaluate(&Bars(8)).expect("evaluates");
     let (before, after) = (before.mean_iou().expect("some"), after.mean_iou().expect("some"));
     assert!(before < 0.5 && after > 0.95, "{before} {after}");
-    assert_eq!(trainer.curves().csv().lines().count(), 7);
+    assert_eq!(trainer.curves().csv().lines().count(), 31);
     assert!(trainer.curves().svg().contains("mIoU"));
 }
 
@@ -111,18 +111,33 @@ fn threads_do_not_show_in_what_is_learned() {
 }
 
 #[test]
-fn frozen_variables_stay_and_patience_ends_it() {
-    let mut trainer = trainer(TrainSettings { patience: 2, learning_rate: 1e-9, ..settings() });
+fn frozen_variables_stay() {
+    let mut trainer = trainer(settings());
     trainer.freeze(vec!["down.".to_owned()]);
     let before = trainer.best().clone();
     train(&mut trainer, 1);
-    let after = trainer.best().clone();
+    let after = trainer.best();
     assert_eq!(before.tensors["down.0.0.weight"], after.tensors["down.0.0.weight"]);
     assert_ne!(before.tensors["classes.weight"], after.tensors["classes.weight"]);
-    let mut epochs = 1;
+}
+
+#[test]
+fn patience_ends_what_does_not_become_better() {
+    // Too small for f32: nothing changes.
+    let mut trainer = trainer(TrainSettings { patience: 2, learning_rate: 1e-12, ..settings() });
+    let mut epochs = 0;
     while !trainer.is_done() {
         train(&mut trainer, 1);
         epochs += 1;
     }
-    assert!(epochs < 6, "{epochs}");
+    assert_eq!(epochs, 3);
+}
+
+#[test]
+fn the_temperature_makes_scores_honest() {
+    let mut trainer = trainer(TrainSettings { epochs: 3, ..settings() });
+    train(&mut trainer, 3);
+    let temperature = trainer.temperature(&Bars(16)).expect("evaluates");
+    // A network trained for its Jaccard index alone is too sure or too unsure; the edges of what is tried are no answer.
+    assert!((0.51..3.6).contains(&temperature), "{temperature}");
 }

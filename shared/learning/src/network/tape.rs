@@ -50,7 +50,7 @@ impl Variables {
     /// Those whose standardized filters are these weights: what fine-tuning starts from.
     ///
     /// # Errors
-    /// If a tensor is absent or of another shape.
+    /// If a tensor is absent or of another shape, or a filter's mean is not zero as that of all filters trained here is.
     pub fn from_weights(spec: &NetworkSpec, weights: &Weights) -> Result<Self, LearningError> {
         weights.filters(spec)?;
         let variables = Self::random(spec, 0)?;
@@ -64,6 +64,13 @@ impl Variables {
                 (variance * fan_in as f32).sqrt()
             });
             let gains: Vec<f32> = gains.collect();
+            let mean = |filter: &[f32]| filter.iter().sum::<f32>() / fan_in as f32;
+            let off = |(filter, gain): (&[f32], &f32)| mean(filter).abs() * fan_in as f32 > 1e-2 * gain + 1e-6;
+            if fan_in > 1 && values.chunks_exact(fan_in).zip(&gains).any(off) {
+                let reason =
+                    format!("`{weight_name}` has filters whose mean is not zero: they can be run, not trained further");
+                return Err(candle_core::Error::Msg(reason).into());
+            }
             variables.set(&format!("{}.raw", layer.name), values.clone(), &shape)?;
             variables.set(&format!("{}.gain", layer.name), gains, &bias_shape)?;
             variables.set(&bias_name, weights.tensors[&bias_name].1.clone(), &bias_shape)?;

@@ -133,7 +133,7 @@ impl SphericalModel {
         let rows = rings.next_multiple_of(self.network.spec().multiple_of()[0]);
         self.network.flops(rows, self.settings.columns / self.settings.fold)
     }
-    /// Probabilities of the classes for every pixel, rows of one length in raster order.
+    /// Probabilities of the classes for every pixel, rows of one length in raster order; zeros where there is no point.
     ///
     /// # Errors
     /// If the image has other columns than the model.
@@ -145,6 +145,10 @@ impl SphericalModel {
         let mut of_pixel = vec![0.0_f32; n_classes];
         for row in 0..image.rows {
             for column in 0..image.columns {
+                if !image.pixels[row * image.columns + column].is_valid() {
+                    probabilities.resize(probabilities.len() + n_classes, 0.0);
+                    continue;
+                }
                 let first = column % fold * n_classes;
                 for (class, channel) in (first..first + n_classes).enumerate() {
                     of_pixel[class] = logits.row(channel / LANES, row)[column / fold][channel % LANES];

@@ -73,7 +73,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     bar.finish_and_clear();
-    write_state(&trainer, &settings, &args.out)?;
+    if let Some(validation) = &validation {
+        let settings = Settings { temperature: trainer.best_trainer()?.temperature(validation)?, ..settings };
+        write_state(&trainer, &settings, &args.out)?;
+    }
     if let Some((epoch, mean_iou)) = trainer.curves().best() {
         writeln!(
             std::io::stdout(),

@@ -7,7 +7,7 @@ mod towns;
 use anyhow::Context;
 use clap::ValueEnum;
 use learning::scores::{Confusion, ScoreTable};
-use messages::ClassId;
+use messages::{ClassId, GROUND_CLASSES};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -41,6 +41,9 @@ pub struct Args {
     /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
+    /// Scores ground (road, road line, sidewalk, ground, rail track, terrain) against all other classes.
+    #[arg(long)]
+    ground: bool,
     /// Form of the scores.
     #[arg(long, value_enum, default_value_t = Format::Markdown)]
     format: Format,
@@ -75,6 +78,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     anyhow::ensure!(!table.clouds.is_empty(), "nothing to score\nhint: TRUTH PREDICTION, or --model FILE --seeds 901");
+    if args.ground {
+        let is_ground = |class: usize| GROUND_CLASSES.iter().any(|ground| *ground as usize == class);
+        let of_class = |class: usize| if is_ground(class) { ClassId::Ground } else { ClassId::Other } as usize;
+        for (_, confusion) in &mut table.clouds {
+            *confusion = confusion.merged(of_class);
+        }
+    }
     let text = match args.format {
         Format::Markdown => table.markdown(),
         Format::Csv => table.csv(),
