@@ -27,7 +27,7 @@ pub enum NetworkSpec {
         /// Channels of each level, the finest first, 1 to 6 levels.
         widths: Vec<usize>,
     },
-    /// Spherical DZNet (thesis figure 6.10): 5 x 5 convolutions that halve the columns, 1 x 1 convolutions with dropout,
+    /// Spherical `DZNet` (thesis figure 6.10): 5 x 5 convolutions that halve the columns, 1 x 1 convolutions with dropout,
     /// upsampling with the finer level beside it, and the input itself beside the last features.
     SphericalDz {
         /// Channels of the input.
@@ -39,7 +39,7 @@ pub enum NetworkSpec {
     },
 }
 
-/// A convolution of a network by its name: tensors `<name>.weight` and `<name>.bias`, in PyTorch's order.
+/// A convolution of a network by its name: tensors `<name>.weight` and `<name>.bias`, in `PyTorch`'s order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
     /// Of its tensors.
@@ -104,7 +104,7 @@ impl NetworkSpec {
         let layers = self.layers();
         match self {
             Self::Unet { widths, .. } => unet::run(executor, &layers, widths.len(), input),
-            Self::SphericalDz { widths, .. } => spherical_dz::run(executor, &layers, widths.len(), input),
+            Self::SphericalDz { widths, .. } => spherical_dz::run(executor, &layers, widths.len(), &input),
         }
     }
     /// Weights and biases.

@@ -190,3 +190,65 @@ impl Mount {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::{Quaternion, Translation3};
+    use messages::{ClassId, GROUND_CLASSES};
+
+    fn pose(row: &[f32; 7]) -> Isometry3<f32> {
+        let [x, y, z, i, j, k, w] = *row;
+        Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)))
+    }
+
+    #[test]
+    fn points_lie_where_their_laser_and_encoder_say() {
+        for mount in [Mount::Rig, Mount::Random] {
+            let drive = TownDrive { town: Town::Urban, seed: 9100, seconds: 2.0 };
+            let submap = &drive.submaps(1, 2, 1, mount).expect("makes a town")[0];
+            assert_eq!(submap.points.len(), submap.truth.len());
+            assert_eq!(submap.header.n_sweeps, 2);
+            for sweep in &submap.header.sweeps[..2] {
+                let range = sweep.first_point as usize..(sweep.first_point + sweep.n_points) as usize;
+                assert!(range.len() > 20_000, "{} returns", range.len());
+                let lidar_from_submap = pose(&sweep.submap_from_lidar_begin).inverse();
+                // In 2 ms the vehicle moves by less than 2 cm.
+                let first = submap.points[range].iter().filter(|point| point.offset_nanos < 2_000_000);
+                let mut n = 0;
+                for point in first {
+                    let seen = lidar_from_submap * Point3::new(point.x, point.y, point.z);
+                    let range_m = seen.coords.norm();
+                    if range_m < 4.0 {
+                        continue;
+                    }
+                    let elevation_deg = (seen.z / range_m).asin().to_degrees();
+                    assert!((elevation_deg - f32::from(point.elevation) * 0.01).abs() < 0.4, "{point:?}");
+                    let azimuth_deg = (-seen.y).atan2(seen.x).to_degrees();
+                    let off = (azimuth_deg - f32::from(point.azimuth) * 0.01 + 540.0).rem_euclid(360.0) - 180.0;
+                    assert!(off.abs() < 0.5, "{off} at {point:?}");
+                    n += 1;
+                }
+                assert!(n > 50, "{n} points looked at");
+            }
+        }
+    }
+
+    #[test]
+    fn truth_stands_on_the_ground_and_repeats() {
+        let drive = TownDrive { town: Town::Urban, seed: 9100, seconds: 2.0 };
+        let make = || drive.submaps(1, 1, 1, Mount::Rig).expect("makes a town").remove(0);
+        let submap = make();
+        let mean_z = |is: &dyn Fn(u8) -> bool| {
+            let of: Vec<f32> =
+                submap.points.iter().zip(&submap.truth).filter(|(_, c)| is(**c)).map(|(p, _)| p.z).collect();
+            of.iter().sum::<f32>() / of.len() as f32
+        };
+        // The body frame is 1 m above the road.
+        let ground = mean_z(&|class| GROUND_CLASSES.iter().any(|of| *of as u8 == class));
+        let building = mean_z(&|class| class == ClassId::Building as u8);
+        assert!((ground + 1.0).abs() < 0.5 && building > ground + 1.5, "{ground} {building}");
+        let again = make();
+        assert!(again.points == submap.points && again.truth == submap.truth);
+    }
+}

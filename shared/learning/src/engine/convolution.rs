@@ -1,5 +1,11 @@
 //! Direct convolution, with bias and rectifier.
 
+#![allow(
+    clippy::needless_range_loop,
+    clippy::manual_memcpy,
+    reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
+)]
+
 use super::planes::{BORDER, Feature, LANES, Planes, blocks};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -31,7 +37,7 @@ impl Shape {
     pub fn packed_rows(&self) -> usize {
         blocks(self.out_channels) * (self.rows_per_block() + 1)
     }
-    /// Place of weight `[out, in, row, column]` (PyTorch's order) in the packed filter: row and lane.
+    /// Place of weight `[out, in, row, column]` (`PyTorch`'s order) in the packed filter: row and lane.
     pub fn place(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> (usize, usize) {
         let (mut block, mut channel) = (0, input);
         for &channels in &self.in_channels {
@@ -73,7 +79,7 @@ impl Filter {
         assert_eq!(packed.len(), shape.packed_rows());
         Self { shape, packed }
     }
-    /// From weights in PyTorch's order `[out, in, row, column]` and biases.
+    /// From weights in `PyTorch`'s order `[out, in, row, column]` and biases.
     ///
     /// # Panics
     /// If the numbers are not as many as the shape says.
@@ -223,7 +229,7 @@ fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize
             for row in 0..rows {
                 let first = (y + BORDER + row - rows / 2) * source.pitch() + BORDER + x * SX - columns / 2;
                 for column in 0..columns {
-                    let pixels = &plane[first + column..][..(P - 1) * SX + 1];
+                    let pixels = &plane[first + column..][..=(P - 1) * SX];
                     let mut weights = [filter.tap(block, tap); C];
                     for c in 1..C {
                         weights[c] = filter.tap(block + c, tap);

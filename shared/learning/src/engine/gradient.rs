@@ -1,5 +1,11 @@
 //! The convolution's derivatives.
 
+#![allow(
+    clippy::needless_range_loop,
+    clippy::manual_memcpy,
+    reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
+)]
+
 use super::convolution::{Filter, Shape, convolve};
 use super::planes::{BORDER, Border, Feature, LANES, Planes, blocks};
 use pulp::{Arch, Simd, WithSimd};

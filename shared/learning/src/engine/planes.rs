@@ -54,8 +54,11 @@ impl Planes {
     }
     /// The pixels without their border: blocks, rows, columns.
     pub fn to_inner(&self) -> Vec<Feature> {
-        let rows = (0..self.n_blocks()).flat_map(|block| (0..self.height).map(move |y| (block, y)));
-        rows.flat_map(|(block, y)| self.row(block, y)).copied().collect()
+        let mut inner = Vec::with_capacity(self.n_blocks() * self.height * self.width);
+        for block in 0..self.n_blocks() {
+            (0..self.height).for_each(|y| inner.extend_from_slice(self.row(block, y)));
+        }
+        inner
     }
     /// Channels.
     pub fn channels(&self) -> usize {

@@ -1,7 +1,10 @@
 //! The class tree of thesis figure 6.11.
 
 use candle_core::{Device, Result, Tensor};
-use messages::ClassId::{self, *};
+use messages::ClassId::{
+    self, Bridge, Building, Fence, Ground, GuardRail, Pedestrian, Pole, RailTrack, Road, RoadLine, Sidewalk, Static,
+    Terrain, TrafficLight, TrafficSign, Vegetation, Vehicles, Wall, Water,
+};
 
 /// Nodes of the first level and their leaves.
 const TREE: [(&str, &[ClassId]); 7] = [

@@ -37,7 +37,7 @@ impl Inference {
     /// If the image has not the channels and multiples that the network needs.
     pub fn run(&self, input: Planes) -> Result<Planes, LearningError> {
         let [rows, columns] = self.spec.multiple_of();
-        let fits = input.height() % rows == 0 && input.width() % columns == 0;
+        let fits = input.height().is_multiple_of(rows) && input.width().is_multiple_of(columns);
         if !fits || input.channels() != self.spec.channels().0 {
             let got = (input.channels(), input.height(), input.width());
             let expected = self.spec.channels().0;

@@ -1,4 +1,4 @@
-//! Spherical DZNet, after thesis figure 6.10. The thesis does not print its widths; they are settings here.
+//! Spherical `DZNet`, after thesis figure 6.10. The thesis does not print its widths; they are settings here.
 
 use super::{Executor, Layer, layer};
 use crate::LearningError;
@@ -29,13 +29,13 @@ pub(super) fn run<E: Executor>(
     executor: &mut E,
     layers: &[Layer],
     levels: usize,
-    input: E::Image,
+    input: &E::Image,
 ) -> Result<E::Image, LearningError> {
     let mut layers = layers.iter();
     let mut next = || layers.next().expect("layers() lists every layer");
     let mut images: Vec<E::Image> = Vec::new();
     for _ in 0..levels {
-        let halved = executor.convolution(next(), &[images.last().unwrap_or(&input)])?;
+        let halved = executor.convolution(next(), &[images.last().unwrap_or(input)])?;
         let mixed = executor.convolution(next(), &[&halved])?;
         images.push(executor.dropout(mixed, DROPOUT)?);
     }
@@ -46,5 +46,5 @@ pub(super) fn run<E: Executor>(
         image = executor.dropout(mixed, DROPOUT)?;
     }
     let large = executor.upsample(&image, [1, 2])?;
-    executor.convolution(next(), &[&input, &large])
+    executor.convolution(next(), &[input, &large])
 }

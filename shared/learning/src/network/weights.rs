@@ -1,4 +1,4 @@
-//! The numbers of a network, by name, as PyTorch names and orders them.
+//! The numbers of a network, by name, as `PyTorch` names and orders them.
 
 use super::{Layer, NetworkSpec};
 use crate::LearningError;

@@ -141,20 +141,24 @@ impl SphericalModel {
         let (fold, n_classes) = (self.settings.fold, self.classes.len());
         let input = features(image, fold, self.network.spec().multiple_of()[0]);
         let logits = self.network.run(input)?;
-        let mut probabilities = Vec::with_capacity(image.pixels.len() * n_classes);
-        let mut of_pixel = vec![0.0_f32; n_classes];
+        let mut probabilities = vec![0.0_f32; image.pixels.len() * n_classes];
+        // The channels of each pixel of a row side by side.
+        let n_channels = logits.n_blocks() * LANES;
+        let mut of_row = vec![0.0_f32; logits.width() * n_channels];
         for row in 0..image.rows {
+            for block in 0..logits.n_blocks() {
+                let pixels = of_row.chunks_exact_mut(n_channels).zip(logits.row(block, row));
+                pixels.for_each(|(of_pixel, lanes)| of_pixel[block * LANES..][..LANES].copy_from_slice(lanes));
+            }
             for column in 0..image.columns {
-                if !image.pixels[row * image.columns + column].is_valid() {
-                    probabilities.resize(probabilities.len() + n_classes, 0.0);
+                let at = row * image.columns + column;
+                if !image.pixels[at].is_valid() {
                     continue;
                 }
-                let first = column % fold * n_classes;
-                for (class, channel) in (first..first + n_classes).enumerate() {
-                    of_pixel[class] = logits.row(channel / LANES, row)[column / fold][channel % LANES];
-                }
-                softmax(&mut of_pixel, self.settings.temperature);
-                probabilities.extend_from_slice(&of_pixel);
+                let first = column / fold * n_channels + column % fold * n_classes;
+                let of_pixel = &mut probabilities[at * n_classes..][..n_classes];
+                of_pixel.copy_from_slice(&of_row[first..first + n_classes]);
+                softmax(of_pixel, self.settings.temperature);
             }
         }
         Ok(probabilities)
@@ -167,7 +171,7 @@ impl SphericalModel {
         for (point, row) in votes.chunks_exact_mut(n_classes).enumerate() {
             let Some(pixel) = pixel_for(&sweep.image, point) else { continue };
             let of_pixel = &probabilities[pixel as usize * n_classes..][..n_classes];
-            row.iter_mut().zip(of_pixel).for_each(|(vote, p)| *vote = (p * 255.0).round() as u8);
+            row.iter_mut().zip(of_pixel).for_each(|(vote, p)| *vote = (p * 255.0 + 0.5) as u8);
         }
         Ok(votes)
     }
@@ -181,7 +185,9 @@ fn softmax(logits: &mut [f32], temperature: f32) {
         *logit = ((*logit - largest) / temperature).exp();
         sum += *logit;
     }
-    logits.iter_mut().for_each(|p| *p /= sum);
+    for p in logits {
+        *p /= sum;
+    }
 }
 
 impl Segmenter for SphericalModel {
@@ -208,14 +214,11 @@ impl Segmenter for SphericalModel {
         let decided = votes.decide(cloud.points, self.settings.vote_cell_m);
         let mut n_unseen = 0;
         for (row, decision) in classes.iter_mut().zip(decided) {
-            *row = match decision {
-                Some((class, share)) => {
-                    ClassRow { class_id: self.classes[class] as u8, score: (share * 255.0).round() as u8 }
-                }
-                None => {
-                    n_unseen += 1;
-                    ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }
-                }
+            *row = if let Some((class, share)) = decision {
+                ClassRow { class_id: self.classes[class] as u8, score: (share * 255.0).round() as u8 }
+            } else {
+                n_unseen += 1;
+                ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }
             };
         }
         Ok(Report { n_unseen, coarsened: 1 })

@@ -33,7 +33,9 @@ impl Votes {
             // The first of equals: the order of the classes decides, not that of the points.
             let best = (0..self.n_classes).rev().max_by_key(|&class| sums[class]);
             let decision = best.filter(|_| total > 0).map(|class| (class, sums[class] as f32 / total as f32));
-            group.iter().for_each(|(_, point)| decided[*point as usize] = decision);
+            for (_, point) in group {
+                decided[*point as usize] = decision;
+            }
         }
         decided
     }

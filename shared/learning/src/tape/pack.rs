@@ -1,4 +1,4 @@
-//! A filter in PyTorch's order as the kernels read it.
+//! A filter in `PyTorch`'s order as the kernels read it.
 
 use super::tensors::{features, numbers, with_numbers};
 use crate::engine::{LANES, Shape};

@@ -23,6 +23,9 @@ pub struct Curves {
     pub epochs: Vec<Epoch>,
 }
 
+/// Name, color, value, and the value at the top.
+type Curve = (&'static str, &'static str, fn(&Epoch) -> f64, f64);
+
 /// Picture, px.
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 360.0;
@@ -69,7 +72,7 @@ impl Curves {
                 share * 100.0
             );
         }
-        let curves: [(&str, &str, fn(&Epoch) -> f64, f64); 4] = [
+        let curves: [Curve; 4] = [
             ("loss", "#1f77b4", |e| e.loss, top),
             ("validation loss", "#ff7f0e", |e| e.validation_loss, top),
             ("mIoU", "#2ca02c", |e| e.mean_iou, 1.0),

@@ -6,6 +6,9 @@ use crate::scores::Confusion;
 use candle_core::{D, Device, Tensor};
 use rayon::prelude::*;
 
+/// Takes logits and classes of the known pixels of a batch.
+type OfBatch<'a> = &'a mut dyn FnMut(&Tensor, &[u8]) -> Result<(), LearningError>;
+
 /// Temperatures that are tried: 0.5 to 3.9, each a tenth larger than the one before.
 const N_TEMPERATURES: usize = 22;
 
@@ -35,7 +38,7 @@ impl Trainer {
     /// If the data does not fit the network.
     pub fn temperature(&self, data: &dyn Dataset) -> Result<f32, LearningError> {
         let temperatures: Vec<f32> = (0..N_TEMPERATURES as i32).map(|i| 0.5 * 1.1_f32.powi(i)).collect();
-        let mut surprises = vec![0.0_f64; N_TEMPERATURES];
+        let mut surprises = [0.0_f64; N_TEMPERATURES];
         self.each_batch(data, &mut |logits, classes| {
             for (row, &truth) in logits.to_vec2::<f32>()?.iter().zip(classes) {
                 let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
@@ -51,11 +54,7 @@ impl Trainer {
     }
 
     /// Runs `f` on the logits and classes of the known pixels of every batch.
-    fn each_batch(
-        &self,
-        data: &dyn Dataset,
-        f: &mut dyn FnMut(&Tensor, &[u8]) -> Result<(), LearningError>,
-    ) -> Result<(), LearningError> {
+    fn each_batch(&self, data: &dyn Dataset, f: OfBatch<'_>) -> Result<(), LearningError> {
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(self.settings.batch) {
             let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();

@@ -3,7 +3,7 @@
 mod camera;
 mod canvas;
 mod cloud;
-mod palette;
+pub mod palette;
 mod recording;
 mod survey;
 

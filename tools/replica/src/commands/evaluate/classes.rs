@@ -2,6 +2,7 @@
 
 pub mod kitti;
 mod labels;
+mod picture;
 mod towns;
 
 use anyhow::Context;
@@ -41,6 +42,9 @@ pub struct Args {
     /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
+    /// Draws truth, prediction and errors of the first submap of the first town from above into this PNG.
+    #[arg(long, requires = "seeds", value_name = "PNG")]
+    picture: Option<PathBuf>,
     /// Scores ground (road, road line, sidewalk, ground, rail track, terrain) against all other classes.
     #[arg(long)]
     ground: bool,

@@ -138,3 +138,48 @@ pub fn town_from_name(name: &str) -> anyhow::Result<Town> {
     let town = Town::ALL.into_iter().find(|town| town.name() == name);
     town.with_context(|| format!("no kind of town is called {name:?}; there are {}", known()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shipped() -> String {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.toml");
+        std::fs::read_to_string(path).expect("models/street.toml is part of the project")
+    }
+
+    /// What is said about the shipped recipe with a text in it replaced.
+    fn refused(from: &str, to: &str) -> String {
+        let text = shipped();
+        assert!(text.contains(from), "no {from} in the recipe");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("recipe.toml");
+        std::fs::write(&path, text.replace(from, to)).expect("writes");
+        format!("{:#}", Recipe::load(&path).expect_err("is wrong"))
+    }
+
+    #[test]
+    fn the_shipped_recipe_says_what_the_shipped_model_says() {
+        let recipe: Recipe = toml::from_str(&shipped()).expect("is a recipe");
+        recipe.check().expect("is right");
+        let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");
+        let (model, _) = learning::spherical::SphericalModel::load(Path::new(model)).expect("loads");
+        let temperature = model.settings().temperature;
+        assert_eq!(model.settings(), &Settings { temperature, ..recipe.settings().expect("settings") });
+    }
+
+    #[test]
+    fn wrong_recipes_are_refused_with_the_rule() {
+        let said = |from: &str, to: &str, rule: &str| {
+            let error = refused(from, to);
+            assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
+        };
+        said("patience", "patients", "unknown field `patients`");
+        said("\"vegetation\"", "\"trees\"", "are not all of the table");
+        said("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
+        said("fold = 4", "fold = 3", "must be a multiple of fold");
+        said("{ first = 2001", "{ first = 1080", "seeds and validation_seeds overlap");
+        said("\"suburban\"", "\"atlantis\"", "no kind of town is called \"atlantis\"; there are urban");
+        said("batch = 4", "batch = 0", "batch = 0, must be 1 to 1024");
+    }
+}

@@ -13,6 +13,7 @@ const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::D
 /// Confusion of each drive.
 pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(String, Confusion)>> {
     let mut clouds = Vec::new();
+    let mut picture = args.picture.as_deref();
     for name in &args.towns {
         let town = town_from_name(name)?;
         for &seed in &args.seeds {
@@ -27,6 +28,9 @@ pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(Str
                 seconds += begin.elapsed().as_secs_f64();
                 n_sweeps += args.sweeps;
                 let predicted: Vec<u8> = classes.iter().map(|row| row.class_id).collect();
+                if let Some(path) = picture.take() {
+                    super::picture::write(path, &submap.points, &submap.truth, &predicted)?;
+                }
                 let is_scored = |class: u8| !NOT_SCORED.iter().any(|not| *not as u8 == class);
                 for (row, truth) in classes.iter().zip(&submap.truth).filter(|(_, truth)| is_scored(**truth)) {
                     reliability.add(f64::from(row.score) / 255.0, row.class_id == *truth);
