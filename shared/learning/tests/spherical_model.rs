@@ -48,7 +48,7 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
                     continue;
                 }
                 let (azimuth, up) =
-                    (firing as f32 / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
+                    ((firing as f32 + 0.5) / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
                 let (sin, cos) = azimuth.to_radians().sin_cos();
                 let range = random.between(3.0, 40.0);
                 let ray = [up.cos() * cos, -up.cos() * sin, up.sin()].map(|v| v * range);
@@ -161,7 +161,7 @@ fn wrong_files_are_refused_with_the_reason() {
     refused(&Settings { columns: 510, ..good.clone() }, "columns = 510, must be a multiple of fold x 2");
     refused(&Settings { columns: 1 << 20, ..good.clone() }, "columns = 1048576, must be 64 to 8192");
     refused(&Settings { fold: 0, ..good.clone() }, "fold = 0, must be 1 to 16");
-    refused(&Settings { temperature: f32::NAN, ..good.clone() }, "temperature");
+    refused(&Settings { temperature: 0.0, ..good.clone() }, "temperature = 0, must be 0.1 to 10");
     refused(&Settings { vote_cell_m: 0.0, ..good.clone() }, "vote_cell_m = 0, must be 0.02 to 5");
     let two = good.classes[..2].to_vec();
     refused(&Settings { classes: two, ..good.clone() }, "network.outputs = 6, must be fold x 2 classes");

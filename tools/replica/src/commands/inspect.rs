@@ -3,7 +3,7 @@
 mod camera;
 mod canvas;
 mod cloud;
-pub mod palette;
+mod palette;
 mod recording;
 mod survey;
 
@@ -13,6 +13,7 @@ use canvas::Canvas;
 use clap::ValueEnum;
 use cloud::Cloud;
 use palette::Painter;
+pub use palette::class_color;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -24,6 +24,9 @@ pub struct Args {
     /// Folder for the model, its learning curves and the checkpoint; it is made if it is not there.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Stops after so many passes in all, though the recipe asks for more.
+    #[arg(long, value_name = "N")]
+    stop_after: Option<usize>,
 }
 
 /// Name of the checkpoint in the folder.
@@ -40,8 +43,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         trainer.resume(&checkpoint)?;
         eprintln!("goes on after epoch {} of {}", trainer.curves().epochs.len(), checkpoint.display());
     }
+    let is_done =
+        |trainer: &Trainer| trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n);
     let bar = progress_bar();
-    let (data, validation) = if trainer.is_done() {
+    let (data, validation) = if is_done(&trainer) {
         (None, None)
     } else {
         bar.set_message("casting sweeps");
@@ -53,7 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     if let (Some(data), Some(validation)) = (&data, &validation) {
         tell_counts(&settings, data)?;
-        while !trainer.is_done() {
+        while !is_done(&trainer) {
             let number = trainer.curves().epochs.len();
             bar.set_message(format!("epoch {number}"));
             bar.reset();

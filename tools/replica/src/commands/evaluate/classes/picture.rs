@@ -1,6 +1,6 @@
 //! Truth, prediction and errors of a submap from above.
 
-use crate::commands::inspect::palette::class_color;
+use crate::commands::inspect::class_color;
 use anyhow::Context;
 use geometry::BevGrid;
 use image::{Rgb, RgbImage};
