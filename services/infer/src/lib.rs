@@ -11,7 +11,7 @@ stage::settings! {
     /// Settings of infer.
     pub struct Settings {
         /// Model file; a relative path starts at the folder of launch.toml.
-        pub model: String = "models/ground.safetensors".to_owned() => stage::any();
+        pub model: String = "models/street.safetensors".to_owned() => stage::any();
     }
 }
 

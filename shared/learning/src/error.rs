@@ -79,7 +79,7 @@ pub enum LearningError {
         /// Of the model.
         path: PathBuf,
         /// Which tensor.
-        name: &'static str,
+        name: String,
         /// What is wrong, and the rule.
         reason: String,
     },

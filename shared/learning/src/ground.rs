@@ -43,14 +43,7 @@ pub struct GroundQuasiFlat {
 
 impl GroundQuasiFlat {
     pub(crate) fn from_file(file: &ModelFile) -> Result<Self, LearningError> {
-        if file.card.version != VERSION {
-            return Err(LearningError::Version {
-                path: file.path.clone(),
-                architecture: ARCHITECTURE.to_owned(),
-                got: file.card.version,
-                expected: VERSION,
-            });
-        }
+        file.expect_version(VERSION)?;
         Ok(Self { card: file.card.clone(), parameters: Parameters::from_file(file)? })
     }
 
@@ -84,6 +77,24 @@ impl GroundQuasiFlat {
         }
         Ok(())
     }
+}
+
+/// Height of every point above the terrain that the default parameters find, m. Not a number where there is no terrain.
+///
+/// # Errors
+/// If candle fails.
+pub fn heights(cloud: &Cloud<'_>) -> Result<Vec<f32>, LearningError> {
+    let parameters = Parameters::default();
+    let unknown = vec![f32::NAN; cloud.points.len()];
+    let Some(elevation) = Elevation::of(cloud, &parameters.settings) else { return Ok(unknown) };
+    let Some(terrain) = terrain::terrain(&elevation, &parameters)? else { return Ok(unknown) };
+    let terrain = terrain.to_vec1::<f32>()?;
+    let height = |(point, &cell): (&SubmapPoint, &u32)| {
+        // Points outside the grid have a terrain of infinite height.
+        let height = point.z - terrain[cell as usize];
+        if height.is_finite() { height } else { f32::NAN }
+    };
+    Ok(cloud.points.iter().zip(&elevation.cells).map(height).collect())
 }
 
 impl Segmenter for GroundQuasiFlat {

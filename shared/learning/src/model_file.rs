@@ -63,13 +63,50 @@ impl ModelFile {
         Ok(Self { path: path.into(), card, settings: text.settings, bytes })
     }
 
+    /// Refuses a file of another version of its architecture.
+    pub(crate) fn expect_version(&self, expected: u32) -> Result<(), LearningError> {
+        if self.card.version == expected {
+            return Ok(());
+        }
+        let (architecture, got) = (self.card.architecture.clone(), self.card.version);
+        Err(LearningError::Version { path: self.path.clone(), architecture, got, expected })
+    }
+
     pub(crate) fn settings<S: DeserializeOwned>(&self) -> Result<S, LearningError> {
         S::deserialize(&self.settings)
             .map_err(|error| LearningError::Card { path: self.path.clone(), reason: format!("settings: {error}") })
     }
 
-    pub(crate) fn bad_tensor(&self, name: &'static str, reason: String) -> LearningError {
-        LearningError::Tensor { path: self.path.clone(), name, reason }
+    pub(crate) fn bad_tensor(&self, name: &str, reason: String) -> LearningError {
+        LearningError::Tensor { path: self.path.clone(), name: name.to_owned(), reason }
+    }
+
+    /// The finite f32 of a tensor of this shape.
+    pub(crate) fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, LearningError> {
+        let tensor = self.load(name)?;
+        if tensor.dims() != shape {
+            return Err(self.bad_tensor(name, format!("has shape {:?}, expected {shape:?}", tensor.dims())));
+        }
+        self.finite(name, &tensor)
+    }
+
+    fn load(&self, name: &str) -> Result<Tensor, LearningError> {
+        SliceSafetensors::new(&self.bytes)
+            .and_then(|tensors| tensors.load(name, &Device::Cpu))
+            .map_err(|error| self.bad_tensor(name, error.to_string()))
+    }
+
+    fn finite(&self, name: &str, tensor: &Tensor) -> Result<Vec<f32>, LearningError> {
+        if tensor.dtype() != DType::F32 {
+            return Err(self.bad_tensor(name, format!("has type {:?}, expected F32", tensor.dtype())));
+        }
+        let values = tensor.flatten_all()?.to_vec1::<f32>()?;
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(idx) => {
+                Err(self.bad_tensor(name, format!("element {idx} is {}, expected a finite number", values[idx])))
+            }
+            None => Ok(values),
+        }
     }
 
     /// A vector of `len` finite f32.
@@ -78,9 +115,7 @@ impl ModelFile {
         name: &'static str,
         len: std::ops::RangeInclusive<usize>,
     ) -> Result<Vec<f32>, LearningError> {
-        let tensor = SliceSafetensors::new(&self.bytes)
-            .and_then(|tensors| tensors.load(name, &Device::Cpu))
-            .map_err(|error| self.bad_tensor(name, error.to_string()))?;
+        let tensor = self.load(name)?;
         let [n] = tensor.dims() else {
             return Err(self.bad_tensor(name, format!("has shape {:?}, expected one dimension", tensor.dims())));
         };
@@ -88,16 +123,7 @@ impl ModelFile {
             let rule = format!("has {n} elements, expected {} to {}", len.start(), len.end());
             return Err(self.bad_tensor(name, rule));
         }
-        if tensor.dtype() != DType::F32 {
-            return Err(self.bad_tensor(name, format!("has type {:?}, expected F32", tensor.dtype())));
-        }
-        let values = tensor.to_vec1::<f32>()?;
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(idx) => {
-                Err(self.bad_tensor(name, format!("element {idx} is {}, expected a finite number", values[idx])))
-            }
-            None => Ok(values),
-        }
+        self.finite(name, &tensor)
     }
 }
 

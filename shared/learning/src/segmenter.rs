@@ -2,6 +2,7 @@
 
 use crate::ground::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
+use crate::spherical::{self, SphericalModel};
 use crate::{LearningError, ModelCard};
 use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
 use std::path::Path;
@@ -38,6 +39,9 @@ pub trait Segmenter: Send {
     fn segment(&self, cloud: &Cloud<'_>, classes: &mut [ClassRow]) -> Result<Report, LearningError>;
 }
 
+/// Names of the architectures.
+const KNOWN: &str = "ground_quasi_flat, spherical";
+
 /// Reads a model file. It is refused, with the reason, if it is cut off, of an unknown architecture or version, or if a
 /// setting or tensor is not as the architecture needs it.
 ///
@@ -47,7 +51,8 @@ pub fn load(path: &Path) -> Result<Box<dyn Segmenter>, LearningError> {
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
-        got => Err(LearningError::Architecture { path: path.into(), got: got.to_owned(), known: ground::ARCHITECTURE }),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?)),
+        got => Err(LearningError::Architecture { path: path.into(), got: got.to_owned(), known: KNOWN }),
     }
 }
 

@@ -71,7 +71,7 @@ fn foreign_architectures_versions_and_cards_are_refused_by_name() {
 #[test]
 fn tensors_of_wrong_name_type_or_size_are_refused_by_name() {
     let error = refused(&edited("tolerance_m", "tolerance_x"));
-    assert!(matches!(error, LearningError::Tensor { name: "tolerance_m", .. }), "{error}");
+    assert!(matches!(&error, LearningError::Tensor { name, .. } if name == "tolerance_m"), "{error}");
     let error = refused(&edited("F32", "I32"));
     assert!(matches!(error, LearningError::Tensor { .. }), "{error}");
     let too_many = Parameters { steps_m: vec![0.1; 257], ..Parameters::default() };
@@ -79,7 +79,7 @@ fn tensors_of_wrong_name_type_or_size_are_refused_by_name() {
     assert!(error.to_string().contains("257 elements, expected 1 to 256"), "{error}");
     for steps_m in [vec![], vec![0.1, f32::NAN], vec![0.1, -0.2]] {
         let error = refused(&Parameters { steps_m, ..Parameters::default() }.to_bytes().expect("encodes"));
-        assert!(matches!(error, LearningError::Tensor { name: "steps_m", .. }), "{error}");
+        assert!(matches!(&error, LearningError::Tensor { name, .. } if name == "steps_m"), "{error}");
     }
 }
 

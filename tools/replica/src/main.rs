@@ -7,6 +7,7 @@ mod byte_values;
 mod commands;
 mod figures;
 mod terminal;
+mod town_sweeps;
 
 use clap::Parser;
 use std::process::ExitCode;
@@ -23,6 +24,8 @@ enum Cli {
     Send(commands::send::Args),
     /// Make a drive through a procedural town.
     Simulate(commands::simulate::Args),
+    /// Train a model that gives points their classes.
+    Train(commands::train::Args),
     /// Record topics of a running pipeline.
     Record(commands::record::Args),
     /// Run a launch file on a recording.
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Cli::Import(args) => commands::import::run(&args),
         Cli::Send(args) => commands::send::run(&args).map(|()| ExitCode::SUCCESS),
         Cli::Simulate(args) => commands::simulate::run(&args),
+        Cli::Train(args) => commands::train::run(&args).map(|()| ExitCode::SUCCESS),
         Cli::Record(args) => commands::record::run(&args),
         Cli::Replay(args) => commands::replay::run(&args),
         Cli::Compare(args) => commands::compare::run(&args),

@@ -14,6 +14,7 @@ use clap::ValueEnum;
 use cloud::Cloud;
 pub use cloud::files as cloud_files;
 use palette::Painter;
+pub use palette::class_color;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -17,3 +17,4 @@ pub mod status;
 pub mod stop;
 pub mod swap;
 pub mod topics;
+pub mod train;

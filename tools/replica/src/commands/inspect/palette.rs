@@ -73,7 +73,8 @@ impl Painter {
     }
 }
 
-fn class_color(class: u8) -> [u8; 3] {
+/// sRGB of a class id.
+pub fn class_color(class: u8) -> [u8; 3] {
     CLASS_COLORS.get(usize::from(class)).copied().unwrap_or(GRAY)
 }
 

@@ -1,0 +1,107 @@
+//! Time of an HDL-32E sweep through a model of range images on one thread, as one of the sweeps of a submap:
+//! `RAYON_NUM_THREADS=1 cargo run --release -p learning --example bench_network -- models/street.safetensors`.
+
+use geometry::RangeImage;
+use learning::network::Inference;
+use learning::spherical::{PolarImage, PolarPixel, SphericalModel, features};
+use learning::{Cloud, Segmenter, engine};
+use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use std::path::PathBuf;
+use std::time::Instant;
+
+const RUNS: usize = 9;
+const RINGS: usize = 32;
+/// Rounds of firings of one revolution.
+const FIRINGS: usize = 2170;
+
+fn fastest_ms(mut run: impl FnMut()) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..RUNS {
+        let begin = Instant::now();
+        run();
+        best = best.min(begin.elapsed().as_secs_f64() * 1e3);
+    }
+    best
+}
+
+/// Sweeps of a submap: 20 m at 9 m/s.
+const SWEEPS: usize = 22;
+
+/// Revolutions between two walls on a flat road, 1.8 m below the sensor, 0.9 m from one to the next.
+fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
+    let mut header: Box<SubmapHeader> = Box::default();
+    (header.n_rings, header.n_sweeps) = (RINGS as u32, SWEEPS as u32);
+    let mut points: Vec<SubmapPoint> = Vec::new();
+    for sweep in 0..SWEEPS {
+        let first_point = points.len() as u32;
+        let along = 0.9 * sweep as f32;
+        points.extend(turn().into_iter().map(|point| SubmapPoint { x: point.x + along, ..point }));
+        let here = [along, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        header.sweeps[sweep] = SubmapSweep {
+            first_point,
+            n_points: points.len() as u32 - first_point,
+            duration_nanos: 100_000_000,
+            submap_from_lidar_begin: here,
+            submap_from_lidar_end: here,
+            ..SubmapSweep::default()
+        };
+    }
+    (header, points)
+}
+
+fn turn() -> Vec<SubmapPoint> {
+    let mut points = Vec::new();
+    for firing in 0..FIRINGS {
+        let azimuth = firing as f32 / FIRINGS as f32 * 360.0;
+        for ring in 0..RINGS {
+            let up = (-30.67 + 4.0 / 3.0 * ring as f32).to_radians();
+            let (sin, cos) = azimuth.to_radians().sin_cos();
+            let ray = [up.cos() * cos, -up.cos() * sin, up.sin()];
+            let to_road = if ray[2] < 0.0 { -1.8 / ray[2] } else { f32::INFINITY };
+            let range = to_road.min(9.0 / ray[1].abs()).min(60.0);
+            points.push(SubmapPoint {
+                x: ray[0] * range,
+                y: ray[1] * range,
+                z: ray[2] * range,
+                azimuth: (azimuth * 100.0) as u16,
+                ring: ring as u8,
+                intensity: 20,
+                ..SubmapPoint::default()
+            });
+        }
+    }
+    points
+}
+
+fn main() -> Result<(), learning::LearningError> {
+    let path = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("models/street.safetensors"), PathBuf::from);
+    let (model, weights) = SphericalModel::load(&path)?;
+    let settings = model.settings();
+    let (header, points) = submap();
+    let cloud = Cloud { header: &header, points: &points, colors: None };
+    let mut classes = vec![ClassRow::default(); points.len()];
+    model.segment(&cloud, &mut classes)?;
+    let whole = fastest_ms(|| assert!(model.segment(&cloud, &mut classes).is_ok())) / SWEEPS as f64;
+    let points = turn();
+
+    let placed = points.iter().map(|point| {
+        let column = geometry::column_of_azimuth(point.azimuth, settings.columns);
+        (Some((RINGS - 1 - usize::from(point.ring), column)), (point.x.powi(2) + point.y.powi(2)).sqrt())
+    });
+    let image = RangeImage::new(RINGS, settings.columns, placed);
+    let polar = PolarImage::of(&image, true, |i| {
+        let point = &points[i];
+        PolarPixel { ray: [point.x, point.y, point.z], height_m: point.z + 1.8, intensity: point.intensity }
+    });
+    let mut input = features(&polar, settings.fold, 1);
+    let features_ms = fastest_ms(|| input = features(&polar, settings.fold, 1));
+    let network = Inference::new(settings.network.clone(), &weights, engine::Border::Circular)?;
+    let network_ms = fastest_ms(|| assert!(network.run(input.clone()).is_ok()));
+    let gflop = model.flops(RINGS) as f64 * 1e-9;
+    println!(
+        "one sweep of {} points: {whole:.2} ms in all, of that features {features_ms:.2} ms, network {network_ms:.2} ms ({gflop:.2} GFLOP, {:.0} GF/s)",
+        points.len(),
+        gflop / network_ms * 1e3
+    );
+    Ok(())
+}

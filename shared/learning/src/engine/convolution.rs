@@ -1,0 +1,282 @@
+//! Direct convolution, with bias and rectifier.
+
+#![allow(
+    clippy::needless_range_loop,
+    clippy::manual_memcpy,
+    reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
+)]
+
+use super::planes::{BORDER, Feature, LANES, Planes, blocks};
+use pulp::{Arch, Simd, WithSimd};
+
+/// Form of a convolution.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Rows and columns of the filter: 1, 3 or 5.
+    pub kernel: [usize; 2],
+    /// Every how many-th column has an output: 1 or 2. Output column x is centered on input column `stride_x * x`.
+    pub stride_x: usize,
+    /// Channels of each source; they are read as if they were one image.
+    pub in_channels: Vec<usize>,
+    /// Channels of the result.
+    pub out_channels: usize,
+    /// Whether results below zero become zero.
+    pub rectify: bool,
+}
+
+impl Shape {
+    /// Blocks of all sources.
+    pub fn in_blocks(&self) -> usize {
+        self.in_channels.iter().map(|&channels| blocks(channels)).sum()
+    }
+    /// Rows of 16 weights of one output block.
+    fn rows_per_block(&self) -> usize {
+        self.in_blocks() * self.kernel[0] * self.kernel[1] * LANES
+    }
+    /// Rows of 16 numbers of a filter of this shape: its weights and then its biases.
+    pub fn packed_rows(&self) -> usize {
+        blocks(self.out_channels) * (self.rows_per_block() + 1)
+    }
+    /// Place of weight `[out, in, row, column]` (`PyTorch`'s order) in the packed filter: row and lane.
+    pub fn place(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> (usize, usize) {
+        let (mut block, mut channel) = (0, input);
+        for &channels in &self.in_channels {
+            if channel < channels {
+                break;
+            }
+            channel -= channels;
+            block += blocks(channels);
+        }
+        let block = block + channel / LANES;
+        let tap = ((out / LANES * self.in_blocks() + block) * self.kernel[0] + row) * self.kernel[1] + column;
+        (tap * LANES + channel % LANES, out % LANES)
+    }
+    /// Place of a bias in the packed filter.
+    pub fn bias_place(&self, out: usize) -> (usize, usize) {
+        (blocks(self.out_channels) * self.rows_per_block() + out / LANES, out % LANES)
+    }
+    /// Columns of the result.
+    pub fn out_width(&self, width: usize) -> usize {
+        width / self.stride_x
+    }
+}
+
+/// Weights and biases in the order in which the kernel reads them: by output block, input block, row, column, input
+/// channel, each a row of 16 output channels; then the biases.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filter {
+    /// Form.
+    pub shape: Shape,
+    packed: Vec<Feature>,
+}
+
+impl Filter {
+    /// From rows in packed order.
+    ///
+    /// # Panics
+    /// If there are not [`Shape::packed_rows`] rows.
+    pub fn from_packed(shape: Shape, packed: Vec<Feature>) -> Self {
+        assert_eq!(packed.len(), shape.packed_rows());
+        Self { shape, packed }
+    }
+    /// From weights in `PyTorch`'s order `[out, in, row, column]` and biases.
+    ///
+    /// # Panics
+    /// If the numbers are not as many as the shape says.
+    pub fn new(shape: Shape, weights: &[f32], biases: &[f32]) -> Self {
+        let n_in: usize = shape.in_channels.iter().sum();
+        let [rows, columns] = shape.kernel;
+        assert_eq!(weights.len(), shape.out_channels * n_in * rows * columns);
+        assert_eq!(biases.len(), shape.out_channels);
+        let mut packed = vec![[0.0; LANES]; shape.packed_rows()];
+        for (i, &weight) in weights.iter().enumerate() {
+            let (column, row) = (i % columns, i / columns % rows);
+            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let (at, lane) = shape.place(out, input, [row, column]);
+            packed[at][lane] = weight;
+        }
+        for (out, &bias) in biases.iter().enumerate() {
+            let (at, lane) = shape.bias_place(out);
+            packed[at][lane] = bias;
+        }
+        Self { shape, packed }
+    }
+    /// Weight `[out, in, row, column]`.
+    pub(super) fn weight(&self, out: usize, input: usize, tap: [usize; 2]) -> f32 {
+        let (row, lane) = self.shape.place(out, input, tap);
+        self.packed[row][lane]
+    }
+    fn bias(&self, out_block: usize) -> &Feature {
+        &self.packed[blocks(self.shape.out_channels) * self.shape.rows_per_block() + out_block]
+    }
+    /// The 16 rows of one tap.
+    #[inline(always)]
+    fn tap(&self, out_block: usize, tap: usize) -> &[Feature] {
+        &self.packed[out_block * self.shape.rows_per_block() + tap * LANES..][..LANES]
+    }
+    /// Multiplications and additions for one output pixel, without the zeros that fill up blocks.
+    pub fn flops_per_pixel(&self) -> usize {
+        let n_in: usize = self.shape.in_channels.iter().sum();
+        2 * n_in * self.shape.out_channels * self.shape.kernel[0] * self.shape.kernel[1]
+    }
+}
+
+/// Applies a filter to images of one size, borders filled, and writes all but the border of `out`.
+///
+/// # Panics
+/// If the sources are not as the filter's shape says, or `out` is not of the size of the result.
+pub fn convolve(filter: &Filter, sources: &[&Planes], out: &mut Planes) {
+    let shape = &filter.shape;
+    let channels: Vec<usize> = sources.iter().map(|source| source.channels()).collect();
+    assert_eq!(channels, shape.in_channels);
+    let (height, width) = (sources[0].height(), sources[0].width());
+    assert!(sources.iter().all(|source| (source.height(), source.width()) == (height, width)));
+    assert_eq!(width % shape.stride_x, 0, "a stride must divide the width");
+    let expected = (shape.out_channels, height, shape.out_width(width));
+    assert_eq!((out.channels(), out.height(), out.width()), expected);
+    Arch::new().dispatch(Job { filter, sources, out });
+}
+
+struct Job<'a> {
+    filter: &'a Filter,
+    sources: &'a [&'a Planes],
+    out: &'a mut Planes,
+}
+
+impl WithSimd for Job<'_> {
+    type Output = ();
+
+    // Tiles of pixels x output blocks whose sums fit into the registers: 16 of 32 (AVX-512), 8 of 16 (AVX2) hide the
+    // latency of the multiply-adds.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match (S::F32_LANES, self.filter.shape.stride_x) {
+            (16, 1) => self.all_rows::<S, 1, 8, 2, 1>(simd),
+            (16, _) => self.all_rows::<S, 1, 8, 2, 2>(simd),
+            (8, 1) => self.all_rows::<S, 2, 4, 1, 1>(simd),
+            (8, _) => self.all_rows::<S, 2, 4, 1, 2>(simd),
+            (4, 1) => self.all_rows::<S, 4, 2, 1, 1>(simd),
+            (4, _) => self.all_rows::<S, 4, 2, 1, 2>(simd),
+            (_, 1) => self.all_rows::<S, 16, 1, 1, 1>(simd),
+            _ => self.all_rows::<S, 16, 1, 1, 2>(simd),
+        }
+    }
+}
+
+impl Job<'_> {
+    /// `N` registers make 16 lanes; tiles of `P` pixels and `C` blocks; stride `SX`.
+    #[inline(always)]
+    fn all_rows<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(self, simd: S) {
+        let Self { filter, sources, out } = self;
+        let (n_blocks, height, width) = (out.n_blocks(), out.height(), out.width());
+        let mut block = 0;
+        while block < n_blocks {
+            let many = block + C <= n_blocks;
+            for y in 0..height {
+                let mut x = 0;
+                while x + P <= width {
+                    if many {
+                        let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
+                        store::<S, N, P, C>(simd, filter, &sums, out, block, y, x);
+                    } else {
+                        let sums = tile::<S, N, P, 1, SX>(simd, filter, sources, block, y, x);
+                        store::<S, N, P, 1>(simd, filter, &sums, out, block, y, x);
+                    }
+                    x += P;
+                }
+                while x < width {
+                    if many {
+                        let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
+                        store::<S, N, 1, C>(simd, filter, &sums, out, block, y, x);
+                    } else {
+                        let sums = tile::<S, N, 1, 1, SX>(simd, filter, sources, block, y, x);
+                        store::<S, N, 1, 1>(simd, filter, &sums, out, block, y, x);
+                    }
+                    x += 1;
+                }
+            }
+            block += if many { C } else { 1 };
+        }
+    }
+}
+
+/// Sums of `P` pixels from column `x` of row `y` and `C` output blocks.
+#[inline(always)]
+fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
+    simd: S,
+    filter: &Filter,
+    sources: &[&Planes],
+    block: usize,
+    y: usize,
+    x: usize,
+) -> [[[S::f32s; N]; C]; P] {
+    let [rows, columns] = filter.shape.kernel;
+    let zero = simd.splat_f32s(0.0);
+    let mut sums = [[[zero; N]; C]; P];
+    for c in 0..C {
+        let bias = S::as_simd_f32s(filter.bias(block + c)).0;
+        for p in 0..P {
+            for n in 0..N {
+                sums[p][c][n] = bias[n];
+            }
+        }
+    }
+    let mut tap = 0;
+    for source in sources {
+        for source_block in 0..source.n_blocks() {
+            let plane = source.plane(source_block);
+            let n_channels = (source.channels() - source_block * LANES).min(LANES);
+            for row in 0..rows {
+                let first = (y + BORDER + row - rows / 2) * source.pitch() + BORDER + x * SX - columns / 2;
+                for column in 0..columns {
+                    let pixels = &plane[first + column..][..=(P - 1) * SX];
+                    let mut weights = [filter.tap(block, tap); C];
+                    for c in 1..C {
+                        weights[c] = filter.tap(block + c, tap);
+                    }
+                    for channel in 0..n_channels {
+                        let mut of_channel = [[zero; N]; C];
+                        for c in 0..C {
+                            let weights = S::as_simd_f32s(&weights[c][channel]).0;
+                            for n in 0..N {
+                                of_channel[c][n] = weights[n];
+                            }
+                        }
+                        for p in 0..P {
+                            let value = simd.splat_f32s(pixels[p * SX][channel]);
+                            for c in 0..C {
+                                for n in 0..N {
+                                    sums[p][c][n] = simd.mul_add_f32s(value, of_channel[c][n], sums[p][c][n]);
+                                }
+                            }
+                        }
+                    }
+                    tap += 1;
+                }
+            }
+        }
+    }
+    sums
+}
+
+#[inline(always)]
+fn store<S: Simd, const N: usize, const P: usize, const C: usize>(
+    simd: S,
+    filter: &Filter,
+    sums: &[[[S::f32s; N]; C]; P],
+    out: &mut Planes,
+    block: usize,
+    y: usize,
+    x: usize,
+) {
+    let zero = simd.splat_f32s(0.0);
+    for c in 0..C {
+        let pixels = &mut out.row_mut(block + c, y)[x..x + P];
+        for p in 0..P {
+            let lanes = S::as_mut_simd_f32s(&mut pixels[p]).0;
+            for n in 0..N {
+                lanes[n] = if filter.shape.rectify { simd.max_f32s(sums[p][c][n], zero) } else { sums[p][c][n] };
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! The convolution's derivatives.
+
+#![allow(
+    clippy::needless_range_loop,
+    clippy::manual_memcpy,
+    reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
+)]
+
+use super::convolution::{Filter, Shape, convolve};
+use super::planes::{BORDER, Border, Feature, LANES, Planes, blocks};
+use pulp::{Arch, Simd, WithSimd};
+
+/// Derivative by the packed filter: sums over all pixels of source times `gradient`, the derivative by the result before
+/// the rectifier. Borders of the sources must be filled.
+///
+/// # Panics
+/// If the sizes do not agree.
+pub fn weight_gradient(shape: &Shape, sources: &[&Planes], gradient: &Planes) -> Vec<Feature> {
+    assert_eq!(gradient.channels(), shape.out_channels);
+    assert!(sources.iter().all(|source| shape.out_width(source.width()) == gradient.width()));
+    let mut packed = vec![[0.0; LANES]; shape.packed_rows()];
+    Arch::new().dispatch(Job { shape, sources, gradient, packed: &mut packed });
+    packed
+}
+
+struct Job<'a> {
+    shape: &'a Shape,
+    sources: &'a [&'a Planes],
+    gradient: &'a Planes,
+    packed: &'a mut [Feature],
+}
+
+impl WithSimd for Job<'_> {
+    type Output = ();
+
+    // As many input channels at once as registers allow: 16 sums of 32 (AVX-512), 8 of 16 (AVX2).
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match S::F32_LANES {
+            16 => self.all_taps::<S, 1, 16>(simd),
+            8 => self.all_taps::<S, 2, 4>(simd),
+            4 => self.all_taps::<S, 4, 2>(simd),
+            _ => self.all_taps::<S, 16, 1>(simd),
+        }
+    }
+}
+
+impl Job<'_> {
+    #[inline(always)]
+    fn all_taps<S: Simd, const N: usize, const C: usize>(self, simd: S) {
+        let [rows, columns] = self.shape.kernel;
+        let mut at = 0;
+        for out_block in 0..self.gradient.n_blocks() {
+            for source in self.sources {
+                for block in 0..source.n_blocks() {
+                    for row in 0..rows {
+                        for column in 0..columns {
+                            let offset = [BORDER + row - rows / 2, BORDER + column - columns / 2];
+                            let part = Part { source, block, offset, stride_x: self.shape.stride_x };
+                            for first in (0..LANES).step_by(C) {
+                                let out = &mut self.packed[at + first..at + first + C];
+                                part.sum::<S, N, C>(simd, self.gradient, out_block, first, out);
+                            }
+                            at += LANES;
+                        }
+                    }
+                }
+            }
+        }
+        for out_block in 0..self.gradient.n_blocks() {
+            for y in 0..self.gradient.height() {
+                for pixel in self.gradient.row(out_block, y) {
+                    for (sum, value) in self.packed[at + out_block].iter_mut().zip(pixel) {
+                        *sum += value;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One tap of one block of a source.
+struct Part<'a> {
+    source: &'a Planes,
+    block: usize,
+    offset: [usize; 2],
+    stride_x: usize,
+}
+
+impl Part<'_> {
+    /// Sums of `C` input channels from `first` by the 16 channels of an output block.
+    #[inline(always)]
+    fn sum<S: Simd, const N: usize, const C: usize>(
+        &self,
+        simd: S,
+        gradient: &Planes,
+        out_block: usize,
+        first: usize,
+        out: &mut [Feature],
+    ) {
+        let zero = simd.splat_f32s(0.0);
+        let mut sums = [[zero; N]; C];
+        let plane = self.source.plane(self.block);
+        for y in 0..gradient.height() {
+            let row = &plane[(y + self.offset[0]) * self.source.pitch() + self.offset[1]..];
+            for (pixel, source) in gradient.row(out_block, y).iter().zip(row.iter().step_by(self.stride_x)) {
+                let pixel = S::as_simd_f32s(pixel).0;
+                let source = &source[first..first + C];
+                for c in 0..C {
+                    let value = simd.splat_f32s(source[c]);
+                    for n in 0..N {
+                        sums[c][n] = simd.mul_add_f32s(value, pixel[n], sums[c][n]);
+                    }
+                }
+            }
+        }
+        for c in 0..C {
+            let lanes = S::as_mut_simd_f32s(&mut out[c]).0;
+            for n in 0..N {
+                lanes[n] = sums[c][n];
+            }
+        }
+    }
+}
+
+/// Derivative by the sources: the convolution of `gradient` with the filter turned around. `gradient` is the derivative by
+/// the result before the rectifier; its border is filled here.
+///
+/// # Panics
+/// If the sizes do not agree.
+pub fn input_gradient(filter: &Filter, gradient: &Planes, border: Border) -> Vec<Planes> {
+    let shape = &filter.shape;
+    let mut spread = match shape.stride_x {
+        1 => gradient.clone(),
+        stride => spread_columns(gradient, stride),
+    };
+    spread.fill_border(border);
+    let [rows, columns] = shape.kernel;
+    let mut first_input = 0;
+    let of_source = |&channels: &usize| {
+        let turned = Shape {
+            kernel: shape.kernel,
+            stride_x: 1,
+            in_channels: vec![shape.out_channels],
+            out_channels: channels,
+            rectify: false,
+        };
+        let mut packed = vec![[0.0; LANES]; turned.packed_rows()];
+        for out in 0..shape.out_channels {
+            for input in 0..channels {
+                for row in 0..rows {
+                    for column in 0..columns {
+                        let weight = filter.weight(out, first_input + input, [row, column]);
+                        let (at, lane) = turned.place(input, out, [rows - 1 - row, columns - 1 - column]);
+                        packed[at][lane] = weight;
+                    }
+                }
+            }
+        }
+        first_input += channels;
+        let mut result = Planes::zeros(channels, spread.height(), spread.width());
+        convolve(&Filter::from_packed(turned, packed), &[&spread], &mut result);
+        result
+    };
+    shape.in_channels.iter().map(of_source).collect()
+}
+
+/// Zeros between the columns, where a stride made no result.
+fn spread_columns(gradient: &Planes, stride: usize) -> Planes {
+    let mut spread = Planes::zeros(gradient.channels(), gradient.height(), gradient.width() * stride);
+    for block in 0..blocks(gradient.channels()) {
+        for y in 0..gradient.height() {
+            let places = spread.row_mut(block, y).iter_mut().step_by(stride);
+            places.zip(gradient.row(block, y)).for_each(|(place, pixel)| *place = *pixel);
+        }
+    }
+    spread
+}

@@ -1,0 +1,236 @@
+//! How well predicted classes agree with the truth: precision, recall, IoU, mIoU, overall accuracy (thesis tables 6.4 to
+//! 6.10), always from one pooled confusion matrix.
+
+use serde::Serialize;
+use std::fmt::Write;
+
+/// How often class `truth` was taken for class `predicted`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Confusion {
+    n_classes: usize,
+    counts: Vec<u64>,
+}
+
+/// Scores of one class, 0 to 1; `None` where the ratio is 0 / 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ClassScores {
+    /// Of the points that are predicted so, the share that are so.
+    pub precision: Option<f64>,
+    /// Of the points that are so, the share that are predicted so.
+    pub recall: Option<f64>,
+    /// Intersection over union of the two sets.
+    pub iou: Option<f64>,
+    /// Points that are so.
+    pub n_truth: u64,
+    /// Points that are predicted so.
+    pub n_predicted: u64,
+}
+
+impl Confusion {
+    /// Without any points.
+    pub fn new(n_classes: usize) -> Self {
+        Self { n_classes, counts: vec![0; n_classes * n_classes] }
+    }
+    /// Counts one point.
+    ///
+    /// # Panics
+    /// If a class is not below the number of classes.
+    pub fn add(&mut self, truth: usize, predicted: usize) {
+        assert!(truth < self.n_classes && predicted < self.n_classes, "class {truth} or {predicted}");
+        self.counts[truth * self.n_classes + predicted] += 1;
+    }
+    /// Adds the points of another.
+    ///
+    /// # Panics
+    /// If it has another number of classes.
+    pub fn merge(&mut self, other: &Self) {
+        assert_eq!(self.n_classes, other.n_classes);
+        self.counts.iter_mut().zip(&other.counts).for_each(|(sum, n)| *sum += n);
+    }
+    /// The same points with other classes: what `class_of` makes of truth and prediction alike.
+    #[must_use]
+    pub fn merged(&self, class_of: impl Fn(usize) -> usize) -> Self {
+        let mut merged = Self::new(self.n_classes);
+        for truth in 0..self.n_classes {
+            for predicted in 0..self.n_classes {
+                merged.counts[class_of(truth) * self.n_classes + class_of(predicted)] += self.count(truth, predicted);
+            }
+        }
+        merged
+    }
+    /// Points of a class taken for another.
+    pub fn count(&self, truth: usize, predicted: usize) -> u64 {
+        self.counts[truth * self.n_classes + predicted]
+    }
+    /// All points.
+    pub fn n(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+    /// Scores of one class.
+    pub fn class(&self, class: usize) -> ClassScores {
+        let n_truth: u64 = (0..self.n_classes).map(|other| self.count(class, other)).sum();
+        let n_predicted: u64 = (0..self.n_classes).map(|other| self.count(other, class)).sum();
+        let hits = self.count(class, class);
+        let share = |n: u64| (n > 0).then(|| hits as f64 / n as f64);
+        ClassScores {
+            precision: share(n_predicted),
+            recall: share(n_truth),
+            iou: share(n_truth + n_predicted - hits),
+            n_truth,
+            n_predicted,
+        }
+    }
+    /// Mean IoU of the classes that occur in truth; `None` if none does.
+    pub fn mean_iou(&self) -> Option<f64> {
+        let present = (0..self.n_classes).map(|class| self.class(class)).filter(|scores| scores.n_truth > 0);
+        let ious: Vec<f64> = present.filter_map(|scores| scores.iou).collect();
+        (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64)
+    }
+    /// Share of the points whose class is right; `None` without points.
+    pub fn overall_accuracy(&self) -> Option<f64> {
+        let hits: u64 = (0..self.n_classes).map(|class| self.count(class, class)).sum();
+        (self.n() > 0).then(|| hits as f64 / self.n() as f64)
+    }
+}
+
+/// Confusions of several clouds with the names of their classes, for writing.
+#[derive(Clone, Debug)]
+pub struct ScoreTable {
+    /// By class.
+    pub names: Vec<String>,
+    /// Name and confusion of each cloud.
+    pub clouds: Vec<(String, Confusion)>,
+}
+
+#[derive(Serialize)]
+struct JsonCloud<'a> {
+    cloud: &'a str,
+    n_points: u64,
+    mean_iou: Option<f64>,
+    overall_accuracy: Option<f64>,
+    classes: Vec<JsonClass<'a>>,
+    /// Rows are truth, columns predictions, in the order of `classes`.
+    confusion: Vec<Vec<u64>>,
+}
+
+#[derive(Serialize)]
+struct JsonClass<'a> {
+    class: &'a str,
+    #[serde(flatten)]
+    scores: ClassScores,
+}
+
+impl ScoreTable {
+    /// All clouds as one.
+    pub fn overall(&self) -> Confusion {
+        let mut sum = Confusion::new(self.names.len());
+        self.clouds.iter().for_each(|(_, confusion)| sum.merge(confusion));
+        sum
+    }
+    fn with_overall(&self) -> Vec<(String, Confusion)> {
+        let overall = (self.clouds.len() != 1).then(|| ("overall".to_owned(), self.overall()));
+        self.clouds.iter().cloned().chain(overall).collect()
+    }
+    /// Classes that occur in truth or prediction of a confusion.
+    fn occurring<'a>(&'a self, confusion: &'a Confusion) -> impl Iterator<Item = (&'a str, ClassScores)> {
+        let scores = self.names.iter().enumerate().map(|(class, name)| (name.as_str(), confusion.class(class)));
+        scores.filter(|(_, scores)| scores.n_truth + scores.n_predicted > 0)
+    }
+    /// One table for each cloud and one for all of them; percent.
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for (name, confusion) in self.with_overall() {
+            let _ = writeln!(text, "### {name}\n\n| class | points | P | R | IoU |\n|---|---|---|---|---|");
+            for (class, scores) in self.occurring(&confusion) {
+                let [p, r, iou] = [scores.precision, scores.recall, scores.iou].map(percent);
+                let _ = writeln!(text, "| {class} | {} | {p} | {r} | {iou} |", scores.n_truth);
+            }
+            let (mean, accuracy) = (percent(confusion.mean_iou()), percent(confusion.overall_accuracy()));
+            let _ = writeln!(text, "| **mIoU** | {} | | | **{mean}** |", confusion.n());
+            let _ = writeln!(text, "| **OA** | | | | **{accuracy}** |\n");
+        }
+        text
+    }
+    /// One line for each cloud and class; shares of 1.
+    pub fn csv(&self) -> String {
+        let mut text = String::from("cloud,class,n_truth,n_predicted,precision,recall,iou\n");
+        let number = |share: Option<f64>| share.map_or_else(String::new, |share| share.to_string());
+        for (name, confusion) in self.with_overall() {
+            for (class, s) in self.occurring(&confusion) {
+                let [p, r, iou] = [s.precision, s.recall, s.iou].map(number);
+                let _ = writeln!(text, "{name},{class},{},{},{p},{r},{iou}", s.n_truth, s.n_predicted);
+            }
+        }
+        text
+    }
+    /// Everything, confusion matrices too.
+    pub fn json(&self) -> serde_json::Value {
+        let clouds = self.with_overall();
+        let of_cloud = |(name, confusion): &(String, Confusion)| {
+            let scores = self.names.iter().enumerate();
+            let cloud = JsonCloud {
+                cloud: name,
+                n_points: confusion.n(),
+                mean_iou: confusion.mean_iou(),
+                overall_accuracy: confusion.overall_accuracy(),
+                classes: scores.map(|(i, class)| JsonClass { class, scores: confusion.class(i) }).collect(),
+                confusion: confusion.counts.chunks(self.names.len().max(1)).map(<[u64]>::to_vec).collect(),
+            };
+            serde_json::to_value(cloud).expect("numbers and names are JSON")
+        };
+        serde_json::Value::Array(clouds.iter().map(of_cloud).collect())
+    }
+}
+
+fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth a a a b b, predicted a a b b c.
+    fn small() -> Confusion {
+        let mut confusion = Confusion::new(4);
+        for (truth, predicted) in [(0, 0), (0, 0), (0, 1), (1, 1), (1, 2)] {
+            confusion.add(truth, predicted);
+        }
+        confusion
+    }
+
+    #[test]
+    fn scores_of_a_case_done_by_hand() {
+        let confusion = small();
+        let a = confusion.class(0);
+        assert_eq!((a.precision, a.recall, a.iou), (Some(1.0), Some(2.0 / 3.0), Some(2.0 / 3.0)));
+        let b = confusion.class(1);
+        assert_eq!((b.precision, b.recall, b.iou), (Some(0.5), Some(0.5), Some(1.0 / 3.0)));
+        let c = confusion.class(2);
+        assert_eq!((c.precision, c.recall, c.iou), (Some(0.0), None, Some(0.0)));
+        assert_eq!(confusion.class(3).iou, None);
+        // c is only predicted: it costs precision of others, not a zero of its own.
+        assert_eq!(confusion.mean_iou(), Some((2.0 / 3.0 + 1.0 / 3.0) / 2.0));
+        assert_eq!(confusion.overall_accuracy(), Some(0.6));
+        assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
+    }
+
+    #[test]
+    fn merged_classes_are_not_confused_with_each_other() {
+        let merged = small().merged(|class| class.min(1));
+        assert_eq!((merged.count(0, 0), merged.count(0, 1), merged.count(1, 1), merged.n()), (2, 1, 2, 5));
+    }
+
+    #[test]
+    fn clouds_are_pooled_not_averaged() {
+        let mut other = Confusion::new(4);
+        (0..95).for_each(|_| other.add(0, 0));
+        let names = ["a", "b", "c", "d"].map(str::to_owned).to_vec();
+        let table = ScoreTable { names, clouds: vec![("one".into(), small()), ("two".into(), other)] };
+        assert_eq!(table.overall().overall_accuracy(), Some(0.98));
+        assert!(table.markdown().contains("### overall"));
+        assert!(table.markdown().contains("| a | 98 | 100.0 % | 99.0 % | 99.0 % |"), "{}", table.markdown());
+        assert!(table.csv().contains("one,b,2,2,0.5,0.5,0.3333333333333333\n"), "{}", table.csv());
+        assert_eq!(table.json()[2]["confusion"][0][0], 97);
+    }
+}

@@ -1,0 +1,14 @@
+//! Segmentation of sweeps as range images: a network on each sweep's image, back-projection to its points, and the votes of
+//! all sweeps of a submap (thesis section 6.3.2).
+
+pub mod back_projection;
+mod features;
+mod model;
+mod polar_image;
+mod sweeps;
+mod votes;
+
+pub use features::{FEATURES, N_FEATURES, features};
+pub use model::{ARCHITECTURE, Settings, SphericalModel, VERSION};
+pub use polar_image::{PolarImage, PolarPixel};
+pub use sweeps::{Sweep, sweeps};

@@ -1,0 +1,231 @@
+//! Training: batches from a data set, Adam, validation, patience, checkpoints that resume exactly.
+
+mod adam;
+mod checkpoint;
+mod curves;
+mod evaluation;
+
+pub use adam::Adam;
+pub use curves::{Curves, Epoch};
+
+use crate::engine::{Border, Feature, LANES, Planes};
+use crate::losses::{Hierarchy, Loss};
+use crate::network::{Tape, Variables, Weights};
+use crate::tape::rows_from_image;
+use crate::{LearningError, Random};
+use candle_core::{Device, Tensor};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Truth of a pixel that counts nowhere.
+pub const UNKNOWN: u8 = u8::MAX;
+
+/// What a network learns from at a time.
+pub struct Example {
+    /// The input, `fold` columns of the truth to one of the network.
+    pub input: Planes,
+    /// Class by row and column, [`UNKNOWN`] where it is not known; `fold` times as many columns as the input.
+    pub truth: Vec<u8>,
+}
+
+/// Examples, all of one size.
+pub trait Dataset: Sync {
+    /// How many.
+    fn len(&self) -> usize;
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// One of them; augmented with these random numbers if there are any.
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example;
+}
+
+/// How to train.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainSettings {
+    /// Of the first weights, the order of the examples, and augmentation.
+    pub seed: u64,
+    /// Passes over the data at most.
+    pub epochs: usize,
+    /// Examples per step.
+    pub batch: usize,
+    /// Of Adam at the begin; falls with half a cosine to a hundredth at the last epoch.
+    pub learning_rate: f64,
+    /// Ends when validation has not become better for so many epochs.
+    pub patience: usize,
+    /// What is made small.
+    pub loss: Loss,
+    /// Whether the loss is taken on the class tree of thesis figure 6.11, too.
+    #[serde(default)]
+    pub hierarchy: bool,
+    /// Pixels per step that the loss looks at, drawn from those whose truth is known; 0 for all.
+    #[serde(default)]
+    pub pixels: usize,
+}
+
+impl TrainSettings {
+    /// The rule that is broken, if one is.
+    pub fn problem(&self) -> Option<String> {
+        let rules = [
+            ((1..=100_000).contains(&self.epochs), format!("epochs = {}, must be 1 to 100000", self.epochs)),
+            ((1..=1024).contains(&self.batch), format!("batch = {}, must be 1 to 1024", self.batch)),
+            (
+                self.learning_rate > 0.0 && self.learning_rate <= 1.0,
+                format!("learning_rate = {}, must be above 0 and at most 1", self.learning_rate),
+            ),
+            (self.patience > 0, format!("patience = {}, must be at least 1", self.patience)),
+        ];
+        rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text)
+    }
+}
+
+/// What is being trained.
+pub struct Trainer {
+    settings: TrainSettings,
+    /// Classes of a pixel.
+    n_classes: usize,
+    fold: usize,
+    border: Border,
+    tree: Option<Hierarchy>,
+    variables: Variables,
+    adam: Adam,
+    curves: Curves,
+    best: Weights,
+    /// Names begin with one of these: those variables are not changed.
+    frozen: Vec<String>,
+}
+
+/// Batches of a pass that are done, and all.
+pub type Progress<'a> = &'a mut dyn FnMut(usize, usize);
+
+impl Trainer {
+    /// From first variables. `fold` columns of truth belong to one of the network; `tree` is used if the settings ask for it.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn new(
+        settings: TrainSettings,
+        variables: Variables,
+        (n_classes, fold): (usize, usize),
+        border: Border,
+        tree: Hierarchy,
+    ) -> Result<Self, LearningError> {
+        let best = variables.weights()?;
+        let tree = settings.hierarchy.then_some(tree);
+        let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
+        Ok(Self { settings, n_classes, fold, border, tree, variables, adam, curves, best, frozen: Vec::new() })
+    }
+    /// Leaves variables alone whose names begin so: `["down."]` trains the way up alone.
+    pub fn freeze(&mut self, prefixes: Vec<String>) {
+        self.frozen = prefixes;
+    }
+    /// What was measured after each pass.
+    pub fn curves(&self) -> &Curves {
+        &self.curves
+    }
+    /// The weights that were best in validation.
+    pub fn best(&self) -> &Weights {
+        &self.best
+    }
+    /// The same with the best weights in place of the last, for scoring.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn best_trainer(&self) -> Result<Self, LearningError> {
+        let variables = Variables::from_weights(self.variables.spec(), &self.best)?;
+        let tree = self.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; self.n_classes]));
+        Self::new(self.settings.clone(), variables, (self.n_classes, self.fold), self.border, tree)
+    }
+    /// Whether all passes are done, or validation has not become better for too long.
+    pub fn is_done(&self) -> bool {
+        let done = self.curves.epochs.len();
+        let since_best = self.curves.best().map_or(0, |(epoch, _)| done - 1 - epoch);
+        done >= self.settings.epochs || since_best >= self.settings.patience
+    }
+    /// One pass over the data and one over the validation set.
+    ///
+    /// # Errors
+    /// If the data does not fit the network.
+    pub fn epoch(
+        &mut self,
+        data: &dyn Dataset,
+        validation: &dyn Dataset,
+        progress: Progress<'_>,
+    ) -> Result<(), LearningError> {
+        let epoch = self.curves.epochs.len();
+        self.adam.rate = self.learning_rate(epoch);
+        let order = Random::new(self.settings.seed, 1 + 2 * epoch as u64).order(data.len());
+        let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
+        let mut sum = 0.0;
+        for (i, batch) in batches.iter().enumerate() {
+            let random = |index: usize| Random::new(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
+            let examples: Vec<Example> =
+                batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
+            sum += self.step(&examples, Random::new(self.settings.seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
+            progress(i + 1, batches.len());
+        }
+        let (validation_loss, confusion) = self.evaluate(validation)?;
+        let mean_iou = confusion.mean_iou().unwrap_or(0.0);
+        let accuracy = confusion.overall_accuracy().unwrap_or(0.0);
+        let is_best = self.curves.best().is_none_or(|(_, best)| mean_iou > best);
+        let loss = sum / batches.len().max(1) as f64;
+        self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
+        if is_best {
+            self.best = self.variables.weights()?;
+        }
+        Ok(())
+    }
+    fn learning_rate(&self, epoch: usize) -> f64 {
+        let share = epoch as f64 / self.settings.epochs as f64;
+        let fall = 0.5 * (1.0 + (std::f64::consts::PI * share).cos());
+        self.settings.learning_rate * (0.01 + 0.99 * fall)
+    }
+    /// One change of the variables; the loss before it.
+    fn step(&mut self, examples: &[Example], mut random: Random) -> Result<f64, LearningError> {
+        let truth: Vec<u8> = examples.iter().flat_map(|example| example.truth.iter().copied()).collect();
+        let mut known: Vec<u32> = (0..truth.len() as u32).filter(|&i| truth[i as usize] != UNKNOWN).collect();
+        if known.is_empty() {
+            return Ok(0.0);
+        }
+        let wanted = self.settings.pixels;
+        if wanted > 0 && wanted < known.len() {
+            for i in 0..wanted {
+                let other = i + random.index(known.len() - i);
+                known.swap(i, other);
+            }
+            known.truncate(wanted);
+        }
+        let logits = self.logits(examples, Some(random))?;
+        let logits = logits.index_select(&Tensor::new(known.as_slice(), &Device::Cpu)?, 0)?;
+        let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
+        let loss = self.loss_of_logits(&logits, &classes)?;
+        let gradients = loss.backward()?;
+        self.adam.step(&self.variables, &gradients, &self.frozen)?;
+        Ok(f64::from(loss.to_scalar::<f32>()?))
+    }
+    /// Logits by pixel, rows of the classes.
+    fn logits(&self, examples: &[Example], dropout: Option<Random>) -> Result<Tensor, LearningError> {
+        let first = &examples[0].input;
+        let (channels, blocks) = (first.channels(), first.n_blocks());
+        let pixels: Vec<Feature> = examples.iter().flat_map(|example| example.input.to_inner()).collect();
+        let dims = (examples.len(), blocks, first.height(), first.width(), LANES);
+        debug_assert_eq!(channels.div_ceil(LANES), blocks);
+        let input = Tensor::from_vec(pixels.into_flattened(), dims, &Device::Cpu)?;
+        let out = Tape::new(&self.variables, self.border, dropout).run(input)?;
+        let rows = rows_from_image(&out, self.fold * self.n_classes)?;
+        Ok(rows.reshape(((), self.n_classes))?)
+    }
+    /// Against the class of every row.
+    fn loss_of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, LearningError> {
+        let mut y = vec![0.0_f32; classes.len() * self.n_classes];
+        for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
+            row[usize::from(class)] = 1.0;
+        }
+        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), &Device::Cpu)?;
+        Ok(match &self.tree {
+            Some(tree) => self.settings.loss.of_hierarchy(logits, &y, tree)?,
+            None => self.settings.loss.of_logits(logits, &y)?,
+        })
+    }
+}

@@ -1,0 +1,83 @@
+//! The state of training as a file: a run that was cut off goes on as if it had not been.
+
+use super::{Curves, TrainSettings, Trainer};
+use crate::LearningError;
+use crate::model_file::{self, ModelFile};
+use crate::network::{NetworkSpec, Weights};
+use candle_core::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const ARCHITECTURE: &str = "checkpoint";
+const VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct State {
+    settings: TrainSettings,
+    network: NetworkSpec,
+    steps: u64,
+    curves: Curves,
+}
+
+impl Trainer {
+    /// The bytes of a checkpoint after the last pass.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn checkpoint(&self) -> Result<Vec<u8>, LearningError> {
+        let mut tensors: BTreeMap<String, Tensor> = BTreeMap::new();
+        for (name, var) in self.variables.iter() {
+            tensors.insert(format!("variable.{name}"), var.as_tensor().clone());
+            if let Some(means) = self.adam.means.get(name) {
+                for (kind, values) in ["mean", "square"].into_iter().zip(means) {
+                    tensors.insert(format!("{kind}.{name}"), Tensor::from_slice(values, var.shape(), &Device::Cpu)?);
+                }
+            }
+        }
+        for (name, (shape, values)) in &self.best.tensors {
+            tensors.insert(format!("best.{name}"), Tensor::from_slice(values, shape.as_slice(), &Device::Cpu)?);
+        }
+        let state = State {
+            settings: self.settings.clone(),
+            network: self.variables.spec().clone(),
+            steps: self.adam.steps,
+            curves: self.curves.clone(),
+        };
+        let borrowed = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.clone())).collect();
+        model_file::encode(ARCHITECTURE, VERSION, &state, borrowed)
+    }
+
+    /// Goes on from a checkpoint of the same settings and network.
+    ///
+    /// # Errors
+    /// If it is of others, or no whole checkpoint.
+    pub fn resume(&mut self, path: &Path) -> Result<(), LearningError> {
+        let file = ModelFile::read(path)?;
+        file.expect_version(VERSION)?;
+        let card = |reason: &str| LearningError::Card { path: path.into(), reason: reason.to_owned() };
+        if file.card.architecture != ARCHITECTURE {
+            return Err(card("is a model, not a checkpoint"));
+        }
+        let state: State = file.settings()?;
+        if state.settings != self.settings || &state.network != self.variables.spec() {
+            return Err(card("is the checkpoint of another recipe; train into another folder or remove it"));
+        }
+        let mut means = BTreeMap::new();
+        for (name, var) in self.variables.iter() {
+            let shape = var.dims();
+            self.variables.set(name, file.tensor(&format!("variable.{name}"), shape)?, shape)?;
+            if state.steps > 0 && !self.frozen.iter().any(|prefix| name.starts_with(prefix)) {
+                let [mean, square] = ["mean", "square"].map(|kind| file.tensor(&format!("{kind}.{name}"), shape));
+                means.insert(name.to_owned(), [mean?, square?]);
+            }
+        }
+        let mut best = Weights::default();
+        for (name, (shape, _)) in &self.best.tensors {
+            best.tensors.insert(name.clone(), (shape.clone(), file.tensor(&format!("best.{name}"), shape)?));
+        }
+        (self.best, self.curves, self.adam.steps, self.adam.means) = (best, state.curves, state.steps, means);
+        Ok(())
+    }
+}

@@ -1,0 +1,178 @@
+//! Losses against their formulas and against finite differences of themselves.
+
+mod support;
+
+use candle_core::{Device, Tensor, Var};
+use learning::losses::{Hierarchy, Loss};
+use messages::ClassId;
+use support::Random;
+
+const CLASSES: usize = 6;
+
+fn all() -> Vec<Loss> {
+    vec![
+        Loss::CrossEntropy,
+        Loss::WeightedCrossEntropy { weights: vec![1.0, 2.0, 0.5, 4.0, 1.5, 0.7] },
+        Loss::Focal { gamma: 2.0 },
+        Loss::Dice,
+        Loss::Tversky { alpha: 0.3, beta: 0.7 },
+        Loss::Jaccard,
+        Loss::PowerJaccard { power: 1.5 },
+        Loss::PowerJaccard { power: 2.0 },
+        Loss::CrossEntropyPowerJaccard { power: 1.75 },
+    ]
+}
+
+/// Logits and truth of 40 pixels, every eighth without truth.
+fn pixels(random: &mut Random) -> (Vec<f64>, Vec<f64>) {
+    let logits = (0..40 * CLASSES).map(|_| f64::from(random.between(-3.0, 3.0))).collect();
+    let class: Vec<usize> = (0..40).map(|_| (random.uniform() * CLASSES as f32) as usize).collect();
+    let truth = |i: usize| f64::from(u8::from(i / CLASSES % 8 != 0 && class[i / CLASSES] == i % CLASSES));
+    (logits, (0..40 * CLASSES).map(truth).collect())
+}
+
+fn matrix(values: &[f64]) -> Tensor {
+    Tensor::from_slice(values, (values.len() / CLASSES, CLASSES), &Device::Cpu).expect("a matrix")
+}
+
+fn value(loss: &Tensor) -> f64 {
+    loss.to_scalar::<f64>().expect("a number")
+}
+
+/// Largest difference of the derivative from central differences, over all logits.
+fn gradient_error(of: &dyn Fn(&Tensor, &Tensor) -> Tensor, logits: &[f64], truth: &[f64]) -> (f64, f64) {
+    let truth = matrix(truth);
+    let var = Var::from_tensor(&matrix(logits)).expect("a variable");
+    let gradients = of(var.as_tensor(), &truth).backward().expect("derives");
+    let gradient = gradients.get(&var).expect("a derivative").flatten_all().expect("flat");
+    let gradient = gradient.to_vec1::<f64>().expect("numbers");
+    let step = 1e-5;
+    let mut worst = 0.0_f64;
+    for (i, got) in gradient.iter().enumerate() {
+        let moved = |by: f64| {
+            let mut logits = logits.to_vec();
+            logits[i] += by;
+            value(&of(&matrix(&logits), &truth))
+        };
+        worst = worst.max((got - (moved(step) - moved(-step)) / (2.0 * step)).abs());
+    }
+    (worst, gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs())))
+}
+
+#[test]
+fn derivatives_are_those_of_finite_differences() {
+    let (logits, truth) = pixels(&mut Random(1));
+    let tree = Hierarchy::new(vec![0, 0, 1, 1, 2, 3]);
+    for loss in all() {
+        let flat = |logits: &Tensor, y: &Tensor| loss.of_logits(logits, y).expect("a loss");
+        let deep = |logits: &Tensor, y: &Tensor| loss.of_hierarchy(logits, y, &tree).expect("a loss");
+        for (error, size) in [gradient_error(&flat, &logits, &truth), gradient_error(&deep, &logits, &truth)] {
+            assert!(size > 1e-3, "{loss:?}: no derivative");
+            assert!(error < 1e-8, "{loss:?}: off by {error} of {size}");
+        }
+    }
+}
+
+#[test]
+fn pixels_without_truth_count_nowhere() {
+    let (logits, truth) = pixels(&mut Random(2));
+    let tree = Hierarchy::new(vec![0, 0, 1, 1, 2, 3]);
+    let mut other = logits.clone();
+    for (i, logit) in other.iter_mut().enumerate() {
+        if i / CLASSES % 8 == 0 {
+            *logit = -*logit + 1.0;
+        }
+    }
+    for loss in all() {
+        let of = |logits: &[f64]| value(&loss.of_hierarchy(&matrix(logits), &matrix(&truth), &tree).expect("a loss"));
+        assert!((of(&logits) - of(&other)).abs() < 1e-12, "{loss:?}");
+    }
+}
+
+#[test]
+fn the_truth_costs_less_than_any_other_answer() {
+    let (_, truth) = pixels(&mut Random(3));
+    let sure: Vec<f64> = truth.iter().map(|y| 40.0 * y).collect();
+    let wrong: Vec<f64> =
+        sure.iter().enumerate().map(|(i, _)| sure[i / CLASSES * CLASSES + (i + 1) % CLASSES]).collect();
+    for loss in all() {
+        let of = |logits: &[f64]| value(&loss.of_logits(&matrix(logits), &matrix(&truth)).expect("a loss"));
+        let (best, unsure, worst) = (of(&sure), of(&vec![0.0; sure.len()]), of(&wrong));
+        assert!(best.abs() < 1e-3, "{loss:?}: {best}");
+        assert!(best < unsure && unsure < worst, "{loss:?}: {best} {unsure} {worst}");
+    }
+}
+
+#[test]
+fn losses_that_are_special_cases_of_one_another_agree() {
+    let (logits, truth) = pixels(&mut Random(4));
+    let of = |loss: Loss| value(&loss.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss"));
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+    near(of(Loss::PowerJaccard { power: 1.0 }), of(Loss::Jaccard));
+    near(of(Loss::Tversky { alpha: 1.0, beta: 1.0 }), of(Loss::Jaccard));
+    near(of(Loss::Tversky { alpha: 0.5, beta: 0.5 }), of(Loss::Dice));
+    near(of(Loss::Focal { gamma: 0.0 }), of(Loss::CrossEntropy));
+    near(of(Loss::WeightedCrossEntropy { weights: vec![3.0; CLASSES] }), of(Loss::CrossEntropy));
+    let both = of(Loss::CrossEntropy) + of(Loss::PowerJaccard { power: 1.5 });
+    near(of(Loss::CrossEntropyPowerJaccard { power: 1.5 }), both);
+}
+
+/// Thesis section 5.5.3: where J_p of one class is least, over many pixels of that class that all get probability p.
+fn least_at(power: f64) -> f64 {
+    let n = 100_000.0;
+    let loss = |p: f64| {
+        // 100 000 pixels make the loss' own epsilon, one pixel, vanish; two classes, of which one is never true.
+        let both = n * p;
+        1.0 - (both + 1.0) / (n + n * p.powf(power) - both + 1.0)
+    };
+    let at = |i: u32| f64::from(i) / 10_000.0;
+    (0..=10_000).map(at).min_by(|a, b| loss(*a).total_cmp(&loss(*b))).expect("not empty")
+}
+
+#[test]
+fn power_jaccard_has_its_minimum_where_the_thesis_says() {
+    for power in [1.25, 1.5, 1.75, 2.0] {
+        assert!((least_at(power) - 1.0).abs() < 1e-3, "{power}: {}", least_at(power));
+    }
+    for power in [2.5_f64, 3.0, 5.0] {
+        let expected = (1.0 / (power - 1.0)).powf(1.0 / power);
+        assert!((least_at(power) - expected).abs() < 1e-3, "{power}: {} for {expected}", least_at(power));
+        assert!(expected < 0.96);
+    }
+}
+
+/// The same on the loss itself: with a power above 2 being sure of the truth costs more than being nearly sure.
+#[test]
+fn powers_above_two_punish_certainty() {
+    let n = 4000;
+    let truth: Vec<f64> =
+        (0..n).flat_map(|i| (0..CLASSES).map(move |c| f64::from(u8::from(c == i % CLASSES)))).collect();
+    let of = |power: f64, logit: f64| {
+        let logits: Vec<f64> = truth.iter().map(|y| logit * y).collect();
+        value(&Loss::PowerJaccard { power }.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss"))
+    };
+    let (nearly, sure) = (4.0, 40.0);
+    assert!(of(3.0, nearly) < of(3.0, sure));
+    assert!(of(2.0, nearly) > of(2.0, sure));
+    assert!(of(1.5, nearly) > of(1.5, sure));
+}
+
+#[test]
+fn the_tree_is_that_of_figure_6_11() {
+    use ClassId::{Building, Pole, Road, RoadLine, TrafficLight, Vegetation};
+    let node = Hierarchy::node_name;
+    assert_eq!((node(Road), node(RoadLine)), (Some("rideable"), Some("rideable")));
+    assert_eq!((node(Pole), node(TrafficLight)), (Some("vertical"), Some("vertical")));
+    assert_eq!(node(ClassId::Unlabeled), None);
+    let n_in_tree = ClassId::ALL.iter().filter(|class| node(**class).is_some()).count();
+    assert_eq!(n_in_tree, 19);
+    // Confusing siblings costs less than confusing strangers.
+    let classes = [Road, RoadLine, Building, Vegetation, Pole, TrafficLight];
+    let tree = Hierarchy::of_classes(&classes);
+    let truth = matrix(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let cost = |said: usize| {
+        let logits: Vec<f64> = (0..CLASSES).map(|c| if c == said { 9.0 } else { 0.0 }).collect();
+        value(&Loss::CrossEntropy.of_hierarchy(&matrix(&logits), &truth, &tree).expect("a loss"))
+    };
+    assert!(cost(0) < cost(1) && cost(1) + 1.0 < cost(2));
+}

@@ -1,0 +1,186 @@
+//! Models of range images: what a submap gives back, which files are refused, and that threads do not show.
+
+mod support;
+
+use learning::network::{NetworkSpec, Variables, Weights};
+use learning::spherical::{N_FEATURES, Settings, SphericalModel, sweeps};
+use learning::{Cloud, LearningError, Segmenter};
+use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use std::path::PathBuf;
+use support::Random;
+
+const RINGS: u8 = 16;
+const FIRINGS: u32 = 512;
+
+fn settings() -> Settings {
+    let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
+    let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16] };
+    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0 }
+}
+
+fn weights(settings: &Settings) -> Weights {
+    Variables::random(&settings.network, 1).and_then(|variables| variables.weights()).expect("weights")
+}
+
+fn file_of(settings: &Settings, weights: &Weights) -> Vec<u8> {
+    settings.to_bytes(weights).expect("encodes")
+}
+
+fn load(bytes: &[u8]) -> Result<SphericalModel, LearningError> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path: PathBuf = folder.path().join("model.safetensors");
+    std::fs::write(&path, bytes).expect("writes");
+    SphericalModel::load(&path).map(|(model, _)| model)
+}
+
+/// Two sweeps of a sensor that drives 1 m in each; the rays as they were cast.
+fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
+    let mut random = Random(8);
+    let mut header: Box<SubmapHeader> = Box::default();
+    (header.n_rings, header.n_sweeps) = (u32::from(RINGS), 2);
+    let (mut points, mut rays) = (Vec::new(), Vec::new());
+    for sweep in 0..2_u16 {
+        let begin_x = f32::from(sweep);
+        let first_point = points.len() as u32;
+        for firing in 0..FIRINGS {
+            for ring in 0..RINGS {
+                if random.uniform() < 0.2 {
+                    continue;
+                }
+                let (azimuth, up) =
+                    ((firing as f32 + 0.5) / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
+                let (sin, cos) = azimuth.to_radians().sin_cos();
+                let range = random.between(3.0, 40.0);
+                let ray = [up.cos() * cos, -up.cos() * sin, up.sin()].map(|v| v * range);
+                let offset_nanos = firing * 195_000;
+                let x0 = begin_x + offset_nanos as f32 / 1e8;
+                points.push(SubmapPoint {
+                    x: x0 + ray[0],
+                    y: ray[1],
+                    z: ray[2],
+                    offset_nanos,
+                    azimuth: (azimuth * 100.0).round() as u16,
+                    ring,
+                    sweep_idx: sweep,
+                    intensity: 1 + ring,
+                    ..SubmapPoint::default()
+                });
+                rays.push(ray);
+            }
+        }
+        let pose = |x: f32| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        header.sweeps[usize::from(sweep)] = SubmapSweep {
+            duration_nanos: 100_000_000,
+            first_point,
+            n_points: points.len() as u32 - first_point,
+            submap_from_lidar_begin: pose(begin_x),
+            submap_from_lidar_end: pose(begin_x + 1.0),
+            ..SubmapSweep::default()
+        };
+    }
+    (header, points, rays)
+}
+
+#[test]
+fn every_sweep_of_a_submap_comes_back_exactly() {
+    let (header, points, rays) = submap();
+    let cloud = Cloud { header: &header, points: &points, colors: None };
+    let heights: Vec<f32> = (0..points.len()).map(|i| i as f32).collect();
+    let images = sweeps(&cloud, FIRINGS as usize, &heights);
+    assert_eq!(images.len(), 2);
+    let mut n_pixels = 0;
+    for sweep in &images {
+        assert_eq!(sweep.image.collision_rate(), 0.0);
+        for (index, point) in points[sweep.points.clone()].iter().enumerate() {
+            let firing = (u64::from(point.offset_nanos) / 195_000) as usize;
+            let row = usize::from(RINGS - 1 - point.ring);
+            assert_eq!(sweep.image.pixel_of_point[index] as usize, row * FIRINGS as usize + firing);
+            let pixel = &sweep.polar.pixels[row * FIRINGS as usize + firing];
+            let ray = rays[sweep.points.start + index];
+            assert!((0..3).all(|i| (pixel.ray[i] - ray[i]).abs() < 1e-4), "{:?} for {ray:?}", pixel.ray);
+            assert_eq!((pixel.height_m, pixel.intensity), ((sweep.points.start + index) as f32, point.intensity));
+        }
+        n_pixels += sweep.polar.pixels.iter().filter(|pixel| pixel.is_valid()).count();
+    }
+    assert_eq!(n_pixels, points.len());
+}
+
+#[test]
+fn threads_and_other_points_order_of_work_do_not_show() {
+    let settings = settings();
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    let (header, points, _) = submap();
+    let classes = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let mut classes = vec![ClassRow::default(); points.len()];
+        let cloud = Cloud { header: &header, points: &points, colors: None };
+        let report = pool.install(|| model.segment(&cloud, &mut classes)).expect("segments");
+        assert_eq!(report.n_unseen, 0);
+        classes
+    };
+    let one = classes(1);
+    assert_eq!(one, classes(3));
+    let known = [ClassId::Road, ClassId::Building, ClassId::Vehicles].map(|class| class as u8);
+    assert!(one.iter().all(|row| known.contains(&row.class_id) && row.score >= 84), "one of three has a third");
+    let n_of = |class: u8| one.iter().filter(|row| row.class_id == class).count();
+    assert!(known.iter().filter(|class| n_of(**class) > 0).count() > 1, "all points have one class");
+}
+
+#[test]
+fn points_without_a_sweep_or_ring_are_unseen() {
+    let settings = settings();
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    let (mut header, mut points, _) = submap();
+    // Far from all others, so that no vote of a neighbor reaches it.
+    points[5] = SubmapPoint { ring: 200, z: 30.0, ..points[5] };
+    points[6].x = f32::NAN;
+    header.n_sweeps = 1;
+    let n_first = header.sweeps[0].n_points as usize;
+    let mut classes = vec![ClassRow::default(); points.len()];
+    let report =
+        model.segment(&Cloud { header: &header, points: &points, colors: None }, &mut classes).expect("segments");
+    assert_eq!((classes[5], classes[6]), (ClassRow::default(), ClassRow::default()));
+    assert!(report.n_unseen >= 2 && report.n_unseen <= points.len() - n_first + 2, "{}", report.n_unseen);
+    // A header that speaks of points that are not there is not believed.
+    header.sweeps[0].n_points = u32::MAX;
+    assert!(model.segment(&Cloud { header: &header, points: &points, colors: None }, &mut classes).is_ok());
+}
+
+#[test]
+fn wrong_files_are_refused_with_the_reason() {
+    let good = settings();
+    let weights = weights(&good);
+    let bytes = file_of(&good, &weights);
+    for len in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+        assert!(matches!(load(&bytes[..len]), Err(LearningError::Container { .. })), "cut at {len}");
+    }
+    let refused = |settings: &Settings, rule: &str| {
+        let Err(error) = load(&file_of(settings, &weights)) else { panic!("{rule}: was loaded") };
+        assert!(error.to_string().contains(rule), "{error}");
+    };
+    refused(&Settings { columns: 510, ..good.clone() }, "columns = 510, must be a multiple of fold x 2");
+    refused(&Settings { columns: 1 << 20, ..good.clone() }, "columns = 1048576, must be 64 to 8192");
+    refused(&Settings { fold: 0, ..good.clone() }, "fold = 0, must be 1 to 16");
+    refused(&Settings { temperature: 0.0, ..good.clone() }, "temperature = 0, must be 0.1 to 10");
+    refused(&Settings { vote_cell_m: 0.0, ..good.clone() }, "vote_cell_m = 0, must be 0.02 to 5");
+    let two = good.classes[..2].to_vec();
+    refused(&Settings { classes: two, ..good.clone() }, "network.outputs = 6, must be fold x 2 classes");
+    let unknown = vec!["road".to_owned(), "castle".to_owned(), "moat".to_owned()];
+    refused(&Settings { classes: unknown, ..good.clone() }, "castle");
+    let wider = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![32, 16] };
+    refused(
+        &Settings { network: wider, ..good.clone() },
+        "`down.0.0.weight`: has shape [16, 20, 3, 3], expected [32, 20, 3, 3]",
+    );
+    let deep = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16; 7] };
+    refused(&Settings { network: deep, ..good.clone() }, "7 levels, must be 1 to 6");
+    let mut missing = weights.clone();
+    missing.tensors.remove("up.0.1.bias");
+    assert!(
+        matches!(load(&file_of(&good, &missing)), Err(LearningError::Tensor { name, .. }) if name == "up.0.1.bias")
+    );
+    let mut broken = weights.clone();
+    broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
+    let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
+    assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
+}

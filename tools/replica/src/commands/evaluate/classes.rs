@@ -1,0 +1,114 @@
+//! `replica evaluate classes`: of label files, of simulated towns, of SemanticKITTI.
+
+pub mod kitti;
+mod labels;
+mod picture;
+mod towns;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use learning::scores::{Confusion, ScoreTable};
+use messages::{ClassId, GROUND_CLASSES};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Give TRUTH and PREDICTION, or a model and what it shall be tried on.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Labels that are true: a .label file of SemanticKITTI's form (class id in the lower 16 bits), or a folder of them.
+    #[arg(requires = "prediction", conflicts_with = "model")]
+    truth: Option<PathBuf>,
+    /// Predicted labels, a file or a folder with the same names.
+    prediction: Option<PathBuf>,
+    /// A model file to try instead.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Kinds of simulated towns to try it in, each with all seeds.
+    #[arg(long, requires = "model", value_delimiter = ',', default_value = "urban")]
+    towns: Vec<String>,
+    /// Seeds of the drives.
+    #[arg(long, requires = "model", value_delimiter = ',')]
+    seeds: Vec<u64>,
+    /// Length of each drive, s.
+    #[arg(long, default_value_t = 20.0)]
+    seconds: f64,
+    /// Submaps of each drive, at even places.
+    #[arg(long, default_value_t = 4)]
+    submaps: usize,
+    /// Sweeps of each submap.
+    #[arg(long, default_value_t = 10)]
+    sweeps: usize,
+    /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
+    #[arg(long, requires = "model", value_name = "DIR")]
+    semantickitti: Option<PathBuf>,
+    /// Draws truth, prediction and errors of the first submap of the first town from above into this PNG.
+    #[arg(long, requires = "seeds", value_name = "PNG")]
+    picture: Option<PathBuf>,
+    /// Scores ground (road, road line, sidewalk, ground, rail track, terrain) against all other classes.
+    #[arg(long)]
+    ground: bool,
+    /// Form of the scores.
+    #[arg(long, value_enum, default_value_t = Format::Markdown)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    /// Tables.
+    Markdown,
+    /// One line for each cloud and class.
+    Csv,
+    /// Everything, confusion matrices too.
+    Json,
+}
+
+/// Runs the command. Scores go to stdout, talk to stderr.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let names = ClassId::ALL.iter().map(|class| class.name().to_owned()).collect();
+    let mut table = ScoreTable { names, clouds: Vec::new() };
+    if let (Some(truth), Some(prediction)) = (&args.truth, &args.prediction) {
+        table.clouds = labels::confusions(truth, prediction)?;
+    }
+    if let Some(path) = &args.model {
+        anyhow::ensure!(
+            !args.seeds.is_empty() || args.semantickitti.is_some(),
+            "nothing to try the model on\nhint: --seeds 901,902 or --semantickitti DIR"
+        );
+        let model = learning::load(path)?;
+        table.clouds.extend(towns::confusions(model.as_ref(), args)?);
+        if let Some(folder) = &args.semantickitti {
+            table.clouds.extend(kitti::confusions(model.as_ref(), folder)?);
+        }
+    }
+    anyhow::ensure!(!table.clouds.is_empty(), "nothing to score\nhint: TRUTH PREDICTION, or --model FILE --seeds 901");
+    if args.ground {
+        let is_ground = |class: usize| GROUND_CLASSES.iter().any(|ground| *ground as usize == class);
+        let of_class = |class: usize| if is_ground(class) { ClassId::Ground } else { ClassId::Other } as usize;
+        for (_, confusion) in &mut table.clouds {
+            *confusion = confusion.merged(of_class);
+        }
+    }
+    let text = match args.format {
+        Format::Markdown => table.markdown(),
+        Format::Csv => table.csv(),
+        Format::Json => serde_json::to_string_pretty(&table.json())?,
+    };
+    writeln!(std::io::stdout(), "{text}").context("stdout")?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Counts the points of one cloud whose truth is a class that can be learned.
+fn count(truth: &[u8], predicted: &[u8], is_scored: impl Fn(u8) -> bool) -> Confusion {
+    let mut confusion = Confusion::new(ClassId::ALL.len());
+    for (truth, predicted) in truth.iter().zip(predicted) {
+        if is_scored(*truth) {
+            confusion.add(usize::from(*truth), usize::from(*predicted));
+        }
+    }
+    confusion
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
