@@ -1,7 +1,7 @@
 //! Tables 5.1 and 5.2 of the thesis in small: a U-Net of three levels on MNIST digits, trained with each loss.
 //!
 //! `cargo run --release -p learning --example mnist_losses -- binary|multiclass [SEEDS [IMAGES]]`, with `mnist/` of the real
-//! data beside the project (see tests/real_data). The 10 000 test images of MNIST are all there is here: the first IMAGES
+//! data beside the project (see `tests/real_data`). The 10 000 test images of MNIST are all there is here: the first IMAGES
 //! (default 1000) are learned from, 500 others validate, 500 others score. A pixel above half is digit; in `multiclass` its
 //! class is the digit, and background is a class too. One row for each loss: mean and deviation of mIoU over the seeds.
 

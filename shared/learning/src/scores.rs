@@ -210,7 +210,7 @@ mod tests {
         assert_eq!((c.precision, c.recall, c.iou), (Some(0.0), None, Some(0.0)));
         assert_eq!(confusion.class(3).iou, None);
         // c is only predicted: it costs precision of others, not a zero of its own.
-        assert_eq!(confusion.mean_iou(), Some((2.0 / 3.0 + 1.0 / 3.0) / 2.0));
+        assert_eq!(confusion.mean_iou(), Some(f64::midpoint(2.0 / 3.0, 1.0 / 3.0)));
         assert_eq!(confusion.overall_accuracy(), Some(0.6));
         assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
     }

@@ -27,7 +27,7 @@ fn all() -> Vec<Loss> {
 fn pixels(random: &mut Random) -> (Vec<f64>, Vec<f64>) {
     let logits = (0..40 * CLASSES).map(|_| f64::from(random.between(-3.0, 3.0))).collect();
     let class: Vec<usize> = (0..40).map(|_| (random.uniform() * CLASSES as f32) as usize).collect();
-    let truth = |i: usize| f64::from(u8::from(i / CLASSES % 8 != 0 && class[i / CLASSES] == i % CLASSES));
+    let truth = |i: usize| f64::from(u8::from(!(i / CLASSES).is_multiple_of(8) && class[i / CLASSES] == i % CLASSES));
     (logits, (0..40 * CLASSES).map(truth).collect())
 }
 
@@ -79,7 +79,7 @@ fn pixels_without_truth_count_nowhere() {
     let tree = Hierarchy::new(vec![0, 0, 1, 1, 2, 3]);
     let mut other = logits.clone();
     for (i, logit) in other.iter_mut().enumerate() {
-        if i / CLASSES % 8 == 0 {
+        if (i / CLASSES).is_multiple_of(8) {
             *logit = -*logit + 1.0;
         }
     }
@@ -117,7 +117,7 @@ fn losses_that_are_special_cases_of_one_another_agree() {
     near(of(Loss::CrossEntropyPowerJaccard { power: 1.5 }), both);
 }
 
-/// Thesis section 5.5.3: where J_p of one class is least, over many pixels of that class that all get probability p.
+/// Thesis section 5.5.3: where `J_p` of one class is least, over many pixels of that class that all get probability p.
 fn least_at(power: f64) -> f64 {
     let n = 100_000.0;
     let loss = |p: f64| {

@@ -68,7 +68,7 @@ fn derivatives_by_every_variable_are_those_of_finite_differences() {
             let gradient = gradient.flatten_all().expect("flat").to_vec1::<f32>().expect("f32");
             let along: f64 = gradient.iter().zip(&direction).map(|(g, d)| f64::from(g * d)).sum();
             let size: f64 = gradient.iter().map(|g| f64::from(g * g)).sum::<f64>().sqrt();
-            let mut moved = |by: f32| {
+            let moved = |by: f32| {
                 let values = values.iter().zip(&direction).map(|(v, d)| v + by * d).collect();
                 variables.set(name, values, shape.dims()).expect("sets");
                 f64::from(loss().to_scalar::<f32>().expect("a number"))

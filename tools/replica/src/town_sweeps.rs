@@ -26,7 +26,7 @@ pub enum Mount {
 
 /// A submap with the class of every point.
 pub struct TownSubmap {
-    /// As slam_aggregate would write it, with true poses.
+    /// As `slam_aggregate` would write it, with true poses.
     pub header: Box<SubmapHeader>,
     /// Frame of the body at the first shot.
     pub points: Vec<SubmapPoint>,

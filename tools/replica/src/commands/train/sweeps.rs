@@ -70,14 +70,14 @@ fn images_of(submap: &TownSubmap, settings: &Settings) -> anyhow::Result<Vec<(Po
             point => output[usize::from(submap.truth[sweep.points.start + point as usize])],
         };
         let truth = sweep.image.nearest.iter().map(class).collect();
-        with_rows(&sweep.polar, truth, ROWS, &mut random)
+        with_rows(&sweep.polar, &truth, ROWS, &mut random)
     };
     Ok(sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect())
 }
 
 /// The same image with `rows` rows: filled up below with nothing, or, of a denser sensor, every other row or neighboring rows,
 /// by chance.
-fn with_rows(image: &PolarImage, truth: Vec<u8>, rows: usize, random: &mut Random) -> (PolarImage, Vec<u8>) {
+fn with_rows(image: &PolarImage, truth: &[u8], rows: usize, random: &mut Random) -> (PolarImage, Vec<u8>) {
     let step = if image.rows >= 2 * rows && random.chance(0.5) { image.rows / rows } else { 1 };
     let spare = image.rows.saturating_sub((rows - 1) * step + 1);
     let first = random.index(spare + 1);
