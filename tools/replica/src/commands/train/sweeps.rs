@@ -69,7 +69,7 @@ fn images_of(submap: &TownSubmap, settings: &Settings) -> anyhow::Result<Vec<(Po
             NO_POINT => UNKNOWN,
             point => output[usize::from(submap.truth[sweep.points.start + point as usize])],
         };
-        let truth = sweep.image.nearest.iter().map(class).collect();
+        let truth: Vec<u8> = sweep.image.nearest.iter().map(class).collect();
         with_rows(&sweep.polar, &truth, ROWS, &mut random)
     };
     Ok(sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect())
