@@ -102,7 +102,7 @@ fn color(
 ) {
     let cloud = Cloud::new(points, sweeps, 0, 32);
     let limits = Limits { max_age_s: 1.0, max_moving_age_s: 0.1 };
-    let sights = sights(&cloud, views, &limits);
+    let sights = sights(&cloud, views);
     color_into(&Sources { cloud: &cloud, views, sights: &sights, limits }, pictures, rows);
 }
 

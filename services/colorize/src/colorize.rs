@@ -186,7 +186,7 @@ impl Colorize {
             views.push(camera.view(image.stamp(), &world_from_body, world_from_submap));
             pictures.push(picture);
         }
-        let sights = sights(cloud, &views, &self.limits);
+        let sights = sights(cloud, &views);
         let sources = Sources { cloud, views: &views, sights: &sights, limits: self.limits };
         let n_points = cloud.points.len();
         let mut loan = outputs.loan::<Color>(n_points)?;

@@ -7,7 +7,7 @@
 //! poses that grows with range, and what the surface rises to in the neighboring cells. That last one is what keeps a road,
 //! seen at grazing incidence, from hiding itself.
 
-use crate::choose::{Limits, View, gap};
+use crate::choose::{View, gap};
 use crate::chunk::{CHUNK, Chunk, Cloud, Extent, Projected, seconds};
 use messages::SubmapPoint;
 use rayon::prelude::*;
@@ -19,9 +19,9 @@ const CELL_RAD: f32 = 0.0035;
 /// Rings of a spinning LiDAR cover about 40 degrees (HDL-32E: 41), so that they are `RINGS_RAD / n_rings` apart.
 const RINGS_RAD: f32 = 0.72;
 
-/// Cells of a gap along the rings that are still filled: twice the spacing of shots, because a camera may be nearer to the
+/// Cells of a gap along the rings that are still filled: three times the spacing of shots, because a camera may be nearer to the
 /// surface than the sensor was.
-const GAP_ALONG: usize = 2;
+const GAP_ALONG: usize = 3;
 
 /// More would close windows and the space below cars. HDL-32E has 7.
 const MAX_GAP_ACROSS: usize = 8;
@@ -36,9 +36,17 @@ const TOLERANCE_PER_M: f32 = 0.01;
 /// still one surface 80 m ahead.
 const MAX_RISE: f32 = CELL_RAD * 40.0;
 
-/// Shots so long before and after an exposure tell what it sees, s: ten revolutions, from about the camera's own place. For an
-/// exposure before or after the submap they are its first or last ones.
-const HIDING_AGE_S: f32 = 0.5;
+/// Shots so long before and after an exposure tell what it sees, s: a tilted sensor needs some metres of way to have met
+/// everything in the camera's view. For an exposure before or after the submap they are its first or last ones.
+const HIDING_AGE_S: f32 = 1.0;
+
+/// The same for points on moving objects. More than a revolution, so that a car is there as a whole; it hides what it has just
+/// left, too, which is better than to give it the color of a car.
+const MOVING_HIDING_AGE_S: f32 = 0.3;
+
+/// A point may be at the far end of its cell, and the reach is that of the nearest cell beside it: twice the rise over a cell, and
+/// more, because a street rises faster with range.
+const MAX_RISE_SHARE: f32 = 2.5;
 
 /// How far an exposure sees.
 #[derive(Debug)]
@@ -64,8 +72,9 @@ impl Sight {
     }
 }
 
-/// Of every view, from the points around its time ([`HIDING_AGE_S`]); those that move count only nearer to it.
-pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>], limits: &Limits) -> Vec<Sight> {
+/// Of every view, from the points around its time ([`HIDING_AGE_S`]), those on moving objects only
+/// from shortly before and after ([`MOVING_HIDING_AGE_S`]).
+pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>]) -> Vec<Sight> {
     let nearest: Vec<Nearest> = views.iter().map(Nearest::new).collect();
     let times: Vec<f32> = views.iter().map(|view| seconds(view.stamp, cloud.origin)).collect();
     let end = cloud.sweeps.iter().map(|sweep| seconds(sweep.stamp, cloud.origin)).fold(0.0, f32::max);
@@ -78,7 +87,7 @@ pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>], limits: &Limits) -> Vec<Sig
                     scratch.chunk.fill(cloud, points);
                     is_filled = true;
                 }
-                nearest.add(view, scratch, *time, limits.max_moving_age_s);
+                nearest.add(view, scratch, *time);
             }
         }
     };
@@ -117,7 +126,7 @@ impl Nearest {
         Self { cells_per_px, columns, rows, range_bits }
     }
 
-    fn add(&self, view: &View<'_>, scratch: &mut Scratch, time: f32, max_moving_age_s: f32) {
+    fn add(&self, view: &View<'_>, scratch: &mut Scratch, time: f32) {
         let Scratch { chunk, projected, cells } = scratch;
         projected.fill(chunk, &view.camera_from_submap, view.lens);
         let n = chunk.len();
@@ -129,7 +138,7 @@ impl Nearest {
         for i in 0..n {
             let column = ((u[i] - left) * cells_per_px) as i32;
             let row = ((v[i] - top) * cells_per_px) as i32;
-            let is_old = moves[i] & ((times[i] - time).abs() > max_moving_age_s);
+            let is_old = moves[i] & ((times[i] - time).abs() > MOVING_HIDING_AGE_S);
             let cell = row.wrapping_mul(columns).wrapping_add(column) as u32;
             cells[i] = if view.holds(u[i], v[i]) & !is_old { cell } else { u32::MAX };
         }
@@ -154,7 +163,12 @@ impl Nearest {
             near = close(&near, columns, rows, in_columns, columns);
             near = close(&near, columns, rows, in_rows, 1);
         }
-        Sight { min: view.min, cells_per_px: self.cells_per_px, columns, reach_m: reach_m(&near, columns, rows) }
+        // A cell to every side for poses and for what lies between the points of a silhouette: rather no color than a wrong one.
+        let least = |a: f32, b: f32| if b < a { b } else { a };
+        let reach_m = reach_m(&near, columns, rows);
+        let reach_m = spread(&reach_m, columns, rows, 1, columns, least);
+        let reach_m = spread(&reach_m, columns, rows, 1, 1, least);
+        Sight { min: view.min, cells_per_px: self.cells_per_px, columns, reach_m }
     }
 }
 
@@ -195,21 +209,26 @@ fn spread(
 
 /// How far each cell lets see.
 fn reach_m(near: &[f32], columns: usize, rows: usize) -> Vec<f32> {
-    // An empty neighbor says nothing about the surface.
-    let known = |range_m: f32| if range_m.is_finite() { range_m } else { 0.0 };
     let mut out = Vec::with_capacity(near.len());
     for row in 0..rows {
         let line = |row: usize| &near[row * columns..(row + 1) * columns];
         let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(rows - 1)));
         for column in 0..columns {
-            let beside = known(here[column.saturating_sub(1)]).max(known(here[(column + 1).min(columns - 1)]));
-            let farthest = known(above[column]).max(known(below[column])).max(beside);
             let range_m = here[column];
-            let rise = (farthest - range_m).clamp(0.0, MAX_RISE * range_m.min(f32::MAX));
+            let along = rise(here[column.saturating_sub(1)], range_m, here[(column + 1).min(columns - 1)]);
+            let rise = rise(above[column], range_m, below[column]).max(along);
+            let rise = MAX_RISE_SHARE * rise.min(MAX_RISE * range_m.min(f32::MAX));
             out.push(range_m + range_m * TOLERANCE_PER_M + TOLERANCE_M + rise);
         }
     }
     out
+}
+
+/// By how much a surface that falls from one neighbor and rises to the other does so over a cell, m: the lesser of the two. At a
+/// silhouette one of them is nothing, and what lies far behind it does not count as its slope.
+fn rise(before: f32, here: f32, after: f32) -> f32 {
+    let (a, b) = (here - before, after - here);
+    if a * b > 0.0 { a.abs().min(b.abs()) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -231,8 +250,8 @@ mod tests {
         // A street from row to row, then a wall before a far one.
         let near = [4.0, 4.4, 5.0, 5.0, 30.0];
         let reach = reach_m(&near, 1, 5);
-        assert!(reach[0] > 4.4 && reach[0] < 4.8, "{reach:?}");
-        assert!(reach[3] > 5.2 && reach[3] < 6.2, "the far wall is no part of the near one: {reach:?}");
+        assert!(reach[1] > 5.0 && reach[1] < 5.7, "{reach:?}");
+        assert!(reach[3] > 5.1 && reach[3] < 5.3, "the far wall is no part of the near one: {reach:?}");
         assert_eq!(reach_m(&[f32::INFINITY; 3], 1, 3), [f32::INFINITY; 3]);
     }
 }

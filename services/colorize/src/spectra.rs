@@ -172,7 +172,7 @@ impl<'a> Found<'a> {
 }
 
 fn find_cells(cloud: &Cloud<'_>, camera: &CameraCubes<'_>, limits: Limits) -> Vec<Cell> {
-    let sights = sights(cloud, &camera.views, &limits);
+    let sights = sights(cloud, &camera.views);
     let sources = Sources { cloud, views: &camera.views, sights: &sights, limits };
     let mut cells = vec![NO_CELL; cloud.points.len()];
     let find = |choices: &mut Choices, ((points, extent), cells): ((&[SubmapPoint], &Extent), &mut [Cell])| {
