@@ -1,7 +1,8 @@
 //! The `color` column.
 
-use crate::choose::{CHUNK, View, choose};
-use messages::{ColorRow, SubmapPoint, SubmapSweep, UNSEEN};
+use crate::choose::{Choices, Sources};
+use crate::chunk::{CHUNK, Extent};
+use messages::{ColorRow, SubmapPoint, UNSEEN};
 use rayon::prelude::*;
 
 /// Pixels of an exposure, in place.
@@ -44,27 +45,21 @@ fn neighbors(at: f32, len: usize) -> (usize, usize, f32) {
     (before, (before + 1).min(len - 1), at - before as f32)
 }
 
-/// Colors `points` into `rows` of the same length and says how many were seen. `pictures` belong to `views` by index.
-pub fn color_into(
-    points: &[SubmapPoint],
-    sweeps: &[SubmapSweep],
-    views: &[View<'_>],
-    pictures: &[Picture<'_>],
-    max_age_nanos: u64,
-    rows: &mut [ColorRow],
-) -> u64 {
-    let color_chunk = |(points, rows): (&[SubmapPoint], &mut [ColorRow])| {
-        let mut choices = Vec::with_capacity(points.len());
-        choose(points, sweeps, views, max_age_nanos, &mut choices);
+/// Colors all points into `rows` of the same number and says how many were seen. `pictures` belong to the views by index.
+pub fn color_into(sources: &Sources<'_>, pictures: &[Picture<'_>], rows: &mut [ColorRow]) -> u64 {
+    let color_chunk = |choices: &mut Choices,
+                       ((points, extent), rows): ((&[SubmapPoint], &Extent), &mut [ColorRow])| {
+        choices.fill(points, extent, sources);
         let mut n_seen = 0;
-        for (row, choice) in rows.iter_mut().zip(&choices) {
-            let picture = choice.seen().and_then(|view| pictures.get(view));
-            n_seen += u64::from(picture.is_some());
-            *row = picture.map_or(UNSEEN_ROW, |picture| picture.sample(choice.pixel));
+        for (row, choice) in rows.iter_mut().zip(choices.iter()) {
+            let seen = choice.and_then(|(view, pixel)| Some((pictures.get(view)?, pixel)));
+            n_seen += u64::from(seen.is_some());
+            *row = seen.map_or(UNSEEN_ROW, |(picture, pixel)| picture.sample(pixel));
         }
         n_seen
     };
-    points.par_chunks(CHUNK).zip(rows.par_chunks_mut(CHUNK)).map(color_chunk).sum()
+    let chunks = sources.cloud.points.par_chunks(CHUNK).zip(sources.cloud.extents());
+    chunks.zip(rows.par_chunks_mut(CHUNK)).map_init(Choices::default, color_chunk).sum()
 }
 
 const UNSEEN_ROW: ColorRow = ColorRow { r: 0, g: 0, b: 0, camera: UNSEEN };

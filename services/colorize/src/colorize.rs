@@ -1,14 +1,17 @@
 //! The stage: what comes, what is held, what is due.
 
 use crate::Settings;
+use crate::choose::{Limits, Sources};
+use crate::chunk::Cloud;
 use crate::color::{Picture, color_into};
+use crate::occlusion::sights;
 use crate::saved::{self, Held};
 use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
 use crate::views::Camera;
 use crate::window::{Exposure, Window};
 use formats::drive::Drive;
 use geometry::{Pose, Stamp};
-use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, SubmapSweep, Trajectory, UNSEEN};
+use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, Trajectory, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
 /// Submaps between two ticks; see the crate's documentation.
@@ -20,6 +23,7 @@ const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
 /// The stage.
 pub struct Colorize {
     max_age_nanos: i64,
+    limits: Limits,
     cameras: Vec<Camera>,
     mosaics: Vec<Camera>,
     bands: Bands,
@@ -45,6 +49,10 @@ impl Colorize {
         let (images, cubes) = (context.is_connected::<Image>(), context.is_connected::<Cube>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
+            limits: Limits {
+                max_age_s: settings.max_age_s as f32,
+                max_moving_age_s: settings.max_moving_age_s.min(settings.max_age_s) as f32,
+            },
             cameras: rig.cameras.iter().map(Camera::from).collect(),
             mosaics: rig.mosaics.iter().map(Camera::from).collect(),
             bands,
@@ -159,14 +167,15 @@ impl Colorize {
                 header.sweeps.len()
             ))
         })?;
-        self.publish_color(submap, sweeps, &world_from_submap, outputs)?;
-        self.publish_spectra(submap, sweeps, &world_from_submap, outputs)
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings);
+        self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
+        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)
     }
 
     fn publish_color(
         &self,
         submap: &Received<Submap>,
-        sweeps: &[SubmapSweep],
+        cloud: &Cloud<'_>,
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
@@ -177,12 +186,14 @@ impl Colorize {
             views.push(camera.view(image.stamp(), &world_from_body, world_from_submap));
             pictures.push(picture);
         }
-        let points = submap.rows();
-        let mut loan = outputs.loan::<Color>(points.len())?;
-        let rows = loan.grow(points.len()).ok_or_else(|| too_small("color", points.len()))?;
-        let n_seen = color_into(points, sweeps, &views, &pictures, self.max_age_nanos.unsigned_abs(), rows);
+        let sights = sights(cloud, &views);
+        let sources = Sources { cloud, views: &views, sights: &sights, limits: self.limits };
+        let n_points = cloud.points.len();
+        let mut loan = outputs.loan::<Color>(n_points)?;
+        let rows = loan.grow_unset(n_points).ok_or_else(|| too_small("color", n_points))?;
+        let n_seen = color_into(&sources, &pictures, rows);
         loan.header_mut().n_seen = n_seen;
-        outputs.count("points", points.len() as u64);
+        outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
@@ -190,7 +201,7 @@ impl Colorize {
     fn publish_spectra(
         &self,
         submap: &Received<Submap>,
-        sweeps: &[SubmapSweep],
+        cloud: &Cloud<'_>,
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
@@ -205,10 +216,10 @@ impl Colorize {
             cameras[index].views.push(view);
             cameras[index].cubes.push(picture);
         }
-        let found = Found::new(submap.rows(), sweeps, &self.bands, &cameras, self.max_age_nanos.unsigned_abs());
+        let found = Found::new(cloud, &self.bands, &cameras, self.limits);
         let mut loan = outputs.loan::<Spectra>(found.n_rows())?;
         *loan.header_mut() = found.header();
-        found.write_into(loan.grow(found.n_rows()).ok_or_else(|| too_small("spectra", found.n_rows()))?);
+        found.write_into(loan.grow_unset(found.n_rows()).ok_or_else(|| too_small("spectra", found.n_rows()))?);
         outputs.count("points_with_spectrum", found.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }

@@ -21,10 +21,35 @@ pub enum Lens {
     Fisheye(FisheyeLens),
 }
 
-/// Where a point of the camera frame falls on the image plane, px; `None` where the lens cannot see.
-pub trait Project {
-    /// `p_in_camera`: x right, y down, z forward, m. NaN is never seen.
-    fn pixel(&self, p_in_camera: [f32; 3]) -> Option<[f32; 2]>;
+/// What the lens does not see falls here. Not a number is in no image, and a loop that writes it has no jumps.
+const NOWHERE: [f32; 2] = [f32::NAN; 2];
+
+impl Lens {
+    /// Largest slope against the axis that is seen; `None` for lenses that see sideways.
+    pub fn widest_slope(&self) -> Option<f64> {
+        match self {
+            Lens::Pinhole(lens) => Some(f64::from(lens.max_r2).sqrt()),
+            Lens::Fisheye(lens) => {
+                let cosine = f64::from(lens.min_cosine);
+                (cosine > 0.1).then(|| (1.0 - cosine * cosine).sqrt() / cosine)
+            }
+        }
+    }
+    /// On the axis.
+    pub fn px_per_rad(&self) -> f32 {
+        match self {
+            Lens::Pinhole(lens) => lens.focal[0],
+            Lens::Fisheye(lens) => lens.focal[0],
+        }
+    }
+    /// Where a point of the camera frame (x right, y down, z forward, m) falls on the image plane, px; NaN where the lens
+    /// cannot see.
+    pub fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
+        match self {
+            Lens::Pinhole(lens) => lens.pixel(p_in_camera),
+            Lens::Fisheye(lens) => lens.pixel(p_in_camera),
+        }
+    }
 }
 
 /// Brown-Conrady.
@@ -80,26 +105,22 @@ fn largest_monotone_r2(model: &Pinhole) -> f64 {
     low
 }
 
-impl Project for PinholeLens {
+impl PinholeLens {
+    /// See [`Lens::pixel`].
     #[inline]
-    fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
-        // Before the division: half of all directions end here. NaN is not above anything.
+    pub fn pixel(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
         let is_ahead = z > MIN_DEPTH_M;
-        if !is_ahead {
-            return None;
-        }
         let inverse = 1.0 / z;
         let (x, y) = (x * inverse, y * inverse);
         let r2 = x * x + y * y;
-        let is_in_view = r2 <= self.max_r2;
-        if !is_in_view {
-            return None;
-        }
         let [k1, k2, p1, p2, k3] = self.distortion;
         let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
         let xd = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x);
         let yd = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y;
-        Some([self.focal[0] * xd + self.center[0], self.focal[1] * yd + self.center[1]])
+        // NaN is not above anything.
+        let is_in_view = is_ahead & (r2 <= self.max_r2);
+        let pixel = [self.focal[0] * xd + self.center[0], self.focal[1] * yd + self.center[1]];
+        if is_in_view { pixel } else { NOWHERE }
     }
 }
 
@@ -126,25 +147,22 @@ impl From<&KannalaBrandt> for FisheyeLens {
     }
 }
 
-impl Project for FisheyeLens {
+impl FisheyeLens {
+    /// See [`Lens::pixel`].
     #[inline]
-    fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<[f32; 2]> {
-        // Before the root: most directions end here.
-        if z < 0.0 && self.min_cosine > 0.0 {
-            return None;
-        }
+    pub fn pixel(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
         let cosine = z * inverse;
-        let is_in_view = cosine >= self.min_cosine;
         // A point in the lens has no direction: its cosine is NaN, which is not above anything.
+        let is_in_view = cosine >= self.min_cosine;
         if !is_in_view {
-            return None;
+            return NOWHERE;
         }
         let at = (cosine - self.min_cosine) * self.entries_per_cosine;
         let i = (at as usize).min(TABLE_LEN - 2);
         let share = at - i as f32;
         let scale = inverse * (self.table[i] + share * (self.table[i + 1] - self.table[i]));
-        Some([self.focal[0] * x * scale + self.center[0], self.focal[1] * y * scale + self.center[1]])
+        [self.focal[0] * x * scale + self.center[0], self.focal[1] * y * scale + self.center[1]]
     }
 }
 
@@ -163,13 +181,10 @@ mod tests {
                 let direction = [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()];
                 let p = direction.map(|v| v * (0.5 + f64::from(j % 50)));
                 let p_in_camera = p.map(|v| v as f32);
-                let fast = match &lens {
-                    Lens::Pinhole(lens) => lens.pixel(p_in_camera),
-                    Lens::Fisheye(lens) => lens.pixel(p_in_camera),
-                };
+                let fast = lens.pixel(p_in_camera);
                 let Some(exact) = model.pixel_from_camera(&Point3::from(p)) else { continue };
-                let fast = fast.expect("what the exact model sees, the fast one sees");
                 let error = (f64::from(fast[0]) - exact.x).hypot(f64::from(fast[1]) - exact.y);
+                // What the exact model sees, the fast one sees: NaN is not below anything.
                 assert!(error < 0.02, "{p:?}: {fast:?} instead of {exact}");
                 n_seen += 1;
             }
@@ -200,11 +215,7 @@ mod tests {
     fn nothing_is_seen_where_there_is_nothing_to_see() {
         for lens in [Lens::from(&pinhole([0.0; 5])), Lens::from(&fisheye(1.5))] {
             for p in [[0.0, 0.0, -2.0], [0.0, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [0.0, 0.0, f32::NAN], [5.0, 0.0, -1.0]] {
-                let pixel = match &lens {
-                    Lens::Pinhole(lens) => lens.pixel(p),
-                    Lens::Fisheye(lens) => lens.pixel(p),
-                };
-                assert_eq!(pixel, None, "{p:?}");
+                assert!(lens.pixel(p)[0].is_nan(), "{p:?}");
             }
         }
     }
@@ -213,7 +224,7 @@ mod tests {
     fn directions_beyond_the_turn_of_the_distortion_are_not_seen() {
         let Lens::Pinhole(lens) = Lens::from(&pinhole([-0.3, 0.0, 0.0, 0.0, 0.0])) else { panic!("a pinhole") };
         assert!((lens.max_r2 - 1.0 / 0.9).abs() < 1e-5);
-        assert!(lens.pixel([1.0, 0.0, 1.0]).is_some());
-        assert_eq!(lens.pixel([1.8, 0.0, 1.0]), None);
+        assert!(!lens.pixel([1.0, 0.0, 1.0])[0].is_nan());
+        assert!(lens.pixel([1.8, 0.0, 1.0])[0].is_nan());
     }
 }

@@ -1,14 +1,14 @@
 //! What the next tick depends on, as bytes.
 
-use crate::window::{Exposure, Window};
+use crate::window::Window;
 use geometry::{Stamp, Trajectory};
 use messages::{Cube, Image, Message, PoseRow, Submap};
 use serde::{Deserialize, Serialize};
-use stage::{Bytes, Received, StepError};
+use stage::{Received, StepError};
 use std::collections::VecDeque;
 
-/// Raised with every change of [`Saved`].
-const VERSION: u32 = 1;
+/// Raised with every change of the layout.
+const VERSION: u32 = 2;
 
 /// Everything that is held from tick to tick.
 #[derive(Default)]
@@ -25,54 +25,79 @@ pub struct Held {
     pub submaps_until: Option<i64>,
 }
 
+/// All but the messages, whose bytes follow it as they are: hundreds of megabytes should be copied only once.
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct Head {
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
-    submaps: Vec<Bytes>,
-    images: Vec<Bytes>,
-    cubes: Vec<Bytes>,
     submaps_until: Option<i64>,
+    /// Bytes of each message.
+    submaps: Vec<u64>,
+    images: Vec<u64>,
+    cubes: Vec<u64>,
 }
 
-/// Messages and all.
+/// Messages and all: length of the head u32 little-endian, head, submaps, images, cubes.
 pub fn save(held: &Held) -> Result<Vec<u8>, StepError> {
     let pose = |(stamp, pose): &(Stamp, _)| {
         let row = PoseRow::from(*pose);
         (stamp.0, row.translation, row.rotation)
     };
-    let saved = Saved {
+    let head = Head {
         poses: held.trajectory.poses().iter().map(pose).collect(),
-        submaps: held.submaps.iter().map(Received::to_bytes).collect(),
-        images: held.images.exposures().iter().map(Received::to_bytes).collect(),
-        cubes: held.cubes.exposures().iter().map(Received::to_bytes).collect(),
         submaps_until: held.submaps_until,
+        submaps: held.submaps.iter().map(n_bytes).collect(),
+        images: held.images.exposures().iter().map(n_bytes).collect(),
+        cubes: held.cubes.exposures().iter().map(n_bytes).collect(),
     };
-    Ok(stage::encode_state(VERSION, &saved)?)
+    let n_bytes: u64 = head.submaps.iter().chain(&head.images).chain(&head.cubes).sum();
+    let head = stage::encode_state(VERSION, &head)?;
+    let mut bytes = Vec::with_capacity(4 + head.len() + n_bytes as usize);
+    bytes.extend_from_slice(&(head.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(&head);
+    held.submaps.iter().for_each(|message| message.append_bytes(&mut bytes));
+    held.images.exposures().iter().for_each(|message| message.append_bytes(&mut bytes));
+    held.cubes.exposures().iter().for_each(|message| message.append_bytes(&mut bytes));
+    Ok(bytes)
+}
+
+fn n_bytes<T: Message>(message: &Received<T>) -> u64 {
+    message.n_bytes() as u64
 }
 
 /// The inverse of [`save`].
 pub fn load(state: &[u8]) -> Result<Held, StepError> {
-    let saved: Saved = stage::decode_state(VERSION, state)?;
-    let mut held = Held { submaps_until: saved.submaps_until, ..Held::default() };
-    for (stamp, translation, rotation) in saved.poses {
+    let mut rest = Rest(state);
+    let head_len = rest.take(4)?.iter().rev().fold(0, |len, byte| len << 8 | u64::from(*byte));
+    let head: Head = stage::decode_state(VERSION, rest.take(head_len)?)?;
+    let mut held = Held { submaps_until: head.submaps_until, ..Held::default() };
+    for (stamp, translation, rotation) in head.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {
             return Err(StepError::data(format!("saved trajectory: pose at {stamp} ns is no pose or out of order")));
         }
     }
-    held.submaps = messages(&saved.submaps)?.into();
-    add_all(&mut held.images, &saved.images)?;
-    add_all(&mut held.cubes, &saved.cubes)?;
+    held.submaps = rest.messages(&head.submaps)?.into();
+    rest.messages(&head.images)?.into_iter().for_each(|image| held.images.add(image));
+    rest.messages(&head.cubes)?.into_iter().for_each(|cube| held.cubes.add(cube));
+    if !rest.0.is_empty() {
+        return Err(StepError::data(format!("saved state: {} bytes more than its head says", rest.0.len())));
+    }
     Ok(held)
 }
 
-fn messages<T: Message>(saved: &[Bytes]) -> Result<Vec<Received<T>>, StepError> {
-    saved.iter().map(|bytes| Received::from_bytes(bytes)).collect()
-}
+/// What of a state has not been read yet.
+struct Rest<'a>(&'a [u8]);
 
-fn add_all<T: Exposure>(window: &mut Window<T>, saved: &[Bytes]) -> Result<(), StepError> {
-    for exposure in messages(saved)? {
-        window.add(exposure);
+impl<'a> Rest<'a> {
+    fn take(&mut self, n_bytes: u64) -> Result<&'a [u8], StepError> {
+        let parts = usize::try_from(n_bytes).ok().and_then(|n| self.0.split_at_checked(n));
+        let (taken, rest) = parts.ok_or_else(|| {
+            StepError::data(format!("saved state: {n_bytes} bytes are due where {} are left", self.0.len()))
+        })?;
+        self.0 = rest;
+        Ok(taken)
     }
-    Ok(())
+    fn messages<T: Message>(&mut self, n_bytes: &[u64]) -> Result<Vec<Received<T>>, StepError> {
+        n_bytes.iter().map(|n_bytes| Received::from_bytes(self.take(*n_bytes)?)).collect()
+    }
 }

@@ -1,9 +1,9 @@
 //! The `spectra` column.
 
-use crate::choose::{CHUNK, Choice, View, choose};
-use messages::{
-    CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader, SubmapPoint, SubmapSweep, pod::cast_slice_mut,
-};
+use crate::choose::{Choices, Limits, NO_VIEW, Sources, View};
+use crate::chunk::{CHUNK, Cloud, Extent};
+use crate::occlusion::sights;
+use messages::{CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader, SubmapPoint, pod::cast_slice_mut};
 use rayon::prelude::*;
 
 /// What the bands of a spectrum are: those of all mosaic cameras, one after another.
@@ -87,7 +87,7 @@ struct Cell {
     cell: u32,
 }
 
-const NO_CELL: Cell = Cell { cube: Choice::NONE, cell: 0 };
+const NO_CELL: Cell = Cell { cube: NO_VIEW, cell: 0 };
 
 /// The spectra of a submap, found but not yet written: how many there are is known, so that the column gets its exact
 /// size.
@@ -102,17 +102,11 @@ pub struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// Looks every point up in the nearest cube in time of each camera. Cells without any valid band count as unseen.
-    pub fn new(
-        points: &[SubmapPoint],
-        sweeps: &[SubmapSweep],
-        bands: &'a Bands,
-        cameras: &'a [CameraCubes<'a>],
-        max_age_nanos: u64,
-    ) -> Self {
-        let cells: Vec<Vec<Cell>> =
-            cameras.iter().map(|camera| find_cells(points, sweeps, camera, max_age_nanos)).collect();
-        let is_seen = |i: &usize| cells.iter().any(|cells| cells[*i].cube != Choice::NONE);
+    /// Looks every point up in the best cube of each camera. Cells without any valid band count as unseen.
+    pub fn new(cloud: &Cloud<'_>, bands: &'a Bands, cameras: &'a [CameraCubes<'a>], limits: Limits) -> Self {
+        let points = cloud.points;
+        let cells: Vec<Vec<Cell>> = cameras.iter().map(|camera| find_cells(cloud, camera, limits)).collect();
+        let is_seen = |i: &usize| cells.iter().any(|cells| cells[*i].cube != NO_VIEW);
         let seen = (0..points.len()).filter(is_seen).map(|i| i as u32).collect();
         Self { bands, cameras, cells, seen, n_points: points.len() }
     }
@@ -144,7 +138,7 @@ impl<'a> Found<'a> {
         }
     }
 
-    /// Fills `rows`, which are [`Found::n_rows`] and zero.
+    /// Fills all of `rows`, which are [`Found::n_rows`].
     pub fn write_into(&self, rows: &mut [u32]) {
         let (indices, table) = rows.split_at_mut(self.n_points);
         indices.fill(NO_SPECTRUM);
@@ -160,6 +154,7 @@ impl<'a> Found<'a> {
     }
 
     fn write_spectrum(&self, point_idx: usize, words: &mut [u32]) {
+        words.fill(0);
         let (validity, reflectances) = words.split_at_mut(2);
         let reflectances = cast_slice_mut::<u32, f32>(reflectances);
         let mut bits = 0_u64;
@@ -176,24 +171,24 @@ impl<'a> Found<'a> {
     }
 }
 
-fn find_cells(
-    points: &[SubmapPoint],
-    sweeps: &[SubmapSweep],
-    camera: &CameraCubes<'_>,
-    max_age_nanos: u64,
-) -> Vec<Cell> {
-    let mut cells = vec![NO_CELL; points.len()];
-    points.par_chunks(CHUNK).zip(cells.par_chunks_mut(CHUNK)).for_each(|(points, cells)| {
-        let mut choices = Vec::with_capacity(points.len());
-        choose(points, sweeps, &camera.views, max_age_nanos, &mut choices);
-        for (out, choice) in cells.iter_mut().zip(&choices) {
-            let Some(cube) = choice.seen().and_then(|view| camera.cubes.get(view)) else { continue };
-            let cell = cube.cell(choice.pixel);
+fn find_cells(cloud: &Cloud<'_>, camera: &CameraCubes<'_>, limits: Limits) -> Vec<Cell> {
+    let sights = sights(cloud, &camera.views);
+    let sources = Sources { cloud, views: &camera.views, sights: &sights, limits };
+    let mut cells = vec![NO_CELL; cloud.points.len()];
+    let find = |choices: &mut Choices, ((points, extent), cells): ((&[SubmapPoint], &Extent), &mut [Cell])| {
+        choices.fill(points, extent, &sources);
+        for (out, choice) in cells.iter_mut().zip(choices.iter()) {
+            let Some((cube, (view, pixel))) = choice.and_then(|seen| Some((camera.cubes.get(seen.0)?, seen))) else {
+                continue;
+            };
+            let cell = cube.cell(pixel);
             if cube.mask(cell) != 0 {
-                *out = Cell { cube: choice.view, cell };
+                *out = Cell { cube: view as u32, cell };
             }
         }
-    });
+    };
+    let chunks = cloud.points.par_chunks(CHUNK).zip(cloud.extents());
+    chunks.zip(cells.par_chunks_mut(CHUNK)).for_each_init(Choices::default, find);
     cells
 }
 

@@ -1,6 +1,7 @@
 //! Exposures with their poses.
 
 use crate::choose::View;
+use crate::frustum::{Frustum, Slopes, slopes};
 use crate::lens::Lens;
 use geometry::{Pose, RigCamera};
 
@@ -9,13 +10,16 @@ use geometry::{Pose, RigCamera};
 pub struct Camera {
     body_from_camera: Pose,
     lens: Lens,
+    slopes: Option<Slopes>,
     size: [u32; 2],
 }
 
 impl From<&RigCamera> for Camera {
     fn from(camera: &RigCamera) -> Self {
         let (width, height) = camera.model.size();
-        Self { body_from_camera: camera.body_from_camera, lens: (&camera.model).into(), size: [width, height] }
+        let lens = Lens::from(&camera.model);
+        let slopes = slopes(&camera.model, &lens);
+        Self { body_from_camera: camera.body_from_camera, lens, slopes, size: [width, height] }
     }
 }
 
@@ -43,10 +47,12 @@ impl Camera {
         let camera_from_submap = (world_from_body * self.body_from_camera).inverse() * world_from_submap;
         let matrix = camera_from_submap.to_homogeneous();
         let [x0, y0, width, height] = area.map(|v| v as f32);
+        let camera_from_submap = [0, 1, 2].map(|i| [0, 1, 2, 3].map(|j| matrix[(i, j)] as f32));
         View {
             stamp,
-            camera_from_submap: [0, 1, 2].map(|i| [0, 1, 2, 3].map(|j| matrix[(i, j)] as f32)),
+            camera_from_submap,
             lens: &self.lens,
+            frustum: Frustum::new(self.slopes, &camera_from_submap),
             // A pixel reaches half a pixel to each side of its center.
             min: [x0 - 0.5, y0 - 0.5],
             max: [x0 + width - 0.5, y0 + height - 0.5],

@@ -176,8 +176,10 @@ fn a_real_sweep_gets_the_colors_of_six_real_images() {
     }
     let n_colored: usize = n_seen.iter().sum();
     println!("{n_colored} of {} points colored, by camera {n_seen:?}, {n_off} off", scene.points.len());
-    // Rounding at the very rim of an image may differ between the two ways.
-    assert!(n_colored.abs_diff(n_visible) <= 3, "{n_colored} colored, {n_visible} visible");
+    // The cameras stand up to a metre and a half from the lidar, so they see nearly what it sees, but not all of it.
+    let n_hidden = n_visible - n_colored;
+    println!("{n_hidden} hidden");
+    assert!(n_hidden > 0 && n_hidden * 25 < n_visible, "{n_colored} colored, {n_visible} in view");
     // The lidar looks down to -30 degrees, the cameras to about -18: near points are in nobody's view. The rest is.
     let is_far = |point: &SubmapPoint| point.x.hypot(point.y) > 8.0;
     let far: Vec<u8> = scene.points.iter().zip(&colors).filter(|(p, _)| is_far(p)).map(|(_, row)| row.camera).collect();

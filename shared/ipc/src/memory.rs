@@ -54,7 +54,11 @@ impl<T: Message> Loan<T> {
         self.reserve(new_rows.len())?.copy_from_slice(new_rows);
         Some(())
     }
-    /// Appends `n` rows with whatever an earlier message has left in them.
+    /// Appends `n` rows with whatever an earlier message has left in them, for callers that write every one: 100 MB need
+    /// not be written twice. `None` if they do not fit.
+    pub fn grow_unset(&mut self, n: usize) -> Option<&mut [T::Row]> {
+        self.reserve(n)
+    }
     fn reserve(&mut self, n: usize) -> Option<&mut [T::Row]> {
         match &mut self.0 {
             LoanMemory::Shared(loan) => loan.reserve(n),

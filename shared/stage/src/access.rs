@@ -57,10 +57,19 @@ impl<T: Message> Received<T> {
     }
     /// A copy of the whole message as bytes, for [`crate::Stage::save`].
     pub fn to_bytes(&self) -> Bytes {
-        let mut bytes = pod::bytes_from_rows(std::slice::from_ref(self.envelope())).to_vec();
+        let mut bytes = Vec::with_capacity(self.n_bytes());
+        self.append_bytes(&mut bytes);
+        Bytes(bytes)
+    }
+    /// Bytes of [`Received::to_bytes`].
+    pub fn n_bytes(&self) -> usize {
+        size_of::<Envelope>() + size_of::<T::Header>() + size_of_val(self.rows())
+    }
+    /// Appends what [`Received::to_bytes`] gives, without a copy between.
+    pub fn append_bytes(&self, bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.envelope())));
         bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.header())));
         bytes.extend_from_slice(pod::bytes_from_rows(self.rows()));
-        Bytes(bytes)
     }
     /// The inverse of [`Received::to_bytes`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StepError> {
@@ -155,6 +164,15 @@ impl<T: Message> Loan<T> {
                 Some(&mut rows[start..])
             }
         }
+    }
+    /// Appends `n` rows of whatever content and lends them for writing. Every one must be written, or the result depends on
+    /// what stood there before; it costs half of [`Loan::grow`]. `None` if they do not fit.
+    pub fn grow_unset(&mut self, n: usize) -> Option<&mut [T::Row]> {
+        if matches!(self.0, Slot::Owned { .. }) {
+            return self.grow(n);
+        }
+        let Slot::Shared(loan) = &mut self.0 else { return None };
+        loan.grow_unset(n)
     }
     /// Appends copies of `new_rows`. `None` if they do not fit.
     #[must_use = "rows that do not fit are not written"]

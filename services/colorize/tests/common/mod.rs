@@ -54,6 +54,7 @@ pub fn mosaic(name: &str, body_from_camera: Pose, model: CameraModel, pattern: u
     }
 }
 
+#[allow(dead_code, reason = "not every test file runs the stage")]
 /// The folder of a drive whose sensors recorded nothing.
 pub fn drive(manifest: &Manifest) -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
@@ -69,6 +70,7 @@ pub fn drive(manifest: &Manifest) -> TempDir {
     folder
 }
 
+#[allow(dead_code, reason = "not every test file runs the stage")]
 /// A submap of one sweep.
 pub fn submap(world_from_submap: Pose, stamp_begin: i64, points: &[SubmapPoint]) -> SubmapHeader {
     let last = points.iter().map(|point| point.offset_nanos).max().unwrap_or_default();
