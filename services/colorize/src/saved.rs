@@ -5,10 +5,10 @@ use geometry::{Stamp, Trajectory};
 use messages::{Cube, Image, Message, PoseRow, Submap};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Received, StepError};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Raised with every change of [`Saved`].
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Everything that is held from tick to tick.
 #[derive(Default)]
@@ -21,6 +21,8 @@ pub struct Held {
     pub images: Window<Image>,
     /// Spectral exposures.
     pub cubes: Window<Cube>,
+    /// Wavelengths of each mosaic camera whose first cube has come, nm.
+    pub bands_nm: BTreeMap<u32, Vec<f32>>,
     /// Last shot of the newest submap.
     pub submaps_until: Option<i64>,
 }
@@ -31,6 +33,7 @@ struct Saved {
     submaps: Vec<Bytes>,
     images: Vec<Bytes>,
     cubes: Vec<Bytes>,
+    bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
 }
 
@@ -45,6 +48,7 @@ pub fn save(held: &Held) -> Result<Vec<u8>, StepError> {
         submaps: held.submaps.iter().map(Received::to_bytes).collect(),
         images: held.images.exposures().iter().map(Received::to_bytes).collect(),
         cubes: held.cubes.exposures().iter().map(Received::to_bytes).collect(),
+        bands_nm: held.bands_nm.clone(),
         submaps_until: held.submaps_until,
     };
     Ok(stage::encode_state(VERSION, &saved)?)
@@ -53,7 +57,7 @@ pub fn save(held: &Held) -> Result<Vec<u8>, StepError> {
 /// The inverse of [`save`].
 pub fn load(state: &[u8]) -> Result<Held, StepError> {
     let saved: Saved = stage::decode_state(VERSION, state)?;
-    let mut held = Held { submaps_until: saved.submaps_until, ..Held::default() };
+    let mut held = Held { submaps_until: saved.submaps_until, bands_nm: saved.bands_nm, ..Held::default() };
     for (stamp, translation, rotation) in saved.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {
