@@ -31,6 +31,8 @@ enum Cli {
     Compare(commands::compare::Args),
     /// Look into a file or folder.
     Inspect(commands::inspect::Args),
+    /// Statistics and diagnosis of reflectances.
+    Spectrum(commands::spectrum::Args),
     /// Measure a pipeline, and what it would cost if messages were copied.
     Bench(commands::bench::Args),
     /// What the stages and topics of a running pipeline are doing.
@@ -57,6 +59,7 @@ fn main() -> ExitCode {
         Cli::Replay(args) => commands::replay::run(&args),
         Cli::Compare(args) => commands::compare::run(&args),
         Cli::Inspect(args) => commands::inspect::run(&args),
+        Cli::Spectrum(args) => commands::spectrum::run(&args),
         Cli::Bench(args) => commands::bench::run(&args),
         Cli::Status(args) => terminal::quietly(commands::status::run(&args)),
         Cli::Topics(args) => terminal::quietly(commands::topics::run(&args)),
