@@ -18,7 +18,7 @@ fn write_cube(folder: &Path, name: &str, top: f32) -> PathBuf {
     let n_cells = 40 * 25;
     let mut header = Header::new(40, 25, 3);
     header.wavelengths = vec![600.0, 500.0, 700.0];
-    header.wavelength_units = "nm".to_owned();
+    header.wavelength_units = "nm".into();
     header.reflectance_scale_factor = Some(100.0);
     header.data_ignore_value = Some(-1.0);
     let band = |factor: f32| {
@@ -94,9 +94,9 @@ fn a_region_is_recognized_and_one_outside_refused() {
     let cube = cube.to_str().expect("UTF-8");
     let known = |name: &str, values: [f64; 3]| {
         let path = folder.path().join(format!("{name}.spectrum.txt"));
-        let rows: String = ["0.5", "0.6", "0.7"].iter().zip(values).map(|(um, v)| format!("{um} {v}\n")).collect();
+        let rows: Vec<String> = ["0.5", "0.6", "0.7"].iter().zip(values).map(|(um, v)| format!("{um} {v}\n")).collect();
         let head = "X Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\n\n";
-        std::fs::write(&path, format!("Name: {name}\n{head}{rows}")).expect("written");
+        std::fs::write(&path, format!("Name: {name}\n{head}{}", rows.concat())).expect("written");
         path.to_str().expect("UTF-8").to_owned()
     };
     // The cube's bands are as 1 : 2 : 2 everywhere.
