@@ -3,56 +3,48 @@
 use crate::Settings;
 use crate::references::Camera;
 use formats::drive::Drive;
+use formats::manifest::MosaicEntry;
+use formats::sensor_calibration::SensorCalibration;
 use messages::{Cube, Mosaic, MosaicHeader, pod::cast_slice_mut};
+use spectral::median_3x3;
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
 /// The stage.
 pub struct Calibrate {
     /// By index; the error says why a camera gives no reflectance.
     cameras: Vec<Result<Camera, String>>,
+    median: bool,
 }
 
 /// Why a frame gives no cube: a counter of the summary and a line for the operator.
 struct Skip(&'static str, String);
 
 impl Calibrate {
-    fn camera(&self, frame: &MosaicHeader) -> Result<&Camera, Skip> {
-        let index = frame.camera;
-        let camera = match self.cameras.get(index as usize) {
-            Some(Ok(camera)) => camera,
-            Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
-            None => {
-                let text = format!("mosaic camera {index} is not among the {} of this drive", self.cameras.len());
-                return Err(Skip("frames_unusable", text));
-            }
-        };
-        if !camera.fits(frame) {
-            let text = format!(
-                "mosaic camera {index}: {}x{} px of {} bit do not fit it",
-                frame.width, frame.height, frame.bit_depth
-            );
-            return Err(Skip("frames_unusable", text));
-        }
-        Ok(camera)
-    }
-
     /// The outer error ends the run, the inner one concerns this frame alone.
-    fn publish_cube(&self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
+    fn publish_cube(&mut self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
         let header = frame.header();
-        let camera = match self.camera(header) {
+        let camera = match camera(&mut self.cameras, header) {
             Ok(camera) => camera,
             Err(skip) => return Ok(Err(skip)),
         };
-        let calibration = camera.calibration();
-        let n_samples = calibration.mosaic().n_cells() * calibration.mosaic().n_bands();
-        let n_rows = n_samples + calibration.mosaic().n_cells();
+        let n_cells = camera.spectral.mosaic().n_cells();
+        let n_samples = n_cells * camera.spectral.mosaic().n_bands();
+        let cube = camera.cube_header(header);
+        let n_values = n_cells * cube.n_bands as usize;
+        let n_rows = n_values + n_cells;
         let mut loan = outputs.loan::<Cube>(n_rows)?;
-        *loan.header_mut() = camera.cube_header(header);
+        *loan.header_mut() = cube;
         let rows = loan.grow(n_rows).ok_or_else(|| {
             StepError::Contract(format!("cube: the loan does not hold the {n_rows} rows that were asked for"))
         })?;
-        let (reflectances, masks) = rows.split_at_mut(n_samples);
-        let counts = calibration.cube_into(frame.rows(), header.exposure_nanos, cast_slice_mut(reflectances), masks);
+        let (reflectances, masks) = rows.split_at_mut(n_values);
+        let reflectances = cast_slice_mut(reflectances);
+        let counts = camera.spectral.cube_into(frame.rows(), header.exposure_nanos, reflectances, masks);
+        let counts = counts.and_then(|counts| {
+            let smoothed =
+                if self.median { median_3x3([cube.width, cube.height], reflectances, masks) } else { Ok(()) };
+            smoothed.map(|()| counts)
+        });
         let counts = match counts {
             Ok(counts) => counts,
             Err(error) => {
@@ -68,6 +60,27 @@ impl Calibrate {
     }
 }
 
+/// The camera that the frame is of.
+fn camera<'a>(cameras: &'a mut [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a mut Camera, Skip> {
+    let (index, n_cameras) = (frame.camera, cameras.len());
+    let camera = match cameras.get_mut(index as usize) {
+        Some(Ok(camera)) => camera,
+        Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
+        None => {
+            let text = format!("mosaic camera {index} is not among the {n_cameras} of this drive");
+            return Err(Skip("frames_unusable", text));
+        }
+    };
+    if !camera.fits(frame) {
+        let text = format!(
+            "mosaic camera {index}: {}x{} px of {} bit do not fit it",
+            frame.width, frame.height, frame.bit_depth
+        );
+        return Err(Skip("frames_unusable", text));
+    }
+    Ok(camera)
+}
+
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
     type Settings = Settings;
@@ -80,10 +93,13 @@ impl Stage for Calibrate {
         vec![Port::of::<Cube>()]
     }
 
-    fn new(_settings: &Settings, context: &Context) -> Result<Self, StepError> {
+    fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let drive = Drive::open(&context.drive).map_err(StepError::io)?;
-        let cameras = drive.manifest().mosaics.iter().enumerate();
-        Ok(Self { cameras: cameras.map(|(index, entry)| Camera::read(drive.folder(), index, entry)).collect() })
+        let cameras = drive.manifest().mosaics.iter().zip(drive.sensors()).enumerate();
+        let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
+            Camera::read(drive.folder(), index, entry, sensor.as_ref().filter(|_| settings.correction))
+        };
+        Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

@@ -5,6 +5,10 @@
 //! pixels of a pattern cell become the bands of one cell of the cube, written straight into the slot that its consumers read.
 //! [`spectral::Calibration`] has the formula and says which samples are masked.
 //!
+//! Where the drive names the camera maker's calibration file, the bands of the filters then become virtual bands with one
+//! peak each ([`spectral::Correction`]), and if asked every value the median of its 3x3 cells. The cube's header has the
+//! wavelengths of the bands that are in it. Order: crop, reflectance per pixel, binning, correction, median.
+//!
 //! The stage has no memory: a cube follows from its frame and the references alone. A camera without references gives no
 //! cubes, and a frame that does not fit its camera gives none; both are counted and said, never fatal.
 
@@ -15,5 +19,10 @@ pub use calibrate::Calibrate;
 
 stage::settings! {
     /// Settings of calibrate.
-    pub struct Settings {}
+    pub struct Settings {
+        /// Apply the spectral correction of the cameras' calibration files. Cubes of cameras without one stay as measured.
+        pub correction: bool = true => stage::any();
+        /// Replace every value by the median of the valid ones in its 3x3 cells.
+        pub median: bool = false => stage::any();
+    }
 }

@@ -3,6 +3,7 @@
 use calibrate::{Calibrate, Settings};
 use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry};
 use formats::pgm::pgm_from_samples;
+use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use geometry::{CameraModel, Pinhole};
 use messages::{Cube, CubeView, Mosaic, MosaicHeader};
 use stage::testing::{Bench, context};
@@ -23,6 +24,7 @@ fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
     MosaicEntry {
         name: name.to_owned(),
         folder: name.to_owned(),
+        sensor: None,
         exposure_nanos: T_RAW,
         dark_exposure_nanos: T_RAW,
         white_exposure_nanos: T_WHITE,
@@ -254,4 +256,87 @@ fn a_restart_in_mid_stream_changes_nothing() {
     assert_eq!(cubes[0].rows(), cubes[1].rows());
     assert_eq!(cubes[0].header(), cubes[1].header());
     assert!(bench.stage.load(b"something else").is_err());
+}
+
+/// Virtual bands of hs03: each takes its own filter twice and the next one off, but for the last filter.
+fn virtual_bands() -> Vec<VirtualBand> {
+    let row = |j: usize| VirtualBand {
+        wavelength_nm: 470.0 + 10.0 * j as f64,
+        fwhm_nm: 12.0,
+        coefficients: (0..16).map(|k| if k == j { 2.0 } else { -f64::from(u8::from(k == j + 1)) }).collect(),
+    };
+    (0..15).map(row).collect()
+}
+
+/// A drive whose hs03 has the calibration file of its maker.
+fn drive_with_sensor(active_area: [u32; 4]) -> (TempDir, Manifest) {
+    let mut manifest = manifest();
+    manifest.mosaics[1].sensor = Some("hs03/sensor.xml".to_owned());
+    let folder = drive(&manifest);
+    let response = Curve::from_samples(vec![(460.0, 0.1), (640.0, 0.3)]);
+    let band = FilterBand { selected: true, peaks: Vec::new(), response };
+    let sensor = SensorCalibration {
+        version: 1,
+        sensor_id: "test".to_owned(),
+        size: [WIDTH, HEIGHT],
+        bit_depth: Some(12),
+        full_well_electrons: None,
+        active_area,
+        pattern: 4,
+        spectral_range_nm: [470.0, 630.0],
+        bands: vec![band; 16],
+        optical_components: Vec::new(),
+        matrices: vec![CorrectionMatrix {
+            name: "hsi".to_owned(),
+            kind: "hyperspectral".to_owned(),
+            virtual_bands: virtual_bands(),
+        }],
+    };
+    std::fs::write(folder.path().join("hs03/sensor.xml"), sensor.to_xml()).expect("written");
+    (folder, manifest)
+}
+
+#[test]
+fn the_makers_file_turns_the_bands_of_filters_into_virtual_ones() {
+    let (folder, manifest) = drive_with_sensor([3, 1, 40, 28]);
+    write_references(folder.path(), "hs02");
+    write_references(folder.path(), "hs03");
+    let mut samples = scene(1, &manifest.mosaics[1]);
+    // Band 2 of the second cell: bands 1 and 2 of the cube weigh it.
+    samples[(WIDTH + 3 + 4 + 2) as usize] = SATURATION;
+    for (correction, median) in [(true, false), (false, false), (true, true)] {
+        let settings = Settings { correction, median };
+        let mut bench = Bench::<Calibrate>::new(&settings, &context(folder.path())).expect("starts");
+        bench.send::<Mosaic>(STAMP, header(1), samples.clone());
+        bench.tick().expect("a tick");
+        let cubes = bench.take::<Cube>();
+        let header = cubes[0].header();
+        let view = CubeView::new(header, cubes[0].rows()).expect("fits");
+        assert_eq!(bench.counter("samples"), 10 * 7 * 16);
+        if !correction {
+            assert_eq!((header.n_bands, view.masks()[1]), (16, 0xfffb));
+            continue;
+        }
+        assert_eq!((header.n_bands, header.valid_bands), (15, 0x7fff));
+        assert_eq!(view.masks()[..3], [0x7fff, 0x7ff9, 0x7fff]);
+        for (j, row) in virtual_bands().iter().enumerate() {
+            assert_eq!(f64::from(header.wavelengths_nm[j]), row.wavelength_nm);
+            let expected: f64 = (0..16).map(|k| row.coefficients[k as usize] * truth(1, k)).sum();
+            for (reflectance, mask) in view.band(j).iter().zip(view.masks()) {
+                let expected = if mask >> j & 1 == 1 { expected } else { 0.0 };
+                assert!((f64::from(*reflectance) - expected).abs() < 0.003, "band {j}: {reflectance}");
+            }
+        }
+        assert_eq!(header.wavelengths_nm[15], 0.0);
+    }
+}
+
+#[test]
+fn a_drive_that_contradicts_the_makers_file_is_refused_with_both_named() {
+    let (folder, _) = drive_with_sensor([2, 1, 40, 28]);
+    let error =
+        Bench::<Calibrate>::new(&Settings::default(), &context(folder.path())).err().expect("refused").to_string();
+    for part in ["drive.toml", "mosaic[1].active_area", "[3, 1, 40, 28] must be [2, 1, 40, 28]", "hs03/sensor.xml"] {
+        assert!(error.contains(part), "{error}");
+    }
 }

@@ -10,6 +10,8 @@ use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
 use crate::views::Camera;
 use crate::window::{Exposure, Window};
 use formats::drive::Drive;
+use formats::manifest::MosaicEntry;
+use formats::sensor_calibration::SensorCalibration;
 use geometry::{Pose, Stamp};
 use messages::{Color, Cube, Image, Spectra, Submap, SubmapHeader, Trajectory, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
@@ -26,6 +28,10 @@ pub struct Colorize {
     limits: Limits,
     cameras: Vec<Camera>,
     mosaics: Vec<Camera>,
+    /// Of each mosaic camera the side of its filter pattern, px, and the bands that its cubes are expected to have.
+    patterns: Vec<u32>,
+    expected_nm: Vec<Vec<f32>>,
+    /// What the bands really are: as expected, until a camera's first cube says otherwise.
     bands: Bands,
     /// Whether exposures may come at all; if not, submaps need not wait for them.
     sees: bool,
@@ -41,11 +47,13 @@ impl Colorize {
             let text = format!("{n_cameras} cameras and {n_mosaics} mosaic cameras; must be {UNSEEN} of each at most");
             return Err(StepError::data(text));
         }
-        let wavelengths_nm: Vec<&[f64]> = manifest.mosaics.iter().map(|entry| &entry.wavelengths_nm[..]).collect();
-        let bands = Bands::new(&wavelengths_nm).ok_or_else(|| {
-            let n_bands: usize = wavelengths_nm.iter().map(|w| w.len()).sum();
-            StepError::data(format!("{n_bands} bands in all; must be {} at most", messages::MAX_BANDS))
-        })?;
+        let expected_nm: Vec<Vec<f32>> = manifest
+            .mosaics
+            .iter()
+            .zip(drive.sensors())
+            .map(|(entry, sensor)| expected_nm(entry, sensor.as_ref()))
+            .collect();
+        let bands = Bands::new(&expected_nm).ok_or_else(|| too_many_bands(&expected_nm))?;
         let (images, cubes) = (context.is_connected::<Image>(), context.is_connected::<Cube>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
@@ -55,6 +63,8 @@ impl Colorize {
             },
             cameras: rig.cameras.iter().map(Camera::from).collect(),
             mosaics: rig.mosaics.iter().map(Camera::from).collect(),
+            patterns: manifest.mosaics.iter().map(|entry| entry.pattern).collect(),
+            expected_nm,
             bands,
             sees: (images && n_cameras > 0) || (cubes && n_mosaics > 0),
             remark: match (n_cameras, images) {
@@ -95,7 +105,7 @@ impl Colorize {
             }
         }
         for cube in inputs.take::<Cube>() {
-            if self.cube_picture(&cube).is_some() {
+            if self.cube_picture(&cube).is_some() && self.has_expected_bands(&cube) {
                 self.held.cubes.add(cube);
             } else {
                 let header = cube.header();
@@ -124,8 +134,36 @@ impl Colorize {
         let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
         let fits = end(header.x0, header.width) <= width
             && end(header.y0, header.height) <= height
-            && header.n_bands as usize == self.bands.n_bands_of(camera);
+            && header.pattern == self.patterns[camera];
         CubePicture::new(header, cube.rows()).filter(|_| fits)
+    }
+
+    /// Whether the cube has the bands of its camera. The first one of a camera says what they are: whether cubes are
+    /// corrected is calibrate's affair.
+    fn has_expected_bands(&mut self, cube: &Received<Cube>) -> bool {
+        let header = cube.header();
+        let Some(wavelengths_nm) = header.wavelengths_nm.get(..header.n_bands as usize) else { return false };
+        if let Some(known) = self.held.bands_nm.get(&header.camera) {
+            return known == wavelengths_nm;
+        }
+        self.held.bands_nm.insert(header.camera, wavelengths_nm.to_vec());
+        if let Ok(bands) = self.known_bands() {
+            self.bands = bands;
+            return true;
+        }
+        self.held.bands_nm.remove(&header.camera);
+        false
+    }
+
+    /// The bands of all cameras: of those whose cubes have come theirs, of others those that are expected.
+    fn known_bands(&self) -> Result<Bands, StepError> {
+        let mut wavelengths_nm = self.expected_nm.clone();
+        for (camera, bands_nm) in &self.held.bands_nm {
+            if let Some(slot) = wavelengths_nm.get_mut(*camera as usize) {
+                slot.clone_from(bands_nm);
+            }
+        }
+        Bands::new(&wavelengths_nm).ok_or_else(|| too_many_bands(&wavelengths_nm))
     }
 
     /// Whether all exposures that the submap may need have come.
@@ -267,6 +305,19 @@ fn oldest_stamp<T: Exposure>(window: &Window<T>) -> Option<i64> {
     window.exposures().first().map(Received::stamp)
 }
 
+/// Virtual bands where the camera's calibration has some, because calibrate corrects by default; else the filters'.
+fn expected_nm(entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Vec<f32> {
+    match sensor.and_then(SensorCalibration::reflectance_matrix) {
+        Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
+        None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
+    }
+}
+
+fn too_many_bands(wavelengths_nm: &[Vec<f32>]) -> StepError {
+    let n_bands: usize = wavelengths_nm.iter().map(Vec::len).sum();
+    StepError::data(format!("{n_bands} bands in all; must be {} at most", messages::MAX_BANDS))
+}
+
 fn too_small(topic: &str, n_rows: usize) -> StepError {
     StepError::Contract(format!("{topic}: the loan does not hold the {n_rows} rows that were asked for"))
 }
@@ -315,6 +366,7 @@ impl Stage for Colorize {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         self.held = saved::load(state)?;
+        self.bands = self.known_bands()?;
         Ok(())
     }
 }

@@ -5,10 +5,10 @@ use geometry::{Stamp, Trajectory};
 use messages::{Cube, Image, Message, PoseRow, Submap};
 use serde::{Deserialize, Serialize};
 use stage::{Received, StepError};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Raised with every change of the layout.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Everything that is held from tick to tick.
 #[derive(Default)]
@@ -21,6 +21,8 @@ pub struct Held {
     pub images: Window<Image>,
     /// Spectral exposures.
     pub cubes: Window<Cube>,
+    /// Wavelengths of each mosaic camera whose first cube has come, nm.
+    pub bands_nm: BTreeMap<u32, Vec<f32>>,
     /// Last shot of the newest submap.
     pub submaps_until: Option<i64>,
 }
@@ -29,6 +31,7 @@ pub struct Held {
 #[derive(Serialize, Deserialize)]
 struct Head {
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
+    bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
     /// Bytes of each message.
     submaps: Vec<u64>,
@@ -44,6 +47,7 @@ pub fn save(held: &Held) -> Result<Vec<u8>, StepError> {
     };
     let head = Head {
         poses: held.trajectory.poses().iter().map(pose).collect(),
+        bands_nm: held.bands_nm.clone(),
         submaps_until: held.submaps_until,
         submaps: held.submaps.iter().map(n_bytes).collect(),
         images: held.images.exposures().iter().map(n_bytes).collect(),
@@ -69,7 +73,7 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
     let mut rest = Rest(state);
     let head_len = rest.take(4)?.iter().rev().fold(0, |len, byte| len << 8 | u64::from(*byte));
     let head: Head = stage::decode_state(VERSION, rest.take(head_len)?)?;
-    let mut held = Held { submaps_until: head.submaps_until, ..Held::default() };
+    let mut held = Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, ..Held::default() };
     for (stamp, translation, rotation) in head.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {

@@ -17,12 +17,12 @@ pub struct Bands {
 
 impl Bands {
     /// From each camera's wavelengths. `None` if they are more than [`MAX_BANDS`] together, or the cameras more than 255.
-    pub fn new(wavelengths_nm: &[&[f64]]) -> Option<Self> {
+    pub fn new(wavelengths_nm: &[Vec<f32>]) -> Option<Self> {
         let mut bands = Self { wavelengths_nm: [0.0; MAX_BANDS], cameras: [0; MAX_BANDS], starts: vec![0] };
         let mut n_bands = 0;
         for (camera, wavelengths_nm) in wavelengths_nm.iter().enumerate() {
-            for wavelength_nm in *wavelengths_nm {
-                *bands.wavelengths_nm.get_mut(n_bands)? = *wavelength_nm as f32;
+            for wavelength_nm in wavelengths_nm {
+                *bands.wavelengths_nm.get_mut(n_bands)? = *wavelength_nm;
                 bands.cameras[n_bands] = u8::try_from(camera).ok()?;
                 n_bands += 1;
             }
@@ -33,10 +33,6 @@ impl Bands {
     /// Bands of all cameras.
     pub fn n_bands(&self) -> usize {
         self.starts.last().copied().unwrap_or_default()
-    }
-    /// Bands of one camera.
-    pub fn n_bands_of(&self, camera: usize) -> usize {
-        self.starts[camera + 1] - self.starts[camera]
     }
 }
 
@@ -198,12 +194,12 @@ mod tests {
 
     #[test]
     fn bands_of_all_cameras_stand_one_after_another() {
-        let bands = Bands::new(&[&[700.0, 650.0], &[], &[500.0]]).expect("few");
-        assert_eq!((bands.n_bands(), bands.n_bands_of(0), bands.n_bands_of(1), bands.n_bands_of(2)), (3, 2, 0, 1));
+        let bands = Bands::new(&[vec![700.0, 650.0], vec![], vec![500.0]]).expect("few");
+        assert_eq!((bands.n_bands(), &bands.starts[..]), (3, &[0, 2, 2, 3][..]));
         assert_eq!(bands.wavelengths_nm[..4], [700.0, 650.0, 500.0, 0.0]);
         assert_eq!(bands.cameras[..3], [0, 0, 2]);
         assert_eq!(Bands::new(&[]).map(|bands| bands.n_bands()), Some(0));
-        assert_eq!(Bands::new(&[&[1.0; 40], &[1.0; 25]]), None);
+        assert_eq!(Bands::new(&[vec![1.0; 40], vec![1.0; 25]]), None);
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::imu::ImuReader;
 use crate::manifest::Manifest;
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
+use crate::sensor_calibration::SensorCalibration;
 use crate::trajectory::trajectory_from_tum;
 use crate::velodyne::{Model, SweepError};
 use geometry::{Rig, Stamp, Trajectory};
@@ -45,6 +46,7 @@ pub struct Drive {
     sweep_stamps: Vec<Stamp>,
     camera_frames: Vec<Frame>,
     mosaic_frames: Vec<Frame>,
+    sensors: Vec<Option<SensorCalibration>>,
     strange_files: Vec<PathBuf>,
 }
 
@@ -105,6 +107,10 @@ impl Drive {
     /// Exposures of all mosaic cameras, by stamp, then camera.
     pub fn mosaic_frames(&self) -> &[Frame] {
         &self.mosaic_frames
+    }
+    /// The maker's calibration of each mosaic camera, where the manifest names one.
+    pub fn sensors(&self) -> &[Option<SensorCalibration>] {
+        &self.sensors
     }
     /// Files in the cameras' folders whose names are no stamps.
     pub fn strange_files(&self) -> &[PathBuf] {

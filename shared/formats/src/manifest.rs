@@ -84,6 +84,9 @@ pub struct MosaicEntry {
     pub name: String,
     /// Folder of the raw images.
     pub folder: String,
+    /// The maker's calibration file ([`crate::sensor_calibration`]); it must agree with what stands here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
     /// Exposure time, ns.
     pub exposure_nanos: u64,
     /// Exposure time of the dark reference, ns.

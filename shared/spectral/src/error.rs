@@ -67,4 +67,20 @@ pub enum SpectralError {
     /// A white target that is no diffuse reflector.
     #[error("white target with reflectance {0}; must be above 0 and at most 1")]
     WhiteReflectance(f64),
+    /// A correction matrix of a size that no camera has.
+    #[error("correction with {n} {what}; must have 1 to {max}", max = crate::MAX_PATTERN * crate::MAX_PATTERN)]
+    CorrectionSize {
+        /// Bands or virtual bands.
+        what: &'static str,
+        /// As given.
+        n: usize,
+    },
+    /// A correction matrix with a hole.
+    #[error("row {row} of the correction has the coefficient {value}; must be finite")]
+    Coefficient {
+        /// From 0.
+        row: usize,
+        /// As given.
+        value: f64,
+    },
 }

@@ -121,6 +121,7 @@ fn manifest() -> Manifest {
         mosaics: vec![MosaicEntry {
             name: "hs03".into(),
             folder: "hs03".into(),
+            sensor: None,
             exposure_nanos: 5_000_000,
             dark_exposure_nanos: 5_000_000,
             white_exposure_nanos: 5_000_000,

@@ -41,6 +41,7 @@ pub fn mosaic(name: &str, body_from_camera: Pose, model: CameraModel, pattern: u
     MosaicEntry {
         name: name.to_owned(),
         folder: name.to_owned(),
+        sensor: None,
         exposure_nanos: 5_000_000,
         dark_exposure_nanos: 5_000_000,
         white_exposure_nanos: 5_000_000,

@@ -181,7 +181,7 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
     let pattern = entry.pattern;
     let (columns, rows, n_bands) = (width / pattern, height / pattern, (pattern * pattern) as usize);
     let valid_bands = if index == 1 { 0xffff & !(1 << 3) } else { (1 << 25) - 1 };
-    let header = CubeHeader {
+    let mut header = CubeHeader {
         camera: index as u32,
         width: columns,
         height: rows,
@@ -193,6 +193,9 @@ pub fn expose_cube(index: usize, stamp: i64) -> (CubeHeader, Vec<u32>) {
         exposure_nanos: 5_000_000,
         ..CubeHeader::default()
     };
+    for (k, out) in header.wavelengths_nm.iter_mut().take(n_bands).enumerate() {
+        *out = 500.0 + 10.0 * k as f32;
+    }
     let n_cells = (columns * rows) as usize;
     let mut words = vec![0; (n_bands + 1) * n_cells];
     for cell in 0..n_cells {

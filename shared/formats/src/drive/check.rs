@@ -7,6 +7,7 @@ use crate::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry, rules,
 };
 use crate::problems::FileError;
+use crate::sensor_calibration::SensorCalibration;
 use crate::toml_file::TomlFile;
 use crate::velodyne::Model;
 use geometry::Stamp;
@@ -26,9 +27,10 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     for (index, entry) in manifest.cameras.iter().enumerate() {
         camera_frames.extend(check.camera(index, entry));
     }
-    let mut mosaic_frames = Vec::new();
+    let (mut mosaic_frames, mut sensors) = (Vec::new(), Vec::new());
     for (index, entry) in manifest.mosaics.iter().enumerate() {
         mosaic_frames.extend(check.mosaic(index, entry));
+        sensors.push(entry.sensor.as_ref().and_then(|name| check.sensor(index, entry, name)));
     }
     for frames in [&mut camera_frames, &mut mosaic_frames] {
         frames.sort_by_key(|frame: &Frame| (frame.stamp, frame.camera));
@@ -54,6 +56,7 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
             sweep_stamps,
             camera_frames,
             mosaic_frames,
+            sensors,
             strange_files: strange,
         }),
         _ => Err(file.into_error()),
@@ -168,6 +171,39 @@ impl Check<'_> {
             format!("{:?} must lie in the {width} x {height} image and hold a pattern of {side}", entry.active_area)
         });
         self.frames(&key("folder"), &entry.folder, index, &["pgm"])
+    }
+
+    /// The maker's file, and that the manifest does not contradict it.
+    fn sensor(&mut self, index: usize, entry: &MosaicEntry, name: &str) -> Option<SensorCalibration> {
+        let key = |name: &str| format!("mosaic[{index}].{name}");
+        let path = self.inside(&key("sensor"), name)?;
+        let parsed = std::fs::read_to_string(&path)
+            .map_err(|error| format!("cannot be read: {error}"))
+            .and_then(|text| SensorCalibration::from_xml(&text).map_err(|error| error.to_string()));
+        let sensor = match parsed {
+            Ok(sensor) => sensor,
+            Err(error) => {
+                self.file.fault(&key("sensor"), format!("{}: {error}", path.display()));
+                return None;
+            }
+        };
+        let same_area = entry.active_area == sensor.active_area;
+        self.file.rule(&key("active_area"), same_area, || {
+            format!("{:?} must be {:?}, as {} says", entry.active_area, sensor.active_area, path.display())
+        });
+        self.file.rule(&key("pattern"), entry.pattern == sensor.pattern, || {
+            format!("value {} must be {}, as {} says", entry.pattern, sensor.pattern, path.display())
+        });
+        let (width, height) = entry.model.size();
+        self.file.rule(&key("model"), [width, height] == sensor.size, || {
+            let [w, h] = sensor.size;
+            format!("size {width} x {height} must be {w} x {h}, as {} says", path.display())
+        });
+        let bits = sensor.bit_depth.unwrap_or(entry.bit_depth);
+        self.file.rule(&key("bit_depth"), entry.bit_depth == bits, || {
+            format!("value {} must be {bits}, as {} says", entry.bit_depth, path.display())
+        });
+        Some(sensor)
     }
 
     fn gnss(&mut self, entry: &GnssEntry) {

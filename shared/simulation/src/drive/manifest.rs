@@ -62,6 +62,7 @@ fn mosaic(mosaic: &MosaicSpec, exposure_nanos: u64) -> MosaicEntry {
     MosaicEntry {
         name: mosaic.name.clone(),
         folder: mosaic.name.clone(),
+        sensor: Some(format!("{}/sensor.xml", mosaic.name)),
         exposure_nanos,
         dark_exposure_nanos: exposure_nanos,
         white_exposure_nanos: WHITE_EXPOSURE_NANOS,

@@ -13,6 +13,7 @@ pub mod record;
 pub mod replay;
 pub mod send;
 pub mod simulate;
+pub mod spectrum;
 pub mod status;
 pub mod stop;
 pub mod swap;

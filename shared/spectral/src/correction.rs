@@ -1,0 +1,189 @@
+//! Spectral correction: the bands of the filters into bands with one peak each.
+//!
+//! The filters of a mosaic camera pass second orders and leak into each other. The camera's maker delivers a matrix C whose row
+//! j combines the reflectances of all P x P filters into that of virtual band j: `r_j = sum_k C_jk r_k` (k in the pattern's
+//! order). Rows sum to 1, so a white panel stays flat.
+//!
+//! A virtual band is valid where all bands that its row weighs are: a missing one cannot be made up for. Invalid values are 0.
+
+use crate::SpectralError;
+use crate::mosaic::{MAX_PATTERN, check_length};
+
+/// Cells that are corrected at a time: the bands of a block stay in the fastest cache.
+const BLOCK: usize = 64;
+/// Rows and cells whose sums are in registers together: 4 x 8 are half of those that every x86-64 has, and each value that is
+/// read serves four rows (twice as fast as row by row).
+const ROWS: usize = 4;
+/// See [`ROWS`].
+const LANES: usize = 8;
+/// A mask has a bit for each band.
+const MAX_BANDS: usize = (MAX_PATTERN * MAX_PATTERN) as usize;
+
+/// One correction matrix, ready for cubes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correction {
+    n_bands: usize,
+    /// By row, bit k: band k has a weight.
+    needs: Vec<u32>,
+    /// Of four rows each, band by band; rows that there are not are zero.
+    groups: Vec<Vec<[f32; ROWS]>>,
+}
+
+impl Correction {
+    /// `rows`: of each virtual band the coefficients of all `n_bands` bands, 1 to 25 of each, finite.
+    pub fn new<'a>(n_bands: usize, rows: impl IntoIterator<Item = &'a [f64]>) -> Result<Self, SpectralError> {
+        let is_size = |n: usize| (1..=MAX_BANDS).contains(&n);
+        if !is_size(n_bands) {
+            return Err(SpectralError::CorrectionSize { what: "bands", n: n_bands });
+        }
+        let (mut needs, mut groups) = (Vec::new(), Vec::new());
+        for (j, coefficients) in rows.into_iter().enumerate() {
+            check_length("row of the correction", coefficients.len(), n_bands)?;
+            if let Some(value) = coefficients.iter().find(|value| !value.is_finite()) {
+                return Err(SpectralError::Coefficient { row: j, value: *value });
+            }
+            let weighed = coefficients.iter().enumerate().filter(|(_, value)| **value != 0.0);
+            needs.push(weighed.fold(0, |bits, (band, _)| bits | 1 << band));
+            groups.resize(j / ROWS + 1, vec![[0.0; ROWS]; n_bands]);
+            for (slot, value) in groups[j / ROWS].iter_mut().zip(coefficients) {
+                slot[j % ROWS] = *value as f32;
+            }
+        }
+        if !is_size(needs.len()) {
+            return Err(SpectralError::CorrectionSize { what: "virtual bands", n: needs.len() });
+        }
+        Ok(Self { n_bands, needs, groups })
+    }
+
+    /// Bands of the filters.
+    pub fn n_bands(&self) -> usize {
+        self.n_bands
+    }
+
+    /// Virtual bands.
+    pub fn n_virtual_bands(&self) -> usize {
+        self.needs.len()
+    }
+
+    /// Which virtual bands are valid where the bands in `mask` are: for one cell, or for a whole camera.
+    pub fn valid(&self, mask: u32) -> u32 {
+        let valid = |(j, needs): (usize, &u32)| u32::from(mask & needs == *needs) << j;
+        self.needs.iter().enumerate().map(valid).fold(0, |bits, bit| bits | bit)
+    }
+
+    /// One cube into another. `bands` and `virtual_bands` are band-sequential with one value per cell; bit k of a cell's mask
+    /// says that its band k was measured. `virtual_bands` and `virtual_masks` are overwritten.
+    pub fn correct_into(
+        &self,
+        bands: &[f32],
+        masks: &[u32],
+        virtual_bands: &mut [f32],
+        virtual_masks: &mut [u32],
+    ) -> Result<(), SpectralError> {
+        let n_cells = masks.len();
+        check_length("cube", bands.len(), self.n_bands * n_cells)?;
+        check_length("corrected cube", virtual_bands.len(), self.needs.len() * n_cells)?;
+        check_length("corrected mask", virtual_masks.len(), n_cells)?;
+        let all = u32::MAX >> (32 - self.n_bands);
+        let all_valid = self.valid(all);
+        let mut block = [[0.0; BLOCK]; MAX_BANDS];
+        let mut sums = [[0.0; BLOCK]; ROWS];
+        for start in (0..n_cells).step_by(BLOCK) {
+            let n = BLOCK.min(n_cells - start);
+            let cells = start..start + n;
+            for (band, lanes) in block.iter_mut().enumerate().take(self.n_bands) {
+                lanes[..n].copy_from_slice(&bands[band * n_cells..][cells.clone()]);
+            }
+            for (out, mask) in virtual_masks[cells.clone()].iter_mut().zip(&masks[cells.clone()]) {
+                *out = if mask & all == all { all_valid } else { self.valid(*mask) };
+            }
+            let masks = &virtual_masks[cells.clone()];
+            let is_whole = masks.iter().all(|mask| *mask == all_valid);
+            for (group, first) in self.groups.iter().zip((0..).step_by(ROWS)) {
+                combine_into(group, &block, &mut sums);
+                for (sums, j) in sums.iter_mut().zip(first..self.needs.len()) {
+                    if !is_whole {
+                        let valid = masks.iter().map(|mask| mask >> j & 1 == 1);
+                        sums.iter_mut().zip(valid).filter(|(_, valid)| !valid).for_each(|(sum, _)| *sum = 0.0);
+                    }
+                    virtual_bands[j * n_cells..][cells.clone()].copy_from_slice(&sums[..n]);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Four rows of the matrix times a block of cells.
+fn combine_into(group: &[[f32; ROWS]], block: &[[f32; BLOCK]; MAX_BANDS], sums: &mut [[f32; BLOCK]; ROWS]) {
+    for lane in 0..BLOCK / LANES {
+        let mut chunk = [[0.0; LANES]; ROWS];
+        for (coefficients, values) in group.iter().zip(block) {
+            let values = values.as_chunks::<LANES>().0[lane];
+            for (sums, coefficient) in chunk.iter_mut().zip(coefficients) {
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum += coefficient * value;
+                }
+            }
+        }
+        for (sums, chunk) in sums.iter_mut().zip(&chunk) {
+            sums.as_chunks_mut::<LANES>().0[lane] = *chunk;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// More cells than a block, and not a multiple of one.
+    const N_CELLS: usize = 77;
+
+    fn matrix() -> Vec<Vec<f64>> {
+        // The second row does without band 2.
+        vec![vec![1.5, -0.25, -0.5, 0.25], vec![0.5, 0.75, 0.0, -0.25], vec![0.0, 0.0, 0.5, 0.5]]
+    }
+
+    fn correction() -> Correction {
+        Correction::new(4, matrix().iter().map(|row| &row[..])).expect("sound")
+    }
+
+    #[test]
+    fn every_cell_is_the_product_of_matrix_and_bands() {
+        let value = |band: usize, cell: usize| (band * 31 + cell * 7 % 53) as f32 / 100.0;
+        let bands: Vec<f32> = (0..4).flat_map(|band| (0..N_CELLS).map(move |cell| value(band, cell))).collect();
+        let (mut out, mut masks) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
+        correction().correct_into(&bands, &[0b1111; N_CELLS], &mut out, &mut masks).expect("fits");
+        assert_eq!(masks, [0b111; N_CELLS]);
+        for (j, row) in matrix().iter().enumerate() {
+            for cell in 0..N_CELLS {
+                let expected: f64 = row.iter().enumerate().map(|(k, c)| c * f64::from(value(k, cell))).sum();
+                assert!((f64::from(out[j * N_CELLS + cell]) - expected).abs() < 1e-5, "row {j} cell {cell}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_band_that_was_not_measured_spoils_only_the_rows_that_weigh_it() {
+        let mut masks = [0b1111; N_CELLS];
+        (masks[40], masks[76]) = (0b1011, 0b1110);
+        let (mut out, mut valid) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
+        correction().correct_into(&[0.5; 4 * N_CELLS], &masks, &mut out, &mut valid).expect("fits");
+        assert_eq!((valid[39], valid[40], valid[76]), (0b111, 0b010, 0b100));
+        let at = |cell: usize| [0, 1, 2].map(|j| out[j * N_CELLS + cell]);
+        assert_eq!((at(39), at(40), at(76)), ([0.5, 0.5, 0.5], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]));
+    }
+
+    #[test]
+    fn matrices_and_cubes_that_do_not_fit_are_refused() {
+        assert_eq!(
+            Correction::new(4, [&[1.0, 0.0][..]]),
+            Err(SpectralError::Length { what: "row of the correction", got: 2, expected: 4 })
+        );
+        assert!(matches!(Correction::new(1, [&[f64::NAN][..]]), Err(SpectralError::Coefficient { row: 0, .. })));
+        assert!(matches!(Correction::new(26, [&[0.0; 26][..]]), Err(SpectralError::CorrectionSize { n: 26, .. })));
+        assert!(matches!(Correction::new(1, []), Err(SpectralError::CorrectionSize { n: 0, .. })));
+        let error = correction().correct_into(&[0.0; 7], &[0; 2], &mut [0.0; 6], &mut [0; 2]);
+        assert_eq!(error, Err(SpectralError::Length { what: "cube", got: 7, expected: 8 }));
+    }
+}

@@ -1,0 +1,255 @@
+//! `replica spectrum`: how reflectances are distributed, and whether they can be trusted (thesis 4.3.1; docs/spectrum.md).
+
+mod channel;
+mod chart;
+mod diagnosis;
+mod input;
+mod reference;
+mod report;
+
+use anyhow::Context;
+use chart::{Chart, Line};
+use clap::ValueEnum;
+use formats::envi::LibrarySpectrum;
+use input::{Choice, Region, Source};
+use report::{InputReport, Match, Report};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Statistics of reflectances by channel, with a diagnosis; several inputs are compared.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Drive folders (see --camera) or ENVI cubes.
+    #[arg(required = true, value_name = "DRIVE|CUBE.hdr")]
+    inputs: Vec<PathBuf>,
+    /// Mosaic camera of the drives, by name.
+    #[arg(long)]
+    camera: Option<String>,
+    /// Only this frame of the camera, from 0; else all.
+    #[arg(long)]
+    frame: Option<usize>,
+    /// Bands as the filters measured them, without the spectral correction of the camera's calibration file.
+    #[arg(long)]
+    uncorrected: bool,
+    /// The share of the white reference's signal, as if all frames had its exposure time: what a calibration without exposure
+    /// times gives.
+    #[arg(long)]
+    ignore_exposure: bool,
+    /// Reflectances above which the rate of pixels is told.
+    #[arg(long, value_delimiter = ',', default_values_t = [0.05, 0.1, 0.15, 0.2, 0.25, 0.4, 0.6])]
+    thresholds: Vec<f64>,
+    /// Limit each channel to this reflectance, then stretch it to 0..1. The values are no reflectances any more.
+    #[arg(long, value_name = "T", conflicts_with = "clip_percent", value_parser = positive)]
+    clip_threshold: Option<f64>,
+    /// Stretch the P % of each channel's values that are closest to its mean to 0..1. The values are no reflectances any more.
+    #[arg(long, value_name = "P", value_parser = percent)]
+    clip_percent: Option<f64>,
+    /// Region of cells whose signature is told: left column, top row, columns, rows.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
+    region: Option<Region>,
+    /// Known spectra to compare the region's with: ENVI libraries (.sli) or ECOSTRESS texts (.txt).
+    #[arg(long, value_name = "FILE", requires = "region")]
+    reference: Vec<PathBuf>,
+    /// Form of the tables.
+    #[arg(long, value_enum, default_value_t = Format::Markdown)]
+    format: Format,
+    /// Folder for figures: histogram.svg, distribution.svg and, of a region, signature.svg.
+    #[arg(long, value_name = "DIR")]
+    figures: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    Markdown,
+    Csv,
+    Json,
+}
+
+/// Known spectra that are told of a long library.
+const N_MATCHES: usize = 5;
+/// Intervals of the figures' histograms.
+const N_INTERVALS: usize = 100;
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|value: &f64| *value > 0.0 && value.is_finite())
+        .ok_or_else(|| "must be above 0".to_owned())
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && *value <= 100.0);
+    value.ok_or_else(|| "must be above 0, up to 100".to_owned())
+}
+
+fn region(text: &str) -> Result<Region, String> {
+    let numbers: Option<Vec<usize>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| "must be four whole numbers X,Y,W,H".to_owned())
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let choice = Choice {
+        camera: args.camera.as_deref(),
+        frame: args.frame,
+        correction: !args.uncorrected,
+        ignore_exposure: args.ignore_exposure,
+        region: args.region,
+    };
+    let references: Vec<Vec<LibrarySpectrum>> =
+        args.reference.iter().map(|path| reference::read(path)).collect::<Result<_, _>>()?;
+    let references = references.concat();
+    let (mut sources, mut inputs) = (Vec::new(), Vec::new());
+    for path in &args.inputs {
+        let mut source = input::read(path, &choice)?;
+        // The diagnosis is of the data as they are.
+        let diagnosis = diagnosis::diagnose(&source);
+        clip(&mut source, args);
+        inputs.push(InputReport::new(&source, diagnosis, &args.thresholds, matches(&source, &references)));
+        sources.push(source);
+    }
+    let warning = clip_words(args).map(|how| {
+        format!("The values below were {how} and stretched to 0..1: they are no reflectances, and must not be compared with any (the diagnosis and signatures are of the data before).")
+    });
+    let report = Report { warning, thresholds: args.thresholds.clone(), inputs };
+    let text = match args.format {
+        Format::Markdown => report.markdown(),
+        Format::Csv => report.csv(),
+        Format::Json => serde_json::to_string_pretty(&report)? + "\n",
+    };
+    std::io::stdout().lock().write_all(text.as_bytes()).context("stdout")?;
+    if let Some(folder) = &args.figures {
+        let quantity = match (clip_words(args), args.ignore_exposure) {
+            (Some(_), _) => "stretched value (no reflectance)",
+            (None, true) => "share of the white's signal",
+            (None, false) => "reflectance",
+        };
+        draw(folder, &sources, &references, quantity)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn clip(source: &mut Source, args: &Args) {
+    for channel in &mut source.channels {
+        if let Some(threshold) = args.clip_threshold {
+            *channel = channel.clipped_at(threshold);
+        } else if let Some(percent) = args.clip_percent {
+            *channel = channel.clipped_around_mean(percent / 100.0);
+        }
+    }
+}
+
+fn clip_words(args: &Args) -> Option<String> {
+    match (args.clip_threshold, args.clip_percent) {
+        (Some(threshold), _) => Some(format!("clipped at {threshold}")),
+        (None, Some(percent)) => Some(format!("clipped by channel to the {percent} % of pixels closest to the mean")),
+        (None, None) => None,
+    }
+}
+
+/// The nearest known spectra of the region's signature.
+fn matches(source: &Source, references: &[LibrarySpectrum]) -> Vec<Match> {
+    let wavelengths_nm: Vec<f32> = source.channels.iter().map(|channel| channel.wavelength_nm).collect();
+    let means: Vec<f64> = source.signature.iter().map(input::Moments::mean).collect();
+    let mut matches: Vec<Match> = references
+        .iter()
+        .filter_map(|known| {
+            let angle = reference::spectral_angle(&wavelengths_nm, &means, known)?;
+            Some(Match { name: known.name.clone(), angle_deg: angle.to_degrees() })
+        })
+        .collect();
+    matches.sort_by(|a, b| a.angle_deg.total_cmp(&b.angle_deg));
+    matches.truncate(N_MATCHES);
+    matches
+}
+
+fn draw(folder: &Path, sources: &[Source], references: &[LibrarySpectrum], quantity: &str) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let write = |name: &str, chart: Chart<'_>| {
+        let path = folder.join(name);
+        std::fs::write(&path, chart.svg()).with_context(|| path.display().to_string())
+    };
+    let names: Vec<String> = sources.iter().map(|source| source.name.clone()).collect();
+    let channels =
+        || sources.iter().enumerate().flat_map(|(group, source)| source.channels.iter().map(move |c| (group, c)));
+
+    let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
+    let histogram = |(group, channel): (usize, &channel::Channel)| {
+        let shares = channel.histogram(N_INTERVALS);
+        Line { group, points: shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]).collect() }
+    };
+    let lines: Vec<Line> = channels().map(histogram).collect();
+    let top = lines.iter().flat_map(|line| &line.points).map(|point| point[1]).fold(1.0, f64::max);
+    let axes = [quantity, "% of pixels per 0.01"];
+    let chart = Chart {
+        title: "Histograms, one line for each channel",
+        axes,
+        x: [0.0, 1.0],
+        y: [0.0, top],
+        groups: &names,
+        lines: &lines,
+    };
+    write("histogram.svg", chart)?;
+
+    let nm = |channel: &channel::Channel| f64::from(channel.wavelength_nm);
+    let range = |found: f64, channel: &channel::Channel, pick: fn(f64, f64) -> f64| pick(found, nm(channel));
+    let low = channels().fold(f64::INFINITY, |found, (_, channel)| range(found, channel, f64::min)) - 5.0;
+    let high = channels().fold(0.0, |found, (_, channel)| range(found, channel, f64::max)) + 5.0;
+    let mut lines = Vec::new();
+    for (group, source) in sources.iter().enumerate() {
+        let line = |value: fn(&channel::Channel) -> Option<f64>| Line {
+            group,
+            points: source.channels.iter().filter_map(|channel| Some([nm(channel), value(channel)?])).collect(),
+        };
+        lines.extend([line(channel::Channel::min), line(channel::Channel::mean), line(channel::Channel::max)]);
+        // Bars of several inputs stand beside each other.
+        let aside = (high - low) * 0.006 * group as f64;
+        let bar = |channel: &channel::Channel| {
+            let (mean, deviation, at) = (channel.mean()?, channel.deviation()?, nm(channel) + aside);
+            Some(Line { group, points: vec![[at, mean - deviation], [at, mean + deviation]] })
+        };
+        lines.extend(source.channels.iter().filter_map(bar));
+    }
+    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point[1]);
+    let ends = [values().fold(0.0, f64::min), values().fold(0.1, f64::max) * 1.02];
+    let chart = Chart {
+        title: "Minimum, mean and maximum; bars: standard deviation",
+        axes: ["wavelength, nm", quantity],
+        x: [low, high],
+        y: ends,
+        groups: &names,
+        lines: &lines,
+    };
+    write("distribution.svg", chart)?;
+
+    if sources.iter().any(|source| source.signature.iter().any(|moments| moments.n > 0)) {
+        let (mut lines, mut groups) = (Vec::new(), names.clone());
+        for (group, source) in sources.iter().enumerate() {
+            let both = || source.channels.iter().zip(&source.signature).filter(|(_, moments)| moments.n > 0);
+            lines
+                .push(Line { group, points: both().map(|(channel, moments)| [nm(channel), moments.mean()]).collect() });
+            lines.extend(both().map(|(channel, moments)| {
+                let ends = [moments.mean() - moments.deviation(), moments.mean() + moments.deviation()];
+                Line { group, points: ends.map(|end| [nm(channel), end]).into() }
+            }));
+        }
+        let nearest = sources.first().map(|source| matches(source, references)).unwrap_or_default();
+        if let Some(known) = nearest.first().and_then(|m| references.iter().find(|known| known.name == m.name)) {
+            let points =
+                (low as u32..=high as u32).filter_map(|nm| Some([f64::from(nm), reference::at(known, nm as f32)?]));
+            lines.push(Line { group: groups.len(), points: points.collect() });
+            groups.push(known.name.clone());
+        }
+        let chart = Chart {
+            title: "Signature of the region; bars: standard deviation",
+            axes: ["wavelength, nm", "reflectance"],
+            x: [low, high],
+            y: [0.0, 1.0],
+            groups: &groups,
+            lines: &lines,
+        };
+        write("signature.svg", chart)?;
+    }
+    Ok(())
+}

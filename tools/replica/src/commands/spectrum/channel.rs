@@ -1,0 +1,188 @@
+//! Statistics of one channel, from any number of images.
+
+/// Smallest reflectance of the histogram; noise around black is slightly negative.
+const LOW: f64 = -0.5;
+/// Width of a bin: what follows from the histogram alone (percentiles, clipped channels) is exact to half of it.
+const BIN: f64 = 0.0005;
+/// Up to 4.5: mirrors reflect more than a white diffuser. The outer bins hold what lies beyond.
+const N_BINS: usize = 10_000;
+
+/// All valid values of one channel.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Middle of the band, nm.
+    pub wavelength_nm: f32,
+    bins: Vec<u64>,
+    n: u64,
+    n_invalid: u64,
+    sum: f64,
+    sum_of_squares: f64,
+    min: f64,
+    max: f64,
+}
+
+impl Channel {
+    /// Without values.
+    pub fn new(wavelength_nm: f32) -> Self {
+        let bins = vec![0; N_BINS];
+        let (min, max) = (f64::INFINITY, f64::NEG_INFINITY);
+        Self { wavelength_nm, bins, n: 0, n_invalid: 0, sum: 0.0, sum_of_squares: 0.0, min, max }
+    }
+
+    /// A valid reflectance.
+    pub fn add(&mut self, value: f32) {
+        self.add_many(f64::from(value), 1);
+    }
+
+    /// A pixel without a reflectance.
+    pub fn add_invalid(&mut self) {
+        self.n_invalid += 1;
+    }
+
+    fn add_many(&mut self, value: f64, n: u64) {
+        let bin = ((value - LOW) / BIN).floor().clamp(0.0, (N_BINS - 1) as f64) as usize;
+        self.bins[bin] += n;
+        self.n += n;
+        self.sum += value * n as f64;
+        self.sum_of_squares += value * value * n as f64;
+        (self.min, self.max) = (self.min.min(value), self.max.max(value));
+    }
+
+    /// Valid values.
+    pub fn n(&self) -> u64 {
+        self.n
+    }
+    /// Share of the pixels without a reflectance, 0 to 1.
+    pub fn invalid_rate(&self) -> f64 {
+        self.n_invalid as f64 / (self.n + self.n_invalid).max(1) as f64
+    }
+    /// Smallest value; `None` without values, as all that follow.
+    pub fn min(&self) -> Option<f64> {
+        (self.n > 0).then_some(self.min)
+    }
+    /// Largest value.
+    pub fn max(&self) -> Option<f64> {
+        (self.n > 0).then_some(self.max)
+    }
+    /// Mean.
+    pub fn mean(&self) -> Option<f64> {
+        (self.n > 0).then(|| self.sum / self.n as f64)
+    }
+    /// Standard deviation.
+    pub fn deviation(&self) -> Option<f64> {
+        let mean = self.mean()?;
+        Some((self.sum_of_squares / self.n as f64 - mean * mean).max(0.0).sqrt())
+    }
+
+    /// Share of the values above a threshold (to one bin), 0 to 1.
+    pub fn rate_above(&self, threshold: f64) -> f64 {
+        self.share(threshold, f64::INFINITY)
+    }
+
+    /// Share of the values from `low` to below `high`, to one bin.
+    pub fn share(&self, low: f64, high: f64) -> f64 {
+        let inside = self.filled().filter(|(middle, _)| (low..high).contains(middle)).map(|(_, n)| n).sum::<u64>();
+        inside as f64 / self.n.max(1) as f64
+    }
+
+    /// Where a window of this width holds the largest share of the values: its lower end and the share.
+    pub fn densest(&self, width: f64) -> (f64, f64) {
+        let n_inside = ((width / BIN).round() as usize).clamp(1, N_BINS);
+        let mut inside: u64 = self.bins[..n_inside].iter().sum();
+        let (mut best, mut start) = (inside, 0);
+        for first in 1..=N_BINS - n_inside {
+            inside = inside - self.bins[first - 1] + self.bins[first + n_inside - 1];
+            if inside > best {
+                (best, start) = (inside, first);
+            }
+        }
+        (LOW + start as f64 * BIN, best as f64 / self.n.max(1) as f64)
+    }
+
+    /// Shares of the values in `n` equal intervals from 0 to 1; what lies outside is left out.
+    pub fn histogram(&self, n: usize) -> Vec<f64> {
+        let mut shares = vec![0.0; n];
+        for (middle, count) in self.filled().filter(|(middle, _)| (0.0..1.0).contains(middle)) {
+            shares[(middle * n as f64) as usize] += count as f64 / self.n.max(1) as f64;
+        }
+        shares
+    }
+
+    /// Thesis 4.3.1, "clip by threshold": values above `threshold` become it, then smallest to threshold become 0 to 1.
+    pub fn clipped_at(&self, threshold: f64) -> Self {
+        self.stretched(self.min, threshold.min(self.max))
+    }
+
+    /// Thesis 4.3.1, "clip by percentage": the interval of the `share` (0 to 1) of the values that are closest to the mean becomes
+    /// 0 to 1, values outside are clipped to it.
+    pub fn clipped_around_mean(&self, share: f64) -> Self {
+        let Some(mean) = self.mean() else { return self.clone() };
+        let mut by_distance: Vec<(f64, f64, u64)> =
+            self.filled().map(|(middle, n)| ((middle - mean).abs(), middle, n)).collect();
+        by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut n, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
+        for (_, middle, count) in by_distance {
+            if n as f64 >= share * self.n as f64 {
+                break;
+            }
+            n += count;
+            (low, high) = (low.min(middle), high.max(middle));
+        }
+        self.stretched(low.max(self.min), high.min(self.max))
+    }
+
+    fn stretched(&self, low: f64, high: f64) -> Self {
+        let mut stretched = Self { n_invalid: self.n_invalid, ..Self::new(self.wavelength_nm) };
+        for (middle, n) in self.filled() {
+            // A channel of one value stays in the middle.
+            let value = if high > low { ((middle - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+            stretched.add_many(value, n);
+        }
+        stretched
+    }
+
+    /// Middles of the bins that are not empty, and what is in them.
+    fn filled(&self) -> impl Iterator<Item = (f64, u64)> {
+        let middle = |bin: usize| LOW + (bin as f64 + 0.5) * BIN;
+        self.bins.iter().enumerate().filter(|(_, n)| **n > 0).map(move |(bin, n)| (middle(bin), *n))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(values: &[f32]) -> Channel {
+        let mut channel = Channel::new(500.0);
+        for value in values {
+            channel.add(*value);
+        }
+        channel
+    }
+
+    #[test]
+    fn moments_and_rates_are_those_of_the_values() {
+        let mut channel = of(&[0.1, 0.1, 0.2, 0.8]);
+        channel.add_invalid();
+        let near = |found: Option<f64>, expected: f64| assert!((found.expect("values") - expected).abs() < 1e-6);
+        near(channel.mean(), 0.3);
+        near(channel.deviation(), 0.085_f64.sqrt());
+        near(channel.min(), 0.1);
+        near(channel.max(), 0.8);
+        assert_eq!((channel.rate_above(0.05), channel.rate_above(0.15), channel.rate_above(0.9)), (1.0, 0.5, 0.0));
+        assert_eq!((channel.invalid_rate(), channel.densest(0.11).1), (0.2, 0.75));
+        assert_eq!(channel.histogram(10), [0.0, 0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0]);
+        assert_eq!(Channel::new(500.0).mean(), None);
+    }
+
+    #[test]
+    fn clipped_channels_fill_0_to_1_as_the_thesis_says() {
+        let channel = of(&[0.0, 0.1, 0.1, 0.2, 0.6]);
+        let clipped = channel.clipped_at(0.2);
+        assert!((clipped.share(0.49, 0.51) - 0.4).abs() < 1e-9, "0.1 is in the middle of 0 to 0.2");
+        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9, "0.2 and 0.6 are at the end");
+        // The mean is 0.2; its closest four values are 0 to 0.2, and 0.6 is clipped.
+        let clipped = channel.clipped_around_mean(0.8);
+        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9 && clipped.share(-0.01, 0.01) == 0.2);
+    }
+}

@@ -1,0 +1,166 @@
+//! The findings as Markdown, CSV or JSON.
+
+use super::channel::Channel;
+use super::input::Source;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Everything about all inputs.
+#[derive(Serialize)]
+pub struct Report {
+    /// What was done to the values that takes their physical meaning away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
+    /// Thresholds of the rates.
+    pub thresholds: Vec<f64>,
+    /// One for each input.
+    pub inputs: Vec<InputReport>,
+}
+
+/// One input.
+#[derive(Serialize)]
+pub struct InputReport {
+    /// File or camera.
+    pub name: String,
+    /// In words.
+    pub diagnosis: Vec<String>,
+    /// By rising wavelength.
+    pub channels: Vec<ChannelReport>,
+    /// The known spectra that are most like the region's, the nearest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub references: Vec<Match>,
+}
+
+/// One channel; no numbers if it has no valid value.
+#[derive(Serialize)]
+pub struct ChannelReport {
+    /// Middle of the band, nm.
+    pub wavelength_nm: f32,
+    /// Valid values.
+    pub n: u64,
+    /// Share without a value, 0 to 1.
+    pub invalid: f64,
+    /// Smallest, mean, largest value, and standard deviation.
+    pub min: Option<f64>,
+    #[allow(missing_docs, reason = "see min")]
+    pub mean: Option<f64>,
+    #[allow(missing_docs, reason = "see min")]
+    pub max: Option<f64>,
+    #[allow(missing_docs, reason = "see min")]
+    pub deviation: Option<f64>,
+    /// Share above each threshold, 0 to 1.
+    pub above: Vec<f64>,
+    /// Mean and standard deviation in the region.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signature: Option<[f64; 2]>,
+}
+
+/// A known spectrum beside the signature.
+#[derive(Serialize)]
+pub struct Match {
+    /// As its library calls it.
+    pub name: String,
+    /// Spectral angle, deg.
+    pub angle_deg: f64,
+}
+
+impl InputReport {
+    /// Of one input after clipping.
+    pub fn new(source: &Source, diagnosis: Vec<String>, thresholds: &[f64], references: Vec<Match>) -> Self {
+        let channel = |(channel, moments): (&Channel, &super::input::Moments)| ChannelReport {
+            wavelength_nm: channel.wavelength_nm,
+            n: channel.n(),
+            invalid: channel.invalid_rate(),
+            min: channel.min(),
+            mean: channel.mean(),
+            max: channel.max(),
+            deviation: channel.deviation(),
+            above: thresholds.iter().map(|threshold| channel.rate_above(*threshold)).collect(),
+            signature: (moments.n > 0).then(|| [moments.mean(), moments.deviation()]),
+        };
+        let channels = source.channels.iter().zip(&source.signature).map(channel).collect();
+        Self { name: source.name.clone(), diagnosis, channels, references }
+    }
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(String::new, |value| format!("{value:.4}"))
+}
+
+impl Report {
+    /// Tables like 4.1 and 4.2 of the thesis.
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        if let Some(warning) = &self.warning {
+            let _ = writeln!(text, "**{warning}**\n");
+        }
+        for input in &self.inputs {
+            let _ = writeln!(text, "## {}\n", input.name);
+            for finding in &input.diagnosis {
+                let _ = writeln!(text, "- {finding}");
+            }
+            let has_signature = input.channels.iter().any(|channel| channel.signature.is_some());
+            let thresholds: Vec<String> = self.thresholds.iter().map(|t| format!(" > {t} |")).collect();
+            let thresholds = thresholds.concat();
+            let region = if has_signature { " region mean | deviation |" } else { "" };
+            let _ = writeln!(text, "\n| Channel | nm | min | mean | max | std | invalid |{thresholds}{region}");
+            let n_columns = 7 + self.thresholds.len() + if has_signature { 2 } else { 0 };
+            let _ = writeln!(text, "|{}", "---:|".repeat(n_columns));
+            for (channel, index) in input.channels.iter().zip(1..) {
+                let numbers = [channel.min, channel.mean, channel.max, channel.deviation].map(number).join(" | ");
+                let invalid = channel.invalid * 100.0;
+                let _ = write!(text, "| {index} | {:.0} | {numbers} | {invalid:.2}% |", channel.wavelength_nm);
+                for rate in &channel.above {
+                    let _ = write!(text, " {:.2}% |", rate * 100.0);
+                }
+                if has_signature {
+                    let [mean, deviation] = channel.signature.map_or([None; 2], |both| both.map(Some)).map(number);
+                    let _ = write!(text, " {mean} | {deviation} |");
+                }
+                text.push('\n');
+            }
+            if !input.references.is_empty() {
+                let _ = writeln!(text, "\n| Reference | spectral angle |\n|---|---:|");
+                for found in &input.references {
+                    let _ = writeln!(text, "| {} | {:.2}° |", found.name, found.angle_deg);
+                }
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// One line for each channel of each input; what is no number stands in comment lines.
+    pub fn csv(&self) -> String {
+        let mut text = String::new();
+        if let Some(warning) = &self.warning {
+            let _ = writeln!(text, "# {warning}");
+        }
+        for input in &self.inputs {
+            for finding in &input.diagnosis {
+                let _ = writeln!(text, "# {}: {finding}", input.name);
+            }
+        }
+        let thresholds: Vec<String> = self.thresholds.iter().map(|t| format!(",above_{t}")).collect();
+        let thresholds = thresholds.concat();
+        let _ = writeln!(
+            text,
+            "input,wavelength_nm,n,invalid,min,mean,max,deviation{thresholds},region_mean,region_deviation"
+        );
+        for input in &self.inputs {
+            for channel in &input.channels {
+                let name = input.name.replace(['"', '\n'], " ");
+                let _ = write!(text, "\"{name}\",{},{},{:.6}", channel.wavelength_nm, channel.n, channel.invalid);
+                for value in [channel.min, channel.mean, channel.max, channel.deviation] {
+                    let _ = write!(text, ",{}", number(value));
+                }
+                for rate in &channel.above {
+                    let _ = write!(text, ",{rate:.6}");
+                }
+                let [mean, deviation] = channel.signature.map_or([None; 2], |both| both.map(Some)).map(number);
+                let _ = writeln!(text, ",{mean},{deviation}");
+            }
+        }
+        text
+    }
+}
