@@ -21,9 +21,9 @@ struct Skip(&'static str, String);
 
 impl Calibrate {
     /// The outer error ends the run, the inner one concerns this frame alone.
-    fn publish_cube(&mut self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
+    fn publish_cube(&self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
         let header = frame.header();
-        let camera = match camera(&mut self.cameras, header) {
+        let camera = match camera(&self.cameras, header) {
             Ok(camera) => camera,
             Err(skip) => return Ok(Err(skip)),
         };
@@ -61,9 +61,9 @@ impl Calibrate {
 }
 
 /// The camera that the frame is of.
-fn camera<'a>(cameras: &'a mut [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a mut Camera, Skip> {
+fn camera<'a>(cameras: &'a [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a Camera, Skip> {
     let (index, n_cameras) = (frame.camera, cameras.len());
-    let camera = match cameras.get_mut(index as usize) {
+    let camera = match cameras.get(index as usize) {
         Some(Ok(camera)) => camera,
         Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
         None => {

@@ -46,8 +46,7 @@ fn bench(name: &str, pattern: u32, active_area: [u32; 4], n_virtual_bands: usize
     let mut corrected_masks = vec![0; mosaic.n_cells()];
     let start = cpu_seconds();
     for _ in 0..N_FRAMES {
-        calibration.cube_into(&raw, 5_000_000, &mut cube, &mut masks)?;
-        correction.correct_into(&cube, &masks, &mut corrected, &mut corrected_masks)?;
+        calibration.corrected_cube_into(&raw, 5_000_000, &correction, &mut corrected, &mut corrected_masks)?;
     }
     let seconds = cpu_seconds() - start;
     let worst = corrected.iter().map(|value| (value - 0.49).abs()).fold(0.0, f32::max);

@@ -12,8 +12,8 @@
 //! - clipped: 0 where the dark reference is above 0, so that the light was anywhere below.
 
 use crate::mosaic::check_length;
-use crate::{Mosaic, Reference, SpectralError};
-use ndarray::{Array2, ArrayViewMut2};
+use crate::{Correction, Mosaic, Reference, SpectralError};
+use ndarray::Array2;
 
 /// `white - dark` below one count is no light.
 const MIN_SIGNAL: f32 = 1.0;
@@ -43,6 +43,26 @@ impl FrameCounts {
     pub fn masked(&self) -> u64 {
         self.dead + self.saturated + self.clipped
     }
+}
+
+/// Reflectances and validity of one raw row, and the counts of all rows so far.
+struct Scratch {
+    values: Vec<f32>,
+    bits: Vec<u32>,
+    counts: FrameCounts,
+}
+
+impl Scratch {
+    fn new(width: usize) -> Self {
+        Self { values: vec![0.0; width], bits: vec![0; width], counts: FrameCounts::default() }
+    }
+}
+
+/// Some cells of a band-sequential cube: from `start` on in each plane, planes being `stride` values apart.
+pub(crate) struct Planes<'a> {
+    pub values: &'a mut [f32],
+    pub stride: usize,
+    pub start: usize,
 }
 
 /// One camera, ready for its frames: dark and gain of every pixel of the active area's whole cells, row-major.
@@ -144,32 +164,67 @@ impl Calibration {
         let n_bands = self.mosaic.n_bands();
         check_length("cube", reflectances.len(), n_bands * n_cells)?;
         check_length("mask", masks.len(), n_cells)?;
-        masks.fill(0);
-
-        let pattern = self.mosaic.pattern() as usize;
         let columns = self.mosaic.cells()[0] as usize;
-        let mut planes = ArrayViewMut2::from_shape((n_bands, n_cells), reflectances)
-            .map_err(|_| SpectralError::Length { what: "cube", got: 0, expected: n_bands * n_cells })?;
-        let mut counts = FrameCounts::default();
+        let mut scratch = Scratch::new(self.mosaic.area()[0]);
+        for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
+            let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
+            self.cells_into(raw, row, scale, &mut scratch, &mut planes, masks);
+        }
+        Ok(scratch.counts)
+    }
+
+    /// As [`Calibration::cube_into`], and each row of cells corrected while it is still in the cache: `values` has a plane for
+    /// each virtual band, and the masks are theirs.
+    pub fn corrected_cube_into(
+        &self,
+        raw: &[u16],
+        exposure_nanos: u64,
+        correction: &Correction,
+        values: &mut [f32],
+        masks: &mut [u32],
+    ) -> Result<FrameCounts, SpectralError> {
+        let scale = self.scale(raw, exposure_nanos)?;
+        let (n_cells, n_bands) = (self.mosaic.n_cells(), self.mosaic.n_bands());
+        check_length("correction", correction.n_bands(), n_bands)?;
+        check_length("corrected cube", values.len(), correction.n_virtual_bands() * n_cells)?;
+        check_length("mask", masks.len(), n_cells)?;
+        let columns = self.mosaic.cells()[0] as usize;
+        let mut scratch = Scratch::new(self.mosaic.area()[0]);
+        let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
+        for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
+            let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
+            self.cells_into(raw, row, scale, &mut scratch, &mut planes, &mut measured);
+            let mut planes = Planes { values, stride: n_cells, start: row * columns };
+            correction.cells_into(&bands, &measured, &mut planes, masks);
+        }
+        Ok(scratch.counts)
+    }
+
+    /// One row of cells: `planes` and `masks` are overwritten there.
+    fn cells_into(
+        &self,
+        raw: &[u16],
+        row: usize,
+        scale: f32,
+        Scratch { values, bits, counts }: &mut Scratch,
+        planes: &mut Planes<'_>,
+        masks: &mut [u32],
+    ) {
+        masks.fill(0);
+        let pattern = self.mosaic.pattern() as usize;
         // One raw row fits the fastest cache: calibrate it in one sweep, then deal its values out to the bands.
-        let mut values = vec![0.0; self.mosaic.area()[0]];
-        let mut bits = vec![0; self.mosaic.area()[0]];
-        for y in 0..self.mosaic.area()[1] {
-            self.row_into(raw, y, scale, &mut values, &mut bits, &mut counts);
-            let cells = (y / pattern) * columns..(y / pattern + 1) * columns;
-            let masks = &mut masks[cells.clone()];
+        for dy in 0..pattern {
+            self.row_into(raw, row * pattern + dy, scale, values, bits, counts);
             for dx in 0..pattern {
-                let band = (y % pattern) * pattern + dx;
-                let mut plane = planes.row_mut(band);
-                let Some(plane) = plane.as_slice_mut() else { continue };
+                let band = dy * pattern + dx;
+                let plane = &mut planes.values[band * planes.stride + planes.start..][..masks.len()];
                 let dealt = values[dx..].iter().step_by(pattern).zip(bits[dx..].iter().step_by(pattern));
-                for ((out, mask), (value, bit)) in plane[cells.clone()].iter_mut().zip(&mut *masks).zip(dealt) {
+                for ((out, mask), (value, bit)) in plane.iter_mut().zip(&mut *masks).zip(dealt) {
                     *out = *value;
                     *mask |= bit << band;
                 }
             }
         }
-        Ok(counts)
     }
 
     /// Checks the frame; the inverse of its exposure time, 1/ns.

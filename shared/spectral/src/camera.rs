@@ -6,16 +6,13 @@ use formats::pgm::Pgm;
 use formats::sensor_calibration::{SensorCalibration, VirtualBand};
 use std::path::{Path, PathBuf};
 
-/// References and correction of one camera, and the memory for one frame.
+/// References and correction of one camera.
 #[derive(Clone, Debug)]
 pub struct Camera {
     calibration: Calibration,
     correction: Option<Correction>,
     wavelengths_nm: Vec<f32>,
     valid_bands: u32,
-    /// Bands and masks of a frame before their correction.
-    bands: Vec<f32>,
-    masks: Vec<u32>,
 }
 
 impl Camera {
@@ -47,7 +44,7 @@ impl Camera {
         };
         let measured = calibration.valid_bands();
         let valid_bands = correction.as_ref().map_or(measured, |correction| correction.valid(measured));
-        Ok(Self { calibration, correction, wavelengths_nm, valid_bands, bands: Vec::new(), masks: Vec::new() })
+        Ok(Self { calibration, correction, wavelengths_nm, valid_bands })
     }
 
     /// The filters.
@@ -69,7 +66,7 @@ impl Camera {
     /// [`Camera::wavelengths_nm`]), bit b of a cell's mask says that its band b is valid. Both are overwritten. The counts are of
     /// the raw samples.
     pub fn cube_into(
-        &mut self,
+        &self,
         raw: &[u16],
         exposure_nanos: u64,
         values: &mut [f32],
@@ -78,12 +75,7 @@ impl Camera {
         let Some(correction) = &self.correction else {
             return self.calibration.cube_into(raw, exposure_nanos, values, masks);
         };
-        let n_cells = self.calibration.mosaic().n_cells();
-        self.bands.resize(n_cells * correction.n_bands(), 0.0);
-        self.masks.resize(n_cells, 0);
-        let counts = self.calibration.cube_into(raw, exposure_nanos, &mut self.bands, &mut self.masks)?;
-        correction.correct_into(&self.bands, &self.masks, values, masks)?;
-        Ok(counts)
+        self.calibration.corrected_cube_into(raw, exposure_nanos, correction, values, masks)
     }
 }
 

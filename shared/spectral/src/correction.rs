@@ -7,12 +7,13 @@
 //! A virtual band is valid where all bands that its row weighs are: a missing one cannot be made up for. Invalid values are 0.
 
 use crate::SpectralError;
+use crate::calibration::Planes;
 use crate::mosaic::{MAX_PATTERN, check_length};
 
 /// Cells that are corrected at a time: the bands of a block stay in the fastest cache.
 const BLOCK: usize = 64;
 /// Rows and cells whose sums are in registers together: 4 x 8 are half of those that every x86-64 has, and each value that is
-/// read serves four rows (twice as fast as row by row).
+/// read serves four rows.
 const ROWS: usize = 4;
 /// See [`ROWS`].
 const LANES: usize = 8;
@@ -84,6 +85,14 @@ impl Correction {
         check_length("cube", bands.len(), self.n_bands * n_cells)?;
         check_length("corrected cube", virtual_bands.len(), self.needs.len() * n_cells)?;
         check_length("corrected mask", virtual_masks.len(), n_cells)?;
+        let mut planes = Planes { values: virtual_bands, stride: n_cells, start: 0 };
+        self.cells_into(bands, masks, &mut planes, virtual_masks);
+        Ok(())
+    }
+
+    /// Some cells of a cube; `bands` and `masks` are of these alone, and of fitting lengths.
+    pub(crate) fn cells_into(&self, bands: &[f32], masks: &[u32], planes: &mut Planes<'_>, virtual_masks: &mut [u32]) {
+        let n_cells = masks.len();
         let all = u32::MAX >> (32 - self.n_bands);
         let all_valid = self.valid(all);
         let mut block = [[0.0; BLOCK]; MAX_BANDS];
@@ -106,11 +115,10 @@ impl Correction {
                         let valid = masks.iter().map(|mask| mask >> j & 1 == 1);
                         sums.iter_mut().zip(valid).filter(|(_, valid)| !valid).for_each(|(sum, _)| *sum = 0.0);
                     }
-                    virtual_bands[j * n_cells..][cells.clone()].copy_from_slice(&sums[..n]);
+                    planes.values[j * planes.stride + planes.start + start..][..n].copy_from_slice(&sums[..n]);
                 }
             }
         }
-        Ok(())
     }
 }
 

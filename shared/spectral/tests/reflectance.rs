@@ -1,6 +1,6 @@
 //! Reflectance of synthetic scenes whose truth is known: the sensor model is written down here once more, on its own.
 
-use spectral::{Calibration, FrameCounts, Mosaic, Reference, SpectralError, WhiteTarget};
+use spectral::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhiteTarget};
 
 const RHO_WHITE: f64 = 0.98;
 const T_WHITE: u64 = 4_000_000;
@@ -239,4 +239,28 @@ fn what_does_not_fit_is_refused() {
             Err(SpectralError::WhiteReflectance(_))
         ));
     }
+}
+
+#[test]
+fn a_frame_corrected_row_by_row_is_the_corrected_cube() {
+    let camera = Camera::new([53, 31], 4, [2, 3, 50, 27]);
+    let dark = camera.reference("dark", &[camera.expose(T_RAW, |_, _| 0.0)]);
+    let white = camera.reference("white", &[camera.expose(T_WHITE, |_, _| RHO_WHITE)]);
+    let target = WhiteTarget { reflectance: RHO_WHITE, exposure_nanos: T_WHITE };
+    let calibration = Calibration::new(&camera.mosaic, &dark, &white, target).expect("sound");
+    // Some of it is saturated.
+    let raw = camera.expose(T_RAW, |x, y| 0.1 + 0.02 * f64::from(x * y % 83));
+    let rows: Vec<Vec<f64>> =
+        (0..15).map(|j| (0..16).map(|k| 1.0 / 16.0 + f64::from((j * k) % 5) / 10.0 - 0.2).collect()).collect();
+    let correction = Correction::new(16, rows.iter().map(|row| &row[..])).expect("sound");
+    let n_cells = camera.mosaic.n_cells();
+    let (mut cube, mut masks) = (vec![0.0; 16 * n_cells], vec![0; n_cells]);
+    let counts = calibration.cube_into(&raw, T_RAW, &mut cube, &mut masks).expect("fits");
+    assert!(counts.saturated > 20 && counts.dead == 0, "{counts:?}");
+    let (mut expected, mut expected_masks) = (vec![0.0; 15 * n_cells], vec![0; n_cells]);
+    correction.correct_into(&cube, &masks, &mut expected, &mut expected_masks).expect("fits");
+    let (mut found, mut found_masks) = (vec![9.0; 15 * n_cells], vec![9; n_cells]);
+    let again = calibration.corrected_cube_into(&raw, T_RAW, &correction, &mut found, &mut found_masks).expect("fits");
+    assert_eq!((again, found_masks), (counts, expected_masks));
+    assert_eq!(found, expected);
 }

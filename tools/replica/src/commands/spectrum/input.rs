@@ -119,7 +119,7 @@ fn read_drive(path: &Path, choice: &Choice<'_>) -> anyhow::Result<Source> {
     };
     let index = index.with_context(|| format!("{}: --camera must be one of {}", path.display(), names()))?;
     let (entry, sensor) = (&mosaics[index], drive.sensors()[index].as_ref());
-    let mut camera = spectral::Camera::read(drive.folder(), entry, sensor.filter(|_| choice.correction))
+    let camera = spectral::Camera::read(drive.folder(), entry, sensor.filter(|_| choice.correction))
         .map_err(anyhow::Error::msg)?;
     let wavelengths_nm = camera.wavelengths_nm().to_vec();
     let [columns, rows] = camera.mosaic().cells().map(|side| side as usize);
