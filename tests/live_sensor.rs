@@ -12,7 +12,7 @@ fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
         "[run]\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n[acquire]\n{acquire}\n\
-         [slam_aggregate]\nsubmap_m = 3.0\n[infer]\nmodel = '{}'\n[instance]\nvehicles_min_points = 200\n[export]\n",
+         [slam_aggregate]\nsubmap_m = 3.0\n[infer]\nmodel = '{}'\n[instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
         model.display()
     ))
 }

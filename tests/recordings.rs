@@ -213,7 +213,7 @@ fn the_real_stages_on_a_recording_give_what_they_gave_in_the_run() {
         Launch::new(&format!(
             "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n\
              [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\nmodel = '{}'\n\
-             [instance]\nvehicles_min_points = 200\n[export]\n",
+             [instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
             drive.display(),
             model.display()
         ))

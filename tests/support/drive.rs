@@ -27,7 +27,8 @@ pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     Launch::new(&format!(
         "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n\
          [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\n{infer}\n\
-         [instance]\nvehicles_min_points = 200\n[export]\n",
+         [instance]\n\
+         things = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
         drive.display()
     ))
 }
