@@ -38,7 +38,7 @@ fn kills_of_all_kinds_do_not_show_in_the_result() {
 #[test]
 fn kills_of_all_kinds_do_not_show_in_the_clouds() {
     let drive = Path::new(env!("CARGO_TARGET_TMPDIR")).join("crash_drive");
-    simulated_drive(&drive, 6, 2.5);
+    simulated_drive(&drive, 6, 4.0);
     let stages = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
     let make = || pipeline(&drive, "restarts = 1000", "").with("--set").with("run.barrier_s=0.2");
     assert_survives(make, &stages, 10, 2);

@@ -15,7 +15,7 @@ use std::sync::LazyLock;
 /// Drive of the tests: three seconds of street with all sensors.
 static DRIVE: LazyLock<PathBuf> = LazyLock::new(|| {
     let drive = Path::new(env!("CARGO_TARGET_TMPDIR")).join("drive");
-    simulated_drive(&drive, 5, 3.0);
+    simulated_drive(&drive, 5, 4.0);
     drive
 });
 

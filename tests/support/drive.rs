@@ -19,7 +19,7 @@ pub fn simulated_drive(folder: &Path, seed: u64, seconds: f64) {
     assert!(status.success(), "replica simulate: {status}");
 }
 
-/// All stages, with submaps short enough that three seconds have several. `run` are further keys of `[run]`; `infer` those
+/// All stages, with submaps short enough that four seconds from rest have several. `run` are further keys of `[run]`; `infer` those
 /// of `[infer]`, empty for the model of the project.
 pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");

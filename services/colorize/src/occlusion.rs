@@ -72,8 +72,8 @@ impl Sight {
     }
 }
 
-/// Of every view, from the points around its time ([`HIDING_AGE_S`]), those on moving objects only
-/// from shortly before and after ([`MOVING_HIDING_AGE_S`]).
+/// Of every view, from the points around its time (`HIDING_AGE_S`), those on moving objects only
+/// from shortly before and after (`MOVING_HIDING_AGE_S`).
 pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>]) -> Vec<Sight> {
     let nearest: Vec<Nearest> = views.iter().map(Nearest::new).collect();
     let times: Vec<f32> = views.iter().map(|view| seconds(view.stamp, cloud.origin)).collect();

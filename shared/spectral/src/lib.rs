@@ -9,7 +9,7 @@
 mod calibration;
 mod camera;
 mod correction;
-mod demosaic;
+pub mod demosaic;
 mod error;
 mod median;
 mod mosaic;

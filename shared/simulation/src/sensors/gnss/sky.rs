@@ -5,9 +5,9 @@ use crate::random::{hash, unit};
 use geometry::Vector3;
 use std::f64::consts::TAU;
 
-/// Gravitation of the Earth, m^3/s^2, and its rate of rotation, rad/s (IS-GPS-200).
+/// Gravitation of the Earth, m^3/s^2 (IS-GPS-200).
 const EARTH_GM: f64 = 3.986_005e14;
-/// See [`EARTH_GM`].
+/// Rate of rotation of the Earth, rad/s (IS-GPS-200).
 pub const EARTH_RATE: f64 = 7.292_115_146_7e-5;
 
 /// A satellite system.
