@@ -1,12 +1,14 @@
 //! Launch files and what their runs leave.
 
+use crate::processes::{find_domain, leftovers};
 use crate::{Running, binary, wait_for};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// A folder with a launch.toml in it.
+/// A folder with a launch.toml in it. Dropping it removes the folder, and what killed runs have left in shared memory: with
+/// the folder goes the only one who could start there again and clean up.
 pub struct Launch {
     folder: tempfile::TempDir,
     arguments: Vec<String>,
@@ -116,6 +118,15 @@ impl Launch {
         let summary = self.summary();
         let stages = summary["stages"].as_array().expect("a list").clone();
         stages.into_iter().find(|entry| entry["name"] == stage).expect("the stage is summed up")
+    }
+}
+
+impl Drop for Launch {
+    fn drop(&mut self) {
+        for file in find_domain(&self.output()).iter().flat_map(|domain| leftovers(domain)) {
+            // Whoever still dies may have removed it first.
+            let _ = std::fs::remove_file(file);
+        }
     }
 }
 

@@ -39,11 +39,12 @@ pub fn leftovers(domain: &str) -> Vec<String> {
 
 /// The domain of a run, from what its stages were told.
 pub fn domain_of(output: &Path) -> String {
-    wait_for("an assignment", || {
-        let files = std::fs::read_dir(output.join("run")).ok()?.flatten();
-        let assignments = files.filter_map(|file| serde_json::from_slice(&std::fs::read(file.path()).ok()?).ok());
-        assignments
-            .into_iter()
-            .find_map(|assignment: serde_json::Value| Some(assignment["domain"].as_str()?.to_owned()))
-    })
+    wait_for("an assignment", || find_domain(output))
+}
+
+/// The same if its stages have been told yet.
+pub(crate) fn find_domain(output: &Path) -> Option<String> {
+    let files = std::fs::read_dir(output.join("run")).ok()?.flatten();
+    let assignments = files.filter_map(|file| serde_json::from_slice(&std::fs::read(file.path()).ok()?).ok());
+    assignments.into_iter().find_map(|assignment: serde_json::Value| Some(assignment["domain"].as_str()?.to_owned()))
 }

@@ -1,6 +1,6 @@
 //! A supervisor and its stages as processes.
 
-use crate::{processes_of, wait_for};
+use crate::{is_alive, processes_of, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
 use std::process::Child;
@@ -63,8 +63,13 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Stages die with their supervisor; one that has ended already needs no killing.
+        if !matches!(self.child.try_wait(), Ok(None)) {
+            return;
+        }
+        let stages = processes_of(self.child.id());
         let _ = self.child.kill();
         let _ = self.child.wait();
+        // They die with their supervisor.
+        wait_for("the end of the stages", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
     }
 }

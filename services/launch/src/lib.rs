@@ -16,7 +16,6 @@ mod recorder;
 mod run_folder;
 mod screen;
 mod sourced;
-mod summary;
 mod supervise;
 mod swap;
 mod swap_record;

@@ -18,6 +18,7 @@ pub mod process;
 mod runner;
 mod settings;
 mod state;
+pub mod summary;
 pub mod testing;
 pub mod wiring;
 

@@ -1,10 +1,10 @@
 //! The end of a run: its summary, its last words, its exit code.
 
 use super::Supervisor;
-use crate::summary::{StageSummary, Summary, Total, rate};
 use serde_json::json;
 use stage::exit;
 use stage::process::usage;
+use stage::summary::{StageSummary, Summary, Total, rate};
 use std::collections::BTreeMap;
 
 impl Supervisor {
@@ -39,7 +39,7 @@ impl Supervisor {
         let incomplete = outcome == "drained" || (outcome == "done" && has_lost);
         let faults = self.faults.iter().map(|fault| format!("[{}] {}", fault.stage, fault.text)).collect();
         let swaps = std::mem::take(&mut self.record.swaps);
-        let summary = Summary { outcome, faults, swaps, total, stages };
+        let summary = Summary { outcome: outcome.to_owned(), faults, swaps, total, stages };
         summary.write(&self.plan.context.output)?;
         // It learns from the summary of a run that was cut short, so it can be waited for only now.
         let recorded = self.recorder.take().map_or(Ok(()), |recorder| recorder.finish(outcome));

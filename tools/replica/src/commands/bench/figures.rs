@@ -1,7 +1,7 @@
-//! What a run's `summary.json` says, and what several runs come to.
+//! What several runs come to.
 
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use serde::Serialize;
+use stage::summary::Summary;
 use std::fmt;
 
 /// How messages travel: a value of `run.transport`.
@@ -33,107 +33,13 @@ impl fmt::Display for Configuration {
     }
 }
 
-/// The part of `summary.json` that is reported.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct Run {
-    /// From end to end.
-    pub total: Total,
-    /// In the order of the dataflow.
-    pub stages: Vec<Stage>,
-}
-
-/// See `summary.json`; times in s, sizes in bytes.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[allow(missing_docs, reason = "the fields are those of summary.json")]
-pub struct Total {
-    pub drive_s: f64,
-    pub wall_s: f64,
-    pub times_real_time: f64,
-    pub points: u64,
-    pub points_per_s: f64,
-    pub cpu_s: f64,
-    pub supervisor_cpu_s: f64,
-    pub peak_shared_memory_bytes: u64,
-    pub restarts: u32,
-    pub latency: Latency,
-}
-
-/// One stage.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[allow(missing_docs, reason = "the fields are those of summary.json")]
-pub struct Stage {
-    pub name: String,
-    pub points: u64,
-    pub points_per_s: f64,
-    pub inputs: BTreeMap<String, Traffic>,
-    pub outputs: BTreeMap<String, Traffic>,
-    pub step: Latency,
-    pub age: Latency,
-    pub cpu_s: f64,
-    pub transport_cpu_s: f64,
-    pub peak_rss_bytes: u64,
-}
-
-/// What went over a topic.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-#[allow(missing_docs, reason = "the fields are those of summary.json")]
-pub struct Traffic {
-    pub messages: u64,
-    pub rows: u64,
-    pub bytes: u64,
-}
-
-/// Durations.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[allow(missing_docs, reason = "the fields are those of summary.json")]
-pub struct Latency {
-    pub count: u64,
-    pub p50_ms: f64,
-    pub p99_ms: f64,
-    pub max_ms: f64,
-}
-
-impl Stage {
-    /// Bytes of rows that came in; every consumer of a topic counts.
-    pub fn bytes_in(&self) -> u64 {
-        self.inputs.values().map(|traffic| traffic.bytes).sum()
-    }
-    /// Nanoseconds of CPU for each point that passed.
-    pub fn cpu_nanos_per_point(&self) -> f64 {
-        if self.points == 0 { 0.0 } else { self.cpu_s * 1e9 / self.points as f64 }
-    }
-}
-
-impl Run {
-    /// Bytes of rows that all consumers together were handed.
-    pub fn bytes_handed_over(&self) -> u64 {
-        self.stages.iter().map(Stage::bytes_in).sum()
-    }
-    /// Messages that all consumers together were handed.
-    pub fn messages_handed_over(&self) -> u64 {
-        self.stages.iter().flat_map(|stage| stage.inputs.values()).map(|traffic| traffic.messages).sum()
-    }
-    /// CPU time of lending, sending, waiting and receiving in all stages, s.
-    pub fn transport_cpu_s(&self) -> f64 {
-        self.stages.iter().map(|stage| stage.transport_cpu_s).sum()
-    }
-    /// Resident memory of all stages at their peaks, bytes; shared memory counts in each that touched it.
-    pub fn peak_rss_bytes(&self) -> u64 {
-        self.stages.iter().map(|stage| stage.peak_rss_bytes).sum()
-    }
-    /// What must be the same in every run of the same launch file.
-    pub fn processed(&self) -> Vec<(&str, u64, &BTreeMap<String, Traffic>)> {
-        self.stages.iter().map(|stage| (stage.name.as_str(), stage.points, &stage.inputs)).collect()
-    }
-}
-
 /// All runs of one configuration.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
     /// How they ran.
     pub configuration: Configuration,
     /// In the order in which they ran.
-    pub runs: Vec<Run>,
+    pub runs: Vec<Summary>,
 }
 
 /// Median and extremes of a figure.
@@ -153,14 +59,14 @@ impl Series {
         Self { configuration, runs: Vec::new() }
     }
     /// A figure over all runs.
-    pub fn spread(&self, figure: impl Fn(&Run) -> f64) -> Spread {
+    pub fn spread(&self, figure: impl Fn(&Summary) -> f64) -> Spread {
         let mut values: Vec<f64> = self.runs.iter().map(figure).collect();
         values.sort_unstable_by(f64::total_cmp);
         let at = |index: usize| values.get(index).copied().unwrap_or_default();
         Spread { median: at(values.len() / 2), min: at(0), max: at(values.len().saturating_sub(1)) }
     }
     /// The median of a figure.
-    pub fn median(&self, figure: impl Fn(&Run) -> f64) -> f64 {
+    pub fn median(&self, figure: impl Fn(&Summary) -> f64) -> f64 {
         self.spread(figure).median
     }
 }
@@ -168,25 +74,11 @@ impl Series {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stage::summary::Total;
 
     #[test]
     fn a_spread_is_that_of_the_runs() {
-        let run = |cpu_s: f64| -> Run {
-            let latency = Latency { count: 0, p50_ms: 0.0, p99_ms: 0.0, max_ms: 0.0 };
-            let total = Total {
-                drive_s: 1.0,
-                wall_s: 1.0,
-                times_real_time: 1.0,
-                points: 1,
-                points_per_s: 1.0,
-                cpu_s,
-                supervisor_cpu_s: 0.0,
-                peak_shared_memory_bytes: 0,
-                restarts: 0,
-                latency,
-            };
-            Run { total, stages: Vec::new() }
-        };
+        let run = |cpu_s: f64| Summary { total: Total { cpu_s, ..Total::default() }, ..Summary::default() };
         let mut series = Series::of(Configuration { cores: 2, transport: Transport::Copying });
         assert_eq!(series.median(|run| run.total.cpu_s), 0.0);
         series.runs = [5.0, 1.0, 3.0].map(run).to_vec();

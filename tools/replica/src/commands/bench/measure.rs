@@ -1,9 +1,10 @@
 //! One run of a launch file on so many cores.
 
-use super::figures::{Configuration, Run, Transport};
+use super::figures::{Configuration, Transport};
 use anyhow::Context;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use stage::process::sibling;
+use stage::summary::Summary;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -27,7 +28,7 @@ pub fn measure(
     overrides: &[String],
     configuration: Configuration,
     output: &Path,
-) -> Result<Run, Failure> {
+) -> Result<Summary, Failure> {
     let transport = match configuration.transport {
         Transport::Shared => "shared",
         Transport::Copying => "copying",

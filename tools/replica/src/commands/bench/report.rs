@@ -1,9 +1,10 @@
 //! The report as people and as programs read it.
 
-use super::figures::{Run, Series, Spread, Stage, Transport};
+use super::figures::{Series, Spread, Transport};
 use super::machine::Machine;
 use formats::calendar::date_from_days;
 use serde::Serialize;
+use stage::summary::{StageSummary, Summary};
 use std::fmt::Write;
 use std::path::Path;
 use std::time::SystemTime;
@@ -46,7 +47,7 @@ impl Report {
     /// Whether all runs have processed the same.
     pub fn agree(&self) -> bool {
         let mut runs = self.series.iter().flat_map(|series| &series.runs);
-        let first = runs.next().map(Run::processed);
+        let first = runs.next().map(Summary::processed);
         runs.all(|run| Some(run.processed()) == first)
     }
 
@@ -81,7 +82,7 @@ impl Report {
     fn comparison(&self) -> String {
         let mut text = String::new();
         let mut line = |what: &str, a: &Series, b: &Series| {
-            let ratio = |figure: fn(&Run) -> f64| b.median(figure) / a.median(figure).max(f64::MIN_POSITIVE);
+            let ratio = |figure: fn(&Summary) -> f64| b.median(figure) / a.median(figure).max(f64::MIN_POSITIVE);
             let difference = b.median(|run| run.total.cpu_s) - a.median(|run| run.total.cpu_s);
             let _ = writeln!(
                 text,
@@ -112,12 +113,12 @@ impl Report {
 
 fn end_to_end(series: &Series) -> String {
     let mut text = String::new();
-    let mut row = |name: &str, digits: usize, figure: &dyn Fn(&Run) -> f64| {
+    let mut row = |name: &str, digits: usize, figure: &dyn Fn(&Summary) -> f64| {
         let Spread { median, min, max } = series.spread(figure);
         let _ = writeln!(text, "| {name} | {median:.digits$} | {min:.digits$} | {max:.digits$} |");
     };
     let shared = series.configuration.transport == Transport::Shared;
-    let moved = |run: &Run, by_reference: bool| {
+    let moved = |run: &Summary, by_reference: bool| {
         if shared == by_reference { run.bytes_handed_over() as f64 * 1e-6 } else { 0.0 }
     };
     row("wall s", 2, &|run| run.total.wall_s);
@@ -125,7 +126,7 @@ fn end_to_end(series: &Series) -> String {
     row("M points/s", 3, &|run| run.total.points_per_s * 1e-6);
     row("CPU s", 2, &|run| run.total.cpu_s);
     row("CPU ns/point", 0, &|run| run.total.cpu_s * 1e9 / (run.total.points as f64).max(1.0));
-    row("transport CPU s", 3, &Run::transport_cpu_s);
+    row("transport CPU s", 3, &Summary::transport_cpu_s);
     row("transport share of CPU, %", 2, &|run| 100.0 * run.transport_cpu_s() / run.total.cpu_s);
     row("supervisor, % of a core", 2, &|run| 100.0 * run.total.supervisor_cpu_s / run.total.wall_s);
     row("MB handed over by reference", 0, &|run| moved(run, true));
@@ -143,13 +144,14 @@ fn stages(series: &Series) -> String {
     let mut text = String::new();
     let names = series.runs.first().map(|run| run.stages.iter().map(|stage| stage.name.clone()).collect::<Vec<_>>());
     for (index, name) in names.unwrap_or_default().iter().enumerate() {
-        let median = |figure: &dyn Fn(&Stage) -> f64| series.median(|run| run.stages.get(index).map_or(0.0, figure));
+        let median =
+            |figure: &dyn Fn(&StageSummary) -> f64| series.median(|run| run.stages.get(index).map_or(0.0, figure));
         let _ = writeln!(
             text,
             "| {name} | {:.3} | {:.2} | {:.0} | {:.3} | {:.1} / {:.1} / {:.1} | {:.0} / {:.0} / {:.0} | {:.0} | {:.0} |",
             median(&|stage| stage.points_per_s * 1e-6),
             median(&|stage| stage.cpu_s),
-            median(&Stage::cpu_nanos_per_point),
+            median(&StageSummary::cpu_nanos_per_point),
             median(&|stage| stage.transport_cpu_s),
             median(&|stage| stage.step.p50_ms),
             median(&|stage| stage.step.p99_ms),

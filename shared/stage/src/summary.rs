@@ -1,17 +1,17 @@
 //! `summary.json`: what a run did and what it cost.
 
+use crate::control::Swapped;
+use crate::health::{Health, Latency, Traffic};
 use formats::atomic_file::write_atomic;
-use serde::Serialize;
-use stage::control::Swapped;
-use stage::health::{Health, Latency, Traffic};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The whole file.
-#[derive(Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Summary {
     /// `done`, `drained` (ended early on request), `stopped` or `failed`.
-    pub outcome: &'static str,
+    pub outcome: String,
     /// What went wrong on the way, in order.
     pub faults: Vec<String>,
     /// What was swapped on the way, in order.
@@ -23,7 +23,7 @@ pub struct Summary {
 }
 
 /// End to end.
-#[derive(Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Total {
     /// Drive time that was processed, s.
     pub drive_s: f64,
@@ -50,7 +50,7 @@ pub struct Total {
 }
 
 /// One stage.
-#[derive(Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct StageSummary {
     /// Its table.
     pub name: String,
@@ -111,6 +111,30 @@ impl StageSummary {
             notes: health.notes,
         }
     }
+    /// Bytes of rows that came in; every consumer of a topic counts.
+    pub fn bytes_in(&self) -> u64 {
+        self.inputs.values().map(|traffic| traffic.bytes).sum()
+    }
+    fn processed(&self) -> Processed<'_> {
+        let moved = |traffic: &Traffic| [traffic.messages, traffic.rows, traffic.bytes];
+        let inputs = self.inputs.iter().map(|(topic, traffic)| (topic.as_str(), moved(traffic))).collect();
+        Processed { name: &self.name, points: self.points, inputs }
+    }
+    /// Nanoseconds of CPU for each point that passed.
+    pub fn cpu_nanos_per_point(&self) -> f64 {
+        if self.points == 0 { 0.0 } else { self.cpu_s * 1e9 / self.points as f64 }
+    }
+}
+
+/// What a stage has processed, whatever it took.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Processed<'a> {
+    /// Its table.
+    pub name: &'a str,
+    /// Points that passed.
+    pub points: u64,
+    /// Messages, rows and bytes by topic.
+    pub inputs: BTreeMap<&'a str, [u64; 3]>,
 }
 
 /// Per second; 0 if no time has passed.
@@ -124,5 +148,25 @@ impl Summary {
         let path = output.join("summary.json");
         let text = serde_json::to_vec_pretty(self).map_err(|error| error.to_string())?;
         write_atomic(&path, &text).map_err(|error| format!("{}: {error}", path.display()))
+    }
+    /// Bytes of rows that all consumers together were handed.
+    pub fn bytes_handed_over(&self) -> u64 {
+        self.stages.iter().map(StageSummary::bytes_in).sum()
+    }
+    /// Messages that all consumers together were handed.
+    pub fn messages_handed_over(&self) -> u64 {
+        self.stages.iter().flat_map(|stage| stage.inputs.values()).map(|traffic| traffic.messages).sum()
+    }
+    /// CPU time of lending, sending, waiting and receiving in all stages, s.
+    pub fn transport_cpu_s(&self) -> f64 {
+        self.stages.iter().map(|stage| stage.transport_cpu_s).sum()
+    }
+    /// Resident memory of all stages at their peaks, bytes; shared memory counts in each that touched it.
+    pub fn peak_rss_bytes(&self) -> u64 {
+        self.stages.iter().map(|stage| stage.peak_rss_bytes).sum()
+    }
+    /// What must be the same in every run of the same launch file.
+    pub fn processed(&self) -> Vec<Processed<'_>> {
+        self.stages.iter().map(StageSummary::processed).collect()
     }
 }
