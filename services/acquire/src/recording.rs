@@ -2,7 +2,7 @@
 
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
-use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use formats::manifest::{LidarEntry, Manifest, PoseEntry};
 use formats::pcap::Recorder;
 use formats::velodyne::Model;
 use std::fs;
@@ -69,21 +69,15 @@ impl Recording {
         if path.exists() {
             return Ok(());
         }
-        let manifest = Manifest {
-            version: MANIFEST_VERSION,
-            name: "live recording".to_owned(),
-            lidar: LidarEntry {
+        let manifest = Manifest::of_lidar(
+            "live recording",
+            LidarEntry {
                 model: model.name().to_owned(),
                 format: "pcap".to_owned(),
                 folder: LIDAR.to_owned(),
                 body_from_lidar,
             },
-            cameras: Vec::new(),
-            mosaics: Vec::new(),
-            gnss: None,
-            imu: None,
-            truth: None,
-        };
+        );
         let fault = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
         let text = toml::to_string(&manifest).map_err(|error| fault(&error))?;
         write_atomic(&path, text.as_bytes()).map_err(|error| fault(&error))

@@ -172,6 +172,19 @@ impl From<Pose> for PoseEntry {
 }
 
 impl Manifest {
+    /// Of a drive that has a LiDAR alone.
+    pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {
+        Self {
+            version: MANIFEST_VERSION,
+            name: name.to_owned(),
+            lidar,
+            cameras: Vec::new(),
+            mosaics: Vec::new(),
+            gnss: None,
+            imu: None,
+            truth: None,
+        }
+    }
     /// The mounting of all sensors. The error names the entry whose pose is no rigid transform.
     pub fn rig(&self) -> Result<Rig, String> {
         let pose = |name: &str, entry: &PoseEntry| {

@@ -3,7 +3,7 @@
 use super::MANIFEST_FILE;
 use super::listing::files_with_extension;
 use super::read::Read;
-use crate::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use crate::problems::{FileError, FileProblem};
 use crate::velodyne::{Model, SweepReader};
 use std::path::Path;
@@ -26,21 +26,15 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
             Model::Hdl64e
         };
         let name = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let manifest = Manifest {
-            version: MANIFEST_VERSION,
-            name,
-            lidar: LidarEntry {
+        let manifest = Manifest::of_lidar(
+            &name,
+            LidarEntry {
                 model: model.name().to_owned(),
                 format: if is_capture { "pcap" } else { extension }.to_owned(),
                 folder: ".".to_owned(),
                 body_from_lidar: PoseEntry::IDENTITY,
             },
-            cameras: Vec::new(),
-            mosaics: Vec::new(),
-            gnss: None,
-            imu: None,
-            truth: None,
-        };
+        );
         return Ok(Read::assumed(&folder.join(MANIFEST_FILE), manifest));
     }
     Err(problem(format!("holds neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))

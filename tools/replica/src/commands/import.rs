@@ -4,7 +4,7 @@ use anyhow::{Context, bail, ensure};
 use clap::Args as ClapArgs;
 use formats::calendar::{DAY_NANOS, days_from_date};
 use formats::drive::{Drive, MANIFEST_FILE, TIMES_FILE};
-use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, PoseEntry};
+use formats::manifest::{LidarEntry, Manifest, PoseEntry};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -129,21 +129,15 @@ fn write(found: &Found, source: &Path, out: &Path) -> anyhow::Result<()> {
         fs::write(lidar.join(TIMES_FILE), lines.join("\n") + "\n")?;
     }
     let name = source.canonicalize()?.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let manifest = Manifest {
-        version: MANIFEST_VERSION,
-        name: format!("{name} ({})", found.layout),
-        lidar: LidarEntry {
+    let manifest = Manifest::of_lidar(
+        &format!("{name} ({})", found.layout),
+        LidarEntry {
             model: "hdl64e".into(),
             format: found.format.into(),
             folder: "lidar".into(),
             body_from_lidar: PoseEntry::IDENTITY,
         },
-        cameras: Vec::new(),
-        mosaics: Vec::new(),
-        gnss: None,
-        imu: None,
-        truth: None,
-    };
+    );
     fs::write(out.join(MANIFEST_FILE), toml::to_string(&manifest)?)?;
     Ok(())
 }
