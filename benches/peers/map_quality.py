@@ -11,7 +11,7 @@ Every point is placed between the poses of the sweep before and of its own by it
 vector); what moves by the truth (moving/*.npy) and what is further than --max-range is left out. The whole trajectory is fitted to
 the truth rigidly, so that distances can be told. All clouds have the same returns.
 
-Exit code 1: mean thickness or entropy differ by more than three standard errors of the places that numpy takes (20 000 each).
+Exit code 1: mean thickness or entropy differ by more than three standard errors of the places that numpy takes (some thousand).
 """
 import argparse
 import json
@@ -73,7 +73,7 @@ def spread(points, tree, centers):
             yield len(some), np.maximum(variances, 0), axes[:, 0]
 
 
-def measures(points, seed, n_entropy=20000, n_cubes=20000):
+def measures(points, seed, n_entropy=5000, n_cubes=10000):
     """thickness and entropy by the definitions of docs/evaluation.md, at random places"""
     points = (points - np.round(points[0])).astype(np.float32).astype(float)
     tree, random = cKDTree(points), np.random.default_rng(seed)

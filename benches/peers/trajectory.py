@@ -63,7 +63,8 @@ def kit(gt, est, lengths=(100, 200, 300, 400, 500, 600, 700, 800), step=10):
 def compare(files, options, replica):
     truth, estimate = (file_interface.read_tum_trajectory_file(f) for f in files)
     worst = 0.0
-    for align in ("none", "first", "se3", "sim3"):
+    # The last one's segments are compared: without a scale.
+    for align in ("sim3", "first", "se3", "none"):
         with tempfile.TemporaryDirectory() as out:
             subprocess.run([replica, "evaluate", "trajectory", *files, "--align", align, "--out", out, *options],
                            check=True, stdout=subprocess.DEVNULL)

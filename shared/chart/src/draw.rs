@@ -5,22 +5,31 @@ use std::fmt::Write;
 
 /// Around the plane, px.
 pub const LEFT: f64 = 60.0;
-pub const TOP: f64 = 76.0;
 const RIGHT: f64 = 20.0;
 const BOTTOM: f64 = 48.0;
 /// px that a letter takes on the average, for the legend.
-const LETTER: f64 = 7.2;
+const LETTER: f64 = 7.7;
+/// Of a line of text, px.
+const LINE: f64 = 18.0;
 
 /// Width and height with everything around it, px.
 pub fn outer(chart: &Chart) -> [f64; 2] {
-    [LEFT + chart.size[0] + RIGHT, TOP + chart.size[1] + BOTTOM]
+    [LEFT + chart.size[0] + RIGHT, top(chart) + chart.size[1] + BOTTOM]
+}
+
+/// Where the plane begins: below title, legend and the name of the y axis, as far as there are any.
+pub fn top(chart: &Chart) -> f64 {
+    let n_lines = [&chart.title, &chart.y.label].iter().filter(|text| !text.is_empty()).count();
+    let n_rows = legend(chart).iter().map(|entry| entry.row + 1).max().unwrap_or(0);
+    12.0 + LINE * (n_lines + n_rows) as f64
 }
 
 /// All of a chart, its outer corner at 0 0.
 pub fn chart(chart: &Chart) -> String {
     let [width, height] = chart.size;
-    let (right, bottom) = (LEFT + width, TOP + height);
-    let place = |[x, y]: [f64; 2]| [LEFT + width * chart.x.share(x), TOP + height * (1.0 - chart.y.share(y))];
+    let top = top(chart);
+    let (right, bottom) = (LEFT + width, top + height);
+    let place = |[x, y]: [f64; 2]| [LEFT + width * chart.x.share(x), top + height * (1.0 - chart.y.share(y))];
     let mut svg = String::new();
     // Writing to a string cannot fail.
     let _ = writeln!(svg, "<text x=\"{LEFT}\" y=\"20\" font-size=\"15\">{}</text>", escaped(&chart.title));
@@ -28,7 +37,7 @@ pub fn chart(chart: &Chart) -> String {
         // A number needs about 60 px.
         for x in chart.x.ticks((width / 60.0).min(8.0)) {
             let [at, _] = place([x, 0.0]);
-            let _ = writeln!(svg, "<path d=\"M{at:.1} {bottom:.1}V{TOP:.1}\" stroke=\"#ddd\"/>");
+            let _ = writeln!(svg, "<path d=\"M{at:.1} {bottom:.1}V{top:.1}\" stroke=\"#ddd\"/>");
             let _ = writeln!(svg, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{x}</text>", bottom + 18.0);
         }
     }
@@ -41,12 +50,17 @@ pub fn chart(chart: &Chart) -> String {
     }
     let x_label = escaped(&chart.x.label);
     let _ = writeln!(svg, "<text x=\"{right}\" y=\"{}\" text-anchor=\"end\">{x_label}</text>", bottom + 36.0);
-    let _ = writeln!(svg, "<text x=\"8\" y=\"{}\">{}</text>", TOP - 8.0, escaped(&chart.y.label));
+    let _ = writeln!(svg, "<text x=\"8\" y=\"{}\">{}</text>", top - 8.0, escaped(&chart.y.label));
     for series in &chart.series {
         draw_series(&mut svg, series, &place, [width, bottom], chart.x.range);
     }
     let _ = writeln!(svg, "<path d=\"M{LEFT} {bottom}H{right}\" stroke=\"black\"/>");
-    legend(&mut svg, &chart.series, right);
+    let title_height = if chart.title.is_empty() { 0.0 } else { LINE };
+    for Entry { name, color, left, row } in legend(chart) {
+        let y = title_height + LINE * (row + 1) as f64;
+        let _ = writeln!(svg, "<path d=\"M{left:.1} {}h16\" stroke=\"{color}\" stroke-width=\"3\"/>", y - 4.0);
+        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{y}\">{}</text>", left + 21.0, escaped(name));
+    }
     svg
 }
 
@@ -87,26 +101,37 @@ fn draw_series(
     }
 }
 
-/// From the right, above the plane, so that it never lies on the data; as many rows as it takes.
-fn legend(svg: &mut String, series: &[Series], right: f64) {
-    let mut seen: Vec<(&str, &str)> = Vec::new();
-    for one in series {
-        if !one.name.is_empty() && !seen.contains(&(&one.name, one.color)) {
-            seen.push((&one.name, one.color));
-        }
-    }
+/// A name of the legend, and where it stands.
+struct Entry<'a> {
+    name: &'a str,
+    color: &'a str,
+    left: f64,
+    row: usize,
+}
+
+/// Above the plane, so that it never lies on the data; as many rows as it takes, at the right if one is enough.
+fn legend(chart: &Chart) -> Vec<Entry<'_>> {
+    let right = LEFT + chart.size[0];
     let width = |name: &str| 30.0 + LETTER * name.chars().count() as f64;
-    let mut left = right - seen.iter().map(|(name, _)| width(name)).sum::<f64>();
-    left = left.max(LEFT);
-    let mut y = 38.0;
-    for (name, color) in seen {
-        if left > LEFT && left + width(name) > right + RIGHT {
-            (left, y) = (LEFT, y + 15.0);
+    let mut entries: Vec<Entry<'_>> = Vec::new();
+    let (mut left, mut row) = (LEFT, 0);
+    for Series { name, color, .. } in &chart.series {
+        let is_new = |entry: &Entry<'_>| entry.name != name.as_str() || entry.color != *color;
+        if name.is_empty() || !entries.iter().all(is_new) {
+            continue;
         }
-        let _ = writeln!(svg, "<path d=\"M{left:.1} {}h16\" stroke=\"{color}\" stroke-width=\"3\"/>", y - 4.0);
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{y}\">{}</text>", left + 21.0, escaped(name));
+        if left > LEFT && left + width(name) > right + RIGHT {
+            (left, row) = (LEFT, row + 1);
+        }
+        entries.push(Entry { name, color, left, row });
         left += width(name);
     }
+    if row == 0 {
+        for entry in &mut entries {
+            entry.left += (right - left).max(0.0);
+        }
+    }
+    entries
 }
 
 fn escaped(text: &str) -> String {

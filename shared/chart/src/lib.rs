@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn points_fall_where_they_belong() {
         let svg = chart().svg();
-        let [left, top] = [draw::LEFT, draw::TOP];
+        let [left, top] = [draw::LEFT, draw::top(&chart())];
         let line = format!("points=\"{:.1},{:.1} {:.1},{:.1}\"", left, top + 40.0, left + 100.0, top);
         assert!(svg.contains(&line), "{line} is not in\n{svg}");
         let bar = format!("x=\"{:.1}\" y=\"{:.1}\" width=\"10.00\" height=\"20.0\"", left + 45.0, top + 20.0);

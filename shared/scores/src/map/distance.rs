@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// How closely one looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceSettings {
-    /// Points with nothing of the other cloud within this, m, count as far and in no mean; at most the cells of the indexes.
+    /// Points with nothing of the other cloud within this, m, count as far and in no mean.
     pub reach_m: f32,
     /// Points that are asked for their neighbor, at most; spread evenly over the sorted points.
     pub max_samples: usize,

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Points in columns of a horizontal grid, each sorted by height: a ball is looked for in nine columns, and in each of them
-/// among those of its heights alone. 12 bytes a point.
+/// Points in columns of a horizontal grid, each sorted by height: a ball is looked for in the columns that it touches, and in each
+/// of them among those of its heights alone. 12 bytes a point.
 pub struct PointIndex {
     cell_m: f32,
     points: Vec<[f32; 3]>,
@@ -13,7 +13,7 @@ pub struct PointIndex {
 }
 
 impl PointIndex {
-    /// For balls of up to `cell_m`. Points that are not finite are left out. Coordinates should be within some 10 km of 0, where
+    /// With columns `cell_m` wide: best about the radius of the balls. Points that are not finite are left out. Coordinates should be within some 10 km of 0, where
     /// an f32 is exact to 1 mm.
     pub fn new(mut points: Vec<[f32; 3]>, cell_m: f32) -> Self {
         points.retain(|point| point.iter().all(|value| value.is_finite()));
@@ -37,13 +37,12 @@ impl PointIndex {
         &self.points
     }
 
-    /// Calls `visit` with each point within `radius_m` (up to the cell's size) of `center`, and its squared distance.
+    /// Calls `visit` with each point within `radius_m` of `center`, and its squared distance.
     pub fn visit_ball(&self, center: [f32; 3], radius_m: f32, mut visit: impl FnMut([f32; 3], f32)) {
-        let column = [center[0], center[1]].map(|value| (value / self.cell_m).floor() as i32);
-        for x in -1..=1 {
-            for y in -1..=1 {
-                let key = [column[0].saturating_add(x), column[1].saturating_add(y)];
-                let Some(range) = self.columns.get(&key) else { continue };
+        let column = |value: f32| (value / self.cell_m).floor() as i32;
+        for x in column(center[0] - radius_m)..=column(center[0] + radius_m) {
+            for y in column(center[1] - radius_m)..=column(center[1] + radius_m) {
+                let Some(range) = self.columns.get(&[x, y]) else { continue };
                 let points = &self.points[range.clone()];
                 let first = points.partition_point(|point| point[2] < center[2] - radius_m);
                 for point in points[first..].iter().take_while(|point| point[2] <= center[2] + radius_m) {
@@ -56,11 +55,14 @@ impl PointIndex {
         }
     }
 
-    /// Distance to the nearest point, m, if there is one within `radius_m` (up to the cell's size).
+    /// Distance to the nearest point, m, if there is one within `radius_m`.
     pub fn nearest(&self, center: [f32; 3], radius_m: f32) -> Option<f32> {
-        let mut nearest = f32::INFINITY;
-        self.visit_ball(center, radius_m, |_, squared| nearest = nearest.min(squared));
-        nearest.is_finite().then(|| nearest.sqrt())
+        // Most neighbors are near: larger balls are only for those that have none in a small one.
+        [radius_m / 16.0, radius_m / 4.0, radius_m].into_iter().find_map(|radius_m| {
+            let mut nearest = f32::INFINITY;
+            self.visit_ball(center, radius_m, |_, squared| nearest = nearest.min(squared));
+            nearest.is_finite().then(|| nearest.sqrt())
+        })
     }
 }
 
@@ -75,13 +77,17 @@ mod tests {
         let points: Vec<[f32; 3]> = (1..4000).map(|i| [number(i, 0) - 4.0, number(i, 1) - 4.0, number(i, 2)]).collect();
         let index = PointIndex::new(points.clone(), 0.7);
         let mut n_found = 0;
-        for center in points.iter().step_by(97) {
-            let inside = |p: &&[f32; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f32>() <= 0.49;
-            let expected = points.iter().filter(inside).count();
+        for (center, radius_m) in points.iter().step_by(97).zip([0.2, 0.7, 1.6].into_iter().cycle()) {
+            let squared = |p: &[f32; 3]| (0..3).map(|k| (p[k] - center[k]).powi(2)).sum::<f32>();
+            let expected = points.iter().filter(|p| squared(p) <= radius_m * radius_m).count();
             let mut n = 0;
-            index.visit_ball(*center, 0.7, |_, _| n += 1);
+            index.visit_ball(*center, radius_m, |_, _| n += 1);
             assert_eq!(n, expected);
             n_found += n;
+            let beside = [center[0] + 0.11, center[1], center[2] - 0.2];
+            let squared = |p: &[f32; 3]| (0..3).map(|k| (p[k] - beside[k]).powi(2)).sum::<f32>();
+            let nearest = points.iter().map(squared).fold(f32::INFINITY, f32::min).sqrt();
+            assert_eq!(index.nearest(beside, 4.0), Some(nearest));
         }
         assert!(n_found > 200, "{n_found}");
     }

@@ -91,7 +91,7 @@ fn evaluate(args: &Args) -> anyhow::Result<Vec<MapReport>> {
         Some(path) => {
             let Points { points, origin } =
                 cloud::read(path, &Choice { static_only: static_only(path), origin: None, moved: Pose::identity() })?;
-            Some((PointIndex::new(points, args.reach_m), origin))
+            Some((PointIndex::new(points, args.radius_m), origin))
         }
     };
     let mut reports = Vec::new();
@@ -103,9 +103,7 @@ fn evaluate(args: &Args) -> anyhow::Result<Vec<MapReport>> {
         let index = PointIndex::new(points, args.radius_m);
         let crispness = crispness(&index, &settings);
         let distances = truth.as_ref().map(|(truth, _)| {
-            let there = distances(&index, truth, &settings_of_distances);
-            let index = PointIndex::new(index.points().to_vec(), args.reach_m);
-            [there, distances(truth, &index, &settings_of_distances)]
+            [distances(&index, truth, &settings_of_distances), distances(truth, &index, &settings_of_distances)]
         });
         let (name, n_points) = (path.display().to_string(), index.points().len());
         reports.push(MapReport { name, n_points, crispness, distances });

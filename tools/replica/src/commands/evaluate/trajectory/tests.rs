@@ -115,6 +115,21 @@ fn files_are_written_and_come_back_as_pairs() {
 }
 
 #[test]
+fn a_run_s_folder_stands_for_its_trajectory_and_says_what_a_sweep_took() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [truth, estimate] = trajectories();
+    let truth_file = folder.path().join("truth.csv");
+    std::fs::write(&truth_file, csv_from_trajectory(&truth)).expect("writes");
+    std::fs::write(folder.path().join("trajectory.txt"), tum_from_trajectory(&estimate)).expect("writes");
+    let summary = r#"{"stages": [{"name": "acquire"}, {"name": "slam_aggregate", "step": {"p50_ms": 18, "p99_ms": 51.7, "max_ms": 80}}]}"#;
+    std::fs::write(folder.path().join("summary.json"), summary).expect("writes");
+    let args = parse(&[&truth_file.to_string_lossy(), &folder.path().to_string_lossy()]);
+    let text = evaluate(&args).expect("evaluates").expect("has pairs").markdown();
+    assert!(text.contains("- step of slam_aggregate: median 18.0 ms, p99 51.7 ms, at most 80.0 ms\n"), "{text}");
+    assert!(text.contains("| position (ATE) | m | 300 | 0.4441 | 0.3872 | 0.4068 |"), "{text}");
+}
+
+#[test]
 fn what_cannot_be_paired_says_so() {
     let folder = tempfile::tempdir().expect("a folder");
     let [truth, estimate] = write_both(folder.path());
