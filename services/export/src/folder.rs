@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub(crate) const INDEX: &str = "clouds/index.json";
 
 /// Files that [`crate::Export`] writes once, at the end.
-const AT_THE_END: [&str; 3] = [INDEX, "trajectory.txt", "trajectory_kitti.txt"];
+const AT_THE_END: [&str; 4] = [INDEX, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
 
 /// The run's output folder.
 pub(crate) struct Folder(PathBuf);

@@ -5,7 +5,7 @@
 //! | `clouds/submap_0003.ply` | all points of submap 3 with their columns, world frame (local east-north-up, m) |
 //! | `clouds/submap_0003_spectra.ply` | the points that a mosaic camera saw, one float per band |
 //! | `clouds/index.json` | per cloud: file, points, stamps, bounds, pose, classes, instances |
-//! | `trajectory.txt` | `world_from_body` of every sweep, TUM format |
+//! | `trajectory.txt` | `world_from_body` at both ends of every sweep, TUM format (by setting also `trajectory_kitti.txt`, `trajectory.csv`) |
 //!
 //! A cloud is written as soon as the last of its expected columns is there; which are expected is fixed before the start
 //! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: a cloud is synced
@@ -22,7 +22,7 @@ mod sweeps;
 pub use index::{CloudEntry, Index, SpectraEntry};
 
 use folder::Folder;
-use formats::trajectory::{kitti_from_trajectory, tum_from_trajectory};
+use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use join::{Join, Joined, SavedJoin};
 use messages::{Class, Color, Instance, Message, Spectra, StampedPose, Submap, Trajectory};
@@ -42,7 +42,7 @@ stage::settings! {
         /// Whether spectra get a cloud of their own.
         pub spectra: bool = true => stage::any();
         /// How to write the trajectory.
-        pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti"]);
+        pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti", "csv"]);
     }
 }
 
@@ -118,6 +118,7 @@ impl Stage for Export {
         for format in &self.settings.trajectory {
             let (name, text) = match format.as_str() {
                 "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(&self.trajectory)),
+                "csv" => ("trajectory.csv", csv_from_trajectory(&self.trajectory)),
                 _ => ("trajectory.txt", tum_from_trajectory(&self.trajectory)),
             };
             self.folder.write_text(name, &text)?;

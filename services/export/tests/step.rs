@@ -239,8 +239,9 @@ fn the_index_tells_what_the_clouds_hold() {
 #[test]
 fn poses_end_up_in_the_trajectory_files() {
     let folder = tempfile::tempdir().expect("a folder");
-    let both = Settings { trajectory: vec!["tum".to_owned(), "kitti".to_owned()], ..Settings::default() };
-    let mut bench = Bench::<Export>::new(&both, &context(folder.path())).expect("starts");
+    let all = ["tum", "kitti", "csv"].map(str::to_owned).to_vec();
+    let all = Settings { trajectory: all, ..Settings::default() };
+    let mut bench = Bench::<Export>::new(&all, &context(folder.path())).expect("starts");
     let street = Street::new(8, 100);
     run(&mut bench, &street, 0..3);
     bench.finish().expect("finishes");
@@ -256,6 +257,8 @@ fn poses_end_up_in_the_trajectory_files() {
     }
     let kitti = std::fs::read_to_string(folder.path().join("trajectory_kitti.txt")).expect("is there");
     assert_eq!(formats::trajectory::poses_from_kitti(&kitti).expect("parses").len(), truth.len());
+    let csv = std::fs::read_to_string(folder.path().join("trajectory.csv")).expect("is there");
+    assert_eq!(formats::trajectory::trajectory_from_csv(&csv), Ok(trajectory));
 }
 
 #[test]

@@ -10,6 +10,7 @@
 
 #![allow(missing_docs, reason = "a program")]
 
+use chart::{Axis, Chart, Series};
 use formats::pcap::{PacketReader, Writer};
 use formats::velodyne::{DATA_PORT, DataPacket, LidarReturn, Model, SweepReader};
 use image::{Rgb, RgbImage};
@@ -17,7 +18,6 @@ use nalgebra::{Isometry3, Translation3};
 use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation, Town};
 use std::error::Error;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 const COLUMNS: u32 = 1200;
@@ -178,51 +178,32 @@ fn histograms(real: &Recording, simulated: &Recording) -> String {
     let ranges = both.map(|r| r.sweep.iter().map(range).collect::<Vec<f32>>());
     let intensities = both.map(|r| r.sweep.iter().map(|found| f32::from(found.intensity)).collect::<Vec<f32>>());
     let steps = both.map(|r| r.steps.iter().map(|step| *step as f32).collect::<Vec<f32>>());
-    let mut svg = String::from(
-        "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 960 250' font-family='sans-serif' font-size='11'>\n\
-         <rect width='960' height='250' fill='white'/>\n",
-    );
-    panel(&mut svg, 0, "range, m", [0.0, 120.0], 60, &ranges);
-    panel(&mut svg, 1, "intensity", [0.0, 256.0], 64, &intensities);
-    panel(&mut svg, 2, "step of the encoder, 0.01 degrees", [12.5, 24.5], 12, &steps);
-    svg.push_str("</svg>\n");
-    svg
+    let charts = [
+        histogram("range, m", [0.0, 120.0], 60, &ranges),
+        histogram("intensity", [0.0, 256.0], 64, &intensities),
+        histogram("step of the encoder, 0.01 degrees", [12.5, 24.5], 12, &steps),
+    ];
+    chart::sheet(&charts, 3)
 }
 
 /// Shares of both in bins: bars of the real, a line of the simulated.
-fn panel(svg: &mut String, number: usize, title: &str, [low, high]: [f32; 2], n_bins: usize, values: &[Vec<f32>; 2]) {
+fn histogram(title: &str, [low, high]: [f32; 2], n_bins: usize, values: &[Vec<f32>; 2]) -> Chart {
     let shares = values.each_ref().map(|values| {
         let mut shares = vec![0.0_f32; n_bins];
         for value in values.iter().filter(|value| (low..high).contains(value)) {
             shares[((value - low) / (high - low) * n_bins as f32) as usize] += 1.0 / values.len() as f32;
         }
-        shares.iter().map(|share| share.sqrt()).collect::<Vec<f32>>()
+        shares.iter().map(|share| f64::from(share.sqrt())).collect::<Vec<f64>>()
     });
-    let most = shares.iter().flatten().copied().fold(0.0, f32::max);
-    let (left, width, bottom, height) = (20.0 + 320.0 * number as f32, 280.0, 210.0, 170.0);
-    let bin = width / n_bins as f32;
-    let y = |share: f32| bottom - height * share / most;
-    for (i, share) in shares[0].iter().enumerate() {
-        let (x, top) = (left + bin * i as f32, y(*share));
-        let _ =
-            writeln!(svg, "<rect x='{x:.1}' y='{top:.1}' width='{bin:.1}' height='{:.1}' fill='#bbb'/>", bottom - top);
-    }
-    let mut line = String::new();
-    for (i, share) in shares[1].iter().enumerate() {
-        let _ =
-            write!(line, "{:.1},{:.1} {:.1},{1:.1} ", left + bin * i as f32, y(*share), left + bin * (i + 1) as f32);
-    }
-    let _ = writeln!(svg, "<polyline points='{line}' fill='none' stroke='#1f5fbf' stroke-width='1.5'/>");
-    let _ = writeln!(svg, "<path d='M{left} {bottom}h{width}' stroke='black'/>");
-    let _ = writeln!(
-        svg,
-        "<text x='{left}' y='226'>{low}</text><text x='{}' y='226' text-anchor='end'>{high}</text>",
-        left + width
-    );
-    let _ = writeln!(svg, "<text x='{}' y='226' text-anchor='middle'>{title}</text>", left + width / 2.0);
-    let _ = writeln!(
-        svg,
-        "<text x='{}' y='30' text-anchor='end'><tspan fill='#888'>real</tspan> <tspan fill='#1f5fbf'>simulated</tspan></text>",
-        left + width
-    );
+    let (low, bin) = (f64::from(low), f64::from(high - low) / n_bins as f64);
+    let bars = shares[0].iter().enumerate().map(|(i, share)| [low + bin * (i as f64 + 0.5), *share]);
+    let edges = |(i, share): (usize, &f64)| [i, i + 1].map(|edge| [low + bin * edge as f64, *share]);
+    let line = shares[1].iter().enumerate().flat_map(edges);
+    let series = vec![
+        Series::bars("real", "#bbb", bars.collect(), bin),
+        Series::line("simulated", chart::COLORS[0], line.collect()),
+    ];
+    let most = shares.iter().flatten().copied().fold(0.0, f64::max);
+    let (x, y) = (Axis::new(title, [low, f64::from(high)]), Axis::without_numbers("", [0.0, most]));
+    Chart { size: [280.0, 170.0], ..Chart::new("", x, y, series) }
 }

@@ -2,15 +2,10 @@
 //!
 //! `cargo run --release -p simulation --example gnss_error -- SECONDS SEED OUT.svg`
 
+use chart::{Axis, COLORS, Chart, Series};
 use simulation::sensors::gnss::{Epoch, Receiver};
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
-use std::fmt::Write;
-
-/// Size of the picture and the height of each of its two charts, px.
-const WIDTH: f64 = 900.0;
-const CHART: f64 = 170.0;
-const LEFT: f64 = 60.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -53,62 +48,28 @@ fn summary(epochs: &[Epoch]) -> String {
 }
 
 fn picture(logs: &[(Receiver, Vec<Epoch>)]) -> String {
+    let size = [820.0, 170.0];
+    let epochs = &logs[0].1;
+    let seconds = Axis::new("s", [0.0, epochs.len().saturating_sub(1).max(1) as f64]);
     let most = logs.iter().flat_map(|(_, epochs)| epochs).filter_map(across).fold(1.0, f64::max).ceil();
-    let n = logs[0].1.len();
-    let x = |i: usize| LEFT + (WIDTH - LEFT - 20.0) * i as f64 / (n - 1).max(1) as f64;
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {}\" font-family=\"sans-serif\" font-size=\"13\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-        2.0 * CHART + 110.0
-    );
-    chart(&mut svg, 30.0, most, "horizontal error, m");
-    let y = |error: f64| 30.0 + CHART * (1.0 - error / most);
-    for ((receiver, epochs), (color, left)) in logs.iter().zip([("#b03030", 240.0), ("#308050", 400.0)]) {
-        let _ = writeln!(svg, "<text x=\"{left}\" y=\"22\" fill=\"{color}\">{}</text>", receiver.name());
+    let mut lines = Vec::new();
+    for ((receiver, epochs), color) in logs.iter().zip([COLORS[1], COLORS[2]]) {
         // A line breaks where there is no position.
         for run in epochs.iter().enumerate().collect::<Vec<_>>().split(|(_, epoch)| epoch.error.is_none()) {
-            let point = |(i, epoch): &(usize, &Epoch)| Some(format!("{:.1},{:.1}", x(*i), y(across(epoch)?)));
-            let points: Vec<String> = run.iter().filter_map(point).collect();
-            let points = points.join(" ");
-            let _ =
-                writeln!(svg, "<polyline points=\"{points}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>");
+            let points = run.iter().filter_map(|(i, epoch)| Some([*i as f64, across(epoch)?]));
+            lines.push(Series::line(receiver.name(), color, points.collect()));
         }
     }
-    let top = 30.0 + CHART + 40.0;
-    chart(&mut svg, top, 20.0, "satellites: in sight (blue), used though heard by a wall alone (orange)");
-    let epochs = &logs[0].1;
-    let bar = (x(1) - x(0)).max(1.0);
-    for (i, epoch) in epochs.iter().enumerate() {
-        for (n, color) in [(epoch.n_in_sight, "#4070b0"), (epoch.n_reflected, "#e0902a")] {
-            let high = CHART * f64::from(n.min(20)) / 20.0;
-            let (left, up) = (x(i) - 0.5 * bar, top + CHART - high);
-            let _ = writeln!(
-                svg,
-                "<rect x=\"{left:.1}\" y=\"{up:.1}\" width=\"{bar:.2}\" height=\"{high:.1}\" fill=\"{color}\"/>"
-            );
-        }
-    }
-    let bottom = top + CHART;
-    for i in (0..n).step_by((n / 10).max(1)) {
-        let _ = writeln!(svg, "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{i} s</text>", x(i), bottom + 18.0);
-    }
-    svg + "</svg>\n"
-}
-
-/// Frame, title and scale of a chart.
-fn chart(svg: &mut String, top: f64, most: f64, title: &str) {
-    let right = WIDTH - 20.0;
-    let _ = writeln!(svg, "<text x=\"{LEFT}\" y=\"{}\">{title}</text>", top - 8.0);
-    for part in 0..=4 {
-        let share = f64::from(part) / 4.0;
-        let y = top + CHART * (1.0 - share);
-        let _ = writeln!(
-            svg,
-            "<line x1=\"{LEFT}\" y1=\"{y}\" x2=\"{right}\" y2=\"{y}\" stroke=\"#d0d0d0\"/>\
-             <text x=\"{}\" y=\"{}\" text-anchor=\"end\">{}</text>",
-            LEFT - 8.0,
-            y + 4.0,
-            share * most
-        );
-    }
+    let errors = Axis::new("m", [0.0, most]);
+    let upper = Chart { size, ..Chart::new("Horizontal error", seconds.clone(), errors, lines) };
+    let bars = |name: &str, color, n: fn(&Epoch) -> u32| {
+        let points = epochs.iter().enumerate().map(|(i, epoch)| [i as f64, f64::from(n(epoch))]);
+        Series::bars(name, color, points.collect(), 1.0)
+    };
+    let bars = vec![
+        bars("in sight", COLORS[6], |epoch| epoch.n_in_sight),
+        bars("used though heard by a wall alone", COLORS[4], |epoch| epoch.n_reflected),
+    ];
+    let lower = Chart { size, ..Chart::new("Satellites", seconds, Axis::new("", [0.0, 20.0]), bars) };
+    chart::sheet(&[upper, lower], 1)
 }

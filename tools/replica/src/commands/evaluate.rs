@@ -2,11 +2,13 @@
 
 mod classes;
 mod instances;
+mod map;
 mod projections;
+mod trajectory;
 
 use std::process::ExitCode;
 
-/// Scores of predictions against truth, pooled over all clouds.
+/// Scores of results against truth.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -21,6 +23,10 @@ enum What {
     Instances(instances::Args),
     /// What range images lose: collisions by size, and accuracy by method of back-projection.
     Projections(projections::Args),
+    /// Poses: absolute and relative errors as evo has them, segments as KITTI has them.
+    Trajectory(trajectory::Args),
+    /// Clouds: thickness of facades, mean map entropy, distance to the truth.
+    Map(map::Args),
 }
 
 /// Runs the command.
@@ -29,5 +35,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         What::Classes(args) => classes::run(args),
         What::Instances(args) => instances::run(args),
         What::Projections(args) => projections::run(args).map(|()| ExitCode::SUCCESS),
+        What::Trajectory(args) => trajectory::run(args),
+        What::Map(args) => map::run(args),
     }
 }

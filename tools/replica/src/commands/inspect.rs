@@ -16,7 +16,7 @@ pub use cloud::files as cloud_files;
 use palette::Painter;
 pub use palette::class_color;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use survey::Survey;
@@ -110,21 +110,46 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     ensure!((0.0..=1.0).contains(&args.at), "--at is {}, must be between 0 and 1", args.at);
     let files = cloud::files(&args.path)?;
-    let mut survey = Survey::default();
-    for file in &files {
-        survey.add(file, &Cloud::load(file)?);
-    }
+    let survey = surveyed(&files)?;
     // A reader that closes the pipe early has seen what it wanted.
     let _ = std::io::stdout().write_all(survey.table(&args.path).as_bytes());
     let Some(picture) = &args.picture else { return Ok(ExitCode::SUCCESS) };
+    render(&files, &survey, args, picture)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A picture from straight above, as `replica inspect CLOUD --picture PNG --view top` makes it.
+pub fn top_view(path: &Path, picture: &Path) -> anyhow::Result<()> {
+    let args = Args {
+        path: path.to_owned(),
+        picture: Some(picture.to_owned()),
+        by: None,
+        size: Size { width: 1600, height: 900 },
+        view: View::Top,
+        at: 0.0,
+        background: Background::Dark,
+    };
+    let files = cloud::files(path)?;
+    render(&files, &surveyed(&files)?, &args, picture)
+}
+
+fn surveyed(files: &[PathBuf]) -> anyhow::Result<Survey> {
+    let mut survey = Survey::default();
+    for file in files {
+        survey.add(file, &Cloud::load(file)?);
+    }
+    Ok(survey)
+}
+
+fn render(files: &[PathBuf], survey: &Survey, args: &Args, picture: &Path) -> anyhow::Result<()> {
     let bounds = survey.bounds().with_context(|| format!("{}: no points to render", args.path.display()))?;
     let camera = match args.view {
         View::Top => Camera::above(bounds, survey.path(), args.size),
         View::Street => Camera::behind(bounds, survey.path(), args.at, args.size),
     };
-    let painter = Painter::new(args.by.unwrap_or_else(|| survey.best_color()), &survey);
+    let painter = Painter::new(args.by.unwrap_or_else(|| survey.best_color()), survey);
     let mut canvas = Canvas::new(args.size);
-    for file in &files {
+    for file in files {
         let cloud = Cloud::load(file)?;
         for point_idx in 0..cloud.len() {
             canvas.splat(&camera, cloud.position(point_idx), painter.color(&cloud, point_idx));
@@ -135,7 +160,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     image::save_buffer_with_format(picture, &pixels, width, height, image::ColorType::Rgb8, image::ImageFormat::Png)
         .with_context(|| format!("{}: cannot write the picture", picture.display()))?;
     eprintln!("wrote {}", picture.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 #[cfg(test)]
@@ -143,7 +168,6 @@ mod tests {
     use super::*;
     use clap::Parser;
     use formats::ply::{Header, Kind, PlyWriter};
-    use std::path::Path;
 
     #[derive(Parser)]
     struct Cli {

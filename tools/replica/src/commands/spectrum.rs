@@ -1,14 +1,13 @@
 //! `replica spectrum`: how reflectances are distributed, and whether they can be trusted (thesis 4.3.1; docs/spectrum.md).
 
 mod channel;
-mod chart;
 mod diagnosis;
 mod input;
 mod reference;
 mod report;
 
 use anyhow::Context;
-use chart::{Chart, Line};
+use chart::{Axis, Chart, Series};
 use clap::ValueEnum;
 use formats::envi::LibrarySpectrum;
 use input::{Choice, Region, Source};
@@ -166,90 +165,72 @@ fn matches(source: &Source, references: &[LibrarySpectrum]) -> Vec<Match> {
 
 fn draw(folder: &Path, sources: &[Source], references: &[LibrarySpectrum], quantity: &str) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let write = |name: &str, chart: Chart<'_>| {
+    let write = |name: &str, chart: &Chart| {
         let path = folder.join(name);
         std::fs::write(&path, chart.svg()).with_context(|| path.display().to_string())
     };
-    let names: Vec<String> = sources.iter().map(|source| source.name.clone()).collect();
-    let channels =
-        || sources.iter().enumerate().flat_map(|(group, source)| source.channels.iter().map(move |c| (group, c)));
+    let line = |group: usize, name: &str, points: Vec<[f64; 2]>| {
+        Series::thin_line(name, chart::COLORS[group % chart::COLORS.len()], points)
+    };
+    let channels = || {
+        let groups = sources.iter().enumerate();
+        groups.flat_map(|(group, source)| source.channels.iter().map(move |channel| (group, source, channel)))
+    };
 
     let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
-    let histogram = |(group, channel): (usize, &channel::Channel)| {
+    let histogram = |(group, source, channel): (usize, &Source, &channel::Channel)| {
         let shares = channel.histogram(N_INTERVALS);
-        Line { group, points: shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]).collect() }
+        let points = shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]);
+        line(group, &source.name, points.collect())
     };
-    let lines: Vec<Line> = channels().map(histogram).collect();
-    let top = lines.iter().flat_map(|line| &line.points).map(|point| point[1]).fold(1.0, f64::max);
-    let axes = [quantity, "% of pixels per 0.01"];
-    let chart = Chart {
-        title: "Histograms, one line for each channel",
-        axes,
-        x: [0.0, 1.0],
-        y: [0.0, top],
-        groups: &names,
-        lines: &lines,
-    };
-    write("histogram.svg", chart)?;
+    let lines: Vec<Series> = channels().map(histogram).collect();
+    let top = lines.iter().flat_map(Series::points).map(|point| point[1]).fold(1.0, f64::max);
+    let (x, y) = (Axis::new(quantity, [0.0, 1.0]), Axis::new("% of pixels per 0.01", [0.0, top]));
+    write("histogram.svg", &Chart::new("Histograms, one line for each channel", x, y, lines))?;
 
     let nm = |channel: &channel::Channel| f64::from(channel.wavelength_nm);
-    let range = |found: f64, channel: &channel::Channel, pick: fn(f64, f64) -> f64| pick(found, nm(channel));
-    let low = channels().fold(f64::INFINITY, |found, (_, channel)| range(found, channel, f64::min)) - 5.0;
-    let high = channels().fold(0.0, |found, (_, channel)| range(found, channel, f64::max)) + 5.0;
+    let low = channels().map(|(.., channel)| nm(channel)).fold(f64::INFINITY, f64::min) - 5.0;
+    let high = channels().map(|(.., channel)| nm(channel)).fold(0.0, f64::max) + 5.0;
+    let wavelengths = Axis::new("wavelength, nm", [low, high]);
     let mut lines = Vec::new();
     for (group, source) in sources.iter().enumerate() {
-        let line = |value: fn(&channel::Channel) -> Option<f64>| Line {
-            group,
-            points: source.channels.iter().filter_map(|channel| Some([nm(channel), value(channel)?])).collect(),
+        let values = |value: fn(&channel::Channel) -> Option<f64>| {
+            let points = source.channels.iter().filter_map(|channel| Some([nm(channel), value(channel)?]));
+            line(group, &source.name, points.collect())
         };
-        lines.extend([line(channel::Channel::min), line(channel::Channel::mean), line(channel::Channel::max)]);
+        lines.extend([values(channel::Channel::min), values(channel::Channel::mean), values(channel::Channel::max)]);
         // Bars of several inputs stand beside each other.
         let aside = (high - low) * 0.006 * group as f64;
         let bar = |channel: &channel::Channel| {
             let (mean, deviation, at) = (channel.mean()?, channel.deviation()?, nm(channel) + aside);
-            Some(Line { group, points: vec![[at, mean - deviation], [at, mean + deviation]] })
+            Some(line(group, &source.name, vec![[at, mean - deviation], [at, mean + deviation]]))
         };
         lines.extend(source.channels.iter().filter_map(bar));
     }
-    let values = || lines.iter().flat_map(|line| &line.points).map(|point| point[1]);
+    let values = || lines.iter().flat_map(Series::points).map(|point| point[1]);
     let ends = [values().fold(0.0, f64::min), values().fold(0.1, f64::max) * 1.02];
-    let chart = Chart {
-        title: "Minimum, mean and maximum; bars: standard deviation",
-        axes: ["wavelength, nm", quantity],
-        x: [low, high],
-        y: ends,
-        groups: &names,
-        lines: &lines,
-    };
-    write("distribution.svg", chart)?;
+    let title = "Minimum, mean and maximum; bars: standard deviation";
+    write("distribution.svg", &Chart::new(title, wavelengths.clone(), Axis::new(quantity, ends), lines))?;
 
     if sources.iter().any(|source| source.signature.iter().any(|moments| moments.n > 0)) {
-        let (mut lines, mut groups) = (Vec::new(), names.clone());
+        let mut lines = Vec::new();
         for (group, source) in sources.iter().enumerate() {
             let both = || source.channels.iter().zip(&source.signature).filter(|(_, moments)| moments.n > 0);
-            lines
-                .push(Line { group, points: both().map(|(channel, moments)| [nm(channel), moments.mean()]).collect() });
+            let means = both().map(|(channel, moments)| [nm(channel), moments.mean()]);
+            lines.push(line(group, &source.name, means.collect()));
             lines.extend(both().map(|(channel, moments)| {
                 let ends = [moments.mean() - moments.deviation(), moments.mean() + moments.deviation()];
-                Line { group, points: ends.map(|end| [nm(channel), end]).into() }
+                line(group, &source.name, ends.map(|end| [nm(channel), end]).into())
             }));
         }
         let nearest = sources.first().map(|source| matches(source, references)).unwrap_or_default();
         if let Some(known) = nearest.first().and_then(|m| references.iter().find(|known| known.name == m.name)) {
             let points =
                 (low as u32..=high as u32).filter_map(|nm| Some([f64::from(nm), reference::at(known, nm as f32)?]));
-            lines.push(Line { group: groups.len(), points: points.collect() });
-            groups.push(known.name.clone());
+            lines.push(line(sources.len(), &known.name, points.collect()));
         }
-        let chart = Chart {
-            title: "Signature of the region; bars: standard deviation",
-            axes: ["wavelength, nm", "reflectance"],
-            x: [low, high],
-            y: [0.0, 1.0],
-            groups: &groups,
-            lines: &lines,
-        };
-        write("signature.svg", chart)?;
+        let title = "Signature of the region; bars: standard deviation";
+        write("signature.svg", &Chart::new(title, wavelengths, Axis::new("reflectance", [0.0, 1.0]), lines))?;
     }
     Ok(())
 }

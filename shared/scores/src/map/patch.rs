@@ -1,0 +1,85 @@
+//! The points around a place, as an ellipsoid.
+
+use super::PointIndex;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// Points within a ball, and how they are spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// How many.
+    pub n_points: usize,
+    /// Standard deviations along the axes of the ellipsoid, m, smallest first (divided by n).
+    pub deviations_m: [f64; 3],
+    /// Direction of the smallest; unit length, either sign.
+    pub normal: Vector3<f64>,
+    /// Natural logarithm of the determinant of the covariance, of m^2.
+    pub log_determinant: f64,
+}
+
+/// Variance that is added along each axis, m^2: 1 mm, what an f32 keeps far out. Points in a plane or on a line have an entropy
+/// then.
+const LEAST_VARIANCE_M2: f64 = 1e-6;
+
+impl Patch {
+    /// Of all points within `radius_m` of `center`; `None` of fewer than 3.
+    pub fn around(index: &PointIndex, center: [f32; 3], radius_m: f32) -> Option<Self> {
+        // Moments about the center, so that nothing cancels.
+        let (mut n, mut sum, mut products) = (0.0, [0.0_f64; 3], [0.0_f64; 6]);
+        index.visit_ball(center, radius_m, |point, _| {
+            let [x, y, z] = std::array::from_fn(|k| f64::from(point[k] - center[k]));
+            n += 1.0;
+            sum = [sum[0] + x, sum[1] + y, sum[2] + z];
+            for (total, product) in products.iter_mut().zip([x * x, x * y, x * z, y * y, y * z, z * z]) {
+                *total += product;
+            }
+        });
+        if n < 3.0 {
+            return None;
+        }
+        let mean = Vector3::from(sum) / n;
+        let [xx, xy, xz, yy, yz, zz] = products.map(|total| total / n);
+        let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose();
+        let eigen = SymmetricEigen::new(covariance);
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
+        let variances = order.map(|k| eigen.eigenvalues[k].max(0.0));
+        Some(Self {
+            n_points: n as usize,
+            deviations_m: variances.map(f64::sqrt),
+            normal: eigen.eigenvectors.column(order[0]).into_owned(),
+            log_determinant: variances.map(|variance| (variance + LEAST_VARIANCE_M2).ln()).iter().sum(),
+        })
+    }
+
+    /// Differential entropy of the Gaussian of the same spread, nats for m: `ln sqrt(det(2 pi e C))`.
+    pub fn entropy(&self) -> f64 {
+        0.5 * (3.0 * (std::f64::consts::TAU.ln() + 1.0) + self.log_determinant)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slanted_plane_has_its_normal_and_its_thickness() {
+        // Two sheets 2 cm to either side: deviation 2 cm.
+        let normal = Vector3::new(0.6, 0.0, 0.8);
+        let (u, v) = (Vector3::new(0.8, 0.0, -0.6), Vector3::y());
+        let place = |i: i32| {
+            let (a, b) = (f64::from(i % 100) * 0.01 - 0.5, f64::from(i / 100 % 100) * 0.01 - 0.5);
+            let side = if i < 10_000 { 0.02 } else { -0.02 };
+            (u * a + v * b + normal * side + Vector3::new(500.0, -200.0, 30.0)).cast::<f32>().into()
+        };
+        let index = PointIndex::new((0..20_000).map(place).collect(), 0.3);
+        let patch = Patch::around(&index, [500.0, -200.0, 30.0], 0.3).expect("has points");
+        assert!((patch.deviations_m[0] - 0.02).abs() < 2e-4, "{patch:?}");
+        assert!((patch.normal.dot(&normal).abs() - 1.0).abs() < 1e-4);
+        // A disk of radius r has a deviation of r / 2 along it.
+        assert!((patch.deviations_m[1] - 0.15).abs() < 0.003 && (patch.deviations_m[2] - 0.15).abs() < 0.003);
+        let of_deviations: f64 = patch.deviations_m.map(|deviation| (deviation.powi(2) + 1e-6).ln()).iter().sum();
+        let expected = 0.5 * (of_deviations + 3.0 * (2.0 * std::f64::consts::PI * std::f64::consts::E).ln());
+        assert!((patch.entropy() - expected).abs() < 1e-12);
+        assert_eq!(Patch::around(&index, [0.0; 3], 0.3), None);
+    }
+}
