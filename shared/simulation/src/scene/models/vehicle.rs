@@ -13,6 +13,7 @@ use crate::trace::Primitive;
 use bodywork::{build, roof_bars, wheel};
 use messages::ClassId::Vehicles;
 use outline::{BUS, CITY_CAR, ESTATE, HATCHBACK, MINIBUS, SALOON, SUV, TRAM, TRUCK_CAB, VAN};
+
 /// A car of any kind, sometimes a taxi or a van, in a random color.
 pub fn random_model(b: &mut Builder, instance: u16, random: &mut Random) -> Vec<Primitive> {
     match random.index(24) {
