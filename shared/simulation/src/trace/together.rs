@@ -84,26 +84,32 @@ impl WithSimd for Hits<'_> {
         let Self { bvh, rays, bundle, max_m, any } = self;
         let mut found = Found::nothing(max_m);
         let mut limits = limits(rays.len(), |lane| found.limit(lane));
-        bundle.walk(&bvh.tree, &mut limits, |leaf, mut some, limits| {
-            match leaf {
-                Leaf::Flats(pack) if some.count_ones() > FEW => {
-                    bundle.hit_flats(&bvh.packs[pack as usize], &mut found);
-                }
-                _ => {
-                    while some != 0 {
-                        let lane = some.trailing_zeros() as usize % RAYS;
-                        some &= some - 1;
-                        if let Some((range, place)) = bvh.hit(&rays[lane], leaf, found.limit(lane)) {
-                            found.add(lane, range, place);
+        bundle.walk(
+            &bvh.tree,
+            &mut limits,
+            // Else it would be compiled for the narrowest registers.
+            #[inline(always)]
+            |leaf, mut some, limits| {
+                match leaf {
+                    Leaf::Flats(pack) if some.count_ones() > FEW => {
+                        bundle.hit_flats(&bvh.packs[pack as usize], &mut found);
+                    }
+                    _ => {
+                        while some != 0 {
+                            let lane = some.trailing_zeros() as usize % RAYS;
+                            some &= some - 1;
+                            if let Some((range, place)) = bvh.hit(&rays[lane], leaf, found.limit(lane)) {
+                                found.add(lane, range, place);
+                            }
                         }
                     }
                 }
-            }
-            for (lane, limit) in limits.iter_mut().enumerate() {
-                let is_done = *limit < 0.0 || (any && found.places[lane] != NOWHERE);
-                *limit = if is_done { -1.0 } else { found.limit(lane) };
-            }
-        });
+                for (lane, limit) in limits.iter_mut().enumerate() {
+                    let is_done = *limit < 0.0 || (any && found.places[lane] != NOWHERE);
+                    *limit = if is_done { -1.0 } else { found.limit(lane) };
+                }
+            },
+        );
         found
     }
 }
