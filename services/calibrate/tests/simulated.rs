@@ -160,8 +160,10 @@ fn walls_in_the_sun_have_the_spectra_of_their_materials() {
                 })
                 .collect();
             let angle = angle_deg(&corrected, &plain);
-            // Virtual bands have a width: the steep edge of a dyed cloth comes out smoother.
-            assert!(angle < 4.5, "{} {material:?} corrected: {angle} deg", entry.name);
+            // Virtual bands have a width: the steep edge of a dyed cloth comes out smoother, 3.8 degrees with HS02. Stone is
+            // within 1.6.
+            let most = if material == Material::BlueCloth { 4.5 } else { 2.5 };
+            assert!(angle < most, "{} {material:?} corrected: {angle} deg", entry.name);
             eprintln!("{} {material:?}: {} cells, factor {factor:.2}, {angle:.2} deg", entry.name, n[0]);
         }
         assert!(n_materials >= 1, "{}: no wall in the sun", entry.name);

@@ -172,5 +172,6 @@ fn vegetation_is_green_and_bright_in_the_near_infrared() {
     println!("near infrared over red: vegetation {tree:.2}, facades {facade:.2}; {} spectra", header.n_spectra);
     // A facade is as bright in red as in the near infrared. Leaves would be far brighter there, but through the gaps of
     // the crowns the camera sees other things than the beam met.
-    assert!(tree > 1.8 && facade < 1.4);
+    // 2.6 and 1.3: some returns of facades get their spectrum through leaves before them.
+    assert!(tree > 2.2 && facade < 1.4);
 }

@@ -94,12 +94,12 @@ fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Resu
     })
 }
 
-/// Makes the drive with the `replica` that lies beside this program.
-pub fn simulate(simulate: &Simulate, drive: &Path) -> Result<(), String> {
+/// Makes the drive with the `replica` that lies beside this program; a rig file's path is seen from the launch file's `folder`.
+pub fn simulate(simulate: &Simulate, folder: &Path, drive: &Path) -> Result<(), String> {
     let program = sibling("replica")?;
     let status = Command::new(&program)
-        .args(["simulate", "--town", &simulate.town])
-        .args(["--seed", &simulate.seed.to_string(), "--seconds", &simulate.seconds.to_string()])
+        .args(simulate.arguments())
+        .current_dir(folder)
         .arg("--out")
         .arg(drive)
         .stdin(Stdio::null())

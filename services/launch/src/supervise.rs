@@ -127,7 +127,7 @@ impl Supervisor {
         }
         if let Some(simulate) = plan.simulate.take() {
             screen.say(&format!("{} is not there: simulating it", plan.context.drive.display()));
-            programs::simulate(&simulate, &plan.context.drive)?;
+            programs::simulate(&simulate, &plan.context.launch_folder, &plan.context.drive)?;
         }
         if plan.context.mode == Mode::Offline {
             plan.context.drive = absolute(&plan.context.drive)?;

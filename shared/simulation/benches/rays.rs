@@ -3,7 +3,7 @@
 //! Seconds are those of the thread's CPU clock, so that other programs do not count; those that share its caches still slow it.
 //!
 //! 1. The urban scene as the lidar sees it: one revolution of the mounted HDL-32E, shadows off: scene with movers, what
-//!    stands alone, and whole firings (beam, receiver, noise).
+//!    stands alone, and whole firings (beam, receiver, noise). Side by side, as the simulator does it, and each ray alone.
 //! 2. The same rays on the same triangles beside [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
 //!    are the scene's; round things are there as their bounding boxes, since obvhs knows only triangles.
 //! 3. The same for COPIES copies of the scene side by side, 60 m apart: a large town. As many as make three million triangles if not said.
@@ -44,7 +44,11 @@ fn run() {
         start.elapsed().as_secs_f64()
     );
     let lidar = simulation.lidar();
-    let rays: Vec<Ray> = (0..181).flat_map(|packet| lidar.rays(FIRST_PACKET + packet)).collect();
+    let in_order = |packet: u64| {
+        let rays = lidar.rays(FIRST_PACKET + packet);
+        lidar.order().iter().map(|slot| rays[*slot]).collect::<Vec<Ray>>()
+    };
+    let rays: Vec<Ray> = (0..181).flat_map(in_order).collect();
     let scene = &simulation.scene;
     let snapshot = scene.at(5.0);
     let hits = rays.iter().filter(|ray| scene.cast(&snapshot, ray, FAR_M).is_some()).count();
@@ -53,6 +57,12 @@ fn run() {
         rays.len(),
         100.0 * share(hits, rays.len())
     );
+    report("scene, movers and normals, rays side by side", rays.len(), || {
+        scene.cast_all(&rays, FAR_M, |_| &snapshot).iter().flatten().count()
+    });
+    report("what stands, nearest, rays side by side", rays.len(), || {
+        scene.statics().nearest_of(&rays, FAR_M).iter().flatten().count()
+    });
     report("scene, movers and normals", rays.len(), || {
         rays.iter().filter(|ray| scene.cast(&snapshot, ray, FAR_M).is_some()).count()
     });
@@ -60,6 +70,9 @@ fn run() {
         rays.iter().filter(|ray| scene.statics().nearest(ray, FAR_M).is_some()).count()
     });
     report("what stands, any", rays.len(), || rays.iter().filter(|ray| scene.statics().any(ray, FAR_M)).count());
+    report("what stands, any, rays side by side", rays.len(), || {
+        scene.statics().any_of(&rays, FAR_M).iter().filter(|is_hit| **is_hit).count()
+    });
     report("firings of the lidar", rays.len(), || lidar.packets(FIRST_PACKET..FIRST_PACKET + 181).len());
     let n_rays: usize = (0..181).map(|packet| lidar.n_rays(FIRST_PACKET + packet)).sum();
     println!("a firing takes {:.2} rays", share(n_rays, rays.len()));
@@ -81,6 +94,8 @@ fn beside_obvhs(name: &str, soup: &[[Vec3; 3]], rays: &[Ray]) {
     let tree = Bvh::new(primitives);
     println!("  ours: built in {:.2} s, {} MB", start.elapsed().as_secs_f64(), tree.bytes() >> 20);
     let mine = report("  ours", rays.len(), || rays.iter().filter(|ray| tree.nearest(ray, FAR_M).is_some()).count());
+
+    report("  ours, rays side by side", rays.len(), || tree.nearest_of(rays, FAR_M).iter().flatten().count());
 
     let peer: Vec<Triangle> = soup
         .iter()

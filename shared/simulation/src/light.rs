@@ -34,16 +34,10 @@ impl Light {
         Self { sun: self.sun * share, sky: self.sky * share }
     }
 
-    /// What falls on a hit that sees the share `open` of the sky it could see, 0 to 1, weighted by the cosine.
-    pub fn on(scene: &Scene, snapshot: &Snapshot, ray: &Ray, hit: &SceneHit, open: f32) -> Self {
-        let sun = sun_direction();
-        let facing = hit.normal.dot(&sun);
-        let shaded = facing <= 0.0 || {
-            let origin = ray.at(hit.range_m) + hit.normal * 0.01;
-            let to_sun = Ray { origin, direction: sun, seed: ray.seed ^ 0x5_0115 };
-            scene.is_blocked(snapshot, &to_sun, SHADOW_M)
-        };
-        Self { sun: THROWN_BACK * (1.0 - open) + if shaded { 0.0 } else { facing }, sky: open }
+    /// What falls on a place that the share `sun` of the full sun reaches and that sees the share `open` of the sky it could
+    /// see, both 0 to 1 and weighted by the cosine.
+    pub fn on(sun: f32, open: f32) -> Self {
+        Self { sun: THROWN_BACK * (1.0 - open) + sun, sky: open }
     }
 
     /// The sky in a direction: blue, with haze at the horizon, clouds, and the sun with its glow. A white surface under the
@@ -58,6 +52,26 @@ impl Light {
         let bright = cloud * (0.75 + 0.4 * to_sun.powi(4));
         Self { sun: bright + 0.28 * haze * (1.0 - cloud) + glow, sky: (1.0 - 0.8 * cloud) * (0.75 + 0.35 * haze) }
     }
+}
+
+/// The share of the full sun that reaches each hit, weighted by the cosine.
+pub fn sun_on<'s>(scene: &Scene, hits: &[(Ray, SceneHit)], snapshot: impl Fn(usize) -> &'s Snapshot) -> Vec<f32> {
+    let sun = sun_direction();
+    let mut shares: Vec<f32> = hits.iter().map(|(_, hit)| hit.normal.dot(&sun).max(0.0)).collect();
+    let facing: Vec<usize> = (0..hits.len()).filter(|i| shares[*i] > 0.0).collect();
+    let to_sun = |i: &usize| {
+        let (ray, hit) = &hits[*i];
+        let origin = ray.at(hit.range_m) + hit.normal * 0.01;
+        Ray { origin, direction: sun, seed: ray.seed ^ 0x5_0115 }
+    };
+    let rays: Vec<Ray> = facing.iter().map(to_sun).collect();
+    let blocked = scene.are_blocked(&rays, SHADOW_M, |k| snapshot(facing[k]));
+    for (i, is_blocked) in facing.into_iter().zip(blocked) {
+        if is_blocked {
+            shares[i] = 0.0;
+        }
+    }
+    shares
 }
 
 /// Fair-weather clouds 1.2 km up: 0 is blue sky, 1 is cloud.

@@ -54,7 +54,7 @@ pub struct DriveSpec {
     pub mosaics: bool,
     /// Exposure of the mosaic cameras and of their dark reference, ns: 0.1 to 1000 ms.
     pub mosaic_exposure_nanos: u64,
-    /// Whether `truth/visibility` is written: which returns each camera sees. For up to 8 cameras.
+    /// Whether `truth/visibility` is written: which returns each camera sees.
     pub truth_visibility: bool,
     /// The vehicle, as its maker measured it.
     pub rig: RigSpec,
@@ -106,10 +106,6 @@ impl DriveSpec {
         if !(100_000..=1_000_000_000).contains(&self.mosaic_exposure_nanos) {
             let value = self.mosaic_exposure_nanos.to_string();
             return bad("mosaic_exposure_nanos", value, "must be 100000 to 1000000000");
-        }
-        let n_cameras = self.rig.cameras.len() + self.rig.mosaics.len();
-        if self.truth_visibility && n_cameras > 8 {
-            return bad("truth_visibility", "true".into(), "is for rigs of up to 8 cameras");
         }
         Ok(())
     }

@@ -61,13 +61,14 @@ fn decoded_points_lie_on_the_scene_at_the_true_poses_and_not_beside_them() {
     // Near the end the vehicle drives at full speed; a sweep lasts 0.8 m of way.
     let sweep = &sweeps[38];
     let right = share_on_surfaces(&simulation, sweep, at);
-    // The others are edges, where the beam is wider than the ray.
-    assert!(right > 0.965, "{right}");
+    // 0.982. The others lie at edges, where the beam is wider than the ray: 3 % of the returns are mixed there (below).
+    assert!(right > 0.97, "{right}");
     // Without motion during the sweep, and half a metre beside.
     let middle = sweep[sweep.len() / 2].seconds;
     let frozen = share_on_surfaces(&simulation, sweep, |_| at(middle));
     let beside = share_on_surfaces(&simulation, sweep, |s| nalgebra::Translation3::new(0.0, 0.5, 0.0) * at(s));
-    assert!(frozen < right - 0.03 && beside < right - 0.15, "{right} {frozen} {beside}");
+    // 0.910 and 0.747. Most of what a shift leaves where it is is the road.
+    assert!(frozen < right - 0.05 && beside < right - 0.2, "{right} {frozen} {beside}");
 }
 
 /// Error of each sent range, and the range that a ray along the middle of the beam meets, of one revolution at rest.
@@ -120,8 +121,8 @@ fn echoes_lie_on_surfaces_and_between_close_ones_only_at_edges() {
         let off = found.iter().filter(solid).filter(|(_, sent, hit)| mixed(*hit, sent.range_m)).count();
         off as f64 / all as f64
     });
-    // Beams of the real width are mixed at few edges, seven times wider ones at many.
-    assert!((0.005..0.08).contains(&narrow) && wide > 2.0 * narrow, "{narrow} {wide}");
+    // Beams of the real width are mixed at few edges (0.030), ones seven times as wide and thirteen times as high at many (0.177).
+    assert!((0.015..0.05).contains(&narrow) && wide > 4.0 * narrow, "{narrow} {wide}");
 }
 
 /// Mean color where a class of lidar points falls on a picture, for points that the camera sees.
@@ -166,12 +167,14 @@ fn a_picture_shows_known_points_where_the_lens_model_puts_them() {
             let image = simulation.image(&camera, index, stamp);
             let [leaves, paint] = mean_colors(&simulation, &image, index, stamp, 0.0);
             if let Some([red, green, blue]) = leaves {
-                assert!(green > 1.03 * red && green > 1.15 * blue, "leaves are green: {red} {green} {blue}");
+                // 1.08 and 1.30 at least: crowns in the shade get bluish light, and the color matrix is mild.
+                assert!(green > 1.05 * red && green > 1.2 * blue, "leaves are green: {red} {green} {blue}");
                 seen[0] += 1;
             }
             if let Some([_, bright, _]) = paint {
                 let [_, Some([_, dark, _])] = mean_colors(&simulation, &image, index, stamp, 0.5) else { continue };
-                assert!(bright > 1.2 * dark, "paint is brighter than the road beside it: {bright} {dark}");
+                // 1.52 at least.
+                assert!(bright > 1.35 * dark, "paint is brighter than the road beside it: {bright} {dark}");
                 seen[1] += 1;
             }
         }

@@ -9,13 +9,14 @@ use messages::ClassId;
 use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, write_drive};
 
-/// Masks of a file: stamps of the exposures, and by return one byte for each.
+/// Masks of a file: stamps of the exposures, and by return one byte for each and for each eight cameras.
 fn parse(bytes: &[u8]) -> (Vec<i64>, Vec<&[u8]>) {
     assert_eq!(&bytes[..8], b"REPLVIS1");
     let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes")) as usize;
     let (n_exposures, n_returns) = (number(8), number(12));
     let stamps = bytes[16..16 + 8 * n_exposures].as_chunks::<8>().0.iter().map(|b| i64::from_le_bytes(*b)).collect();
-    let masks: Vec<&[u8]> = bytes[16 + 8 * n_exposures..].chunks_exact(n_exposures).collect();
+    let masks = &bytes[16 + 8 * n_exposures..];
+    let masks: Vec<&[u8]> = masks.chunks_exact(masks.len() / n_returns).collect();
     assert_eq!(masks.len(), n_returns);
     (stamps, masks)
 }
@@ -75,6 +76,36 @@ fn a_return_is_seen_where_nothing_is_between_it_and_the_camera() {
             }
         }
     }
-    assert!(seen > 2000 && hidden > 30 && all > 4 * seen, "{seen} {hidden} {all}");
-    assert!(f64::from(wrong) < 0.02 * f64::from(hidden), "{wrong} of {hidden} behind something are seen");
+    // 34 000 and 1260 of 230 000: the cameras stand near the lidar, so little is hidden from them that it sees.
+    assert!(seen > 10_000 && hidden > 400 && all > 4 * seen, "{seen} {hidden} {all}");
+    // None of the 1260. The test asks what lies a metre before the return, the file what lies at it, so both may be right
+    // within noise of an edge.
+    assert!(wrong * 500 < hidden, "{wrong} of {hidden} behind something are seen");
+}
+
+#[test]
+fn more_than_eight_cameras_take_more_bytes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let eight = DriveSpec { truth_visibility: true, ..DriveSpec::urban(3, 3.0).sparse(12) };
+    let mut ten = eight.clone();
+    // Two that see what the first two see; the mosaic cameras come after them.
+    ten.rig.cameras.extend_from_within(..2);
+    let file = |name: &str, spec: &DriveSpec| {
+        write_drive(spec, &folder.path().join(name), &mut |_| ()).expect("a drive");
+        std::fs::read(folder.path().join(name).join("truth/visibility/000025.visibility")).expect("a file")
+    };
+    let (eight, ten) = (file("eight", &eight), file("ten", &ten));
+    let ((stamps, eight), (same, ten)) = (parse(&eight), parse(&ten));
+    assert_eq!((stamps.len(), eight.len()), (same.len(), ten.len()));
+    assert!(!stamps.is_empty() && eight[0].len() == stamps.len());
+    let (mut n_first, mut n_mosaic) = (0, 0);
+    for (eight, ten) in eight.into_iter().zip(ten) {
+        for (mask, ten) in eight.iter().zip(ten.as_chunks::<2>().0) {
+            let colors = mask & 0b11_1111;
+            assert_eq!(u16::from_le_bytes(*ten), u16::from(colors | mask << 6) | u16::from(mask >> 6) << 8);
+            n_first += u32::from(mask & 1);
+            n_mosaic += u32::from(mask >> 6 & 1);
+        }
+    }
+    assert!(n_first > 20 && n_mosaic > 20, "{n_first} {n_mosaic}");
 }

@@ -8,7 +8,7 @@
 //! | 4 | number of exposures e near in time |
 //! | 4 | number of returns r, those of the sweep's `.label` file in its order |
 //! | 8 e | stamps of the exposures, i64 |
-//! | r e | by return, then by exposure: bit k is set if camera k saw it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
+//! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if camera k saw it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
 //!
 //! A camera saw a return if a ray from it at the middle of the exposure meets the surface there. So what moved away meanwhile
 //! was not seen. Leaves count if the ray ends within half a metre.
@@ -63,7 +63,7 @@ pub fn write(simulation: &Simulation, folder: &Folder, stamps: &[Stamp]) -> Resu
                 let seconds = sweep.stamp.seconds_since(simulation.motion.begin) + f64::from(found.offset_nanos) * 1e-9;
                 let p = Point3::new(f64::from(found.x), f64::from(found.y), f64::from(found.z));
                 let p_in_world = simulation.motion.pose(seconds) * simulation.rig.lidar.body_from_lidar * p;
-                near.iter().map(move |exposure| mask(simulation, exposure, &p_in_world))
+                near.iter().flat_map(move |exposure| masks(simulation, exposure, p_in_world))
             })
             .collect();
         let mut bytes = b"REPLVIS1".to_vec();
@@ -86,16 +86,17 @@ fn near_exposure(simulation: &Simulation, stamp: Stamp) -> NearExposure {
     NearExposure { stamp, snapshot: simulation.scene.at(seconds), views: color.chain(mosaics).map(view).collect() }
 }
 
-fn mask(simulation: &Simulation, exposure: &NearExposure, p: &Point3<f64>) -> u8 {
-    let bits = exposure.views.iter().enumerate().map(|(k, view)| {
+/// A bit for each camera.
+fn masks<'a>(simulation: &'a Simulation, exposure: &'a NearExposure, p: Point3<f64>) -> impl Iterator<Item = u8> + 'a {
+    let bit = move |view: &View| {
         let in_picture = view.model.pixel_from_camera(&(view.camera_from_world * p)).is_some_and(|pixel| {
             let (width, height) = view.model.size();
             let inside = |at: f64, side: u32| at >= -0.5 && at < f64::from(side) - 0.5;
             inside(pixel.x, width) && inside(pixel.y, height)
         });
-        u8::from(in_picture && is_seen(simulation, exposure, view, p)) << k
-    });
-    bits.fold(0, |mask, bit| mask | bit)
+        u8::from(in_picture && is_seen(simulation, exposure, view, &p))
+    };
+    exposure.views.chunks(8).map(move |eight| eight.iter().rev().fold(0, |mask, view| mask << 1 | bit(view)))
 }
 
 fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &View, p: &Point3<f64>) -> bool {

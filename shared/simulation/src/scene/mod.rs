@@ -71,6 +71,16 @@ pub struct Scene {
 #[derive(Clone, Debug)]
 pub struct Snapshot(Swarm);
 
+impl Snapshot {
+    /// Whether each ray may meet something that moves; known only of rays of one time, to be found out of others.
+    fn may_meet<'s>(snapshot: impl Fn(usize) -> &'s Self, rays: &[Ray], limit: impl Fn(usize) -> f32) -> Vec<bool> {
+        if (1..rays.len()).any(|i| !std::ptr::eq(snapshot(i), snapshot(0))) {
+            return (0..rays.len()).map(|i| limit(i) >= 0.0).collect();
+        }
+        if rays.is_empty() { Vec::new() } else { snapshot(0).0.may_meet(rays, limit) }
+    }
+}
+
 /// What a ray found.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneHit {
@@ -106,11 +116,39 @@ impl Scene {
 
     /// The nearest surface before `max_m`.
     pub fn cast(&self, snapshot: &Snapshot, ray: &Ray, max_m: f32) -> Option<SceneHit> {
-        let (mut limit, mut best) = (max_m, None);
-        if let Some((range, primitive)) = self.statics.nearest(ray, limit) {
-            limit = range;
-            best = Some(self.hit(ray, range, primitive));
-        }
+        self.cast_on(snapshot, ray, max_m, self.statics.nearest(ray, max_m))
+    }
+
+    /// The same for many rays, ray i at the time of `snapshot(i)`; several times as fast for rays that go nearly the same way as
+    /// those before and after them.
+    pub fn cast_all<'s>(
+        &self,
+        rays: &[Ray],
+        max_m: f32,
+        snapshot: impl Fn(usize) -> &'s Snapshot,
+    ) -> Vec<Option<SceneHit>> {
+        let standing = self.statics.nearest_of(rays, max_m);
+        let limit = |i: usize| standing[i].map_or(max_m, |(range, _)| range);
+        let may_move = Snapshot::may_meet(&snapshot, rays, limit);
+        let hit = |(i, ray): (usize, &Ray)| {
+            if may_move[i] {
+                return self.cast_on(snapshot(i), ray, max_m, standing[i]);
+            }
+            standing[i].map(|(range, primitive)| self.hit(ray, range, primitive))
+        };
+        rays.iter().enumerate().map(hit).collect()
+    }
+
+    /// The nearest of movers and what stands.
+    fn cast_on(
+        &self,
+        snapshot: &Snapshot,
+        ray: &Ray,
+        max_m: f32,
+        standing: Option<(f32, &Primitive)>,
+    ) -> Option<SceneHit> {
+        let limit = standing.map_or(max_m, |(range, _)| range);
+        let mut best = standing.map(|(range, primitive)| self.hit(ray, range, primitive));
         snapshot.0.visit(ray, limit, |placed, local, limit| {
             if let Some((range, primitive)) = self.movers[placed.number].models[placed.phase].nearest(local, *limit) {
                 *limit = range;
@@ -124,14 +162,27 @@ impl Scene {
 
     /// Whether anything lies before `max_m`.
     pub fn is_blocked(&self, snapshot: &Snapshot, ray: &Ray, max_m: f32) -> bool {
-        let mut is_blocked = self.statics.any(ray, max_m);
-        if !is_blocked {
-            snapshot.0.visit(ray, max_m, |placed, local, limit| {
-                is_blocked = self.movers[placed.number].models[placed.phase].any(local, *limit);
-                is_blocked
-            });
+        self.statics.any(ray, max_m) || self.is_hidden(snapshot, ray, max_m)
+    }
+
+    /// Whether something that moves lies before `max_m`.
+    fn is_hidden(&self, snapshot: &Snapshot, ray: &Ray, max_m: f32) -> bool {
+        let mut is_hidden = false;
+        snapshot.0.visit(ray, max_m, |placed, local, limit| {
+            is_hidden = self.movers[placed.number].models[placed.phase].any(local, *limit);
+            is_hidden
+        });
+        is_hidden
+    }
+
+    /// [`Scene::is_blocked`] of many rays, in the same way as [`Scene::cast_all`].
+    pub fn are_blocked<'s>(&self, rays: &[Ray], max_m: f32, snapshot: impl Fn(usize) -> &'s Snapshot) -> Vec<bool> {
+        let mut blocked = self.statics.any_of(rays, max_m);
+        let may_move = Snapshot::may_meet(&snapshot, rays, |i| if blocked[i] { -1.0 } else { max_m });
+        for (i, ray) in rays.iter().enumerate() {
+            blocked[i] |= may_move[i] && self.is_hidden(snapshot(i), ray, max_m);
         }
-        is_blocked
+        blocked
     }
 
     /// What stands.

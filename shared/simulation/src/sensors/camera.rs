@@ -8,7 +8,7 @@ mod develop;
 
 use super::exposure::{Exposure, MIDDLE, stratified};
 use super::lens_rays;
-use super::look::{Palette, Seen};
+use super::look::{Palette, Sample, Seen};
 use super::sky_view::SkyView;
 use crate::random::{hash, unit};
 use crate::spectrum::Filter;
@@ -72,21 +72,22 @@ impl ColorCamera {
         let mean_at = |gain: f32, levels: &[f32]| {
             levels.iter().map(|level| (level * gain).min(1.0)).sum::<f32>() / levels.len().max(1) as f32
         };
-        let pixels: Vec<(usize, usize)> = (METER_STEP / 2..height)
-            .step_by(METER_STEP)
-            .flat_map(|v| (METER_STEP / 2..width).step_by(METER_STEP).map(move |u| (u, v)))
-            .collect();
-        let level = |exposure: &Exposure<'_>, sky: &SkyView, (u, v): (usize, usize)| {
+        let sample = |exposure: &Exposure<'_>, u: usize, v: usize| {
             let direction = self.rays[v * width + u]?;
             let ray = exposure.ray(MIDDLE, &direction, (v * width + u) as u64);
-            let seen = self.palette.look(exposure, sky, MIDDLE, &ray, [u as f32, v as f32]);
-            Some(self.color(&seen)[1])
+            Some(Sample { instant: MIDDLE, ray, at: [u as f32, v as f32] })
         };
+        let row = |exposure: &Exposure<'_>, sky: &SkyView, v: usize| -> Vec<f32> {
+            let across = (METER_STEP / 2..width).step_by(METER_STEP);
+            let samples: Vec<Sample> = across.filter_map(|u| sample(exposure, u, v)).collect();
+            self.palette.look(exposure, sky, &samples).iter().map(|seen| self.color(seen)[1]).collect()
+        };
+        let rows: Vec<usize> = (METER_STEP / 2..height).step_by(METER_STEP).collect();
         let levels: Vec<f32> = exposures
             .iter()
             .flat_map(|exposure| {
                 let sky = SkyView::new(exposure, [width, height], 4 * SKY_STEP, |u, v| self.rays[v * width + u]);
-                pixels.par_iter().filter_map(|pixel| level(exposure, &sky, *pixel)).collect::<Vec<f32>>()
+                rows.par_iter().flat_map_iter(|v| row(exposure, &sky, *v)).collect::<Vec<f32>>()
             })
             .collect();
         // The mean rises with the gain: halve the interval in stops; a twentieth of a stop is not seen.
@@ -102,15 +103,32 @@ impl ColorCamera {
     pub fn shoot(&self, exposure: &Exposure<'_>, gain: f32, seed: u64) -> Vec<u8> {
         let [width, height] = self.sides();
         let sky = SkyView::new(exposure, [width, height], SKY_STEP, |u, v| self.rays[v * width + u]);
-        let pixels = 0..width * height;
-        let first: Vec<Rgb> =
-            pixels.clone().into_par_iter().map(|i| self.sample(exposure, &sky, i, MIDDLE, [0.0; 2], 0)).collect();
+        let first_row = |v: usize| {
+            let samples: Vec<Option<Sample>> =
+                (v * width..(v + 1) * width).map(|i| self.sample(exposure, i, MIDDLE, [0.0; 2], 0)).collect();
+            let seen = self.palette.look_at_some(exposure, &sky, &samples);
+            seen.into_iter().map(|seen| self.color(&seen)).collect::<Vec<Rgb>>()
+        };
+        let first: Vec<Rgb> = (0..height).into_par_iter().flat_map_iter(first_row).collect();
         let levels: Vec<f32> =
             first.par_iter().map(|rgb| tone(gain * (rgb[0] + 2.0 * rgb[1] + rgb[2]) / 4.0)).collect();
-        let light: Vec<Rgb> = pixels
-            .into_par_iter()
-            .map(|i| if self.is_busy(&levels, i) { self.fine(exposure, &sky, i, first[i]) } else { first[i] })
-            .collect();
+        let fine_row = |v: usize| {
+            let row = v * width..(v + 1) * width;
+            let busy: Vec<usize> = row.clone().filter(|i| self.is_busy(&levels, *i)).collect();
+            let samples: Vec<Option<Sample>> = busy.iter().flat_map(|i| self.fine(exposure, *i)).collect();
+            let seen = self.palette.look_at_some(exposure, &sky, &samples);
+            let mut light = first[row].to_vec();
+            for (i, seen) in busy.iter().zip(seen.chunks(FINE)) {
+                let rgb = &mut light[i % width];
+                for seen in seen {
+                    let more = self.color(seen);
+                    *rgb = std::array::from_fn(|c| rgb[c] + more[c]);
+                }
+                *rgb = rgb.map(|c| c / (FINE + 1) as f32);
+            }
+            light
+        };
+        let light: Vec<Rgb> = (0..height).into_par_iter().flat_map_iter(fine_row).collect();
         develop(&light, &self.shading, gain, seed)
     }
 
@@ -131,34 +149,23 @@ impl ColorCamera {
         around.into_iter().flatten().any(|near| (levels[near] - levels[i]).abs() > CONTRAST)
     }
 
-    /// The mean of the first sample and of one in each quarter of the pixel.
-    fn fine(&self, exposure: &Exposure<'_>, sky: &SkyView, i: usize, first: Rgb) -> Rgb {
+    /// A sample in each quarter of the pixel.
+    fn fine(&self, exposure: &Exposure<'_>, i: usize) -> [Option<Sample>; FINE] {
         let random = hash(i as u64, 0xf14e);
-        let mut sum = first;
-        for k in 0..FINE {
+        std::array::from_fn(|k| {
             let random = hash(random, k as u64);
             let within = |corner: usize, random: u64| 0.5 * (corner as f32 + unit(random)) - 0.5;
             let offset = [within(k % 2, random), within(k / 2, random << 24)];
             // Which quarter of the pixel sees which of the exposure changes from pixel to pixel.
             let instant = stratified(k + i % FINE + i / self.width as usize, FINE, random);
-            let rgb = self.sample(exposure, sky, i, instant, offset, k as u64 + 1);
-            sum = std::array::from_fn(|c| sum[c] + rgb[c]);
-        }
-        sum.map(|c| c / (FINE + 1) as f32)
+            self.sample(exposure, i, instant, offset, k as u64 + 1)
+        })
     }
 
-    /// One ray through a pixel, `offset` px beside its middle.
-    fn sample(
-        &self,
-        exposure: &Exposure<'_>,
-        sky: &SkyView,
-        i: usize,
-        instant: usize,
-        offset: [f32; 2],
-        k: u64,
-    ) -> Rgb {
+    /// One ray through a pixel, `offset` px beside its middle; `None` where the lens shows nothing.
+    fn sample(&self, exposure: &Exposure<'_>, i: usize, instant: usize, offset: [f32; 2], k: u64) -> Option<Sample> {
         let width = self.width as usize;
-        let Some(center) = self.rays[i] else { return [0.0; 3] };
+        let center = self.rays[i]?;
         // The neighbors' rays say how far a pixel is.
         let toward = |step: usize, share: f32| {
             let neighbor = if share < 0.0 { i.checked_sub(step) } else { Some(i + step) };
@@ -168,7 +175,7 @@ impl ColorCamera {
         let direction = (center + toward(1, offset[0]) + toward(width, offset[1])).normalize();
         let ray = exposure.ray(instant, &direction, (i as u64) << 3 | k);
         let at = [(i % width) as f32 + offset[0], (i / width) as f32 + offset[1]].map(|p| p.max(0.0));
-        self.color(&self.palette.look(exposure, sky, instant, &ray, at))
+        Some(Sample { instant, ray, at })
     }
 
     fn color(&self, seen: &Seen) -> Rgb {

@@ -3,8 +3,9 @@
 use super::FAR_M;
 use super::exposure::Exposure;
 use super::sky_view::SkyView;
-use crate::light::{Light, SKY_STRENGTH, mirrored};
+use crate::light::{Light, SKY_STRENGTH, mirrored, sun_on};
 use crate::material::{Material, Properties};
+use crate::scene::SceneHit;
 use crate::spectrum::{Filter, Spectrum};
 use crate::trace::Ray;
 
@@ -16,6 +17,20 @@ pub struct Part {
     /// What it sends to the camera, before its reflectance.
     pub light: Light,
 }
+
+/// A ray that a camera sends out.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Instant of the exposure.
+    pub instant: usize,
+    /// The ray then.
+    pub ray: Ray,
+    /// The pixel near which it passes, px.
+    pub at: [f32; 2],
+}
+
+/// A ray and its instant of the exposure.
+type Sight = (Ray, usize);
 
 /// What a ray sees.
 pub type Seen = [Part; 2];
@@ -65,38 +80,68 @@ impl Palette {
         part.light.sun * self.sun[at] + part.light.sky * self.sky[at]
     }
 
-    /// Along a ray of the exposure at an instant, near the pixel `at`.
-    pub fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, instant: usize, ray: &Ray, at: [f32; 2]) -> Seen {
-        let snapshot = exposure.snapshot(instant);
-        let Some(hit) = exposure.scene.cast(snapshot, ray, FAR_M) else {
-            return [Part { material: WHITE, light: Light::of_sky(&ray.direction) }, Part::default()];
+    /// Along samples of the exposure; it is faster if each lies beside the one before.
+    pub fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Sample]) -> Vec<Seen> {
+        let share = |ray: &Ray, hit: &SceneHit| {
+            let gloss = self.properties[hit.surface.material as usize].gloss;
+            if gloss > 0.0 { mirrored(gloss, -hit.normal.dot(&ray.direction)) } else { 0.0 }
         };
-        let material = hit.surface.material as u16;
-        let properties = &self.properties[material as usize];
-        let open = sky.open(exposure, instant, ray, &hit, at);
-        let light = Light::on(exposure.scene, snapshot, ray, &hit, open);
-        let texture = properties.texture(&hit.texture_point, &hit.normal);
-        let share =
-            if properties.gloss > 0.0 { mirrored(properties.gloss, -hit.normal.dot(&ray.direction)) } else { 0.0 };
-        let first = Part { material, light: light.times(texture * (1.0 - share)) };
-        if share < FAINT {
-            return [first, Part::default()];
+        let sights: Vec<Sight> = samples.iter().map(|sample| (sample.ray, sample.instant)).collect();
+        let (direct, hits) = self.parts(exposure, &sights, |i, hit| {
+            let Sample { instant, ray, at } = &samples[i];
+            (sky.open(exposure, *instant, ray, hit, *at), 1.0 - share(ray, hit))
+        });
+        let mut seen: Vec<Seen> = direct.into_iter().map(|part| [part, Part::default()]).collect();
+
+        let mut shares = Vec::new();
+        let mut mirror_sights: Vec<Sight> = Vec::new();
+        for (i, (ray, instant)) in sights.iter().enumerate() {
+            let Some(hit) = hits[i] else { continue };
+            let share = share(ray, &hit);
+            if share >= FAINT {
+                let direction = ray.direction - hit.normal * (2.0 * hit.normal.dot(&ray.direction));
+                let origin = ray.at(hit.range_m) + hit.normal * 0.01;
+                mirror_sights.push((Ray { origin, direction, seed: ray.seed ^ 0x3144 }, *instant));
+                shares.push((i, share));
+            }
         }
-        let direction = ray.direction - hit.normal * (2.0 * hit.normal.dot(&ray.direction));
-        let mirror = Ray { origin: ray.at(hit.range_m) + hit.normal * 0.01, direction, seed: ray.seed ^ 0x3144 };
-        let image = self.in_mirror(exposure, instant, &mirror);
-        [first, Part { light: image.light.times(share), ..image }]
+        // What a mirror shows is itself without gloss.
+        let (images, _) = self.parts(exposure, &mirror_sights, |_, _| (OPEN_IN_MIRROR, 1.0));
+        for ((i, share), image) in shares.into_iter().zip(images) {
+            seen[i][1] = Part { light: image.light.times(share), ..image };
+        }
+        seen
     }
 
-    /// What a mirror shows, itself without gloss.
-    fn in_mirror(&self, exposure: &Exposure<'_>, instant: usize, ray: &Ray) -> Part {
-        let snapshot = exposure.snapshot(instant);
-        let Some(hit) = exposure.scene.cast(snapshot, ray, FAR_M) else {
-            return Part { material: WHITE, light: Light::of_sky(&ray.direction) };
+    /// The same where some samples are none: those see nothing.
+    pub fn look_at_some(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Option<Sample>]) -> Vec<Seen> {
+        let some: Vec<Sample> = samples.iter().copied().flatten().collect();
+        let mut seen = self.look(exposure, sky, &some).into_iter();
+        samples.iter().map(|sample| sample.and_then(|_| seen.next()).unwrap_or_default()).collect()
+    }
+
+    /// What is at the ends of rays, in which light, and where. `place(i, hit)`: the share of the sky that ray i's hit sees, and
+    /// that of its light that it does not mirror.
+    fn parts(
+        &self,
+        exposure: &Exposure<'_>,
+        sights: &[Sight],
+        place: impl Fn(usize, &SceneHit) -> (f32, f32),
+    ) -> (Vec<Part>, Vec<Option<SceneHit>>) {
+        let rays: Vec<Ray> = sights.iter().map(|(ray, _)| *ray).collect();
+        let hits = exposure.scene.cast_all(&rays, FAR_M, |i| exposure.snapshot(sights[i].1));
+        let places: Vec<usize> = (0..hits.len()).filter(|i| hits[*i].is_some()).collect();
+        let met: Vec<(Ray, SceneHit)> = rays.iter().zip(&hits).filter_map(|(ray, hit)| Some((*ray, (*hit)?))).collect();
+        let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(sights[places[k]].1)).into_iter();
+        let part = |(i, hit): (usize, &Option<SceneHit>)| {
+            let Some((hit, sun)) = hit.as_ref().zip(hit.and_then(|_| suns.next())) else {
+                return Part { material: WHITE, light: Light::of_sky(&rays[i].direction) };
+            };
+            let material = hit.surface.material as u16;
+            let texture = self.properties[material as usize].texture(&hit.texture_point, &hit.normal);
+            let (open, kept) = place(i, hit);
+            Part { material, light: Light::on(sun, open).times(texture * kept) }
         };
-        let material = hit.surface.material as u16;
-        let light = Light::on(exposure.scene, snapshot, ray, &hit, OPEN_IN_MIRROR);
-        let texture = self.properties[material as usize].texture(&hit.texture_point, &hit.normal);
-        Part { material, light: light.times(texture) }
+        (hits.iter().enumerate().map(part).collect(), hits)
     }
 }

@@ -14,7 +14,7 @@ pub use model::{InterferenceFilter, MosaicModel};
 
 use super::exposure::{Exposure, stratified};
 use super::lens_rays;
-use super::look::{Palette, Seen};
+use super::look::{Palette, Sample, Seen};
 use super::sky_view::SkyView;
 use crate::random::{hash, unit};
 use crate::spectrum::{Filter, Spectrum};
@@ -89,7 +89,11 @@ impl MosaicCamera {
     pub fn shoot(&self, exposure: &Exposure<'_>, seed: u64) -> Vec<u16> {
         let [columns, rows] = self.blocks;
         let sky = SkyView::new(exposure, [columns, rows], SKY_STEP, |x, y| self.rays[y * columns + x]);
-        let seen: Vec<Seen> = (0..columns * rows).into_par_iter().map(|i| self.look(exposure, &sky, i)).collect();
+        let row = |y: usize| {
+            let samples: Vec<Option<Sample>> = (0..columns).map(|x| self.sample(exposure, y * columns + x)).collect();
+            self.palette.look_at_some(exposure, &sky, &samples)
+        };
+        let seen: Vec<Seen> = (0..rows).into_par_iter().flat_map_iter(row).collect();
         let weights = [0, 1].map(spread);
         self.expose(self.exposure_nanos, seed, |[x, y], band| {
             let (wx, wy) = (&weights[x % BLOCK], &weights[y % BLOCK]);
@@ -120,8 +124,9 @@ impl MosaicCamera {
         self.expose(WHITE_EXPOSURE_NANOS, seed, |_, _| WHITE_REFLECTANCE)
     }
 
-    fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, i: usize) -> Seen {
-        let Some(center) = self.rays[i] else { return Seen::default() };
+    /// A ray through a block; `None` where the lens shows nothing.
+    fn sample(&self, exposure: &Exposure<'_>, i: usize) -> Option<Sample> {
+        let center = self.rays[i]?;
         let columns = self.blocks[0];
         let (x, y) = (i % columns, i / columns);
         let random = hash(i as u64, 0x3051);
@@ -134,7 +139,7 @@ impl MosaicCamera {
         let direction = (center + beside + toward(i + columns, random << 24)).normalize();
         let instant = stratified(x % 3 + 3 * (y % 3), STRATA, random);
         let ray = exposure.ray(instant, &direction, i as u64);
-        self.palette.look(exposure, sky, instant, &ray, [x as f32, y as f32])
+        Some(Sample { instant, ray, at: [x as f32, y as f32] })
     }
 
     /// Samples of a chip whose pixels see `reflectance([x, y] in the active area, band)` of a white in full light.

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// The tree and what it holds.
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
-    tree: Tree,
-    packs: Vec<Pack>,
+    pub(super) tree: Tree,
+    pub(super) packs: Vec<Pack>,
     /// In the order of the leaves.
     primitives: Vec<Primitive>,
 }
@@ -75,7 +75,7 @@ impl Bvh {
             }
             false
         });
-        best.map(|(range, place)| (range, &self.primitives[place]))
+        best.map(|(range, place)| (range, &self.primitives[place as usize]))
     }
 
     /// Whether anything lies before `max_m`.
@@ -89,17 +89,14 @@ impl Bvh {
     }
 
     /// Range and place of the first hit in a leaf.
-    #[inline]
-    fn hit(&self, ray: &Ray, leaf: Leaf, limit: f32) -> Option<(f32, usize)> {
+    #[inline(always)]
+    pub(super) fn hit(&self, ray: &Ray, leaf: Leaf, limit: f32) -> Option<(f32, u32)> {
         match leaf {
             Leaf::Flats(pack) => {
                 let pack = &self.packs[pack as usize];
-                pack.nearest(ray, limit).map(|(lane, range)| (range, pack.first as usize + lane))
+                pack.nearest(ray, limit).map(|(lane, range)| (range, pack.first + lane as u32))
             }
-            Leaf::Single(place) => {
-                let place = place as usize;
-                self.primitives[place].shape.range(ray, limit).map(|range| (range, place))
-            }
+            Leaf::Single(place) => self.primitives[place as usize].shape.range(ray, limit).map(|range| (range, place)),
         }
     }
 }

@@ -2,12 +2,15 @@
 //! below 0.1 mm, a twentieth of the lidar's quantization.
 
 mod build;
+mod bundle;
 mod bvh;
 mod pack;
 mod primitive;
 mod swarm;
+mod together;
 mod tree;
 
+pub use bundle::RAYS;
 pub use bvh::Bvh;
 pub use primitive::{Primitive, Shape};
 pub use swarm::{Placed, Swarm};
@@ -33,5 +36,10 @@ impl Ray {
     /// The point at `range_m`.
     pub fn at(&self, range_m: f32) -> Vec3 {
         self.origin + self.direction * range_m
+    }
+
+    /// The direction, not quite parallel to any face of a box: no infinities in the inverse, so no infinity times zero.
+    fn along(&self) -> Vec3 {
+        self.direction.map(|d| if d.abs() < 1e-18 { 1e-18_f32.copysign(d) } else { d })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::build::FLATS;
 use super::{MIN_RANGE_M, Ray, Shape, Vec3};
-use std::ops::Sub;
+use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;
 
 /// A triangle or a parallelogram.
@@ -43,42 +43,44 @@ pub const EDGE: f32 = 1e-6;
 /// Up to four pieces by coordinate and lane; a lane without piece has edges of zero length, which no ray hits.
 #[derive(Clone, Debug)]
 pub struct Pack {
-    corner: Four,
-    edge1: Four,
-    edge2: Four,
-    reach: f32x4,
+    lanes: Pieces<f32x4>,
     /// Place of the first lane's piece in the order of the leaves.
     pub first: u32,
+    /// Lanes with a piece.
+    pub n_pieces: u32,
 }
 
 impl Pack {
     /// Up to four pieces.
     pub fn new(first: u32, pieces: impl Iterator<Item = Flat>) -> Self {
         let pieces: Vec<Flat> = pieces.take(FLATS).collect();
-        let reach = std::array::from_fn(|lane| pieces.get(lane).map_or(0.0, |piece| piece.reach));
-        let four = |part: fn(&Flat) -> Vec3| Four::gather(|lane| pieces.get(lane).map(part));
-        Self {
+        let lanes =
+            |part: &dyn Fn(&Flat) -> f32| f32x4::new(std::array::from_fn(|lane| pieces.get(lane).map_or(0.0, part)));
+        let four = |part: fn(&Flat) -> Vec3| std::array::from_fn(|axis| lanes(&|piece| part(piece)[axis]));
+        let lanes = Pieces {
             corner: four(|piece| piece.corner),
             edge1: four(|piece| piece.edge1),
             edge2: four(|piece| piece.edge2),
-            reach: f32x4::new(reach),
-            first,
-        }
+            reach: lanes(&|piece| piece.reach),
+        };
+        Self { lanes, first, n_pieces: pieces.len() as u32 }
     }
 
-    /// Lane and range of the first hit before the limit (Moeller and Trumbore, "Fast, minimum storage ray/triangle
-    /// intersection", 1997).
+    /// One of its pieces.
+    #[inline(always)]
+    pub fn piece(&self, lane: usize) -> Pieces<f32> {
+        let Pieces { corner, edge1, edge2, reach } = &self.lanes;
+        let one = |four: &[f32x4; 3]| [0, 1, 2].map(|axis| four[axis].as_array()[lane % FLATS]);
+        Pieces { corner: one(corner), edge1: one(edge1), edge2: one(edge2), reach: reach.as_array()[lane % FLATS] }
+    }
+
+    /// Lane and range of the first hit before the limit.
     #[inline(always)]
     pub fn nearest(&self, ray: &Ray, limit: f32) -> Option<(usize, f32)> {
-        let (origin, direction) = (Four::splat(&ray.origin), Four::splat(&ray.direction));
-        let p = direction.cross(&self.edge2);
-        let determinant = self.edge1.dot(&p);
-        let inverse = f32x4::ONE / determinant;
-        let from_corner = origin - self.corner;
-        let u = from_corner.dot(&p) * inverse;
-        let q = from_corner.cross(&self.edge1);
-        let v = direction.dot(&q) * inverse;
-        let range = self.edge2.dot(&q) * inverse;
+        let Meeting { determinant, u, v, range } =
+            self.lanes.meet([0, 1, 2].map(|axis| f32x4::splat(ray.origin[axis])), {
+                [0, 1, 2].map(|axis| f32x4::splat(ray.direction[axis]))
+            });
         let (low, high) = (f32x4::splat(-EDGE), f32x4::splat(1.0 + EDGE));
         // A ray along the plane divides by zero; NaN fails every comparison but the first.
         let hits = determinant.simd_ne(f32x4::ZERO)
@@ -86,7 +88,7 @@ impl Pack {
             & v.simd_ge(low)
             & u.simd_le(high)
             & v.simd_le(high)
-            & (u + v).simd_le(self.reach + f32x4::splat(EDGE))
+            & (u + v).simd_le(self.lanes.reach + f32x4::splat(EDGE))
             & range.simd_gt(f32x4::splat(MIN_RANGE_M))
             & range.simd_lt(f32x4::splat(limit));
         let mut hits = hits.to_bitmask();
@@ -107,44 +109,58 @@ impl Pack {
     }
 }
 
-/// Four vectors.
+/// Flat pieces, as many as `T` has lanes, by coordinate.
 #[derive(Clone, Copy, Debug)]
-struct Four {
-    x: f32x4,
-    y: f32x4,
-    z: f32x4,
+pub struct Pieces<T> {
+    corner: [T; 3],
+    edge1: [T; 3],
+    edge2: [T; 3],
+    reach: T,
 }
 
-impl Four {
-    fn splat(v: &Vec3) -> Self {
-        Self { x: f32x4::splat(v.x), y: f32x4::splat(v.y), z: f32x4::splat(v.z) }
-    }
+/// Where rays meet planes of pieces.
+struct Meeting<T> {
+    determinant: T,
+    /// Shares of the edges.
+    u: T,
+    v: T,
+    range: T,
+}
 
-    /// Of the lanes; zero where there is none.
-    fn gather(lane: impl Fn(usize) -> Option<Vec3>) -> Self {
-        let lanes: [Vec3; FLATS] = std::array::from_fn(|i| lane(i).unwrap_or_default());
-        Self { x: f32x4::new(lanes.map(|v| v.x)), y: f32x4::new(lanes.map(|v| v.y)), z: f32x4::new(lanes.map(|v| v.z)) }
-    }
-
+impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T> + Div<Output = T> + From<f32>> Pieces<T> {
+    /// Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997. The same for rays one by one and side
+    /// by side, to the last bit.
     #[inline(always)]
-    fn dot(&self, other: &Self) -> f32x4 {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    #[inline(always)]
-    fn cross(&self, other: &Self) -> Self {
-        Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
-        }
+    fn meet(&self, origin: [T; 3], direction: [T; 3]) -> Meeting<T> {
+        let p = cross(direction, self.edge2);
+        let determinant = dot(self.edge1, p);
+        let inverse = T::from(1.0) / determinant;
+        let from_corner = [0, 1, 2].map(|axis| origin[axis] - self.corner[axis]);
+        let u = dot(from_corner, p) * inverse;
+        let q = cross(from_corner, self.edge1);
+        let v = dot(direction, q) * inverse;
+        Meeting { determinant, u, v, range: dot(self.edge2, q) * inverse }
     }
 }
 
-impl Sub for Four {
-    type Output = Self;
+impl Pieces<f32> {
+    /// Range at which a ray meets the piece's plane, and whether that is a hit.
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    #[expect(clippy::needless_bitwise_bool, reason = "lanes side by side cannot branch")]
+    pub fn hit(&self, origin: [f32; 3], direction: [f32; 3]) -> (f32, bool) {
+        let Meeting { determinant, u, v, range } = self.meet(origin, direction);
+        let (low, high) = (-EDGE, 1.0 + EDGE);
+        let is_inside = (u >= low) & (v >= low) & (u <= high) & (v <= high) & (u + v <= self.reach + EDGE);
+        (range, (determinant != 0.0) & is_inside & (range > MIN_RANGE_M))
     }
+}
+
+#[inline(always)]
+fn dot<T: Copy + Add<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -24,7 +24,7 @@ pub struct Placed {
 #[derive(Clone, Debug, Default)]
 pub struct Swarm {
     placed: Vec<Placed>,
-    tree: Tree,
+    pub(super) tree: Tree,
 }
 
 impl Swarm {

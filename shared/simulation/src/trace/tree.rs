@@ -10,7 +10,7 @@ pub const LANES: usize = 4;
 /// Entries of the stack that nearly all trees need; one of a kilobyte would cost a tenth of a ray's time to clear.
 const SHALLOW: usize = 64;
 /// Enough for any tree: the binary tree is at most 40 levels and the halvings of 2^32 deep, each level leaves 3 behind.
-const DEEP: usize = 256;
+pub(super) const DEEP: usize = 256;
 
 /// What a ray meets in a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,24 +21,35 @@ pub enum Leaf {
     Single(u32),
 }
 
+impl Leaf {
+    /// Of a child's code.
+    #[inline(always)]
+    pub(super) fn of(child: u32) -> Self {
+        if child & KIND == FLATS { Self::Flats(child & !KIND) } else { Self::Single(child & !KIND) }
+    }
+}
+
 /// The two upper bits of a child: inner node, pack or single thing.
-const KIND: u32 = 0b11 << 30;
-const INNER: u32 = 0;
+pub(super) const KIND: u32 = 0b11 << 30;
+pub(super) const INNER: u32 = 0;
 const FLATS: u32 = 0b01 << 30;
 const SINGLE: u32 = 0b10 << 30;
+
+/// f32 may lose the last bits on the way to a box: a ray may leave it this much earlier than it enters.
+pub(super) const SLACK: f32 = 1.000_001;
 
 /// Boxes of the children by side (low, high), axis and lane. A lane without child has a box that no ray meets.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-struct Wide {
-    sides: [[f32x4; 3]; 2],
-    children: [u32; LANES],
+pub(super) struct Wide {
+    pub(super) sides: [[f32x4; 3]; 2],
+    pub(super) children: [u32; LANES],
 }
 
 /// A tree of boxes.
 #[derive(Clone, Debug, Default)]
 pub struct Tree {
-    nodes: Vec<Wide>,
+    pub(super) nodes: Vec<Wide>,
     bounds: Option<[Vec3; 2]>,
     /// Entries of a stack that are enough for every ray.
     stack: usize,
@@ -87,10 +98,9 @@ impl Tree {
         let mut depth = 0;
         let mut child = INNER;
         loop {
-            let place = child & !KIND;
             match child & KIND {
                 INNER => {
-                    let node = &self.nodes[place as usize];
+                    let node = &self.nodes[(child & !KIND) as usize];
                     let (enter, mut meets) = slabs.enter(node, limit);
                     if meets.is_power_of_two() {
                         child = node.children[meets.trailing_zeros() as usize % LANES];
@@ -110,13 +120,8 @@ impl Tree {
                         depth += 1;
                     }
                 }
-                FLATS => {
-                    if test(Leaf::Flats(place), &mut limit) {
-                        return;
-                    }
-                }
                 _ => {
-                    if test(Leaf::Single(place), &mut limit) {
+                    if test(Leaf::of(child), &mut limit) {
                         return;
                     }
                 }
@@ -146,8 +151,7 @@ struct Slabs {
 
 impl Slabs {
     fn new(ray: &Ray) -> Self {
-        // Not quite parallel to a face: no infinities, so no infinity times zero.
-        let along = ray.direction.map(|d| if d.abs() < 1e-18 { 1e-18_f32.copysign(d) } else { d });
+        let along = ray.along();
         Self {
             origin: <[f32; 3]>::from(ray.origin).map(f32x4::splat),
             inverse: <[f32; 3]>::from(along).map(|d| f32x4::splat(1.0 / d)),
@@ -166,8 +170,7 @@ impl Slabs {
             enter = ((near - self.origin[axis]) * self.inverse[axis]).fast_max(enter);
             leave = ((far - self.origin[axis]) * self.inverse[axis]).fast_min(leave);
         }
-        // f32 may lose the last two bits on the way.
-        let meets = enter.simd_le(leave * f32x4::splat(1.000_001));
+        let meets = enter.simd_le(leave * f32x4::splat(SLACK));
         (enter.to_array(), meets.to_bitmask())
     }
 }

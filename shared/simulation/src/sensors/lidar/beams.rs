@@ -10,6 +10,8 @@ use nalgebra::{Isometry3, Point3};
 pub struct Beams {
     /// What is known of each slot.
     pub slots: Vec<Slot>,
+    /// The slots ring after ring, there and back: each beside the one before.
+    pub order: Vec<usize>,
     lasers: Vec<Laser>,
     turns_per_nano: f64,
     carries_angle: bool,
@@ -51,8 +53,16 @@ impl Beams {
                 start: [ahead as f32, laser.left_m as f32, up as f32],
             }
         });
+        let (slots, rings) = (slots(model.model), model.model.rings());
+        let mut order: Vec<usize> = (0..N_SLOTS).collect();
+        order.sort_by_key(|slot| {
+            let Slot { laser, firing_nanos, .. } = slots[*slot];
+            let firing_nanos = i64::from(firing_nanos);
+            (rings[laser], if rings[laser].is_multiple_of(2) { firing_nanos } else { -firing_nanos })
+        });
         Self {
-            slots: slots(model.model),
+            slots,
+            order,
             lasers: lasers.collect(),
             turns_per_nano: model.turns_per_second * 1e-9,
             carries_angle: model.model.carries_azimuth(),

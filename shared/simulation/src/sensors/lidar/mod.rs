@@ -20,7 +20,7 @@ pub use model::LidarModel;
 
 use crate::motion::Motion;
 use crate::random::{gauss, hash};
-use crate::scene::{Scene, SceneHit, Snapshot};
+use crate::scene::{Scene, SceneHit};
 use crate::trace::{Ray, Vec3};
 use beams::{Beam, Beams};
 use formats::velodyne::{
@@ -100,12 +100,15 @@ pub struct Lidar<'a> {
     step: u32,
 }
 
-/// A firing.
+/// A firing and what its middle meets.
 #[derive(Clone, Copy, Debug)]
 struct Shot {
     beam: Beam,
     hit: Option<SceneHit>,
 }
+
+/// A beam's sides: where they lie, by shares of its width and height.
+const SIDES: [[f32; 2]; N_PARTS - 1] = [[-OFF_MIDDLE, 0.0], [OFF_MIDDLE, 0.0], [0.0, -OFF_MIDDLE], [0.0, OFF_MIDDLE]];
 
 impl<'a> Lidar<'a> {
     /// `step` of 3 leaves two of three blocks (pairs of an HDL-64E) without returns.
@@ -150,6 +153,11 @@ impl<'a> Lidar<'a> {
     /// The beams' middles of one packet, in firing order; for benches.
     pub fn rays(&self, packet: u64) -> Vec<Ray> {
         self.aim(packet).into_iter().flatten().map(|beam| beam.ray).collect()
+    }
+
+    /// The firings of a packet in the order in which they are traced: each beside the one before.
+    pub fn order(&self) -> &[usize] {
+        &self.beams.order
     }
 
     /// How many rays a packet takes, those beside the beams' middles among them; for benches.
@@ -199,24 +207,36 @@ impl<'a> Lidar<'a> {
         let begin = self.packet_nanos(packet);
         let middle = (begin + self.model.packet_nanos() / 2) as f64 * 1e-9;
         let snapshot = self.scene.some_at(movers, middle);
-        let mut shots: Vec<Option<Shot>> =
-            self.aim(packet).into_iter().map(|beam| beam.map(|beam| Shot { beam, hit: None })).collect();
-        // One laser after the other: neighbors go the same way through the tree.
-        for laser in 0..N_LASERS {
-            for shot in shots.iter_mut().skip(laser).step_by(N_LASERS).flatten() {
-                shot.hit = self.scene.cast(&snapshot, &shot.beam.ray, self.model.range_m[1]);
-            }
+        let cast = |rays: &[Ray]| self.scene.cast_all(rays, self.model.range_m[1], |_| &snapshot).into_iter();
+
+        let beams = self.aim(packet);
+        let fired: Vec<(usize, Beam)> =
+            self.beams.order.iter().filter_map(|slot| beams[*slot].map(|beam| (*slot, beam))).collect();
+        let middles: Vec<Ray> = fired.iter().map(|(_, beam)| beam.ray).collect();
+        let mut shots: Vec<Option<Shot>> = vec![None; N_SLOTS];
+        for ((slot, beam), hit) in fired.iter().zip(cast(&middles)) {
+            shots[*slot] = Some(Shot { beam: *beam, hit });
         }
-        let mut n_rays = shots.iter().flatten().count();
+
+        let edges: Vec<[bool; 4]> = fired.iter().map(|(slot, _)| self.edges(&shots, *slot)).collect();
+        let sides: Vec<Ray> =
+            fired.iter().zip(&edges).flat_map(|((_, beam), edges)| self.sides(beam, *edges)).collect();
+        let mut side_hits = sides.iter().zip(cast(&sides));
+        let mut parts = Vec::with_capacity(N_PARTS);
+        let mut returns = [None; N_SLOTS];
+        for ((slot, _), edges) in fired.iter().zip(&edges) {
+            let n_sides = edges.iter().filter(|is_edge| **is_edge).count();
+            returns[*slot] = self.receive(&shots, *slot, side_hits.by_ref().take(n_sides), &mut parts);
+        }
         let blocks = std::array::from_fn(|block| {
             let first = block * N_LASERS;
             Block {
                 azimuth: self.azimuth(packet, first),
                 is_lower: self.beams.slots[first].laser >= N_LASERS,
-                returns: std::array::from_fn(|i| self.receive(&snapshot, &shots, first + i, &mut n_rays)),
+                returns: std::array::from_fn(|i| returns[first + i]),
             }
         });
-        (blocks, n_rays)
+        (blocks, middles.len() + sides.len())
     }
 
     /// What the encoder reads at a block.
@@ -228,53 +248,47 @@ impl<'a> Lidar<'a> {
         (count % 36_000.0) as u16
     }
 
-    fn receive(
-        &self,
-        snapshot: &Snapshot,
-        shots: &[Option<Shot>],
-        number: usize,
-        n_rays: &mut usize,
-    ) -> Option<LidarReturn> {
-        let shot = shots[number].as_ref()?;
+    /// The sides of a firing's beam that are traced, too.
+    fn edges(&self, shots: &[Option<Shot>], number: usize) -> [bool; 4] {
+        let Some(shot) = &shots[number] else { return [false; 4] };
         let slot = &self.beams.slots[number];
         let neighbor = |other: Option<usize>| other.and_then(|other| shots[other].as_ref());
         // Of the beam of another packet nothing is known: it is looked for.
         let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
         let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
-        let ray = &shot.beam.ray;
-        if !(beside[0] | beside[1] | above[0] | above[1]) {
-            let part = self.receiver.part(1.0, ray, shot.hit.as_ref()?)?;
-            return self.receiver.strongest(&mut [part], slot.laser, ray.seed);
-        }
-        let mut parts = [None; N_PARTS];
-        let mut middle_weight = 1.0;
-        for (i, (is_traced, [right, up])) in beside
-            .into_iter()
-            .chain(above)
-            .zip([[-OFF_MIDDLE, 0.0], [OFF_MIDDLE, 0.0], [0.0, -OFF_MIDDLE], [0.0, OFF_MIDDLE]])
-            .enumerate()
-        {
-            if is_traced {
-                *n_rays += 1;
-                middle_weight -= PART_WEIGHT;
-                let ray = self.part_of(&shot.beam, right, up, i as u64);
-                let hit = self.scene.cast(snapshot, &ray, self.model.range_m[1]);
-                parts[i] = hit.and_then(|hit| self.receiver.part(PART_WEIGHT, &ray, &hit));
-            }
-        }
-        parts[N_PARTS - 1] = shot.hit.and_then(|hit| self.receiver.part(middle_weight, ray, &hit));
-        let mut found: Vec<Part> = parts.into_iter().flatten().collect();
-        self.receiver.strongest(&mut found, slot.laser, ray.seed)
+        [beside[0], beside[1], above[0], above[1]]
     }
 
-    /// A ray beside the beam's middle, by shares of its width and height.
-    fn part_of(&self, beam: &Beam, right: f32, up: f32, part: u64) -> Ray {
-        let across = |[width, height]: [f32; 2]| -> Vec3 { beam.right * (right * width) + beam.up * (up * height) };
-        Ray {
-            origin: beam.ray.origin + across(self.model.aperture_m),
-            direction: (beam.ray.direction + across(self.model.divergence)).normalize(),
-            seed: hash(beam.ray.seed, 8 + part),
-        }
+    /// The rays of some sides of a beam.
+    fn sides(&self, beam: &Beam, edges: [bool; 4]) -> impl Iterator<Item = Ray> {
+        let (beam, LidarModel { aperture_m, divergence, .. }) = (*beam, self.model);
+        (0..SIDES.len()).filter(move |side| edges[*side]).map(move |side| {
+            let [right, up] = SIDES[side];
+            let across = |[width, height]: [f32; 2]| -> Vec3 { beam.right * (right * width) + beam.up * (up * height) };
+            Ray {
+                origin: beam.ray.origin + across(aperture_m),
+                direction: (beam.ray.direction + across(divergence)).normalize(),
+                seed: hash(beam.ray.seed, 8 + side as u64),
+            }
+        })
+    }
+
+    /// What comes back of a firing whose sides met `sides`; `parts` is memory to work in.
+    fn receive<'r>(
+        &self,
+        shots: &[Option<Shot>],
+        number: usize,
+        sides: impl ExactSizeIterator<Item = (&'r Ray, Option<SceneHit>)>,
+        parts: &mut Vec<Part>,
+    ) -> Option<LidarReturn> {
+        let shot = shots[number].as_ref()?;
+        let middle_weight = (0..sides.len()).fold(1.0, |weight, _| weight - PART_WEIGHT);
+        let part = |weight: f32, ray: &Ray, hit: Option<SceneHit>| self.receiver.part(weight, ray, &hit?);
+        let ray = &shot.beam.ray;
+        parts.clear();
+        parts.extend(sides.filter_map(|(ray, hit)| part(PART_WEIGHT, ray, hit)));
+        parts.extend(part(middle_weight, ray, shot.hit));
+        self.receiver.strongest(parts, self.beams.slots[number].laser, ray.seed)
     }
 }
 
