@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use crate::choose::{Limits, Sources};
-use crate::chunk::Cloud;
+use crate::chunk::{Chunk, Cloud};
 use crate::color::{Picture, color_into};
 use crate::occlusion::sights;
 use crate::saved::{self, Held};
@@ -37,6 +37,8 @@ pub struct Colorize {
     sees: bool,
     remark: Option<&'static str>,
     held: Held,
+    /// Memory that every submap uses again: the system takes as long to give such memory as coloring does.
+    chunks: Vec<Chunk>,
 }
 
 impl Colorize {
@@ -73,6 +75,7 @@ impl Colorize {
                 _ => None,
             },
             held: Held::default(),
+            chunks: Vec::new(),
         })
     }
 
@@ -185,7 +188,7 @@ impl Colorize {
         self.held.submaps.pop_front()
     }
 
-    fn publish_columns(&self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
+    fn publish_columns(&mut self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
         if let Some(remark) = self.remark {
             outputs.note(remark);
         }
@@ -205,9 +208,12 @@ impl Colorize {
                 header.sweeps.len()
             ))
         })?;
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings);
+        let mut chunks = std::mem::take(&mut self.chunks);
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut chunks);
         self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
-        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)
+        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)?;
+        self.chunks = chunks;
+        Ok(())
     }
 
     fn publish_color(

@@ -31,6 +31,7 @@ pub mod occlusion;
 mod saved;
 pub mod spectra;
 pub mod views;
+mod wide;
 mod window;
 
 pub use colorize::Colorize;

@@ -45,12 +45,14 @@ impl Camera {
     ) -> View<'_> {
         // In f64 as long as the world's large numbers are in it.
         let camera_from_submap = (world_from_body * self.body_from_camera).inverse() * world_from_submap;
+        let position = camera_from_submap.inverse().translation.vector;
         let matrix = camera_from_submap.to_homogeneous();
         let [x0, y0, width, height] = area.map(|v| v as f32);
         let camera_from_submap = [0, 1, 2].map(|i| [0, 1, 2, 3].map(|j| matrix[(i, j)] as f32));
         View {
             stamp,
             camera_from_submap,
+            position: [position.x, position.y, position.z].map(|v| v as f32),
             lens: &self.lens,
             frustum: Frustum::new(self.slopes, &camera_from_submap),
             // A pixel reaches half a pixel to each side of its center.
