@@ -21,6 +21,17 @@ impl<'a> Picture<'a> {
         fits.then_some(Self { camera, width: width as usize, pixels })
     }
 
+    /// Index of the camera.
+    pub fn camera(&self) -> usize {
+        usize::from(self.camera)
+    }
+
+    /// Between the pixels around, 0 to 255.
+    pub fn brightness(&self, pixel: [f32; 2]) -> f32 {
+        let ColorRow { r, g, b, .. } = self.sample(pixel);
+        (f32::from(r) + 2.0 * f32::from(g) + f32::from(b)) / 4.0
+    }
+
     /// Bilinear between the four pixels around (u, v), which lies at most half a pixel outside the outermost centers. In steps of
     /// 1/256 px, because whole numbers take half the time of others here.
     fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {

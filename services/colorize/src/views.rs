@@ -29,6 +29,11 @@ impl Camera {
         self.size
     }
 
+    /// Of the lens, on the axis.
+    pub fn px_per_rad(&self) -> f32 {
+        self.lens.px_per_rad()
+    }
+
     /// The whole image of an exposure at `stamp`.
     pub fn view(&self, stamp: i64, world_from_body: &Pose, world_from_submap: &Pose) -> View<'_> {
         let [width, height] = self.size;
