@@ -23,7 +23,7 @@ const STEP_RAD: f32 = 0.00125;
 pub const MAX_AGE_S: f32 = 0.15;
 
 /// Of one exposure at most. More are of the same outlines.
-const MAX_EDGES: usize = 400;
+const MAX_EDGES: usize = 150;
 
 /// Edges whose shots are farther apart, steps, are those between rings: where their outline is, is known to half a degree, and which half of it
 /// is more likely depends on the shape of things.

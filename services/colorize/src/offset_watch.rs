@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Profiles that are kept of each camera, at 110 bytes: enough for a tenth of a pixel, and less than a submap's saved state.
-const MAX_PROFILES: usize = 4000;
+/// Profiles that are kept of each camera, at 140 bytes: enough for a tenth of a pixel, and less than a submap's saved state.
+const MAX_PROFILES: usize = 1200;
 
 /// Ranges of the table, m: near enough to see a delay, far enough to see none of it.
 const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
