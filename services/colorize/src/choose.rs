@@ -1,13 +1,17 @@
 //! Which exposure gives a point its color: of those that see it, the one that is expected to be off by the least.
 
-use crate::chunk::{Chunk, Cloud, Extent, Projected, seconds};
+use crate::chunk::{CHUNK, Chunk, Cloud, Lanes, Projected, seconds};
 use crate::frustum::Frustum;
 use crate::lens::Lens;
-use crate::occlusion::Sight;
-use messages::SubmapPoint;
+use crate::occlusion::{Grid, NO_CELL, Sight};
+use crate::wide::{Work, wide};
 
 /// How far the pose of an exposure drifts from that of a shot, m per second between them: half a percent of 10 m/s.
 const DRIFT_M_PER_S: f32 = 0.05;
+
+/// An exposure before the submap's first shot or after its last costs so much more, m: what moved past the camera then is in another
+/// submap, and hides nothing here.
+const UNGUARDED_M: f32 = 0.05;
 
 /// Error of mounting and lens in the middle of an image, rad; at the rim of the image it is twice that.
 const POINTING_RAD: f32 = 0.001;
@@ -19,6 +23,8 @@ pub struct View<'a> {
     pub stamp: i64,
     /// Rows of the 3x4 matrix.
     pub camera_from_submap: [[f32; 4]; 3],
+    /// Of the camera, m, submap frame.
+    pub position: [f32; 3],
     /// Lens of the camera.
     pub lens: &'a Lens,
     /// Outside of this the camera sees nothing.
@@ -31,7 +37,7 @@ pub struct View<'a> {
 
 impl View<'_> {
     /// Whether the pixel is on the usable part.
-    #[inline]
+    #[inline(always)]
     pub fn holds(&self, u: f32, v: f32) -> bool {
         // All four at once instead of one after the other, so that loops over this have no jumps. NaN is in no image.
         (u >= self.min[0]) & (v >= self.min[1]) & (u < self.max[0]) & (v < self.max[1])
@@ -53,99 +59,198 @@ pub struct Sources<'a> {
     pub cloud: &'a Cloud<'a>,
     /// Exposures.
     pub views: &'a [View<'a>],
-    /// How far each of them sees, by index.
+    /// How far each of them sees, by index: as many as there are views.
     pub sights: &'a [Sight],
     /// Largest ages.
     pub limits: Limits,
 }
 
+impl Sources<'_> {
+    fn unguarded_m(&self, time: f32) -> f32 {
+        if gap(time, self.cloud.time_span()) > 0.0 { UNGUARDED_M } else { 0.0 }
+    }
+}
+
 /// What was chosen for the points of a chunk.
 #[derive(Debug, Default)]
 pub struct Choices {
-    chunk: Chunk,
     projected: Projected,
-    costs: Vec<f32>,
-    best_costs: Vec<f32>,
-    views: Vec<u32>,
-    pixels: Vec<[f32; 2]>,
+    offer: Offer,
+    best: Best,
+    /// Of the best; none if no view comes near the chunk.
+    n_points: usize,
+}
+
+/// The view at hand, point by point.
+#[derive(Debug)]
+struct Offer {
+    /// How far the color is expected to be off, m.
+    costs: Lanes<f32>,
+    /// Of the view's sight; one that there is not if the view does not serve the point, or not better than another.
+    cells: Lanes<u32>,
+    reach_m: Lanes<f32>,
+}
+
+impl Default for Offer {
+    fn default() -> Self {
+        Self { costs: [0.0; CHUNK], cells: [0; CHUNK], reach_m: [0.0; CHUNK] }
+    }
+}
+
+/// The best view so far, point by point.
+#[derive(Debug)]
+struct Best {
+    costs: Lanes<f32>,
+    views: Lanes<u32>,
+    u: Lanes<f32>,
+    v: Lanes<f32>,
+}
+
+impl Default for Best {
+    fn default() -> Self {
+        Self { costs: [f32::INFINITY; CHUNK], views: [NO_VIEW; CHUNK], u: [0.0; CHUNK], v: [0.0; CHUNK] }
+    }
 }
 
 /// Index of the view of a point that is not seen.
 pub const NO_VIEW: u32 = u32::MAX;
 
 impl Choices {
-    /// Index of the view, and where the point is on its image (px), point by point; `None` if no view has it.
-    pub fn iter(&self) -> impl Iterator<Item = Option<(usize, [f32; 2])>> {
-        let choice = |(view, pixel): (&u32, &[f32; 2])| (*view != NO_VIEW).then_some((*view as usize, *pixel));
-        self.views.iter().zip(&self.pixels).map(choice)
+    /// Index of the view, and where the point is on its image (px), for all points that some view sees, with the point's
+    /// place in the chunk.
+    pub fn seen(&self) -> impl Iterator<Item = (usize, usize, [f32; 2])> {
+        let Best { views, u, v, .. } = &self.best;
+        let places = (0..self.n_points).filter(|i| views[*i] != NO_VIEW);
+        places.map(|i| (i, views[i] as usize, [u[i], v[i]]))
     }
 
     /// Chooses anew, for the points of a chunk. Two views as good as each other: the first in the list. A point whose sweep
     /// is not known has no time and is not seen.
-    pub fn fill(&mut self, points: &[SubmapPoint], extent: &Extent, sources: &Sources<'_>) {
-        let n = points.len();
-        self.views.clear();
-        self.views.resize(n, NO_VIEW);
-        self.pixels.resize(n, [0.0; 2]);
-        self.best_costs.clear();
-        self.best_costs.resize(n, f32::INFINITY);
-        self.costs.resize(n, 0.0);
-        let mut is_filled = false;
-        for (index, gap_s) in in_order(sources, extent) {
-            let (Some(view), Some(sight)) = (sources.views.get(index as usize), sources.sights.get(index as usize))
-            else {
-                continue;
-            };
-            if !view.frustum.meets(&extent.bounds) {
-                continue;
+    pub fn fill(&mut self, chunk: &Chunk, sources: &Sources<'_>) {
+        let order = in_order(sources, chunk);
+        self.n_points = if order.is_empty() { 0 } else { chunk.n_points };
+        if order.is_empty() {
+            return;
+        }
+        self.best.views.fill(NO_VIEW);
+        self.best.costs.fill(f32::INFINITY);
+        for (index, least) in order {
+            if self.best.costs.iter().take(self.n_points).all(|cost| *cost < least) {
+                break;
             }
-            if !is_filled {
-                self.chunk.fill(sources.cloud, points);
-                is_filled = true;
-            }
-            let least = DRIFT_M_PER_S * gap_s;
-            if self.best_costs.iter().any(|cost| *cost >= least) {
-                self.offer(index, view, sight, sources);
-            }
+            self.offer(index, chunk, sources);
         }
     }
 
     /// Gives the view to the points that it sees and that have none better.
-    fn offer(&mut self, index: u32, view: &View<'_>, sight: &Sight, sources: &Sources<'_>) {
+    fn offer(&mut self, index: u32, chunk: &Chunk, sources: &Sources<'_>) {
+        let (view, sight) = (&sources.views[index as usize], &sources.sights[index as usize]);
+        let Self { projected, offer, best, .. } = self;
+        projected.fill(chunk, &view.camera_from_submap, view.lens);
         let time = seconds(view.stamp, sources.cloud.origin);
-        let n = self.chunk.len();
-        self.projected.fill(&self.chunk, &view.camera_from_submap, view.lens);
-        let (u, v, range_m) = (&self.projected.u[..n], &self.projected.v[..n], &self.projected.range_m[..n]);
-        let (times, moves, costs) = (&self.chunk.times[..n], &self.chunk.moves[..n], &mut self.costs[..n]);
+        let extra_m = sources.unguarded_m(time);
+        wide(Weigh {
+            index,
+            time,
+            extra_m,
+            view: *view,
+            grid: sight.grid,
+            limits: sources.limits,
+            chunk,
+            projected,
+            best,
+            offer,
+        });
+        for (reach_m, cell) in offer.reach_m.iter_mut().zip(&offer.cells) {
+            *reach_m = sight.reach_m(*cell);
+        }
+        wide(Take { index, projected, offer, best });
+    }
+}
+
+/// Finds what a view costs, and to which points it is offered.
+struct Weigh<'a> {
+    index: u32,
+    /// Of the view, s after the submap's first shot.
+    time: f32,
+    /// Added to the cost of every point, m.
+    extra_m: f32,
+    view: View<'a>,
+    grid: Grid,
+    limits: Limits,
+    chunk: &'a Chunk,
+    projected: &'a Projected,
+    best: &'a Best,
+    offer: &'a mut Offer,
+}
+
+impl Work for Weigh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { index, time, extra_m, view, grid, limits, chunk, projected, best, offer } = self;
         let middle = [0, 1].map(|axis| 0.5 * (view.min[axis] + view.max[axis]));
         let per_half = [0, 1].map(|axis| 2.0 / (view.max[axis] - view.min[axis]));
-        for i in 0..n {
-            let age_s = (times[i] - time).abs();
-            let (x, y) = ((u[i] - middle[0]) * per_half[0], (v[i] - middle[1]) * per_half[1]);
-            let cost = DRIFT_M_PER_S * age_s + POINTING_RAD * range_m[i] * (1.0 + 0.5 * (x * x + y * y));
-            let limit = if moves[i] { sources.limits.max_moving_age_s } else { sources.limits.max_age_s };
-            costs[i] = if view.holds(u[i], v[i]) & (age_s <= limit) { cost } else { f32::INFINITY };
-        }
-        for i in 0..n {
-            let (cost, best) = (costs[i], self.best_costs[i]);
-            let is_better = cost < best || (cost == best && cost.is_finite() && index < self.views[i]);
-            if is_better && sight.reaches(u[i], v[i], range_m[i]) {
-                self.best_costs[i] = cost;
-                self.views[i] = index;
-                self.pixels[i] = [u[i], v[i]];
-            }
+        for i in 0..CHUNK {
+            let (u, v) = (projected.u[i], projected.v[i]);
+            let age_s = (chunk.times[i] - time).abs();
+            let (x, y) = ((u - middle[0]) * per_half[0], (v - middle[1]) * per_half[1]);
+            let cost =
+                extra_m + DRIFT_M_PER_S * age_s + POINTING_RAD * projected.range_m[i] * (1.0 + 0.5 * (x * x + y * y));
+            let limit = if chunk.moves[i] != 0 { limits.max_moving_age_s } else { limits.max_age_s };
+            let is_better = (cost < best.costs[i]) | ((cost == best.costs[i]) & (index < best.views[i]));
+            let is_offered = view.holds(u, v) & (age_s <= limit) & is_better;
+            offer.costs[i] = cost;
+            offer.cells[i] = if is_offered { grid.cell(u, v) } else { NO_CELL };
         }
     }
 }
 
-/// The views that may serve shots of this time, with the smallest possible gap between, s; nearest first: most points have
-/// their view when the far ones come.
-fn in_order(sources: &Sources<'_>, extent: &Extent) -> Vec<(u32, f32)> {
-    let gap_of = |view: &View<'_>| gap(seconds(view.stamp, sources.cloud.origin), extent.time_span);
-    let mut order: Vec<(u32, f32)> = (0..).zip(sources.views.iter().map(gap_of)).collect();
-    order.retain(|(_, gap_s)| *gap_s <= sources.limits.max_age_s);
+/// Gives the view to the points that it sees.
+struct Take<'a> {
+    index: u32,
+    projected: &'a Projected,
+    offer: &'a Offer,
+    best: &'a mut Best,
+}
+
+impl Work for Take<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { index, projected, offer, best } = self;
+        for i in 0..CHUNK {
+            let is_seen = projected.range_m[i] <= offer.reach_m[i];
+            best.costs[i] = if is_seen { offer.costs[i] } else { best.costs[i] };
+            best.views[i] = if is_seen { index } else { best.views[i] };
+            best.u[i] = if is_seen { projected.u[i] } else { best.u[i] };
+            best.v[i] = if is_seen { projected.v[i] } else { best.v[i] };
+        }
+    }
+}
+
+/// The views that may serve points of the chunk, with the least that they may cost any of them, m; cheapest first: most
+/// points have their view when the dear ones come.
+fn in_order(sources: &Sources<'_>, chunk: &Chunk) -> Vec<(u32, f32)> {
+    let least = |view: &View<'_>| {
+        let time = seconds(view.stamp, sources.cloud.origin);
+        let gap_s = gap(time, chunk.time_span);
+        let may_serve = gap_s <= sources.limits.max_age_s && view.frustum.meets(&chunk.bounds);
+        let extra_m = sources.unguarded_m(time);
+        may_serve.then(|| extra_m + DRIFT_M_PER_S * gap_s + POINTING_RAD * distance_m(&view.position, &chunk.bounds))
+    };
+    let mut order: Vec<(u32, f32)> =
+        (0..).zip(sources.views).filter_map(|(index, view)| Some((index, least(view)?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     order
+}
+
+/// From a place to the nearest of a box, less the rounding of both.
+fn distance_m(from: &[f32; 3], [min, max]: &[[f32; 3]; 2]) -> f32 {
+    let square: f32 = (0..3).map(|axis| (min[axis] - from[axis]).max(from[axis] - max[axis]).max(0.0).powi(2)).sum();
+    (square.sqrt() - 0.01).max(0.0)
 }
 
 /// From a time to the nearest in a span; infinite if the span is empty.
@@ -158,7 +263,7 @@ mod tests {
     use super::*;
     use crate::views::Camera;
     use geometry::{CameraModel, Isometry3, Pinhole, Pose, RigCamera, Vector3};
-    use messages::{POINT_DYNAMIC, SubmapSweep};
+    use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
 
     const MS: i64 = 1_000_000;
 
@@ -183,12 +288,13 @@ mod tests {
         let mut choices = Choices::default();
         let limits = Limits { max_age_s: 0.128, max_moving_age_s: 0.032 };
         let points = [early, point, late, lost];
-        let cloud = Cloud::new(&points, &sweeps, 1000 * MS, 32);
+        let mut chunks = Vec::new();
+        let cloud = Cloud::new(&points, &sweeps, 1000 * MS, 32, &mut chunks);
         let sources = Sources { cloud: &cloud, views: &views, sights: &sights, limits };
-        choices.fill(&points, &cloud.extents()[0], &sources);
-        let found: Vec<_> = choices.iter().map(|choice| choice.map(|(view, _)| view)).collect();
-        assert_eq!(found[3], None, "a point without a sweep has no time");
-        found[1]
+        choices.fill(&cloud.chunks()[0], &sources);
+        let view_of = |place| choices.seen().find(|(at, ..)| *at == place).map(|(_, view, _)| view);
+        assert_eq!(view_of(3), None, "a point without a sweep has no time");
+        view_of(1)
     }
 
     #[test]
@@ -201,8 +307,15 @@ mod tests {
     #[test]
     fn a_view_from_afar_is_worth_less_than_one_a_little_older() {
         // 20 ms of age are a millimetre; 30 m of range are 30 of them.
-        assert_eq!(chosen(&[(990, true, 30.0), (970, true, 0.0)], 0), Some(1));
-        assert_eq!(chosen(&[(990, true, 0.1), (970, true, 0.0)], 0), Some(0));
+        assert_eq!(chosen(&[(1010, true, 30.0), (1030, true, 0.0)], 0), Some(1));
+        assert_eq!(chosen(&[(1010, true, 0.1), (1030, true, 0.0)], 0), Some(0));
+    }
+
+    #[test]
+    fn a_view_from_before_the_submap_is_worth_less_than_one_within() {
+        // The shots are from 990 to 1050 ms.
+        assert_eq!(chosen(&[(985, true, 0.0), (1040, true, 0.0)], 0), Some(1));
+        assert_eq!(chosen(&[(985, true, 0.0), (1040, false, 0.0)], 0), Some(0));
     }
 
     #[test]

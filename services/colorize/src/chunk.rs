@@ -1,16 +1,17 @@
 //! Points that are worked on together: their coordinates one after another, so that the loops over them are vectors.
 
-use crate::lens::Lens;
+use crate::lens::{FisheyeLens, Lens, PinholeLens};
+use crate::wide::{Work, wide};
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
-/// Points of a chunk: their coordinates and projections fit the second cache (1024 * 48 bytes), and the box around them
+/// Points of a chunk: their coordinates and projections fit the second cache (1024 * 60 bytes), and the box around them
 /// is small. A constant, so that the work is cut in the same places whatever the number of threads.
 pub const CHUNK: usize = 1024;
 
-/// A submap in place.
+/// A submap, its points cut into chunks.
 pub struct Cloud<'a> {
-    /// All points.
+    /// All points, in place.
     pub points: &'a [SubmapPoint],
     /// The sweeps that they are of.
     pub sweeps: &'a [SubmapSweep],
@@ -18,88 +19,124 @@ pub struct Cloud<'a> {
     pub origin: i64,
     /// Rings of the sensor.
     pub n_rings: u32,
-    /// Where and when each [`CHUNK`] of the points is.
-    extents: Vec<Extent>,
+    chunks: &'a [Chunk],
+    time_span: [f32; 2],
 }
 
-/// Where and when the points of a chunk are.
-#[derive(Clone, Copy, Debug)]
-pub struct Extent {
+impl<'a> Cloud<'a> {
+    /// Looks at every point once. `chunks` is memory: what was in it is gone.
+    pub fn new(
+        points: &'a [SubmapPoint],
+        sweeps: &'a [SubmapSweep],
+        origin: i64,
+        n_rings: u32,
+        chunks: &'a mut Vec<Chunk>,
+    ) -> Self {
+        points.par_chunks(CHUNK).map(|points| Chunk::new(points, sweeps, origin)).collect_into_vec(chunks);
+        let time_span = chunks.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[first, last], chunk| {
+            [first.min(chunk.time_span[0]), last.max(chunk.time_span[1])]
+        });
+        Self { points, sweeps, origin, n_rings, chunks, time_span }
+    }
+    /// First and last shot, s after the submap's first; of no points, infinite.
+    pub fn time_span(&self) -> [f32; 2] {
+        self.time_span
+    }
+    /// The chunks in their order.
+    pub fn chunks(&self) -> &'a [Chunk] {
+        self.chunks
+    }
+}
+
+/// One value for each point of a chunk.
+pub type Lanes<T> = [T; CHUNK];
+
+/// What projecting needs of some points of a submap, and the extent of them all.
+#[derive(Debug)]
+pub struct Chunk {
+    /// m, submap frame. NaN, which is in no image, behind the last point.
+    pub x: Lanes<f32>,
+    /// m, submap frame.
+    pub y: Lanes<f32>,
+    /// m, submap frame.
+    pub z: Lanes<f32>,
+    /// Shot of each point, s after the submap's first; NaN, which is near to nothing, if its sweep is not known.
+    pub times: Lanes<f32>,
+    /// Whether each point is on a moving object: 0 or 1, as wide as the rest.
+    pub moves: Lanes<u32>,
+    /// How many points there are.
+    pub n_points: usize,
     /// Smallest and largest coordinates, m, submap frame.
     pub bounds: [[f32; 3]; 2],
     /// First and last shot, s after the submap's first.
     pub time_span: [f32; 2],
 }
 
-impl<'a> Cloud<'a> {
-    /// Looks at every point once.
-    pub fn new(points: &'a [SubmapPoint], sweeps: &'a [SubmapSweep], origin: i64, n_rings: u32) -> Self {
-        let extents = points.par_chunks(CHUNK).map(|points| Extent::new(points, sweeps, origin)).collect();
-        Self { points, sweeps, origin, n_rings, extents }
-    }
-    /// The chunks in their order.
-    pub fn extents(&self) -> &[Extent] {
-        &self.extents
-    }
-}
-
-impl Extent {
-    fn new(points: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) -> Self {
-        let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
-        for point in points {
-            let at = [point.x, point.y, point.z, time(point, sweeps, origin)];
-            // NaN counts for neither.
-            for i in 0..4 {
-                min[i] = if at[i] < min[i] { at[i] } else { min[i] };
-                max[i] = if at[i] > max[i] { at[i] } else { max[i] };
-            }
+impl Default for Chunk {
+    /// Without points.
+    fn default() -> Self {
+        let nowhere = [f32::NAN; CHUNK];
+        Self {
+            x: nowhere,
+            y: nowhere,
+            z: nowhere,
+            times: nowhere,
+            moves: [0; CHUNK],
+            n_points: 0,
+            bounds: [[0.0; 3]; 2],
+            time_span: [0.0; 2],
         }
-        let [x0, y0, z0, first] = min;
-        let [x1, y1, z1, last] = max;
-        Self { bounds: [[x0, y0, z0], [x1, y1, z1]], time_span: [first, last] }
     }
-}
-
-/// Some points of a submap. Filled anew for every chunk, because memory that is used again stays in the cache.
-#[derive(Debug, Default)]
-pub struct Chunk {
-    /// m, submap frame.
-    pub x: Vec<f32>,
-    /// m, submap frame.
-    pub y: Vec<f32>,
-    /// m, submap frame.
-    pub z: Vec<f32>,
-    /// Shot of each point, s after the submap's first; NaN, which is near to nothing, if its sweep is not known.
-    pub times: Vec<f32>,
-    /// Whether each point is on a moving object.
-    pub moves: Vec<bool>,
 }
 
 impl Chunk {
-    /// Takes other points of the cloud in.
-    pub fn fill(&mut self, cloud: &Cloud<'_>, points: &[SubmapPoint]) {
-        let n = points.len();
-        for values in [&mut self.x, &mut self.y, &mut self.z, &mut self.times] {
-            values.resize(n, 0.0);
+    fn new(points: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) -> Self {
+        let mut chunk = Self { n_points: points.len(), ..Self::default() };
+        for (i, point) in points.iter().enumerate().take(CHUNK) {
+            chunk.x[i] = point.x;
+            chunk.y[i] = point.y;
+            chunk.z[i] = point.z;
+            chunk.times[i] = time(point, sweeps, origin);
+            chunk.moves[i] = u32::from(point.flags & POINT_DYNAMIC != 0);
         }
-        self.moves.resize(n, false);
-        let (x, y, z) = (&mut self.x[..n], &mut self.y[..n], &mut self.z[..n]);
-        let (times, moves) = (&mut self.times[..n], &mut self.moves[..n]);
-        for (i, point) in points.iter().enumerate() {
-            x[i] = point.x;
-            y[i] = point.y;
-            z[i] = point.z;
-            times[i] = time(point, cloud.sweeps, cloud.origin);
-            moves[i] = point.flags & POINT_DYNAMIC != 0;
+        chunk.close();
+        chunk
+    }
+
+    /// Takes a point of another chunk in. Panics if there are [`CHUNK`].
+    pub fn push(&mut self, from: &Self, i: usize) {
+        let n = self.n_points;
+        (self.x[n], self.y[n], self.z[n]) = (from.x[i], from.y[i], from.z[i]);
+        (self.times[n], self.moves[n]) = (from.times[i], from.moves[i]);
+        self.n_points += 1;
+    }
+
+    /// Finds the extent, once all points are in.
+    pub fn close(&mut self) {
+        let spans = [&self.x, &self.y, &self.z, &self.times].map(|values| wide(Span(values)));
+        let [[x0, x1], [y0, y1], [z0, z1], time_span] = spans;
+        self.bounds = [[x0, y0, z0], [x1, y1, z1]];
+        self.time_span = time_span;
+    }
+}
+
+/// Finds the smallest and the largest value. NaN is neither.
+struct Span<'a>(&'a Lanes<f32>);
+
+impl Work for Span<'_> {
+    type Output = [f32; 2];
+
+    #[inline(always)]
+    fn call(self) -> [f32; 2] {
+        // As many at a time as a register of 64 bytes holds.
+        let (mut min, mut max) = ([f32::INFINITY; 16], [f32::NEG_INFINITY; 16]);
+        for values in self.0.as_chunks::<16>().0 {
+            for i in 0..16 {
+                min[i] = if values[i] < min[i] { values[i] } else { min[i] };
+                max[i] = if values[i] > max[i] { values[i] } else { max[i] };
+            }
         }
-    }
-    /// How many points there are.
-    pub fn len(&self) -> usize {
-        self.times.len()
-    }
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.times.is_empty()
+        [min.into_iter().fold(f32::INFINITY, f32::min), max.into_iter().fold(f32::NEG_INFINITY, f32::max)]
     }
 }
 
@@ -116,43 +153,71 @@ fn time(point: &SubmapPoint, sweeps: &[SubmapSweep], origin: i64) -> f32 {
 }
 
 /// Where the points of a chunk fall on an image.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Projected {
     /// px; NaN where the lens does not see.
-    pub u: Vec<f32>,
+    pub u: Lanes<f32>,
     /// px; NaN where the lens does not see.
-    pub v: Vec<f32>,
+    pub v: Lanes<f32>,
     /// From the camera, m.
-    pub range_m: Vec<f32>,
+    pub range_m: Lanes<f32>,
+}
+
+impl Default for Projected {
+    fn default() -> Self {
+        Self { u: [f32::NAN; CHUNK], v: [f32::NAN; CHUNK], range_m: [f32::NAN; CHUNK] }
+    }
 }
 
 impl Projected {
     /// Projects all points of the chunk.
     pub fn fill(&mut self, chunk: &Chunk, camera_from_submap: &[[f32; 4]; 3], lens: &Lens) {
+        let rows = *camera_from_submap;
         match lens {
-            Lens::Pinhole(lens) => self.fill_by(chunk, camera_from_submap, |p| lens.pixel(p)),
-            Lens::Fisheye(lens) => self.fill_by(chunk, camera_from_submap, |p| lens.pixel(p)),
+            Lens::Pinhole(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
+            Lens::Fisheye(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
         }
     }
+}
 
-    #[inline]
-    fn fill_by(&mut self, chunk: &Chunk, rows: &[[f32; 4]; 3], pixel: impl Fn([f32; 3]) -> [f32; 2]) {
-        let n = chunk.len();
-        for values in [&mut self.u, &mut self.v, &mut self.range_m] {
-            values.resize(n, 0.0);
-        }
-        let (x, y, z) = (&chunk.x[..n], &chunk.y[..n], &chunk.z[..n]);
-        let (u, v, range_m) = (&mut self.u[..n], &mut self.v[..n], &mut self.range_m[..n]);
-        let [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]] = *rows;
-        for i in 0..n {
-            let (px, py, pz) = (x[i], y[i], z[i]);
+struct Project<'a, L> {
+    chunk: &'a Chunk,
+    rows: [[f32; 4]; 3],
+    lens: L,
+    out: &'a mut Projected,
+}
+
+trait Projection {
+    fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2];
+}
+impl Projection for PinholeLens {
+    #[inline(always)]
+    fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
+        self.pixel(p_in_camera)
+    }
+}
+impl Projection for FisheyeLens {
+    #[inline(always)]
+    fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
+        self.pixel(p_in_camera)
+    }
+}
+
+impl<L: Projection> Work for Project<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { chunk, rows: [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]], lens, out } = self;
+        for i in 0..CHUNK {
+            let (px, py, pz) = (chunk.x[i], chunk.y[i], chunk.z[i]);
             let cx = a0 * px + a1 * py + a2 * pz + a3;
             let cy = b0 * px + b1 * py + b2 * pz + b3;
             let cz = c0 * px + c1 * py + c2 * pz + c3;
-            let at = pixel([cx, cy, cz]);
-            u[i] = at[0];
-            v[i] = at[1];
-            range_m[i] = (cx * cx + cy * cy + cz * cz).sqrt();
+            let at = lens.pixel([cx, cy, cz]);
+            out.u[i] = at[0];
+            out.v[i] = at[1];
+            out.range_m[i] = (cx * cx + cy * cy + cz * cz).sqrt();
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The `color` column.
 
 use crate::choose::{Choices, Sources};
-use crate::chunk::{CHUNK, Extent};
-use messages::{ColorRow, SubmapPoint, UNSEEN};
+use crate::chunk::{CHUNK, Chunk};
+use messages::{ColorRow, UNSEEN};
 use rayon::prelude::*;
 
 /// Pixels of an exposure, in place.
@@ -21,45 +21,64 @@ impl<'a> Picture<'a> {
         fits.then_some(Self { camera, width: width as usize, pixels })
     }
 
-    /// Bilinear between the four pixels around (u, v), which lies at most half a pixel outside the outermost centers.
+    /// Index of the camera.
+    pub fn camera(&self) -> usize {
+        usize::from(self.camera)
+    }
+
+    /// Between the pixels around, 0 to 255.
+    pub fn brightness(&self, pixel: [f32; 2]) -> f32 {
+        let ColorRow { r, g, b, .. } = self.sample(pixel);
+        (f32::from(r) + 2.0 * f32::from(g) + f32::from(b)) / 4.0
+    }
+
+    /// Bilinear between the four pixels around (u, v), which lies at most half a pixel outside the outermost centers. In steps of
+    /// 1/256 px, because whole numbers take half the time of others here.
     fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
         let height = self.pixels.len() / self.width;
         let (x0, x1, share_x) = neighbors(u, self.width);
         let (y0, y1, share_y) = neighbors(v, height);
-        let pixel = |x: usize, y: usize| self.pixels[y * self.width + x];
-        let (top_left, top_right, left, right) = (pixel(x0, y0), pixel(x1, y0), pixel(x0, y1), pixel(x1, y1));
-        let channel = |i: usize| {
-            let mix = |a: u8, b: u8| f32::from(a) + share_x * (f32::from(b) - f32::from(a));
-            let (top, bottom) = (mix(top_left[i], top_right[i]), mix(left[i], right[i]));
-            // Between 0 and 255 as all four are; half up.
-            (top + share_y * (bottom - top) + 0.5) as u8
-        };
-        ColorRow { r: channel(0), g: channel(1), b: channel(2), camera: self.camera }
+        let corners = [
+            (x0, y0, (256 - share_x) * (256 - share_y)),
+            (x1, y0, share_x * (256 - share_y)),
+            (x0, y1, (256 - share_x) * share_y),
+            (x1, y1, share_x * share_y),
+        ];
+        let half = 1 << 15;
+        // Two channels in one number, 32 bits each: the shares sum up to 2^16, so none reaches the other.
+        let (mut red_and_blue, mut green) = (half << 32 | half, half);
+        for (x, y, share) in corners {
+            let [r, g, b] = self.pixels[y * self.width + x].map(u64::from);
+            red_and_blue += share * (b << 32 | r);
+            green += share * g;
+        }
+        let [r, g, b] = [red_and_blue >> 16, green >> 16, red_and_blue >> 48].map(|channel| channel as u8);
+        ColorRow { r, g, b, camera: self.camera }
     }
 }
 
-/// The centers before and after `at`, clamped to the image, and how far `at` is from the first to the second.
-fn neighbors(at: f32, len: usize) -> (usize, usize, f32) {
-    let at = at.max(0.0);
-    let before = (at as usize).min(len - 1);
-    (before, (before + 1).min(len - 1), at - before as f32)
+/// The centers before and after `at`, clamped to the image, and how far `at` is from the first to the second, in 1/256.
+fn neighbors(at: f32, len: usize) -> (usize, usize, u64) {
+    // Not negative, so that cutting off rounds down; images are less than 2^15 px wide.
+    let steps = (at.max(0.0) * 256.0 + 0.5) as i32 as usize;
+    let before = (steps >> 8).min(len - 1);
+    (before, (before + 1).min(len - 1), (steps & 255) as u64)
 }
 
 /// Colors all points into `rows` of the same number and says how many were seen. `pictures` belong to the views by index.
 pub fn color_into(sources: &Sources<'_>, pictures: &[Picture<'_>], rows: &mut [ColorRow]) -> u64 {
-    let color_chunk = |choices: &mut Choices,
-                       ((points, extent), rows): ((&[SubmapPoint], &Extent), &mut [ColorRow])| {
-        choices.fill(points, extent, sources);
+    let color_chunk = |choices: &mut Choices, (chunk, rows): (&Chunk, &mut [ColorRow])| {
+        choices.fill(chunk, sources);
+        rows.fill(UNSEEN_ROW);
         let mut n_seen = 0;
-        for (row, choice) in rows.iter_mut().zip(choices.iter()) {
-            let seen = choice.and_then(|(view, pixel)| Some((pictures.get(view)?, pixel)));
-            n_seen += u64::from(seen.is_some());
-            *row = seen.map_or(UNSEEN_ROW, |(picture, pixel)| picture.sample(pixel));
+        for (i, view, pixel) in choices.seen() {
+            rows[i] = pictures[view].sample(pixel);
+            n_seen += 1;
         }
         n_seen
     };
-    let chunks = sources.cloud.points.par_chunks(CHUNK).zip(sources.cloud.extents());
-    chunks.zip(rows.par_chunks_mut(CHUNK)).map_init(Choices::default, color_chunk).sum()
+    let chunks = sources.cloud.chunks().par_iter().zip(rows.par_chunks_mut(CHUNK));
+    chunks.map_init(Choices::default, color_chunk).sum()
 }
 
 const UNSEEN_ROW: ColorRow = ColorRow { r: 0, g: 0, b: 0, camera: UNSEEN };

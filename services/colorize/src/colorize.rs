@@ -2,9 +2,11 @@
 
 use crate::Settings;
 use crate::choose::{Limits, Sources};
-use crate::chunk::Cloud;
+use crate::chunk::{Chunk, Cloud};
 use crate::color::{Picture, color_into};
 use crate::occlusion::sights;
+use crate::offset::{Look, Profile};
+use crate::offset_watch::{look, sentence};
 use crate::saved::{self, Held};
 use crate::spectra::{Bands, CameraCubes, CubePicture, Found};
 use crate::views::Camera;
@@ -22,6 +24,9 @@ const MAX_HELD: usize = 1;
 /// An exposure may come this much later than the poses around it, ns. Far above a revolution of any LiDAR.
 const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
 
+/// Times beside an exposure between which its view is said to move, ns: far more than the pose's own noise, far less than a turn.
+const BESIDE_NANOS: i64 = 20_000_000;
+
 /// The stage.
 pub struct Colorize {
     max_age_nanos: i64,
@@ -36,7 +41,13 @@ pub struct Colorize {
     /// Whether exposures may come at all; if not, submaps need not wait for them.
     sees: bool,
     remark: Option<&'static str>,
+    /// Of the cameras.
+    names: Vec<String>,
+    max_offset_rad: f32,
+    max_delay_s: f32,
     held: Held,
+    /// Memory that every submap uses again: the system takes as long to give such memory as coloring does.
+    chunks: Vec<Chunk>,
 }
 
 impl Colorize {
@@ -72,7 +83,11 @@ impl Colorize {
                 (_, false) => Some("nobody publishes images: points stay without color"),
                 _ => None,
             },
+            names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
+            max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
+            max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             held: Held::default(),
+            chunks: Vec::new(),
         })
     }
 
@@ -185,7 +200,7 @@ impl Colorize {
         self.held.submaps.pop_front()
     }
 
-    fn publish_columns(&self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
+    fn publish_columns(&mut self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
         if let Some(remark) = self.remark {
             outputs.note(remark);
         }
@@ -205,24 +220,33 @@ impl Colorize {
                 header.sweeps.len()
             ))
         })?;
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings);
-        self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
-        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)
+        let mut chunks = std::mem::take(&mut self.chunks);
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut chunks);
+        let profiles = self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
+        self.held.watch.keep(profiles);
+        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)?;
+        self.chunks = chunks;
+        Ok(())
     }
 
+    /// Gives what the images show at the edges of the points, too.
     fn publish_color(
         &self,
         submap: &Received<Submap>,
         cloud: &Cloud<'_>,
         world_from_submap: &Pose,
         outputs: &mut Outputs,
-    ) -> Result<(), StepError> {
-        let (mut views, mut pictures) = (Vec::new(), Vec::new());
+    ) -> Result<Vec<(usize, Vec<Profile>)>, StepError> {
+        let (mut views, mut pictures, mut beside) = (Vec::new(), Vec::new(), Vec::new());
         for (image, world_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
             let Some(picture) = self.picture(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];
             views.push(camera.view(image.stamp(), &world_from_body, world_from_submap));
             pictures.push(picture);
+            beside.push([-BESIDE_NANOS, BESIDE_NANOS].map(|nanos| {
+                let stamp = image.stamp().saturating_add(nanos);
+                Some(camera.view(stamp, &self.held.trajectory.at(Stamp(stamp))?, world_from_submap))
+            }));
         }
         let sights = sights(cloud, &views);
         let sources = Sources { cloud, views: &views, sights: &sights, limits: self.limits };
@@ -233,7 +257,43 @@ impl Colorize {
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);
-        outputs.publish_column(loan, submap.stamp(), submap.seq())
+        outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+
+        let header = submap.header();
+        let places = (0..views.len()).filter(|i| {
+            let is_within = (header.stamp_begin..=header.stamp_end).contains(&views[*i].stamp);
+            is_within && !self.held.watch.has_enough_of(pictures[*i].camera())
+        });
+        let looks = places.filter_map(|i| {
+            let [before, after] = beside[i];
+            let beside_s = 2e-9 * BESIDE_NANOS as f32;
+            let (view, sight, picture) = (views[i], &sights[i], pictures[i]);
+            Some((picture.camera(), Look { view, beside: [before?, after?], beside_s, sight, picture }))
+        });
+        Ok(look(cloud, &looks.collect::<Vec<_>>()))
+    }
+
+    /// Says how far points and images are apart.
+    fn report_offset(&self, outputs: &mut Outputs) {
+        let offset = self.held.watch.offset();
+        for (index, found) in offset.cameras.iter().enumerate().filter(|(_, found)| found.is_found()) {
+            outputs.count("cameras_with_known_offset", 1);
+            let is_far = found.exceeds(self.max_offset_rad);
+            outputs.count("cameras_with_large_offset", u64::from(is_far));
+            if is_far {
+                let by_range = self.held.watch.by_range(index, &offset);
+                outputs.note(sentence(&self.names[index], self.cameras[index].px_per_rad(), found, &by_range));
+            }
+        }
+        if let Some([delay_s, deviation_s]) =
+            offset.delay_s.filter(|[delay_s, sigma_s]| delay_s.abs() - 3.0 * sigma_s > self.max_delay_s)
+        {
+            outputs.note(format!(
+                "images were taken {:.1} +- {:.1} ms after their stamps",
+                1e3 * delay_s,
+                1e3 * deviation_s
+            ));
+        }
     }
 
     fn publish_spectra(
@@ -357,6 +417,7 @@ impl Stage for Colorize {
         while let Some(submap) = self.held.submaps.pop_front() {
             self.publish_columns(&submap, outputs)?;
         }
+        self.report_offset(outputs);
         Ok(())
     }
 

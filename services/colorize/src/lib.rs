@@ -25,12 +25,17 @@ pub mod choose;
 pub mod chunk;
 pub mod color;
 mod colorize;
+pub mod depth_edges;
 pub mod frustum;
 pub mod lens;
 pub mod occlusion;
+pub mod offset;
+pub mod offset_fit;
+pub mod offset_watch;
 mod saved;
 pub mod spectra;
 pub mod views;
+mod wide;
 mod window;
 
 pub use colorize::Colorize;
@@ -42,5 +47,9 @@ stage::settings! {
         pub max_age_s: f64 = 1.0 => stage::within(0.01, 10.0);
         /// The same for points on moving objects, s. At 0.1 s a car at 36 km/h is a metre further.
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
+        /// Outlines in points and images that are farther apart than this are said to the operator at the end, mrad. 5 mrad are 10 cm at 20 m.
+        pub max_offset_mrad: f64 = 5.0 => stage::within(0.1, 100.0);
+        /// The same for the time between an exposure and its stamp, ms.
+        pub max_delay_ms: f64 = 5.0 => stage::within(0.1, 1000.0);
     }
 }

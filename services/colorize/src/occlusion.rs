@@ -8,10 +8,9 @@
 //! seen at grazing incidence, from hiding itself.
 
 use crate::choose::{View, gap};
-use crate::chunk::{CHUNK, Chunk, Cloud, Extent, Projected, seconds};
-use messages::SubmapPoint;
+use crate::chunk::{CHUNK, Chunk, Cloud, Lanes, Projected, seconds};
+use crate::wide::{Work, wide};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Side of a cell, rad: about the spacing of shots along a ring of a spinning LiDAR at 10 Hz.
 const CELL_RAD: f32 = 0.0035;
@@ -48,12 +47,40 @@ const MOVING_HIDING_AGE_S: f32 = 0.3;
 /// more, because a street rises faster with range.
 const MAX_RISE_SHARE: f32 = 2.5;
 
+/// The cells of a view.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    min: [f32; 2],
+    cells_per_px: f32,
+    columns: i32,
+    rows: i32,
+}
+
+/// An index that no grid has.
+pub const NO_CELL: u32 = u32::MAX;
+
+impl Grid {
+    fn new(view: &View<'_>) -> Self {
+        let cells_per_px = 1.0 / (CELL_RAD * view.lens.px_per_rad()).max(1.0);
+        let [columns, rows] = [0, 1].map(|axis| ((view.max[axis] - view.min[axis]) * cells_per_px) as i32 + 1);
+        Self { min: view.min, cells_per_px, columns, rows }
+    }
+
+    /// The cell of a pixel that the view holds; of others, none or any.
+    #[inline(always)]
+    pub fn cell(&self, u: f32, v: f32) -> u32 {
+        // Pixels that are not held may be any number, which the conversion would take long to bend to the nearest integer.
+        let column = ((u - self.min[0]) * self.cells_per_px) as i32;
+        let row = ((v - self.min[1]) * self.cells_per_px) as i32;
+        row.wrapping_mul(self.columns).wrapping_add(column) as u32
+    }
+}
+
 /// How far an exposure sees.
 #[derive(Debug)]
 pub struct Sight {
-    min: [f32; 2],
-    cells_per_px: f32,
-    columns: usize,
+    /// Its cells.
+    pub grid: Grid,
     /// Per cell, row by row: the largest range of what is not hidden, m.
     reach_m: Vec<f32>,
 }
@@ -61,100 +88,139 @@ pub struct Sight {
 impl Sight {
     /// One that nothing stands in the way of.
     pub fn free() -> Self {
-        Self { min: [0.0; 2], cells_per_px: 0.0, columns: 1, reach_m: vec![f32::INFINITY] }
+        let grid = Grid { min: [0.0; 2], cells_per_px: 0.0, columns: 1, rows: 1 };
+        Self { grid, reach_m: vec![f32::INFINITY] }
     }
 
-    /// Whether a point on this pixel of the view, at this range, is before all else.
-    pub fn reaches(&self, u: f32, v: f32, range_m: f32) -> bool {
-        let column = ((u - self.min[0]) * self.cells_per_px) as i32 as usize;
-        let row = ((v - self.min[1]) * self.cells_per_px) as i32 as usize;
-        self.reach_m.get(row * self.columns + column).is_none_or(|reach_m| range_m <= *reach_m)
+    /// The largest range of what is not hidden, m; none at all where there is no such cell.
+    #[inline(always)]
+    pub fn reach_m(&self, cell: u32) -> f32 {
+        self.reach_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)
     }
+}
+
+/// Every so manyth point hides: there are several in a cell, and its neighbors close what is missing. A number without a common divisor
+/// with those of rings, so that all of them hide.
+const THINNING: usize = 3;
+
+/// The points that hide: all those on moving objects, which few sweeps meet, and some of the rest.
+fn occluders(chunks: &[Chunk]) -> Vec<Chunk> {
+    let thin = |chunks: &[Chunk]| {
+        let mut thinned = vec![Chunk::default()];
+        for (chunk, i) in chunks.iter().flat_map(|chunk| (0..chunk.n_points).map(move |i| (chunk, i))) {
+            if i % THINNING == 0 || chunk.moves[i] != 0 {
+                if thinned.last().is_none_or(|last| last.n_points == CHUNK) {
+                    thinned.push(Chunk::default());
+                }
+                thinned.last_mut().into_iter().for_each(|last| last.push(chunk, i));
+            }
+        }
+        thinned.iter_mut().for_each(Chunk::close);
+        thinned
+    };
+    chunks.par_chunks(THINNING).flat_map_iter(thin).collect()
 }
 
 /// Of every view, from the points around its time (`HIDING_AGE_S`), those on moving objects only
 /// from shortly before and after (`MOVING_HIDING_AGE_S`).
 pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>]) -> Vec<Sight> {
-    let nearest: Vec<Nearest> = views.iter().map(Nearest::new).collect();
-    let times: Vec<f32> = views.iter().map(|view| seconds(view.stamp, cloud.origin)).collect();
-    let end = cloud.sweeps.iter().map(|sweep| seconds(sweep.stamp, cloud.origin)).fold(0.0, f32::max);
-    let add_chunk = |scratch: &mut Scratch, (points, extent): (&[SubmapPoint], &Extent)| {
-        let mut is_filled = false;
-        for ((view, nearest), time) in views.iter().zip(&nearest).zip(&times) {
-            let hides = gap(time.clamp(0.0, end), extent.time_span) <= HIDING_AGE_S;
-            if hides && view.frustum.meets(&extent.bounds) {
-                if !is_filled {
-                    scratch.chunk.fill(cloud, points);
-                    is_filled = true;
+    let [begin, end] = cloud.time_span();
+    let occluders = occluders(cloud.chunks());
+    let gap_across = (RINGS_RAD / cloud.n_rings.max(1) as f32 / CELL_RAD).ceil().max(1.0) as usize;
+    let of_task = |scratch: &mut Scratch, views: &[View<'_>]| -> Vec<Sight> {
+        let mut nearest: Vec<Nearest> = views.iter().map(Nearest::new).collect();
+        for chunk in &occluders {
+            for (view, nearest) in views.iter().zip(&mut nearest) {
+                let time = seconds(view.stamp, cloud.origin);
+                let hides = gap(time.max(begin).min(end), chunk.time_span) <= HIDING_AGE_S;
+                if hides && view.frustum.meets(&chunk.bounds) {
+                    nearest.add(view, chunk, scratch, time);
                 }
-                nearest.add(view, scratch, *time);
             }
         }
+        let pairs = nearest.into_iter().zip(views);
+        pairs.map(|(nearest, view)| nearest.sight(view, gap_across.min(MAX_GAP_ACROSS))).collect()
     };
-    cloud.points.par_chunks(CHUNK).zip(cloud.extents()).for_each_init(Scratch::default, add_chunk);
-    let gap_across = (RINGS_RAD / cloud.n_rings.max(1) as f32 / CELL_RAD).ceil().max(1.0) as usize;
-    nearest
-        .into_par_iter()
-        .zip(views)
-        .map(|(nearest, view)| nearest.sight(view, gap_across.min(MAX_GAP_ACROSS)))
-        .collect()
+    views.par_chunks(VIEWS_PER_TASK).map_init(Scratch::default, of_task).flatten_iter().collect()
 }
+
+/// Views that look through the points together: those of one time meet a chunk while it is in the cache. More would leave threads
+/// without work.
+const VIEWS_PER_TASK: usize = 3;
 
 /// Memory that every chunk uses again.
 #[derive(Default)]
 struct Scratch {
-    chunk: Chunk,
     projected: Projected,
-    cells: Vec<u32>,
+    hits: Hits,
 }
 
-/// The depth buffer, while points are added from many threads. Which of them comes first does not show in a minimum.
+/// What the points of a chunk hide.
+struct Hits {
+    cells: Lanes<u32>,
+    /// Infinite for a point that hides nothing.
+    range_m: Lanes<f32>,
+}
+
+impl Default for Hits {
+    fn default() -> Self {
+        Self { cells: [0; CHUNK], range_m: [0.0; CHUNK] }
+    }
+}
+
+/// Finds the cells of the points that hide something.
+struct Hide<'a> {
+    /// Of the view, s after the submap's first shot.
+    time: f32,
+    view: View<'a>,
+    grid: Grid,
+    chunk: &'a Chunk,
+    projected: &'a Projected,
+    hits: &'a mut Hits,
+}
+
+impl Work for Hide<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { time, view, grid, chunk, projected, hits } = self;
+        for i in 0..CHUNK {
+            let (u, v) = (projected.u[i], projected.v[i]);
+            let is_old = (chunk.moves[i] != 0) & ((chunk.times[i] - time).abs() > MOVING_HIDING_AGE_S);
+            let hides = view.holds(u, v) & !is_old;
+            // What does not hide is infinitely far, in whichever cell.
+            hits.cells[i] = if hides { grid.cell(u, v) } else { 0 };
+            hits.range_m[i] = if hides { projected.range_m[i] } else { f32::INFINITY };
+        }
+    }
+}
+
+/// The depth buffer: the range of the nearest point of every cell, m.
 struct Nearest {
-    cells_per_px: f32,
-    columns: usize,
-    rows: usize,
-    /// Range as the bits of an f32, which are ordered as it is.
-    range_bits: Vec<AtomicU32>,
+    grid: Grid,
+    range_m: Vec<f32>,
 }
 
 impl Nearest {
     fn new(view: &View<'_>) -> Self {
-        let cells_per_px = 1.0 / (CELL_RAD * view.lens.px_per_rad()).max(1.0);
-        let [columns, rows] = [0, 1].map(|axis| ((view.max[axis] - view.min[axis]) * cells_per_px) as usize + 1);
-        let far = f32::INFINITY.to_bits();
-        let range_bits = (0..columns * rows).map(|_| AtomicU32::new(far)).collect();
-        Self { cells_per_px, columns, rows, range_bits }
+        let grid = Grid::new(view);
+        Self { grid, range_m: vec![f32::INFINITY; (grid.columns * grid.rows) as usize] }
     }
 
-    fn add(&self, view: &View<'_>, scratch: &mut Scratch, time: f32) {
-        let Scratch { chunk, projected, cells } = scratch;
+    fn add(&mut self, view: &View<'_>, chunk: &Chunk, scratch: &mut Scratch, time: f32) {
+        let Scratch { projected, hits } = scratch;
         projected.fill(chunk, &view.camera_from_submap, view.lens);
-        let n = chunk.len();
-        cells.resize(n, 0);
-        let (u, v, cells) = (&projected.u[..n], &projected.v[..n], &mut cells[..n]);
-        let (times, moves) = (&chunk.times[..n], &chunk.moves[..n]);
-        let (left, top, cells_per_px, columns) = (view.min[0], view.min[1], self.cells_per_px, self.columns as i32);
-        // Apart from the loop below, because this one is a vector's work.
-        for i in 0..n {
-            let column = ((u[i] - left) * cells_per_px) as i32;
-            let row = ((v[i] - top) * cells_per_px) as i32;
-            let is_old = moves[i] & ((times[i] - time).abs() > MOVING_HIDING_AGE_S);
-            let cell = row.wrapping_mul(columns).wrapping_add(column) as u32;
-            cells[i] = if view.holds(u[i], v[i]) & !is_old { cell } else { u32::MAX };
-        }
-        for (cell, range_m) in cells.iter().zip(&projected.range_m) {
-            let Some(nearest) = self.range_bits.get(*cell as usize) else { continue };
-            let bits = range_m.to_bits();
-            // Most points are not the nearest; a look is cheaper than an exchange.
-            if bits < nearest.load(Ordering::Relaxed) {
-                nearest.fetch_min(bits, Ordering::Relaxed);
-            }
+        wide(Hide { time, view: *view, grid: self.grid, chunk, projected, hits });
+        for (cell, range_m) in hits.cells.iter().zip(&hits.range_m) {
+            let Some(nearest) = self.range_m.get_mut(*cell as usize) else { continue };
+            *nearest = if range_m < nearest { *range_m } else { *nearest };
         }
     }
 
     fn sight(self, view: &View<'_>, gap_across: usize) -> Sight {
-        let (columns, rows) = (self.columns, self.rows);
-        let mut near: Vec<f32> = self.range_bits.into_iter().map(|bits| f32::from_bits(bits.into_inner())).collect();
+        let [columns, rows] = [self.grid.columns, self.grid.rows].map(|n| n as usize);
+        let mut near = self.range_m;
         // Across the rings is along the submap's vertical, in whichever axis of the image it lies.
         let [x, y, _] = &view.camera_from_submap;
         let (in_rows, in_columns) =
@@ -164,19 +230,23 @@ impl Nearest {
             near = close(&near, columns, rows, in_rows, 1);
         }
         // A cell to every side for poses and for what lies between the points of a silhouette: rather no color than a wrong one.
-        let least = |a: f32, b: f32| if b < a { b } else { a };
         let reach_m = reach_m(&near, columns, rows);
         let reach_m = spread(&reach_m, columns, rows, 1, columns, least);
         let reach_m = spread(&reach_m, columns, rows, 1, 1, least);
-        Sight { min: view.min, cells_per_px: self.cells_per_px, columns, reach_m }
+        Sight { grid: self.grid, reach_m }
     }
 }
 
 /// Fills gaps of up to `gap` cells along rows (`stride` 1) or columns (`stride` = `columns`).
 fn close(near: &[f32], columns: usize, rows: usize, gap: usize, stride: usize) -> Vec<f32> {
     let radius = gap.div_ceil(2);
-    let least = spread(near, columns, rows, radius, stride, |a, b| if b < a { b } else { a });
+    let least = spread(near, columns, rows, radius, stride, least);
     spread(&least, columns, rows, radius, stride, |a, b| if b > a { b } else { a })
+}
+
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
 }
 
 /// Combines every cell with its neighbors up to `radius` to both sides.
@@ -189,45 +259,82 @@ fn spread(
     pick: impl Fn(f32, f32) -> f32 + Copy,
 ) -> Vec<f32> {
     let mut out = values.to_vec();
-    let combine = |out: &mut [f32], with: &[f32]| out.iter_mut().zip(with).for_each(|(a, b)| *a = pick(*a, *b));
     if stride > 1 {
         for by in (1..=radius.min(rows - 1)).map(|by| by * columns) {
             let len = values.len() - by;
-            combine(&mut out[..len], &values[by..]);
-            combine(&mut out[by..], &values[..len]);
+            wide(Combine { out: &mut out[..len], with: &values[by..], pick });
+            wide(Combine { out: &mut out[by..], with: &values[..len], pick });
         }
     } else {
         for (out, values) in out.chunks_exact_mut(columns).zip(values.chunks_exact(columns)) {
             for by in 1..=radius.min(columns - 1) {
-                combine(&mut out[..columns - by], &values[by..]);
-                combine(&mut out[by..], &values[..columns - by]);
+                wide(Combine { out: &mut out[..columns - by], with: &values[by..], pick });
+                wide(Combine { out: &mut out[by..], with: &values[..columns - by], pick });
             }
         }
     }
     out
 }
 
+struct Combine<'a, F> {
+    out: &'a mut [f32],
+    with: &'a [f32],
+    pick: F,
+}
+
+impl<F: Fn(f32, f32) -> f32> Work for Combine<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        self.out.iter_mut().zip(self.with).for_each(|(a, b)| *a = (self.pick)(*a, *b));
+    }
+}
+
 /// How far each cell lets see.
 fn reach_m(near: &[f32], columns: usize, rows: usize) -> Vec<f32> {
-    let mut out = Vec::with_capacity(near.len());
-    for row in 0..rows {
+    let mut out = vec![0.0; near.len()];
+    // A row with its ends twice, so that every cell has neighbors. What falls to nowhere on one side is no slope.
+    let mut padded = vec![0.0; columns + 2];
+    for (row, out) in out.chunks_exact_mut(columns).enumerate() {
         let line = |row: usize| &near[row * columns..(row + 1) * columns];
         let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(rows - 1)));
-        for column in 0..columns {
-            let range_m = here[column];
-            let along = rise(here[column.saturating_sub(1)], range_m, here[(column + 1).min(columns - 1)]);
-            let rise = rise(above[column], range_m, below[column]).max(along);
-            let rise = MAX_RISE_SHARE * rise.min(MAX_RISE * range_m.min(f32::MAX));
-            out.push(range_m + range_m * TOLERANCE_PER_M + TOLERANCE_M + rise);
-        }
+        padded[1..=columns].copy_from_slice(here);
+        (padded[0], padded[columns + 1]) = (here[0], here[columns - 1]);
+        wide(Reach { above, padded: &padded, below, out });
     }
     out
 }
 
+struct Reach<'a> {
+    above: &'a [f32],
+    padded: &'a [f32],
+    below: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl Work for Reach<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { above, padded, below, out } = self;
+        let (before, here, after) = (padded, &padded[1..], &padded[2..]);
+        let around = above.iter().zip(below).zip(before).zip(after);
+        for ((out, range_m), (((above, below), before), after)) in out.iter_mut().zip(here).zip(around) {
+            let rise = f32::max(rise(*above, *range_m, *below), rise(*before, *range_m, *after));
+            let rise = MAX_RISE_SHARE * rise.min(MAX_RISE * range_m.min(f32::MAX));
+            *out = range_m + range_m * TOLERANCE_PER_M + TOLERANCE_M + rise;
+        }
+    }
+}
+
 /// By how much a surface that falls from one neighbor and rises to the other does so over a cell, m: the lesser of the two. At a
 /// silhouette one of them is nothing, and what lies far behind it does not count as its slope.
+#[inline(always)]
 fn rise(before: f32, here: f32, after: f32) -> f32 {
     let (a, b) = (here - before, after - here);
+    // NaN, where two of them are infinite, is not above anything.
     if a * b > 0.0 { a.abs().min(b.abs()) } else { 0.0 }
 }
 

@@ -1,5 +1,6 @@
 //! What the next tick depends on, as bytes.
 
+use crate::offset_watch::Watch;
 use crate::window::Window;
 use geometry::{Stamp, Trajectory};
 use messages::{Cube, Image, Message, PoseRow, Submap};
@@ -8,7 +9,7 @@ use stage::{Received, StepError};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Raised with every change of the layout.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Everything that is held from tick to tick.
 #[derive(Default)]
@@ -25,6 +26,8 @@ pub struct Held {
     pub bands_nm: BTreeMap<u32, Vec<f32>>,
     /// Last shot of the newest submap.
     pub submaps_until: Option<i64>,
+    /// What the images show where the points have edges.
+    pub watch: Watch,
 }
 
 /// All but the messages, whose bytes follow it as they are: hundreds of megabytes should be copied only once.
@@ -33,6 +36,7 @@ struct Head {
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
     bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
+    watch: Watch,
     /// Bytes of each message.
     submaps: Vec<u64>,
     images: Vec<u64>,
@@ -49,6 +53,7 @@ pub fn save(held: &Held) -> Result<Vec<u8>, StepError> {
         poses: held.trajectory.poses().iter().map(pose).collect(),
         bands_nm: held.bands_nm.clone(),
         submaps_until: held.submaps_until,
+        watch: held.watch.clone(),
         submaps: held.submaps.iter().map(n_bytes).collect(),
         images: held.images.exposures().iter().map(n_bytes).collect(),
         cubes: held.cubes.exposures().iter().map(n_bytes).collect(),
@@ -73,7 +78,8 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
     let mut rest = Rest(state);
     let head_len = rest.take(4)?.iter().rev().fold(0, |len, byte| len << 8 | u64::from(*byte));
     let head: Head = stage::decode_state(VERSION, rest.take(head_len)?)?;
-    let mut held = Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, ..Held::default() };
+    let mut held =
+        Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, watch: head.watch, ..Held::default() };
     for (stamp, translation, rotation) in head.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {

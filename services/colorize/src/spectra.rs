@@ -1,9 +1,9 @@
 //! The `spectra` column.
 
 use crate::choose::{Choices, Limits, NO_VIEW, Sources, View};
-use crate::chunk::{CHUNK, Cloud, Extent};
-use crate::occlusion::sights;
-use messages::{CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader, SubmapPoint, pod::cast_slice_mut};
+use crate::chunk::{CHUNK, Chunk, Cloud};
+use crate::occlusion::{Sight, sights};
+use messages::{CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader};
 use rayon::prelude::*;
 
 /// What the bands of a spectrum are: those of all mosaic cameras, one after another.
@@ -85,36 +85,54 @@ struct Cell {
 
 const NO_CELL: Cell = Cell { cube: NO_VIEW, cell: 0 };
 
+/// The spectra of a chunk's points, found but not yet written.
+struct Batch {
+    /// Index in the submap, rising.
+    points: Vec<u32>,
+    /// For each camera, of each of the points.
+    cells: Vec<Vec<Cell>>,
+}
+
 /// The spectra of a submap, found but not yet written: how many there are is known, so that the column gets its exact
 /// size.
 pub struct Found<'a> {
     bands: &'a Bands,
     cameras: &'a [CameraCubes<'a>],
-    /// Per camera, per point.
-    cells: Vec<Vec<Cell>>,
-    /// Points with a spectrum, rising.
-    seen: Vec<u32>,
+    /// In the order of the points. Chunks without spectra have none.
+    batches: Vec<Batch>,
     n_points: usize,
+    n_spectra: usize,
 }
 
 impl<'a> Found<'a> {
     /// Looks every point up in the best cube of each camera. Cells without any valid band count as unseen.
     pub fn new(cloud: &Cloud<'_>, bands: &'a Bands, cameras: &'a [CameraCubes<'a>], limits: Limits) -> Self {
-        let points = cloud.points;
-        let cells: Vec<Vec<Cell>> = cameras.iter().map(|camera| find_cells(cloud, camera, limits)).collect();
-        let is_seen = |i: &usize| cells.iter().any(|cells| cells[*i].cube != NO_VIEW);
-        let seen = (0..points.len()).filter(is_seen).map(|i| i as u32).collect();
-        Self { bands, cameras, cells, seen, n_points: points.len() }
+        let sights: Vec<Vec<Sight>> = cameras.iter().map(|camera| sights(cloud, &camera.views)).collect();
+        let pairs = cameras.iter().zip(&sights);
+        let sources: Vec<Sources<'_>> =
+            pairs.map(|(camera, sights)| Sources { cloud, views: &camera.views, sights, limits }).collect();
+        let find = |choices: &mut Choices, (chunk_idx, chunk): (usize, &Chunk)| {
+            let find_cells = |(camera, sources): (&CameraCubes<'_>, &Sources<'_>)| {
+                choices.fill(chunk, sources);
+                find_cells(choices, camera)
+            };
+            let cells: Vec<Vec<Cell>> = cameras.iter().zip(&sources).map(find_cells).collect();
+            Batch::new(chunk_idx * CHUNK, &cells)
+        };
+        let chunks = cloud.chunks().par_iter().enumerate();
+        let batches: Vec<Batch> = chunks.map_init(Choices::default, find).flatten_iter().collect();
+        let n_spectra = batches.iter().map(|batch| batch.points.len()).sum();
+        Self { bands, cameras, batches, n_points: cloud.points.len(), n_spectra }
     }
 
     /// Rows that the column needs.
     pub fn n_rows(&self) -> usize {
-        self.n_points + self.seen.len() * self.n_words()
+        self.n_points + self.n_spectra * self.n_words()
     }
 
     /// Points with a spectrum.
     pub fn n_spectra(&self) -> usize {
-        self.seen.len()
+        self.n_spectra
     }
 
     /// Two words of validity and the bands.
@@ -126,7 +144,7 @@ impl<'a> Found<'a> {
     pub fn header(&self) -> SpectraHeader {
         SpectraHeader {
             n_points: self.n_points as u32,
-            n_spectra: self.seen.len() as u32,
+            n_spectra: self.n_spectra as u32,
             n_bands: self.bands.n_bands() as u32,
             reserved: 0,
             wavelengths_nm: self.bands.wavelengths_nm,
@@ -138,53 +156,71 @@ impl<'a> Found<'a> {
     pub fn write_into(&self, rows: &mut [u32]) {
         let (indices, table) = rows.split_at_mut(self.n_points);
         indices.fill(NO_SPECTRUM);
-        for (spectrum_idx, point_idx) in (0..).zip(&self.seen) {
+        for (spectrum_idx, point_idx) in (0..).zip(self.batches.iter().flat_map(|batch| &batch.points)) {
             indices[*point_idx as usize] = spectrum_idx;
         }
-        let points = self.seen.par_chunks(CHUNK);
-        points.zip(table.par_chunks_mut(CHUNK * self.n_words())).for_each(|(points, table)| {
-            for (point_idx, words) in points.iter().zip(table.chunks_exact_mut(self.n_words())) {
-                self.write_spectrum(*point_idx as usize, words);
-            }
-        });
+        let mut rest = table;
+        let tables: Vec<&mut [u32]> = (self.batches.iter())
+            .filter_map(|batch| rest.split_off_mut(..batch.points.len() * self.n_words()))
+            .collect();
+        let batches = self.batches.par_iter().zip(tables);
+        batches.for_each(|(batch, table)| self.write_batch(batch, table));
     }
 
-    fn write_spectrum(&self, point_idx: usize, words: &mut [u32]) {
-        words.fill(0);
-        let (validity, reflectances) = words.split_at_mut(2);
-        let reflectances = cast_slice_mut::<u32, f32>(reflectances);
-        let mut bits = 0_u64;
-        for ((camera, cells), start) in self.cameras.iter().zip(&self.cells).zip(&self.bands.starts) {
-            let Cell { cube, cell } = cells[point_idx];
-            let Some(cube) = camera.cubes.get(cube as usize) else { continue };
-            let mask = cube.mask(cell);
-            bits |= u64::from(mask) << start;
-            for band in (0..cube.header.n_bands as usize).filter(|band| mask >> band & 1 == 1) {
-                reflectances[start + band] = cube.view.band(band)[cell as usize];
+    fn write_batch(&self, batch: &Batch, table: &mut [u32]) {
+        table.fill(0);
+        let n_words = self.n_words();
+        for ((camera, cells), start) in self.cameras.iter().zip(&batch.cells).zip(&self.bands.starts) {
+            for (cube_idx, cube) in (0..).zip(&camera.cubes) {
+                let of_cube = cells.iter().enumerate().filter(|(_, cell)| cell.cube == cube_idx);
+                // First word of a spectrum, its cell, and which bands are valid there.
+                let places: Vec<(usize, usize, u32)> =
+                    of_cube.map(|(i, cell)| (i * n_words, cell.cell as usize, cube.mask(cell.cell))).collect();
+                for (at, _, mask) in &places {
+                    let bits = u64::from(*mask) << start;
+                    table[*at] |= bits as u32;
+                    table[at + 1] |= (bits >> 32) as u32;
+                }
+                if places.is_empty() {
+                    continue;
+                }
+                // Band by band, because neighbors among the points are neighbors in the plane of a band.
+                for band in 0..cube.header.n_bands as usize {
+                    let plane = cube.view.band(band);
+                    for (at, cell, mask) in &places {
+                        let is_valid = mask >> band & 1 == 1;
+                        table[at + 2 + start + band] = if is_valid { plane[*cell].to_bits() } else { 0 };
+                    }
+                }
             }
         }
-        validity.copy_from_slice(&[bits as u32, (bits >> 32) as u32]);
     }
 }
 
-fn find_cells(cloud: &Cloud<'_>, camera: &CameraCubes<'_>, limits: Limits) -> Vec<Cell> {
-    let sights = sights(cloud, &camera.views);
-    let sources = Sources { cloud, views: &camera.views, sights: &sights, limits };
-    let mut cells = vec![NO_CELL; cloud.points.len()];
-    let find = |choices: &mut Choices, ((points, extent), cells): ((&[SubmapPoint], &Extent), &mut [Cell])| {
-        choices.fill(points, extent, &sources);
-        for (out, choice) in cells.iter_mut().zip(choices.iter()) {
-            let Some((cube, (view, pixel))) = choice.and_then(|seen| Some((camera.cubes.get(seen.0)?, seen))) else {
-                continue;
-            };
-            let cell = cube.cell(pixel);
-            if cube.mask(cell) != 0 {
-                *out = Cell { cube: view as u32, cell };
-            }
+impl Batch {
+    /// From the cells that each camera has for the points of a chunk, [`NO_CELL`] where it has none. `None` if no point has any.
+    fn new(first_point: usize, cells: &[Vec<Cell>]) -> Option<Self> {
+        let is_seen = |i: &usize| cells.iter().any(|cells| cells.get(*i).is_some_and(|cell| cell.cube != NO_VIEW));
+        let places: Vec<usize> = (0..CHUNK).filter(is_seen).collect();
+        let of_camera = |cells: &Vec<Cell>| places.iter().map(|i| cells.get(*i).copied().unwrap_or(NO_CELL)).collect();
+        (!places.is_empty()).then(|| Self {
+            points: places.iter().map(|i| (first_point + i) as u32).collect(),
+            cells: cells.iter().map(of_camera).collect(),
+        })
+    }
+}
+
+/// The cells of the points for which views of the camera were chosen; nothing at all if there are none.
+fn find_cells(choices: &Choices, camera: &CameraCubes<'_>) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for (i, view, pixel) in choices.seen() {
+        let cube = &camera.cubes[view];
+        let cell = cube.cell(pixel);
+        if cube.mask(cell) != 0 {
+            cells.resize(CHUNK, NO_CELL);
+            cells[i] = Cell { cube: view as u32, cell };
         }
-    };
-    let chunks = cloud.points.par_chunks(CHUNK).zip(cloud.extents());
-    chunks.zip(cells.par_chunks_mut(CHUNK)).for_each_init(Choices::default, find);
+    }
     cells
 }
 

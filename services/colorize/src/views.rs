@@ -29,6 +29,11 @@ impl Camera {
         self.size
     }
 
+    /// Of the lens, on the axis.
+    pub fn px_per_rad(&self) -> f32 {
+        self.lens.px_per_rad()
+    }
+
     /// The whole image of an exposure at `stamp`.
     pub fn view(&self, stamp: i64, world_from_body: &Pose, world_from_submap: &Pose) -> View<'_> {
         let [width, height] = self.size;
@@ -45,12 +50,14 @@ impl Camera {
     ) -> View<'_> {
         // In f64 as long as the world's large numbers are in it.
         let camera_from_submap = (world_from_body * self.body_from_camera).inverse() * world_from_submap;
+        let position = camera_from_submap.inverse().translation.vector;
         let matrix = camera_from_submap.to_homogeneous();
         let [x0, y0, width, height] = area.map(|v| v as f32);
         let camera_from_submap = [0, 1, 2].map(|i| [0, 1, 2, 3].map(|j| matrix[(i, j)] as f32));
         View {
             stamp,
             camera_from_submap,
+            position: [position.x, position.y, position.z].map(|v| v as f32),
             lens: &self.lens,
             frustum: Frustum::new(self.slopes, &camera_from_submap),
             // A pixel reaches half a pixel to each side of its center.

@@ -3,7 +3,7 @@
 mod common;
 
 use colorize::choose::{Choices, Limits, Sources, View};
-use colorize::chunk::{CHUNK, Cloud};
+use colorize::chunk::{CHUNK, Chunk, Cloud};
 use colorize::occlusion::{Sight, sights};
 use colorize::views::Camera;
 use geometry::{CameraModel, Pose, RigCamera, Stamp};
@@ -162,16 +162,19 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
             });
         }
     }
-    let cloud = Cloud::new(&points, &sweeps, town.begin.0, N_RINGS);
+    let mut chunks = Vec::new();
+    let cloud = Cloud::new(&points, &sweeps, town.begin.0, N_RINGS, &mut chunks);
     let tested = sights(&cloud, &views);
     let untested: Vec<Sight> = views.iter().map(|_| Sight::free()).collect();
     [tested, untested].map(|sights| {
         let sources = Sources { cloud: &cloud, views: &views, sights: &sights, limits: LIMITS };
-        let of_chunk = |(i, points): (usize, &[SubmapPoint])| {
+        let of_chunk = |(chunk, points): (&Chunk, &[SubmapPoint])| {
             let mut choices = Choices::default();
-            choices.fill(points, &cloud.extents()[i], &sources);
+            choices.fill(chunk, &sources);
+            let mut chosen = vec![None; points.len()];
+            choices.seen().for_each(|(i, view, _)| chosen[i] = Some(view));
             let mut table = [Score::default(); RANGES_M.len()];
-            for (point, choice) in points.iter().zip(choices.iter()).step_by(STRIDE) {
+            for (point, choice) in points.iter().zip(chosen).step_by(STRIDE) {
                 let stamp = sweeps[usize::from(point.sweep_idx)].stamp + i64::from(point.offset_nanos);
                 let p = world_from_submap * Point3::new(point.x, point.y, point.z).cast::<f64>();
                 let limit_s = if point.flags == 0 { LIMITS.max_age_s } else { LIMITS.max_moving_age_s };
@@ -190,15 +193,13 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
                 score.visible_colored += usize::from(is_visible && choice.is_some());
                 score.colored += usize::from(choice.is_some());
                 let before =
-                    choice.and_then(|(view, _)| town.before(&exposures[view].snapshot, &exposures[view].eye, &p));
+                    choice.and_then(|view: usize| town.before(&exposures[view].snapshot, &exposures[view].eye, &p));
                 score.wrong += usize::from(before.is_some());
                 score.behind_leaves += usize::from(before == Some(ClassId::Vegetation));
             }
             table
         };
-        points
-            .par_chunks(CHUNK)
-            .enumerate()
+        (cloud.chunks().par_iter().zip(points.par_chunks(CHUNK)))
             .map(of_chunk)
             .reduce(|| [Score::default(); RANGES_M.len()], |a, b| std::array::from_fn(|i| a[i].plus(b[i])))
     })

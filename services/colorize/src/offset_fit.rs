@@ -1,0 +1,371 @@
+//! How far the outlines that the LiDAR saw are from those that the cameras saw: what is found.
+//!
+//! Unknown are a turn of each camera, up and to the side, and a delay that all shutters share, since one trigger fires them. A turn moves
+//! all edges of a camera alike, whatever their range; a delay moves near ones more than far ones, those ahead outward and those at the side
+//! backward. So both can be told apart where the vehicle moves and the edges are at different ranges; elsewhere
+//! the delay is said to be unknown, and the turns hold for a delay of zero.
+
+use crate::offset::{Profile, REACH};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// A camera's turn, rad about its own x (up) and y (to the right). About z, its axis, little would move where most edges are.
+pub type Turn = [f32; 2];
+
+/// Turns that are looked for, rad: 2.5 degrees.
+const MAX_TURN: f32 = 0.044;
+
+/// Delays that are looked for, s.
+const MAX_DELAY_S: f32 = 0.15;
+
+/// First steps of the search: as wide as a smoothed profile's peak.
+const TURN_STEP: f32 = 0.004;
+const DELAY_STEP_S: f32 = 0.01;
+
+/// Steps to both sides over which profiles are smoothed for the first search.
+const SMOOTHING: usize = 2;
+
+/// Steps to both sides over which the mean is no outline.
+const BACKGROUND: usize = 12;
+
+/// Edges of a camera that the first search looks at.
+const FEW: usize = 250;
+
+/// Fewer edges say nothing.
+const MIN_EDGES: usize = 150;
+
+/// A peak of so many standard deviations of what chance gives is one. Edges of one outline are not independent, so it is more than
+/// 4 of them would be.
+const SIGNIFICANT: f32 = 8.0;
+
+/// The same for the delay, against no delay at all.
+const SIGNIFICANT_DELAY: f32 = 8.0;
+
+/// Parts that are fitted one by one, to see by how much they differ.
+const N_PARTS: usize = 4;
+
+/// What was found about one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraOffset {
+    /// How the camera must be turned in its own frame to agree with the points: `p_true = turn * p_as_mounted`.
+    pub turn: Turn,
+    /// Standard deviation of the turn, from parts of the edges, rad.
+    pub deviation: Turn,
+    /// Edges.
+    pub n_edges: usize,
+    /// Height of the peak, in standard deviations of what chance gives.
+    pub peak: f32,
+}
+
+impl CameraOffset {
+    /// Whether the peak is more than chance.
+    pub fn is_found(&self) -> bool {
+        self.n_edges >= MIN_EDGES && self.peak >= SIGNIFICANT
+    }
+    /// Whether it is turned by more than this, rad, beyond doubt.
+    pub fn exceeds(&self, angle: f32) -> bool {
+        self.is_found() && self.angle() - 3.0 * self.deviation[0].hypot(self.deviation[1]) > angle
+    }
+    /// How far the middle of the image is off, rad.
+    pub fn angle(&self) -> f32 {
+        self.turn[0].hypot(self.turn[1])
+    }
+}
+
+/// What was found about all cameras.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Offset {
+    /// How much later than its stamp the exposure was, s, and the standard deviation; `None` where it cannot be told.
+    pub delay_s: Option<[f32; 2]>,
+    /// By index.
+    pub cameras: Vec<CameraOffset>,
+}
+
+/// Fits turns and delay to each camera's profiles.
+pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
+    let all: Vec<Edges> = cameras.iter().map(|profiles| Edges::new(profiles.iter())).collect();
+    let still = Solution::search(&all, false);
+    let moved = Solution::search(&all, true).refined(&all, true);
+    let still = still.refined(&all, false);
+    let gain = moved.peak(&all).powi(2) - still.peak(&all).powi(2);
+    let has_delay = gain > SIGNIFICANT_DELAY.powi(2);
+    // A delay of nothing is as good as any other if it could have been seen.
+    let solution = if has_delay { &moved } else { &still };
+    let parts: Vec<Solution> = (0..N_PARTS)
+        .map(|part| {
+            let edges: Vec<Edges> =
+                cameras.iter().map(|profiles| Edges::new(profiles.iter().skip(part).step_by(N_PARTS))).collect();
+            solution.clone().refined(&edges, has_delay)
+        })
+        .collect();
+    let deviation = |value: &dyn Fn(&Solution) -> f32| {
+        let mean = parts.iter().map(value).sum::<f32>() / N_PARTS as f32;
+        let square: f32 = parts.iter().map(|part| (value(part) - mean).powi(2)).sum();
+        (square / (N_PARTS * (N_PARTS - 1)) as f32).sqrt()
+    };
+    let camera = |(i, edges): (usize, &Edges)| CameraOffset {
+        turn: solution.turns[i],
+        deviation: [0, 1].map(|axis| deviation(&|part: &Solution| part.turns[i][axis])),
+        n_edges: edges.rows.len(),
+        peak: edges.peak(solution.turns[i], solution.delay_s, false),
+    };
+    Offset {
+        delay_s: has_delay.then(|| [solution.delay_s, deviation(&|part: &Solution| part.delay_s)]),
+        cameras: all.iter().enumerate().map(camera).collect(),
+    }
+}
+
+/// Turns alone, of the edges of some range, about the turn that all edges gave.
+pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOffset, delay_s: f32) -> CameraOffset {
+    let edges = vec![Edges::new(profiles.iter().filter(|profile| range_m.contains(&profile.range_m)))];
+    let found = Solution { turns: vec![around.turn], delay_s }.refined(&edges, false);
+    let peak = edges[0].peak(found.turns[0], delay_s, false);
+    CameraOffset { turn: found.turns[0], deviation: [0.0; 2], n_edges: edges[0].rows.len(), peak }
+}
+
+/// One camera's edges.
+struct Edges {
+    /// Steps per rad about x and y and per s, and the phase.
+    rows: Vec<[f32; 4]>,
+    /// Turns that the edges tell: about both axes, or about one in between if all edges run the same way.
+    axes: Vec<Turn>,
+    /// Their profiles, sharp and smoothed.
+    sharp: Vec<Vec<f32>>,
+    smooth: Vec<Vec<f32>>,
+}
+
+impl Edges {
+    fn new<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Self {
+        let mut edges = Self { rows: Vec::new(), axes: Vec::new(), sharp: Vec::new(), smooth: Vec::new() };
+        for profile in profiles {
+            let [x, y, _] = profile.per_rad;
+            edges.rows.push([x, y, profile.per_s, profile.phase]);
+            let changes: Vec<f32> = profile.changes.iter().map(|change| f32::from(*change) / 16.0).collect();
+            // What is bright and busy over many steps is no outline.
+            let background = smoothed(&changes, BACKGROUND);
+            let changes: Vec<f32> = changes.iter().zip(background).map(|(change, mean)| change - mean).collect();
+            // Twice over neighbors gives the middle the most weight, so that there is one place where the peak is highest.
+            edges.sharp.push(smoothed(&smoothed(&changes, 1), 1));
+            edges.smooth.push(smoothed(&changes, SMOOTHING));
+        }
+        edges.axes = axes(&edges.rows);
+        edges
+    }
+
+    /// Sum over every so manyth profile, at the place where the outline should be. Beyond a profile's ends there is nothing.
+    fn score(&self, turn: Turn, delay_s: f32, coarse: bool) -> f32 {
+        let (profiles, every) =
+            if coarse { (&self.smooth, self.rows.len().div_ceil(FEW).max(1)) } else { (&self.sharp, 1) };
+        let pairs = self.rows.iter().zip(profiles).step_by(every);
+        pairs
+            .map(|([x, y, t, phase], changes)| {
+                let at = REACH as f32 + x * turn[0] + y * turn[1] + t * delay_s - phase;
+                if at.is_nan() || at < 0.0 {
+                    return 0.0;
+                }
+                let (i, share) = (at as usize, at.fract());
+                match changes.get(i..i + 2) {
+                    Some([a, b]) => a + share * (b - a),
+                    _ => 0.0,
+                }
+            })
+            .sum()
+    }
+
+    /// The score in standard deviations of what chance gives: that of as many numbers of the same size.
+    fn peak(&self, turn: Turn, delay_s: f32, coarse: bool) -> f32 {
+        let profiles = if coarse { &self.smooth } else { &self.sharp };
+        let square: f32 = profiles.iter().flatten().map(|change| change * change).sum();
+        let per_profile = square / (2 * REACH + 1) as f32;
+        self.score(turn, delay_s, coarse) / per_profile.sqrt().max(1e-6)
+    }
+}
+
+/// The mean over a window of `2 * radius + 1`, cut off at the ends.
+fn smoothed(changes: &[f32], radius: usize) -> Vec<f32> {
+    let mean = |i: usize| {
+        let window = &changes[i.saturating_sub(radius)..(i + radius + 1).min(changes.len())];
+        window.iter().sum::<f32>() / window.len() as f32
+    };
+    (0..changes.len()).map(mean).collect()
+}
+
+#[derive(Clone)]
+struct Solution {
+    turns: Vec<Turn>,
+    delay_s: f32,
+}
+
+impl Solution {
+    /// Over all turns about x and y, and all delays if there may be one.
+    fn search(cameras: &[Edges], may_be_late: bool) -> Self {
+        let n_delays = if may_be_late { (MAX_DELAY_S / DELAY_STEP_S).round() as i32 } else { 0 };
+        let n_turns = (MAX_TURN / TURN_STEP).round() as i32;
+        let mut best: Option<(f32, Self)> = None;
+        for delay_s in (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S) {
+            let best_turn = |edges: &Edges| {
+                let mut best = (f32::NEG_INFINITY, [0.0; 2]);
+                let n_across = if edges.axes.len() > 1 { n_turns } else { 0 };
+                for (a, b) in (-n_turns..=n_turns).flat_map(|a| (-n_across..=n_across).map(move |b| (a, b))) {
+                    let steps = [a as f32 * TURN_STEP, b as f32 * TURN_STEP];
+                    let turn =
+                        edges.axes.iter().zip(steps).fold([0.0; 2], |turn, (axis, step)| moved(turn, *axis, step));
+                    let score = edges.score(turn, delay_s, true);
+                    if score > best.0 {
+                        best = (score, turn);
+                    }
+                }
+                best
+            };
+            let found: Vec<(f32, Turn)> = cameras.par_iter().map(best_turn).collect();
+            let score = found.iter().map(|(score, _)| score).sum();
+            if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
+                best = Some((score, Self { turns: found.into_iter().map(|(_, turn)| turn).collect(), delay_s }));
+            }
+        }
+        best.map_or_else(|| Self { turns: vec![[0.0; 2]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
+    }
+
+    /// By ever smaller steps, along one unknown after the other, as long as the sum rises.
+    fn refined(mut self, cameras: &[Edges], may_be_late: bool) -> Self {
+        let (mut turn_step, mut delay_step) = (TURN_STEP, DELAY_STEP_S);
+        // Seven halvings: 31 urad and 78 us.
+        for _ in 0..7 {
+            // Few rounds climb from one grid place to the next; the bound is for sums that go round in circles of rounding.
+            for _ in 0..6 {
+                let mut is_better = false;
+                for (edges, turn) in cameras.iter().zip(&mut self.turns) {
+                    is_better |= climb(edges, turn, self.delay_s, turn_step);
+                }
+                is_better |= may_be_late && self.climb_delay(cameras, delay_step, turn_step);
+                if !is_better {
+                    break;
+                }
+            }
+            turn_step *= 0.5;
+            delay_step *= 0.5;
+        }
+        self
+    }
+
+    /// A step of the delay, to which all turns are fitted anew.
+    fn climb_delay(&mut self, cameras: &[Edges], delay_step: f32, turn_step: f32) -> bool {
+        let score = self.score(cameras);
+        for step in [-delay_step, delay_step] {
+            let mut moved = Self { delay_s: self.delay_s + step, ..self.clone() };
+            if moved.delay_s.abs() > MAX_DELAY_S {
+                continue;
+            }
+            for (edges, turn) in cameras.iter().zip(&mut moved.turns) {
+                for _ in 0..4 {
+                    climb(edges, turn, moved.delay_s, turn_step);
+                }
+            }
+            if moved.score(cameras) > score {
+                *self = moved;
+                return true;
+            }
+        }
+        false
+    }
+
+    fn score(&self, cameras: &[Edges]) -> f32 {
+        cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.score(*turn, self.delay_s, false)).sum()
+    }
+
+    /// Of all cameras together, see [`Edges::peak`].
+    fn peak(&self, cameras: &[Edges]) -> f32 {
+        let squares =
+            cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.peak(*turn, self.delay_s, false).powi(2));
+        squares.sum::<f32>().sqrt()
+    }
+}
+
+/// One step about each axis, where it is better.
+fn climb(edges: &Edges, turn: &mut Turn, delay_s: f32, step: f32) -> bool {
+    let mut is_better = false;
+    let mut score = edges.score(*turn, delay_s, false);
+    for axis in &edges.axes {
+        for step in [-step, step] {
+            let moved = moved(*turn, *axis, step);
+            let found = edges.score(moved, delay_s, false);
+            if found > score && moved[0].hypot(moved[1]) <= 1.5 * MAX_TURN {
+                (score, *turn, is_better) = (found, moved, true);
+                break;
+            }
+        }
+    }
+    is_better
+}
+
+fn moved(turn: Turn, axis: Turn, step: f32) -> Turn {
+    [turn[0] + step * axis[0], turn[1] + step * axis[1]]
+}
+
+/// The axis that the edges tell most about, and the one across it if they tell a tenth as much about that.
+fn axes(rows: &[[f32; 4]]) -> Vec<Turn> {
+    let sum = |value: &dyn Fn(&[f32; 4]) -> f32| rows.iter().map(value).sum::<f32>();
+    let (xx, xy, yy) = (sum(&|r| r[0] * r[0]), sum(&|r| r[0] * r[1]), sum(&|r| r[1] * r[1]));
+    // Principal axes of the 2x2 matrix.
+    let (y, x) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
+    let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    if middle - half > 0.1 * (middle + half) { vec![[x, y], [-y, x]] } else { vec![[x, y]] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A number from 0 to 1 that looks like chance.
+    fn chance(seed: usize) -> f32 {
+        (((seed as f32 + 1.0) * 12.9898).sin() * 43_758.547).rem_euclid(1.0)
+    }
+
+    /// Edges of a camera of 800 steps per rad that runs along them at 10 m/s, 5 to 40 m away, with outlines where a turn and a delay put them
+    /// and as many others by chance.
+    fn profiles(turn: Turn, delay_s: f32, speed: f32, is_outline: bool) -> Vec<Profile> {
+        let profile = |i: usize| {
+            let (angle, range_m) = (6.3 * chance(3 * i), 5.0 + 35.0 * chance(3 * i + 1));
+            let per_rad = [800.0 * angle.cos(), 800.0 * angle.sin(), 0.0];
+            let per_s = 800.0 * speed / range_m * angle.sin();
+            let phase = chance(3 * i + 2);
+            let shift = per_rad[0] * turn[0] + per_rad[1] * turn[1] + per_s * delay_s - phase;
+            let change = |at: usize| {
+                let from_outline = (at as f32 - REACH as f32 - shift).abs();
+                let outline = if is_outline { (2.0 - from_outline).max(0.0) * 30.0 } else { 0.0 };
+                let other = if chance(1000 * i + at) > 0.9 { 40.0 } else { 0.0 };
+                (outline + other - 6.0) as i8
+            };
+            let changes = (0..=2 * REACH).map(change).collect();
+            Profile { range_m, gap: 1.0, per_rad, per_s, phase, changes }
+        };
+        (0..600).map(profile).collect()
+    }
+
+    #[test]
+    fn a_turn_and_a_delay_are_found_and_told_apart() {
+        for (turn, delay_s) in [([0.0035, -0.02], 0.0), ([-0.004, 0.001], 0.03), ([0.0, 0.0], -0.1)] {
+            let found = fit(&[profiles(turn, delay_s, 10.0, true)]);
+            let camera = &found.cameras[0];
+            assert!(camera.is_found(), "{found:?}");
+            for axis in 0..2 {
+                assert!((camera.turn[axis] - turn[axis]).abs() < 1e-3, "{found:?} instead of {turn:?} and {delay_s}");
+            }
+            let found_s = found.delay_s.map_or(0.0, |[delay_s, _]| delay_s);
+            assert!((found_s - delay_s).abs() < 2e-3, "{found:?} instead of {delay_s}");
+            assert_eq!(found.delay_s.is_some(), delay_s != 0.0);
+        }
+    }
+
+    #[test]
+    fn a_delay_is_not_told_by_a_vehicle_that_stands() {
+        let found = fit(&[profiles([0.01, 0.0], 0.05, 0.0, true)]);
+        assert!(found.delay_s.is_none() && (found.cameras[0].turn[0] - 0.01).abs() < 3e-4, "{found:?}");
+    }
+
+    #[test]
+    fn where_there_are_no_outlines_nothing_is_found() {
+        let found = fit(&[profiles([0.0; 2], 0.0, 10.0, false), Vec::new()]);
+        assert!(found.cameras.iter().all(|camera| !camera.is_found()), "{found:?}");
+    }
+}

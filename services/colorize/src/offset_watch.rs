@@ -1,0 +1,86 @@
+//! The offset between points and images, over a whole run.
+
+use crate::chunk::{Cloud, seconds};
+use crate::depth_edges::depth_edges;
+use crate::offset::{Look, MAX_AGE_S, Profile};
+use crate::offset_fit::{CameraOffset, Offset, fit, fit_at_range};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Profiles that are kept of each camera, at 140 bytes: enough for a tenth of a pixel, and less than a submap's saved state.
+const MAX_PROFILES: usize = 1200;
+
+/// Ranges of the table, m: near enough to see a delay, far enough to see none of it.
+const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
+
+/// Looks at the outlines of a submap in some exposures, each with its camera's index. Profiles come with theirs.
+pub fn look(cloud: &Cloud<'_>, looks: &[(usize, Look<'_>)]) -> Vec<(usize, Vec<Profile>)> {
+    let span = |(_, look): &(usize, Look<'_>)| {
+        let time = seconds(look.view.stamp, cloud.origin);
+        [time - MAX_AGE_S, time + MAX_AGE_S]
+    };
+    let edges = depth_edges(cloud, &looks.iter().map(span).collect::<Vec<_>>());
+    looks.par_iter().map(|(camera, look)| (*camera, look.profiles(cloud, &edges))).collect()
+}
+
+/// Profiles gathered submap by submap.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Watch {
+    /// By camera.
+    profiles: Vec<Vec<Profile>>,
+}
+
+impl Watch {
+    /// Whether a camera needs no more.
+    pub fn has_enough_of(&self, camera: usize) -> bool {
+        self.profiles.get(camera).is_some_and(|profiles| profiles.len() >= MAX_PROFILES)
+    }
+
+    /// Keeps what was seen.
+    pub fn keep(&mut self, found: Vec<(usize, Vec<Profile>)>) {
+        for (camera, found) in found {
+            if self.profiles.len() <= camera {
+                self.profiles.resize(camera + 1, Vec::new());
+            }
+            self.profiles[camera].extend(found);
+            self.profiles[camera].truncate(MAX_PROFILES);
+        }
+    }
+
+    /// What all profiles together say.
+    pub fn offset(&self) -> Offset {
+        fit(&self.profiles)
+    }
+
+    /// The same for the edges of one range at a time.
+    pub fn by_range(&self, camera: usize, offset: &Offset) -> Vec<(Range<f32>, CameraOffset)> {
+        let delay_s = offset.delay_s.map_or(0.0, |[delay_s, _]| delay_s);
+        let at = |range: Range<f32>| {
+            let found = fit_at_range(&self.profiles[camera], range.clone(), &offset.cameras[camera], delay_s);
+            (range, found)
+        };
+        RANGES_M.into_iter().map(at).collect()
+    }
+}
+
+/// A camera's offset in words: `name: 3.4 mrad (1.2 px) …`, at most 300 characters.
+pub fn sentence(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[(Range<f32>, CameraOffset)]) -> String {
+    if !found.is_found() {
+        return format!("offset of {name}: not observable ({} edges, peak {:.1})", found.n_edges, found.peak);
+    }
+    let mrad = |rad: f32| 1e3 * rad;
+    let ranges: Vec<String> = (by_range.iter().filter(|(_, found)| found.is_found()))
+        .map(|(range, found)| format!("{:.0}-{:.0} m {:.1}", range.start, range.end, mrad(found.angle())))
+        .collect();
+    let [x, y] = found.turn.map(mrad);
+    let sigma = mrad(found.deviation[0].hypot(found.deviation[1]));
+    format!(
+        "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2} mrad; by range {}; {} edges, peak {:.0}",
+        mrad(found.angle()),
+        found.angle() * px_per_rad,
+        if ranges.is_empty() { "unknown".to_owned() } else { ranges.join(", ") },
+        found.n_edges,
+        found.peak
+    )
+}
