@@ -132,6 +132,8 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "map.batches" => map.batches = value.parse()?,
         "map.refinement" => map.refinement = value.parse()?,
         "map.max_points" => map.max_points = value.parse()?,
+        "features.max_roughness_m" => features.max_roughness_m = value.parse()?,
+        "matching.rough_below" => matching.rough_below = value.parse()?,
         "features.smoothing_m" => features.smoothing_m = value.parse()?,
         "matching.even" => {
             let (spacing_m, max_features) = value.split_once(',').ok_or_else(|| anyhow::anyhow!("SPACING,MAX"))?;

@@ -1,6 +1,6 @@
 //! The sweeps of a drive as a folder that other people's odometries read (`folder/mod.rs` has the layout):
-//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate SEED SECONDS OUT` for a simulated urban drive with the
-//! lidar alone.
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the lidar
+//! alone (urban, suburban, rural, field, tunnel). The simulated drive itself is not kept.
 
 mod folder;
 
@@ -10,7 +10,7 @@ use formats::drive::{Drive, DriveSweep};
 use formats::velodyne::LidarReturn;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation};
+use simulation::{DriveSpec, Simulation, Town};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -18,19 +18,19 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--simulate", seed, seconds, out] => {
+        ["--simulate", town, seed, seconds, out] => {
+            let town = Town::ALL.into_iter().find(|kind| kind.name() == *town).context("there is no such town")?;
             let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
-            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
+            let spec = DriveSpec { town, cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
-            if !drive.exists() {
-                fs::create_dir_all(out)?;
-                simulation::write_drive(&spec, &drive, &mut |_| {})?;
-            }
+            fs::create_dir_all(out)?;
+            simulation::write_drive(&spec, &drive, &mut |_| {})?;
             let movers = Movers { simulation: Simulation::new(&spec)?, looks: BTreeMap::new() };
-            write(&drive, Path::new(out), Some(movers))
+            write(&drive, Path::new(out), Some(movers))?;
+            Ok(fs::remove_dir_all(&drive)?)
         }
         [drive, out] => write(Path::new(drive), Path::new(out), None),
-        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate SEED SECONDS) OUT"),
+        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate TOWN SEED SECONDS) OUT"),
     }
 }
 

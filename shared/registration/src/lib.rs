@@ -16,6 +16,7 @@ mod eigen;
 mod features;
 mod ground;
 mod local_map;
+mod maps;
 mod matching;
 mod motion;
 mod moving;

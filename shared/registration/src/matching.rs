@@ -1,9 +1,10 @@
 //! Scan-to-map matching: point to plane, robust, over the pose and the motion during the sweep.
 
 use crate::local_map::{Kernel, Weights};
+use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
-use crate::{Feature, LocalMap, Sampling, SweepMotion};
+use crate::{Feature, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use rayon::prelude::*;
@@ -36,6 +37,8 @@ pub struct MatchSettings {
     pub small_step: (f64, f64),
     /// A direction is weak if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
+    /// Rough features are matched, too, where the weakest influence of the smooth ones is below this.
+    pub rough_below: f64,
 }
 
 impl Default for MatchSettings {
@@ -57,7 +60,8 @@ impl Default for MatchSettings {
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
             small_step: (1e-3, 1.745e-4),
-            min_influence: 0.004,
+            min_influence: 0.001,
+            rough_below: 0.02,
         }
     }
 }
@@ -108,7 +112,7 @@ const CHUNK: usize = 256;
 /// the pose.
 pub(crate) fn match_features(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     prediction: &Prediction,
     settings: &MatchSettings,
 ) -> Option<Matched> {
@@ -117,7 +121,7 @@ pub(crate) fn match_features(
         let coarse = round < settings.coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
-        let equations = linearize(features, map, &motion, &kernel, scale_m);
+        let equations = linearize(features, maps, &motion, &kernel, scale_m);
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
@@ -153,13 +157,13 @@ pub(crate) fn match_features(
 
 fn linearize(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     motion: &SweepMotion,
     kernel: &Kernel,
     scale_m: f64,
 ) -> NormalEquations {
     let parts: Vec<NormalEquations> =
-        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, map, motion, kernel, scale_m)).collect();
+        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, maps, motion, kernel, scale_m)).collect();
     let mut sum = NormalEquations::zero();
     for part in &parts {
         sum.merge(part);
@@ -170,7 +174,7 @@ fn linearize(
 
 fn linearize_chunk(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     motion: &SweepMotion,
     kernel: &Kernel,
     scale_m: f64,
@@ -186,14 +190,14 @@ fn linearize_chunk(
         let arm = rotation * (p_in_lidar + first + turn.cross(&first) * 0.5);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
-        let Some(surface) = map.surface(position.into(), &normal.cast(), kernel) else {
+        let Some(surface) = maps.of(feature).surface(position.into(), &normal.cast(), kernel) else {
             sum.cost += 1.0;
             continue;
         };
         let r = surface.distance_m;
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
-        sum.add(&arm, &surface.normal, r, f64::from(feature.planarity) / (1.0 + squared), share);
+        sum.add(&arm, &surface.normal, r, feature.weight() / (1.0 + squared), share);
     }
     sum
 }

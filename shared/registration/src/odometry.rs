@@ -1,12 +1,13 @@
 //! Sweep after sweep onto the local map.
 
+use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::MovingObjects;
 use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
-    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sampling, Sweep,
+    Feature, FeatureSettings, Kernel, LocalMap, MapSettings, MatchSettings, Matched, Sampling, Sweep,
     SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
@@ -97,8 +98,10 @@ pub(crate) struct HeldSweep {
     pub duration_s: f64,
     /// All, for the map.
     pub features: Vec<Feature>,
-    /// Some, for matching, without regard to a map.
+    /// Some of the smooth ones, for matching, without regard to a map.
     pub matching: Vec<Feature>,
+    /// Those and some of the rough ones.
+    with_rough: Vec<Feature>,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -116,6 +119,8 @@ struct Last {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
+    /// The z axis of odom in the lidar frame, at the begin.
+    up_in_lidar: Vector3<f64>,
     held: Option<HeldSweep>,
     last: Option<Last>,
     /// Where the map grew last.
@@ -123,16 +128,16 @@ pub struct OdometryState {
     next_batch: u32,
     bridged_in_a_row: u32,
     moving: MovingObjects,
-    map_points: Vec<MapPoint>,
+    maps: SavedMaps,
 }
 
 /// Scan-to-map odometry. Same sweeps, same poses, to the bit, on any number of threads and after any save and load.
 #[derive(Debug)]
 pub struct Odometry {
     settings: OdometrySettings,
-    /// `map_points` lives in `map` while running.
+    /// `maps` is empty while running: see the other field.
     state: OdometryState,
-    map: LocalMap,
+    maps: Maps,
 }
 
 impl Odometry {
@@ -141,15 +146,16 @@ impl Odometry {
     pub fn new(settings: OdometrySettings, odom_from_lidar: Pose) -> Self {
         let state = OdometryState {
             begin: odom_from_lidar,
+            up_in_lidar: odom_from_lidar.rotation.inverse() * Vector3::z(),
             held: None,
             last: None,
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
             moving: MovingObjects::default(),
-            map_points: Vec::new(),
+            maps: SavedMaps::default(),
         };
-        Self { settings, state, map: LocalMap::default() }
+        Self { settings, state, maps: Maps::default() }
     }
 
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
@@ -179,30 +185,35 @@ impl Odometry {
         Some(held.registered(SweepMotion::still(self.state.begin), None, false))
     }
 
-    /// The map as it is now.
+    /// The map of smooth surfaces as it is now.
     pub fn map(&self) -> &LocalMap {
-        &self.map
+        &self.maps.smooth
     }
 
     /// Everything that the next sweep depends on.
     pub fn save(&self) -> OdometryState {
-        OdometryState { map_points: self.map.points().to_vec(), ..self.state.clone() }
+        OdometryState { maps: self.maps.save(), ..self.state.clone() }
     }
 
     /// The odometry that [`Odometry::save`] wrote.
     pub fn load(settings: OdometrySettings, mut state: OdometryState) -> Self {
-        let map = LocalMap::from_points(std::mem::take(&mut state.map_points));
-        Self { settings, state, map }
+        let maps = Maps::load(std::mem::take(&mut state.maps));
+        Self { settings, state, maps }
     }
 
     fn hold(&self, sweep: &Sweep) -> HeldSweep {
-        let features = planar_features(sweep, &self.settings.features);
+        let up = self.state.up_in_lidar.cast();
+        let features = planar_features(sweep, &up, &self.settings.features);
+        let (rough, smooth): (Vec<Feature>, Vec<Feature>) = features.iter().partition(|feature| feature.is_rough);
+        let matching = self.sampled(&smooth, |_| true);
+        let with_rough = matching.iter().copied().chain(self.sampled(&rough, |_| true)).collect();
         HeldSweep {
             stamp: sweep.stamp(),
             mid_stamp: sweep.mid_stamp(),
             duration_nanos: sweep.duration_nanos(),
             duration_s: f64::from(sweep.duration_nanos()) * 1e-9,
-            matching: self.sampled(&features, |_| true),
+            matching,
+            with_rough,
             features,
         }
     }
@@ -243,8 +254,15 @@ impl Odometry {
             Sampling::Even { .. } => None,
         };
         let samples = gated.as_ref().unwrap_or(&sweep.matching);
-        let matched = match_features(samples, &self.map, &prediction, &self.settings.matching)
-            .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
+        let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
+        let is_poor =
+            |matched: &Option<Matched>| matched.as_ref().is_none_or(|m| m.weakest_influence < self.settings.matching.rough_below);
+        let mut matched = matching(samples);
+        if gated.is_none() && is_poor(&matched) && sweep.with_rough.len() > sweep.matching.len() {
+            matched = matching(&sweep.with_rough);
+        }
+        let matched =
+            matched.filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
         self.state.last = Some(last.clone());
         self.arrive(sweep, full, motion, matched, seconds)
@@ -259,7 +277,7 @@ impl Odometry {
             let pose = motion.at(f64::from(feature.share));
             let position = pose * Point3::from(feature.position).cast::<f64>();
             let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-            self.map.surface(position.coords.into(), &normal.cast(), &kernel).is_some()
+            self.maps.of(feature).surface(position.coords.into(), &normal.cast(), &kernel).is_some()
         })
     }
 
@@ -286,7 +304,7 @@ impl Odometry {
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !sweep.features.is_empty();
         if map_restarted {
-            self.map = LocalMap::default();
+            self.maps = Maps::default();
             self.state.bridged_in_a_row = 0;
             self.state.grown_at = None;
             self.state.moving = MovingObjects::default();
@@ -311,7 +329,7 @@ impl Odometry {
         });
         if moved {
             let batch = self.state.next_batch;
-            self.map.insert(batch, &map_points(features, motion, batch), &self.settings.map);
+            self.maps.insert(batch, features, motion, &self.settings.map);
             self.state.next_batch += 1;
             self.state.grown_at = Some(motion.mid);
         }
@@ -340,15 +358,4 @@ fn is_reachable(mid: &Pose, predicted: &Pose, seconds: f64) -> bool {
     let jump_rad = mid.rotation.angle_to(&predicted.rotation);
     let square = seconds * seconds;
     jump_m <= JUMP_SLACK_M + MAX_JUMP_MPS2 * square && jump_rad <= JUMP_SLACK_RAD + MAX_JUMP_RADPS2 * square
-}
-
-/// Features in the odom frame.
-pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
-    let in_odom = |feature: &Feature| {
-        let pose = motion.at(f64::from(feature.share));
-        let position = pose * Point3::from(feature.position).cast::<f64>();
-        let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-        MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
-    };
-    features.iter().map(in_odom).collect()
 }

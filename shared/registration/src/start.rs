@@ -3,10 +3,11 @@
 //! A match from rest can lock onto a wrong wall when the vehicle starts at 10 m/s. So several speeds along the
 //! vehicle's forward axis are tried; each speed deskews *both* sweeps, and the one under which they agree best wins.
 
+use crate::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
-use crate::odometry::{HeldSweep, map_points};
-use crate::{LocalMap, SweepMotion};
+use crate::odometry::HeldSweep;
+use crate::SweepMotion;
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
 
 /// Ways between two sweeps that are tried, m: steps of 0.4 m, inside the search radius of a match; 3.2 m in 0.1 s are
@@ -36,14 +37,14 @@ pub(crate) fn find_start(
     let forward_in_lidar = begin.rotation.inverse() * forward;
     let attempt = |velocity: Velocity| {
         let motion = motion_from_begin(begin, &velocity, first.duration_s);
-        let map = LocalMap::from_points(map_points(&first.features, &motion, 0));
+        let maps = Maps::of_sweep(&first.features, &motion);
         let mid = velocity.advance(&motion.mid, seconds);
         let prediction = Prediction {
             motion: velocity.motion_at(mid, second.duration_s),
             previous: (motion.mid, seconds),
             duration_s: second.duration_s,
         };
-        let second = match_features(&second.matching, &map, &prediction, settings)?;
+        let second = match_features(&second.matching, &maps, &prediction, settings)?;
         Some(Start { first: motion, second })
     };
     let at_way =
