@@ -61,7 +61,7 @@ impl Default for MatchSettings {
             residual_m: 0.1,
             small_step: (1e-3, 1.745e-4),
             min_influence: 0.001,
-            rough_below: 0.02,
+            rough_below: 0.005,
         }
     }
 }
@@ -86,6 +86,9 @@ pub struct Matched {
     /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the lidar. Features are
     /// taken as independent.
     pub information: Matrix6<f64>,
+    /// The same with neighbors that err alike, by [`MatchSettings::residual_m`], and nothing along weak directions: what the
+    /// covariance of a [`crate::Registered`] is made of.
+    pub step_information: Matrix6<f64>,
     /// Whether the last step was below [`MatchSettings::small_step`].
     pub converged: bool,
 }
@@ -99,6 +102,9 @@ pub(crate) struct Prediction {
     pub previous: (Pose, f64),
     /// Seconds from first to last shot.
     pub duration_s: f64,
+    /// Inverse covariance of the pose, if more than constant motion foretells it; otherwise zero. Order and axes as
+    /// [`Matched::information`].
+    pub information: Matrix6<f64>,
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: the middle of a street scene.
@@ -148,6 +154,7 @@ pub(crate) fn match_features(
                 n_weak_directions: weak.n,
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose / mean_square.max(1e-6),
+                step_information: weak.others / settings.residual_m.powi(2),
                 converged,
             });
         }
@@ -206,6 +213,8 @@ fn linearize_chunk(
 struct WeakDirections {
     /// Stiffness that holds them where they are.
     stiffness: Matrix6<f64>,
+    /// What the other directions contribute to the normal equations.
+    others: Matrix6<f64>,
     weakest: f64,
     n: u32,
 }
@@ -215,14 +224,17 @@ impl WeakDirections {
         let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
         let scale = Matrix6::from_diagonal(&inverse_lever);
         let eigen = (scale * equations.pose * scale / equations.weight).symmetric_eigen();
-        let mut weak = Self { stiffness: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
+        let mut weak = Self { stiffness: Matrix6::zeros(), others: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             weak.weakest = weak.weakest.min(value.max(0.0));
+            let direction = vector.component_div(&inverse_lever);
+            let square = direction * direction.transpose() * equations.weight;
             if *value < min_influence {
                 weak.n += 1;
-                let direction = vector.component_div(&inverse_lever);
                 // A hundred times what a strong direction has.
-                weak.stiffness += direction * direction.transpose() * (100.0 * equations.weight);
+                weak.stiffness += square * 100.0;
+            } else {
+                weak.others += square * *value;
             }
         }
         weak
@@ -238,8 +250,9 @@ fn solve(
     settings: &MatchSettings,
 ) -> Option<(Vector6<f64>, Vector6<f64>)> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
+    let pose_prior = weak.stiffness + prediction.information * settings.residual_m.powi(2);
     if !settings.bends {
-        let pose_step = equations.solve_pose((&weak.stiffness, &to_predicted))?;
+        let pose_step = equations.solve_pose((&pose_prior, &to_predicted))?;
         return Some((pose_step, Vector6::zeros()));
     }
     let (previous, seconds) = &prediction.previous;
@@ -254,7 +267,7 @@ fn solve(
     let firm = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let (a, w) = (firm(settings.acceleration.0), firm(settings.acceleration.1));
     let tie = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + weak.stiffness;
-    equations.solve((&weak.stiffness, &to_predicted), (&tie, &to_tied))
+    equations.solve((&pose_prior, &to_predicted), (&tie, &to_tied))
 }
 
 /// Translation and rotation vector (odom axes) that lead from one pose to the other.

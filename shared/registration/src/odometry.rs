@@ -1,5 +1,6 @@
 //! Sweep after sweep onto the local map.
 
+use crate::covariance::{StepKnowledge, Uncertainty, step_information};
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
@@ -7,11 +8,11 @@ use crate::moving::MovingObjects;
 use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
-    Feature, FeatureSettings, Kernel, LocalMap, MapSettings, MatchSettings, Matched, Sampling, Sweep,
+    Feature, FeatureSettings, Kernel, LocalMap, MapSettings, MatchSettings, Matched, MeasuredMotion, Sampling, Sweep,
     SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
-use nalgebra::Point3;
+use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
 /// Settings of all steps. The parts say why their defaults are what they are.
@@ -37,6 +38,9 @@ const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
 /// After so many bridged sweeps (half a second) the old map may be out of reach: a new one is begun.
 const MAX_BRIDGED: u32 = 5;
+/// What a velocity that nothing is known of may be: a vehicle in traffic.
+const MAX_SPEED_MPS: f64 = 15.0;
+const MAX_TURN_RADPS: f64 = 0.5;
 /// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light
 /// neither does the map age nor the pose drift.
 const MIN_WAY_M: f64 = 0.1;
@@ -51,11 +55,14 @@ pub struct Registered {
     pub duration_nanos: u32,
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// The match; `None` if there was none to be trusted and the last motion was carried on (or, for a first sweep that
+    /// The match; `None` if there was none to be trusted and the last or the measured motion was carried on (or, for a first sweep that
     /// found no second, rest was assumed).
     pub matched: Option<Matched>,
     /// A new map was begun with this sweep because the old one was lost.
     pub map_restarted: bool,
+    /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the lidar.
+    /// It grows from zero at the first sweep, slowly where the scene determines the way, fast where nothing does.
+    pub covariance: Matrix6<f64>,
     /// Indices of the sweep's points on things that move, rising: they stand where an earlier sweep saw through. Things that
     /// have only just come into view are not known to move.
     pub moving: Vec<u32>,
@@ -127,6 +134,7 @@ pub struct OdometryState {
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
+    uncertainty: Uncertainty,
     moving: MovingObjects,
     maps: SavedMaps,
 }
@@ -152,6 +160,7 @@ impl Odometry {
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
+            uncertainty: Uncertainty::at_begin(MAX_SPEED_MPS, MAX_TURN_RADPS),
             moving: MovingObjects::default(),
             maps: SavedMaps::default(),
         };
@@ -161,6 +170,16 @@ impl Odometry {
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
     /// needs two), both for the second, from then on each at once.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        self.register_with(sweep, None)
+    }
+
+    /// As [`Odometry::register`], with the motion that something else measured since the sweep before: the pose is the most
+    /// likely one by both. Where the scene determines nothing it is the measured one, and so it is while sweeps are bridged.
+    pub fn register_with(
+        &mut self,
+        sweep: &Sweep,
+        measured: Option<&MeasuredMotion>,
+    ) -> Result<Vec<Registered>, RegistrationError> {
         let full = sweep;
         let sweep = self.hold(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
@@ -170,10 +189,10 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
         }
         if let Some(last) = self.state.last.take() {
-            return Ok(vec![self.follow(&sweep, full, &last)]);
+            return Ok(vec![self.follow(&sweep, full, &last, measured)]);
         }
         if let Some(first) = self.state.held.take() {
-            return Ok(self.start(&first, sweep, full));
+            return Ok(self.start(&first, sweep, full, measured));
         }
         self.state.held = Some(sweep);
         Ok(Vec::new())
@@ -218,10 +237,16 @@ impl Odometry {
         }
     }
 
-    fn start(&mut self, first: &HeldSweep, second: HeldSweep, full: &Sweep) -> Vec<Registered> {
+    fn start(
+        &mut self,
+        first: &HeldSweep,
+        second: HeldSweep,
+        full: &Sweep,
+        measured: Option<&MeasuredMotion>,
+    ) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
-        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
+        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), measured, settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
             // The second is the next one's first, from the same place: nothing is known of the motion.
@@ -237,17 +262,25 @@ impl Odometry {
         });
         let first_match = start.second.clone();
         let first = first.registered(start.first, Some(first_match), false);
-        let second = self.arrive(&second, full, start.second.motion, Some(start.second), seconds);
+        let second = self.arrive(&second, full, (start.second.motion, Some(start.second)), seconds, measured);
         vec![first, second]
     }
 
-    fn follow(&mut self, sweep: &HeldSweep, full: &Sweep, last: &Last) -> Registered {
+    fn follow(
+        &mut self,
+        sweep: &HeldSweep,
+        full: &Sweep,
+        last: &Last,
+        measured: Option<&MeasuredMotion>,
+    ) -> Registered {
         let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
-        let mid = last.velocity.advance(&last.mid, seconds);
+        let velocity = measured.map_or(last.velocity, |measured| measured.velocity);
+        let mid = velocity.advance(&last.mid, seconds);
         let prediction = Prediction {
-            motion: last.velocity.motion_at(mid, sweep.duration_s),
+            motion: velocity.motion_at(mid, sweep.duration_s),
             previous: (last.mid, seconds),
             duration_s: sweep.duration_s,
+            information: measured_step(measured, &mid, seconds),
         };
         let gated = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(sweep, &prediction.motion)),
@@ -264,8 +297,8 @@ impl Odometry {
         let matched =
             matched.filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
-        self.state.last = Some(last.clone());
-        self.arrive(sweep, full, motion, matched, seconds)
+        self.state.last = Some(Last { velocity, ..last.clone() });
+        self.arrive(sweep, full, (motion, matched), seconds, measured)
     }
 
     /// The samples of a sweep that are near the map where the motion puts them.
@@ -290,10 +323,17 @@ impl Odometry {
         &mut self,
         sweep: &HeldSweep,
         full: &Sweep,
-        motion: SweepMotion,
-        matched: Option<Matched>,
+        (motion, matched): (SweepMotion, Option<Matched>),
         seconds: f64,
+        measured: Option<&MeasuredMotion>,
     ) -> Registered {
+        if let Some(last) = &self.state.last {
+            let by_match = matched.as_ref().map_or_else(Matrix6::zeros, |matched| matched.step_information);
+            let by_sensor = measured_step(measured, &motion.mid, seconds);
+            let acceleration = self.settings.matching.acceleration;
+            let step = StepKnowledge { by_match: &by_match, by_sensor: &by_sensor, acceleration };
+            self.state.uncertainty.advance(&last.mid, &motion.mid, seconds, &step);
+        }
         let velocity = match (&self.state.last, &matched) {
             (Some(last), None) => last.velocity,
             (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
@@ -319,7 +359,7 @@ impl Odometry {
         if matched.is_some() {
             self.state.moving.remember(full, &motion);
         }
-        Registered { moving, ..sweep.registered(motion, matched, map_restarted) }
+        Registered { moving, covariance: self.state.uncertainty.pose(), ..sweep.registered(motion, matched, map_restarted) }
     }
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
@@ -344,9 +384,15 @@ impl HeldSweep {
             motion,
             matched,
             map_restarted,
+            covariance: Matrix6::zeros(),
             moving: Vec::new(),
         }
     }
+}
+
+/// Inverse covariance of the step that was measured, zero where none was.
+fn measured_step(measured: Option<&MeasuredMotion>, mid: &Pose, seconds: f64) -> Matrix6<f64> {
+    measured.map_or_else(Matrix6::zeros, |measured| step_information(&measured.covariance, mid, seconds))
 }
 
 fn is_plausible(matched: &Matched) -> bool {
