@@ -47,7 +47,8 @@ fn main() -> anyhow::Result<()> {
         n_points += points.len();
         let start = cpu_ms();
         waiting.push(Sweep::new(folder.stamp(number), points, n_rings));
-        let registered = odometry.register_with(&waiting[waiting.len() - 1], measured.as_ref().map(|motions| &motions[number]))?;
+        let registered =
+            odometry.register_with(&waiting[waiting.len() - 1], measured.as_ref().map(|motions| &motions[number]))?;
         let first = number + 1 - waiting.len();
         for (sweep, registered) in waiting.drain(..registered.len()).zip(&registered) {
             std::hint::black_box(deskewed(&sweep, registered));
@@ -147,7 +148,11 @@ impl Consistency {
         };
         println!("{} degenerate, {} bridged", self.n_degenerate, self.n_bridged);
         if !self.squares.is_empty() {
-            println!("normalized squared errors: position {:.1}, rotation {:.1} (3 expected)", mean(|s| s.0), mean(|s| s.1));
+            println!(
+                "normalized squared errors: position {:.1}, rotation {:.1} (3 expected)",
+                mean(|s| s.0),
+                mean(|s| s.1)
+            );
         }
     }
 }
@@ -222,6 +227,7 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "matching.acceleration" => matching.acceleration.0 = value.parse()?,
         "matching.turn_acceleration" => matching.acceleration.1 = value.parse()?,
         "matching.residual_m" => matching.residual_m = value.parse()?,
+        "matching.drift_residual_m" => matching.drift_residual_m = value.parse()?,
         "matching.min_influence" => matching.min_influence = value.parse()?,
         _ => anyhow::bail!("there is no setting {name}"),
     }

@@ -33,6 +33,8 @@ pub struct MatchSettings {
     pub acceleration: (f64, f64),
     /// Error of a residual for the purpose of that tie, m. Larger than the range noise: neighbors err alike.
     pub residual_m: f64,
+    /// Error of a residual for the purpose of the covariance, m.
+    pub drift_residual_m: f64,
     /// A step below this (m, rad) ends the fine rounds.
     pub small_step: (f64, f64),
     /// A direction is weak if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
@@ -59,6 +61,7 @@ impl Default for MatchSettings {
             fine: (0.3, 0.05),
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
+            drift_residual_m: 0.015,
             small_step: (1e-3, 1.745e-4),
             min_influence: 0.001,
             rough_below: 0.005,
@@ -86,7 +89,7 @@ pub struct Matched {
     /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the lidar. Features are
     /// taken as independent.
     pub information: Matrix6<f64>,
-    /// The same with neighbors that err alike, by [`MatchSettings::residual_m`], and nothing along weak directions: what the
+    /// The same by [`MatchSettings::drift_residual_m`], with nothing along weak directions: what the
     /// covariance of a [`crate::Registered`] is made of.
     pub step_information: Matrix6<f64>,
     /// Whether the last step was below [`MatchSettings::small_step`].
@@ -154,7 +157,7 @@ pub(crate) fn match_features(
                 n_weak_directions: weak.n,
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose / mean_square.max(1e-6),
-                step_information: weak.others / settings.residual_m.powi(2),
+                step_information: weak.others / settings.drift_residual_m.powi(2),
                 converged,
             });
         }

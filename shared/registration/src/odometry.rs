@@ -288,8 +288,9 @@ impl Odometry {
         };
         let samples = gated.as_ref().unwrap_or(&sweep.matching);
         let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
-        let is_poor =
-            |matched: &Option<Matched>| matched.as_ref().is_none_or(|m| m.weakest_influence < self.settings.matching.rough_below);
+        let is_poor = |matched: &Option<Matched>| {
+            matched.as_ref().is_none_or(|m| m.weakest_influence < self.settings.matching.rough_below)
+        };
         let mut matched = matching(samples);
         if gated.is_none() && is_poor(&matched) && sweep.with_rough.len() > sweep.matching.len() {
             matched = matching(&sweep.with_rough);
@@ -359,7 +360,11 @@ impl Odometry {
         if matched.is_some() {
             self.state.moving.remember(full, &motion);
         }
-        Registered { moving, covariance: self.state.uncertainty.pose(), ..sweep.registered(motion, matched, map_restarted) }
+        Registered {
+            moving,
+            covariance: self.state.uncertainty.pose(),
+            ..sweep.registered(motion, matched, map_restarted)
+        }
     }
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {

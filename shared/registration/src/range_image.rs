@@ -142,7 +142,8 @@ fn fast_atan2(y: f32, x: f32) -> f32 {
     let (short, long) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
     let a = if long > 0.0 { short / long } else { 0.0 };
     let s = a * a;
-    let p = ((((-0.011_721_2 * s + 0.052_653_32) * s - 0.116_432_87) * s + 0.193_543_46) * s - 0.332_623_47) * s + 0.999_977_26;
+    let p = ((((-0.011_721_2 * s + 0.052_653_32) * s - 0.116_432_87) * s + 0.193_543_46) * s - 0.332_623_47) * s
+        + 0.999_977_26;
     let within_octant = p * a;
     let within_quadrant = if y.abs() > x.abs() { std::f32::consts::FRAC_PI_2 - within_octant } else { within_octant };
     let upper = if x < 0.0 { std::f32::consts::PI - within_quadrant } else { within_quadrant };

@@ -100,7 +100,9 @@ impl PlacedSeen<'_> {
             col = RangeImage::column(local.x, local.y);
         }
         let range = local.coords.norm();
-        let Some(row) = self.row(local.z / (local.x * local.x + local.y * local.y).sqrt()) else { return Sight::Hidden };
+        let Some(row) = self.row(local.z / (local.x * local.x + local.y * local.y).sqrt()) else {
+            return Sight::Hidden;
+        };
         let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
         let at = |row: usize, col: usize| f32::from(self.seen.ranges[row * cols + col % cols]) * UNIT_M;
         // From the middle outwards: what stands is mostly met by the first ray.

@@ -98,7 +98,8 @@ impl Labels {
             let below = [col + cols - 1, col, col + 1].map(|col| col % cols);
             let below = below.into_iter().filter(|_| cell >= cols).map(|col| cell - cell % cols - cols + col);
             // At the right end of a row, the row's beginning is on the left.
-            let around = (col + 1..=col + LINK_COLUMNS).filter(|right| *right >= cols).map(|right| cell + right - cols - col);
+            let around =
+                (col + 1..=col + LINK_COLUMNS).filter(|right| *right >= cols).map(|right| cell + right - cols - col);
             for other in left.chain(below).chain(around) {
                 if of_cell[other] == SmallObjects::NONE {
                     continue;
