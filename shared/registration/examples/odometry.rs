@@ -129,7 +129,7 @@ impl Consistency {
         self.n_degenerate += usize::from(registered.matched.as_ref().is_some_and(|m| m.n_weak_directions > 0));
         let Some(truth) = self.truth.get(number) else { return };
         let (first_true, first_found) = *self.first.get_or_insert((*truth, registered.end()));
-        if number % 10 != 0 || number == 0 {
+        if !number.is_multiple_of(10) || number == 0 {
             return;
         }
         let expected = first_found * first_true.inverse() * truth;

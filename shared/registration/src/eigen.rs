@@ -27,7 +27,8 @@ fn eigenvalues(m: &Matrix3<f64>) -> [f64; 3] {
     let half_det = (centered.determinant() / (p * p * p) / 2.0).clamp(-1.0, 1.0);
     // The values are q + 2 p c with 4 c^3 - 3 c = half_det. The smallest is the best determined of a plane.
     let smallest = -cosine_of_third(-half_det);
-    let largest = (-smallest + (smallest * smallest - half_det / smallest).max(0.0).sqrt()) / 2.0;
+    let root = (smallest * smallest - half_det / smallest).max(0.0).sqrt();
+    let largest = 0.5 * (root - smallest);
     let [largest, smallest] = [largest, smallest].map(|c| q + 2.0 * p * c);
     [largest, 3.0 * q - largest - smallest, smallest]
 }
@@ -36,7 +37,7 @@ fn eigenvalues(m: &Matrix3<f64>) -> [f64; 3] {
 /// arc cosine and the cosine. Near -1, a double root, within the square root of the rounding error.
 fn cosine_of_third(x: f64) -> f64 {
     // With u = cos(acos(x) / 2) the root is nearly a parabola.
-    let u = ((1.0 + x) / 2.0).max(0.0).sqrt();
+    let u = (0.5 + 0.5 * x).max(0.0).sqrt();
     let mut c = 0.5 + u * (0.564 - 0.064 * u);
     for _ in 0..3 {
         let slope = 12.0 * c * c - 3.0;

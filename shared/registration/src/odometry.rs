@@ -120,9 +120,9 @@ struct Last {
 
 /// Everything that the next sweep depends on, see [`Odometry::save`]. Numbers keep their bits in any format that does.
 ///
-/// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
-/// (at most two lists of one feature per range image cell and column step, 36 bytes each), and the ranges of eight sweeps
-/// (2 bytes a ray): 4.3 MB with the defaults and 32 rings, as a street fills them about 3 MB.
+/// At most twice [`MapSettings::max_points`] map points of 40 bytes (smooth and rough ones), before the second sweep the
+/// features of the first (at most three lists of one feature per range image cell and column step, 44 bytes each), and the
+/// ranges of eight sweeps (2 bytes a ray): 7.5 MB with the defaults and 32 rings, as a street fills them about 4 MB.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
