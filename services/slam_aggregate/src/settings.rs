@@ -15,8 +15,9 @@ stage::settings! {
         pub thin_m: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Nearer returns come from the vehicle itself or from drops and dust, m; they are dropped and counted.
         pub min_range_m: f64 = 1.0 => stage::within(0.0, 10.0);
-        /// Farther points are kept but not used for registration, m: their neighbors are too far away for a normal.
-        pub max_range_m: f64 = 80.0 => stage::within(10.0, 250.0);
+        /// Farther points are kept but not used for registration, m. An HDL-32E reaches 100 m; on country roads what is far
+        /// tells the way.
+        pub max_range_m: f64 = 100.0 => stage::within(10.0, 250.0);
         /// Sweeps after which a point leaves the local map. 60 are 60 m at 10 m/s and 10 Hz, as far as surfaces are hit
         /// densely; more makes the map larger, less makes it forget a crossing while the vehicle turns.
         pub map_sweeps: u32 = 60 => stage::within(5, 1000);
