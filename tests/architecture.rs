@@ -6,13 +6,14 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 11] = [
+const SHARED: [&str; 12] = [
     "geometry",
     "messages",
     "formats",
     "spectral",
     "morphology",
     "registration",
+    "pose_graph",
     "scores",
     "learning",
     "simulation",
