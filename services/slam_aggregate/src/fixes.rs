@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 const ERRORS_LAST_S: f64 = 8.0;
 /// Fixes nearer in time are left out, ns: they say nothing new.
 const LEAST_PAUSE_NANOS: i64 = 450_000_000;
-/// Heights are this much worse than places: between houses satellites are above only, and what comes by way of walls lifts.
-const VERTICAL: f64 = 3.0;
+/// Heights are this much worse than places: satellites are above only.
+const VERTICAL: f64 = 1.8;
 /// Dilution where the receiver does not tell.
 const USUAL_HDOP: f64 = 2.0;
 
