@@ -13,7 +13,6 @@ mod random;
 pub mod scores;
 mod segmenter;
 pub mod spherical;
-pub mod tape;
 pub mod training;
 
 pub use error::LearningError;

@@ -55,6 +55,22 @@ impl Shape {
     pub fn bias_place(&self, out: usize) -> (usize, usize) {
         (blocks(self.out_channels) * self.rows_per_block() + out / LANES, out % LANES)
     }
+    /// Weights in `PyTorch`'s order `[out, in, row, column]` and biases from rows in packed order.
+    pub fn unpacked(&self, packed: &[Feature]) -> (Vec<f32>, Vec<f32>) {
+        let n_in: usize = self.in_channels.iter().sum();
+        let [rows, columns] = self.kernel;
+        let weight = |i: usize| {
+            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let (row, lane) = self.place(out, input, [i / columns % rows, i % columns]);
+            packed[row][lane]
+        };
+        let bias = |out: usize| {
+            let (row, lane) = self.bias_place(out);
+            packed[row][lane]
+        };
+        let n_weights = self.out_channels * n_in * rows * columns;
+        ((0..n_weights).map(weight).collect(), (0..self.out_channels).map(bias).collect())
+    }
     /// Columns of the result.
     pub fn out_width(&self, width: usize) -> usize {
         width / self.stride_x
