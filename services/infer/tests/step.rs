@@ -16,7 +16,7 @@ fn at_root() -> Context {
 
 /// The model that knows ground alone and needs no sweeps.
 fn ground() -> Settings {
-    Settings { model: "models/ground.safetensors".to_owned() }
+    Settings { model: "models/ground.safetensors".to_owned(), ..Settings::default() }
 }
 
 fn bench() -> Bench<Infer> {
@@ -160,7 +160,7 @@ fn absent_and_broken_models_are_found_before_the_start() {
     assert!(problems[0].text.contains("models/street.safetensors"), "{}", problems[0].text);
 
     std::fs::write(folder.path().join("torn.safetensors"), b"torn").expect("writes");
-    let settings = Settings { model: "torn.safetensors".to_owned() };
+    let settings = Settings { model: "torn.safetensors".to_owned(), ..Settings::default() };
     let problems = Infer::check(&settings, &here);
     assert!(problems[0].text.contains("torn.safetensors: not a whole safetensors file"), "{}", problems[0].text);
     assert!(Infer::new(&settings, &here).is_err());

@@ -18,4 +18,4 @@ pub mod training;
 pub use error::LearningError;
 pub use model_file::{MAX_MODEL_BYTES, ModelCard};
 pub use random::Random;
-pub use segmenter::{Cloud, Report, Segmenter, load};
+pub use segmenter::{Cloud, Options, Report, Segmenter, load};

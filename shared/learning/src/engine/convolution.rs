@@ -162,57 +162,55 @@ struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Tiles of pixels x output blocks whose sums fit into the registers: 16 of 32 (AVX-512), 8 of 16 (AVX2) hide the
+    // Tiles of pixels x output blocks whose sums fit into the registers: 16 or 24 of 32 (AVX-512), 8 of 16 (AVX2) hide the
     // latency of the multiply-adds.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match (S::F32_LANES, self.filter.shape.stride_x) {
-            (16, 1) => self.all_rows::<S, 1, 8, 2, 1>(simd),
-            (16, _) => self.all_rows::<S, 1, 8, 2, 2>(simd),
-            (8, 1) => self.all_rows::<S, 2, 4, 1, 1>(simd),
-            (8, _) => self.all_rows::<S, 2, 4, 1, 2>(simd),
-            (4, 1) => self.all_rows::<S, 4, 2, 1, 1>(simd),
-            (4, _) => self.all_rows::<S, 4, 2, 1, 2>(simd),
-            (_, 1) => self.all_rows::<S, 16, 1, 1, 1>(simd),
-            _ => self.all_rows::<S, 16, 1, 1, 2>(simd),
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let n_blocks = self.out.n_blocks();
+        let mut block = 0;
+        while block < n_blocks {
+            let many = if S::F32_LANES == 16 { n_blocks - block } else { 1 };
+            block += match (S::F32_LANES, self.filter.shape.stride_x, many) {
+                (16, 1, 1) => self.rows::<S, 1, 16, 1, 1>(simd, block),
+                (16, 1, 2 | 4) => self.rows::<S, 1, 8, 2, 1>(simd, block),
+                (16, 1, _) => self.rows::<S, 1, 8, 3, 1>(simd, block),
+                (16, _, 1) => self.rows::<S, 1, 8, 1, 2>(simd, block),
+                (16, _, _) => self.rows::<S, 1, 8, 2, 2>(simd, block),
+                (8, 1, _) => self.rows::<S, 2, 4, 1, 1>(simd, block),
+                (8, _, _) => self.rows::<S, 2, 4, 1, 2>(simd, block),
+                (4, 1, _) => self.rows::<S, 4, 2, 1, 1>(simd, block),
+                (4, _, _) => self.rows::<S, 4, 2, 1, 2>(simd, block),
+                (_, 1, _) => self.rows::<S, 16, 1, 1, 1>(simd, block),
+                _ => self.rows::<S, 16, 1, 1, 2>(simd, block),
+            };
         }
     }
 }
 
 impl Job<'_> {
-    /// `N` registers make 16 lanes; tiles of `P` pixels and `C` blocks; stride `SX`.
+    /// All pixels of `C` output blocks from `block`, and `C`. `N` registers make 16 lanes; tiles of `P` pixels; stride `SX`.
     #[inline(always)]
-    fn all_rows<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(self, simd: S) {
-        let Self { filter, sources, out } = self;
-        let (n_blocks, height, width) = (out.n_blocks(), out.height(), out.width());
-        let mut block = 0;
-        while block < n_blocks {
-            let many = block + C <= n_blocks;
-            for y in 0..height {
-                let mut x = 0;
-                while x + P <= width {
-                    if many {
-                        let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, P, C>(simd, filter, &sums, out, block, y, x);
-                    } else {
-                        let sums = tile::<S, N, P, 1, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, P, 1>(simd, filter, &sums, out, block, y, x);
-                    }
-                    x += P;
-                }
-                while x < width {
-                    if many {
-                        let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, 1, C>(simd, filter, &sums, out, block, y, x);
-                    } else {
-                        let sums = tile::<S, N, 1, 1, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, 1, 1>(simd, filter, &sums, out, block, y, x);
-                    }
-                    x += 1;
-                }
+    fn rows<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
+        &mut self,
+        simd: S,
+        block: usize,
+    ) -> usize {
+        let (filter, sources) = (self.filter, self.sources);
+        let (height, width) = (self.out.height(), self.out.width());
+        for y in 0..height {
+            let mut x = 0;
+            while x + P <= width {
+                let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
+                store::<S, N, P, C>(simd, filter, &sums, self.out, block, y, x);
+                x += P;
             }
-            block += if many { C } else { 1 };
+            while x < width {
+                let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
+                store::<S, N, 1, C>(simd, filter, &sums, self.out, block, y, x);
+                x += 1;
+            }
         }
+        C
     }
 }
 
