@@ -5,8 +5,8 @@
     reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
 )]
 
-use super::PolarImage;
 use super::elementary::exp;
+use super::{PolarImage, PolarPixel};
 use crate::engine::{LANES, Planes};
 use pulp::NullaryFnOnce;
 
@@ -42,8 +42,7 @@ impl NullaryFnOnce for Softmax<'_> {
                 pixels.for_each(|(of_pixel, lanes)| of_pixel[block * LANES..][..LANES].copy_from_slice(lanes));
             }
             let tiles = pixels.chunks(LANES).zip(votes.chunks_mut(LANES * n_classes)).enumerate();
-            for (tile, (pixels, votes)) in tiles.filter(|(_, (pixels, _))| pixels.iter().any(|pixel| pixel.is_valid()))
-            {
+            for (tile, (pixels, votes)) in tiles.filter(|(_, (pixels, _))| pixels.iter().any(PolarPixel::is_valid)) {
                 let mut values = [[0.0; LANES]; MAX_CLASSES];
                 for pixel in 0..pixels.len() {
                     let column = tile * LANES + pixel;
