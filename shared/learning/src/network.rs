@@ -8,7 +8,7 @@ mod variables;
 mod weights;
 
 pub use differential::{Differential, Recording};
-pub use inference::Inference;
+pub use inference::{Inference, Lent, Spare};
 pub use variables::Variables;
 pub use weights::Weights;
 

@@ -40,7 +40,7 @@ fn what_infers_gives_what_learned() {
             for input in inputs(&mut Random::new(1, 0), 2, border) {
                 let by_learning = learning.run(input.clone(), None).expect("runs");
                 // Not nearly, exactly: both run the same kernels in the same order.
-                assert_eq!(&inferring.run(input).expect("runs"), by_learning.result(), "{spec:?}");
+                assert_eq!(&*inferring.run(&input).expect("runs"), by_learning.result(), "{spec:?}");
             }
         }
     }

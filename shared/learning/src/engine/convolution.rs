@@ -162,53 +162,59 @@ struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Tiles of pixels x output blocks whose sums fit into the registers: 16 or 24 of 32 (AVX-512), 8 of 16 (AVX2) hide the
+    // Tiles of pixels x output blocks whose sums fit into the registers: 16 to 24 of 32 (AVX-512), 8 of 16 (AVX2) hide the
     // latency of the multiply-adds.
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let n_blocks = self.out.n_blocks();
-        let mut block = 0;
-        while block < n_blocks {
-            let many = if S::F32_LANES == 16 { n_blocks - block } else { 1 };
-            block += match (S::F32_LANES, self.filter.shape.stride_x, many) {
-                (16, 1, 1) => self.rows::<S, 1, 16, 1, 1>(simd, block),
-                (16, 1, 2 | 4) => self.rows::<S, 1, 8, 2, 1>(simd, block),
-                (16, 1, _) => self.rows::<S, 1, 8, 3, 1>(simd, block),
-                (16, _, 1) => self.rows::<S, 1, 8, 1, 2>(simd, block),
-                (16, _, _) => self.rows::<S, 1, 8, 2, 2>(simd, block),
-                (8, 1, _) => self.rows::<S, 2, 4, 1, 1>(simd, block),
-                (8, _, _) => self.rows::<S, 2, 4, 1, 2>(simd, block),
-                (4, 1, _) => self.rows::<S, 4, 2, 1, 1>(simd, block),
-                (4, _, _) => self.rows::<S, 4, 2, 1, 2>(simd, block),
-                (_, 1, _) => self.rows::<S, 16, 1, 1, 1>(simd, block),
-                _ => self.rows::<S, 16, 1, 1, 2>(simd, block),
-            };
+        // All blocks of a row before the next row: what they read of the sources then stays in the cache.
+        for y in 0..self.out.height() {
+            let mut block = 0;
+            while block < n_blocks {
+                let many = if S::F32_LANES == 16 { n_blocks - block } else { 1 };
+                block += match (S::F32_LANES, self.filter.shape.stride_x, many) {
+                    (16, 1, 1) => self.row::<S, 1, 16, 1, 1>(simd, block, y),
+                    (16, 1, 2 | 4) => self.row::<S, 1, 12, 2, 1>(simd, block, y),
+                    (16, 1, _) => self.row::<S, 1, 8, 3, 1>(simd, block, y),
+                    (16, _, 1) => self.row::<S, 1, 8, 1, 2>(simd, block, y),
+                    (16, _, _) => self.row::<S, 1, 8, 2, 2>(simd, block, y),
+                    (8, 1, _) => self.row::<S, 2, 4, 1, 1>(simd, block, y),
+                    (8, _, _) => self.row::<S, 2, 4, 1, 2>(simd, block, y),
+                    (4, 1, _) => self.row::<S, 4, 2, 1, 1>(simd, block, y),
+                    (4, _, _) => self.row::<S, 4, 2, 1, 2>(simd, block, y),
+                    (_, 1, _) => self.row::<S, 16, 1, 1, 1>(simd, block, y),
+                    _ => self.row::<S, 16, 1, 1, 2>(simd, block, y),
+                };
+            }
         }
     }
 }
 
 impl Job<'_> {
-    /// All pixels of `C` output blocks from `block`, and `C`. `N` registers make 16 lanes; tiles of `P` pixels; stride `SX`.
+    /// One row of `C` output blocks from `block`, and `C`. `N` registers make 16 lanes; tiles of `P` pixels; stride `SX`.
     #[inline(always)]
-    fn rows<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
+    fn row<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
         &mut self,
         simd: S,
         block: usize,
+        y: usize,
     ) -> usize {
-        let (filter, sources) = (self.filter, self.sources);
-        let (height, width) = (self.out.height(), self.out.width());
-        for y in 0..height {
-            let mut x = 0;
-            while x + P <= width {
-                let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
-                store::<S, N, P, C>(simd, filter, &sums, self.out, block, y, x);
-                x += P;
-            }
-            while x < width {
-                let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
-                store::<S, N, 1, C>(simd, filter, &sums, self.out, block, y, x);
-                x += 1;
-            }
+        let (filter, sources, width) = (self.filter, self.sources, self.out.width());
+        let mut x = 0;
+        while x + P <= width {
+            let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, P, C>(simd, filter, &sums, self.out, block, y, x);
+            x += P;
+        }
+        while x + 4 <= width {
+            let sums = tile::<S, N, 4, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, 4, C>(simd, filter, &sums, self.out, block, y, x);
+            x += 4;
+        }
+        while x < width {
+            let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, 1, C>(simd, filter, &sums, self.out, block, y, x);
+            x += 1;
         }
         C
     }
@@ -241,6 +247,11 @@ fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize
             let plane = source.plane(source_block);
             let n_channels = (source.channels() - source_block * LANES).min(LANES);
             for row in 0..rows {
+                // Nothing but zeros above and below the image.
+                if y + row < rows / 2 || y + row >= source.height() + rows / 2 {
+                    tap += columns;
+                    continue;
+                }
                 let first = (y + BORDER + row - rows / 2) * source.pitch() + BORDER + x * SX - columns / 2;
                 for column in 0..columns {
                     let pixels = &plane[first + column..][..=(P - 1) * SX];

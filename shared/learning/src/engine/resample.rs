@@ -2,13 +2,13 @@
 
 use super::planes::{LANES, Planes};
 
-/// The largest of every `factor` rows x columns.
+/// The largest of every `factor` rows x columns, written to all but the border of `out`.
 ///
 /// # Panics
-/// If the factors do not divide the image.
-pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
-    assert_eq!((image.height() % rows, image.width() % columns), (0, 0), "a pool must divide the image");
-    let mut out = Planes::zeros(image.channels(), image.height() / rows, image.width() / columns);
+/// If `out` is not that many times smaller than the image.
+pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+    let expected = (image.channels(), image.height(), image.width());
+    assert_eq!((out.channels(), out.height() * rows, out.width() * columns), expected, "a pool must divide the image");
     for block in 0..out.n_blocks() {
         for y in 0..out.height() {
             let out_row = out.row_mut(block, y);
@@ -25,7 +25,6 @@ pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
             }
         }
     }
-    out
 }
 
 /// Derivative by the image: that by the result, at the first of the largest.
@@ -55,9 +54,13 @@ pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [ro
     out
 }
 
-/// Every pixel repeated over `factor` rows x columns.
-pub fn upsample(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
-    let mut out = Planes::zeros(image.channels(), image.height() * rows, image.width() * columns);
+/// Every pixel repeated over `factor` rows x columns, written to all but the border of `out`.
+///
+/// # Panics
+/// If `out` is not that many times larger than the image.
+pub fn upsample(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+    let expected = (image.channels(), image.height() * rows, image.width() * columns);
+    assert_eq!((out.channels(), out.height(), out.width()), expected);
     for block in 0..out.n_blocks() {
         for y in 0..out.height() {
             let pixels = image.row(block, y / rows);
@@ -66,7 +69,6 @@ pub fn upsample(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
             }
         }
     }
-    out
 }
 
 /// Derivative by the image: sums of that by the result.

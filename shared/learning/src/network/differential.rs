@@ -130,11 +130,17 @@ impl Executor for Run<'_> {
         Ok(self.push(out, Step::Convolution { layer, sources }))
     }
     fn max_pool(&mut self, image: &usize, factor: [usize; 2]) -> Result<usize, LearningError> {
-        let out = max_pool(&self.recording.images[*image], factor);
+        let image_of = &self.recording.images[*image];
+        let (height, width) = (image_of.height() / factor[0], image_of.width() / factor[1]);
+        let mut out = Planes::zeros(image_of.channels(), height, width);
+        max_pool(image_of, factor, &mut out);
         Ok(self.push(out, Step::MaxPool { source: *image, factor }))
     }
     fn upsample(&mut self, image: &usize, factor: [usize; 2]) -> Result<usize, LearningError> {
-        let out = upsample(&self.recording.images[*image], factor);
+        let image_of = &self.recording.images[*image];
+        let (height, width) = (image_of.height() * factor[0], image_of.width() * factor[1]);
+        let mut out = Planes::zeros(image_of.channels(), height, width);
+        upsample(image_of, factor, &mut out);
         Ok(self.push(out, Step::Upsample { source: *image, factor }))
     }
     fn dropout(&mut self, source: usize, rate: f32) -> Result<usize, LearningError> {

@@ -154,7 +154,7 @@ impl SphericalModel {
     /// If the image has other columns than the model.
     pub fn votes_of_pixels(&self, image: &PolarImage) -> Result<Vec<u8>, LearningError> {
         let input = features(image, self.settings.fold, self.network.spec().multiple_of()[0]);
-        let logits = self.network.run(input)?;
+        let logits = self.network.run(&input)?;
         let n_classes = self.classes.len();
         let mut votes = vec![0; image.pixels.len() * n_classes];
         let (fold, temperature) = (self.settings.fold, self.settings.temperature);

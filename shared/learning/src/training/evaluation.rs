@@ -3,8 +3,7 @@
 use super::pixels::Pixels;
 use super::{Dataset, Example, Trainer, UNKNOWN};
 use crate::LearningError;
-use crate::engine::Planes;
-use crate::network::Inference;
+use crate::network::{Inference, Lent};
 use crate::scores::Confusion;
 use candle_core::{D, Device, Tensor};
 use rayon::prelude::*;
@@ -68,10 +67,10 @@ impl Trainer {
             if known.is_empty() {
                 continue;
             }
-            let run = |example: &Example| network.run(example.input.clone());
-            let results: Vec<Planes> = examples.par_iter().map(run).collect::<Result<_, LearningError>>()?;
+            let results: Vec<Lent<'_>> =
+                examples.par_iter().map(|example| network.run(&example.input)).collect::<Result<_, LearningError>>()?;
             let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
-            let logits = pixels.gather(&results.iter().collect::<Vec<_>>(), &known);
+            let logits = pixels.gather(&results.iter().map(|result| &**result).collect::<Vec<_>>(), &known);
             let logits = Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?;
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             f(&logits, &classes)?;

@@ -182,7 +182,8 @@ mod tests {
         said("\"vegetation\"", "\"trees\"", "are not all of the table");
         said("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
         said("fold = 4", "fold = 3", "must be a multiple of fold");
-        said("{ first = 2001", "{ first = 1080", "seeds and validation_seeds overlap");
+        said("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
+        said("kind = \"unet\"", "kind = \"spherical_dz\"", "head is of kind = \"unet\" alone");
         said("\"suburban\"", "\"atlantis\"", "no kind of town is called \"atlantis\"; there are urban");
         said("batch = 4", "batch = 0", "batch = 0, must be 1 to 1024");
     }
