@@ -54,14 +54,14 @@ fn street_sweep() -> (SubmapHeader, Vec<SubmapPoint>, Vec<bool>) {
 #[test]
 fn points_of_a_sweep_that_is_left_out_take_the_votes_of_those_beside_them() {
     let (header, points, _) = street_sweep();
-    let mut twice = header.clone();
+    let mut twice = header;
     twice.n_sweeps = 2;
     twice.sweeps[1] = twice.sweeps[0];
     twice.sweeps[1].first_point = points.len() as u32;
     let classes = |every: u32, header: &SubmapHeader, points: Vec<SubmapPoint>| {
         let settings = Settings { every, ..Settings::default() };
         let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the shipped model loads");
-        bench.send::<Submap>(0, header.clone(), points);
+        bench.send::<Submap>(0, *header, points);
         bench.tick().expect("steps");
         bench.take::<Class>()[0].rows().to_vec()
     };
