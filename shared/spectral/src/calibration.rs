@@ -11,9 +11,13 @@
 //! - saturated: the largest value of the sample's depth;
 //! - clipped: 0 where the dark reference is above 0, so that the light was anywhere below.
 
+mod row;
+
 use crate::mosaic::check_length;
+use crate::wide::wide;
 use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
+use row::Row;
 
 /// `white - dark` below one count is no light.
 const MIN_SIGNAL: f32 = 1.0;
@@ -42,6 +46,12 @@ impl FrameCounts {
     /// Samples without a reflectance.
     pub fn masked(&self) -> u64 {
         self.dead + self.saturated + self.clipped
+    }
+
+    fn add(&mut self, other: Self) {
+        self.dead += other.dead;
+        self.saturated += other.saturated;
+        self.clipped += other.clipped;
     }
 }
 
@@ -142,8 +152,10 @@ impl Calibration {
         let mut counts = FrameCounts::default();
         let mut bits = vec![0; width];
         for (y, (mut values, mut valid)) in reflectances.outer_iter_mut().zip(valid.outer_iter_mut()).enumerate() {
+            let row = self.row(raw, y, scale);
             if let Some(values) = values.as_slice_mut() {
-                self.row_into(raw, y, scale, values, &mut bits, &mut counts);
+                counts.add(row.reflectances_into(values));
+                row.validity_into(&mut bits);
             }
             valid.iter_mut().zip(&bits).for_each(|(valid, bit)| *valid = *bit == 1);
         }
@@ -168,7 +180,10 @@ impl Calibration {
         let mut scratch = Scratch::new(self.mosaic.area()[0]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
-            self.cells_into(raw, row, scale, &mut scratch, &mut planes, masks);
+            wide(
+                #[inline(always)]
+                || self.cells_into(raw, row, scale, &mut scratch, &mut planes, masks),
+            );
         }
         Ok(scratch.counts)
     }
@@ -193,7 +208,10 @@ impl Calibration {
         let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
-            self.cells_into(raw, row, scale, &mut scratch, &mut planes, &mut measured);
+            wide(
+                #[inline(always)]
+                || self.cells_into(raw, row, scale, &mut scratch, &mut planes, &mut measured),
+            );
             let mut planes = Planes { values, stride: n_cells, start: row * columns };
             correction.cells_into(&bands, &measured, &mut planes, masks);
         }
@@ -201,7 +219,28 @@ impl Calibration {
     }
 
     /// One row of cells: `planes` and `masks` are overwritten there.
+    #[inline(always)]
     fn cells_into(
+        &self,
+        raw: &[u16],
+        row: usize,
+        scale: f32,
+        scratch: &mut Scratch,
+        planes: &mut Planes<'_>,
+        masks: &mut [u32],
+    ) {
+        match self.mosaic.pattern() {
+            1 => self.cells_of::<1>(raw, row, scale, scratch, planes, masks),
+            2 => self.cells_of::<2>(raw, row, scale, scratch, planes, masks),
+            3 => self.cells_of::<3>(raw, row, scale, scratch, planes, masks),
+            4 => self.cells_of::<4>(raw, row, scale, scratch, planes, masks),
+            _ => self.cells_of::<5>(raw, row, scale, scratch, planes, masks),
+        }
+    }
+
+    /// As [`Self::cells_into`] for a pattern of `P` px.
+    #[inline(always)]
+    fn cells_of<const P: usize>(
         &self,
         raw: &[u16],
         row: usize,
@@ -211,18 +250,18 @@ impl Calibration {
         masks: &mut [u32],
     ) {
         masks.fill(0);
-        let pattern = self.mosaic.pattern() as usize;
         // One raw row fits the fastest cache: calibrate it in one sweep, then deal its values out to the bands.
-        for dy in 0..pattern {
-            self.row_into(raw, row * pattern + dy, scale, values, bits, counts);
-            for dx in 0..pattern {
-                let band = dy * pattern + dx;
-                let plane = &mut planes.values[band * planes.stride + planes.start..][..masks.len()];
-                let dealt = values[dx..].iter().step_by(pattern).zip(bits[dx..].iter().step_by(pattern));
-                for ((out, mask), (value, bit)) in plane.iter_mut().zip(&mut *masks).zip(dealt) {
-                    *out = *value;
-                    *mask |= bit << band;
-                }
+        for dy in 0..P {
+            let samples = self.row(raw, row * P + dy, scale);
+            let found = samples.reflectances_into(values);
+            row::deal::<P>(values, dy, planes);
+            if found.masked() == 0 {
+                let all = ((1 << P) - 1) << (dy * P);
+                masks.iter_mut().for_each(|mask| *mask |= all);
+            } else {
+                samples.validity_into(bits);
+                row::deal_validity::<P>(bits, dy, masks);
+                counts.add(found);
             }
         }
     }
@@ -236,37 +275,16 @@ impl Calibration {
         Ok((1.0 / exposure_nanos as f64) as f32)
     }
 
-    /// Reflectance of row `y` of the area, and 1 per valid sample.
-    fn row_into(
-        &self,
-        raw: &[u16],
-        y: usize,
-        scale: f32,
-        values: &mut [f32],
-        bits: &mut [u32],
-        counts: &mut FrameCounts,
-    ) {
+    /// Row `y` of the area.
+    #[inline(always)]
+    fn row<'a>(&'a self, raw: &'a [u16], y: usize, scale: f32) -> Row<'a> {
         let width = self.mosaic.area()[0];
-        let saturation = self.mosaic.saturation();
-        let samples = self.mosaic.area_row(raw, y);
-        let darks = &self.darks[y * width..][..width];
-        let gains = &self.gains[y * width..][..width];
-        let (mut n_dead, mut n_saturated, mut n_clipped) = (0_u32, 0_u32, 0_u32);
-        let pixels = samples.iter().zip(darks.iter().zip(gains));
-        for ((value, bit), (sample, (dark, gain))) in values.iter_mut().zip(bits).zip(pixels) {
-            // Numbers, not conditions: without branches the compiler makes vectors of the loop (1.7 times as fast).
-            let live = u32::from(*gain != 0.0);
-            let saturated = live & u32::from(*sample >= saturation);
-            let clipped = live & u32::from(*sample == 0) & u32::from(*dark > 0.0);
-            let valid = live & !(saturated | clipped);
-            *value = if valid == 1 { (f32::from(*sample) - dark) * (gain * scale) } else { 0.0 };
-            *bit = valid;
-            n_dead += 1 - live;
-            n_saturated += saturated;
-            n_clipped += clipped;
+        Row {
+            samples: self.mosaic.area_row(raw, y),
+            darks: &self.darks[y * width..][..width],
+            gains: &self.gains[y * width..][..width],
+            scale,
+            saturation: self.mosaic.saturation(),
         }
-        counts.dead += u64::from(n_dead);
-        counts.saturated += u64::from(n_saturated);
-        counts.clipped += u64::from(n_clipped);
     }
 }

@@ -14,6 +14,7 @@ mod error;
 mod median;
 mod mosaic;
 mod reference;
+mod wide;
 
 pub use calibration::{Calibration, FrameCounts, WhiteTarget};
 pub use camera::Camera;
