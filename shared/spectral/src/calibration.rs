@@ -2,8 +2,9 @@
 //!
 //! `R = rho_white (raw - dark) / (white - dark) * t_white / t_raw`, per pixel of the raw mosaic.
 //!
-//! The dark reference is subtracted as it is, whatever its exposure time: at a few ms it is the bias of the read-out, which
-//! does not grow with time. R is linear in the light, not clamped: 1 is a perfect diffuser, a mirror gives more, and
+//! Dark is bias and dark current: dark frames of two exposure times or more tell both (a line for each pixel), and dark(t) is
+//! taken at the exposure time of what it is subtracted from. Dark frames of one exposure time are subtracted as they are: at a
+//! few ms they are the bias of the read-out, which does not grow with time. R is linear in the light, not clamped: 1 is a perfect diffuser, a mirror gives more, and
 //! noise around black gives small negative values, which a clamp would turn into a bias of every mean.
 //!
 //! A sample that says nothing is masked and its reflectance is 0, never NaN:
@@ -11,7 +12,10 @@
 //! - saturated: the largest value of the sample's depth;
 //! - clipped: 0 where the dark reference is above 0, so that the light was anywhere below.
 
+mod pixels;
 mod row;
+
+pub use pixels::WhitePanel;
 
 use crate::mosaic::check_length;
 use crate::wide::wide;
@@ -19,10 +23,7 @@ use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
 use row::Row;
 
-/// `white - dark` below one count is no light.
-const MIN_SIGNAL: f32 = 1.0;
-
-/// The target that the white reference shows.
+/// A target that fills the image, of one reflectance; see [`WhitePanel`] for others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhiteTarget {
     /// Reflectance of the target, above 0 and at most 1; 0.98 for the usual panel.
@@ -57,6 +58,7 @@ impl FrameCounts {
 
 /// Reflectances and validity of one raw row, and the counts of all rows so far.
 struct Scratch {
+    darks: Vec<f32>,
     values: Vec<f32>,
     bits: Vec<u32>,
     counts: FrameCounts,
@@ -64,8 +66,15 @@ struct Scratch {
 
 impl Scratch {
     fn new(width: usize) -> Self {
-        Self { values: vec![0.0; width], bits: vec![0; width], counts: FrameCounts::default() }
+        Self { darks: Vec::new(), values: vec![0.0; width], bits: vec![0; width], counts: FrameCounts::default() }
     }
+}
+
+/// Exposure time of a frame, ns, and its inverse.
+#[derive(Clone, Copy)]
+struct Exposure {
+    nanos: f32,
+    inverse: f32,
 }
 
 /// Some cells of a band-sequential cube: from `start` on in each plane, planes being `stride` values apart.
@@ -79,7 +88,10 @@ pub(crate) struct Planes<'a> {
 #[derive(Clone, Debug)]
 pub struct Calibration {
     mosaic: Mosaic,
+    /// At no exposure time.
     darks: Vec<f32>,
+    /// Counts per ns; empty if no pixel has a dark current.
+    dark_rates: Vec<f32>,
     /// `rho_white t_white / (white - dark)` in ns per count; 0 = dead.
     gains: Vec<f32>,
     valid_bands: u32,
@@ -93,27 +105,28 @@ impl Calibration {
         white: &Reference,
         target: WhiteTarget,
     ) -> Result<Self, SpectralError> {
-        if target.exposure_nanos == 0 {
-            return Err(SpectralError::Exposure { what: "white", nanos: 0 });
-        }
-        if !(target.reflectance > 0.0 && target.reflectance <= 1.0) {
-            return Err(SpectralError::WhiteReflectance(target.reflectance));
-        }
-        check_length("dark", dark.mosaic().n_samples(), mosaic.n_samples())?;
-        check_length("white", white.mosaic().n_samples(), mosaic.n_samples())?;
-        let full_scale = (target.reflectance * target.exposure_nanos as f64) as f32;
-        let pixels: Vec<(f32, f32)> = dark
-            .means()?
-            .zip(white.means()?)
-            .map(|(dark, white)| match (dark, white) {
-                (Some(dark), Some(white)) if white - dark >= MIN_SIGNAL => (dark, full_scale / (white - dark)),
-                _ => (0.0, 0.0),
-            })
-            .collect();
-        let area: Vec<(f32, f32)> =
-            (0..mosaic.area()[1]).flat_map(|row| mosaic.area_row(&pixels, row)).copied().collect();
-        let (darks, gains) = area.into_iter().unzip();
-        let mut calibration = Self { mosaic: mosaic.clone(), darks, gains, valid_bands: 0 };
+        let panel =
+            WhitePanel { exposure_nanos: target.exposure_nanos, reflectances: vec![target.reflectance], region: None };
+        Self::with_panel(mosaic, &[(target.exposure_nanos, dark)], white, &panel)
+    }
+
+    /// The same with dark frames of several exposure times (ns), and a white panel of any kind.
+    pub fn with_panel(
+        mosaic: &Mosaic,
+        darks: &[(u64, &Reference)],
+        white: &Reference,
+        panel: &WhitePanel,
+    ) -> Result<Self, SpectralError> {
+        let pixels = pixels::pixels(mosaic, darks, white, panel)?;
+        let area = || (0..mosaic.area()[1]).flat_map(|row| mosaic.area_row(&pixels, row));
+        let has_dark_current = area().any(|pixel| pixel.dark_rate != 0.0);
+        let mut calibration = Self {
+            mosaic: mosaic.clone(),
+            darks: area().map(|pixel| pixel.bias).collect(),
+            dark_rates: if has_dark_current { area().map(|pixel| pixel.dark_rate).collect() } else { Vec::new() },
+            gains: area().map(|pixel| pixel.gain).collect(),
+            valid_bands: 0,
+        };
         calibration.valid_bands = calibration.live_bands();
         Ok(calibration)
     }
@@ -145,14 +158,14 @@ impl Calibration {
         raw: &[u16],
         exposure_nanos: u64,
     ) -> Result<(Array2<f32>, Array2<bool>, FrameCounts), SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let [width, height] = self.mosaic.area();
         let mut reflectances = Array2::zeros((height, width));
         let mut valid = Array2::from_elem((height, width), false);
         let mut counts = FrameCounts::default();
-        let mut bits = vec![0; width];
+        let (mut darks, mut bits) = (Vec::new(), vec![0; width]);
         for (y, (mut values, mut valid)) in reflectances.outer_iter_mut().zip(valid.outer_iter_mut()).enumerate() {
-            let row = self.row(raw, y, scale);
+            let row = self.row(raw, y, exposure, &mut darks);
             if let Some(values) = values.as_slice_mut() {
                 counts.add(row.reflectances_into(values));
                 row.validity_into(&mut bits);
@@ -171,7 +184,7 @@ impl Calibration {
         reflectances: &mut [f32],
         masks: &mut [u32],
     ) -> Result<FrameCounts, SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let n_cells = self.mosaic.n_cells();
         let n_bands = self.mosaic.n_bands();
         check_length("cube", reflectances.len(), n_bands * n_cells)?;
@@ -182,7 +195,7 @@ impl Calibration {
             let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
             wide(
                 #[inline(always)]
-                || self.cells_into(raw, row, scale, &mut scratch, &mut planes, masks),
+                || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, masks),
             );
         }
         Ok(scratch.counts)
@@ -198,7 +211,7 @@ impl Calibration {
         values: &mut [f32],
         masks: &mut [u32],
     ) -> Result<FrameCounts, SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let (n_cells, n_bands) = (self.mosaic.n_cells(), self.mosaic.n_bands());
         check_length("correction", correction.n_bands(), n_bands)?;
         check_length("corrected cube", values.len(), correction.n_virtual_bands() * n_cells)?;
@@ -210,7 +223,7 @@ impl Calibration {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
             wide(
                 #[inline(always)]
-                || self.cells_into(raw, row, scale, &mut scratch, &mut planes, &mut measured),
+                || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, &mut measured),
             );
             let mut planes = Planes { values, stride: n_cells, start: row * columns };
             correction.cells_into(&bands, &measured, &mut planes, masks);
@@ -224,17 +237,17 @@ impl Calibration {
         &self,
         raw: &[u16],
         row: usize,
-        scale: f32,
+        exposure: Exposure,
         scratch: &mut Scratch,
         planes: &mut Planes<'_>,
         masks: &mut [u32],
     ) {
         match self.mosaic.pattern() {
-            1 => self.cells_of::<1>(raw, row, scale, scratch, planes, masks),
-            2 => self.cells_of::<2>(raw, row, scale, scratch, planes, masks),
-            3 => self.cells_of::<3>(raw, row, scale, scratch, planes, masks),
-            4 => self.cells_of::<4>(raw, row, scale, scratch, planes, masks),
-            _ => self.cells_of::<5>(raw, row, scale, scratch, planes, masks),
+            1 => self.cells_of::<1>(raw, row, exposure, scratch, planes, masks),
+            2 => self.cells_of::<2>(raw, row, exposure, scratch, planes, masks),
+            3 => self.cells_of::<3>(raw, row, exposure, scratch, planes, masks),
+            4 => self.cells_of::<4>(raw, row, exposure, scratch, planes, masks),
+            _ => self.cells_of::<5>(raw, row, exposure, scratch, planes, masks),
         }
     }
 
@@ -244,15 +257,15 @@ impl Calibration {
         &self,
         raw: &[u16],
         row: usize,
-        scale: f32,
-        Scratch { values, bits, counts }: &mut Scratch,
+        exposure: Exposure,
+        Scratch { darks, values, bits, counts }: &mut Scratch,
         planes: &mut Planes<'_>,
         masks: &mut [u32],
     ) {
         masks.fill(0);
         // One raw row fits the fastest cache: calibrate it in one sweep, then deal its values out to the bands.
         for dy in 0..P {
-            let samples = self.row(raw, row * P + dy, scale);
+            let samples = self.row(raw, row * P + dy, exposure, darks);
             let found = samples.reflectances_into(values);
             row::deal::<P>(values, dy, planes);
             if found.masked() == 0 {
@@ -266,24 +279,34 @@ impl Calibration {
         }
     }
 
-    /// Checks the frame; the inverse of its exposure time, 1/ns.
-    fn scale(&self, raw: &[u16], exposure_nanos: u64) -> Result<f32, SpectralError> {
+    /// Checks the frame and its exposure time.
+    fn exposure(&self, raw: &[u16], nanos: u64) -> Result<Exposure, SpectralError> {
         self.mosaic.check_frame("raw", raw)?;
-        if exposure_nanos == 0 {
-            return Err(SpectralError::Exposure { what: "raw", nanos: 0 });
+        if nanos == 0 {
+            return Err(SpectralError::Exposure { what: "raw", nanos });
         }
-        Ok((1.0 / exposure_nanos as f64) as f32)
+        Ok(Exposure { nanos: nanos as f32, inverse: (1.0 / nanos as f64) as f32 })
     }
 
-    /// Row `y` of the area.
+    /// Row `y` of the area. `darks` is room for what the row needs.
     #[inline(always)]
-    fn row<'a>(&'a self, raw: &'a [u16], y: usize, scale: f32) -> Row<'a> {
+    fn row<'a>(&'a self, raw: &'a [u16], y: usize, exposure: Exposure, darks: &'a mut Vec<f32>) -> Row<'a> {
         let width = self.mosaic.area()[0];
+        let of_row = y * width..(y + 1) * width;
+        let biases = &self.darks[of_row.clone()];
+        let darks = match self.dark_rates.get(of_row.clone()) {
+            Some(rates) => {
+                darks.clear();
+                darks.extend(biases.iter().zip(rates).map(|(bias, rate)| bias + rate * exposure.nanos));
+                &darks[..]
+            }
+            None => biases,
+        };
         Row {
             samples: self.mosaic.area_row(raw, y),
-            darks: &self.darks[y * width..][..width],
-            gains: &self.gains[y * width..][..width],
-            scale,
+            darks,
+            gains: &self.gains[of_row],
+            scale: exposure.inverse,
             saturation: self.mosaic.saturation(),
         }
     }
