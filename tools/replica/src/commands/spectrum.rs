@@ -19,8 +19,8 @@ use std::process::ExitCode;
 /// Statistics of reflectances by channel, with a diagnosis; several inputs are compared.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Drive folders (see --camera) or ENVI cubes.
-    #[arg(required = true, value_name = "DRIVE|CUBE.hdr")]
+    /// Drive folders (see --camera), ENVI cubes, or TIFFs of a sample for each band: of these the shares of the full scale.
+    #[arg(required = true, value_name = "DRIVE|CUBE.hdr|CUBE.tif")]
     inputs: Vec<PathBuf>,
     /// Mosaic camera of the drives, by name.
     #[arg(long)]
@@ -31,6 +31,9 @@ pub struct Args {
     /// Bands as the filters measured them, without the spectral correction of the camera's calibration file.
     #[arg(long)]
     uncorrected: bool,
+    /// The camera maker's calibration file, for the wavelengths of TIFFs.
+    #[arg(long, value_name = "XML")]
+    sensor: Option<PathBuf>,
     /// The share of the white reference's signal, as if all frames had its exposure time: what a calibration without exposure
     /// times gives.
     #[arg(long)]
@@ -89,7 +92,9 @@ fn region(text: &str) -> Result<Region, String> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let sensor = args.sensor.as_deref().map(super::read_sensor).transpose()?;
     let choice = Choice {
+        sensor: sensor.as_ref(),
         camera: args.camera.as_deref(),
         frame: args.frame,
         correction: !args.uncorrected,
