@@ -270,7 +270,9 @@ impl Calibration {
             row::deal::<P>(values, dy, planes);
             if found.masked() == 0 {
                 let all = ((1 << P) - 1) << (dy * P);
-                masks.iter_mut().for_each(|mask| *mask |= all);
+                for mask in &mut *masks {
+                    *mask |= all;
+                }
             } else {
                 samples.validity_into(bits);
                 row::deal_validity::<P>(bits, dy, masks);

@@ -49,12 +49,11 @@ impl FullResolution {
         let each = |bands: &[f32]| {
             let Some(((measured, masks), start)) = rows.next() else { return };
             let mut planes = Planes { values: &mut *values, stride: n_pixels, start };
-            match camera.correction() {
-                Some(correction) => correction.cells_into(bands, measured, &mut planes, masks),
-                None => {
-                    masks.copy_from_slice(measured);
-                    copy_measured(bands, measured, &mut planes);
-                }
+            if let Some(correction) = camera.correction() {
+                correction.cells_into(bands, measured, &mut planes, masks);
+            } else {
+                masks.copy_from_slice(measured);
+                copy_measured(bands, measured, &mut planes);
             }
         };
         self.demosaicer.demosaic_rows(&samples, self.method, each)?;

@@ -313,8 +313,10 @@ fn a_panel_in_a_part_of_the_frame_is_white_enough_and_has_a_reflectance_for_each
         let mosaic = camera.mosaic.clone();
         let scene = |x: u32, y: u32| if is_panel(x, y) { rho(band_at(&mosaic, x, y)) } else { 0.3 };
         let frame = camera.expose(T_WHITE, scene);
-        let (dark, white) =
-            (camera.reference("dark", std::slice::from_ref(&camera.bias)), camera.reference("white", &[frame.clone()]));
+        let (dark, white) = (
+            camera.reference("dark", std::slice::from_ref(&camera.bias)),
+            camera.reference("white", std::slice::from_ref(&frame)),
+        );
         let reflectances: Vec<f64> = (0..mosaic.n_bands()).map(rho).collect();
         let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances, region: Some(region) };
         let with = |panel: &WhitePanel| Calibration::with_panel(&mosaic, &[(T_WHITE, &dark)], &white, panel);

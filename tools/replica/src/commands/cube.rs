@@ -142,7 +142,8 @@ fn write_cube(frame: &RawMosaic, setup: &Setup, out: &Path, args: &Args) -> anyh
         args.demosaic,
         if args.median { ", median of 3x3 cells" } else { "" }
     );
-    header.wavelengths = camera.wavelengths_nm().iter().map(|nm| f64::from(*nm)).collect();
+    // A thousandth of a nm: f32 knows no more, and headers are read by people.
+    header.wavelengths = camera.wavelengths_nm().iter().map(|nm| (f64::from(*nm) * 1e3).round() / 1e3).collect();
     header.wavelength_units = setup.wavelength_units.to_owned();
     header.fwhm = setup.fwhm_nm.clone();
     header.data_ignore_value = Some(IGNORED);
