@@ -52,7 +52,7 @@ fn references_of_other_exposures_give_reflectance_and_mark_what_is_unknown() {
     write(folder, "white/0.pgm", |band, _, _| 50 + 200 + 50 * band as u16);
     let frame = write(folder, "frame.pgm", |band, x, y| match (x, y) {
         (2, 0) => MAX,
-        _ => 50 + (200 + 50 * band as u16) / 2,
+        _ => 50 + 100 + 25 * band as u16,
     });
     let out = folder.join("out");
     let (dark, white) = (folder.join("dark"), folder.join("white"));

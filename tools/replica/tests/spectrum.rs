@@ -85,6 +85,12 @@ fn what_clipping_takes_away_is_said_first() {
         assert!((rate - expected).abs() < 3e-3, "{row:?}");
     }
     assert_eq!(rows.len(), 3);
+    let figures = folder.path().join("figures");
+    let output = spectrum(&[cube, "--clip-threshold", "0.2", "--figures", figures.to_str().expect("UTF-8")]);
+    assert!(output.status.success(), "{}", said(&output));
+    let expanded = std::fs::read_to_string(figures.join("expanded.svg")).expect("a figure");
+    assert_eq!(expanded.matches("<polyline").count(), 6, "three channels before and after");
+    assert!(expanded.contains("clipped at 0.2") && expanded.contains("no reflectance"));
 }
 
 #[test]

@@ -144,8 +144,8 @@ fn write_cube(frame: &RawMosaic, setup: &Setup, out: &Path, args: &Args) -> anyh
     );
     // A thousandth of a nm: f32 knows no more, and headers are read by people.
     header.wavelengths = camera.wavelengths_nm().iter().map(|nm| (f64::from(*nm) * 1e3).round() / 1e3).collect();
-    header.wavelength_units = setup.wavelength_units.to_owned();
-    header.fwhm = setup.fwhm_nm.clone();
+    setup.wavelength_units.clone_into(&mut header.wavelength_units);
+    header.fwhm.clone_from(&setup.fwhm_nm);
     header.data_ignore_value = Some(IGNORED);
     envi::write(out, &Image { header, values })?;
     println!(

@@ -4,7 +4,7 @@ use super::Args;
 use anyhow::{Context, bail};
 use formats::drive::Drive;
 use formats::raw_mosaic::RawMosaic;
-use formats::sensor_calibration::SensorCalibration;
+use formats::sensor_calibration::{FilterBand, SensorCalibration};
 use spectral::{Calibration, Camera, Mosaic, Reference, WhitePanel};
 use std::path::{Path, PathBuf};
 
@@ -70,7 +70,7 @@ impl Setup {
         let (calibration, is_reflectance) = calibration(&mosaic, frame, args)?;
         let n_bands = mosaic.n_bands();
         let filters_nm: Vec<f64> = match &sensor {
-            Some(sensor) => sensor.bands.iter().map(|band| band.wavelength_nm()).collect(),
+            Some(sensor) => sensor.bands.iter().map(FilterBand::wavelength_nm).collect(),
             None => (1..=n_bands).map(|band| band as f64).collect(),
         };
         // The matrix is for reflectances.
