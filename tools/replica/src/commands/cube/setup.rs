@@ -120,10 +120,7 @@ fn calibration(mosaic: &Mosaic, frame: &RawMosaic, args: &Args) -> anyhow::Resul
             let full = f64::from(mosaic.saturation());
             let panel = WhitePanel { exposure_nanos: 1, reflectances: vec![(full - 1.0) / full], region: None };
             let white = constant("white", mosaic, mosaic.saturation() - 1)?;
-            // Of a dark reference only what it says of this frame's exposure time counts: its counts are lost of the scale.
-            let none = constant("dark", mosaic, 0)?;
-            let dark = if args.dark.is_empty() { &none } else { &dark };
-            return Ok((Calibration::with_panel(mosaic, &[(1, dark)], &white, &panel)?, false));
+            return Ok((Calibration::with_panel(mosaic, &[(1, &dark)], &white, &panel)?, false));
         }
     };
     let exposure_nanos = white_nanos.context("--white-exposure-ms must be given: the file does not say it")?;
