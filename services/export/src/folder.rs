@@ -14,8 +14,7 @@ pub(crate) const INDEX: &str = "clouds/index.json";
 pub(crate) const GEOREFERENCE: &str = "georeference.json";
 
 /// Files that [`crate::Export`] writes once, at the end.
-const AT_THE_END: [&str; 5] =
-    [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
+const AT_THE_END: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
 
 /// The run's output folder.
 pub(crate) struct Folder(PathBuf);

@@ -262,9 +262,13 @@ fn find_edges_in_block<T: Level, const N: usize>(
             beside[i] |= marks[row][col][i] & (values[row][col][i] == here[i]);
         }
     };
-    [(0, 1), (1, 0), (1, 2), (2, 1)].into_iter().for_each(|(row, col)| look(row, col));
+    for (row, col) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
+        look(row, col);
+    }
     if connectivity == Connectivity::Eight {
-        [(0, 0), (0, 2), (2, 0), (2, 2)].into_iter().for_each(|(row, col)| look(row, col));
+        for (row, col) in [(0, 0), (0, 2), (2, 0), (2, 2)] {
+            look(row, col);
+        }
     }
     *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| beside[i] & !marks[1][1][i]);
 }

@@ -15,12 +15,13 @@ pub(crate) const BLOCK: usize = 64;
 /// rest.
 macro_rules! in_blocks {
     ($n:expr, $work:ident($($argument:expr),*)) => {
-        if $n >= $crate::wide::BLOCK {
-            for start in (0..$n).step_by($crate::wide::BLOCK) {
-                $work::<_, { $crate::wide::BLOCK }>(start.min($n - $crate::wide::BLOCK), $($argument),*);
+        let n: usize = $n;
+        if n >= $crate::wide::BLOCK {
+            for start in (0..n).step_by($crate::wide::BLOCK) {
+                $work::<_, { $crate::wide::BLOCK }>(start.min(n - $crate::wide::BLOCK), $($argument),*);
             }
         } else {
-            for start in 0..$n {
+            for start in 0..n {
                 $work::<_, 1>(start, $($argument),*);
             }
         }

@@ -31,7 +31,9 @@ fn main() {
     };
     let seconds: f64 = seconds.parse().expect("seconds");
     let seeds: Vec<u64> = seeds.split(',').map(|seed| seed.parse().expect("a seed")).collect();
-    let model = model.first().map(|path| learning::load(Path::new(path)).expect("the model can be read"));
+    let model = model
+        .first()
+        .map(|path| learning::load(Path::new(path), &learning::Options::default()).expect("the model can be read"));
     println!("| town | settings | class | true | found | SM % | PQ % | SQ % | RQ % | mIoU % |");
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let variants = variants();
