@@ -2,8 +2,8 @@
 //! `cargo run --release -p colorize --example color_truth -- TOWN SEED SECONDS RECORDING [SEED SECONDS RECORDING …]`.
 //!
 //! RECORDING has the topics submap, trajectory, image and cube of a run on the drive that `replica simulate` makes with the
-//! same town, seed and seconds and the thesis' vehicle. Tables of what is hidden come with the flags of moving things that slam_aggregate
-//! found and with the true ones; those of colors and spectra are of points that stand still.
+//! same town, seed and seconds and the thesis' vehicle. Tables of what is hidden come with the flags of moving things that the
+//! run found and with the true ones; those of colors and spectra are of points that stand still.
 
 mod lab;
 #[path = "../common/recorded.rs"]

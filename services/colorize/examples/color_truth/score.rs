@@ -52,7 +52,9 @@ pub fn at_range(table: &mut Table, range_m: f64) -> Option<&mut Score> {
 /// The rows of the ranges and one of all.
 fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
     let mut all = Score::default();
-    table.iter().for_each(|score| all.add(score.clone()));
+    for score in table {
+        all.add(score.clone());
+    }
     let ranges = table.iter().zip(RANGES_M).map(|(score, end)| (format!("up to {end} m"), score.clone()));
     ranges.chain([("all".to_owned(), all)])
 }

@@ -14,7 +14,7 @@ pub struct Recorded {
     pub images: Vec<Received<Image>>,
     #[allow(dead_code, reason = "not every example looks at spectra")]
     pub cubes: Vec<Received<Cube>>,
-    /// `world_from_body` as slam_aggregate found it.
+    /// `world_from_body` as the run found it.
     pub trajectory: Trajectory,
 }
 
