@@ -6,7 +6,7 @@ mod intake;
 use crate::Settings;
 use crate::choose::Limits;
 use crate::chunk::Chunk;
-use crate::offset_watch::sentence;
+use crate::offset_watch::{overview, sentence};
 use crate::saved::{self, Held};
 use crate::spectra::Bands;
 use crate::views::Camera;
@@ -106,9 +106,13 @@ impl Colorize {
         self.held.submaps.pop_front()
     }
 
-    /// Says how far points and images are apart.
+    /// Says how far points and images are apart: once for all cameras, and once more for each that is too far off.
     fn report_offset(&self, outputs: &mut Outputs) {
+        if self.held.watch.is_empty() {
+            return;
+        }
         let offset = self.held.watch.offset();
+        outputs.note(overview(&self.names, &offset));
         for (index, found) in offset.cameras.iter().enumerate().filter(|(_, found)| found.is_found()) {
             outputs.count("cameras_with_known_offset", 1);
             let is_far = found.exceeds(self.max_offset_rad);
