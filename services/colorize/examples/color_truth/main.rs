@@ -158,6 +158,9 @@ impl Part<'_> {
             by_age.sort_by(|a, b| age_s(&exposures[*a]).total_cmp(&age_s(&exposures[*b])));
             let nearest = by_age.into_iter().find_map(seen);
             score.visible += usize::from(nearest.is_some());
+            let is_solid = nearest.is_some() && truth.is_solid;
+            score.solid += usize::from(is_solid);
+            score.solid_colored += usize::from(is_solid && chosen.is_some());
             let Some((view, pixel)) = chosen else { return };
             score.visible_colored += usize::from(nearest.is_some());
             score.colored += 1;

@@ -9,6 +9,9 @@ pub struct Score {
     /// Seen by some exposure, by truth, and those of them that have a color.
     pub visible: usize,
     pub visible_colored: usize,
+    /// The same of those on a single surface that is no leaf.
+    pub solid: usize,
+    pub solid_colored: usize,
     pub colored: usize,
     /// Colored by an exposure from which something stands before them: something solid, or leaves.
     pub behind_solid: usize,
@@ -24,6 +27,8 @@ impl Score {
     pub fn add(&mut self, other: Self) {
         self.visible += other.visible;
         self.visible_colored += other.visible_colored;
+        self.solid += other.solid;
+        self.solid_colored += other.solid_colored;
         self.colored += other.colored;
         self.behind_solid += other.behind_solid;
         self.behind_leaves += other.behind_leaves;
@@ -60,13 +65,16 @@ fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
 }
 
 pub fn print_occlusion(title: &str, table: &Table) {
-    println!("{title}\n| range | points visible | visible and colored | hidden by something solid | by leaves |");
+    println!(
+        "{title}\n| range | points visible | visible and colored | solid ones | hidden by something solid | by leaves |"
+    );
     for (name, score) in rows(table) {
         let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
         println!(
-            "| {name} | {} | {:.1} % | {:.2} % | {:.2} % |",
+            "| {name} | {} | {:.1} % | {:.1} % | {:.2} % | {:.2} % |",
             score.visible,
             share(score.visible_colored, score.visible),
+            share(score.solid_colored, score.solid),
             share(score.behind_solid, score.colored),
             share(score.behind_leaves, score.colored)
         );

@@ -31,6 +31,8 @@ pub struct TruePoint {
     pub stamp: i64,
     /// Of the surface that the beam met; `None` for mixed returns.
     pub material: Option<Material>,
+    /// Whether that surface is there and no leaf.
+    pub is_solid: bool,
     /// Whether it is on something that is elsewhere a second later.
     pub moves: bool,
 }
@@ -113,7 +115,8 @@ impl Town<'_> {
             let again = scene.cast(later, &ray, far_m).map(|hit| hit.range_m);
             hit.surface.instance > 0 && again.is_none_or(|m| (m - hit.range_m).abs() > 0.2)
         });
-        Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), moves })
+        let is_solid = hit.as_ref().is_some_and(|hit| hit.surface.class != ClassId::Vegetation);
+        Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), is_solid, moves })
     }
 
     /// What stands before `p`, seen from the camera, with the tolerances of `truth/visibility`. Leaves meet rays by chance: one
