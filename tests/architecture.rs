@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 12] = [
+const SHARED: [&str; 13] = [
     "chart",
     "geometry",
     "messages",
@@ -14,6 +14,7 @@ const SHARED: [&str; 12] = [
     "spectral",
     "morphology",
     "registration",
+    "pose_graph",
     "scores",
     "learning",
     "simulation",

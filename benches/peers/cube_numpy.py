@@ -1,8 +1,12 @@
-"""Raw mosaic to corrected cube with NumPy on one thread (processor time), beside `cargo run --release -p spectral --example cube_bench`.
+"""Raw mosaic to corrected cube with NumPy on one thread (processor time), and beside it ours in the same run.
 
-Same frames, same steps: reflectance per pixel, masks, binning, correction. Usage: OMP_NUM_THREADS=1 python3 cube_numpy.py
+Same frames, same steps: reflectance per pixel, masks, binning, correction.
+usage: cargo build --release -p spectral --example cube_bench
+       OMP_NUM_THREADS=1 python3 cube_numpy.py target/release/examples/cube_bench
 """
 
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -42,3 +46,5 @@ def bench(name, pattern, area, n_virtual):
 
 bench("HS02 5x5", 5, [0, 3, 2045, 1085], 25)
 bench("HS03 4x4", 4, [0, 32, 2048, 1024], 15)
+for ours in sys.argv[1:]:
+    subprocess.run([ours], check=True)

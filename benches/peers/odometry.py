@@ -3,7 +3,7 @@
 
   python3 -m venv venv && venv/bin/pip install kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 numpy
   cargo build --release -p registration --examples
-  target/release/examples/sweeps_of_drive --simulate 201 40 /tmp/u201        (or: sweeps_of_drive DRIVE FOLDER)
+  target/release/examples/sweeps_of_drive --simulate urban 201 40 /tmp/u201        (or: sweeps_of_drive DRIVE FOLDER)
   venv/bin/python benches/peers/odometry.py /tmp/u201 --methods kiss-1,vgicp-1,gicp-1,genz-1 \
       --external-cmd 'ours=target/release/examples/odometry {scans} {out}'
 

@@ -6,7 +6,7 @@ use formats::drive::Drive;
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
 use messages::{Cube, Mosaic, MosaicHeader, pod::cast_slice_mut};
-use spectral::median_3x3;
+use spectral::{Demosaicing, median_3x3};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
 /// The stage.
@@ -21,15 +21,15 @@ struct Skip(&'static str, String);
 
 impl Calibrate {
     /// The outer error ends the run, the inner one concerns this frame alone.
-    fn publish_cube(&self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
+    fn publish_cube(&mut self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
         let header = frame.header();
-        let camera = match camera(&self.cameras, header) {
+        let camera = match camera(&mut self.cameras, header) {
             Ok(camera) => camera,
             Err(skip) => return Ok(Err(skip)),
         };
-        let n_cells = camera.spectral.mosaic().n_cells();
-        let n_samples = n_cells * camera.spectral.mosaic().n_bands();
+        let n_samples = camera.spectral.mosaic().n_cells() * camera.spectral.mosaic().n_bands();
         let cube = camera.cube_header(header);
+        let n_cells = cube.width as usize * cube.height as usize;
         let n_values = n_cells * cube.n_bands as usize;
         let n_rows = n_values + n_cells;
         let mut loan = outputs.loan::<Cube>(n_rows)?;
@@ -39,7 +39,7 @@ impl Calibrate {
         })?;
         let (reflectances, masks) = rows.split_at_mut(n_values);
         let reflectances = cast_slice_mut(reflectances);
-        let counts = camera.spectral.cube_into(frame.rows(), header.exposure_nanos, reflectances, masks);
+        let counts = camera.cube_into(frame.rows(), header.exposure_nanos, reflectances, masks);
         let counts = counts.and_then(|counts| {
             let smoothed =
                 if self.median { median_3x3([cube.width, cube.height], reflectances, masks) } else { Ok(()) };
@@ -61,9 +61,9 @@ impl Calibrate {
 }
 
 /// The camera that the frame is of.
-fn camera<'a>(cameras: &'a [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a Camera, Skip> {
+fn camera<'a>(cameras: &'a mut [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a mut Camera, Skip> {
     let (index, n_cameras) = (frame.camera, cameras.len());
-    let camera = match cameras.get(index as usize) {
+    let camera = match cameras.get_mut(index as usize) {
         Some(Ok(camera)) => camera,
         Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
         None => {
@@ -97,7 +97,8 @@ impl Stage for Calibrate {
         let drive = Drive::open(&context.drive).map_err(StepError::io)?;
         let cameras = drive.manifest().mosaics.iter().zip(drive.sensors()).enumerate();
         let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
-            Camera::read(drive.folder(), index, entry, sensor.as_ref().filter(|_| settings.correction))
+            let sensor = sensor.as_ref().filter(|_| settings.correction);
+            Camera::read(drive.folder(), index, entry, sensor, Demosaicing::named(&settings.demosaic))
         };
         Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
     }

@@ -1,7 +1,7 @@
 //! The stage on small mosaics whose reflectance is known.
 
 use calibrate::{Calibrate, Settings};
-use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry};
+use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry, WhitePanelEntry};
 use formats::pgm::pgm_from_samples;
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use geometry::{CameraModel, Pinhole};
@@ -29,6 +29,7 @@ fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
         dark_exposure_nanos: T_RAW,
         white_exposure_nanos: T_WHITE,
         white_reflectance: 0.98,
+        white_panel: None,
         bit_depth: 12,
         pattern,
         active_area,
@@ -305,7 +306,7 @@ fn the_makers_file_turns_the_bands_of_filters_into_virtual_ones() {
     // Band 2 of the second cell: bands 1 and 2 of the cube weigh it.
     samples[(WIDTH + 3 + 4 + 2) as usize] = SATURATION;
     for (correction, median) in [(true, false), (false, false), (true, true)] {
-        let settings = Settings { correction, median };
+        let settings = Settings { correction, median, ..Settings::default() };
         let mut bench = Bench::<Calibrate>::new(&settings, &context(folder.path())).expect("starts");
         bench.send::<Mosaic>(STAMP, header(1), samples.clone());
         bench.tick().expect("a tick");
@@ -338,5 +339,83 @@ fn a_drive_that_contradicts_the_makers_file_is_refused_with_both_named() {
         Bench::<Calibrate>::new(&Settings::default(), &context(folder.path())).err().expect("refused").to_string();
     for part in ["drive.toml", "mosaic[1].active_area", "[3, 1, 40, 28] must be [2, 1, 40, 28]", "hs03/sensor.xml"] {
         assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
+fn demosaiced_cubes_have_a_cell_for_each_pixel_and_masks_where_samples_say_nothing() {
+    let manifest = manifest();
+    let folder = drive(&manifest);
+    write_references(folder.path(), "hs02");
+    write_references(folder.path(), "hs03");
+    for demosaic in ["wb", "id", "iid", "ppid"] {
+        let settings = Settings { demosaic: demosaic.to_owned(), ..Settings::default() };
+        let mut bench = Bench::<Calibrate>::new(&settings, &context(folder.path())).expect("starts");
+        let mut spoilt = scene(1, &manifest.mosaics[1]);
+        // Band 5 of the second cell in the second row.
+        spoilt[((1 + 4 + 1) * WIDTH + 3 + 4 + 1) as usize] = SATURATION;
+        bench.send::<Mosaic>(STAMP, header(0), scene(0, &manifest.mosaics[0]));
+        bench.send::<Mosaic>(STAMP + 1, header(1), spoilt);
+        bench.tick().expect("a tick");
+        let cubes = bench.take::<Cube>();
+        let sizes = cubes.iter().map(|cube| (cube.header().pattern, cube.header().width, cube.header().height));
+        assert_eq!(sizes.collect::<Vec<_>>(), [(1, 40, 25), (1, 40, 28)], "{demosaic}");
+        for (cube, index) in cubes.iter().zip([0, 1]) {
+            let header = cube.header();
+            let view = CubeView::new(header, cube.rows()).expect("fits");
+            let mut unknown = vec![0; header.n_bands as usize];
+            for band in 0..header.n_bands {
+                for (reflectance, mask) in view.band(band as usize).iter().zip(view.masks()) {
+                    let is_known = mask >> band & 1 == 1;
+                    unknown[band as usize] += usize::from(!is_known);
+                    let expected = if is_known { truth(index, band) } else { 0.0 };
+                    let error = f64::from(*reflectance) - expected;
+                    assert!(error.abs() < 0.002, "{demosaic}, camera {index} band {band}: {reflectance}");
+                }
+            }
+            // Up to the samples around it: 7 x 7 pixels.
+            let expected = |band: usize| if (index, band) == (1, 5) { 49 } else { 0 };
+            assert!((0..unknown.len()).all(|band| unknown[band] == expected(band)), "{demosaic}: {unknown:?}");
+        }
+        assert_eq!((bench.counter("saturated_samples"), bench.counter("masked")), (1, 1));
+    }
+}
+
+#[test]
+fn dark_folders_by_exposure_and_a_panel_in_the_frame_are_honored() {
+    let mut manifest = manifest();
+    let (t_dark, panel) = (50_000_000, [7, 5, 16, 12]);
+    // Warm: 1 count per ms, so that 5 ms at 0.25 would be off by 1 %.
+    let with_current =
+        |frame: Vec<u16>, nanos: u64| frame.into_iter().map(|v| v + (nanos / 1_000_000) as u16).collect();
+    let entry = &mut manifest.mosaics[1];
+    let reflectances: Vec<f64> = (0..16).map(|band| 0.9 - 0.01 * f64::from(band)).collect();
+    entry.white_panel = Some(WhitePanelEntry { reflectances: Some(reflectances.clone()), region: Some(panel) });
+    entry.dark_exposure_nanos = 1_000_000;
+    let folder = drive(&manifest);
+    let dark = |nanos: u64| -> Vec<u16> { with_current(vec![DARK; (WIDTH * HEIGHT) as usize], nanos) };
+    let flat = |nanos: u64, reflectance: &dyn Fn(u32, u32, usize) -> f64| -> Vec<u16> {
+        let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
+        let counts = pixels.map(|(x, y)| {
+            let band = ((y + 3) % 4 * 4 + (x + 1) % 4) as usize;
+            DARK + (650.0 * nanos as f64 * 1e-6 * reflectance(x, y, band)).round() as u16
+        });
+        with_current(counts.collect(), nanos)
+    };
+    let is_panel =
+        |x: u32, y: u32| (panel[0]..panel[0] + panel[2]).contains(&x) && (panel[1]..panel[1] + panel[3]).contains(&y);
+    let white = flat(T_WHITE, &|x, y, band| if is_panel(x, y) { reflectances[band] } else { 0.2 });
+    write_pgm(&folder.path().join("hs03/dark/000.pgm"), &dark(1_000_000));
+    write_pgm(&folder.path().join(format!("hs03/dark/{t_dark}/000.pgm")), &dark(t_dark));
+    write_pgm(&folder.path().join("hs03/white/000.pgm"), &white);
+    let mut bench = bench(folder.path());
+    bench.send::<Mosaic>(STAMP, header(1), flat(T_RAW, &|_, _, band| 0.05 + 0.01 * band as f64));
+    bench.tick().expect("a tick");
+    let cubes = bench.take::<Cube>();
+    let view = CubeView::new(cubes[0].header(), cubes[0].rows()).expect("fits");
+    for band in 0..16 {
+        let expected = 0.05 + 0.01 * band as f32;
+        let worst = view.band(band).iter().map(|r| (r - expected).abs()).fold(0.0, f32::max);
+        assert!(worst < 0.0005, "band {band}: off by {worst}");
     }
 }

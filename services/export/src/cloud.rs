@@ -3,6 +3,7 @@
 use crate::folder::Folder;
 use crate::index::CloudEntry;
 use crate::join::Joined;
+use crate::place::odometry_frame;
 use crate::sweeps::Placement;
 use crate::{Settings, spectra};
 use formats::ply::{Header, Kind, PlyWriter, Row};
@@ -44,6 +45,8 @@ pub(crate) fn write(joined: &Joined, settings: &Settings, folder: &Folder) -> Re
         bounds: cloud.bounds(),
         translation: header.world_from_submap.translation,
         rotation: header.world_from_submap.rotation,
+        sigma_m: None,
+        sigma_rad: None,
         n_colored: cloud.color.map(n_colored),
         classes: cloud.class.map(class_counts),
         n_instances: cloud.instance.map(n_instances),
@@ -96,7 +99,7 @@ impl<'a> Cloud<'a> {
             ("dynamic", Kind::UChar),
         ])
         .comment(format!("REPLICA submap {}", self.seq))
-        .info("frame local east-north-up, m")
+        .info(odometry_frame())
         .info("timestamp s since 1970-01-01T00:00:00Z")
         .info("cos_angle_lidar_surface -1 where unknown");
         let mut add = |fields: &[(&str, Kind)], info: String| {

@@ -1,6 +1,7 @@
 //! Where the results lie.
 
 use crate::index::CloudEntry;
+use crate::place::is_placed;
 use formats::atomic_file::write_atomic;
 use stage::StepError;
 use std::fs;
@@ -9,9 +10,11 @@ use std::path::{Path, PathBuf};
 
 /// The list of clouds.
 pub(crate) const INDEX: &str = "clouds/index.json";
+/// The frame of the results.
+pub(crate) const GEOREFERENCE: &str = "georeference.json";
 
 /// Files that [`crate::Export`] writes once, at the end.
-const AT_THE_END: [&str; 4] = [INDEX, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
+const AT_THE_END: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
 
 /// The run's output folder.
 pub(crate) struct Folder(PathBuf);
@@ -35,22 +38,23 @@ impl Folder {
     pub(crate) fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
         let folder = self.path("clouds");
         fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
-        let kept: Vec<(&str, u64)> = clouds.iter().flat_map(CloudEntry::files).collect();
+        let kept: Vec<(&str, u64, u64)> = clouds.iter().flat_map(CloudEntry::files).collect();
         for entry in fs::read_dir(&folder).map_err(fault(&folder, "list"))? {
             let name = entry.map_err(fault(&folder, "list"))?.file_name();
             let name = name.to_string_lossy();
-            if is_cloud(&name) && !kept.iter().any(|(file, _)| file.strip_prefix("clouds/") == Some(&*name)) {
+            if is_cloud(&name) && !kept.iter().any(|(file, ..)| file.strip_prefix("clouds/") == Some(&*name)) {
                 remove(&folder.join(&*name))?;
             }
         }
         AT_THE_END.iter().try_for_each(|name| remove(&self.path(name)))?;
-        kept.iter().try_for_each(|(name, size)| self.check_size(name, *size))
+        kept.iter().try_for_each(|(name, size, n_points)| self.check_cloud(name, *size, *n_points))
     }
 
-    fn check_size(&self, name: &str, expected: u64) -> Result<(), StepError> {
+    /// Whether a file is the one that was listed, or that one in its place: the run may have died while it moved them.
+    fn check_cloud(&self, name: &str, expected: u64, n_points: u64) -> Result<(), StepError> {
         let path = self.path(name);
         let got = fs::metadata(&path).map_err(fault(&path, "look at"))?.len();
-        if got == expected {
+        if got == expected || is_placed(&path, n_points) {
             return Ok(());
         }
         Err(StepError::data(format!("{}: {got} bytes, the saved state says {expected}", path.display())))

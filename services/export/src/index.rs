@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 pub struct Index {
     /// Of this layout.
     pub version: u32,
-    /// Frame of all coordinates.
+    /// Frame of the clouds' coordinates.
     pub frame: String,
     /// Points of all clouds.
     pub n_points: u64,
@@ -31,12 +31,16 @@ pub struct CloudEntry {
     pub stamp_begin: i64,
     /// ns since the Unix epoch, last shot.
     pub stamp_end: i64,
-    /// Smallest and largest x y z, m, world frame. None without points.
+    /// Smallest and largest x y z, m. None without points.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// Translation of `world_from_submap`, m.
+    /// Translation of `world_from_submap`, m; always local, also where coordinates are those of a map.
     pub translation: [f64; 3],
     /// Rotation of `world_from_submap`, unit quaternion x y z w.
     pub rotation: [f64; 4],
+    /// Standard deviation of that position along the submap's axes, m. None if nobody placed it.
+    pub sigma_m: Option<[f32; 3]>,
+    /// Standard deviation of that rotation about the submap's axes, rad. None if nobody placed it.
+    pub sigma_rad: Option<[f32; 3]>,
     /// Points with a color. None if there is no color column.
     pub n_colored: Option<u64>,
     /// Points by class. None if there is no class column.
@@ -63,10 +67,10 @@ pub struct SpectraEntry {
 }
 
 impl Index {
-    pub(crate) fn new(clouds: &[CloudEntry]) -> Self {
+    pub(crate) fn new(clouds: &[CloudEntry], frame: &str) -> Self {
         Self {
-            version: 1,
-            frame: "local east-north-up, m".to_owned(),
+            version: 2,
+            frame: frame.to_owned(),
             n_points: clouds.iter().map(|cloud| cloud.n_points).sum(),
             clouds: clouds.to_vec(),
         }
@@ -79,9 +83,9 @@ impl Index {
 }
 
 impl CloudEntry {
-    /// Names and sizes of all files.
-    pub(crate) fn files(&self) -> impl Iterator<Item = (&str, u64)> {
-        let spectra = self.spectra.iter().map(|spectra| (spectra.file.as_str(), spectra.bytes));
-        std::iter::once((self.file.as_str(), self.bytes)).chain(spectra)
+    /// Names, sizes and rows of all files.
+    pub(crate) fn files(&self) -> impl Iterator<Item = (&str, u64, u64)> {
+        let spectra = self.spectra.iter().map(|spectra| (spectra.file.as_str(), spectra.bytes, spectra.n_spectra));
+        std::iter::once((self.file.as_str(), self.bytes, self.n_points)).chain(spectra)
     }
 }

@@ -6,18 +6,25 @@
 //! | `clouds/submap_0003_spectra.ply` | the points that a mosaic camera saw, one float per band |
 //! | `clouds/index.json` | per cloud: file, points, stamps, bounds, pose, classes, instances |
 //! | `trajectory.txt` | `world_from_body` at both ends of every sweep, TUM format (by setting also `trajectory_kitti.txt`, `trajectory.csv`) |
+//! | `georeference.json` | what the world frame is: its origin on the Earth, UTM zone, what placed the submaps |
 //!
 //! A cloud is written as soon as the last of its expected columns is there; which are expected is fixed before the start
 //! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: a cloud is synced
 //! before it is listed, and after a restart clouds that are not listed are removed and written again.
+//!
+//! Until the end, clouds are in the frame of the odometry. Topic `placement` then says where each submap lies
+//! (`docs/georeference.md`), and clouds and trajectory are moved there.
 
 mod cloud;
 mod columns;
 mod folder;
 mod index;
 mod join;
+mod place;
 mod spectra;
 mod sweeps;
+mod trajectory;
+mod world;
 
 pub use index::{CloudEntry, Index, SpectraEntry};
 
@@ -25,18 +32,24 @@ use folder::Folder;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use join::{Join, Joined, SavedJoin};
-use messages::{Class, Color, Instance, Message, Spectra, StampedPose, Submap, Trajectory};
+use messages::{Class, Color, Instance, Message, Placement, Spectra, StampedPose, Submap, Trajectory};
 use serde::{Deserialize, Serialize};
-use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Stage, StepError, decode_state, encode_state};
+use stage::{
+    Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StepError, decode_state, encode_state,
+};
+use world::World;
 
 /// Raised when [`State`] changes.
-const STATE_VERSION: u32 = 1;
+const STATE_VERSION: u32 = 2;
 
 stage::settings! {
     /// Settings of export.
     pub struct Settings {
         /// What to write of each submap.
         pub formats: Vec<String> = vec!["ply".to_owned()] => stage::each_one_of(&["ply"]);
+        /// Frame of the clouds: world (local, east-north-up where there is GNSS, corrected at the end of the drive), odom (as
+        /// the odometry saw it, never moved), utm (easting and northing on the map; needs coordinates = "double").
+        pub frame: String = "world".to_owned() => stage::one_of(&["world", "odom", "utm"]);
         /// Type of the coordinates in a cloud: float keeps 1 mm up to 8 km from the origin.
         pub coordinates: String = "float".to_owned() => stage::one_of(&["float", "double"]);
         /// Whether spectra get a cloud of their own.
@@ -55,6 +68,8 @@ pub struct Export {
     join: Join,
     clouds: Vec<CloudEntry>,
     trajectory: geometry::Trajectory,
+    /// Where the submaps lie, once it is known.
+    placement: Option<Received<Placement>>,
     /// Whether the folder holds what is in `clouds` and nothing else of ours.
     is_folder_clean: bool,
 }
@@ -65,6 +80,7 @@ struct State {
     join: SavedJoin,
     /// Rows of the trajectory.
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
+    placement: Option<Bytes>,
 }
 
 impl Stage for Export {
@@ -75,6 +91,7 @@ impl Stage for Export {
         vec![
             Port::of::<Submap>(),
             Port::of::<Trajectory>(),
+            Port::optional::<Placement>(),
             Port::optional::<Color>(),
             Port::optional::<Spectra>(),
             Port::optional::<Class>(),
@@ -84,6 +101,13 @@ impl Stage for Export {
 
     fn outputs() -> Vec<Port> {
         Vec::new()
+    }
+
+    fn check(settings: &Settings, _: &Context) -> Vec<Problem> {
+        // Northings of millions of metres leave half a metre to a float.
+        let is_coarse = settings.frame == "utm" && settings.coordinates != "double";
+        let text = "must not be \"utm\" unless coordinates is \"double\": floats keep half a metre there";
+        is_coarse.then(|| Problem::of_key("frame", text)).into_iter().collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
@@ -97,6 +121,7 @@ impl Stage for Export {
             join: Join::new(|topic| is_connected(topic) && is_wanted(topic), context.mode == Mode::Live),
             clouds: Vec::new(),
             trajectory: geometry::Trajectory::default(),
+            placement: None,
             is_folder_clean: false,
         })
     }
@@ -105,6 +130,9 @@ impl Stage for Export {
         self.prepare(outputs)?;
         for message in inputs.take::<Trajectory>() {
             message.rows().iter().try_for_each(|row| self.push_pose(row))?;
+        }
+        if let Some(last) = inputs.take::<Placement>().into_iter().next_back() {
+            self.placement = Some(last).filter(|_| self.settings.frame != "odom");
         }
         self.join.take(inputs)?;
         self.write_complete(false, outputs)?;
@@ -115,15 +143,23 @@ impl Stage for Export {
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.prepare(outputs)?;
         self.write_complete(true, outputs)?;
+        let world = self.placement.as_ref().map(|placement| World::new(placement, &self.settings)).transpose()?;
+        if let Some(world) = &world {
+            self.place_clouds(world, outputs)?;
+            self.folder.write_text(folder::GEOREFERENCE, &world.to_json())?;
+        }
+        let trajectory = world.as_ref().map(|world| world.trajectory(&self.trajectory));
+        let trajectory = trajectory.as_ref().unwrap_or(&self.trajectory);
         for format in &self.settings.trajectory {
             let (name, text) = match format.as_str() {
-                "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(&self.trajectory)),
-                "csv" => ("trajectory.csv", csv_from_trajectory(&self.trajectory)),
-                _ => ("trajectory.txt", tum_from_trajectory(&self.trajectory)),
+                "kitti" => ("trajectory_kitti.txt", kitti_from_trajectory(trajectory)),
+                "csv" => ("trajectory.csv", csv_from_trajectory(trajectory)),
+                _ => ("trajectory.txt", tum_from_trajectory(trajectory)),
             };
             self.folder.write_text(name, &text)?;
         }
-        self.folder.write_text(folder::INDEX, &Index::new(&self.clouds).to_json())?;
+        let frame = world.as_ref().map_or("odometry, m", World::frame);
+        self.folder.write_text(folder::INDEX, &Index::new(&self.clouds, frame).to_json())?;
         self.join.check_empty()
     }
 
@@ -135,6 +171,7 @@ impl Stage for Export {
             poses: poses
                 .map(|(stamp, pose)| (stamp.0, pose.translation.vector.into(), pose.rotation.coords.into()))
                 .collect(),
+            placement: self.placement.as_ref().map(Received::to_bytes),
         };
         Ok(encode_state(STATE_VERSION, &state)?)
     }
@@ -146,6 +183,7 @@ impl Stage for Export {
             let world_from_body = messages::PoseRow { translation, rotation };
             self.push_pose(&StampedPose { stamp, world_from_body })?;
         }
+        self.placement = state.placement.map(|bytes| Received::from_bytes(&bytes)).transpose()?;
         self.join.load(&state.join)?;
         self.clouds = state.clouds;
         self.folder.keep_only(&self.clouds)?;
@@ -177,6 +215,31 @@ impl Export {
             return Ok(());
         }
         Err(StepError::data(format!("trajectory at {stamp}: stamps must not fall")))
+    }
+
+    /// Moves the clouds to where they belong.
+    fn place_clouds(&mut self, world: &World, outputs: &mut Outputs) -> Result<(), StepError> {
+        if world.lacks_map(&self.settings) {
+            outputs.note("nothing says where on the Earth the drive was: coordinates are local, not UTM");
+        }
+        for entry in &mut self.clouds {
+            // Live, a stage that was started anew may have forgotten the beginning.
+            let Some(submap) = world.submap(entry.seq) else {
+                outputs.count("clouds_without_place", 1);
+                continue;
+            };
+            let placed = place::place(&self.folder.path(&entry.file), submap, world)?;
+            (entry.bytes, entry.bounds) = (placed.bytes, placed.bounds);
+            if let Some(spectra) = &mut entry.spectra {
+                spectra.bytes = place::place(&self.folder.path(&spectra.file), submap, world)?.bytes;
+            }
+            // A long drive has more clouds than a step has time for.
+            outputs.mark_progress();
+            let pose = submap.world_from_submap;
+            (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
+            (entry.sigma_m, entry.sigma_rad) = (Some(submap.sigma_m), Some(submap.sigma_rad));
+        }
+        Ok(())
     }
 
     fn write_complete(&mut self, is_end: bool, outputs: &mut Outputs) -> Result<(), StepError> {

@@ -3,6 +3,7 @@
 use crate::cloud::Cloud;
 use crate::folder::Folder;
 use crate::index::SpectraEntry;
+use crate::place::odometry_frame;
 use formats::ply::{Header, Kind, PlyWriter, Property};
 use messages::{NO_SPECTRUM, Spectra, SpectraHeader, SpectraView};
 use stage::{Received, StepError};
@@ -63,7 +64,7 @@ fn header(cloud: &Cloud<'_>, head: &SpectraHeader, wavelengths_nm: &[f32]) -> He
         [("x", cloud.coordinates), ("y", cloud.coordinates), ("z", cloud.coordinates), ("point_idx", Kind::Int)];
     let mut header = Header::new(place)
         .comment(format!("REPLICA spectra of submap {}", cloud.seq))
-        .info("frame local east-north-up, m")
+        .info(odometry_frame())
         .info(format!("point_idx row of submap_{:04}.ply, counted from 0", cloud.seq))
         .info("bands reflectance, nan where not measured");
     for (band, wavelength_nm) in wavelengths_nm.iter().enumerate() {

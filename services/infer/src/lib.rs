@@ -2,7 +2,7 @@
 //!
 //! What kind of model it is, the model file says (see `learning`). The stage keeps nothing from one submap to the next.
 
-use learning::{Cloud, Report, Segmenter};
+use learning::{Cloud, Options, Report, Segmenter};
 use messages::{CLASS_TABLE_VERSION, Class, ClassHeader, Color, Submap};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
 use std::path::Path;
@@ -12,6 +12,9 @@ stage::settings! {
     pub struct Settings {
         /// Model file; a relative path starts at the folder of launch.toml.
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
+        /// The first of every so many sweeps of a submap goes through the network; points of the others take the votes of those
+        /// nearby. 1 to 16; 1 is all.
+        pub every: u32 = 1 => stage::within(1, 16);
     }
 }
 
@@ -38,6 +41,10 @@ impl Infer {
     }
 }
 
+fn options(settings: &Settings) -> Options {
+    Options { every: settings.every as usize }
+}
+
 fn tell(report: Report, outputs: &mut Outputs) {
     outputs.count("points_unseen", report.n_unseen as u64);
     if report.coarsened > 1 {
@@ -61,12 +68,16 @@ impl Stage for Infer {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let path = context.resolve(Path::new(&settings.model));
-        learning::load(&path).err().map(|error| Problem::of_key("model", error.to_string())).into_iter().collect()
+        learning::load(&path, &options(settings))
+            .err()
+            .map(|error| Problem::of_key("model", error.to_string()))
+            .into_iter()
+            .collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let path = context.resolve(Path::new(&settings.model));
-        Ok(Self { model: learning::load(&path).map_err(StepError::io)? })
+        Ok(Self { model: learning::load(&path, &options(settings)).map_err(StepError::io)? })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

@@ -45,20 +45,23 @@ impl TopView {
         let grid = BevGrid::covering_coarsened(min, max, cell_m, MAX_CELLS)?;
 
         let shape = (grid.rows, grid.cols);
-        let mut lowest_m = Array2::from_elem(shape, f32::INFINITY);
-        let mut seen = Array2::from_elem(shape, false);
+        // NaN = no point, infinite = none of the ground: one array, as most points fall into cells that are far from each other.
+        let mut lowest_m = Array2::from_elem(shape, f32::NAN);
+        let lowest = lowest_m.as_slice_mut().expect("a new array is in standard layout");
         let mut of_things = Vec::new();
         let ground_classes: [bool; 256] =
             std::array::from_fn(|id| GROUND_CLASSES.iter().any(|&class| class as usize == id));
         for (point_idx, (point, row)) in points.iter().zip(classes).enumerate() {
             let Some(cell) = cell_of(&grid, point) else { continue };
-            seen[cell] = true;
-            if ground_classes[usize::from(row.class_id)] {
-                lowest_m[cell] = point.z.min(lowest_m[cell]);
-            } else if is_thing(row) {
+            let lowest = &mut lowest[cell.0 * grid.cols + cell.1];
+            let is_ground = ground_classes[usize::from(row.class_id)];
+            // The lesser of a number and NaN is the number.
+            *lowest = lowest.min(if is_ground { point.z } else { f32::INFINITY });
+            if !is_ground && is_thing(row) {
                 of_things.push((point_idx as u32, cell));
             }
         }
+        let seen = lowest_m.mapv(|z| !z.is_nan());
         let ground = lowest_m.mapv(f32::is_finite);
         let terrain_m = fill_gaps(&lowest_m, &ground);
         Some(Self { grid, terrain_m, ground, seen, of_things })

@@ -78,27 +78,27 @@ fn link_neighbors(
     reach: usize,
     sets: &mut Sets,
 ) {
-    let reach = reach as isize;
     for (idx, visit) in visits.iter().enumerate() {
         let (row, col) = visit.cell;
+        let part = parts[visit.cell];
+        let mut first = sets.find(idx);
         // Half of the neighbors; the other half finds this one.
-        for (rows, cols) in (0..=reach).flat_map(|r| (-reach..=reach).map(move |c| (r, c))) {
-            if rows == 0 && cols <= 0 {
-                continue;
-            }
-            let Some(cell) = row.checked_add_signed(rows).zip(col.checked_add_signed(cols)) else { continue };
-            let Some(&first) = latest.get(cell) else { continue };
-            if first == NONE || parts[cell] != parts[visit.cell] {
-                continue;
-            }
-            let mut other = first;
-            while other != NONE {
-                let visit_there = &visits[other as usize];
-                let pause = (visit_there.begin - visit.end).max(visit.begin - visit_there.end);
-                if pause <= apart_nanos {
-                    sets.union(idx, other as usize);
+        for other_row in row..=(row + reach).min(latest.nrows() - 1) {
+            let begin = if other_row == row { col + 1 } else { col.saturating_sub(reach) };
+            for other_col in begin..=(col + reach).min(latest.ncols() - 1) {
+                let mut other = latest[(other_row, other_col)];
+                if other == NONE || parts[(other_row, other_col)] != part {
+                    continue;
                 }
-                other = visit_there.before;
+                while other != NONE {
+                    let visit_there = &visits[other as usize];
+                    let pause = (visit_there.begin - visit.end).max(visit.begin - visit_there.end);
+                    // Most neighbors are in the set already, by another neighbor.
+                    if pause <= apart_nanos && sets.0[other as usize] as usize != first {
+                        first = sets.union_firsts(first, other as usize);
+                    }
+                    other = visit_there.before;
+                }
             }
         }
     }
@@ -176,8 +176,15 @@ impl Sets {
         at
     }
     pub(crate) fn union(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b)] = a.min(b) as u32;
+        let a = self.find(a);
+        self.union_firsts(a, b);
+    }
+    /// The union of the set of that first member and the set of any member; its first member.
+    fn union_firsts(&mut self, first: usize, member: usize) -> usize {
+        let other = self.find(member);
+        let before = first.min(other);
+        self.0[first.max(other)] = before as u32;
+        before
     }
     /// Number of each member's set in the order of the first members, and how many sets.
     pub(crate) fn numbers(&mut self) -> (Vec<u32>, usize) {

@@ -1,6 +1,8 @@
 //! The topics that can be replayed: those of this project.
 
-use messages::{Class, Color, Cube, Gnss, Image, Imu, Instance, Message, Mosaic, Spectra, Submap, Sweep, Trajectory};
+use messages::{
+    Class, Color, Cube, Gnss, Image, Imu, Instance, Message, Mosaic, Placement, Spectra, Submap, Sweep, Trajectory,
+};
 use stage::{Outputs, Port, Received, StepError};
 use std::sync::LazyLock;
 
@@ -29,6 +31,7 @@ pub static TOPICS: LazyLock<Vec<Replayed>> = LazyLock::new(|| {
         of::<Cube>(),
         of::<Submap>(),
         of::<Trajectory>(),
+        of::<Placement>(),
         of::<Color>(),
         of::<Spectra>(),
         of::<Class>(),

@@ -1,5 +1,6 @@
 //! The stage's state, to the bit.
 
+use crate::drive_graph::DriveGraph;
 use crate::open_submap::{OpenSubmap, SubmapFrame};
 use crate::weak_stretches::WeakStretches;
 use messages::{Submap, SubmapHeader, SubmapPoint, pod};
@@ -8,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Raised when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 2;
+pub(crate) const STATE_VERSION: u32 = 3;
 
 /// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), the first
-/// sweep while it waits for the second (about 1.3 MB), and the open submap (28 bytes a point).
+/// sweep while it waits for the second (about 1.3 MB), the open submap (28 bytes a point), and 70 kB for each submap that is
+/// complete.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
     pub odometry: OdometryState,
@@ -20,6 +22,7 @@ pub(crate) struct Saved {
     pub submap: Option<SavedSubmap>,
     pub last_row_stamp: Option<i64>,
     pub weak: WeakStretches,
+    pub graph: DriveGraph,
 }
 
 /// An [`OpenSubmap`] outside shared memory.

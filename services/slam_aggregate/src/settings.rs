@@ -15,8 +15,9 @@ stage::settings! {
         pub thin_m: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Nearer returns come from the vehicle itself or from drops and dust, m; they are dropped and counted.
         pub min_range_m: f64 = 1.0 => stage::within(0.0, 10.0);
-        /// Farther points are kept but not used for registration, m: their neighbors are too far away for a normal.
-        pub max_range_m: f64 = 80.0 => stage::within(10.0, 250.0);
+        /// Farther points are kept but not used for registration, m. An HDL-32E reaches 100 m; on country roads what is far
+        /// tells the way.
+        pub max_range_m: f64 = 100.0 => stage::within(10.0, 250.0);
         /// Sweeps after which a point leaves the local map. 60 are 60 m at 10 m/s and 10 Hz, as far as surfaces are hit
         /// densely; more makes the map larger, less makes it forget a crossing while the vehicle turns.
         pub map_sweeps: u32 = 60 => stage::within(5, 1000);
@@ -31,6 +32,9 @@ stage::settings! {
         pub untimed_turn: String = "none".to_owned() => stage::one_of(&["none", "clockwise", "counterclockwise"]);
         /// Time of such a turn, s.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
+        /// What the submaps' poses are corrected by at the end: fixes of a receiver, gravity as an inertial unit feels it, places
+        /// that were passed twice. Without any the odometry stands as it is.
+        pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
         /// Planar points that are matched per sweep at most: 2000 average 3 cm of noise below 1 mm.
         pub matches_max: u32 = 2_000 => stage::within(200, 50_000);
     }

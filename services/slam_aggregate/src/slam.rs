@@ -1,14 +1,16 @@
 //! The stage.
 
 use crate::Settings;
+use crate::drive_graph::{DriveGraph, Placed, Sensors};
 use crate::odometry_settings::odometry_settings;
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
 use crate::sweeps::Cloud;
 use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
-use geometry::{Isometry3, Pose};
-use messages::{Gnss, Imu, StampedPose, Submap, Sweep, Trajectory};
+use formats::manifest::Manifest;
+use geometry::{Geodetic, Isometry3, Point3, Pose};
+use messages::{Gnss, Imu, Placement, StampedPose, Submap, Sweep, Trajectory};
 use registration::{Odometry, Registered};
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepError};
 
@@ -16,6 +18,7 @@ use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepErr
 pub struct SlamAggregate {
     settings: Settings,
     body_from_lidar: Pose,
+    sensors: Sensors,
     odometry: Odometry,
     /// The first sweep, until the second comes.
     waiting: Option<Received<Sweep>>,
@@ -24,14 +27,21 @@ pub struct SlamAggregate {
     saved_submap: Option<SavedSubmap>,
     last_row_stamp: Option<i64>,
     weak: WeakStretches,
+    graph: DriveGraph,
 }
 
 impl SlamAggregate {
-    /// With a known mounting of the lidar.
+    /// With a known mounting of the lidar; antenna and inertial unit at the body's origin.
     pub fn with_mounting(settings: &Settings, body_from_lidar: Pose) -> Self {
+        Self::with_sensors(settings, body_from_lidar, sensors(settings, None))
+    }
+
+    fn with_sensors(settings: &Settings, body_from_lidar: Pose, sensors: Sensors) -> Self {
         Self {
             settings: settings.clone(),
             body_from_lidar,
+            graph: DriveGraph::new(&sensors),
+            sensors,
             // The body frame at the first shot is the world.
             odometry: Odometry::new(odometry_settings(settings), body_from_lidar),
             waiting: None,
@@ -76,9 +86,12 @@ impl SlamAggregate {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<Submap>(self.settings.submap_points_max as usize)?;
-                empty.insert(OpenSubmap::new(loan, &begin, cloud.received.header().n_rings))
+                let open = empty.insert(OpenSubmap::new(loan, &begin, cloud.received.header().n_rings));
+                self.graph.begin_submap(open.frame.world_from_submap, registered.stamp.0);
+                open
             }
         };
+        self.graph.add_sweep(registered, &begin, &end);
         open.append(cloud, &kept, registered, end.translation.vector)?;
         if open.frame.travelled_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
             self.close(outputs)?;
@@ -87,7 +100,10 @@ impl SlamAggregate {
     }
 
     fn close(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
-        self.open.take().map_or(Ok(()), |open| open.publish(outputs))
+        let Some(open) = self.open.take() else { return Ok(()) };
+        let is_loop = self.graph.end_submap(&self.sensors, self.odometry.map());
+        outputs.count("loops_found", u64::from(is_loop));
+        open.publish(outputs)
     }
 
     fn reopen(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
@@ -107,27 +123,30 @@ impl Stage for SlamAggregate {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Submap>(), Port::of::<Trajectory>()]
+        vec![Port::of::<Submap>(), Port::of::<Trajectory>(), Port::of::<Placement>()]
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let body_from_lidar = match context.mode {
-            Mode::Offline => Drive::open(&context.drive).map_err(StepError::io)?.rig().body_from_lidar,
+        let manifest = match context.mode {
+            Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
             // The recording has only begun; where the vehicle's folder does not say otherwise, the frames are one.
-            Mode::Live => match Drive::rig_alone(&context.drive).map_err(StepError::io)? {
-                Some(manifest) => manifest.rig().map_err(StepError::Data)?.body_from_lidar,
-                None => Isometry3::identity(),
-            },
+            Mode::Live => Drive::rig_alone(&context.drive).map_err(StepError::io)?,
         };
-        Ok(Self::with_mounting(settings, body_from_lidar))
+        let body_from_lidar = match &manifest {
+            Some(manifest) => manifest.rig().map_err(StepError::Data)?.body_from_lidar,
+            None => Isometry3::identity(),
+        };
+        Ok(Self::with_sensors(settings, body_from_lidar, sensors(settings, manifest.as_ref())))
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen(outputs)?;
-        // Positions and rates are not used yet; taking them frees their slots.
-        drop(inputs.take::<Imu>());
-        if !inputs.take::<Gnss>().is_empty() {
-            outputs.note("gnss is not used yet: the world frame is the vehicle's at the first shot, not east-north-up");
+        for message in inputs.take::<Imu>() {
+            self.graph.push_inertial(message.rows());
+        }
+        for message in inputs.take::<Gnss>() {
+            let n_taken = self.graph.push_fixes(message.rows());
+            outputs.count("fixes_without_position", (message.rows().len() - n_taken) as u64);
         }
         let mut rows = Vec::new();
         for received in inputs.take::<Sweep>() {
@@ -140,6 +159,7 @@ impl Stage for SlamAggregate {
             }
             self.waiting = clouds.next().map(|cloud| cloud.received);
         }
+        self.graph.settle(&self.sensors);
         publish_poses(&rows, outputs)?;
         Ok(Flow::Continue)
     }
@@ -154,7 +174,9 @@ impl Stage for SlamAggregate {
         if let Some(text) = self.weak.finish() {
             outputs.note(text);
         }
-        self.close(outputs)
+        self.close(outputs)?;
+        self.graph.settle(&self.sensors);
+        self.graph.place(&self.sensors).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
 
     fn save(&mut self) -> Result<Vec<u8>, StepError> {
@@ -165,6 +187,7 @@ impl Stage for SlamAggregate {
             submap: open.or_else(|| self.saved_submap.take()),
             last_row_stamp: self.last_row_stamp,
             weak: self.weak.clone(),
+            graph: self.graph.clone(),
         };
         let bytes = stage::encode_state(STATE_VERSION, &saved)?;
         if self.open.is_none() {
@@ -181,6 +204,7 @@ impl Stage for SlamAggregate {
         self.saved_submap = saved.submap;
         self.last_row_stamp = saved.last_row_stamp;
         self.weak = saved.weak;
+        self.graph = saved.graph;
         Ok(())
     }
 }
@@ -199,4 +223,28 @@ fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), Step
     let too_small = || StepError::Contract(format!("a loan for {} poses does not hold them", rows.len()));
     loan.extend_from_slice(rows).ok_or_else(too_small)?;
     outputs.publish(loan, first.stamp)
+}
+
+/// What the settings want of what a drive has.
+fn sensors(settings: &Settings, manifest: Option<&Manifest>) -> Sensors {
+    let is_wanted = |name: &str| settings.correct.iter().any(|wanted| wanted == name);
+    let gnss = manifest.and_then(|manifest| manifest.gnss.as_ref());
+    let imu = manifest.and_then(|manifest| manifest.imu.as_ref());
+    Sensors {
+        gnss: is_wanted("gnss"),
+        imu: is_wanted("imu"),
+        loops: is_wanted("loops"),
+        antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
+        imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
+        origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),
+    }
+}
+
+fn publish_placement(placed: &Placed, outputs: &mut Outputs) -> Result<(), StepError> {
+    outputs.note(&placed.words);
+    let mut loan = outputs.loan::<Placement>(placed.rows.len())?;
+    *loan.header_mut() = placed.header;
+    let too_small = || StepError::Contract(format!("a loan for {} submaps does not hold them", placed.rows.len()));
+    loan.extend_from_slice(&placed.rows).ok_or_else(too_small)?;
+    outputs.publish(loan, placed.rows.first().map_or(0, |row| row.stamp))
 }

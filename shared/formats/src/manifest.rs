@@ -103,10 +103,25 @@ pub struct MosaicEntry {
     pub active_area: [u32; 4],
     /// Center of each band, nm, row-major in the pattern.
     pub wavelengths_nm: Vec<f64>,
+    /// What the white reference shows, if not a target of `white_reflectance` all over the image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub white_panel: Option<WhitePanelEntry>,
     /// Mounting.
     pub body_from_camera: PoseEntry,
     /// Lens, for the raw image.
     pub model: CameraModel,
+}
+
+/// A white panel in a part of the image, or with a reflectance for each band.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WhitePanelEntry {
+    /// One for each cell of the pattern, row by row, above 0 up to 1; else `white_reflectance` holds for all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reflectances: Option<Vec<f64>>,
+    /// Left column, top row, width and height of the panel in the white frames, px; inside the active area.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<[u32; 4]>,
 }
 
 /// NMEA sentences.

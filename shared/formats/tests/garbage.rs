@@ -3,13 +3,16 @@
 mod support;
 
 use formats::drive::{Drive, returns_from_cloud};
+use formats::envi;
 use formats::imu::{ImuReader, ImuSample, csv_from_samples};
 use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
 use formats::pcd::{pcd_from_points, points_from_pcd};
 use formats::pgm::{Pgm, pgm_from_samples};
+use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket, SweepReader};
 use formats::{cloud::CloudPoint, kitti};
 use geometry::Stamp;
+use real_data::real_data;
 use std::path::Path;
 use support::{BEGIN, Chance, hdl32e_packets, write_capture};
 
@@ -208,4 +211,81 @@ fn manifests() {
             assert!(!error.problems.is_empty() && error.to_string().contains("drive.toml"));
         }
     });
+}
+
+/// A camera of 2 x 2 bands.
+fn sensor() -> SensorCalibration {
+    let response = Curve::from_samples(vec![(480.0, 0.1), (500.0, 0.4), (520.0, 0.2)]);
+    let band = FilterBand { selected: true, peaks: Vec::new(), response };
+    let rows = (0..3).map(|j| VirtualBand {
+        wavelength_nm: 490.0 + 10.0 * f64::from(j),
+        fwhm_nm: 10.0,
+        coefficients: vec![0.5, 0.5, 0.25, -0.25],
+    });
+    let (name, kind) = ("hsi".to_owned(), "hyperspectral".to_owned());
+    SensorCalibration {
+        version: 1,
+        sensor_id: "1.2.3".to_owned(),
+        size: [20, 10],
+        bit_depth: Some(10),
+        full_well_electrons: Some(1e4),
+        active_area: [2, 1, 16, 8],
+        pattern: 2,
+        spectral_range_nm: [480.0, 520.0],
+        bands: vec![band; 4],
+        optical_components: Vec::new(),
+        matrices: vec![CorrectionMatrix { name, kind, virtual_bands: rows.collect() }],
+    }
+}
+
+#[test]
+fn calibration_files_of_cameras() {
+    let attack_text = |seed: u64, rounds: usize, text: &[u8]| {
+        let (mut refused, mut read) = (0, 0);
+        attack(seed, rounds, text, |bytes| {
+            let text = String::from_utf8_lossy(bytes);
+            match SensorCalibration::from_xml(&text) {
+                Ok(_) => read += 1,
+                Err(error) => {
+                    let n_lines = text.lines().count().max(1) as u32 + 1;
+                    assert!((1..=n_lines).contains(&error.line), "{error} of {n_lines} lines");
+                    assert!(!error.element.is_empty() && !error.rule.is_empty(), "{error}");
+                    refused += 1;
+                }
+            }
+        });
+        assert!(refused > rounds / 4 && refused + read >= rounds, "{refused} refused, {read} read");
+    };
+    let made = sensor();
+    assert_eq!(SensorCalibration::from_xml(&made.to_xml()), Ok(made.clone()));
+    attack_text(21, 3000, made.to_xml().as_bytes());
+    for name in ["CMV2K-SSM4x4-470_620-9.4.10.10_HS03-VIS.xml", "CMV2K-SSM5x5-665_975-13.8.15.1_HS02-NIR.xml"] {
+        let Some(path) = real_data(&format!("photonfocus/{name}")) else { return };
+        attack_text(22, 100, &std::fs::read(path).expect("readable"));
+    }
+}
+
+#[test]
+fn headers_and_data_of_cubes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut header = envi::Header::new(6, 5, 4);
+    header.wavelengths = vec![500.0, 510.0, 520.0, 530.0];
+    header.wavelength_units = "nm".to_owned();
+    let path = folder.path().join("cube.hdr");
+    envi::write(&path, &envi::Image { header, values: vec![0.5; 120] }).expect("written");
+    let text = std::fs::read(&path).expect("readable");
+    let mut read = 0;
+    attack(23, 1500, &text, |bytes| {
+        std::fs::write(&path, bytes).expect("written");
+        match envi::read(&path) {
+            // What is read is as large as the header says, and never larger than the data file.
+            Ok(image) => {
+                let n = image.header.samples * image.header.lines * image.header.bands;
+                assert!(image.values.len() == n && n <= 480, "{:?}", image.header);
+                read += 1;
+            }
+            Err(error) => assert!(!error.rule.is_empty() && error.line != Some(0), "{error}"),
+        }
+    });
+    assert!(read > 20, "{read}");
 }

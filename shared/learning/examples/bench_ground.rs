@@ -35,7 +35,7 @@ fn submap() -> Vec<SubmapPoint> {
 
 fn main() {
     let path = std::env::args_os().nth(1).unwrap_or_else(|| "models/ground.safetensors".into());
-    let model = match learning::load(Path::new(&path)) {
+    let model = match learning::load(Path::new(&path), &learning::Options::default()) {
         Ok(model) => model,
         Err(error) => {
             eprintln!("{error}");

@@ -88,12 +88,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                         inputs: 1,
                         outputs: n_classes,
                         widths: vec![filters, 2 * filters, 4 * filters],
+                        head: None,
                     };
                     let settings = TrainSettings {
                         seed,
                         epochs: if is_binary { 5 } else { 15 },
                         batch,
                         learning_rate: 1e-3,
+                        average: 0.0,
                         patience: 5,
                         loss: loss.clone(),
                         hierarchy: false,

@@ -1,7 +1,7 @@
 //! Convolution on a CPU: images in blocks of 16 channels, kernels that keep their sums in registers.
 //!
 //! candle's convolution unrolls the image into a matrix on one thread and is 16 to 20 times slower than that of ONNX
-//! Runtime. The kernels here read the image where it lies; the same ones infer and, as candle operations (`tape`), train.
+//! Runtime. The kernels here read the image where it lies; the same ones infer and train.
 //! They choose their instructions when they run (AVX-512, AVX2 or none, by `pulp`). A sum has the same order on each, one
 //! fused multiply-add after another, so the instructions do not show in the result.
 

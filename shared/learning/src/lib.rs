@@ -13,10 +13,9 @@ mod random;
 pub mod scores;
 mod segmenter;
 pub mod spherical;
-pub mod tape;
 pub mod training;
 
 pub use error::LearningError;
 pub use model_file::{MAX_MODEL_BYTES, ModelCard};
 pub use random::Random;
-pub use segmenter::{Cloud, Report, Segmenter, load};
+pub use segmenter::{Cloud, Options, Report, Segmenter, load};

@@ -54,6 +54,13 @@ pub enum Loss {
         /// Of the second.
         power: f64,
     },
+    /// Weighted cross-entropy and Power Jaccard.
+    WeightedCrossEntropyPowerJaccard {
+        /// Of the first; by class, each above 0.
+        weights: Vec<f32>,
+        /// Of the second.
+        power: f64,
+    },
 }
 
 /// One level of classes.
@@ -87,6 +94,9 @@ impl Loss {
         // Weights by class mean nothing to nodes.
         let of_nodes = match self {
             Self::WeightedCrossEntropy { .. } => Self::CrossEntropy.of_level(&nodes)?,
+            Self::WeightedCrossEntropyPowerJaccard { power, .. } => {
+                Self::CrossEntropyPowerJaccard { power: *power }.of_level(&nodes)?
+            }
             other => other.of_level(&nodes)?,
         };
         self.of_level(&leaves)? + of_nodes
@@ -99,6 +109,10 @@ impl Loss {
                 let weights = Tensor::new(weights.as_slice(), level.y.device())?.to_dtype(level.y.dtype())?;
                 let weighted = level.y.broadcast_mul(&weights)?;
                 mean_of_pixels(&(&weighted * &level.log_p)?.neg()?, &weighted)
+            }
+            Self::WeightedCrossEntropyPowerJaccard { weights, power } => {
+                let entropy = Self::WeightedCrossEntropy { weights: weights.clone() }.of_level(level)?;
+                entropy + level.power_jaccard(*power)?
             }
             Self::Focal { gamma } => {
                 let hard = (level.p.affine(-1.0, 1.0 + LEAST))?.powf(*gamma)?;

@@ -1,13 +1,15 @@
-//! Networks: written once, run by the engine ([`Inference`]) and by candle's tape ([`Tape`]).
+//! Networks: written once, run to infer ([`Inference`]) and to learn ([`Differential`]), by the same kernels.
 
+mod differential;
 mod inference;
 mod spherical_dz;
-mod tape;
 mod unet;
+mod variables;
 mod weights;
 
-pub use inference::Inference;
-pub use tape::{Tape, Variables};
+pub use differential::{Differential, Recording};
+pub use inference::{Inference, Lent, Spare};
+pub use variables::Variables;
 pub use weights::Weights;
 
 use crate::LearningError;
@@ -26,6 +28,10 @@ pub enum NetworkSpec {
         outputs: usize,
         /// Channels of each level, the finest first, 1 to 6 levels.
         widths: Vec<usize>,
+        /// Channels of the last 3 x 3 convolution, from which the classes are told; those of the finest level where there is
+        /// none. Columns that are folded share them.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        head: Option<usize>,
     },
     /// Spherical `DZNet` (thesis figure 6.10): 5 x 5 convolutions that halve the columns, 1 x 1 convolutions with dropout,
     /// upsampling with the finer level beside it, and the input itself beside the last features.
@@ -66,7 +72,7 @@ impl NetworkSpec {
     /// Channels of input and result, and of the levels.
     pub fn channels(&self) -> (usize, usize, &[usize]) {
         match self {
-            Self::Unet { inputs, outputs, widths } | Self::SphericalDz { inputs, outputs, widths } => {
+            Self::Unet { inputs, outputs, widths, .. } | Self::SphericalDz { inputs, outputs, widths } => {
                 (*inputs, *outputs, widths)
             }
         }
@@ -84,7 +90,8 @@ impl NetworkSpec {
         let (inputs, outputs, widths) = self.channels();
         // More would not run beside the other stages.
         let in_range = |n: usize| (1..=1024).contains(&n);
-        if !in_range(inputs) || !in_range(outputs) || !widths.iter().all(|&width| in_range(width)) {
+        let head = if let Self::Unet { head: Some(head), .. } = self { *head } else { 1 };
+        if ![inputs, outputs, head].iter().chain(widths).all(|&width| in_range(width)) {
             return Some("channels must be 1 to 1024".to_owned());
         }
         (!(1..=6).contains(&widths.len())).then(|| format!("{} levels, must be 1 to 6", widths.len()))
@@ -92,7 +99,7 @@ impl NetworkSpec {
     /// All convolutions in the order in which they are applied.
     pub fn layers(&self) -> Vec<Layer> {
         match self {
-            Self::Unet { inputs, outputs, widths } => unet::layers(*inputs, *outputs, widths),
+            Self::Unet { inputs, outputs, widths, head } => unet::layers(*inputs, *outputs, widths, *head),
             Self::SphericalDz { inputs, outputs, widths } => spherical_dz::layers(*inputs, *outputs, widths),
         }
     }

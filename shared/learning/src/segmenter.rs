@@ -39,6 +39,19 @@ pub trait Segmenter: Send {
     fn segment(&self, cloud: &Cloud<'_>, classes: &mut [ClassRow]) -> Result<Report, LearningError>;
 }
 
+/// How to run a model: what its file does not say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Of so many sweeps of a submap, one is looked at; 1 for all. Models that do not look at sweeps look at everything.
+    pub every: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { every: 1 }
+    }
+}
+
 /// Names of the architectures.
 const KNOWN: &str = "ground_quasi_flat, spherical";
 
@@ -47,11 +60,11 @@ const KNOWN: &str = "ground_quasi_flat, spherical";
 ///
 /// # Errors
 /// See [`LearningError`].
-pub fn load(path: &Path) -> Result<Box<dyn Segmenter>, LearningError> {
+pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, LearningError> {
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
-        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?)),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_every(options.every))),
         got => Err(LearningError::Architecture { path: path.into(), got: got.to_owned(), known: KNOWN }),
     }
 }

@@ -2,9 +2,12 @@
 //! all sweeps of a submap (thesis section 6.3.2).
 
 pub mod back_projection;
+mod elementary;
 mod features;
 mod model;
 mod polar_image;
+mod softmax;
+mod surface;
 mod sweeps;
 mod votes;
 

@@ -4,16 +4,17 @@ mod adam;
 mod checkpoint;
 mod curves;
 mod evaluation;
+mod pixels;
 
 pub use adam::Adam;
 pub use curves::{Curves, Epoch};
 
-use crate::engine::{Border, Feature, LANES, Planes};
+use crate::engine::{Border, Feature, Planes};
 use crate::losses::{Hierarchy, Loss};
-use crate::network::{Tape, Variables, Weights};
-use crate::tape::rows_from_image;
+use crate::network::{Differential, Recording, Variables, Weights};
 use crate::{LearningError, Random};
-use candle_core::{Device, Tensor};
+use candle_core::{Device, Tensor, Var};
+use pixels::Pixels;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -50,8 +51,12 @@ pub struct TrainSettings {
     pub epochs: usize,
     /// Examples per step.
     pub batch: usize,
-    /// Of Adam at the begin; falls with half a cosine to a hundredth at the last epoch.
+    /// Of Adam: rises from 0 in the first hundredth of all steps and falls with half a cosine to 0 at the last.
     pub learning_rate: f64,
+    /// Share of the old in the running mean of the variables over the steps, 0 to 1, 1 left out. The mean is what is
+    /// validated and kept (Polyak and Juditsky 1992); 0 keeps the variables themselves.
+    #[serde(default)]
+    pub average: f64,
     /// Ends when validation has not become better for so many epochs.
     pub patience: usize,
     /// What is made small.
@@ -75,10 +80,14 @@ impl TrainSettings {
                 format!("learning_rate = {}, must be above 0 and at most 1", self.learning_rate),
             ),
             (self.patience > 0, format!("patience = {}, must be at least 1", self.patience)),
+            ((0.0..1.0).contains(&self.average), format!("average = {}, must be 0 to 1, 1 left out", self.average)),
         ];
         rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text)
     }
 }
+
+/// Share of all steps in which the learning rate rises.
+const WARM_UP: f64 = 0.01;
 
 /// What is being trained.
 pub struct Trainer {
@@ -89,6 +98,8 @@ pub struct Trainer {
     border: Border,
     tree: Option<Hierarchy>,
     variables: Variables,
+    /// Their running mean.
+    averaged: Variables,
     adam: Adam,
     curves: Curves,
     best: Weights,
@@ -114,7 +125,20 @@ impl Trainer {
         let best = variables.weights()?;
         let tree = settings.hierarchy.then_some(tree);
         let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
-        Ok(Self { settings, n_classes, fold, border, tree, variables, adam, curves, best, frozen: Vec::new() })
+        let averaged = variables.copied()?;
+        Ok(Self {
+            settings,
+            n_classes,
+            fold,
+            border,
+            tree,
+            variables,
+            averaged,
+            adam,
+            curves,
+            best,
+            frozen: Vec::new(),
+        })
     }
     /// Leaves variables alone whose names begin so: `["down."]` trains the way up alone.
     pub fn freeze(&mut self, prefixes: Vec<String>) {
@@ -154,11 +178,11 @@ impl Trainer {
         progress: Progress<'_>,
     ) -> Result<(), LearningError> {
         let epoch = self.curves.epochs.len();
-        self.adam.rate = self.learning_rate(epoch);
         let order = Random::new(self.settings.seed, 1 + 2 * epoch as u64).order(data.len());
         let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
         let mut sum = 0.0;
         for (i, batch) in batches.iter().enumerate() {
+            self.adam.rate = self.learning_rate(epoch * batches.len() + i, self.settings.epochs * batches.len());
             let random = |index: usize| Random::new(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
             let examples: Vec<Example> =
                 batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
@@ -172,14 +196,14 @@ impl Trainer {
         let loss = sum / batches.len().max(1) as f64;
         self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
         if is_best {
-            self.best = self.variables.weights()?;
+            self.best = self.averaged.weights()?;
         }
         Ok(())
     }
-    fn learning_rate(&self, epoch: usize) -> f64 {
-        let share = epoch as f64 / self.settings.epochs as f64;
+    fn learning_rate(&self, step: usize, n_steps: usize) -> f64 {
+        let share = (step as f64 + 0.5) / n_steps as f64;
         let fall = 0.5 * (1.0 + (std::f64::consts::PI * share).cos());
-        self.settings.learning_rate * (0.01 + 0.99 * fall)
+        self.settings.learning_rate * fall * (share / WARM_UP).min(1.0)
     }
     /// One change of the variables; the loss before it.
     fn step(&mut self, examples: &[Example], mut random: Random) -> Result<f64, LearningError> {
@@ -196,25 +220,28 @@ impl Trainer {
             }
             known.truncate(wanted);
         }
-        let logits = self.logits(examples, Some(random))?;
-        let logits = logits.index_select(&Tensor::new(known.as_slice(), &Device::Cpu)?, 0)?;
+        let weights = self.variables.weights()?;
+        let network = Differential::new(self.variables.spec(), &weights, self.border)?;
+        let streams: Vec<Random> = examples.iter().map(|_| Random::new(random.bits(), 0)).collect();
+        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
+        let recordings: Vec<Recording> =
+            examples.par_iter().zip(streams).map(of_example).collect::<Result<_, LearningError>>()?;
+        let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
+        let results: Vec<&Planes> = recordings.iter().map(Recording::result).collect();
+        let logits = pixels.gather(&results, &known);
+        let logits = Var::from_tensor(&Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?)?;
         let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
         let loss = self.loss_of_logits(&logits, &classes)?;
-        let gradients = loss.backward()?;
-        self.adam.step(&self.variables, &gradients, &self.frozen)?;
+        let by_logits = loss.backward()?.get(&logits).map(|by| by.flatten_all()?.to_vec1::<f32>()).transpose()?;
+        let by_results = pixels.scatter(&by_logits.unwrap_or_default(), &known, &results);
+        let derive = |(recording, by_result): (&Recording, Planes)| network.derive(recording, by_result);
+        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_results).map(derive).collect();
+        let gradients = self.variables.gradients(&sum_of(by_filters))?;
+        self.adam.step(&self.variables, gradients, &self.frozen)?;
+        // Of few steps, the mean of all: the first variables must not weigh on it.
+        let n = self.adam.steps() as f64;
+        self.averaged.move_to(&self.variables, 1.0 - self.settings.average.min((n - 1.0) / n))?;
         Ok(f64::from(loss.to_scalar::<f32>()?))
-    }
-    /// Logits by pixel, rows of the classes.
-    fn logits(&self, examples: &[Example], dropout: Option<Random>) -> Result<Tensor, LearningError> {
-        let first = &examples[0].input;
-        let (channels, blocks) = (first.channels(), first.n_blocks());
-        let pixels: Vec<Feature> = examples.iter().flat_map(|example| example.input.to_inner()).collect();
-        let dims = (examples.len(), blocks, first.height(), first.width(), LANES);
-        debug_assert_eq!(channels.div_ceil(LANES), blocks);
-        let input = Tensor::from_vec(pixels.into_flattened(), dims, &Device::Cpu)?;
-        let out = Tape::new(&self.variables, self.border, dropout).run(input)?;
-        let rows = rows_from_image(&out, self.fold * self.n_classes)?;
-        Ok(rows.reshape(((), self.n_classes))?)
     }
     /// Against the class of every row.
     fn loss_of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, LearningError> {
@@ -228,4 +255,17 @@ impl Trainer {
             None => self.settings.loss.of_logits(logits, &y)?,
         })
     }
+}
+
+/// Sums by layer, row and lane, in the order of the images.
+fn sum_of(by_images: Vec<Vec<Vec<Feature>>>) -> Vec<Vec<Feature>> {
+    let mut images = by_images.into_iter();
+    let mut sum = images.next().unwrap_or_default();
+    for by_layer in images {
+        for (sum, rows) in sum.iter_mut().zip(by_layer) {
+            let values = sum.as_flattened_mut().iter_mut().zip(rows.as_flattened());
+            values.for_each(|(sum, value)| *sum += value);
+        }
+    }
+    sum
 }

@@ -160,23 +160,13 @@ fn derivatives_are_adjoint_to_the_convolution() {
 
         let borrowed: Vec<&Planes> = sources.iter().collect();
         let by_weights = weight_gradient(&case.shape, &borrowed, &gradient_planes);
-        let zeros = Filter::new(case.shape.clone(), &vec![0.0; made.weights.len()], &made.biases);
         assert_eq!(by_weights.len(), case.shape.packed_rows());
-        let n_in: usize = case.shape.in_channels.iter().sum();
-        let [rows, columns] = case.shape.kernel;
-        let mut from_weights = 0.0;
-        for (i, &weight) in made.weights.iter().enumerate() {
-            let (input, output) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
-            let (at, lane) = zeros.shape.place(output, input, [i / columns % rows, i % columns]);
-            from_weights += f64::from(weight) * f64::from(by_weights[at][lane]);
-        }
-        for (output, &bias) in made.biases.iter().enumerate() {
-            let (at, lane) = case.shape.bias_place(output);
-            from_weights += f64::from(bias) * f64::from(by_weights[at][lane]);
-        }
+        let (by_weights, by_biases) = case.shape.unpacked(&by_weights);
+        let from_weights = dot(&by_weights, &made.weights) + dot(&by_biases, &made.biases);
         assert!((from_weights - total).abs() < 1e-4 * (1.0 + total.abs()), "{:?}: {from_weights} {total}", case.shape);
 
-        let by_sources = input_gradient(&filter, &gradient_planes, case.border);
+        let of_source = |turned: &Filter| input_gradient(turned, case.shape.stride_x, &gradient_planes, case.border);
+        let by_sources: Vec<Planes> = filter.turned().iter().map(of_source).collect();
         let of_biases: f64 = (0..case.shape.out_channels)
             .map(|output| {
                 let n = gradient.values.len() / case.shape.out_channels;
@@ -201,7 +191,8 @@ fn pools_and_upsampling_and_their_derivatives() {
     let image = Image::random([19, 4, 6], &mut random);
     let planes = image.planes(Border::Zero);
     let factor = [2, 3];
-    let pooled = max_pool(&planes, factor);
+    let mut pooled = Planes::zeros(19, 2, 2);
+    max_pool(&planes, factor, &mut pooled);
     for channel in 0..19 {
         for y in 0..2 {
             for x in 0..2 {
@@ -212,16 +203,17 @@ fn pools_and_upsampling_and_their_derivatives() {
             }
         }
     }
-    let gradient = Image::random([19, 2, 2], &mut random).planes(Border::Zero).to_inner();
-    let by_image = max_pool_gradient(&planes.to_inner(), &pooled.to_inner(), &gradient, 6, factor);
-    let sums = |pixels: &[[f32; LANES]]| pixels.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
+    let gradient = Image::random([19, 2, 2], &mut random).planes(Border::Zero);
+    let by_image = max_pool_gradient(&planes, &pooled, &gradient, factor);
+    let sums = |planes: &Planes| planes.to_inner().iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
     assert!((sums(&by_image) - sums(&gradient)).abs() < 1e-5);
     // Each window passes its derivative to its largest element: the sum of the products says so for all windows.
-    let products = |a: &[[f32; LANES]], b: &[[f32; LANES]]| dot(a.as_flattened(), b.as_flattened());
-    assert!((products(&by_image, &planes.to_inner()) - products(&gradient, &pooled.to_inner())).abs() < 1e-4);
+    let products = |a: &Planes, b: &Planes| dot(a.to_inner().as_flattened(), b.to_inner().as_flattened());
+    assert!((products(&by_image, &planes) - products(&gradient, &pooled)).abs() < 1e-4);
 
-    let large = upsample(&pooled, factor);
-    let of_large = Image::random([19, 4, 6], &mut random).planes(Border::Zero).to_inner();
-    let of_small = upsample_gradient(&of_large, 6, factor);
-    assert!((products(&of_small, &pooled.to_inner()) - products(&of_large, &large.to_inner())).abs() < 1e-4);
+    let mut large = Planes::zeros(19, 4, 6);
+    upsample(&pooled, factor, &mut large);
+    let of_large = Image::random([19, 4, 6], &mut random).planes(Border::Zero);
+    let of_small = upsample_gradient(&of_large, factor);
+    assert!((products(&of_small, &pooled) - products(&of_large, &large)).abs() < 1e-4);
 }

@@ -20,6 +20,7 @@ fn all() -> Vec<Loss> {
         Loss::PowerJaccard { power: 1.5 },
         Loss::PowerJaccard { power: 2.0 },
         Loss::CrossEntropyPowerJaccard { power: 1.75 },
+        Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0, 2.0, 0.5, 4.0, 1.5, 0.7], power: 1.75 },
     ]
 }
 
@@ -115,6 +116,7 @@ fn losses_that_are_special_cases_of_one_another_agree() {
     near(of(Loss::WeightedCrossEntropy { weights: vec![3.0; CLASSES] }), of(Loss::CrossEntropy));
     let both = of(Loss::CrossEntropy) + of(Loss::PowerJaccard { power: 1.5 });
     near(of(Loss::CrossEntropyPowerJaccard { power: 1.5 }), both);
+    near(of(Loss::WeightedCrossEntropyPowerJaccard { weights: vec![3.0; CLASSES], power: 1.5 }), both);
 }
 
 /// Thesis section 5.5.3: where `J_p` of one class is least, over many pixels of that class that all get probability p.

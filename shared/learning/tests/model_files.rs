@@ -13,7 +13,7 @@ fn refused(bytes: &[u8]) -> LearningError {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
     std::fs::write(&path, bytes).expect("writes");
-    match learning::load(&path) {
+    match learning::load(&path, &learning::Options::default()) {
         Ok(_) => panic!("was loaded"),
         Err(error) => {
             assert!(error.to_string().contains("model.safetensors"), "no file name in: {error}");
@@ -36,7 +36,7 @@ fn the_shipped_model_is_what_the_program_writes() {
     let bytes = std::fs::read(shipped_model()).expect("models/ground.safetensors is part of the project");
     assert_eq!(bytes, Parameters::default().to_bytes().expect("encodes"));
     assert!(bytes.len() < 10_000);
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 1));
     assert_ne!(model.card().digest, 0);
 }
@@ -95,8 +95,8 @@ fn settings_outside_their_range_are_refused_by_key() {
 #[test]
 fn an_absent_file_and_columns_of_wrong_length_are_errors() {
     let absent = PathBuf::from("/nowhere/model.safetensors");
-    assert!(matches!(learning::load(&absent), Err(LearningError::Io { .. })));
-    let model = learning::load(&shipped_model()).expect("loads");
+    assert!(matches!(learning::load(&absent, &learning::Options::default()), Err(LearningError::Io { .. })));
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let header = SubmapHeader::default();
     let cloud = Cloud { header: &header, points: &[SubmapPoint::default(); 3], colors: None };
     let outcome = model.segment(&cloud, &mut [ClassRow::default(); 2]);

@@ -1,79 +1,107 @@
-//! Networks: the tape's derivatives, and the engine's results beside the tape's.
+//! Networks: derivatives, and what infers beside what learns.
 
 mod support;
 
-use candle_core::{Device, Tensor};
 use learning::Random;
-use learning::engine::{Border, LANES, Planes};
-use learning::network::{Inference, NetworkSpec, Tape, Variables};
+use learning::engine::{Border, Feature, LANES, Planes};
+use learning::network::{Differential, Inference, NetworkSpec, Variables};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 
-fn specs() -> [NetworkSpec; 2] {
+fn specs() -> [NetworkSpec; 3] {
     [
-        NetworkSpec::Unet { inputs: 7, outputs: 5, widths: vec![16, 20, 32] },
+        NetworkSpec::Unet { inputs: 7, outputs: 5, widths: vec![16, 20, 32], head: None },
+        NetworkSpec::Unet { inputs: 7, outputs: 5, widths: vec![16, 20], head: Some(24) },
         NetworkSpec::SphericalDz { inputs: 7, outputs: 5, widths: vec![16, 20] },
     ]
 }
 
 const SIZE: [usize; 2] = [8, 16];
 
-fn input(random: &mut Random, batch: usize) -> Tensor {
-    let [height, width] = SIZE;
-    let values: Vec<f32> =
-        (0..batch * height * width * LANES).map(|i| if i % LANES < 7 { random.gauss() } else { 0.0 }).collect();
-    Tensor::from_vec(values, (batch, 1, height, width, LANES), &Device::Cpu).expect("an image")
+fn inputs(random: &mut Random, batch: usize, border: Border) -> Vec<Planes> {
+    let mut image = || {
+        let mut planes = Planes::zeros(7, SIZE[0], SIZE[1]);
+        for y in 0..SIZE[0] {
+            planes.row_mut(0, y).iter_mut().flat_map(|pixel| &mut pixel[..7]).for_each(|value| *value = random.gauss());
+        }
+        planes.fill_border(border);
+        planes
+    };
+    (0..batch).map(|_| image()).collect()
 }
 
 #[test]
-fn the_engine_gives_what_the_tape_gives() {
+fn what_infers_gives_what_learned() {
     for spec in specs() {
         for border in [Border::Circular, Border::Zero] {
-            let variables = Variables::random(&spec, 7).expect("variables");
-            let batch = input(&mut Random::new(1, 0), 2);
-            let by_tape = Tape::new(&variables, border, None).run(batch.clone()).expect("runs");
-            let engine = Inference::new(spec.clone(), &variables.weights().expect("weights"), border).expect("fits");
-            for index in 0..2 {
-                let inner =
-                    batch.get(index).expect("an image").flatten_all().expect("flat").to_vec1::<f32>().expect("f32");
-                let planes = Planes::from_inner(7, SIZE[0], SIZE[1], inner.as_chunks::<LANES>().0, border);
-                let by_engine = engine.run(planes).expect("runs").to_inner();
-                let by_tape =
-                    by_tape.get(index).expect("an image").flatten_all().expect("flat").to_vec1::<f32>().expect("f32");
+            let weights = Variables::random(&spec, 7).expect("variables").weights().expect("weights");
+            let learning = Differential::new(&spec, &weights, border).expect("fits");
+            let inferring = Inference::new(spec.clone(), &weights, border).expect("fits");
+            for input in inputs(&mut Random::new(1, 0), 2, border) {
+                let by_learning = learning.run(input.clone(), None).expect("runs");
                 // Not nearly, exactly: both run the same kernels in the same order.
-                assert_eq!(by_engine.as_flattened(), by_tape, "{spec:?}");
+                assert_eq!(&*inferring.run(&input).expect("runs"), by_learning.result(), "{spec:?}");
             }
         }
     }
+}
+
+/// A smooth function of the results with a derivative of its own at every output, and its derivatives by all variables.
+fn loss(variables: &Variables, batch: &[Planes]) -> (f64, BTreeMap<String, Vec<f32>>) {
+    let weights = variables.weights().expect("weights");
+    let network = Differential::new(variables.spec(), &weights, Border::Circular).expect("fits");
+    let of_image = |(n, input): (usize, &Planes)| {
+        let recording = network.run(input.clone(), None).expect("runs");
+        let result = recording.result();
+        let mut by_result = Planes::zeros(result.channels(), result.height(), result.width());
+        let mut sum = 0.0;
+        for y in 0..result.height() {
+            for (x, (pixel, by)) in result.row(0, y).iter().zip(by_result.row_mut(0, y)).enumerate() {
+                for lane in 0..result.channels() {
+                    let factor = ((((n * SIZE[0] + y) * SIZE[1] + x) * LANES + lane) as f32 * 0.37).sin();
+                    let value = pixel[lane].tanh();
+                    sum += f64::from(factor * value);
+                    by[lane] = factor * (1.0 - value * value);
+                }
+            }
+        }
+        (sum, network.derive(&recording, by_result))
+    };
+    let of_images: Vec<(f64, Vec<Vec<Feature>>)> =
+        batch.par_iter().enumerate().map(|(n, i)| of_image((n, i))).collect();
+    let mut sums: BTreeMap<String, Vec<f32>> = BTreeMap::new();
+    for (_, by_filters) in &of_images {
+        for (name, gradient) in variables.gradients(by_filters).expect("derives") {
+            let sum = sums.entry(name).or_insert_with(|| vec![0.0; gradient.len()]);
+            sum.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += value);
+        }
+    }
+    (of_images.iter().map(|(sum, _)| sum).sum(), sums)
 }
 
 #[test]
 fn derivatives_by_every_variable_are_those_of_finite_differences() {
     for spec in specs() {
         let variables = Variables::random(&spec, 3).expect("variables");
-        let batch = input(&mut Random::new(2, 0), 2);
-        let loss = || {
-            let out = Tape::new(&variables, Border::Circular, None).run(batch.clone()).expect("runs");
-            // A smooth function with a derivative of its own at every output.
-            let n = out.elem_count();
-            let factors: Vec<f32> = (0..n).map(|i| ((i as f32) * 0.37).sin()).collect();
-            let factors = Tensor::from_vec(factors, out.shape(), &Device::Cpu).expect("factors");
-            out.tanh().and_then(|out| out * factors).and_then(|out| out.sum_all()).expect("a number")
-        };
-        let gradients = loss().backward().expect("derives");
+        let batch = inputs(&mut Random::new(2, 0), 2, Border::Circular);
+        let (_, gradients) = loss(&variables, &batch);
         for (stream, (name, var)) in variables.iter().enumerate() {
             let shape = var.shape().clone();
             let values = var.flatten_all().expect("flat").to_vec1::<f32>().expect("f32");
             let mut random = Random::new(5, stream as u64);
-            let direction: Vec<f32> = values.iter().map(|_| random.gauss()).collect();
-            let gradient = gradients.get(var).unwrap_or_else(|| panic!("{name} has no derivative"));
-            let gradient = gradient.flatten_all().expect("flat").to_vec1::<f32>().expect("f32");
+            // Steps as long for filters, which are standardized, as for the others.
+            let fan_in = shape.dims()[1..].iter().product::<usize>() as f32;
+            let scale = fan_in.sqrt();
+            let direction: Vec<f32> = values.iter().map(|_| random.gauss() / scale).collect();
+            let gradient = gradients.get(name).unwrap_or_else(|| panic!("{name} has no derivative"));
             let along: f64 = gradient.iter().zip(&direction).map(|(g, d)| f64::from(g * d)).sum();
-            let size: f64 = gradient.iter().map(|g| f64::from(g * g)).sum::<f64>().sqrt();
+            let size: f64 = gradient.iter().map(|g| f64::from(g / scale).powi(2)).sum::<f64>().sqrt();
             let moved = |by: f32| {
                 let values = values.iter().zip(&direction).map(|(v, d)| v + by * d).collect();
                 variables.set(name, values, shape.dims()).expect("sets");
-                f64::from(loss().to_scalar::<f32>().expect("a number"))
+                loss(&variables, &batch).0
             };
-            let step = 2e-4;
+            let step = 5e-5;
             let difference = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
             moved(0.0);
             // Rectifiers bend between the two places, and f32 holds seven digits: a few percent of the derivative's size.
@@ -85,20 +113,18 @@ fn derivatives_by_every_variable_are_those_of_finite_differences() {
 }
 
 #[test]
-fn threads_do_not_show_in_derivatives() {
-    let spec = &specs()[0];
-    let variables = Variables::random(spec, 3).expect("variables");
-    let batch = input(&mut Random::new(2, 0), 4);
-    let derivative = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| {
-            let out = Tape::new(&variables, Border::Circular, None).run(batch.clone()).expect("runs");
-            let gradients = out.sqr().and_then(|out| out.sum_all()).and_then(|loss| loss.backward()).expect("derives");
-            let flat = |var: &candle_core::Var| gradients.get(var).expect("one").flatten_all().expect("flat");
-            variables.iter().map(|(_, var)| flat(var).to_vec1::<f32>().expect("f32")).collect::<Vec<_>>()
-        })
+fn layers_of_another_network_are_taken_over_where_they_fit() {
+    let [of, wider, _] = specs();
+    let weights = Variables::random(&of, 1).expect("variables").weights().expect("weights");
+    let variables = Variables::random(&wider, 2).expect("variables");
+    // Both levels down, and the 1 x 1 convolution up to the finest level is of another width.
+    assert_eq!(variables.begin_with(&weights).expect("fits"), 5);
+    let taken = variables.weights().expect("weights");
+    let nearly = |name: &str| {
+        let pairs = taken.tensors[name].1.iter().zip(&weights.tensors[name].1);
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 1e-5
     };
-    assert!(derivative(1) == derivative(3));
+    assert!(nearly("down.1.1.weight") && !nearly("up.0.1.weight"));
 }
 
 #[test]

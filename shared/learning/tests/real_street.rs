@@ -38,7 +38,7 @@ fn labelled_sweep(points: &Path, ids: &Path, unsaid: &[i32]) -> LabelledCloud {
 
 /// Confusion pooled over the three sweeps, `None` where they are absent.
 fn pooled(unsaid: &[i32]) -> Option<Confusion> {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let mut pooled = Confusion::default();
     for number in 0..3 {
         let points = real_data(&format!("semantickitti/kitti_01_points_00000{number}.npy"))?;

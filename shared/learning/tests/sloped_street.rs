@@ -61,7 +61,7 @@ fn street(seed: u64) -> LabelledCloud {
 
 #[test]
 fn ground_of_a_street_that_climbs() {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let cloud = street(1);
     let confusion = Confusion::of(&cloud, &classes_of(model.as_ref(), &cloud.points));
     println!("{confusion:?} accuracy {:.4}", confusion.accuracy());
@@ -75,7 +75,7 @@ fn ground_of_a_street_that_climbs() {
 
 #[test]
 fn scores_fall_with_the_distance_from_the_terrain() {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let mut cloud = street(2);
     let at = |z: f32| [20.05, 0.05, street_z(20.05, 0.05) + z];
     let first = cloud.points.len();
@@ -90,7 +90,7 @@ fn scores_fall_with_the_distance_from_the_terrain() {
 
 #[test]
 fn the_same_cloud_in_another_place_or_order_has_the_same_ground() {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let mut cloud = street(3);
     let classes = classes_of(model.as_ref(), &cloud.points);
     // Whole cells, and numbers that f32 holds exactly beside the street's.
@@ -110,7 +110,7 @@ fn the_same_cloud_in_another_place_or_order_has_the_same_ground() {
 
 #[test]
 fn clouds_without_a_street_do_not_fail() {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     assert_eq!(classes_of(model.as_ref(), &[]).len(), 0);
     let mut cloud = LabelledCloud::default();
     for [x, y, z] in [[f32::NAN, 0.0, 0.0], [0.0, f32::INFINITY, 0.0], [0.0, 0.0, f32::NEG_INFINITY], [1.0, 2.0, 3.0]] {
@@ -129,7 +129,7 @@ fn clouds_without_a_street_do_not_fail() {
 
 #[test]
 fn a_stray_point_far_away_changes_nothing() {
-    let model = learning::load(&shipped_model()).expect("loads");
+    let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
     let mut cloud = street(4);
     let classes = classes_of(model.as_ref(), &cloud.points);
     cloud.push([3.0e7, -2.0e7, 5.0], None);

@@ -14,7 +14,7 @@ const FIRINGS: u32 = 512;
 
 fn settings() -> Settings {
     let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
-    let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16] };
+    let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16], head: None };
     Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0 }
 }
 
@@ -167,12 +167,12 @@ fn wrong_files_are_refused_with_the_reason() {
     refused(&Settings { classes: two, ..good.clone() }, "network.outputs = 6, must be fold x 2 classes");
     let unknown = vec!["road".to_owned(), "castle".to_owned(), "moat".to_owned()];
     refused(&Settings { classes: unknown, ..good.clone() }, "castle");
-    let wider = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![32, 16] };
+    let wider = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![32, 16], head: None };
     refused(
         &Settings { network: wider, ..good.clone() },
         "`down.0.0.weight`: has shape [16, 20, 3, 3], expected [32, 20, 3, 3]",
     );
-    let deep = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16; 7] };
+    let deep = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16; 7], head: None };
     refused(&Settings { network: deep, ..good.clone() }, "7 levels, must be 1 to 6");
     let mut missing = weights.clone();
     missing.tensors.remove("up.0.1.bias");

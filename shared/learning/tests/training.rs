@@ -50,12 +50,13 @@ fn settings() -> TrainSettings {
         patience: 100,
         loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
         hierarchy: true,
+        average: 0.5,
         pixels: 200,
     }
 }
 
 fn trainer(settings: TrainSettings) -> Trainer {
-    let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8] };
+    let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8], head: None };
     let variables = Variables::random(&spec, settings.seed).expect("variables");
     let tree = Hierarchy::new(vec![0, 1, 1]);
     Trainer::new(settings, variables, (CLASSES, 1), Border::Circular, tree).expect("a trainer")

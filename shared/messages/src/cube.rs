@@ -16,7 +16,7 @@ pod! {
         pub height: u32,
         /// Bands in use.
         pub n_bands: u32,
-        /// Side of a mosaic pattern cell in raw pixels; cell (c, r) covers raw columns `x0 + c*pattern ..`.
+        /// Side of a cell in raw pixels: that of the mosaic's pattern, or 1 if the cube is demosaiced; cell (c, r) covers raw columns `x0 + c*pattern ..`.
         pub pattern: u32,
         /// Bit b: band b is usable at all.
         pub valid_bands: u32,
@@ -40,8 +40,8 @@ impl Message for Cube {
     const QUEUE: usize = 4;
     // As `image`, by two cameras.
     const BORROWED: usize = 32;
-    // 512 x 272 cells of 32 bands and a mask, four times.
-    const MAX_ROWS: usize = 1 << 25;
+    // 2045 x 1085 px of 25 bands and a mask, demosaiced: 57.7 million. What is not written takes no memory.
+    const MAX_ROWS: usize = 1 << 26;
     type Header = CubeHeader;
     type Row = u32;
 }

@@ -8,6 +8,7 @@ mod class_table;
 mod columns;
 mod cube;
 mod envelope;
+mod placement;
 pub mod pod;
 mod raw;
 mod submap;
@@ -23,6 +24,7 @@ pub use columns::{
 };
 pub use cube::{Cube, CubeHeader, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};
+pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, Placement, PlacementHeader, PlacementRow};
 pub use pod::Pod;
 pub use raw::{Gnss, GnssRow, Image, ImageHeader, Imu, ImuRow, Mosaic, MosaicHeader, NoHeader};
 pub use submap::{

@@ -75,11 +75,14 @@ impl Runs {
     pub(crate) fn of(mask: &Array2<bool>) -> Self {
         let standard = mask.as_standard_layout();
         let mut runs = Self { ends: Vec::new(), row_starts: vec![0] };
-        wide(|| {
-            for row in standard.rows() {
-                runs.add_row(row.as_slice().expect("rows of the standard layout are contiguous"));
-            }
-        });
+        wide(
+            #[inline(always)]
+            || {
+                for row in standard.rows() {
+                    runs.add_row(row.as_slice().expect("rows of the standard layout are contiguous"));
+                }
+            },
+        );
         runs
     }
 
@@ -122,15 +125,18 @@ impl Runs {
         for row in 1..self.row_starts.len().saturating_sub(1) {
             let (above, below) = (self.of_row(row - 1), self.of_row(row));
             let (mut upper, mut lower) = (above.start, below.start);
+            // Name of the lower run's set: known already, so that only the upper one's is looked for.
+            let mut first = lower;
             while upper < above.end && lower < below.end {
                 let ([u_start, u_end], [l_start, l_end]) = (self.ends[upper], self.ends[lower]);
                 if u_start < l_end + reach && l_start < u_end + reach {
-                    sets.union(upper, lower);
+                    first = sets.union_firsts(first, upper);
                 }
                 // Whichever ends first meets no other run.
                 let upper_ends_first = usize::from(u_end < l_end);
                 upper += upper_ends_first;
                 lower += 1 - upper_ends_first;
+                first = if upper_ends_first == 1 { first } else { lower };
             }
         }
         let mut labels = vec![0; self.ends.len()];

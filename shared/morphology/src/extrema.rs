@@ -5,8 +5,8 @@
     reason = "a branch for each pixel would keep the loops from taking many at once"
 )]
 
-use crate::padded::{Padded, shifted};
-use crate::wide::wide;
+use crate::padded::Padded;
+use crate::wide::{BLOCK, block, block_mut, in_blocks, wide};
 use crate::{Connectivity, Level, reconstruct_by_dilation};
 use ndarray::{Array2, Zip};
 
@@ -58,12 +58,15 @@ pub fn h_maxima<T: Height>(image: &Array2<T>, height: T, connectivity: Connectiv
 fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<bool> {
     // The frame excludes nobody: it is not higher, and a candidate.
     let mut candidates = Padded::filled((image.rows, image.cols), true);
-    wide(|| {
-        exclude_lower(image, &mut candidates, connectivity);
-        sweep_plateaus(image, &mut candidates, connectivity);
-    });
     let mut stack: Vec<u32> = Vec::new();
-    wide(|| find_edges_of_plateaus(image, &candidates, connectivity, &mut stack));
+    wide(
+        #[inline(always)]
+        || sweep_down(image, &mut candidates, connectivity),
+    );
+    wide(
+        #[inline(always)]
+        || sweep_up(image, &mut candidates, connectivity, &mut stack),
+    );
     // From here on, nothing goes into it.
     candidates.fill_frame(false);
     let steps = image.steps(connectivity);
@@ -80,85 +83,192 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
     candidates.unframed(|is_maximum| is_maximum)
 }
 
-/// Candidates are the pixels without a higher neighbor.
+/// Candidates are the pixels without a higher neighbor; what is none takes its plateau with it, down and sideways. Up
+/// is the other sweep; the two settle most plateaus.
 #[inline(always)]
-fn exclude_lower<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connectivity: Connectivity) {
-    let n = image.cols;
+fn sweep_down<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connectivity: Connectivity) {
+    let mut scratch = vec![false; image.cols];
     for row in 0..image.rows {
-        let [up, at, down] = image.three_rows(row).map(|line| shifted(line, n));
-        let into = &mut candidates.row_mut(row)[..n];
-        for i in 0..n {
-            let mut highest = up[1][i].sup(down[1][i]).sup(at[0][i]).sup(at[2][i]);
-            if connectivity == Connectivity::Eight {
-                highest = highest.sup(up[0][i]).sup(up[2][i]).sup(down[0][i]).sup(down[2][i]);
-            }
-            into[i] = highest <= at[1][i];
-        }
+        exclude_lower(image, row, candidates.row_mut(row), connectivity);
+        let (above, here) = candidates.pixels.split_at_mut((row + 1) * image.stride);
+        let [up, ..] = image.three_rows(row);
+        let here = &mut here[1..=image.cols];
+        lose_across(image.row(row), up, &above[row * image.stride..], here, connectivity);
+        lose_along(image.row(row), here, &mut scratch);
     }
 }
 
-/// What is no candidate takes the rest of its plateau with it: down and up once, which settles most of them.
+/// On to `edges` goes what could still take pixels with it.
 #[inline(always)]
-fn sweep_plateaus<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connectivity: Connectivity) {
+fn sweep_up<T: Level>(
+    image: &Padded<T>,
+    candidates: &mut Padded<bool>,
+    connectivity: Connectivity,
+    edges: &mut Vec<u32>,
+) {
     let (n, stride) = (image.cols, image.stride);
-    for is_down in [true, false] {
-        for i in 0..image.rows {
-            let row = if is_down { i } else { image.rows - 1 - i };
-            let [up, at, down] = image.three_rows(row);
-            let values = shifted(if is_down { up } else { down }, n);
-            let (first, second) = candidates.pixels.split_at_mut((row + 1 + usize::from(!is_down)) * stride);
-            let (across, line) = if is_down {
-                (&first[row * stride..], &mut second[1..=n])
-            } else {
-                (&second[..stride], &mut first[(row + 1) * stride..][1..=n])
-            };
-            let marks = shifted(across, n);
-            for (i, (mark, &here)) in line.iter_mut().zip(&at[1..=n]).enumerate() {
-                let lost = |c: usize| (values[c][i] == here) & !marks[c][i];
-                let mut any = lost(1);
-                if connectivity == Connectivity::Eight {
-                    any |= lost(0) | lost(2);
-                }
-                *mark &= !any;
-            }
-            let mut before = (T::LOWEST, true);
-            let mut step = |(mark, &here): (&mut bool, &T)| {
-                *mark &= before.1 | (here != before.0);
-                before = (here, *mark);
-            };
-            let both = line.iter_mut().zip(&at[1..=n]);
-            if is_down { both.for_each(&mut step) } else { both.rev().for_each(&mut step) }
+    let mut scratch = vec![false; n];
+    for row in (0..image.rows).rev() {
+        let (here, below) = candidates.pixels.split_at_mut((row + 2) * stride);
+        let [_, _, down] = image.three_rows(row);
+        let here = &mut here[(row + 1) * stride..][1..=n];
+        lose_across(image.row(row), down, &below[..stride], here, connectivity);
+        lose_along(image.row(row), here, &mut scratch);
+        if row + 1 < image.rows {
+            find_edges(image, candidates, row + 1, connectivity, &mut scratch, edges);
+        }
+    }
+    if image.rows > 0 {
+        find_edges(image, candidates, 0, connectivity, &mut scratch, edges);
+    }
+}
+
+#[inline(always)]
+fn exclude_lower<T: Level>(image: &Padded<T>, row: usize, into: &mut [bool], connectivity: Connectivity) {
+    let lines = image.three_rows(row);
+    in_blocks!(image.cols, exclude_lower_in_block(lines, into, connectivity));
+}
+
+#[inline(always)]
+fn exclude_lower_in_block<T: Level, const N: usize>(
+    start: usize,
+    lines: [&[T]; 3],
+    into: &mut [bool],
+    connectivity: Connectivity,
+) {
+    let [up, at, down] = lines.map(|line| neighbors::<T, N>(line, start));
+    let mut highest: [T; N] = *up[1];
+    let mut raise = |others: &[T; N]| highest.iter_mut().zip(others).for_each(|(high, &other)| *high = high.sup(other));
+    [down[1], at[0], at[2]].into_iter().for_each(&mut raise);
+    if connectivity == Connectivity::Eight {
+        [up[0], up[2], down[0], down[2]].into_iter().for_each(&mut raise);
+    }
+    *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| highest[i] <= at[1][i]);
+}
+
+/// The `N` pixels of a framed row from `start` on, and those one before and one after them.
+#[inline(always)]
+fn neighbors<T, const N: usize>(row: &[T], start: usize) -> [&[T; N]; 3] {
+    [block(row, start), block(row, start + 1), block(row, start + 2)]
+}
+
+/// What lies on one plateau with a pixel of the row `across` that is no candidate, is none.
+#[inline(always)]
+fn lose_across<T: Level>(
+    values: &[T],
+    across: &[T],
+    marks_across: &[bool],
+    marks: &mut [bool],
+    connectivity: Connectivity,
+) {
+    in_blocks!(values.len(), lose_across_in_block(values, across, marks_across, marks, connectivity));
+}
+
+#[inline(always)]
+fn lose_across_in_block<T: Level, const N: usize>(
+    start: usize,
+    values: &[T],
+    across: &[T],
+    marks_across: &[bool],
+    marks: &mut [bool],
+    connectivity: Connectivity,
+) {
+    let values: &[T; N] = block(values, start);
+    let (across, marks_across) = (neighbors::<T, N>(across, start), neighbors::<bool, N>(marks_across, start));
+    let mut kept: [bool; N] = *block(marks, start);
+    for side in if connectivity == Connectivity::Eight { 0..3 } else { 1..2 } {
+        for i in 0..N {
+            kept[i] &= (across[side][i] != values[i]) | marks_across[side][i];
+        }
+    }
+    *block_mut(marks, start) = kept;
+}
+
+/// The same along the row. Candidates beside a pixel of their plateau that is none are few, so they are looked for many
+/// pixels at a time, and walked from one by one.
+#[inline(always)]
+fn lose_along<T: Level>(values: &[T], marks: &mut [bool], differ: &mut [bool]) {
+    let n = values.len();
+    if n < 2 {
+        return;
+    }
+    let differ = &mut differ[..n - 1];
+    in_blocks!(n - 1, differ_in_block(values, marks, differ));
+    for (block_idx, pixels) in differ.chunks(BLOCK).enumerate() {
+        if !pixels.iter().fold(false, |any, &differ| any | differ) {
+            continue;
+        }
+        for (i, _) in pixels.iter().enumerate().filter(|(_, differ)| **differ) {
+            let left = block_idx * BLOCK + i;
+            let level = values[left];
+            let is_lost = |(mark, value): &(&mut bool, &T)| **mark && **value == level;
+            // One of the two sides holds candidates, unless a walk came here before.
+            marks[..=left]
+                .iter_mut()
+                .zip(&values[..=left])
+                .rev()
+                .take_while(is_lost)
+                .for_each(|(mark, _)| *mark = false);
+            let after = marks[left + 1..].iter_mut().zip(&values[left + 1..]);
+            after.take_while(is_lost).for_each(|(mark, _)| *mark = false);
         }
     }
 }
 
-/// Pixels that are no candidates and have a candidate of their own value beside them.
+/// Whether the pixel and the next one are of one plateau but only one is a candidate.
 #[inline(always)]
-fn find_edges_of_plateaus<T: Level>(
+fn differ_in_block<T: Level, const N: usize>(start: usize, values: &[T], marks: &[bool], into: &mut [bool]) {
+    let [left, right]: [&[T; N]; 2] = [block(values, start), block(values, start + 1)];
+    let [mark_left, mark_right]: [&[bool; N]; 2] = [block(marks, start), block(marks, start + 1)];
+    let differ = |i: usize| (left[i] == right[i]) & (mark_left[i] ^ mark_right[i]);
+    *block_mut(into, start) = std::array::from_fn::<bool, N, _>(differ);
+}
+
+/// Pixels of a row that are no candidates and have a candidate of their own value beside them.
+#[inline(always)]
+fn find_edges<T: Level>(
     image: &Padded<T>,
     candidates: &Padded<bool>,
+    row: usize,
     connectivity: Connectivity,
-    stack: &mut Vec<u32>,
+    is_edge: &mut [bool],
+    edges: &mut Vec<u32>,
 ) {
-    let n = image.cols;
-    let mut is_edge = vec![false; n];
-    for row in 0..image.rows {
-        let values = image.three_rows(row).map(|line| shifted(line, n));
-        let marks = candidates.three_rows(row).map(|line| shifted(line, n));
-        let mut any = false;
-        for i in 0..n {
-            let here = values[1][1][i];
-            let same = |r: usize, c: usize| marks[r][c][i] & (values[r][c][i] == here);
-            let mut beside = same(0, 1) | same(1, 0) | same(1, 2) | same(2, 1);
-            if connectivity == Connectivity::Eight {
-                beside |= same(0, 0) | same(0, 2) | same(2, 0) | same(2, 2);
-            }
-            is_edge[i] = beside & !marks[1][1][i];
-            any |= is_edge[i];
-        }
-        if any {
-            let start = image.row_start(row);
-            stack.extend(is_edge.iter().enumerate().filter(|(_, edge)| **edge).map(|(i, _)| (start + i) as u32));
+    let (values, marks) = (image.three_rows(row), candidates.three_rows(row));
+    in_blocks!(image.cols, find_edges_in_block(values, marks, is_edge, connectivity));
+    let start = image.row_start(row);
+    for (block_idx, pixels) in is_edge.chunks(BLOCK).enumerate() {
+        if pixels.iter().fold(false, |any, &edge| any | edge) {
+            let first = start + block_idx * BLOCK;
+            edges.extend(pixels.iter().enumerate().filter(|(_, edge)| **edge).map(|(i, _)| (first + i) as u32));
         }
     }
+}
+
+#[inline(always)]
+fn find_edges_in_block<T: Level, const N: usize>(
+    start: usize,
+    values: [&[T]; 3],
+    marks: [&[bool]; 3],
+    into: &mut [bool],
+    connectivity: Connectivity,
+) {
+    let values = values.map(|line| neighbors::<T, N>(line, start));
+    let marks = marks.map(|line| neighbors::<bool, N>(line, start));
+    let here = values[1][1];
+    let mut beside = [false; N];
+    let mut look = |row: usize, col: usize| {
+        for i in 0..N {
+            beside[i] |= marks[row][col][i] & (values[row][col][i] == here[i]);
+        }
+    };
+    for (row, col) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
+        look(row, col);
+    }
+    if connectivity == Connectivity::Eight {
+        for (row, col) in [(0, 0), (0, 2), (2, 0), (2, 2)] {
+            look(row, col);
+        }
+    }
+    *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| beside[i] & !marks[1][1][i]);
 }

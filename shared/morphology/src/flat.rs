@@ -33,12 +33,16 @@ pub fn closing<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Arra
 
 fn once<T: Level>(image: &Array2<T>, element: &Element, neutral: T, pick: impl Pick<T>) -> Array2<T> {
     let mut rows = Rows::new(&element.0, image.dim(), neutral);
-    of_rows(image, |pixels, cols, result| {
-        for row in pixels.chunks_exact(cols) {
-            rows.push(row, result, pick);
-        }
-        rows.finish(result, pick);
-    })
+    of_rows(
+        image,
+        #[inline(always)]
+        |pixels, cols, result| {
+            for row in pixels.chunks_exact(cols) {
+                rows.push(row, result, pick);
+            }
+            rows.finish(result, pick);
+        },
+    )
 }
 
 fn twice<T: Level>(
@@ -51,21 +55,25 @@ fn twice<T: Level>(
     let shapes: [&Shape; 2] = elements.map(|element| &element.0);
     let mut before = Rows::new(shapes[0], image.dim(), neutral[0]);
     let mut after = Rows::new(shapes[1], image.dim(), neutral[1]);
-    of_rows(image, |pixels, cols, result| {
-        let mut between: Vec<T> = Vec::new();
-        for row in pixels.chunks_exact(cols) {
-            before.push(row, &mut between, first);
+    of_rows(
+        image,
+        #[inline(always)]
+        |pixels, cols, result| {
+            let mut between: Vec<T> = Vec::new();
+            for row in pixels.chunks_exact(cols) {
+                before.push(row, &mut between, first);
+                for row in between.chunks_exact(cols) {
+                    after.push(row, result, second);
+                }
+                between.clear();
+            }
+            before.finish(&mut between, first);
             for row in between.chunks_exact(cols) {
                 after.push(row, result, second);
             }
-            between.clear();
-        }
-        before.finish(&mut between, first);
-        for row in between.chunks_exact(cols) {
-            after.push(row, result, second);
-        }
-        after.finish(result, second);
-    })
+            after.finish(result, second);
+        },
+    )
 }
 
 /// Gathers the rows of the result that `work` makes of pixels and number of columns.
@@ -74,7 +82,10 @@ fn of_rows<T: Level>(image: &Array2<T>, work: impl FnOnce(&[T], usize, &mut Vec<
     let pixels = source.as_slice().expect("standard layout was asked for");
     let mut result = Vec::with_capacity(pixels.len());
     if !pixels.is_empty() {
-        wide(|| work(pixels, image.ncols(), &mut result));
+        wide(
+            #[inline(always)]
+            || work(pixels, image.ncols(), &mut result),
+        );
     }
     Array2::from_shape_vec(image.dim(), result).expect("one value for every pixel")
 }

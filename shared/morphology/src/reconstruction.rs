@@ -49,9 +49,15 @@ fn reconstruct<T: Level>(
     let mut values = Padded::mapped(marker, T::LOWEST, sense);
     // Nothing grows into the frame.
     let mask = Padded::mapped(mask, T::LOWEST, sense);
-    wide(|| sweep(&mut values, &mask, connectivity));
+    wide(
+        #[inline(always)]
+        || sweep(&mut values, &mask, connectivity),
+    );
     let mut queue = VecDeque::new();
-    wide(|| find_unsettled(&values, &mask, connectivity, &mut queue));
+    wide(
+        #[inline(always)]
+        || find_unsettled(&values, &mask, connectivity, &mut queue),
+    );
     spread(&mut values, &mask, connectivity, queue);
     values.unframed(sense)
 }

@@ -8,6 +8,7 @@
 
 use crate::Level;
 use crate::element::{Run, Shape};
+use crate::wide::{block, block_mut, in_blocks};
 
 /// Radius from which van Herk's three comparisons with their buffers cost less than one for each row.
 const HIGH_RADIUS: usize = 5;
@@ -69,6 +70,7 @@ pub(crate) struct High<T> {
     from_begin: Vec<T>,
     /// Of each row of the block before, the extremum from it to the block's end; empty in the first block.
     to_end: Vec<T>,
+    line: Vec<T>,
 }
 
 impl<T: Level> High<T> {
@@ -84,6 +86,7 @@ impl<T: Level> High<T> {
             n: row_radius,
             from_begin: vec![neutral; cols],
             to_end: Vec::new(),
+            line: vec![neutral; cols],
         }
     }
 
@@ -106,7 +109,9 @@ impl<T: Level> High<T> {
             result.extend_from_slice(&self.from_begin);
         } else if !self.to_end.is_empty() {
             let ends = &self.to_end[self.n * cols..(self.n + 1) * cols];
-            result.extend(ends.iter().zip(&self.from_begin).map(|(&end, &begin)| pick(end, begin)));
+            pick_rows(&mut self.line, [ends, &self.from_begin], pick);
+            // Extending by an iterator would leave this function, and the wide registers with it.
+            result.extend_from_slice(&self.line);
         }
         if is_full {
             self.n = 0;
@@ -197,49 +202,76 @@ impl<T: Level> Gather<T> {
     fn flush(&mut self, end: usize, result: &mut Vec<T>, pick: impl Pick<T>) {
         let padded_len = self.scratch.padded.len();
         for target in self.n_done..end {
-            let kept = &self.kept;
-            let n = self.cols;
+            let (kept, n) = (&self.kept, self.cols);
             let sources = self.runs.iter().filter_map(|(run, place)| {
                 let row = target.checked_add_signed(run.row).filter(|&row| row < self.n_pushed)?;
                 let begin = (row % self.span) * padded_len + self.scratch.lead.wrapping_add_signed(run.first);
                 Some(&kept[*place].rows[begin..begin + n])
             });
             let sources: Vec<&[T]> = sources.collect();
-            // Several at once, so that what is between is read and written less often.
-            let line = &mut self.line[..n];
-            match *sources.as_slice() {
-                [] => result.resize(result.len() + n, self.neutral),
-                [a] => result.extend_from_slice(a),
-                [a, b, c] => result.extend((0..n).map(|i| pick(pick(a[i], b[i]), c[i]))),
-                [a, b, c, d, e] => {
-                    result.extend((0..n).map(|i| pick(pick(pick(a[i], b[i]), pick(c[i], d[i])), e[i])));
-                }
-                [first, ref rest @ ..] => {
-                    line.copy_from_slice(first);
-                    for others in rest.chunks(4) {
-                        match *others {
-                            [a, b, c, d] => {
-                                for (i, value) in line.iter_mut().enumerate() {
-                                    *value = pick(*value, pick(pick(a[i], b[i]), pick(c[i], d[i])));
-                                }
-                            }
-                            _ => others.iter().for_each(|other| pick_into(line, other, pick)),
-                        }
-                    }
-                    result.extend_from_slice(line);
-                }
+            if let [only] = *sources.as_slice() {
+                result.extend_from_slice(only);
+                continue;
             }
+            pick_all(&mut self.line, &sources, self.neutral, pick);
+            result.extend_from_slice(&self.line);
         }
         self.n_done = self.n_done.max(end);
+    }
+}
+
+/// The extremum of all rows. Several at once, so that what is between is read and written less often; of an extremum of too
+/// few, the first is taken once more.
+#[inline(always)]
+fn pick_all<T: Level>(into: &mut [T], rows: &[&[T]], neutral: T, pick: impl Pick<T>) {
+    let row = |idx: usize| *rows.get(idx).unwrap_or(&rows[0]);
+    match rows.len() {
+        0 => into.fill(neutral),
+        1..=3 => pick_rows(into, [0, 1, 2].map(row), pick),
+        _ => pick_rows(into, [0, 1, 2, 3, 4].map(row), pick),
+    }
+    for idx in (5..rows.len()).step_by(4) {
+        let rows = [idx, idx + 1, idx + 2, idx + 3].map(row);
+        in_blocks!(into.len(), pick_more_in_block(into, &rows, pick));
+    }
+}
+
+/// The extremum of `N` rows, pixel by pixel.
+#[inline(always)]
+fn pick_rows<T: Level, const N: usize>(into: &mut [T], rows: [&[T]; N], pick: impl Pick<T>) {
+    in_blocks!(into.len(), pick_in_block(into, &rows, pick));
+}
+
+#[inline(always)]
+fn pick_in_block<T: Level, const N: usize>(start: usize, into: &mut [T], rows: &[&[T]], pick: impl Pick<T>) {
+    let mut values: [T; N] = *block(rows[0], start);
+    for row in &rows[1..] {
+        pick_values(&mut values, block(row, start), pick);
+    }
+    *block_mut(into, start) = values;
+}
+
+/// The extremum of the rows and of what is there.
+#[inline(always)]
+fn pick_more_in_block<T: Level, const N: usize>(start: usize, into: &mut [T], rows: &[&[T]], pick: impl Pick<T>) {
+    let mut values: [T; N] = *block(into, start);
+    for row in rows {
+        pick_values(&mut values, block(row, start), pick);
+    }
+    *block_mut(into, start) = values;
+}
+
+#[inline(always)]
+fn pick_values<T: Level, const N: usize>(values: &mut [T; N], others: &[T; N], pick: impl Pick<T>) {
+    for i in 0..N {
+        values[i] = pick(values[i], others[i]);
     }
 }
 
 /// `into = pick(into, other)`, pixel by pixel.
 #[inline(always)]
 fn pick_into<T: Level>(into: &mut [T], other: &[T], pick: impl Pick<T>) {
-    for (value, &other) in into.iter_mut().zip(other) {
-        *value = pick(*value, other);
-    }
+    in_blocks!(into.len(), pick_more_in_block(into, &[other], pick));
 }
 
 /// `width` pixels from `begin + i` on, in a padded row.
@@ -285,27 +317,23 @@ impl<T: Level> Doubling<T> {
     fn slide(&mut self, window: Window, into: &mut [T], pick: impl Pick<T>) {
         let n = into.len();
         let Window { begin, width } = window;
-        if width == 1 {
-            into.copy_from_slice(&self.padded[begin..begin + n]);
-            return;
+        let shifted = |by: usize| &self.padded[begin + by..begin + by + n];
+        match width {
+            1 => return into.copy_from_slice(shifted(0)),
+            2 | 3 => return pick_rows(into, [0, 1, width - 1].map(shifted), pick),
+            4 | 5 => return pick_rows(into, [0, 1, 2, 3, width - 1].map(shifted), pick),
+            _ => {}
         }
         while 2 * self.reach < width {
             let len = self.padded.len() + 1 - 2 * self.reach;
             let source = if self.reach == 1 { &self.padded } else { &self.doubled };
-            pick_pairs(&source[..len], &source[self.reach..], &mut self.spare[..len], pick);
+            pick_rows(&mut self.spare[..len], [&source[..len], &source[self.reach..]], pick);
             std::mem::swap(&mut self.spare, &mut self.doubled);
             self.reach *= 2;
         }
         let source = if self.reach == 1 { &self.padded } else { &self.doubled };
         // The two halves may overlap; an extremum does not mind.
         let second = begin + width - self.reach;
-        pick_pairs(&source[begin..begin + n], &source[second..second + n], into, pick);
-    }
-}
-
-#[inline(always)]
-fn pick_pairs<T: Level>(near: &[T], far: &[T], into: &mut [T], pick: impl Pick<T>) {
-    for ((value, &near), &far) in into.iter_mut().zip(near).zip(far) {
-        *value = pick(near, far);
+        pick_rows(into, [&source[begin..begin + n], &source[second..second + n]], pick);
     }
 }

@@ -35,6 +35,15 @@ impl DisjointSets {
         self.parents[second] = first as u32;
     }
 
+    /// The union of the set of that first member and the set of any member; its first member.
+    #[inline]
+    pub(crate) fn union_firsts(&mut self, first: usize, member: usize) -> usize {
+        let other = self.find(member);
+        let (before, after) = (first.min(other), first.max(other));
+        self.parents[after] = before as u32;
+        before
+    }
+
     /// Numbers the sets of the pixels that are `inside`, in raster order.
     pub(crate) fn into_labels(mut self, shape: (usize, usize), inside: impl Fn(usize) -> bool) -> Labels {
         let mut image = Array2::<u32>::zeros(shape);

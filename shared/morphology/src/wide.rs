@@ -1,8 +1,42 @@
 //! Loops in the widest registers that the machine has.
 
-/// Runs `work` compiled for the instructions of this machine: plain loops inside it take 32 or 64 bytes at a time. What it
-/// calls must be inlined into it.
+/// Runs `work` compiled for the instructions of this machine: plain loops inside it take 32 or 64 bytes at a time. The closure and
+/// what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for the oldest machine.
 #[inline(always)]
 pub(crate) fn wide<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
+}
+
+/// Pixels of a row that are worked on at once: a register or a few of them.
+pub(crate) const BLOCK: usize = 64;
+
+/// `work::<_, N>(start, ...)` for pixels `start..start + N` of a row of `n`, over and over until all are done. The last blocks may
+/// overlap, so doing it twice must do no harm. The compiler knows the length of a block: a loop over it has no checks and no
+/// rest.
+macro_rules! in_blocks {
+    ($n:expr, $work:ident($($argument:expr),*)) => {
+        let n: usize = $n;
+        if n >= $crate::wide::BLOCK {
+            for start in (0..n).step_by($crate::wide::BLOCK) {
+                $work::<_, { $crate::wide::BLOCK }>(start.min(n - $crate::wide::BLOCK), $($argument),*);
+            }
+        } else {
+            for start in 0..n {
+                $work::<_, 1>(start, $($argument),*);
+            }
+        }
+    };
+}
+pub(crate) use in_blocks;
+
+/// `N` pixels from `start` on.
+#[inline(always)]
+pub(crate) fn block<T, const N: usize>(row: &[T], start: usize) -> &[T; N] {
+    row[start..start + N].try_into().expect("a slice of N pixels")
+}
+
+/// `N` pixels from `start` on.
+#[inline(always)]
+pub(crate) fn block_mut<T, const N: usize>(row: &mut [T], start: usize) -> &mut [T; N] {
+    (&mut row[start..start + N]).try_into().expect("a slice of N pixels")
 }

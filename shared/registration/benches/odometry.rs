@@ -2,7 +2,7 @@
 //!
 //! A synthetic street without end, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th
 //! percentile of the CPU time of all threads (range image, features, registration, moving objects), the points of the map,
-//! the bytes of the state, and the error of the position in share of the way. 300 sweeps at 10 m/s unless said; 5000 at
+//! the bytes of the state, the memory of the process, and the error of the position in share of the way. 300 sweeps at 10 m/s unless said; 5000 at
 //! 20 m/s are 10 km.
 #![allow(missing_docs, reason = "not part of the library")]
 #![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
@@ -21,7 +21,7 @@ fn main() {
     let n_sweeps = numbers.first().map_or(300, |&n| n as u32).max(20);
     let drive = Drive { speed: numbers.get(1).copied().unwrap_or(10.0), noise_m: 0.02, ground_only: false };
     let mut odometry = Odometry::new(OdometrySettings::default(), drive.world_from_lidar(0.0));
-    println!("way m    median ms  p95 ms  map points  state bytes  off m (% of the way)");
+    println!("way m    median ms  p95 ms  map points  state bytes  resident MB  off m (% of the way)");
     let mut ms = Vec::new();
     let mut last: Option<Registered> = None;
     for number in 0..n_sweeps {
@@ -46,11 +46,19 @@ fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odomet
     let (median, p95) = (ms[ms.len() / 2], ms[ms.len() * 95 / 100]);
     let way = truth.x;
     println!(
-        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12}  {off:.3} ({:.3} %)",
+        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {off:.3} ({:.3} %)",
         odometry.map().points().len(),
+        resident_mb(),
         100.0 * off / way
     );
     ms.clear();
+}
+
+/// Memory of this process, one sweep included.
+fn resident_mb() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
 }
 
 fn cpu_ms() -> f64 {

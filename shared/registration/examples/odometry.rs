@@ -1,5 +1,9 @@
 //! Our odometry on a folder of sweeps (`folder/mod.rs` has the layout), for comparison with other people's:
-//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--verbose]`.
+//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--measured MPS,RADPS] [--verbose]`.
+//!
+//! `--measured` gives each sweep the true motion of a simulated drive with normal noise of so many m/s and rad/s on each axis,
+//! as another sensor would measure it. `--verbose` tells of each sweep the error of its pose in its own standard deviations,
+//! too.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep in KITTI format and prints what a sweep cost: CPU time of all
 //! threads, for all that the pipeline does with it (range image, features, registration, deskewed cloud), without reading.
@@ -7,6 +11,7 @@
 mod folder;
 
 use folder::{SweepFolder, kitti_line};
+use geometry::Pose;
 use registration::{DeskewTable, Odometry, OdometrySettings, Registered, Sampling, Sweep, Weights};
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
@@ -14,12 +19,17 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
-    let (mut n_sweeps, mut verbose) = (usize::MAX, false);
+    let (mut n_sweeps, mut verbose, mut noise) = (usize::MAX, false, None);
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow::anyhow!("{argument} needs a value"));
         match argument.as_str() {
             "--sweeps" => n_sweeps = value()?.parse()?,
             "--set" => set(&mut settings, &value()?)?,
+            "--measured" => {
+                let value = value()?;
+                let (mps, radps) = value.split_once(',').ok_or_else(|| anyhow::anyhow!("--measured MPS,RADPS"))?;
+                noise = Some((mps.parse()?, radps.parse()?));
+            }
             "--verbose" => verbose = true,
             _ => paths.push(argument),
         }
@@ -27,15 +37,18 @@ fn main() -> anyhow::Result<()> {
     let [sweeps, poses] = &paths[..] else { anyhow::bail!("usage: odometry FOLDER POSES [--set NAME=VALUE]") };
     let folder = SweepFolder::open(Path::new(sweeps))?;
     let mut odometry = Odometry::new(settings, folder.mounting);
+    let measured = noise.map(|noise| folder.measured_motions(noise)).transpose()?;
     let (mut ms, mut text, mut n_points) = (Vec::new(), String::new(), 0);
     let mut scores = MovingScores::default();
+    let mut consistency = Consistency::new(&folder);
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
         let (points, n_rings) = folder.points(number)?;
         n_points += points.len();
         let start = cpu_ms();
         waiting.push(Sweep::new(folder.stamp(number), points, n_rings));
-        let registered = odometry.register(&waiting[waiting.len() - 1])?;
+        let registered =
+            odometry.register_with(&waiting[waiting.len() - 1], measured.as_ref().map(|motions| &motions[number]))?;
         let first = number + 1 - waiting.len();
         for (sweep, registered) in waiting.drain(..registered.len()).zip(&registered) {
             std::hint::black_box(deskewed(&sweep, registered));
@@ -44,6 +57,7 @@ fn main() -> anyhow::Result<()> {
         for (number, registered) in (first..).zip(&registered) {
             scores.add(&registered.moving, folder.moving(number)?.as_deref());
             text.push_str(&kitti_line(&registered.end()));
+            consistency.add(number, registered);
             if verbose {
                 report(registered, ms[ms.len() - 1]);
             }
@@ -68,6 +82,7 @@ fn main() -> anyhow::Result<()> {
         odometry.map().points().len()
     );
     scores.print();
+    consistency.print();
     Ok(())
 }
 
@@ -95,6 +110,53 @@ impl MovingScores {
     }
 }
 
+/// Errors of poses in units of their own standard deviations, sampled once a second of the drive.
+struct Consistency {
+    truth: Vec<Pose>,
+    first: Option<(Pose, Pose)>,
+    /// Normalized squares of position and rotation errors: 3 each, if the covariances are right.
+    squares: Vec<(f64, f64)>,
+    n_degenerate: usize,
+    n_bridged: usize,
+}
+
+impl Consistency {
+    fn new(folder: &SweepFolder) -> Self {
+        Self { truth: folder.truth(), first: None, squares: Vec::new(), n_degenerate: 0, n_bridged: 0 }
+    }
+    fn add(&mut self, number: usize, registered: &Registered) {
+        self.n_bridged += usize::from(registered.is_bridged());
+        self.n_degenerate += usize::from(registered.matched.as_ref().is_some_and(|m| m.n_weak_directions > 0));
+        let Some(truth) = self.truth.get(number) else { return };
+        let (first_true, first_found) = *self.first.get_or_insert((*truth, registered.end()));
+        if !number.is_multiple_of(10) || number == 0 {
+            return;
+        }
+        let expected = first_found * first_true.inverse() * truth;
+        let found = registered.end();
+        let position = found.translation.vector - expected.translation.vector;
+        let rotation = (found.rotation * expected.rotation.inverse()).scaled_axis();
+        let square = |error: geometry::Vector3<f64>, at: usize| {
+            let block = registered.covariance.fixed_view::<3, 3>(at, at).into_owned();
+            block.try_inverse().map_or(f64::NAN, |information| error.dot(&(information * error)))
+        };
+        self.squares.push((square(position, 0), square(rotation, 3)));
+    }
+    fn print(&self) {
+        let mean = |part: fn(&(f64, f64)) -> f64| {
+            self.squares.iter().map(part).sum::<f64>() / self.squares.len().max(1) as f64
+        };
+        println!("{} degenerate, {} bridged", self.n_degenerate, self.n_bridged);
+        if !self.squares.is_empty() {
+            println!(
+                "normalized squared errors: position {:.1}, rotation {:.1} (3 expected)",
+                mean(|s| s.0),
+                mean(|s| s.1)
+            );
+        }
+    }
+}
+
 /// The dense cloud as the stage would write it.
 fn deskewed(sweep: &Sweep, registered: &Registered) -> Vec<[f32; 3]> {
     let table = DeskewTable::new(&registered.begin(), &registered.end(), registered.duration_nanos);
@@ -111,7 +173,19 @@ fn report(registered: &Registered, ms: f64) {
     });
     let seconds = registered.stamp.0 as f64 * 1e-9;
     let matched = matched.unwrap_or("bridged".to_owned());
-    println!("{seconds:.1} s, {ms:.1} ms, end {:.3} {:.3} {:.3}, {matched}", end.x, end.y, end.z);
+    let deviation = |axis: usize| registered.covariance[(axis, axis)].sqrt();
+    println!(
+        "{seconds:.1} s, {ms:.1} ms, end {:.3} {:.3} {:.3}, deviation {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad, {matched}",
+        end.x,
+        end.y,
+        end.z,
+        deviation(0),
+        deviation(1),
+        deviation(2),
+        deviation(3),
+        deviation(4),
+        deviation(5)
+    );
 }
 
 fn cpu_ms() -> f64 {
@@ -132,6 +206,8 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "map.batches" => map.batches = value.parse()?,
         "map.refinement" => map.refinement = value.parse()?,
         "map.max_points" => map.max_points = value.parse()?,
+        "features.max_roughness_m" => features.max_roughness_m = value.parse()?,
+        "matching.rough_below" => matching.rough_below = value.parse()?,
         "features.smoothing_m" => features.smoothing_m = value.parse()?,
         "matching.even" => {
             let (spacing_m, max_features) = value.split_once(',').ok_or_else(|| anyhow::anyhow!("SPACING,MAX"))?;
@@ -151,6 +227,7 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "matching.acceleration" => matching.acceleration.0 = value.parse()?,
         "matching.turn_acceleration" => matching.acceleration.1 = value.parse()?,
         "matching.residual_m" => matching.residual_m = value.parse()?,
+        "matching.drift_residual_m" => matching.drift_residual_m = value.parse()?,
         "matching.min_influence" => matching.min_influence = value.parse()?,
         _ => anyhow::bail!("there is no setting {name}"),
     }

@@ -1,6 +1,6 @@
 //! The sweeps of a drive as a folder that other people's odometries read (`folder/mod.rs` has the layout):
-//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate SEED SECONDS OUT` for a simulated urban drive with the
-//! lidar alone.
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the lidar
+//! alone (urban, suburban, rural, field, tunnel). The simulated drive itself is not kept.
 
 mod folder;
 
@@ -9,8 +9,9 @@ use folder::{kitti_line, npy};
 use formats::drive::{Drive, DriveSweep};
 use formats::velodyne::LidarReturn;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
+use registration::Velocity;
 use simulation::trace::Ray;
-use simulation::{DriveSpec, Simulation};
+use simulation::{DriveSpec, Simulation, Town};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -18,19 +19,19 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--simulate", seed, seconds, out] => {
+        ["--simulate", town, seed, seconds, out] => {
+            let town = Town::ALL.into_iter().find(|kind| kind.name() == *town).context("there is no such town")?;
             let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
-            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
+            let spec = DriveSpec { town, cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
-            if !drive.exists() {
-                fs::create_dir_all(out)?;
-                simulation::write_drive(&spec, &drive, &mut |_| {})?;
-            }
+            fs::create_dir_all(out)?;
+            simulation::write_drive(&spec, &drive, &mut |_| {})?;
             let movers = Movers { simulation: Simulation::new(&spec)?, looks: BTreeMap::new() };
-            write(&drive, Path::new(out), Some(movers))
+            write(&drive, Path::new(out), Some(movers))?;
+            Ok(fs::remove_dir_all(&drive)?)
         }
         [drive, out] => write(Path::new(drive), Path::new(out), None),
-        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate SEED SECONDS) OUT"),
+        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate TOWN SEED SECONDS) OUT"),
     }
 }
 
@@ -41,7 +42,8 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     for kind in ["velodyne", "times", "rings"] {
         fs::create_dir_all(out.join(kind))?;
     }
-    let (mut stamps, mut poses) = (String::new(), String::new());
+    let (mut stamps, mut poses, mut motions) = (String::new(), String::new(), String::new());
+    let mut last_mid: Option<(Stamp, Pose)> = None;
     let mut labelled = Vec::new();
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
@@ -60,6 +62,9 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
             let at = |nanos: u32| pose_at(truth, &sweep, nanos);
             let (begin, end) = (at(0)?, at(last)?);
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
+            let mid = (sweep.stamp.plus_nanos(i64::from(last / 2)), at(last / 2)? * body_from_lidar);
+            motions.push_str(&motion_line(last_mid.as_ref().unwrap_or(&mid), &mid));
+            last_mid = Some(mid);
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;
                 let look = |(point, &instance): (&LidarReturn, &u16)| {
@@ -78,6 +83,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     fs::write(out.join("mounting.txt"), kitti_line(&body_from_lidar))?;
     if truth.is_some() {
         fs::write(out.join("poses.txt"), poses)?;
+        fs::write(out.join("motion.txt"), motions)?;
     }
     let moving = movers.map(|movers| movers.moving()).unwrap_or_default();
     for (name, instances) in labelled {
@@ -99,6 +105,14 @@ fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: boo
         fs::write(out.join(format!("rings/{name}.npy")), npy::of_bytes(&rings))?;
     }
     Ok(())
+}
+
+/// The true velocity between two poses in the lidar's axes, m/s and rad/s.
+fn motion_line(from: &(Stamp, Pose), to: &(Stamp, Pose)) -> String {
+    let seconds = to.0.seconds_since(from.0).max(1e-3);
+    let Velocity { linear, angular } = Velocity::between(&from.1, &to.1, seconds);
+    let numbers = [linear, angular].map(|v| format!("{} {} {}", v.x, v.y, v.z));
+    numbers.join(" ") + "\n"
 }
 
 fn pose_at(truth: &Trajectory, sweep: &DriveSweep, nanos: u32) -> anyhow::Result<Pose> {

@@ -19,8 +19,20 @@ pub struct Feature {
     /// (s2 - s3) / s1 with s1 >= s2 >= s3 the deviations of the neighborhood along its principal axes: 0 line or
     /// volume, 1 plane (`a2D`, Demantké et al. 2011).
     pub planarity: f32,
+    /// Deviation of the neighborhood across the plane, m.
+    pub roughness_m: f32,
+    /// See [`FeatureSettings::max_roughness_m`].
+    pub is_rough: bool,
     /// Index of the point in its sweep.
     pub point_idx: u32,
+}
+
+impl Feature {
+    /// What a distance from the map counts: less on what is no clear plane, or rough.
+    #[inline]
+    pub(crate) fn weight(&self) -> f64 {
+        f64::from(self.planarity) * f64::from(SMOOTH_M / self.roughness_m.max(SMOOTH_M)).powi(2)
+    }
 }
 
 /// What becomes a feature.
@@ -39,21 +51,25 @@ pub struct FeatureSettings {
     /// A feature is moved along its normal to the mean height of the points of its ring within this distance, m; 0 leaves
     /// it where it was measured.
     pub smoothing_m: f32,
+    /// Largest deviation across the plane of rough features, m: crowns of trees, hedges, fences. They are matched only where
+    /// the smooth ones do not determine the pose, see [`crate::MatchSettings::rough_below`]. 0 = none.
+    pub max_roughness_m: f32,
 }
 
 impl Default for FeatureSettings {
-    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. At 80 m the rings of an HDL-32E are 1.9 m
-    /// apart. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's. Smoothing
+    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. 100 m is what an HDL-32E reaches. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's. Smoothing
     /// over 0.1 m takes noise off and no shape; over the whole neighborhood, which grows with the range, it bends the
-    /// road: what is far ahead is smoothed more than what is near, and the vehicle climbs by 0.5 degrees in 100 m.
+    /// road: what is far ahead is smoothed more than what is near, and the vehicle climbs by 0.5 degrees in 100 m. A
+    /// roughness of 0.3 m is the outside of a tree, seen from ten metres.
     fn default() -> Self {
         Self {
             column_step: 3,
             min_range_m: 1.5,
-            max_range_m: 80.0,
+            max_range_m: 100.0,
             min_planarity: 0.15,
             spacing_m: 0.2,
             smoothing_m: 0.1,
+            max_roughness_m: 0.3,
         }
     }
 }
@@ -66,7 +82,13 @@ const RIM: usize = 1 << 16;
 const MIN_NEIGHBORS: f32 = 7.0;
 /// Largest deviation across the plane, m: range noise of 2 cm, and a little roughness. Kerbs and gutters, whose normals
 /// change with the point of view, are left out; with 6 cm they turn the vehicle by 0.2 degrees in 100 m.
-const MAX_ROUGHNESS_M: f64 = 0.035;
+/// Rougher features must stand upright.
+pub(crate) const SMOOTH_M: f32 = 0.035;
+/// Largest share of the direction upwards in the normal of a rough feature: kerbs, gutters and meadows stay out.
+const MAX_UPWARDS: f32 = 0.3;
+/// Least planarity of a rough feature, and the largest share of its third deviation in the second.
+const MIN_ROUGH_PLANARITY: f32 = 0.05;
+const MAX_ROUGH_THICKNESS: f64 = 0.7;
 /// Columns to each side that smoothing may reach: 1 degree, 0.1 m at 6 m.
 const SMOOTHING_COLUMNS: usize = 6;
 /// Points farther off the plane are on something else, m: four times range noise.
@@ -74,16 +96,20 @@ const SMOOTHING_GATE_M: f32 = 0.08;
 /// Largest share of the third deviation in the second: with 27 neighbors the normal is then known to about 4 degrees.
 const MAX_THICKNESS: f64 = 0.4;
 
-/// Planar points, thinned, in the order of the range image.
-pub fn planar_features(sweep: &Sweep, settings: &FeatureSettings) -> Vec<Feature> {
+/// Planar points, thinned: the smooth ones, then the rough ones, each in the order of the range image. `up` is the unit
+/// vector upwards in the lidar frame.
+pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
     let rows = 0..sweep.image().rows();
-    let by_row: Vec<Vec<Feature>> = rows.into_par_iter().map(|row| row_features(sweep, row, settings)).collect();
-    thinned_features(&by_row.concat(), settings.spacing_m)
+    let by_row: Vec<Vec<Feature>> = rows.into_par_iter().map(|row| row_features(sweep, row, up, settings)).collect();
+    let (rough, mut features): (Vec<Feature>, Vec<Feature>) =
+        by_row.into_iter().flatten().partition(|feature| feature.is_rough);
+    features.extend(rough);
+    thinned_features(&features, settings.spacing_m)
 }
 
 /// Planar points of a row. Those in the cube of an earlier one are passed over before their normal is computed:
 /// thinning would drop them anyway.
-fn row_features(sweep: &Sweep, row: usize, settings: &FeatureSettings) -> Vec<Feature> {
+fn row_features(sweep: &Sweep, row: usize, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
     let cols = sweep.image().cols();
     let step = settings.column_step.max(1);
     let per_m = 1.0 / settings.spacing_m;
@@ -96,7 +122,7 @@ fn row_features(sweep: &Sweep, row: usize, settings: &FeatureSettings) -> Vec<Fe
         if taken.contains(cube) {
             continue;
         }
-        if let Some(feature) = feature_at(sweep, point_idx, row, col, settings) {
+        if let Some(feature) = feature_at(sweep, point_idx, (row, col), up, settings) {
             taken.insert(cube);
             features.push(feature);
         }
@@ -110,7 +136,13 @@ pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feat
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
-fn feature_at(sweep: &Sweep, point_idx: usize, row: usize, col: usize, settings: &FeatureSettings) -> Option<Feature> {
+fn feature_at(
+    sweep: &Sweep,
+    point_idx: usize,
+    (row, col): (usize, usize),
+    up: &Vector3<f32>,
+    settings: &FeatureSettings,
+) -> Option<Feature> {
     let point = &sweep.points()[point_idx];
     let center = Vector3::from(point.position);
     let range = center.norm();
@@ -119,7 +151,13 @@ fn feature_at(sweep: &Sweep, point_idx: usize, row: usize, col: usize, settings:
     }
     let ([s1, s2, s3], normal) = neighborhood(sweep.image(), row, col, center, range)?;
     let planarity = ((s2 - s3) / s1) as f32;
-    if planarity < settings.min_planarity || s3 > MAX_ROUGHNESS_M || s3 > MAX_THICKNESS * s2 {
+    let roughness_m = s3 as f32;
+    let is_smooth = planarity >= settings.min_planarity && roughness_m <= SMOOTH_M && s3 <= MAX_THICKNESS * s2;
+    let is_rough = planarity >= MIN_ROUGH_PLANARITY
+        && roughness_m <= settings.max_roughness_m
+        && s3 <= MAX_ROUGH_THICKNESS * s2
+        && normal.dot(up).abs() < MAX_UPWARDS;
+    if !is_smooth && !is_rough {
         return None;
     }
     let towards_sensor = if normal.dot(&center) > 0.0 { -normal } else { normal };
@@ -129,7 +167,8 @@ fn feature_at(sweep: &Sweep, point_idx: usize, row: usize, col: usize, settings:
     };
     let lift = mean_height(sweep.image(), row, col, center, normal, settings.smoothing_m);
     let position = (center + normal * lift).into();
-    Some(Feature { position, normal: towards_sensor.into(), share, planarity, point_idx: point_idx as u32 })
+    let normal = towards_sensor.into();
+    Some(Feature { position, normal, share, planarity, roughness_m, is_rough: !is_smooth, point_idx: point_idx as u32 })
 }
 
 fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
@@ -234,7 +273,7 @@ mod tests {
 
     #[test]
     fn normals_are_those_of_floor_and_wall() {
-        let features = planar_features(&corner(), &FeatureSettings::default());
+        let features = planar_features(&corner(), &Vector3::z(), &FeatureSettings::default());
         let (mut on_wall, mut on_floor, mut wrong) = (0, 0, 0);
         for feature in &features {
             let [x, _, z] = feature.position;
@@ -264,7 +303,8 @@ mod tests {
                 TimedPoint { position, offset_nanos: 0, ring: 0 }
             })
             .collect();
-        let features = planar_features(&Sweep::new(Stamp(0), points, 0), &FeatureSettings::default());
-        assert!(features.len() < 100, "{}", features.len());
+        let features = planar_features(&Sweep::new(Stamp(0), points, 0), &Vector3::z(), &FeatureSettings::default());
+        let n_smooth = features.iter().filter(|feature| !feature.is_rough).count();
+        assert!(n_smooth < 100 && features.len() < 400, "{n_smooth} smooth of {}", features.len());
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct GroundField {
 }
 
 impl GroundField {
-    /// From points around the vehicle, z up, m; the origin is the lidar.
+    /// From points around the vehicle, z up, m; the origin is the lidar. Points that are NaN do not count.
     pub fn grown(points: &[[f32; 3]]) -> Self {
         let mut lowest = vec![f32::NAN; SIDE * SIDE];
         for &[x, y, z] in points {
@@ -77,7 +77,8 @@ fn seeds(lowest: &[f32]) -> Vec<usize> {
 
 fn cell(x: f32, y: f32) -> Option<usize> {
     let index = |v: f32| {
-        let index = (v / CELL_M).floor() + REACH as f32;
+        // Positive within the field, so that cutting off is rounding down.
+        let index = v / CELL_M + REACH as f32;
         (0.0..SIDE as f32).contains(&index).then_some(index as usize)
     };
     Some(index(x)? * SIDE + index(y)?)

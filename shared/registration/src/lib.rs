@@ -12,10 +12,12 @@
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
 //! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
 
+mod covariance;
 mod eigen;
 mod features;
 mod ground;
 mod local_map;
+mod maps;
 mod matching;
 mod motion;
 mod moving;
@@ -32,7 +34,7 @@ mod voxel;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};
 pub use matching::{MatchSettings, Matched};
-pub use motion::{DeskewTable, SweepMotion};
+pub use motion::{DeskewTable, MeasuredMotion, SweepMotion, Velocity};
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use range_image::RangeImage;
 pub use sampling::Sampling;

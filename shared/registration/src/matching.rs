@@ -1,9 +1,10 @@
 //! Scan-to-map matching: point to plane, robust, over the pose and the motion during the sweep.
 
 use crate::local_map::{Kernel, Weights};
+use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
-use crate::{Feature, LocalMap, Sampling, SweepMotion};
+use crate::{Feature, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use rayon::prelude::*;
@@ -32,10 +33,14 @@ pub struct MatchSettings {
     pub acceleration: (f64, f64),
     /// Error of a residual for the purpose of that tie, m. Larger than the range noise: neighbors err alike.
     pub residual_m: f64,
+    /// Error of a residual for the purpose of the covariance, m.
+    pub drift_residual_m: f64,
     /// A step below this (m, rad) ends the fine rounds.
     pub small_step: (f64, f64),
     /// A direction is weak if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
+    /// Rough features are matched, too, where the weakest influence of the smooth ones is below this.
+    pub rough_below: f64,
 }
 
 impl Default for MatchSettings {
@@ -56,8 +61,10 @@ impl Default for MatchSettings {
             fine: (0.3, 0.05),
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
+            drift_residual_m: 0.015,
             small_step: (1e-3, 1.745e-4),
-            min_influence: 0.004,
+            min_influence: 0.001,
+            rough_below: 0.005,
         }
     }
 }
@@ -82,6 +89,9 @@ pub struct Matched {
     /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the lidar. Features are
     /// taken as independent.
     pub information: Matrix6<f64>,
+    /// The same by [`MatchSettings::drift_residual_m`], with nothing along weak directions: what the
+    /// covariance of a [`crate::Registered`] is made of.
+    pub step_information: Matrix6<f64>,
     /// Whether the last step was below [`MatchSettings::small_step`].
     pub converged: bool,
 }
@@ -95,6 +105,9 @@ pub(crate) struct Prediction {
     pub previous: (Pose, f64),
     /// Seconds from first to last shot.
     pub duration_s: f64,
+    /// Inverse covariance of the pose, if more than constant motion foretells it; otherwise zero. Order and axes as
+    /// [`Matched::information`].
+    pub information: Matrix6<f64>,
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: the middle of a street scene.
@@ -108,7 +121,7 @@ const CHUNK: usize = 256;
 /// the pose.
 pub(crate) fn match_features(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     prediction: &Prediction,
     settings: &MatchSettings,
 ) -> Option<Matched> {
@@ -117,7 +130,7 @@ pub(crate) fn match_features(
         let coarse = round < settings.coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
-        let equations = linearize(features, map, &motion, &kernel, scale_m);
+        let equations = linearize(features, maps, &motion, &kernel, scale_m);
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
@@ -144,6 +157,7 @@ pub(crate) fn match_features(
                 n_weak_directions: weak.n,
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose / mean_square.max(1e-6),
+                step_information: weak.others / settings.drift_residual_m.powi(2),
                 converged,
             });
         }
@@ -153,13 +167,13 @@ pub(crate) fn match_features(
 
 fn linearize(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     motion: &SweepMotion,
     kernel: &Kernel,
     scale_m: f64,
 ) -> NormalEquations {
     let parts: Vec<NormalEquations> =
-        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, map, motion, kernel, scale_m)).collect();
+        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, maps, motion, kernel, scale_m)).collect();
     let mut sum = NormalEquations::zero();
     for part in &parts {
         sum.merge(part);
@@ -170,7 +184,7 @@ fn linearize(
 
 fn linearize_chunk(
     features: &[Feature],
-    map: &LocalMap,
+    maps: &Maps,
     motion: &SweepMotion,
     kernel: &Kernel,
     scale_m: f64,
@@ -186,14 +200,14 @@ fn linearize_chunk(
         let arm = rotation * (p_in_lidar + first + turn.cross(&first) * 0.5);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
-        let Some(surface) = map.surface(position.into(), &normal.cast(), kernel) else {
+        let Some(surface) = maps.of(feature).surface(position.into(), &normal.cast(), kernel) else {
             sum.cost += 1.0;
             continue;
         };
         let r = surface.distance_m;
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
-        sum.add(&arm, &surface.normal, r, f64::from(feature.planarity) / (1.0 + squared), share);
+        sum.add(&arm, &surface.normal, r, feature.weight() / (1.0 + squared), share);
     }
     sum
 }
@@ -202,6 +216,8 @@ fn linearize_chunk(
 struct WeakDirections {
     /// Stiffness that holds them where they are.
     stiffness: Matrix6<f64>,
+    /// What the other directions contribute to the normal equations.
+    others: Matrix6<f64>,
     weakest: f64,
     n: u32,
 }
@@ -211,14 +227,17 @@ impl WeakDirections {
         let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
         let scale = Matrix6::from_diagonal(&inverse_lever);
         let eigen = (scale * equations.pose * scale / equations.weight).symmetric_eigen();
-        let mut weak = Self { stiffness: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
+        let mut weak = Self { stiffness: Matrix6::zeros(), others: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             weak.weakest = weak.weakest.min(value.max(0.0));
+            let direction = vector.component_div(&inverse_lever);
+            let square = direction * direction.transpose() * equations.weight;
             if *value < min_influence {
                 weak.n += 1;
-                let direction = vector.component_div(&inverse_lever);
                 // A hundred times what a strong direction has.
-                weak.stiffness += direction * direction.transpose() * (100.0 * equations.weight);
+                weak.stiffness += square * 100.0;
+            } else {
+                weak.others += square * *value;
             }
         }
         weak
@@ -234,8 +253,9 @@ fn solve(
     settings: &MatchSettings,
 ) -> Option<(Vector6<f64>, Vector6<f64>)> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
+    let pose_prior = weak.stiffness + prediction.information * settings.residual_m.powi(2);
     if !settings.bends {
-        let pose_step = equations.solve_pose((&weak.stiffness, &to_predicted))?;
+        let pose_step = equations.solve_pose((&pose_prior, &to_predicted))?;
         return Some((pose_step, Vector6::zeros()));
     }
     let (previous, seconds) = &prediction.previous;
@@ -250,7 +270,7 @@ fn solve(
     let firm = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let (a, w) = (firm(settings.acceleration.0), firm(settings.acceleration.1));
     let tie = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + weak.stiffness;
-    equations.solve((&weak.stiffness, &to_predicted), (&tie, &to_tied))
+    equations.solve((&pose_prior, &to_predicted), (&tie, &to_tied))
 }
 
 /// Translation and rotation vector (odom axes) that lead from one pose to the other.

@@ -1,7 +1,7 @@
 //! Motion during a sweep, and points moved into one frame by it.
 
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3, interpolate};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Matrix6};
 use serde::{Deserialize, Serialize};
 
 /// Pose of the lidar during one sweep: at its middle, and what it gains from first to last shot.
@@ -43,7 +43,7 @@ impl SweepMotion {
 
 /// Speed and turn rate in the lidar's own axes: what "the motion goes on" means on a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Velocity {
+pub struct Velocity {
     /// m/s.
     pub linear: Vector3<f64>,
     /// rad/s.
@@ -52,7 +52,7 @@ pub(crate) struct Velocity {
 
 impl Velocity {
     /// At rest.
-    pub fn zero() -> Self {
+    pub(crate) fn zero() -> Self {
         Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
     }
     /// Mean velocity from one pose to another, that is, the one half way in time. `seconds` is positive.
@@ -63,14 +63,14 @@ impl Velocity {
         Self { linear, angular }
     }
     /// The velocity over a sweep of `duration_s` > 0.
-    pub fn during(motion: &SweepMotion, duration_s: f64) -> Self {
+    pub(crate) fn during(motion: &SweepMotion, duration_s: f64) -> Self {
         Self {
             linear: motion.mid.rotation.inverse() * motion.translation / duration_s,
             angular: motion.rotation / duration_s,
         }
     }
     /// The pose after `seconds` at this velocity.
-    pub fn advance(&self, from: &Pose, seconds: f64) -> Pose {
+    pub(crate) fn advance(&self, from: &Pose, seconds: f64) -> Pose {
         let half_turn = UnitQuaternion::from_scaled_axis(self.angular * (seconds / 2.0));
         let half_way = from.rotation * half_turn;
         let mut rotation = half_way * half_turn;
@@ -78,9 +78,19 @@ impl Velocity {
         Isometry3::from_parts(Translation3::from(from.translation.vector + half_way * self.linear * seconds), rotation)
     }
     /// The motion of a sweep of `duration_s` with this velocity at its middle.
-    pub fn motion_at(&self, mid: Pose, duration_s: f64) -> SweepMotion {
+    pub(crate) fn motion_at(&self, mid: Pose, duration_s: f64) -> SweepMotion {
         SweepMotion { mid, translation: mid.rotation * self.linear * duration_s, rotation: self.angular * duration_s }
     }
+}
+
+/// A motion measured by something else: an IMU, GNSS, a wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredMotion {
+    /// From the middle of the sweep before to the middle of this one.
+    pub velocity: Velocity,
+    /// Covariance of `velocity`: linear (m/s), then angular (rad/s). Positive definite; a part that is not measured has a
+    /// large variance.
+    pub covariance: Matrix6<f64>,
 }
 
 /// Poses of a sweep tabulated over time, so that a point costs one look-up and one matrix product.

@@ -31,16 +31,17 @@ impl MovingObjects {
         if self.memory.is_empty() {
             return Vec::new();
         }
+        let image = sweep.image();
         let placed = upright(sweep, motion);
-        let objects = SmallObjects::found(sweep, &placed);
+        let objects = SmallObjects::found(&placed, image.cols());
         let asked = objects.members(ASKED);
         let mut answers = vec![(0_u32, 0_u32); objects.n];
         let middle = motion.mid.translation.vector;
         for (_, seen) in &self.memory {
             let seen = seen.placed();
-            for &idx in &asked {
-                let (free, filled) = &mut answers[objects.of_point[idx as usize] as usize];
-                match seen.sight(&(Vector3::from(placed[idx as usize]).cast::<f64>() + middle)) {
+            for &cell in &asked {
+                let (free, filled) = &mut answers[objects.of_cell[cell as usize] as usize];
+                match seen.sight(&(Vector3::from(placed[cell as usize]).cast::<f64>() + middle)) {
                     Sight::Free => *free += 1,
                     Sight::Filled => *filled += 1,
                     Sight::Hidden => {}
@@ -52,7 +53,13 @@ impl MovingObjects {
             .map(|&(free, filled)| free >= FREE_ANSWERS && f64::from(free) >= FREE_SHARE * f64::from(free + filled))
             .collect();
         let is_moving = |object: u32| object != SmallObjects::NONE && moves[object as usize];
-        (0..placed.len() as u32).filter(|&idx| is_moving(objects.of_point[idx as usize])).collect()
+        let mut moving: Vec<u32> = (0..placed.len())
+            .filter(|&cell| is_moving(objects.of_cell[cell]))
+            .filter_map(|cell| image.point(cell / image.cols(), cell % image.cols()))
+            .map(|point_idx| point_idx as u32)
+            .collect();
+        moving.sort_unstable();
+        moving
     }
 
     /// Keeps the sweep in mind, if the last one kept is old enough.
@@ -68,14 +75,21 @@ impl MovingObjects {
     }
 }
 
-/// Deskewed points in odom axes, seen from the lidar at the middle of the sweep, m.
+/// The points of the range image, row by row, deskewed in odom axes, seen from the lidar at the middle of the sweep, m; NaN
+/// in empty cells.
 fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
     let from_middle = |pose: Pose| {
         let offset = pose.translation.vector - motion.mid.translation.vector;
         Isometry3::from_parts(Translation3::from(offset), pose.rotation)
     };
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
-    sweep.points().iter().map(|point| table.deskew(point.position, point.offset_nanos)).collect()
+    let mut placed = vec![[f32::NAN; 3]; sweep.image().rows() * sweep.image().cols()];
+    for (idx, point) in sweep.points().iter().enumerate() {
+        if let Some(cell) = sweep.image().cell(idx) {
+            placed[cell] = table.deskew(point.position, point.offset_nanos);
+        }
+    }
+    placed
 }
 
 #[cfg(test)]

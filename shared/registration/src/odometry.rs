@@ -1,16 +1,18 @@
 //! Sweep after sweep onto the local map.
 
+use crate::covariance::{StepKnowledge, Uncertainty, step_information};
+use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::MovingObjects;
 use crate::sampling::sampled;
 use crate::start::find_start;
 use crate::{
-    Feature, FeatureSettings, Kernel, LocalMap, MapPoint, MapSettings, MatchSettings, Matched, Sampling, Sweep,
+    Feature, FeatureSettings, Kernel, LocalMap, MapSettings, MatchSettings, Matched, MeasuredMotion, Sampling, Sweep,
     SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
-use nalgebra::Point3;
+use nalgebra::{Matrix6, Point3};
 use serde::{Deserialize, Serialize};
 
 /// Settings of all steps. The parts say why their defaults are what they are.
@@ -36,6 +38,9 @@ const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
 /// After so many bridged sweeps (half a second) the old map may be out of reach: a new one is begun.
 const MAX_BRIDGED: u32 = 5;
+/// What a velocity that nothing is known of may be: a vehicle in traffic.
+const MAX_SPEED_MPS: f64 = 15.0;
+const MAX_TURN_RADPS: f64 = 0.5;
 /// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light
 /// neither does the map age nor the pose drift.
 const MIN_WAY_M: f64 = 0.1;
@@ -50,11 +55,14 @@ pub struct Registered {
     pub duration_nanos: u32,
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// The match; `None` if there was none to be trusted and the last motion was carried on (or, for a first sweep that
+    /// The match; `None` if there was none to be trusted and the last or the measured motion was carried on (or, for a first sweep that
     /// found no second, rest was assumed).
     pub matched: Option<Matched>,
     /// A new map was begun with this sweep because the old one was lost.
     pub map_restarted: bool,
+    /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the lidar.
+    /// It grows from zero at the first sweep, slowly where the scene determines the way, fast where nothing does.
+    pub covariance: Matrix6<f64>,
     /// Indices of the sweep's points on things that move, rising: they stand where an earlier sweep saw through. Things that
     /// have only just come into view are not known to move.
     pub moving: Vec<u32>,
@@ -97,8 +105,10 @@ pub(crate) struct HeldSweep {
     pub duration_s: f64,
     /// All, for the map.
     pub features: Vec<Feature>,
-    /// Some, for matching, without regard to a map.
+    /// Some of the smooth ones, for matching, without regard to a map.
     pub matching: Vec<Feature>,
+    /// Those and some of the rough ones.
+    with_rough: Vec<Feature>,
 }
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -110,29 +120,32 @@ struct Last {
 
 /// Everything that the next sweep depends on, see [`Odometry::save`]. Numbers keep their bits in any format that does.
 ///
-/// At most [`MapSettings::max_points`] map points of 40 bytes and, before the second sweep, the features of the first
-/// (at most two lists of one feature per range image cell and column step, 36 bytes each), and the ranges of eight sweeps
-/// (2 bytes a ray): 4.3 MB with the defaults and 32 rings, as a street fills them about 3 MB.
+/// At most twice [`MapSettings::max_points`] map points of 40 bytes (smooth and rough ones), before the second sweep the
+/// features of the first (at most three lists of one feature per range image cell and column step, 44 bytes each), and the
+/// ranges of eight sweeps (2 bytes a ray): 7.5 MB with the defaults and 32 rings, as a street fills them about 4 MB.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
     begin: Pose,
+    /// The z axis of odom in the lidar frame, at the begin.
+    up_in_lidar: Vector3<f64>,
     held: Option<HeldSweep>,
     last: Option<Last>,
     /// Where the map grew last.
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
+    uncertainty: Uncertainty,
     moving: MovingObjects,
-    map_points: Vec<MapPoint>,
+    maps: SavedMaps,
 }
 
 /// Scan-to-map odometry. Same sweeps, same poses, to the bit, on any number of threads and after any save and load.
 #[derive(Debug)]
 pub struct Odometry {
     settings: OdometrySettings,
-    /// `map_points` lives in `map` while running.
+    /// `maps` is empty while running: see the other field.
     state: OdometryState,
-    map: LocalMap,
+    maps: Maps,
 }
 
 impl Odometry {
@@ -141,20 +154,32 @@ impl Odometry {
     pub fn new(settings: OdometrySettings, odom_from_lidar: Pose) -> Self {
         let state = OdometryState {
             begin: odom_from_lidar,
+            up_in_lidar: odom_from_lidar.rotation.inverse() * Vector3::z(),
             held: None,
             last: None,
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
+            uncertainty: Uncertainty::at_begin(MAX_SPEED_MPS, MAX_TURN_RADPS),
             moving: MovingObjects::default(),
-            map_points: Vec::new(),
+            maps: SavedMaps::default(),
         };
-        Self { settings, state, map: LocalMap::default() }
+        Self { settings, state, maps: Maps::default() }
     }
 
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
     /// needs two), both for the second, from then on each at once.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        self.register_with(sweep, None)
+    }
+
+    /// As [`Odometry::register`], with the motion that something else measured since the sweep before: the pose is the most
+    /// likely one by both. Where the scene determines nothing it is the measured one, and so it is while sweeps are bridged.
+    pub fn register_with(
+        &mut self,
+        sweep: &Sweep,
+        measured: Option<&MeasuredMotion>,
+    ) -> Result<Vec<Registered>, RegistrationError> {
         let full = sweep;
         let sweep = self.hold(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
@@ -164,10 +189,10 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
         }
         if let Some(last) = self.state.last.take() {
-            return Ok(vec![self.follow(&sweep, full, &last)]);
+            return Ok(vec![self.follow(&sweep, full, &last, measured)]);
         }
         if let Some(first) = self.state.held.take() {
-            return Ok(self.start(&first, sweep, full));
+            return Ok(self.start(&first, sweep, full, measured));
         }
         self.state.held = Some(sweep);
         Ok(Vec::new())
@@ -179,38 +204,49 @@ impl Odometry {
         Some(held.registered(SweepMotion::still(self.state.begin), None, false))
     }
 
-    /// The map as it is now.
+    /// The map of smooth surfaces as it is now.
     pub fn map(&self) -> &LocalMap {
-        &self.map
+        &self.maps.smooth
     }
 
     /// Everything that the next sweep depends on.
     pub fn save(&self) -> OdometryState {
-        OdometryState { map_points: self.map.points().to_vec(), ..self.state.clone() }
+        OdometryState { maps: self.maps.save(), ..self.state.clone() }
     }
 
     /// The odometry that [`Odometry::save`] wrote.
     pub fn load(settings: OdometrySettings, mut state: OdometryState) -> Self {
-        let map = LocalMap::from_points(std::mem::take(&mut state.map_points));
-        Self { settings, state, map }
+        let maps = Maps::load(std::mem::take(&mut state.maps));
+        Self { settings, state, maps }
     }
 
     fn hold(&self, sweep: &Sweep) -> HeldSweep {
-        let features = planar_features(sweep, &self.settings.features);
+        let up = self.state.up_in_lidar.cast();
+        let features = planar_features(sweep, &up, &self.settings.features);
+        let (rough, smooth): (Vec<Feature>, Vec<Feature>) = features.iter().partition(|feature| feature.is_rough);
+        let matching = self.sampled(&smooth, |_| true);
+        let with_rough = matching.iter().copied().chain(self.sampled(&rough, |_| true)).collect();
         HeldSweep {
             stamp: sweep.stamp(),
             mid_stamp: sweep.mid_stamp(),
             duration_nanos: sweep.duration_nanos(),
             duration_s: f64::from(sweep.duration_nanos()) * 1e-9,
-            matching: self.sampled(&features, |_| true),
+            matching,
+            with_rough,
             features,
         }
     }
 
-    fn start(&mut self, first: &HeldSweep, second: HeldSweep, full: &Sweep) -> Vec<Registered> {
+    fn start(
+        &mut self,
+        first: &HeldSweep,
+        second: HeldSweep,
+        full: &Sweep,
+        measured: Option<&MeasuredMotion>,
+    ) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
-        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), settings)
+        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), measured, settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
             // The second is the next one's first, from the same place: nothing is known of the motion.
@@ -226,28 +262,44 @@ impl Odometry {
         });
         let first_match = start.second.clone();
         let first = first.registered(start.first, Some(first_match), false);
-        let second = self.arrive(&second, full, start.second.motion, Some(start.second), seconds);
+        let second = self.arrive(&second, full, (start.second.motion, Some(start.second)), seconds, measured);
         vec![first, second]
     }
 
-    fn follow(&mut self, sweep: &HeldSweep, full: &Sweep, last: &Last) -> Registered {
+    fn follow(
+        &mut self,
+        sweep: &HeldSweep,
+        full: &Sweep,
+        last: &Last,
+        measured: Option<&MeasuredMotion>,
+    ) -> Registered {
         let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
-        let mid = last.velocity.advance(&last.mid, seconds);
+        let velocity = measured.map_or(last.velocity, |measured| measured.velocity);
+        let mid = velocity.advance(&last.mid, seconds);
         let prediction = Prediction {
-            motion: last.velocity.motion_at(mid, sweep.duration_s),
+            motion: velocity.motion_at(mid, sweep.duration_s),
             previous: (last.mid, seconds),
             duration_s: sweep.duration_s,
+            information: measured_step(measured, &mid, seconds),
         };
         let gated = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(sweep, &prediction.motion)),
             Sampling::Even { .. } => None,
         };
         let samples = gated.as_ref().unwrap_or(&sweep.matching);
-        let matched = match_features(samples, &self.map, &prediction, &self.settings.matching)
-            .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
+        let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
+        let is_poor = |matched: &Option<Matched>| {
+            matched.as_ref().is_none_or(|m| m.weakest_influence < self.settings.matching.rough_below)
+        };
+        let mut matched = matching(samples);
+        if gated.is_none() && is_poor(&matched) && sweep.with_rough.len() > sweep.matching.len() {
+            matched = matching(&sweep.with_rough);
+        }
+        let matched =
+            matched.filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
-        self.state.last = Some(last.clone());
-        self.arrive(sweep, full, motion, matched, seconds)
+        self.state.last = Some(Last { velocity, ..last.clone() });
+        self.arrive(sweep, full, (motion, matched), seconds, measured)
     }
 
     /// The samples of a sweep that are near the map where the motion puts them.
@@ -259,7 +311,7 @@ impl Odometry {
             let pose = motion.at(f64::from(feature.share));
             let position = pose * Point3::from(feature.position).cast::<f64>();
             let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-            self.map.surface(position.coords.into(), &normal.cast(), &kernel).is_some()
+            self.maps.of(feature).surface(position.coords.into(), &normal.cast(), &kernel).is_some()
         })
     }
 
@@ -272,10 +324,17 @@ impl Odometry {
         &mut self,
         sweep: &HeldSweep,
         full: &Sweep,
-        motion: SweepMotion,
-        matched: Option<Matched>,
+        (motion, matched): (SweepMotion, Option<Matched>),
         seconds: f64,
+        measured: Option<&MeasuredMotion>,
     ) -> Registered {
+        if let Some(last) = &self.state.last {
+            let by_match = matched.as_ref().map_or_else(Matrix6::zeros, |matched| matched.step_information);
+            let by_sensor = measured_step(measured, &motion.mid, seconds);
+            let acceleration = self.settings.matching.acceleration;
+            let step = StepKnowledge { by_match: &by_match, by_sensor: &by_sensor, acceleration };
+            self.state.uncertainty.advance(&last.mid, &motion.mid, seconds, &step);
+        }
         let velocity = match (&self.state.last, &matched) {
             (Some(last), None) => last.velocity,
             (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
@@ -286,7 +345,7 @@ impl Odometry {
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !sweep.features.is_empty();
         if map_restarted {
-            self.map = LocalMap::default();
+            self.maps = Maps::default();
             self.state.bridged_in_a_row = 0;
             self.state.grown_at = None;
             self.state.moving = MovingObjects::default();
@@ -301,7 +360,11 @@ impl Odometry {
         if matched.is_some() {
             self.state.moving.remember(full, &motion);
         }
-        Registered { moving, ..sweep.registered(motion, matched, map_restarted) }
+        Registered {
+            moving,
+            covariance: self.state.uncertainty.pose(),
+            ..sweep.registered(motion, matched, map_restarted)
+        }
     }
 
     fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
@@ -311,7 +374,7 @@ impl Odometry {
         });
         if moved {
             let batch = self.state.next_batch;
-            self.map.insert(batch, &map_points(features, motion, batch), &self.settings.map);
+            self.maps.insert(batch, features, motion, &self.settings.map);
             self.state.next_batch += 1;
             self.state.grown_at = Some(motion.mid);
         }
@@ -326,9 +389,15 @@ impl HeldSweep {
             motion,
             matched,
             map_restarted,
+            covariance: Matrix6::zeros(),
             moving: Vec::new(),
         }
     }
+}
+
+/// Inverse covariance of the step that was measured, zero where none was.
+fn measured_step(measured: Option<&MeasuredMotion>, mid: &Pose, seconds: f64) -> Matrix6<f64> {
+    measured.map_or_else(Matrix6::zeros, |measured| step_information(&measured.covariance, mid, seconds))
 }
 
 fn is_plausible(matched: &Matched) -> bool {
@@ -340,15 +409,4 @@ fn is_reachable(mid: &Pose, predicted: &Pose, seconds: f64) -> bool {
     let jump_rad = mid.rotation.angle_to(&predicted.rotation);
     let square = seconds * seconds;
     jump_m <= JUMP_SLACK_M + MAX_JUMP_MPS2 * square && jump_rad <= JUMP_SLACK_RAD + MAX_JUMP_RADPS2 * square
-}
-
-/// Features in the odom frame.
-pub(crate) fn map_points(features: &[Feature], motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
-    let in_odom = |feature: &Feature| {
-        let pose = motion.at(f64::from(feature.share));
-        let position = pose * Point3::from(feature.position).cast::<f64>();
-        let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-        MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
-    };
-    features.iter().map(in_odom).collect()
 }

@@ -14,8 +14,9 @@ const TOLERANCE_M: f32 = 0.3;
 const TOLERANCE_SHARE: f32 = 0.01;
 /// Rays beside the one through a point whose surface may be the point's: 0.5 degrees to each side, one ring up and down. A
 /// pole, or the rim of a thing, is easily missed by one ray.
-const BESIDE_COLUMNS: usize = 3;
-const BESIDE_ROWS: usize = 1;
+const REACH_COLUMNS: usize = 3;
+/// Those columns from the middle outwards, counted from the leftmost.
+const BESIDE_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
 
 /// Ranges of a sweep, by ray.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -58,7 +59,7 @@ impl Seen {
                 let [x, y, z] = point.position;
                 ranges[row * cols + col] = (Vector3::new(x, y, z).norm() / UNIT_M).min(65_535.0) as u16;
                 if col % SECTOR < 2 {
-                    sums[row].0 += f64::from(z / x.hypot(y));
+                    sums[row].0 += f64::from(z / (x * x + y * y).sqrt());
                     sums[row].1 += 1;
                 }
                 if sweep.duration_nanos() > 0 && shares[col / SECTOR].is_nan() {
@@ -99,14 +100,17 @@ impl PlacedSeen<'_> {
             col = RangeImage::column(local.x, local.y);
         }
         let range = local.coords.norm();
-        let Some(row) = self.row(local.z / local.x.hypot(local.y)) else { return Sight::Hidden };
+        let Some(row) = self.row(local.z / (local.x * local.x + local.y * local.y).sqrt()) else {
+            return Sight::Hidden;
+        };
         let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
         let at = |row: usize, col: usize| f32::from(self.seen.ranges[row * cols + col % cols]) * UNIT_M;
-        let rows = row.saturating_sub(BESIDE_ROWS)..=(row + BESIDE_ROWS).min(self.seen.slopes.len() - 1);
+        // From the middle outwards: what stands is mostly met by the first ray.
+        let rows = [Some(row), row.checked_sub(1), (row + 1 < self.seen.slopes.len()).then_some(row + 1)];
         let (mut n_beyond, mut is_blocked) = (0, false);
-        for row in rows {
-            for col in col + cols - BESIDE_COLUMNS..=col + cols + BESIDE_COLUMNS {
-                let reached = at(row, col);
+        for row in rows.into_iter().flatten() {
+            for beside in BESIDE_COLUMNS {
+                let reached = at(row, col + cols + beside - REACH_COLUMNS);
                 if (reached - range).abs() < tolerance {
                     return Sight::Filled;
                 }

@@ -1,7 +1,6 @@
 //! Things that stand on the ground and are no larger than a lorry: all that may move (Deschaud 2018, III-A).
 
 use crate::ground::GroundField;
-use crate::{RangeImage, Sweep};
 
 /// Largest box of a small object, m: along, across, up (Deschaud 2018).
 const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];
@@ -14,10 +13,10 @@ const LINK_COLUMNS: usize = 3;
 /// Fewer points tell nothing.
 const MIN_POINTS: u32 = 5;
 
-/// Which points of a sweep belong to which small object.
+/// Which cells of a range image belong to which small object.
 pub(crate) struct SmallObjects {
-    /// Object of each point, [`SmallObjects::NONE`] for none.
-    pub of_point: Vec<u32>,
+    /// Object of each cell, [`SmallObjects::NONE`] for none.
+    pub of_cell: Vec<u32>,
     /// Objects.
     pub n: usize,
 }
@@ -33,51 +32,36 @@ impl SmallObjects {
     /// No object.
     pub const NONE: u32 = u32::MAX;
 
-    /// `placed` are the sweep's points, deskewed, z up, seen from the lidar, m.
-    pub fn found(sweep: &Sweep, placed: &[[f32; 3]]) -> Self {
+    /// `placed` are the points of a range image, row by row, `cols` in a row; deskewed, z up, seen from the lidar, m; NaN in
+    /// empty cells.
+    pub fn found(placed: &[[f32; 3]], cols: usize) -> Self {
         let ground = GroundField::grown(placed);
-        let stands: Vec<bool> = placed.iter().map(|point| !ground.holds(*point)).collect();
-        let mut sets = Sets { parents: (0..placed.len() as u32).collect() };
-        link(sweep.image(), placed, &stands, &mut sets);
-        // A set's first point is its root, so sets are numbered when they are met.
-        let mut sets_of = vec![Self::NONE; placed.len()];
-        let mut extents: Vec<Extent> = Vec::new();
-        for (idx, point) in placed.iter().enumerate().filter(|(idx, _)| stands[*idx]) {
-            let root = sets.root(idx as u32) as usize;
-            if root == idx {
-                sets_of[idx] = extents.len() as u32;
-                extents.push(Extent { low: *point, high: *point, n: 0 });
+        let mut standing = placed.to_vec();
+        for point in &mut standing {
+            // NaN is not less than anything: empty cells stay empty.
+            if ground.holds(*point) {
+                *point = [f32::NAN; 3];
             }
-            sets_of[idx] = sets_of[root];
-            extents[sets_of[idx] as usize].add(point);
         }
-        let mut n = 0_u32;
-        let numbers: Vec<u32> = extents
-            .iter()
-            .map(|extent| {
-                let is_small = extent.is_small();
-                n += u32::from(is_small);
-                if is_small { n - 1 } else { Self::NONE }
-            })
-            .collect();
-        let number = |set: &u32| if *set == Self::NONE { Self::NONE } else { numbers[*set as usize] };
-        Self { of_point: sets_of.iter().map(number).collect(), n: n as usize }
+        let mut labels = Labels::default();
+        let of_cell = labels.given(&standing, cols);
+        labels.numbered(&standing, of_cell)
     }
 
-    /// Points of objects, at most so many of each, spread over it.
+    /// Cells of objects, at most so many of each, spread over it.
     pub fn members(&self, at_most: u32) -> Vec<u32> {
         let mut counts = vec![0_u32; self.n];
-        let objects = |(idx, &object): (usize, &u32)| (object != Self::NONE).then_some((idx as u32, object as usize));
-        for (_, object) in self.of_point.iter().enumerate().filter_map(objects) {
+        let objects = |(cell, &object): (usize, &u32)| (object != Self::NONE).then_some((cell as u32, object as usize));
+        for (_, object) in self.of_cell.iter().enumerate().filter_map(objects) {
             counts[object] += 1;
         }
         let mut met = vec![0_u32; self.n];
-        let is_chosen = |(idx, object): (u32, usize)| {
+        let is_chosen = |(cell, object): (u32, usize)| {
             let number = met[object];
             met[object] += 1;
-            number.is_multiple_of(counts[object].div_ceil(at_most)).then_some(idx)
+            number.is_multiple_of(counts[object].div_ceil(at_most)).then_some(cell)
         };
-        self.of_point.iter().enumerate().filter_map(objects).filter_map(is_chosen).collect()
+        self.of_cell.iter().enumerate().filter_map(objects).filter_map(is_chosen).collect()
     }
 }
 
@@ -93,45 +77,123 @@ impl Extent {
     }
 }
 
-/// Joins points that lie beside each other in the image and near each other in space.
-fn link(image: &RangeImage, placed: &[[f32; 3]], stands: &[bool], sets: &mut Sets) {
-    let standing = |row: usize, col: usize| image.point(row, col).filter(|&idx| stands[idx]);
-    for row in 0..image.rows() {
-        for col in 0..image.cols() {
-            let Some(idx) = standing(row, col) else { continue };
-            let [x, y, z] = placed[idx];
-            let limit = LINK_M.max(LINK_SHARE * (x * x + y * y + z * z).sqrt());
-            let right = (1..=LINK_COLUMNS).map(|step| (row, col + step));
-            let above = [image.cols() - 1, 0, 1].map(|step| (row + 1, col + step));
-            for (row, col) in right.chain(above.into_iter().filter(|(row, _)| *row < image.rows())) {
-                let Some(other) = standing(row, col) else { continue };
-                let [u, v, w] = placed[other];
-                if (x - u).powi(2) + (y - v).powi(2) + (z - w).powi(2) < limit * limit {
-                    sets.join(idx as u32, other as u32);
-                }
-            }
-        }
-    }
-}
-
-/// Disjoint sets of points; the root is the set's first point.
-struct Sets {
+/// Labels of connected cells, and which of them turned out to be one: disjoint sets, the root is the first label.
+#[derive(Default)]
+struct Labels {
     parents: Vec<u32>,
 }
 
-impl Sets {
+impl Labels {
+    /// A label for each cell; cells that lie beside each other in the image and near each other in space get labels of one
+    /// set.
+    fn given(&mut self, standing: &[[f32; 3]], cols: usize) -> Vec<u32> {
+        let mut of_cell = vec![SmallObjects::NONE; standing.len()];
+        for (cell, point) in standing.iter().enumerate() {
+            if point[0].is_nan() {
+                continue;
+            }
+            let col = cell % cols;
+            let left = (1..=LINK_COLUMNS.min(col)).map(|step| cell - step);
+            let mut label = left.clone().find(|&other| are_linked(point, &standing[other])).map(|other| of_cell[other]);
+            let below = [col + cols - 1, col, col + 1].map(|col| col % cols);
+            let below = below.into_iter().filter(|_| cell >= cols).map(|col| cell - cell % cols - cols + col);
+            // At the right end of a row, the row's beginning is on the left.
+            let around =
+                (col + 1..=col + LINK_COLUMNS).filter(|right| *right >= cols).map(|right| cell + right - cols - col);
+            for other in left.chain(below).chain(around) {
+                if of_cell[other] == SmallObjects::NONE {
+                    continue;
+                }
+                // Most neighbors are known to be of the same set; then their distance does not matter.
+                match label {
+                    Some(label) if label == of_cell[other] || !are_linked(point, &standing[other]) => {}
+                    Some(label) => self.join(label, of_cell[other]),
+                    None if are_linked(point, &standing[other]) => label = Some(of_cell[other]),
+                    None => {}
+                }
+            }
+            of_cell[cell] = label.unwrap_or_else(|| {
+                self.parents.push(self.parents.len() as u32);
+                self.parents.len() as u32 - 1
+            });
+        }
+        of_cell
+    }
+
+    /// Numbers the sets that are small objects.
+    fn numbered(mut self, standing: &[[f32; 3]], mut of_cell: Vec<u32>) -> SmallObjects {
+        let nothing = Extent { low: [f32::MAX; 3], high: [f32::MIN; 3], n: 0 };
+        let mut extents = vec![nothing; self.parents.len()];
+        for (label, point) in of_cell.iter_mut().zip(standing).filter(|(label, _)| **label != SmallObjects::NONE) {
+            *label = self.root(*label);
+            extents[*label as usize].add(point);
+        }
+        let mut n = 0_u32;
+        let numbers: Vec<u32> = extents
+            .iter()
+            .map(|extent| {
+                let is_small = extent.is_small();
+                n += u32::from(is_small);
+                if is_small { n - 1 } else { SmallObjects::NONE }
+            })
+            .collect();
+        for label in of_cell.iter_mut().filter(|label| **label != SmallObjects::NONE) {
+            *label = numbers[*label as usize];
+        }
+        SmallObjects { of_cell, n: n as usize }
+    }
+
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
-        let (first, second) = (a.min(b), a.max(b));
-        self.parents[second as usize] = first;
+        self.parents[a.max(b) as usize] = a.min(b);
     }
     /// The root; the way to it is halved.
-    fn root(&mut self, mut idx: u32) -> u32 {
-        while self.parents[idx as usize] != idx {
-            let grandparent = self.parents[self.parents[idx as usize] as usize];
-            self.parents[idx as usize] = grandparent;
-            idx = grandparent;
+    fn root(&mut self, mut label: u32) -> u32 {
+        while self.parents[label as usize] != label {
+            let grandparent = self.parents[self.parents[label as usize] as usize];
+            self.parents[label as usize] = grandparent;
+            label = grandparent;
         }
-        idx
+        label
+    }
+}
+
+/// Whether two points are near enough to be of one thing; `false` where one is NaN.
+#[inline]
+fn are_linked(a: &[f32; 3], b: &[f32; 3]) -> bool {
+    let [x, y, z] = *a;
+    let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
+    (x - b[0]).powi(2) + (y - b[1]).powi(2) + (z - b[2]).powi(2) < limit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_post_across_the_seam_is_one_object_and_a_wall_is_none() {
+        // Rings 2 m apart in height at a range of 10 m, a full turn of 360 columns, floor far below.
+        let (cols, rows) = (360, 6);
+        let mut placed = vec![[f32::NAN; 3]; rows * cols];
+        for row in 0..rows {
+            for col in 0..cols {
+                let angle = (col as f32).to_radians();
+                let at = |range: f32, height: f32| [range * angle.cos(), range * angle.sin(), height];
+                placed[row * cols + col] = match (row, col) {
+                    (0, _) => at(4.0, -2.0),
+                    (_, 357..360 | 0..3) => at(10.0, -1.6 + 0.3 * row as f32),
+                    (_, 100..200) => at(20.0, -1.6 + 0.3 * row as f32),
+                    _ => [f32::NAN; 3],
+                };
+            }
+        }
+        let objects = SmallObjects::found(&placed, cols);
+        assert_eq!(objects.n, 1, "the wall is 35 m long");
+        let of_post = |cell: usize| cell >= cols && (cell % cols < 3 || cell % cols >= 357);
+        for (cell, object) in objects.of_cell.iter().enumerate() {
+            assert_eq!(*object == 0, of_post(cell), "cell {cell}");
+        }
+        let members = objects.members(10);
+        assert!((8..=10).contains(&members.len()) && members.iter().all(|cell| of_post(*cell as usize)), "{members:?}");
     }
 }

@@ -40,8 +40,17 @@ fn kitti_raw_follows_two_reference_trajectories() {
     let mean_end = (references[0][21].translation.vector + references[1][21].translation.vector) / 2.0;
     let off = (poses[21].translation.vector - mean_end).norm();
     println!("path {:.3} m, end {:?}, {off:.4} m off", path_length(&poses), poses[21].translation.vector);
-    // The references are no truth: the one by KISS-ICP makes a first step that is 11 cm longer than its second. What must
-    // hold is 0.3 m; half of it leaves room for changes that are no fault.
+    let since_first = |poses: &[Pose]| (poses[1].inverse() * poses[21]).translation.vector;
+    let [kiss_icp, small_gicp] = [since_first(&references[0]), since_first(&references[1])];
+    let apart = (kiss_icp - small_gicp).norm();
+    let off_since_first = (since_first(&poses) - (kiss_icp + small_gicp) / 2.0).norm();
+    println!(
+        "since the second sweep: ours {:?}, KISS-ICP {kiss_icp:?}, small_gicp {small_gicp:?}: {apart:.4} m apart, {off_since_first:.4} m off",
+        since_first(&poses)
+    );
+    // The references are no truth: the one by KISS-ICP makes a first step that is 11 cm longer than any of its neighbors, so
+    // that both end at the same place by accident. Over the twenty steps that follow they are 11 cm apart themselves.
+    assert!(off_since_first < 0.07, "{off_since_first} m from the references' mean");
     assert!(off < 0.15, "end point is {off} m from the references' mean");
     for reference in &references {
         let share = path_length(&poses) / path_length(reference);
@@ -83,6 +92,6 @@ fn kitti_00_sweep_95_lies_where_the_poses_say() {
         found.translation.vector, expected.translation.vector
     );
     assert!(expected.translation.vector.norm() > 0.4, "the vehicle moved");
-    assert!(off < 0.02, "{off} m");
+    assert!(off < 0.015, "{off} m");
     assert!(turned_off < 0.003, "{turned_off} rad");
 }

@@ -2,8 +2,9 @@
 //!
 //! `R = rho_white (raw - dark) / (white - dark) * t_white / t_raw`, per pixel of the raw mosaic.
 //!
-//! The dark reference is subtracted as it is, whatever its exposure time: at a few ms it is the bias of the read-out, which
-//! does not grow with time. R is linear in the light, not clamped: 1 is a perfect diffuser, a mirror gives more, and
+//! Dark is bias and dark current: dark frames of two exposure times or more tell both (a line for each pixel), and dark(t) is
+//! taken at the exposure time of what it is subtracted from. Dark frames of one exposure time are subtracted as they are: at a
+//! few ms they are the bias of the read-out, which does not grow with time. R is linear in the light, not clamped: 1 is a perfect diffuser, a mirror gives more, and
 //! noise around black gives small negative values, which a clamp would turn into a bias of every mean.
 //!
 //! A sample that says nothing is masked and its reflectance is 0, never NaN:
@@ -11,14 +12,18 @@
 //! - saturated: the largest value of the sample's depth;
 //! - clipped: 0 where the dark reference is above 0, so that the light was anywhere below.
 
+mod pixels;
+mod row;
+
+pub use pixels::WhitePanel;
+
 use crate::mosaic::check_length;
+use crate::wide::wide;
 use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
+use row::Row;
 
-/// `white - dark` below one count is no light.
-const MIN_SIGNAL: f32 = 1.0;
-
-/// The target that the white reference shows.
+/// A target that fills the image, of one reflectance; see [`WhitePanel`] for others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhiteTarget {
     /// Reflectance of the target, above 0 and at most 1; 0.98 for the usual panel.
@@ -43,10 +48,17 @@ impl FrameCounts {
     pub fn masked(&self) -> u64 {
         self.dead + self.saturated + self.clipped
     }
+
+    fn add(&mut self, other: Self) {
+        self.dead += other.dead;
+        self.saturated += other.saturated;
+        self.clipped += other.clipped;
+    }
 }
 
 /// Reflectances and validity of one raw row, and the counts of all rows so far.
 struct Scratch {
+    darks: Vec<f32>,
     values: Vec<f32>,
     bits: Vec<u32>,
     counts: FrameCounts,
@@ -54,8 +66,15 @@ struct Scratch {
 
 impl Scratch {
     fn new(width: usize) -> Self {
-        Self { values: vec![0.0; width], bits: vec![0; width], counts: FrameCounts::default() }
+        Self { darks: Vec::new(), values: vec![0.0; width], bits: vec![0; width], counts: FrameCounts::default() }
     }
+}
+
+/// Exposure time of a frame, ns, and its inverse.
+#[derive(Clone, Copy)]
+struct Exposure {
+    nanos: f32,
+    inverse: f32,
 }
 
 /// Some cells of a band-sequential cube: from `start` on in each plane, planes being `stride` values apart.
@@ -69,7 +88,10 @@ pub(crate) struct Planes<'a> {
 #[derive(Clone, Debug)]
 pub struct Calibration {
     mosaic: Mosaic,
+    /// At no exposure time.
     darks: Vec<f32>,
+    /// Counts per ns; empty if no pixel has a dark current.
+    dark_rates: Vec<f32>,
     /// `rho_white t_white / (white - dark)` in ns per count; 0 = dead.
     gains: Vec<f32>,
     valid_bands: u32,
@@ -83,27 +105,28 @@ impl Calibration {
         white: &Reference,
         target: WhiteTarget,
     ) -> Result<Self, SpectralError> {
-        if target.exposure_nanos == 0 {
-            return Err(SpectralError::Exposure { what: "white", nanos: 0 });
-        }
-        if !(target.reflectance > 0.0 && target.reflectance <= 1.0) {
-            return Err(SpectralError::WhiteReflectance(target.reflectance));
-        }
-        check_length("dark", dark.mosaic().n_samples(), mosaic.n_samples())?;
-        check_length("white", white.mosaic().n_samples(), mosaic.n_samples())?;
-        let full_scale = (target.reflectance * target.exposure_nanos as f64) as f32;
-        let pixels: Vec<(f32, f32)> = dark
-            .means()?
-            .zip(white.means()?)
-            .map(|(dark, white)| match (dark, white) {
-                (Some(dark), Some(white)) if white - dark >= MIN_SIGNAL => (dark, full_scale / (white - dark)),
-                _ => (0.0, 0.0),
-            })
-            .collect();
-        let area: Vec<(f32, f32)> =
-            (0..mosaic.area()[1]).flat_map(|row| mosaic.area_row(&pixels, row)).copied().collect();
-        let (darks, gains) = area.into_iter().unzip();
-        let mut calibration = Self { mosaic: mosaic.clone(), darks, gains, valid_bands: 0 };
+        let panel =
+            WhitePanel { exposure_nanos: target.exposure_nanos, reflectances: vec![target.reflectance], region: None };
+        Self::with_panel(mosaic, &[(target.exposure_nanos, dark)], white, &panel)
+    }
+
+    /// The same with dark frames of several exposure times (ns), and a white panel of any kind.
+    pub fn with_panel(
+        mosaic: &Mosaic,
+        darks: &[(u64, &Reference)],
+        white: &Reference,
+        panel: &WhitePanel,
+    ) -> Result<Self, SpectralError> {
+        let pixels = pixels::pixels(mosaic, darks, white, panel)?;
+        let area = || (0..mosaic.area()[1]).flat_map(|row| mosaic.area_row(&pixels, row));
+        let has_dark_current = area().any(|pixel| pixel.dark_rate != 0.0);
+        let mut calibration = Self {
+            mosaic: mosaic.clone(),
+            darks: area().map(|pixel| pixel.bias).collect(),
+            dark_rates: if has_dark_current { area().map(|pixel| pixel.dark_rate).collect() } else { Vec::new() },
+            gains: area().map(|pixel| pixel.gain).collect(),
+            valid_bands: 0,
+        };
         calibration.valid_bands = calibration.live_bands();
         Ok(calibration)
     }
@@ -135,15 +158,17 @@ impl Calibration {
         raw: &[u16],
         exposure_nanos: u64,
     ) -> Result<(Array2<f32>, Array2<bool>, FrameCounts), SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let [width, height] = self.mosaic.area();
         let mut reflectances = Array2::zeros((height, width));
         let mut valid = Array2::from_elem((height, width), false);
         let mut counts = FrameCounts::default();
-        let mut bits = vec![0; width];
+        let (mut darks, mut bits) = (Vec::new(), vec![0; width]);
         for (y, (mut values, mut valid)) in reflectances.outer_iter_mut().zip(valid.outer_iter_mut()).enumerate() {
+            let row = self.row(raw, y, exposure, &mut darks);
             if let Some(values) = values.as_slice_mut() {
-                self.row_into(raw, y, scale, values, &mut bits, &mut counts);
+                counts.add(row.reflectances_into(values));
+                row.validity_into(&mut bits);
             }
             valid.iter_mut().zip(&bits).for_each(|(valid, bit)| *valid = *bit == 1);
         }
@@ -159,7 +184,7 @@ impl Calibration {
         reflectances: &mut [f32],
         masks: &mut [u32],
     ) -> Result<FrameCounts, SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let n_cells = self.mosaic.n_cells();
         let n_bands = self.mosaic.n_bands();
         check_length("cube", reflectances.len(), n_bands * n_cells)?;
@@ -168,7 +193,10 @@ impl Calibration {
         let mut scratch = Scratch::new(self.mosaic.area()[0]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
-            self.cells_into(raw, row, scale, &mut scratch, &mut planes, masks);
+            wide(
+                #[inline(always)]
+                || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, masks),
+            );
         }
         Ok(scratch.counts)
     }
@@ -183,7 +211,7 @@ impl Calibration {
         values: &mut [f32],
         masks: &mut [u32],
     ) -> Result<FrameCounts, SpectralError> {
-        let scale = self.scale(raw, exposure_nanos)?;
+        let exposure = self.exposure(raw, exposure_nanos)?;
         let (n_cells, n_bands) = (self.mosaic.n_cells(), self.mosaic.n_bands());
         check_length("correction", correction.n_bands(), n_bands)?;
         check_length("corrected cube", values.len(), correction.n_virtual_bands() * n_cells)?;
@@ -193,7 +221,10 @@ impl Calibration {
         let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
-            self.cells_into(raw, row, scale, &mut scratch, &mut planes, &mut measured);
+            wide(
+                #[inline(always)]
+                || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, &mut measured),
+            );
             let mut planes = Planes { values, stride: n_cells, start: row * columns };
             correction.cells_into(&bands, &measured, &mut planes, masks);
         }
@@ -201,72 +232,84 @@ impl Calibration {
     }
 
     /// One row of cells: `planes` and `masks` are overwritten there.
+    #[inline(always)]
     fn cells_into(
         &self,
         raw: &[u16],
         row: usize,
-        scale: f32,
-        Scratch { values, bits, counts }: &mut Scratch,
+        exposure: Exposure,
+        scratch: &mut Scratch,
+        planes: &mut Planes<'_>,
+        masks: &mut [u32],
+    ) {
+        match self.mosaic.pattern() {
+            1 => self.cells_of::<1>(raw, row, exposure, scratch, planes, masks),
+            2 => self.cells_of::<2>(raw, row, exposure, scratch, planes, masks),
+            3 => self.cells_of::<3>(raw, row, exposure, scratch, planes, masks),
+            4 => self.cells_of::<4>(raw, row, exposure, scratch, planes, masks),
+            _ => self.cells_of::<5>(raw, row, exposure, scratch, planes, masks),
+        }
+    }
+
+    /// As [`Self::cells_into`] for a pattern of `P` px.
+    #[inline(always)]
+    fn cells_of<const P: usize>(
+        &self,
+        raw: &[u16],
+        row: usize,
+        exposure: Exposure,
+        Scratch { darks, values, bits, counts }: &mut Scratch,
         planes: &mut Planes<'_>,
         masks: &mut [u32],
     ) {
         masks.fill(0);
-        let pattern = self.mosaic.pattern() as usize;
         // One raw row fits the fastest cache: calibrate it in one sweep, then deal its values out to the bands.
-        for dy in 0..pattern {
-            self.row_into(raw, row * pattern + dy, scale, values, bits, counts);
-            for dx in 0..pattern {
-                let band = dy * pattern + dx;
-                let plane = &mut planes.values[band * planes.stride + planes.start..][..masks.len()];
-                let dealt = values[dx..].iter().step_by(pattern).zip(bits[dx..].iter().step_by(pattern));
-                for ((out, mask), (value, bit)) in plane.iter_mut().zip(&mut *masks).zip(dealt) {
-                    *out = *value;
-                    *mask |= bit << band;
+        for dy in 0..P {
+            let samples = self.row(raw, row * P + dy, exposure, darks);
+            let found = samples.reflectances_into(values);
+            row::deal::<P>(values, dy, planes);
+            if found.masked() == 0 {
+                let all = ((1 << P) - 1) << (dy * P);
+                for mask in &mut *masks {
+                    *mask |= all;
                 }
+            } else {
+                samples.validity_into(bits);
+                row::deal_validity::<P>(bits, dy, masks);
+                counts.add(found);
             }
         }
     }
 
-    /// Checks the frame; the inverse of its exposure time, 1/ns.
-    fn scale(&self, raw: &[u16], exposure_nanos: u64) -> Result<f32, SpectralError> {
+    /// Checks the frame and its exposure time.
+    fn exposure(&self, raw: &[u16], nanos: u64) -> Result<Exposure, SpectralError> {
         self.mosaic.check_frame("raw", raw)?;
-        if exposure_nanos == 0 {
-            return Err(SpectralError::Exposure { what: "raw", nanos: 0 });
+        if nanos == 0 {
+            return Err(SpectralError::Exposure { what: "raw", nanos });
         }
-        Ok((1.0 / exposure_nanos as f64) as f32)
+        Ok(Exposure { nanos: nanos as f32, inverse: (1.0 / nanos as f64) as f32 })
     }
 
-    /// Reflectance of row `y` of the area, and 1 per valid sample.
-    fn row_into(
-        &self,
-        raw: &[u16],
-        y: usize,
-        scale: f32,
-        values: &mut [f32],
-        bits: &mut [u32],
-        counts: &mut FrameCounts,
-    ) {
+    /// Row `y` of the area. `darks` is room for what the row needs.
+    #[inline(always)]
+    fn row<'a>(&'a self, raw: &'a [u16], y: usize, exposure: Exposure, darks: &'a mut Vec<f32>) -> Row<'a> {
         let width = self.mosaic.area()[0];
-        let saturation = self.mosaic.saturation();
-        let samples = self.mosaic.area_row(raw, y);
-        let darks = &self.darks[y * width..][..width];
-        let gains = &self.gains[y * width..][..width];
-        let (mut n_dead, mut n_saturated, mut n_clipped) = (0_u32, 0_u32, 0_u32);
-        let pixels = samples.iter().zip(darks.iter().zip(gains));
-        for ((value, bit), (sample, (dark, gain))) in values.iter_mut().zip(bits).zip(pixels) {
-            // Numbers, not conditions: without branches the compiler makes vectors of the loop (1.7 times as fast).
-            let live = u32::from(*gain != 0.0);
-            let saturated = live & u32::from(*sample >= saturation);
-            let clipped = live & u32::from(*sample == 0) & u32::from(*dark > 0.0);
-            let valid = live & !(saturated | clipped);
-            *value = if valid == 1 { (f32::from(*sample) - dark) * (gain * scale) } else { 0.0 };
-            *bit = valid;
-            n_dead += 1 - live;
-            n_saturated += saturated;
-            n_clipped += clipped;
+        let of_row = y * width..(y + 1) * width;
+        let biases = &self.darks[of_row.clone()];
+        let darks = match self.dark_rates.get(of_row.clone()) {
+            Some(rates) => {
+                darks.clear();
+                darks.extend(biases.iter().zip(rates).map(|(bias, rate)| bias + rate * exposure.nanos));
+                &darks[..]
+            }
+            None => biases,
+        };
+        Row {
+            samples: self.mosaic.area_row(raw, y),
+            darks,
+            gains: &self.gains[of_row],
+            scale: exposure.inverse,
+            saturation: self.mosaic.saturation(),
         }
-        counts.dead += u64::from(n_dead);
-        counts.saturated += u64::from(n_saturated);
-        counts.clipped += u64::from(n_clipped);
     }
 }

@@ -11,12 +11,16 @@
 //! one in a million). At the rims each band goes on as in its last pattern cell.
 
 mod filter;
+mod gaps;
 mod lattice;
 mod panchromatic;
+mod rows;
 
 use crate::SpectralError;
+use crate::calibration::Planes;
 use crate::mosaic::{MAX_PATTERN, check_length};
 use lattice::Lattice;
+use rows::{Parts, Rows};
 
 /// How bands are brought to full resolution; see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +33,19 @@ pub enum Demosaicing {
     IterativeIntensityDifference(u32),
     /// PPID.
     PpiDifference,
+}
+
+impl Demosaicing {
+    /// By the name that settings and commands have for it: `wb`, `id`, `iid` (two estimates) or `ppid`.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "wb" => Some(Self::WeightedBilinear),
+            "id" => Some(Self::IntensityDifference),
+            "iid" => Some(Self::IterativeIntensityDifference(2)),
+            "ppid" => Some(Self::PpiDifference),
+            _ => None,
+        }
+    }
 }
 
 /// Demosaics images of one size; holds the memory for it.
@@ -56,7 +73,7 @@ impl Demosaicer {
 
     /// Bands of a mosaic.
     pub fn n_bands(&self) -> usize {
-        self.lattice.pattern * self.lattice.pattern
+        self.lattice.n_bands()
     }
 
     /// `samples`: row by row, reflectances (PPID weighs edges against a step of 1/255 of full reflectance). `bands` is
@@ -67,24 +84,50 @@ impl Demosaicer {
         method: Demosaicing,
         bands: &mut [f32],
     ) -> Result<(), SpectralError> {
-        let n_pixels = self.lattice.width * self.lattice.height;
-        check_length("mosaic", samples.len(), n_pixels)?;
+        let (width, n_pixels) = (self.lattice.width, self.lattice.width * self.lattice.height);
         check_length("bands", bands.len(), n_pixels * self.n_bands())?;
+        let mut rows = self.rows(samples, method)?;
+        for start in (0..n_pixels).step_by(width) {
+            rows.next_into(&mut Planes { values: bands, stride: n_pixels, start });
+        }
+        Ok(())
+    }
+
+    /// The same, row by row: `each` gets the bands of one row after the other, band-sequential.
+    pub fn demosaic_rows(
+        &mut self,
+        samples: &[f32],
+        method: Demosaicing,
+        mut each: impl FnMut(&[f32]),
+    ) -> Result<(), SpectralError> {
+        let Lattice { width, height, .. } = self.lattice;
+        let mut row = vec![0.0; width * self.n_bands()];
+        let mut rows = self.rows(samples, method)?;
+        for _ in 0..height {
+            rows.next_into(&mut Planes { values: &mut row, stride: width, start: 0 });
+            each(&row);
+        }
+        Ok(())
+    }
+
+    /// Makes ready for the rows of an image.
+    fn rows<'a>(&'a mut self, samples: &'a [f32], method: Demosaicing) -> Result<Rows<'a>, SpectralError> {
+        check_length("mosaic", samples.len(), self.lattice.width * self.lattice.height)?;
         if method == Demosaicing::WeightedBilinear {
-            self.lattice.interpolate_into(samples, bands);
-            return Ok(());
+            let parts = Parts { lattice: &self.lattice, mosaic: samples, shared: None, measured: samples };
+            return Ok(Rows::new(parts));
         }
         filter::box_into(&self.lattice, samples, &mut self.ppi, &mut self.scratch);
         match method {
             Demosaicing::WeightedBilinear | Demosaicing::IntensityDifference => {}
             Demosaicing::IterativeIntensityDifference(iterations) => {
                 // The mean of all bands' estimates: the sum of their differences is the bilinear blur of the differences.
+                let mut blurred = Vec::new();
                 for _ in 0..iterations {
                     difference_into(samples, &self.ppi, &mut self.difference);
-                    let blurred = &mut Vec::new();
-                    filter::tent_into(&self.lattice, &self.difference, blurred, &mut self.scratch);
+                    filter::tent_into(&self.lattice, &self.difference, &mut blurred, &mut self.scratch);
                     let n_bands = self.n_bands() as f32;
-                    self.ppi.iter_mut().zip(&*blurred).for_each(|(ppi, sum)| *ppi += sum / n_bands);
+                    self.ppi.iter_mut().zip(&blurred).for_each(|(ppi, sum)| *ppi += sum / n_bands);
                 }
             }
             Demosaicing::PpiDifference => {
@@ -93,25 +136,28 @@ impl Demosaicer {
             }
         }
         difference_into(samples, &self.ppi, &mut self.difference);
-        self.lattice.interpolate_into(&self.difference, bands);
-        for (band, plane) in bands.chunks_exact_mut(n_pixels).enumerate() {
-            plane.iter_mut().zip(&self.ppi).for_each(|(value, ppi)| *value += ppi);
-            self.lattice.keep_measured(samples, band, plane);
-        }
+        let (mosaic, shared) = (&self.difference[..], Some(&self.ppi[..]));
+        Ok(Rows::new(Parts { lattice: &self.lattice, mosaic, shared, measured: samples }))
+    }
+
+    /// Makes `samples` ready for demosaicing where some are not `valid`: an estimate from the nearest of their band stands in for
+    /// each, so that the blurs around it do not take it for black. What depends on it stays unknown by
+    /// [`Demosaicer::masks_into`].
+    pub fn bridge_gaps(&self, samples: &mut [f32], valid: &[bool]) -> Result<(), SpectralError> {
+        let n_pixels = self.lattice.width * self.lattice.height;
+        check_length("mosaic", samples.len(), n_pixels)?;
+        check_length("mask", valid.len(), n_pixels)?;
+        gaps::bridge(&self.lattice, samples, valid);
         Ok(())
     }
 
-    /// Which bands are known where: `bands`, as [`Demosaicer::demosaic_into`] gives them, is 1 where all samples between which
-    /// the band is interpolated are valid (1 in `valid`, else 0). The PPI's blur is left out of account.
-    pub fn validity_into(&self, valid: &[f32], bands: &mut [f32]) -> Result<(), SpectralError> {
+    /// Which bands are known where: bit k of a pixel's mask is 1 where all samples between which band k is interpolated are
+    /// `valid`. The PPI's blur is left out of account. `masks` is overwritten.
+    pub fn masks_into(&self, valid: &[bool], masks: &mut [u32]) -> Result<(), SpectralError> {
         let n_pixels = self.lattice.width * self.lattice.height;
         check_length("mask", valid.len(), n_pixels)?;
-        check_length("masks of bands", bands.len(), n_pixels * self.n_bands())?;
-        self.lattice.interpolate_into(valid, bands);
-        // Weights are multiples of 1/25 at least: anything below 1 had an invalid sample.
-        for share in bands {
-            *share = f32::from(u8::from(*share > 0.999));
-        }
+        check_length("masks of bands", masks.len(), n_pixels)?;
+        gaps::masks_into(&self.lattice, valid, masks);
         Ok(())
     }
 }

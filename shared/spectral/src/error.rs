@@ -67,6 +67,24 @@ pub enum SpectralError {
     /// A white target that is no diffuse reflector.
     #[error("white target with reflectance {0}; must be above 0 and at most 1")]
     WhiteReflectance(f64),
+    /// A white panel with reflectances that do not fit the bands.
+    #[error("{n} reflectances of the white panel; must be 1, or one for each of the {n_bands} bands")]
+    PanelBands {
+        /// As given.
+        n: usize,
+        /// Of the mosaic.
+        n_bands: usize,
+    },
+    /// A white panel outside of the filters.
+    #[error(
+        "white panel at {region:?} (left, top, width, height); must lie in the active area {area:?} and hold a pattern"
+    )]
+    Region {
+        /// As given.
+        region: [u32; 4],
+        /// Whole cells of the active area.
+        area: [u64; 4],
+    },
     /// A correction matrix of a size that no camera has.
     #[error("correction with {n} {what}; must have 1 to {max}", max = crate::MAX_PATTERN * crate::MAX_PATTERN)]
     CorrectionSize {

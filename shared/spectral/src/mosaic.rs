@@ -85,6 +85,12 @@ impl Mosaic {
     pub fn saturation(&self) -> u16 {
         u16::MAX >> (16 - self.bit_depth)
     }
+    /// The band of a sample of the raw image, by its index; outside of the active area the pattern goes on.
+    pub(crate) fn band_of(&self, at: usize) -> usize {
+        let phase = |v: usize, origin: u32| (v as i64 - i64::from(origin)).rem_euclid(i64::from(self.pattern)) as usize;
+        let (x, y) = (at % self.width as usize, at / self.width as usize);
+        phase(y, self.y0) * self.pattern as usize + phase(x, self.x0)
+    }
     /// Width and height of the whole cells together, px.
     pub(crate) fn area(&self) -> [usize; 2] {
         [(self.columns * self.pattern) as usize, (self.rows * self.pattern) as usize]

@@ -80,14 +80,64 @@ fn a_ramp_is_bilinear() {
 fn bands_are_known_between_valid_samples_only() {
     let (width, height, pattern) = (12, 12, 4);
     let demosaicer = Demosaicer::new(width, height, pattern).expect("whole cells");
-    let mut valid = vec![1.0; width * height];
-    valid[5 * width + 6] = 0.0; // Band 1 * 4 + 2, of the cell in the middle.
-    let mut masks = vec![f32::NAN; width * height * 16];
-    demosaicer.validity_into(&valid, &mut masks).expect("fits");
-    let unknown = |band: usize| masks[band * 144..][..144].iter().filter(|known| **known == 0.0).count();
+    let mut valid = vec![true; width * height];
+    valid[5 * width + 6] = false; // Band 1 * 4 + 2, of the cell in the middle.
+    let mut masks = vec![u32::MAX; width * height];
+    demosaicer.masks_into(&valid, &mut masks).expect("fits");
+    let unknown = |band: usize| masks.iter().filter(|mask| *mask >> band & 1 == 0).count();
     // Columns 3 to 9 and rows 2 to 8 lie nearer to it than to the samples around.
     assert_eq!((unknown(6), (0..16).map(unknown).sum::<usize>()), (49, 49));
-    assert_eq!(masks[6 * 144 + 5 * 12 + 2], 1.0);
+    assert_eq!((masks[5 * 12 + 2], masks[5 * 12 + 3]), (0xffff, 0xffbf));
+}
+
+#[test]
+fn a_gap_is_no_black_spot_for_the_bands_around_it() {
+    let (width, height, pattern) = (24, 24, 4);
+    let whole = mosaic(width, height, pattern, &|band, x, y| 0.2 + 0.01 * band as f32 + 0.004 * (x + y) as f32);
+    let demosaicer = Demosaicer::new(width, height, pattern).expect("whole cells");
+    let mut valid = vec![true; width * height];
+    for at in [9 * width + 10, 0, 13 * width + 10] {
+        valid[at] = false;
+    }
+    let mut masks = vec![0; width * height];
+    demosaicer.masks_into(&valid, &mut masks).expect("fits");
+    let blank: Vec<f32> = whole.iter().zip(&valid).map(|(value, valid)| if *valid { *value } else { 0.0 }).collect();
+    let mut bridged = blank.clone();
+    demosaicer.bridge_gaps(&mut bridged, &valid).expect("fits");
+    for method in METHODS {
+        let [truth, blank, bridged] =
+            [&whole, &blank, &bridged].map(|samples| demosaiced(width, height, pattern, samples, method));
+        let worst = |bands: &[f32]| {
+            let n_pixels = width * height;
+            let known = (0..bands.len()).filter(|at| masks[at % n_pixels] >> (at / n_pixels) & 1 == 1);
+            known.map(|at| (bands[at] - truth[at]).abs()).fold(0.0, f32::max)
+        };
+        let [blank, bridged] = [worst(&blank), worst(&bridged)];
+        if method == Demosaicing::WeightedBilinear {
+            // It does not blur: what it knows is right in both.
+            assert_eq!([blank, bridged], [0.0, 0.0]);
+        } else {
+            assert!(bridged < 0.006 && blank > 0.012, "{method:?}: {bridged} with a bridge, {blank} without");
+        }
+    }
+}
+
+#[test]
+fn rows_are_those_of_the_whole_image() {
+    let (width, height, pattern) = (20, 15, 5);
+    let samples = mosaic(width, height, pattern, &|band, x, y| ((x * 37 + y * 101 + band * 11) % 89) as f32 / 89.0);
+    for method in METHODS {
+        let bands = demosaiced(width, height, pattern, &samples, method);
+        let (mut y, mut demosaicer) = (0, Demosaicer::new(width, height, pattern).expect("whole cells"));
+        let each = |row: &[f32]| {
+            for (row, plane) in row.chunks_exact(width).zip(bands.chunks_exact(width * height)) {
+                assert_eq!(row, &plane[y * width..][..width]);
+            }
+            y += 1;
+        };
+        demosaicer.demosaic_rows(&samples, method, each).expect("fits");
+        assert_eq!(y, height);
+    }
 }
 
 #[test]

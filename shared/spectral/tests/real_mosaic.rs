@@ -1,25 +1,10 @@
 //! A frame of a real 4x4 snapshot mosaic camera, 2048x1024, 8 bit.
 
+use formats::raw_mosaic::RawMosaic;
 use real_data::real_data;
 use spectral::{Calibration, Mosaic, Reference, WhiteTarget};
 
 const SIZE: [u32; 2] = [2048, 1024];
-
-/// The samples of an uncompressed 8-bit grayscale TIFF in one strip, little-endian: enough for this one file.
-fn gray_from_tiff(bytes: &[u8]) -> Vec<u16> {
-    let number = |at: usize, n: usize| (0..n).rev().fold(0_usize, |sum, i| sum << 8 | usize::from(bytes[at + i]));
-    let directory = number(4, 4);
-    let strip_offsets = (0..number(directory, 2))
-        .map(|entry| directory + 2 + 12 * entry)
-        .find(|entry| number(*entry, 2) == 273)
-        .expect("has strip offsets");
-    let first = if number(strip_offsets + 4, 4) == 1 {
-        number(strip_offsets + 8, 4)
-    } else {
-        number(number(strip_offsets + 8, 4), 4)
-    };
-    bytes[first..][..(SIZE[0] * SIZE[1]) as usize].iter().map(|sample| u16::from(*sample)).collect()
-}
 
 fn cube(raw: &[u16], pattern: u32) -> (Mosaic, Vec<f32>, Vec<u32>) {
     let mosaic = Mosaic::new(SIZE, pattern, [0, 0, SIZE[0], SIZE[1]], 8).expect("sound");
@@ -48,7 +33,7 @@ fn spread_of_means(pattern: u32, raw: &[u16]) -> f64 {
 #[test]
 fn the_bands_of_a_real_mosaic_are_sorted_out() {
     let Some(path) = real_data("mosaic/4_baichideng2_11.tif") else { return };
-    let raw = gray_from_tiff(&std::fs::read(path).expect("readable"));
+    let raw = RawMosaic::read(&path).expect("a frame").samples;
     let (mosaic, cube, masks) = cube(&raw, 4);
     assert_eq!(mosaic.cells(), [512, 256]);
     for (index, sample) in raw.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Reflectance of synthetic scenes whose truth is known: the sensor model is written down here once more, on its own.
 
-use spectral::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhiteTarget};
+use spectral::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel, WhiteTarget};
 
 const RHO_WHITE: f64 = 0.98;
 const T_WHITE: u64 = 4_000_000;
@@ -263,4 +263,77 @@ fn a_frame_corrected_row_by_row_is_the_corrected_cube() {
     let again = calibration.corrected_cube_into(&raw, T_RAW, &correction, &mut found, &mut found_masks).expect("fits");
     assert_eq!((again, found_masks), (counts, expected_masks));
     assert_eq!(found, expected);
+}
+
+#[test]
+fn dark_frames_of_two_exposures_tell_bias_and_dark_current() {
+    let [camera, _] = cameras();
+    // 2 to 9 counts per ms without light, of every pixel its own: warm, at long exposures.
+    let current = |at: usize| 2.0 + (at * 29 % 8) as f64;
+    let with_current = |frame: Vec<u16>, nanos: u64| -> Vec<u16> {
+        let counts = |(at, sample): (usize, u16)| f64::from(sample) + current(at) * nanos as f64 * 1e-6;
+        frame.into_iter().enumerate().map(|sample| counts(sample).round() as u16).collect()
+    };
+    let dark = |nanos: u64| camera.reference("dark", &[with_current(camera.bias.clone(), nanos)]);
+    let (short, long) = (dark(1_000_000), dark(40_000_000));
+    let white = camera.reference("white", &[with_current(camera.expose(T_WHITE, |_, _| RHO_WHITE), T_WHITE)]);
+    let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances: vec![RHO_WHITE], region: None };
+    let raw = with_current(camera.expose(20_000_000, |_, _| 0.1), 20_000_000);
+    let worst = |darks: &[(u64, &Reference)]| {
+        let calibration = Calibration::with_panel(&camera.mosaic, darks, &white, &panel).expect("sound");
+        let (reflectances, _, counts) = calibration.reflectance(&raw, 20_000_000).expect("fits");
+        assert_eq!(counts.masked(), 0);
+        reflectances.iter().map(|r| (r - 0.1).abs()).fold(0.0, f32::max)
+    };
+    let both = worst(&[(1_000_000, &short), (40_000_000, &long)]);
+    assert!(both < 0.001, "off by {both}");
+    // One exposure time does not tell: the dark current of 20 ms is taken for light.
+    let one = worst(&[(1_000_000, &short)]);
+    assert!(one > 0.01, "off by {one} only");
+    assert!(matches!(
+        Calibration::with_panel(&camera.mosaic, &[], &white, &panel),
+        Err(SpectralError::Frames { what: "dark", n_frames: 0 })
+    ));
+}
+
+#[test]
+fn a_panel_in_a_part_of_the_frame_is_white_enough_and_has_a_reflectance_for_each_band() {
+    for mut camera in cameras() {
+        // Of one band all pixels are alike; the lens shades nothing.
+        for (at, sensitivity) in camera.sensitivity.iter_mut().enumerate() {
+            let [width, _] = camera.mosaic.size();
+            let (x, y) = (at as u32 % width, at as u32 / width);
+            *sensitivity = 400.0 + 10.0 * band_at(&camera.mosaic, x, y) as f64;
+        }
+        let [x0, y0] = camera.mosaic.origin();
+        let region = [x0 + 6, y0 + 11, 23, 12];
+        let is_panel =
+            |x: u32, y: u32| (region[0]..region[0] + 23).contains(&x) && (region[1]..region[1] + 12).contains(&y);
+        let rho = |band: usize| 0.9 - 0.005 * band as f64;
+        let mosaic = camera.mosaic.clone();
+        let scene = |x: u32, y: u32| if is_panel(x, y) { rho(band_at(&mosaic, x, y)) } else { 0.3 };
+        let frame = camera.expose(T_WHITE, scene);
+        let (dark, white) = (
+            camera.reference("dark", std::slice::from_ref(&camera.bias)),
+            camera.reference("white", std::slice::from_ref(&frame)),
+        );
+        let reflectances: Vec<f64> = (0..mosaic.n_bands()).map(rho).collect();
+        let panel = WhitePanel { exposure_nanos: T_WHITE, reflectances, region: Some(region) };
+        let with = |panel: &WhitePanel| Calibration::with_panel(&mosaic, &[(T_WHITE, &dark)], &white, panel);
+        let (reflectances, valid, _) = with(&panel).expect("sound").reflectance(&frame, T_WHITE).expect("fits");
+        assert!(valid.iter().all(|valid| *valid));
+        for ((y, x), r) in reflectances.indexed_iter() {
+            let expected = scene(x as u32 + x0, y as u32 + y0);
+            assert!((f64::from(*r) - expected).abs() < 0.001, "{r} at {x} {y}, not {expected}");
+        }
+        let outside = WhitePanel { region: Some([x0, y0, 5000, 12]), ..panel.clone() };
+        assert!(matches!(with(&outside), Err(SpectralError::Region { .. })));
+        let few = WhitePanel { reflectances: vec![0.9; 3], ..panel };
+        assert!(matches!(with(&few), Err(SpectralError::PanelBands { n: 3, .. })));
+    }
+}
+
+fn band_at(mosaic: &Mosaic, x: u32, y: u32) -> usize {
+    let (p, [x0, y0]) = (mosaic.pattern(), mosaic.origin());
+    (((y + 100 * p - y0) % p) * p + (x + 100 * p - x0) % p) as usize
 }

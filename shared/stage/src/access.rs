@@ -193,6 +193,8 @@ pub struct Outputs {
     pub(crate) notes: Vec<String>,
     pub(crate) drive_time: Option<i64>,
     pub(crate) progress: Option<f64>,
+    /// Of the process, if there is one.
+    pub(crate) pulse: Option<std::sync::Arc<crate::health::Pulse>>,
 }
 
 impl Outputs {
@@ -253,6 +255,13 @@ impl Outputs {
             return Ok(());
         }
         Err(StepError::Contract(format!("topic {} has another type", T::TOPIC)))
+    }
+
+    /// Says that something got done in a step that takes long: the time after which it stalls begins anew.
+    pub fn mark_progress(&self) {
+        if let Some(pulse) = &self.pulse {
+            pulse.mark_progress();
+        }
     }
 
     /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.

@@ -108,7 +108,7 @@ impl<'a, S: Stage> Runner<'a, S> {
                 inputs.push((port.make.shared_input)(&ports, channels, &wake_name(&assignment.stage))?);
             }
         }
-        let mut outputs = Outputs::default();
+        let mut outputs = Outputs { pulse: Some(Arc::clone(pulse)), ..Outputs::default() };
         for port in S::outputs_with(settings, &assignment.context.launch_folder)? {
             let channels = assignment.outputs.iter().find(|channels| channels.topic == port.topic());
             let channels =

@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// A context whose three folders are `folder`, offline, every topic connected.
 pub fn context(folder: &Path) -> Context {
-    let topics = "sweep image mosaic gnss imu cube trajectory submap color spectra class instance";
+    let topics = "sweep image mosaic gnss imu cube trajectory placement submap color spectra class instance";
     Context {
         drive: folder.into(),
         output: folder.into(),

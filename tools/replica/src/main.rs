@@ -38,6 +38,8 @@ enum Cli {
     Evaluate(commands::evaluate::Args),
     /// List the objects of a run's clouds.
     Instances(commands::instances::Args),
+    /// Raw mosaics into ENVI cubes.
+    Cube(commands::cube::Args),
     /// Statistics and diagnosis of reflectances.
     Spectrum(commands::spectrum::Args),
     /// Measure a pipeline, and what it would cost if messages were copied.
@@ -69,6 +71,7 @@ fn main() -> ExitCode {
         Cli::Inspect(args) => commands::inspect::run(&args),
         Cli::Evaluate(args) => commands::evaluate::run(&args),
         Cli::Instances(args) => commands::instances::run(&args),
+        Cli::Cube(args) => commands::cube::run(&args),
         Cli::Spectrum(args) => commands::spectrum::run(&args),
         Cli::Bench(args) => commands::bench::run(&args),
         Cli::Status(args) => terminal::quietly(commands::status::run(&args)),

@@ -85,6 +85,12 @@ fn what_clipping_takes_away_is_said_first() {
         assert!((rate - expected).abs() < 3e-3, "{row:?}");
     }
     assert_eq!(rows.len(), 3);
+    let figures = folder.path().join("figures");
+    let output = spectrum(&[cube, "--clip-threshold", "0.2", "--figures", figures.to_str().expect("UTF-8")]);
+    assert!(output.status.success(), "{}", said(&output));
+    let expanded = std::fs::read_to_string(figures.join("expanded.svg")).expect("a figure");
+    assert_eq!(expanded.matches("<polyline").count(), 6, "three channels before and after");
+    assert!(expanded.contains("clipped at 0.2") && expanded.contains("no reflectance"));
 }
 
 #[test]
@@ -107,4 +113,23 @@ fn a_region_is_recognized_and_one_outside_refused() {
     let output = spectrum(&[cube, "--region", "35,5,10,4"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(said(&output).contains("region 35,5,10,4 must lie in the 40 x 25 cells"), "{}", said(&output));
+}
+
+#[test]
+fn a_real_frame_tells_its_exposure_its_saturation_and_that_it_is_no_reflectance() {
+    let Some(frame) = real_data::real_data("photonfocus/frame_02245_nir.tif") else { return };
+    let Some(xml) = real_data::real_data("photonfocus/CMV2K-SSM5x5-665_975-13.8.15.1_HS02-NIR.xml") else { return };
+    let [frame, xml] = [frame, xml].map(|path| path.to_str().expect("UTF-8").to_owned());
+    let output = spectrum(&[&frame, "--sensor", &xml, "--format", "json"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let input = &report["inputs"][0];
+    assert!(input["name"].as_str().is_some_and(|name| name.contains("at 3.65 ms, share of the full scale")), "{input}");
+    let channels = input["channels"].as_array().expect("channels");
+    let nm: Vec<f64> = channels.iter().filter_map(|channel| channel["wavelength_nm"].as_f64()).collect();
+    assert!(nm.len() == 25 && nm.is_sorted() && nm[0] > 650.0 && nm[24] < 1000.0, "{nm:?}");
+    let raw = formats::tiff::Tiff::parse(&std::fs::read(&frame).expect("readable")).expect("a TIFF");
+    let saturated = raw.samples.iter().filter(|sample| **sample == 255).count() as f64;
+    let invalid: f64 = channels.iter().filter_map(|channel| channel["invalid"].as_f64()).sum::<f64>() / 25.0;
+    assert!((invalid - saturated / raw.samples.len() as f64).abs() < 1e-9, "{invalid}");
 }

@@ -126,6 +126,7 @@ fn manifest() -> Manifest {
             dark_exposure_nanos: 5_000_000,
             white_exposure_nanos: 5_000_000,
             white_reflectance: 0.98,
+            white_panel: None,
             bit_depth: 10,
             pattern: 4,
             active_area: [0, 0, 20, 8],

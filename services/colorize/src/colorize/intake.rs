@@ -68,7 +68,7 @@ impl Colorize {
         let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
         let fits = end(header.x0, header.width) <= width
             && end(header.y0, header.height) <= height
-            && header.pattern == self.patterns[camera];
+            && (header.pattern == self.patterns[camera] || header.pattern == 1);
         CubePicture::new(header, cube.rows()).filter(|_| fits)
     }
 

@@ -46,6 +46,7 @@ pub fn mosaic(name: &str, body_from_camera: Pose, model: CameraModel, pattern: u
         dark_exposure_nanos: 5_000_000,
         white_exposure_nanos: 5_000_000,
         white_reflectance: 0.98,
+        white_panel: None,
         bit_depth: 10,
         pattern,
         active_area: area,

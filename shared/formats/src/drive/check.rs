@@ -4,7 +4,8 @@ use super::listing::{Frame, files_with_extension, frames};
 use super::read::Read;
 use super::{Drive, TIMES_FILE};
 use crate::manifest::{
-    CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry, rules,
+    CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry, WhitePanelEntry,
+    rules,
 };
 use crate::problems::FileError;
 use crate::sensor_calibration::SensorCalibration;
@@ -170,7 +171,27 @@ impl Check<'_> {
         self.file.rule(&key("active_area"), inside && w >= side && h >= side, || {
             format!("{:?} must lie in the {width} x {height} image and hold a pattern of {side}", entry.active_area)
         });
+        if let Some(panel) = &entry.white_panel {
+            self.white_panel(&key("white_panel"), panel, entry);
+        }
         self.frames(&key("folder"), &entry.folder, index, &["pgm"])
+    }
+
+    fn white_panel(&mut self, key: &str, panel: &WhitePanelEntry, entry: &MosaicEntry) {
+        if let Some(reflectances) = &panel.reflectances {
+            let n_bands = entry.wavelengths_nm.len();
+            let sound = reflectances.len() == n_bands && reflectances.iter().all(|white| *white > 0.0 && *white <= 1.0);
+            self.file.rule(key, sound, || {
+                format!("reflectances {reflectances:?} must be {n_bands}, one for each band, above 0, up to 1")
+            });
+        }
+        if let Some(region) = panel.region {
+            let ([x, y, w, h], [x0, y0, width, height]) = (region.map(u64::from), entry.active_area.map(u64::from));
+            let inside = x >= x0 && y >= y0 && x + w <= x0 + width && y + h <= y0 + height;
+            self.file.rule(key, inside && w.min(h) >= u64::from(entry.pattern), || {
+                format!("region {region:?} must lie in the active area and hold a pattern of {}", entry.pattern)
+            });
+        }
     }
 
     /// The maker's file, and that the manifest does not contradict it.

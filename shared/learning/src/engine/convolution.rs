@@ -55,6 +55,22 @@ impl Shape {
     pub fn bias_place(&self, out: usize) -> (usize, usize) {
         (blocks(self.out_channels) * self.rows_per_block() + out / LANES, out % LANES)
     }
+    /// Weights in `PyTorch`'s order `[out, in, row, column]` and biases from rows in packed order.
+    pub fn unpacked(&self, packed: &[Feature]) -> (Vec<f32>, Vec<f32>) {
+        let n_in: usize = self.in_channels.iter().sum();
+        let [rows, columns] = self.kernel;
+        let weight = |i: usize| {
+            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let (row, lane) = self.place(out, input, [i / columns % rows, i % columns]);
+            packed[row][lane]
+        };
+        let bias = |out: usize| {
+            let (row, lane) = self.bias_place(out);
+            packed[row][lane]
+        };
+        let n_weights = self.out_channels * n_in * rows * columns;
+        ((0..n_weights).map(weight).collect(), (0..self.out_channels).map(bias).collect())
+    }
     /// Columns of the result.
     pub fn out_width(&self, width: usize) -> usize {
         width / self.stride_x
@@ -146,57 +162,61 @@ struct Job<'a> {
 impl WithSimd for Job<'_> {
     type Output = ();
 
-    // Tiles of pixels x output blocks whose sums fit into the registers: 16 of 32 (AVX-512), 8 of 16 (AVX2) hide the
+    // Tiles of pixels x output blocks whose sums fit into the registers: 16 to 24 of 32 (AVX-512), 8 of 16 (AVX2) hide the
     // latency of the multiply-adds.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match (S::F32_LANES, self.filter.shape.stride_x) {
-            (16, 1) => self.all_rows::<S, 1, 8, 2, 1>(simd),
-            (16, _) => self.all_rows::<S, 1, 8, 2, 2>(simd),
-            (8, 1) => self.all_rows::<S, 2, 4, 1, 1>(simd),
-            (8, _) => self.all_rows::<S, 2, 4, 1, 2>(simd),
-            (4, 1) => self.all_rows::<S, 4, 2, 1, 1>(simd),
-            (4, _) => self.all_rows::<S, 4, 2, 1, 2>(simd),
-            (_, 1) => self.all_rows::<S, 16, 1, 1, 1>(simd),
-            _ => self.all_rows::<S, 16, 1, 1, 2>(simd),
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let n_blocks = self.out.n_blocks();
+        // All blocks of a row before the next row: what they read of the sources then stays in the cache.
+        for y in 0..self.out.height() {
+            let mut block = 0;
+            while block < n_blocks {
+                let many = if S::F32_LANES == 16 { n_blocks - block } else { 1 };
+                block += match (S::F32_LANES, self.filter.shape.stride_x, many) {
+                    (16, 1, 1) => self.row::<S, 1, 16, 1, 1>(simd, block, y),
+                    (16, 1, 2 | 4) => self.row::<S, 1, 12, 2, 1>(simd, block, y),
+                    (16, 1, _) => self.row::<S, 1, 8, 3, 1>(simd, block, y),
+                    (16, _, 1) => self.row::<S, 1, 8, 1, 2>(simd, block, y),
+                    (16, _, _) => self.row::<S, 1, 8, 2, 2>(simd, block, y),
+                    (8, 1, _) => self.row::<S, 2, 4, 1, 1>(simd, block, y),
+                    (8, _, _) => self.row::<S, 2, 4, 1, 2>(simd, block, y),
+                    (4, 1, _) => self.row::<S, 4, 2, 1, 1>(simd, block, y),
+                    (4, _, _) => self.row::<S, 4, 2, 1, 2>(simd, block, y),
+                    (_, 1, _) => self.row::<S, 16, 1, 1, 1>(simd, block, y),
+                    _ => self.row::<S, 16, 1, 1, 2>(simd, block, y),
+                };
+            }
         }
     }
 }
 
 impl Job<'_> {
-    /// `N` registers make 16 lanes; tiles of `P` pixels and `C` blocks; stride `SX`.
+    /// One row of `C` output blocks from `block`, and `C`. `N` registers make 16 lanes; tiles of `P` pixels; stride `SX`.
     #[inline(always)]
-    fn all_rows<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(self, simd: S) {
-        let Self { filter, sources, out } = self;
-        let (n_blocks, height, width) = (out.n_blocks(), out.height(), out.width());
-        let mut block = 0;
-        while block < n_blocks {
-            let many = block + C <= n_blocks;
-            for y in 0..height {
-                let mut x = 0;
-                while x + P <= width {
-                    if many {
-                        let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, P, C>(simd, filter, &sums, out, block, y, x);
-                    } else {
-                        let sums = tile::<S, N, P, 1, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, P, 1>(simd, filter, &sums, out, block, y, x);
-                    }
-                    x += P;
-                }
-                while x < width {
-                    if many {
-                        let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, 1, C>(simd, filter, &sums, out, block, y, x);
-                    } else {
-                        let sums = tile::<S, N, 1, 1, SX>(simd, filter, sources, block, y, x);
-                        store::<S, N, 1, 1>(simd, filter, &sums, out, block, y, x);
-                    }
-                    x += 1;
-                }
-            }
-            block += if many { C } else { 1 };
+    fn row<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
+        &mut self,
+        simd: S,
+        block: usize,
+        y: usize,
+    ) -> usize {
+        let (filter, sources, width) = (self.filter, self.sources, self.out.width());
+        let mut x = 0;
+        while x + P <= width {
+            let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, P, C>(simd, filter, &sums, self.out, block, y, x);
+            x += P;
         }
+        while x + 4 <= width {
+            let sums = tile::<S, N, 4, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, 4, C>(simd, filter, &sums, self.out, block, y, x);
+            x += 4;
+        }
+        while x < width {
+            let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
+            store::<S, N, 1, C>(simd, filter, &sums, self.out, block, y, x);
+            x += 1;
+        }
+        C
     }
 }
 
@@ -227,6 +247,11 @@ fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize
             let plane = source.plane(source_block);
             let n_channels = (source.channels() - source_block * LANES).min(LANES);
             for row in 0..rows {
+                // Nothing but zeros above and below the image.
+                if y + row < rows / 2 || y + row >= source.height() + rows / 2 {
+                    tap += columns;
+                    continue;
+                }
                 let first = (y + BORDER + row - rows / 2) * source.pitch() + BORDER + x * SX - columns / 2;
                 for column in 0..columns {
                     let pixels = &plane[first + column..][..=(P - 1) * SX];

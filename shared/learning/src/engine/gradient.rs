@@ -123,46 +123,54 @@ impl Part<'_> {
     }
 }
 
-/// Derivative by the sources: the convolution of `gradient` with the filter turned around. `gradient` is the derivative by
-/// the result before the rectifier; its border is filled here.
-///
-/// # Panics
-/// If the sizes do not agree.
-pub fn input_gradient(filter: &Filter, gradient: &Planes, border: Border) -> Vec<Planes> {
-    let shape = &filter.shape;
-    let mut spread = match shape.stride_x {
-        1 => gradient.clone(),
-        stride => spread_columns(gradient, stride),
-    };
-    spread.fill_border(border);
-    let [rows, columns] = shape.kernel;
-    let mut first_input = 0;
-    let of_source = |&channels: &usize| {
-        let turned = Shape {
-            kernel: shape.kernel,
-            stride_x: 1,
-            in_channels: vec![shape.out_channels],
-            out_channels: channels,
-            rectify: false,
-        };
-        let mut packed = vec![[0.0; LANES]; turned.packed_rows()];
-        for out in 0..shape.out_channels {
-            for input in 0..channels {
-                for row in 0..rows {
-                    for column in 0..columns {
-                        let weight = filter.weight(out, first_input + input, [row, column]);
-                        let (at, lane) = turned.place(input, out, [rows - 1 - row, columns - 1 - column]);
-                        packed[at][lane] = weight;
+impl Filter {
+    /// For each source, the filter that takes the derivative by the result to that by the source.
+    pub fn turned(&self) -> Vec<Self> {
+        let shape = &self.shape;
+        let [rows, columns] = shape.kernel;
+        let mut first_input = 0;
+        let of_source = |&channels: &usize| {
+            let turned = Shape {
+                kernel: shape.kernel,
+                stride_x: 1,
+                in_channels: vec![shape.out_channels],
+                out_channels: channels,
+                rectify: false,
+            };
+            let mut packed = vec![[0.0; LANES]; turned.packed_rows()];
+            for out in 0..shape.out_channels {
+                for input in 0..channels {
+                    for row in 0..rows {
+                        for column in 0..columns {
+                            let weight = self.weight(out, first_input + input, [row, column]);
+                            let (at, lane) = turned.place(input, out, [rows - 1 - row, columns - 1 - column]);
+                            packed[at][lane] = weight;
+                        }
                     }
                 }
             }
-        }
-        first_input += channels;
-        let mut result = Planes::zeros(channels, spread.height(), spread.width());
-        convolve(&Filter::from_packed(turned, packed), &[&spread], &mut result);
-        result
-    };
-    shape.in_channels.iter().map(of_source).collect()
+            first_input += channels;
+            Self::from_packed(turned, packed)
+        };
+        shape.in_channels.iter().map(of_source).collect()
+    }
+}
+
+/// Derivative by a source of a convolution of this stride: the convolution of `gradient`, the derivative by the result before
+/// the rectifier with its border filled, with the source's [turned](Filter::turned) filter.
+///
+/// # Panics
+/// If the sizes do not agree.
+pub fn input_gradient(turned: &Filter, stride_x: usize, gradient: &Planes, border: Border) -> Planes {
+    let mut result = Planes::zeros(turned.shape.out_channels, gradient.height(), gradient.width() * stride_x);
+    if stride_x == 1 {
+        convolve(turned, &[gradient], &mut result);
+    } else {
+        let mut spread = spread_columns(gradient, stride_x);
+        spread.fill_border(border);
+        convolve(turned, &[&spread], &mut result);
+    }
+    result
 }
 
 /// Zeros between the columns, where a stride made no result.

@@ -100,6 +100,24 @@ impl Planes {
         let (start, width) = (self.start(block, y), self.width);
         &mut self.pixels[start..][..width]
     }
+    /// Adds an image of the same size, borders too.
+    pub(crate) fn add(&mut self, other: &Self) {
+        debug_assert_eq!(self.pixels.len(), other.pixels.len());
+        let values = self.pixels.as_flattened_mut().iter_mut().zip(other.pixels.as_flattened());
+        values.for_each(|(value, other)| *value += other);
+    }
+    /// Multiplies by an image of the same size, borders too.
+    pub(crate) fn scale(&mut self, other: &Self) {
+        debug_assert_eq!(self.pixels.len(), other.pixels.len());
+        let values = self.pixels.as_flattened_mut().iter_mut().zip(other.pixels.as_flattened());
+        values.for_each(|(value, other)| *value *= other);
+    }
+    /// Zero where an image of the same size is zero or less: a rectifier's derivative by its result.
+    pub(crate) fn clear_where_zero(&mut self, other: &Self) {
+        debug_assert_eq!(self.pixels.len(), other.pixels.len());
+        let values = self.pixels.as_flattened_mut().iter_mut().zip(other.pixels.as_flattened());
+        values.for_each(|(value, other)| *value = if *other > 0.0 { *value } else { 0.0 });
+    }
     /// Brings the columns beyond the left and right edge up to date.
     ///
     /// # Panics

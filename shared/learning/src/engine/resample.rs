@@ -1,14 +1,14 @@
 //! Smaller and larger images.
 
-use super::planes::{Feature, LANES, Planes};
+use super::planes::{LANES, Planes};
 
-/// The largest of every `factor` rows x columns.
+/// The largest of every `factor` rows x columns, written to all but the border of `out`.
 ///
 /// # Panics
-/// If the factors do not divide the image.
-pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
-    assert_eq!((image.height() % rows, image.width() % columns), (0, 0), "a pool must divide the image");
-    let mut out = Planes::zeros(image.channels(), image.height() / rows, image.width() / columns);
+/// If `out` is not that many times smaller than the image.
+pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+    let expected = (image.channels(), image.height(), image.width());
+    assert_eq!((out.channels(), out.height() * rows, out.width() * columns), expected, "a pool must divide the image");
     for block in 0..out.n_blocks() {
         for y in 0..out.height() {
             let out_row = out.row_mut(block, y);
@@ -25,29 +25,27 @@ pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
             }
         }
     }
-    out
 }
 
-/// Derivative by the image: that by the result, at the first of the largest; pixels without border throughout.
-pub fn max_pool_gradient(
-    image: &[Feature],
-    pooled: &[Feature],
-    gradient: &[Feature],
-    width: usize,
-    [rows, columns]: [usize; 2],
-) -> Vec<Feature> {
-    let mut out = vec![[0.0; LANES]; image.len()];
-    let out_width = width / columns;
-    for (i, (largest, gradient)) in pooled.iter().zip(gradient).enumerate() {
-        let (x, y) = (i % out_width, i / out_width);
-        let mut taken = [false; LANES];
-        for row in 0..rows {
-            for column in 0..columns {
-                let at = (y * rows + row) * width + x * columns + column;
-                for lane in 0..LANES {
-                    if !taken[lane] && image[at][lane] == largest[lane] {
-                        taken[lane] = true;
-                        out[at][lane] = gradient[lane];
+/// Derivative by the image: that by the result, at the first of the largest.
+pub fn max_pool_gradient(image: &Planes, pooled: &Planes, gradient: &Planes, [rows, columns]: [usize; 2]) -> Planes {
+    let mut out = Planes::zeros(image.channels(), image.height(), image.width());
+    for block in 0..pooled.n_blocks() {
+        for y in 0..pooled.height() {
+            let mut taken = vec![[false; LANES]; pooled.width()];
+            let (largest, gradient) = (pooled.row(block, y), gradient.row(block, y));
+            for row in y * rows..(y + 1) * rows {
+                let pixels = image.row(block, row).chunks_exact(columns);
+                let out = out.row_mut(block, row).chunks_exact_mut(columns);
+                for ((((pixels, out), taken), largest), gradient) in
+                    pixels.zip(out).zip(&mut taken).zip(largest).zip(gradient)
+                {
+                    for (pixel, out) in pixels.iter().zip(out) {
+                        for lane in 0..LANES {
+                            let takes = !taken[lane] && pixel[lane] == largest[lane];
+                            taken[lane] |= takes;
+                            out[lane] = if takes { gradient[lane] } else { 0.0 };
+                        }
                     }
                 }
             }
@@ -56,9 +54,13 @@ pub fn max_pool_gradient(
     out
 }
 
-/// Every pixel repeated over `factor` rows x columns.
-pub fn upsample(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
-    let mut out = Planes::zeros(image.channels(), image.height() * rows, image.width() * columns);
+/// Every pixel repeated over `factor` rows x columns, written to all but the border of `out`.
+///
+/// # Panics
+/// If `out` is not that many times larger than the image.
+pub fn upsample(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+    let expected = (image.channels(), image.height() * rows, image.width() * columns);
+    assert_eq!((out.channels(), out.height(), out.width()), expected);
     for block in 0..out.n_blocks() {
         for y in 0..out.height() {
             let pixels = image.row(block, y / rows);
@@ -67,17 +69,20 @@ pub fn upsample(image: &Planes, [rows, columns]: [usize; 2]) -> Planes {
             }
         }
     }
-    out
 }
 
-/// Derivative by the image: sums of that by the result; pixels without border throughout.
-pub fn upsample_gradient(gradient: &[Feature], width: usize, [rows, columns]: [usize; 2]) -> Vec<Feature> {
-    let mut out = vec![[0.0; LANES]; gradient.len() / (rows * columns)];
-    let out_width = width / columns;
-    for (i, gradient) in gradient.iter().enumerate() {
-        let (x, y) = (i % width, i / width);
-        let sum = &mut out[y / rows * out_width + x / columns];
-        sum.iter_mut().zip(gradient).for_each(|(sum, value)| *sum += value);
+/// Derivative by the image: sums of that by the result.
+pub fn upsample_gradient(gradient: &Planes, [rows, columns]: [usize; 2]) -> Planes {
+    let mut out = Planes::zeros(gradient.channels(), gradient.height() / rows, gradient.width() / columns);
+    for block in 0..out.n_blocks() {
+        for y in 0..gradient.height() {
+            let sums = out.row_mut(block, y / rows).iter_mut();
+            for (sum, pixels) in sums.zip(gradient.row(block, y).chunks_exact(columns)) {
+                for pixel in pixels {
+                    sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += value);
+                }
+            }
+        }
     }
     out
 }

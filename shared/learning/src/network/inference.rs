@@ -3,19 +3,72 @@
 use super::{Executor, Layer, NetworkSpec, Weights};
 use crate::LearningError;
 use crate::engine::{Border, Filter, Planes, convolve, max_pool, upsample};
+use std::ops::Deref;
+use std::sync::{Mutex, PoisonError};
 
-/// A network ready to run on one thread.
-#[derive(Clone, Debug)]
+/// A network ready to run, on any number of threads at a time.
+#[derive(Debug)]
 pub struct Inference {
     spec: NetworkSpec,
     filters: Vec<Filter>,
     border: Border,
+    spare: Spare,
+}
+
+/// Images of earlier runs, to be written again: to clear new memory takes a tenth of a run.
+#[derive(Debug, Default)]
+pub struct Spare(Mutex<Vec<Planes>>);
+
+/// An image: the input, or one that goes back to the spare ones when nobody needs it any more.
+pub enum Lent<'a> {
+    /// The input.
+    Input(&'a Planes),
+    /// Made by a layer.
+    Made(Planes, &'a Spare),
+}
+
+impl<'a> Lent<'a> {
+    /// One of this size: zeros above and below, anything elsewhere.
+    fn new(spare: &'a Spare, channels: usize, height: usize, width: usize) -> Self {
+        let mut images = spare.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_fit = |image: &Planes| (image.channels(), image.height(), image.width()) == (channels, height, width);
+        let found = images.iter().position(is_fit).map(|index| images.swap_remove(index));
+        Self::Made(found.unwrap_or_else(|| Planes::zeros(channels, height, width)), spare)
+    }
+    /// Has `f` write all but the border, and fills that.
+    fn written(mut self, border: Border, f: impl FnOnce(&mut Planes)) -> Self {
+        if let Self::Made(image, _) = &mut self {
+            f(image);
+            image.fill_border(border);
+        }
+        self
+    }
+}
+
+impl Deref for Lent<'_> {
+    type Target = Planes;
+    fn deref(&self) -> &Planes {
+        match self {
+            Self::Input(image) => image,
+            Self::Made(image, _) => image,
+        }
+    }
+}
+
+impl Drop for Lent<'_> {
+    fn drop(&mut self) {
+        if let Self::Made(image, spare) = self {
+            let image = std::mem::replace(image, Planes::zeros(0, 0, 0));
+            spare.0.lock().unwrap_or_else(PoisonError::into_inner).push(image);
+        }
+    }
 }
 
 /// One run through the layers.
 struct Run<'a> {
     filters: std::slice::Iter<'a, Filter>,
     border: Border,
+    spare: &'a Spare,
 }
 
 impl Inference {
@@ -25,7 +78,7 @@ impl Inference {
     /// If a tensor is absent or of another shape.
     pub fn new(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, LearningError> {
         let filters = weights.filters(&spec)?;
-        Ok(Self { spec, filters, border })
+        Ok(Self { spec, filters, border, spare: Spare::default() })
     }
     /// The network's form.
     pub fn spec(&self) -> &NetworkSpec {
@@ -35,7 +88,7 @@ impl Inference {
     ///
     /// # Errors
     /// If the image has not the channels and multiples that the network needs.
-    pub fn run(&self, input: Planes) -> Result<Planes, LearningError> {
+    pub fn run<'a>(&'a self, input: &'a Planes) -> Result<Lent<'a>, LearningError> {
         let [rows, columns] = self.spec.multiple_of();
         let fits = input.height().is_multiple_of(rows) && input.width().is_multiple_of(columns);
         if !fits || input.channels() != self.spec.channels().0 {
@@ -46,8 +99,8 @@ impl Inference {
             );
             return Err(LearningError::Compute(candle_core::Error::Msg(reason)));
         }
-        let mut run = Run { filters: self.filters.iter(), border: self.border };
-        self.spec.run(&mut run, input)
+        let mut run = Run { filters: self.filters.iter(), border: self.border, spare: &self.spare };
+        self.spec.run(&mut run, Lent::Input(input))
     }
     /// Multiplications and additions for an image of this size.
     pub fn flops(&self, height: usize, width: usize) -> usize {
@@ -77,28 +130,25 @@ impl Inference {
     }
 }
 
-impl Executor for Run<'_> {
-    type Image = Planes;
+impl<'a> Executor for Run<'a> {
+    type Image = Lent<'a>;
 
-    fn convolution(&mut self, _: &Layer, sources: &[&Planes]) -> Result<Planes, LearningError> {
+    fn convolution(&mut self, _: &Layer, sources: &[&Lent<'a>]) -> Result<Lent<'a>, LearningError> {
         let filter = self.filters.next().expect("one filter for each layer");
+        let sources: Vec<&Planes> = sources.iter().map(|source| &***source).collect();
         let (height, width) = (sources[0].height(), filter.shape.out_width(sources[0].width()));
-        let mut out = Planes::zeros(filter.shape.out_channels, height, width);
-        convolve(filter, sources, &mut out);
-        out.fill_border(self.border);
-        Ok(out)
+        let out = Lent::new(self.spare, filter.shape.out_channels, height, width);
+        Ok(out.written(self.border, |out| convolve(filter, &sources, out)))
     }
-    fn max_pool(&mut self, image: &Planes, factor: [usize; 2]) -> Result<Planes, LearningError> {
-        let mut out = max_pool(image, factor);
-        out.fill_border(self.border);
-        Ok(out)
+    fn max_pool(&mut self, image: &Lent<'a>, factor: [usize; 2]) -> Result<Lent<'a>, LearningError> {
+        let out = Lent::new(self.spare, image.channels(), image.height() / factor[0], image.width() / factor[1]);
+        Ok(out.written(self.border, |out| max_pool(image, factor, out)))
     }
-    fn upsample(&mut self, image: &Planes, factor: [usize; 2]) -> Result<Planes, LearningError> {
-        let mut out = upsample(image, factor);
-        out.fill_border(self.border);
-        Ok(out)
+    fn upsample(&mut self, image: &Lent<'a>, factor: [usize; 2]) -> Result<Lent<'a>, LearningError> {
+        let out = Lent::new(self.spare, image.channels(), image.height() * factor[0], image.width() * factor[1]);
+        Ok(out.written(self.border, |out| upsample(image, factor, out)))
     }
-    fn dropout(&mut self, image: Planes, _: f32) -> Result<Planes, LearningError> {
+    fn dropout(&mut self, image: Lent<'a>, _: f32) -> Result<Lent<'a>, LearningError> {
         Ok(image)
     }
 }

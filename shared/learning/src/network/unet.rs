@@ -6,7 +6,7 @@
 use super::{Executor, Layer, layer};
 use crate::LearningError;
 
-pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize]) -> Vec<Layer> {
+pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize], head: Option<usize>) -> Vec<Layer> {
     let mut layers = Vec::new();
     let mut channels = inputs;
     for (level, &width) in widths.iter().enumerate() {
@@ -17,8 +17,8 @@ pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize]) -> Vec<Lay
     for level in (0..widths.len() - 1).rev() {
         let width = widths[level];
         layers.push(layer(format!("up.{level}.0"), 1, vec![channels], width, true));
-        layers.push(layer(format!("up.{level}.1"), 3, vec![width, width], width, true));
-        channels = width;
+        channels = head.filter(|_| level == 0).unwrap_or(width);
+        layers.push(layer(format!("up.{level}.1"), 3, vec![width, width], channels, true));
     }
     layers.push(layer("classes".to_owned(), 1, vec![channels], outputs, false));
     layers

@@ -1,5 +1,7 @@
 //! What the network sees of a pixel.
 
+use super::elementary::tanh;
+use super::surface::Surface;
 use super::{PolarImage, PolarPixel};
 use crate::engine::{BORDER, Border, LANES, Planes};
 
@@ -33,9 +35,6 @@ pub const FEATURES: [&str; N_FEATURES] = [
 /// How many there are.
 pub const N_FEATURES: usize = 10;
 
-/// Columns to the neighbors that roughness is measured against: 0.5 deg of 2048 columns.
-const ROUGHNESS_COLUMNS: isize = 3;
-
 /// The input image: `fold` neighboring columns side by side in the channels, feature f of column c in channel
 /// `c % fold * N_FEATURES + f` of column `c / fold`. Rows are filled up with nothing to a multiple of `row_multiple`.
 ///
@@ -46,16 +45,17 @@ pub fn features(image: &PolarImage, fold: usize, row_multiple: usize) -> Planes 
     let width = image.columns / fold;
     assert!(width >= BORDER);
     let mut planes = Planes::zeros(fold * N_FEATURES, image.rows.next_multiple_of(row_multiple), width);
+    let surface = Surface::of(image);
+    let mut of_row = vec![[0.0_f32; N_FEATURES]; image.columns];
     for row in 0..image.rows {
-        for column in 0..image.columns {
-            let pixel = &image.pixels[row * image.columns + column];
-            if !pixel.is_valid() {
-                continue;
-            }
-            let values = of_pixel(image, pixel, row, column);
-            let first = column % fold * N_FEATURES;
-            for (channel, value) in (first..).zip(values) {
-                planes.row_mut(channel / LANES, row)[column / fold][channel % LANES] = value;
+        for (column, (values, pixel)) in
+            of_row.iter_mut().zip(&image.pixels[row * image.columns..][..image.columns]).enumerate()
+        {
+            *values = if pixel.is_valid() { of_pixel(&surface, image, pixel, row, column) } else { [0.0; N_FEATURES] };
+        }
+        for (column, folded) in of_row.chunks_exact(fold).enumerate() {
+            for (channel, value) in folded.as_flattened().iter().enumerate() {
+                planes.row_mut(channel / LANES, row)[column][channel % LANES] = *value;
             }
         }
     }
@@ -63,30 +63,29 @@ pub fn features(image: &PolarImage, fold: usize, row_multiple: usize) -> Planes 
     planes
 }
 
-fn of_pixel(image: &PolarImage, pixel: &PolarPixel, row: usize, column: usize) -> [f32; N_FEATURES] {
-    let range_m = pixel.range_m();
+fn of_pixel(
+    surface: &Surface<'_>,
+    image: &PolarImage,
+    pixel: &PolarPixel,
+    row: usize,
+    column: usize,
+) -> [f32; N_FEATURES] {
+    let range_m = surface.range_m(row, column);
     let ray = pixel.ray.map(|v| v / range_m);
-    let normal = image.normal(row, column).unwrap_or_default();
+    let normal = surface.normal(row, column).unwrap_or_default();
     let incidence = -(ray[0] * normal[0] + ray[1] * normal[1] + ray[2] * normal[2]);
-    let beside = |by: isize| image.at(row as isize, column as isize + by);
-    let roughness = match (beside(-ROUGHNESS_COLUMNS), beside(ROUGHNESS_COLUMNS)) {
-        (Some(before), Some(after)) => {
-            let off = |i: usize| pixel.ray[i] - 0.5 * (before.ray[i] + after.ray[i]);
-            (off(0) * off(0) + off(1) * off(1) + off(2) * off(2)).sqrt()
-        }
-        // An edge of what is seen is as rough as can be.
-        _ => 1.0,
-    };
+    // An edge of what is seen is as rough as can be.
+    let roughness_m = surface.roughness_m(row, column).unwrap_or(1.0);
     let known = f32::from(u8::from(image.has_intensity));
     [
         1.0,
         (1.0 + range_m).ln() - 2.0,
-        (pixel.height_m / 0.3).tanh(),
+        tanh(pixel.height_m / 0.3),
         (pixel.height_m / 4.0).clamp(-1.0, 3.0),
         normal[2],
         incidence,
         ray[2],
-        (roughness / 0.1).tanh(),
+        tanh(roughness_m / 0.1),
         known * f32::from(pixel.intensity) / 50.0,
         known,
     ]

@@ -1,15 +1,17 @@
 //! The model: settings and weights from a file, and what it makes of a submap.
 
 use super::back_projection::pixel_for;
+use super::softmax::{MAX_CLASSES, Softmax};
 use super::sweeps::{Sweep, point_ranges, sweep};
 use super::votes::Votes;
 use super::{N_FEATURES, PolarImage, features};
-use crate::engine::{Border, LANES};
+use crate::engine::Border;
 use crate::ground;
 use crate::model_file::{self, ModelFile};
 use crate::network::{Inference, NetworkSpec, Weights};
 use crate::{Cloud, LearningError, ModelCard, Report, Segmenter};
 use messages::{ClassId, ClassRow};
+use pulp::Arch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +59,10 @@ impl Settings {
                 self.columns.is_multiple_of(self.fold.max(1) * columns),
                 format!("columns = {}, must be a multiple of fold x {columns}", self.columns),
             ),
+            (
+                (1..=MAX_CLASSES).contains(&classes.len()),
+                format!("{} classes, must be 1 to {MAX_CLASSES}", classes.len()),
+            ),
             (rows <= 64, format!("the network needs multiples of {rows} rows, at most 64 are possible")),
             (
                 inputs == self.fold * N_FEATURES,
@@ -95,6 +101,7 @@ pub struct SphericalModel {
     settings: Settings,
     classes: Vec<ClassId>,
     network: Inference,
+    every: usize,
 }
 
 impl SphericalModel {
@@ -122,7 +129,14 @@ impl SphericalModel {
     pub fn new(card: ModelCard, settings: Settings, weights: &Weights) -> Result<Self, LearningError> {
         let classes = settings.check().map_err(candle_core::Error::Msg)?;
         let network = Inference::new(settings.network.clone(), weights, Border::Circular)?;
-        Ok(Self { card, settings, classes, network })
+        Ok(Self { card, settings, classes, network, every: 1 })
+    }
+    /// Only the first of every so many sweeps of a submap goes through the network; 1, the default, is all. Points of the
+    /// others take the votes of those nearby.
+    #[must_use]
+    pub fn with_every(mut self, every: usize) -> Self {
+        self.every = every.max(1);
+        self
     }
     /// What the file says.
     pub fn settings(&self) -> &Settings {
@@ -133,60 +147,30 @@ impl SphericalModel {
         let rows = rings.next_multiple_of(self.network.spec().multiple_of()[0]);
         self.network.flops(rows, self.settings.columns / self.settings.fold)
     }
-    /// Probabilities of the classes for every pixel, rows of one length in raster order; zeros where there is no point.
+    /// Votes of the pixels of an image, rows of the classes in raster order: probabilities, 0 to 255 for 0 to 1. Those of pixels
+    /// without a point mean nothing.
     ///
     /// # Errors
     /// If the image has other columns than the model.
-    pub fn probabilities(&self, image: &PolarImage) -> Result<Vec<f32>, LearningError> {
-        let (fold, n_classes) = (self.settings.fold, self.classes.len());
-        let input = features(image, fold, self.network.spec().multiple_of()[0]);
-        let logits = self.network.run(input)?;
-        let mut probabilities = vec![0.0_f32; image.pixels.len() * n_classes];
-        // The channels of each pixel of a row side by side.
-        let n_channels = logits.n_blocks() * LANES;
-        let mut of_row = vec![0.0_f32; logits.width() * n_channels];
-        for row in 0..image.rows {
-            for block in 0..logits.n_blocks() {
-                let pixels = of_row.chunks_exact_mut(n_channels).zip(logits.row(block, row));
-                pixels.for_each(|(of_pixel, lanes)| of_pixel[block * LANES..][..LANES].copy_from_slice(lanes));
-            }
-            for column in 0..image.columns {
-                let at = row * image.columns + column;
-                if !image.pixels[at].is_valid() {
-                    continue;
-                }
-                let first = column / fold * n_channels + column % fold * n_classes;
-                let of_pixel = &mut probabilities[at * n_classes..][..n_classes];
-                of_pixel.copy_from_slice(&of_row[first..first + n_classes]);
-                softmax(of_pixel, self.settings.temperature);
-            }
-        }
-        Ok(probabilities)
+    pub fn votes_of_pixels(&self, image: &PolarImage) -> Result<Vec<u8>, LearningError> {
+        let input = features(image, self.settings.fold, self.network.spec().multiple_of()[0]);
+        let logits = self.network.run(&input)?;
+        let n_classes = self.classes.len();
+        let mut votes = vec![0; image.pixels.len() * n_classes];
+        let (fold, temperature) = (self.settings.fold, self.settings.temperature);
+        Arch::new().dispatch(Softmax { image, logits: &logits, fold, n_classes, temperature, votes: &mut votes });
+        Ok(votes)
     }
-    /// Votes of one sweep for its own points, 0 to 255, in rows of the classes.
+    /// Votes of one sweep for its own points, in rows of the classes.
     fn votes(&self, sweep: &Sweep) -> Result<Vec<u8>, LearningError> {
         let n_classes = self.classes.len();
-        let probabilities = self.probabilities(&sweep.polar)?;
+        let of_pixels = self.votes_of_pixels(&sweep.polar)?;
         let mut votes = vec![0; sweep.points.len() * n_classes];
         for (point, row) in votes.chunks_exact_mut(n_classes).enumerate() {
             let Some(pixel) = pixel_for(&sweep.image, point) else { continue };
-            let of_pixel = &probabilities[pixel as usize * n_classes..][..n_classes];
-            row.iter_mut().zip(of_pixel).for_each(|(vote, p)| *vote = (p * 255.0 + 0.5) as u8);
+            row.copy_from_slice(&of_pixels[pixel as usize * n_classes..][..n_classes]);
         }
         Ok(votes)
-    }
-}
-
-/// In place, logits divided by the temperature.
-fn softmax(logits: &mut [f32], temperature: f32) {
-    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    let mut sum = 0.0;
-    for logit in &mut *logits {
-        *logit = ((*logit - largest) / temperature).exp();
-        sum += *logit;
-    }
-    for p in logits {
-        *p /= sum;
     }
 }
 
@@ -204,7 +188,7 @@ impl Segmenter for SphericalModel {
         };
         // Each sweep on one thread: that scales better than threads inside a network, and the results have an order.
         let voted: Vec<Result<(usize, Vec<u8>), LearningError>> =
-            point_ranges(cloud).into_par_iter().map(of_sweep).collect();
+            point_ranges(cloud).into_par_iter().step_by(self.every).map(of_sweep).collect();
         let n_classes = self.classes.len();
         let mut votes = Votes { n_classes, rows: vec![0; cloud.points.len() * n_classes] };
         for sweep in voted {

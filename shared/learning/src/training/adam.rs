@@ -2,7 +2,6 @@
 
 use crate::LearningError;
 use crate::network::Variables;
-use candle_core::backprop::GradStore;
 use std::collections::BTreeMap;
 
 /// Decay of the mean of the derivatives.
@@ -29,6 +28,10 @@ impl Adam {
     pub fn new(rate: f64) -> Self {
         Self { rate, steps: 0, means: BTreeMap::new() }
     }
+    /// How many have been made.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
     /// Changes all variables but those whose names begin with a `frozen` prefix.
     ///
     /// # Errors
@@ -36,20 +39,12 @@ impl Adam {
     pub fn step(
         &mut self,
         variables: &Variables,
-        gradients: &GradStore,
+        mut gradients: BTreeMap<String, Vec<f32>>,
         frozen: &[String],
     ) -> Result<(), LearningError> {
-        let mut of_variable: Vec<(&str, Vec<f32>)> = Vec::new();
-        for (name, var) in variables.iter() {
-            if frozen.iter().any(|prefix| name.starts_with(prefix)) {
-                continue;
-            }
-            if let Some(gradient) = gradients.get(var) {
-                of_variable.push((name, gradient.flatten_all()?.to_vec1::<f32>()?));
-            }
-        }
+        gradients.retain(|name, _| !frozen.iter().any(|prefix| name.starts_with(prefix)));
         let square = |values: &Vec<f32>| values.iter().map(|v| f64::from(*v) * f64::from(*v)).sum::<f64>();
-        let length = of_variable.iter().map(|(_, gradient)| square(gradient)).sum::<f64>().sqrt();
+        let length = gradients.values().map(square).sum::<f64>().sqrt();
         let scale = if length > LONGEST { (LONGEST / length) as f32 } else { 1.0 };
         self.steps += 1;
         let n = self.steps.min(1 << 30) as i32;
@@ -58,7 +53,7 @@ impl Adam {
         let epsilon = (EPSILON * correct_2.sqrt()) as f32;
         let [beta_1, beta_2] = [BETA_1 as f32, BETA_2 as f32];
         for (name, var) in variables.iter() {
-            let Some((_, gradient)) = of_variable.iter().find(|(of, _)| *of == name) else { continue };
+            let Some(gradient) = gradients.get(name) else { continue };
             let mut values = var.flatten_all()?.to_vec1::<f32>()?;
             let zeros = || [vec![0.0; gradient.len()], vec![0.0; gradient.len()]];
             let [mean, square] = self.means.entry(name.to_owned()).or_insert_with(zeros);

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 const ARCHITECTURE: &str = "checkpoint";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -30,6 +30,8 @@ impl Trainer {
         let mut tensors: BTreeMap<String, Tensor> = BTreeMap::new();
         for (name, var) in self.variables.iter() {
             tensors.insert(format!("variable.{name}"), var.as_tensor().clone());
+            let averaged = self.averaged.iter().find(|(of, _)| *of == name).map(|(_, var)| var.as_tensor().clone());
+            tensors.extend(averaged.map(|averaged| (format!("averaged.{name}"), averaged)));
             if let Some(means) = self.adam.means.get(name) {
                 for (kind, values) in ["mean", "square"].into_iter().zip(means) {
                     tensors.insert(format!("{kind}.{name}"), Tensor::from_slice(values, var.shape(), &Device::Cpu)?);
@@ -68,6 +70,7 @@ impl Trainer {
         for (name, var) in self.variables.iter() {
             let shape = var.dims();
             self.variables.set(name, file.tensor(&format!("variable.{name}"), shape)?, shape)?;
+            self.averaged.set(name, file.tensor(&format!("averaged.{name}"), shape)?, shape)?;
             if state.steps > 0 && !self.frozen.iter().any(|prefix| name.starts_with(prefix)) {
                 let [mean, square] = ["mean", "square"].map(|kind| file.tensor(&format!("{kind}.{name}"), shape));
                 means.insert(name.to_owned(), [mean?, square?]);

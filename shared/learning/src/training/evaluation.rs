@@ -1,7 +1,9 @@
 //! Loss and confusion on examples that are not learned from.
 
+use super::pixels::Pixels;
 use super::{Dataset, Example, Trainer, UNKNOWN};
 use crate::LearningError;
+use crate::network::{Inference, Lent};
 use crate::scores::Confusion;
 use candle_core::{D, Device, Tensor};
 use rayon::prelude::*;
@@ -55,6 +57,8 @@ impl Trainer {
 
     /// Runs `f` on the logits and classes of the known pixels of every batch.
     fn each_batch(&self, data: &dyn Dataset, f: OfBatch<'_>) -> Result<(), LearningError> {
+        let spec = self.averaged.spec().clone();
+        let network = Inference::new(spec, &self.averaged.weights()?, self.border)?;
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(self.settings.batch) {
             let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
@@ -63,8 +67,11 @@ impl Trainer {
             if known.is_empty() {
                 continue;
             }
-            let logits =
-                self.logits(&examples, None)?.index_select(&Tensor::new(known.as_slice(), &Device::Cpu)?, 0)?;
+            let results: Vec<Lent<'_>> =
+                examples.par_iter().map(|example| network.run(&example.input)).collect::<Result<_, LearningError>>()?;
+            let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
+            let logits = pixels.gather(&results.iter().map(|result| &**result).collect::<Vec<_>>(), &known);
+            let logits = Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?;
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             f(&logits, &classes)?;
         }

@@ -76,7 +76,7 @@ pub fn model_of(parameters: &Parameters) -> Box<dyn Segmenter> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("model.safetensors");
     std::fs::write(&path, parameters.to_bytes().expect("encodes")).expect("writes");
-    learning::load(&path).expect("loads")
+    learning::load(&path, &learning::Options::default()).expect("loads")
 }
 
 /// Classes without a header: the sensor's path is not known.

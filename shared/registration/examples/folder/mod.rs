@@ -8,6 +8,7 @@
 //! stamps.txt            ns of the first shots, one a line; without it sweeps follow at 10 Hz
 //! mounting.txt          body_from_lidar, 12 numbers
 //! poses.txt             truth: world_from_lidar at the last shot, 12 numbers a line
+//! motion.txt            truth: velocity since the middle of the sweep before, m/s and rad/s in the lidar's axes
 //! ```
 
 #![allow(dead_code, reason = "each program uses its own part")]
@@ -15,8 +16,8 @@
 pub mod npy;
 
 use anyhow::Context;
-use geometry::{Pose, Stamp};
-use registration::{Sweep, TimedPoint};
+use geometry::{Pose, Stamp, Vector3};
+use registration::{MeasuredMotion, Sweep, TimedPoint, Velocity};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -78,11 +79,49 @@ impl SweepFolder {
         let path = self.folder.join("moving").join(format!("{number:06}.npy"));
         fs::read(path).ok().map(|bytes| npy::bytes(&bytes)).transpose()
     }
+    /// Truth: `world_from_lidar` at the last shots; empty where the folder has none.
+    pub fn truth(&self) -> Vec<Pose> {
+        poses(&self.folder.join("poses.txt")).unwrap_or_default()
+    }
+    /// The true motions with normal noise of so many m/s and rad/s on each axis: the same in each run.
+    pub fn measured_motions(&self, (mps, radps): (f64, f64)) -> anyhow::Result<Vec<MeasuredMotion>> {
+        let path = self.folder.join("motion.txt");
+        let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let variances = [mps, radps].map(|deviation| deviation * deviation);
+        let [linear, angular] = variances;
+        let diagonal = nalgebra::Vector6::new(linear, linear, linear, angular, angular, angular);
+        let covariance = nalgebra::Matrix6::from_diagonal(&diagonal);
+        let motion = |(number, line): (usize, &str)| {
+            let values = line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>()?;
+            anyhow::ensure!(values.len() == 6, "motion.txt, line {}: {} numbers, expected 6", number + 1, values.len());
+            let noisy = |axis: usize| {
+                let deviation = if axis < 3 { mps } else { radps };
+                values[axis] + deviation * normal((number * 6 + axis) as u64)
+            };
+            let velocity = Velocity {
+                linear: Vector3::new(noisy(0), noisy(1), noisy(2)),
+                angular: Vector3::new(noisy(3), noisy(4), noisy(5)),
+            };
+            Ok(MeasuredMotion { velocity, covariance })
+        };
+        text.lines().enumerate().map(motion).collect()
+    }
     /// The sweep.
     pub fn sweep(&self, number: usize) -> anyhow::Result<Sweep> {
         let (points, n_rings) = self.points(number)?;
         Ok(Sweep::new(self.stamp(number), points, n_rings))
     }
+}
+
+/// A normal number by its seed: the sum of twelve uniform ones (splitmix64), less 6.
+fn normal(seed: u64) -> f64 {
+    let uniform = |part: u64| {
+        let mut z = (seed * 12 + part).wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x1234_5678_9abc_def1);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..12).map(uniform).sum::<f64>() - 6.0
 }
 
 /// KITTI poses of a file.

@@ -67,6 +67,7 @@ fn mosaic(mosaic: &MosaicSpec, exposure_nanos: u64) -> MosaicEntry {
         dark_exposure_nanos: exposure_nanos,
         white_exposure_nanos: WHITE_EXPOSURE_NANOS,
         white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,
+        white_panel: None,
         bit_depth: BIT_DEPTH,
         pattern: sensor.pattern as u32,
         active_area: sensor.active_area.map(|v| v as u32),

@@ -1,6 +1,7 @@
 //! Blurs over a mosaic that give each band of a cell the same weight.
 
 use super::lattice::Lattice;
+use crate::wide::wide;
 
 /// The mean of a pattern's size around each pixel. An even pattern has no middle: half of the outermost samples counts.
 pub fn box_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
@@ -31,7 +32,10 @@ fn separable_into(lattice: &Lattice, samples: &[f32], kernel: &[f32], out: &mut 
     for (row, blurred) in samples.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
         padded.iter_mut().zip(&columns).for_each(|(value, x)| *value = row[*x]);
         for (tap, weight) in kernel.iter().enumerate() {
-            blurred.iter_mut().zip(&padded[tap..]).for_each(|(sum, value)| *sum += weight * value);
+            wide(
+                #[inline(always)]
+                || add_weighted(&padded[tap..], *weight, blurred),
+            );
         }
     }
     out.clear();
@@ -40,7 +44,15 @@ fn separable_into(lattice: &Lattice, samples: &[f32], kernel: &[f32], out: &mut 
     for (y, sums) in out.chunks_exact_mut(width).enumerate() {
         for (row, weight) in rows[y..].iter().zip(kernel) {
             let values = &scratch[row * width..][..width];
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            wide(
+                #[inline(always)]
+                || add_weighted(values, *weight, sums),
+            );
         }
     }
+}
+
+#[inline(always)]
+fn add_weighted(values: &[f32], weight: f32, sums: &mut [f32]) {
+    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
 }

@@ -1,6 +1,7 @@
 //! The sharp pseudo-panchromatic image of PPID (Mihoubi et al., IEEE TCI 2017, section III).
 
 use super::lattice::Lattice;
+use crate::wide::wide;
 
 /// Added to every difference along a direction, so that weights stay finite: a step of one in 255, as in the paper.
 const FLAT: f32 = 1.0 / 255.0;
@@ -45,23 +46,37 @@ pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut
         weights.fill(0.0);
         for ([dx, dy], terms) in &directions {
             let [far_x, far_y] = [dx * pattern, dy * pattern];
-            unlike.fill(FLAT);
-            for ([x, y], weight) in terms {
-                let here = &samples_padded[moved([*x, *y])];
-                let there = &samples_padded[moved([x + far_x, y + far_y])];
-                for ((unlike, here), there) in unlike.iter_mut().zip(here).zip(there) {
-                    *unlike += weight * (here - there).abs();
-                }
-            }
-            let there = &difference_padded[moved([far_x, far_y])];
-            for (((sum, weights), unlike), there) in sum.iter_mut().zip(&mut weights).zip(&unlike).zip(there) {
-                let weight = 1.0 / unlike;
-                *sum += weight * there;
-                *weights += weight;
-            }
+            wide(
+                #[inline(always)]
+                || {
+                    unlike.fill(FLAT);
+                    for ([x, y], weight) in terms {
+                        let here = &samples_padded[moved([*x, *y])];
+                        let there = &samples_padded[moved([x + far_x, y + far_y])];
+                        add_unlikeness(here, there, *weight, &mut unlike);
+                    }
+                    weigh(&unlike, &difference_padded[moved([far_x, far_y])], &mut sum, &mut weights);
+                },
+            );
         }
         for (((ppi, sample), sum), weights) in ppi.iter_mut().zip(samples).zip(&sum).zip(&weights) {
             *ppi = sample + sum / weights;
         }
+    }
+}
+
+#[inline(always)]
+fn add_unlikeness(here: &[f32], there: &[f32], weight: f32, unlike: &mut [f32]) {
+    for ((unlike, here), there) in unlike.iter_mut().zip(here).zip(there) {
+        *unlike += weight * (here - there).abs();
+    }
+}
+
+#[inline(always)]
+fn weigh(unlike: &[f32], there: &[f32], sum: &mut [f32], weights: &mut [f32]) {
+    for (((sum, weights), unlike), there) in sum.iter_mut().zip(weights).zip(unlike).zip(there) {
+        let weight = 1.0 / unlike;
+        *sum += weight * there;
+        *weights += weight;
     }
 }

@@ -46,7 +46,10 @@ fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<
     let (x, y, z) = (cloud.f64s("x")?, cloud.f64s("y")?, cloud.f64s("z")?);
     let (classes, instances) = (cloud.u8s("semantic")?, cloud.i64s("instance")?);
     let mut seen = BTreeSet::new();
-    for (point_idx, &instance) in instances.iter().enumerate().filter(|(_, instance)| **instance != 0) {
+    // A point that is nowhere belongs to no box.
+    let is_somewhere = |point_idx: usize| [&x, &y, &z].iter().all(|axis| axis[point_idx].is_finite());
+    let of_things = instances.iter().enumerate().filter(|(_, instance)| **instance != 0);
+    for (point_idx, &instance) in of_things.filter(|(point_idx, _)| is_somewhere(*point_idx)) {
         let object = objects.entry(instance).or_default();
         *object.classes.entry(classes[point_idx]).or_default() += 1;
         object.n_points += 1;

@@ -19,8 +19,8 @@ use std::process::ExitCode;
 /// Statistics of reflectances by channel, with a diagnosis; several inputs are compared.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Drive folders (see --camera) or ENVI cubes.
-    #[arg(required = true, value_name = "DRIVE|CUBE.hdr")]
+    /// Drive folders (see --camera), ENVI cubes, or TIFFs of a sample for each band: of these the shares of the full scale.
+    #[arg(required = true, value_name = "DRIVE|CUBE.hdr|CUBE.tif")]
     inputs: Vec<PathBuf>,
     /// Mosaic camera of the drives, by name.
     #[arg(long)]
@@ -31,6 +31,9 @@ pub struct Args {
     /// Bands as the filters measured them, without the spectral correction of the camera's calibration file.
     #[arg(long)]
     uncorrected: bool,
+    /// The camera maker's calibration file, for the wavelengths of TIFFs.
+    #[arg(long, value_name = "XML")]
+    sensor: Option<PathBuf>,
     /// The share of the white reference's signal, as if all frames had its exposure time: what a calibration without exposure
     /// times gives.
     #[arg(long)]
@@ -53,7 +56,7 @@ pub struct Args {
     /// Form of the tables.
     #[arg(long, value_enum, default_value_t = Format::Markdown)]
     format: Format,
-    /// Folder for figures: histogram.svg, distribution.svg and, of a region, signature.svg.
+    /// Folder for figures: histogram.svg, distribution.svg, of a region signature.svg, of clipped values expanded.svg.
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
 }
@@ -89,7 +92,9 @@ fn region(text: &str) -> Result<Region, String> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let sensor = args.sensor.as_deref().map(super::read_sensor).transpose()?;
     let choice = Choice {
+        sensor: sensor.as_ref(),
         camera: args.camera.as_deref(),
         frame: args.frame,
         correction: !args.uncorrected,
@@ -99,11 +104,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let references: Vec<Vec<LibrarySpectrum>> =
         args.reference.iter().map(|path| reference::read(path)).collect::<Result<_, _>>()?;
     let references = references.concat();
-    let (mut sources, mut inputs) = (Vec::new(), Vec::new());
+    let (mut sources, mut originals, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
     for path in &args.inputs {
         let mut source = input::read(path, &choice)?;
         // The diagnosis is of the data as they are.
         let diagnosis = diagnosis::diagnose(&source);
+        originals.push(source.channels.clone());
         clip(&mut source, args);
         inputs.push(InputReport::new(&source, diagnosis, &args.thresholds, matches(&source, &references)));
         sources.push(source);
@@ -125,6 +131,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             (None, false) => "reflectance",
         };
         draw(folder, &sources, &references, quantity)?;
+        if let Some(how) = clip_words(args) {
+            let both = sources.iter().zip(&originals).map(|(source, original)| (&original[..], &source.channels[..]));
+            let title = format!("Histograms by channel before and after they were {how}");
+            let path = folder.join("expanded.svg");
+            std::fs::write(&path, expanded(&title, both).svg()).with_context(|| path.display().to_string())?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -161,6 +173,25 @@ fn matches(source: &Source, references: &[LibrarySpectrum]) -> Vec<Match> {
     matches.sort_by(|a, b| a.angle_deg.total_cmp(&b.angle_deg));
     matches.truncate(N_MATCHES);
     matches
+}
+
+/// Figures 4.7 and 4.8 of the thesis: histograms before (first color) and after (second color), one line for each channel.
+fn expanded<'a>(title: &str, inputs: impl Iterator<Item = (&'a [channel::Channel], &'a [channel::Channel])>) -> Chart {
+    let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
+    let line = |group: usize, channel: &channel::Channel| {
+        let shares = channel.histogram(N_INTERVALS);
+        let points = shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]);
+        Series::thin_line(["before", "after"][group], chart::COLORS[group], points.collect())
+    };
+    let lines: Vec<Series> = inputs
+        .flat_map(|(before, after)| {
+            before.iter().map(|channel| (0, channel)).chain(after.iter().map(|channel| (1, channel)))
+        })
+        .map(|(group, channel)| line(group, channel))
+        .collect();
+    let top = lines.iter().flat_map(Series::points).map(|point| point[1]).fold(1.0, f64::max);
+    let x = Axis::new("reflectance before; stretched value after (no reflectance)", [0.0, 1.0]);
+    Chart::new(title, x, Axis::new("% of pixels per 0.01", [0.0, top]), lines)
 }
 
 fn draw(folder: &Path, sources: &[Source], references: &[LibrarySpectrum], quantity: &str) -> anyhow::Result<()> {

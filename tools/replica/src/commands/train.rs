@@ -97,15 +97,12 @@ fn trainer(recipe: &Recipe, settings: &Settings, path: &Path) -> anyhow::Result<
     let variables = match &recipe.model.start {
         Some(start) => {
             let start = path.parent().unwrap_or(Path::new("")).join(start);
-            let (model, weights) = SphericalModel::load(&start)?;
-            anyhow::ensure!(
-                model.settings().network == settings.network,
-                "{}: its network is {:?}, the recipe's {:?}",
-                start.display(),
-                model.settings().network,
-                settings.network
-            );
-            Variables::from_weights(&settings.network, &weights)?
+            let (_, weights) = SphericalModel::load(&start)?;
+            let variables = Variables::random(&settings.network, recipe.train.seed)?;
+            let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
+            anyhow::ensure!(n_taken > 0, "{}: no layer has name and shape of one of the recipe's", start.display());
+            eprintln!("begins with {n_taken} of {n_layers} layers of {}", start.display());
+            variables
         }
         None => Variables::random(&settings.network, recipe.train.seed)?,
     };

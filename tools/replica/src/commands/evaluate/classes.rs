@@ -39,6 +39,9 @@ pub struct Args {
     /// Sweeps of each submap.
     #[arg(long, default_value_t = 10)]
     sweeps: usize,
+    /// The first of every so many sweeps of a submap goes through the network.
+    #[arg(long, default_value_t = 1)]
+    every: usize,
     /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
@@ -75,7 +78,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             !args.seeds.is_empty() || args.semantickitti.is_some(),
             "nothing to try the model on\nhint: --seeds 901,902 or --semantickitti DIR"
         );
-        let model = learning::load(path)?;
+        anyhow::ensure!(args.every > 0, "--every 0: must be at least 1");
+        let model = learning::load(path, &learning::Options { every: args.every })?;
         table.clouds.extend(towns::confusions(model.as_ref(), args)?);
         if let Some(folder) = &args.semantickitti {
             table.clouds.extend(kitti::confusions(model.as_ref(), folder)?);

@@ -5,6 +5,8 @@ use anyhow::{Context, bail};
 use formats::drive::Drive;
 use formats::envi;
 use formats::pgm::Pgm;
+use formats::sensor_calibration::SensorCalibration;
+use formats::tiff::Tiff;
 use spectral::FrameCounts;
 use std::path::Path;
 
@@ -80,13 +82,54 @@ pub struct Choice<'a> {
     pub correction: bool,
     /// Take every frame for one of the white reference's exposure: the share of the white's signal instead of reflectance.
     pub ignore_exposure: bool,
+    /// Of the camera of a TIFF, which does not tell its wavelengths.
+    pub sensor: Option<&'a SensorCalibration>,
     /// Of the signature.
     pub region: Option<Region>,
 }
 
-/// Reads a drive folder or an ENVI cube.
+/// Reads a drive folder, a TIFF or an ENVI cube.
 pub fn read(path: &Path, choice: &Choice<'_>) -> anyhow::Result<Source> {
-    if path.is_dir() { read_drive(path, choice) } else { read_envi(path, choice) }
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match ending.as_str() {
+        _ if path.is_dir() => read_drive(path, choice),
+        "tif" | "tiff" => read_tiff(path, choice),
+        _ => read_envi(path, choice),
+    }
+}
+
+/// A cube as a camera's program bins it, one sample for each band: shares of the full scale, as there are no references.
+fn read_tiff(path: &Path, choice: &Choice<'_>) -> anyhow::Result<Source> {
+    let about = || path.display().to_string();
+    let image = Tiff::parse(&std::fs::read(path).with_context(about)?).with_context(about)?;
+    let n_bands = image.n_bands as usize;
+    if n_bands == 1 {
+        bail!("{}: a raw mosaic; replica cube makes a cube of it", path.display());
+    }
+    let wavelengths_nm: Vec<f32> = match choice.sensor {
+        Some(sensor) if sensor.bands.len() == n_bands => {
+            sensor.bands.iter().map(|band| band.wavelength_nm() as f32).collect()
+        }
+        Some(sensor) => bail!("{}: {n_bands} bands; must be {}, as --sensor has", path.display(), sensor.bands.len()),
+        // Without wavelengths channels have their numbers.
+        None => (1..=n_bands).map(|band| band as f32).collect(),
+    };
+    let largest = u16::MAX >> (16 - image.bit_depth);
+    let n_cells = image.samples.len() / n_bands;
+    let value = |(cell, band): (usize, usize)| match image.samples[cell * n_bands + band] {
+        sample if sample == largest => f32::NAN,
+        sample => f32::from(sample) / f32::from(largest),
+    };
+    let values = (0..n_bands).flat_map(|band| (0..n_cells).map(move |cell| (cell, band))).map(value).collect();
+    let cube = Cube { size: [image.width as usize, image.height as usize], wavelengths_nm, values, masks: Vec::new() };
+    let exposure = image.exposure_nanos.map(|nanos| format!(" at {} ms", nanos as f64 * 1e-6)).unwrap_or_default();
+    let name = format!("{}{exposure}, share of the full scale (no reflectance)", path.display());
+    let mut source = Source::new(name, &cube.wavelengths_nm);
+    source.add(&cube, choice.region)?;
+    let saturated = image.samples.iter().filter(|sample| **sample == largest).count() as u64;
+    let counts = FrameCounts { saturated, ..FrameCounts::default() };
+    source.raw = Some(RawCounts { n_frames: 1, n_samples: image.samples.len() as u64, counts });
+    Ok(source.sorted())
 }
 
 fn read_envi(path: &Path, choice: &Choice<'_>) -> anyhow::Result<Source> {

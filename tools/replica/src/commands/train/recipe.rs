@@ -28,6 +28,8 @@ pub struct Model {
     pub kind: String,
     /// Channels of each level.
     pub widths: Vec<usize>,
+    /// Channels of a U-Net's last convolution of 3 x 3, if others than its finest level has.
+    pub head: Option<usize>,
     /// Columns of a sweep's image.
     pub columns: usize,
     /// Columns that the network sees as one.
@@ -36,7 +38,8 @@ pub struct Model {
     pub classes: Vec<String>,
     /// Side of the cells in which sweeps vote, m.
     pub vote_cell_m: f32,
-    /// A model to start from, a path from the recipe's folder.
+    /// A model to start from, a path from the recipe's folder: layers of the same name and shape begin with its weights, the
+    /// others with random ones.
     pub start: Option<PathBuf>,
     /// Variables whose names begin so are left as they are.
     #[serde(default)]
@@ -117,7 +120,8 @@ impl Recipe {
         let (inputs, outputs) = (model.fold * N_FEATURES, model.fold * model.classes.len());
         let widths = model.widths.clone();
         let network = match model.kind.as_str() {
-            "unet" => NetworkSpec::Unet { inputs, outputs, widths },
+            "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
+            "spherical_dz" if model.head.is_some() => anyhow::bail!("[model] head is of kind = \"unet\" alone"),
             "spherical_dz" => NetworkSpec::SphericalDz { inputs, outputs, widths },
             other => anyhow::bail!("[model] kind = {other:?}, must be \"unet\" or \"spherical_dz\""),
         };
@@ -178,7 +182,8 @@ mod tests {
         said("\"vegetation\"", "\"trees\"", "are not all of the table");
         said("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
         said("fold = 4", "fold = 3", "must be a multiple of fold");
-        said("{ first = 2001", "{ first = 1080", "seeds and validation_seeds overlap");
+        said("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
+        said("kind = \"unet\"", "kind = \"spherical_dz\"", "head is of kind = \"unet\" alone");
         said("\"suburban\"", "\"atlantis\"", "no kind of town is called \"atlantis\"; there are urban");
         said("batch = 4", "batch = 0", "batch = 0, must be 1 to 1024");
     }

@@ -1,11 +1,10 @@
-//! A network on candle's tape, for training.
+//! What training changes.
 
 use super::weights::tensors_of;
-use super::{Executor, Layer, NetworkSpec, Weights};
+use super::{Layer, NetworkSpec, Weights};
 use crate::LearningError;
-use crate::engine::Border;
+use crate::engine::Feature;
 use crate::random::Random;
-use crate::tape;
 use candle_core::{Device, Tensor, Var};
 use std::collections::BTreeMap;
 
@@ -34,8 +33,11 @@ impl Variables {
         for (stream, layer) in spec.layers().iter().enumerate() {
             let mut random = Random::new(seed, stream as u64);
             let [(_, weight), (bias_name, bias)] = tensors_of(layer);
-            let raw: Vec<f32> = (0..weight.iter().product()).map(|_| random.gauss()).collect();
             let gain = if layer.shape.rectify { GAIN } else { 1.0 };
+            // As large as the filters that they stand for, so that a step of Adam turns new and trained filters alike.
+            let fan_in = weight[1..].iter().product::<usize>() as f32;
+            let scale = gain / fan_in.sqrt();
+            let raw: Vec<f32> = (0..weight.iter().product()).map(|_| scale * random.gauss()).collect();
             let mut insert = |name: String, values: Vec<f32>, shape: &[usize]| -> Result<(), LearningError> {
                 let tensor = Tensor::from_vec(values, shape, &Device::Cpu)?;
                 vars.insert(name, Var::from_tensor(&tensor)?);
@@ -54,9 +56,19 @@ impl Variables {
     pub fn from_weights(spec: &NetworkSpec, weights: &Weights) -> Result<Self, LearningError> {
         weights.filters(spec)?;
         let variables = Self::random(spec, 0)?;
-        for layer in spec.layers() {
+        variables.begin_with(weights)?;
+        Ok(variables)
+    }
+    /// Takes over the layers whose names and shapes are those of weights, which may be another network's, and returns how
+    /// many there are.
+    ///
+    /// # Errors
+    /// If a filter's mean is not zero as that of all filters trained here is.
+    pub fn begin_with(&self, weights: &Weights) -> Result<usize, LearningError> {
+        let mut n_taken = 0;
+        for layer in self.spec.layers() {
             let [(weight_name, shape), (bias_name, bias_shape)] = tensors_of(&layer);
-            let (_, values) = &weights.tensors[&weight_name];
+            let Some((_, values)) = weights.tensors.get(&weight_name).filter(|(of, _)| *of == shape) else { continue };
             let fan_in = values.len() / bias_shape[0];
             let gains = values.chunks_exact(fan_in).map(|filter| {
                 let mean = filter.iter().sum::<f32>() / fan_in as f32;
@@ -71,11 +83,12 @@ impl Variables {
                     format!("`{weight_name}` has filters whose mean is not zero: they can be run, not trained further");
                 return Err(candle_core::Error::Msg(reason).into());
             }
-            variables.set(&format!("{}.raw", layer.name), values.clone(), &shape)?;
-            variables.set(&format!("{}.gain", layer.name), gains, &bias_shape)?;
-            variables.set(&bias_name, weights.tensors[&bias_name].1.clone(), &bias_shape)?;
+            self.set(&format!("{}.raw", layer.name), values.clone(), &shape)?;
+            self.set(&format!("{}.gain", layer.name), gains, &bias_shape)?;
+            self.set(&bias_name, weights.tensors[&bias_name].1.clone(), &bias_shape)?;
+            n_taken += 1;
         }
-        Ok(variables)
+        Ok(n_taken)
     }
     /// Replaces the numbers of one.
     ///
@@ -85,6 +98,25 @@ impl Variables {
         let var = self.vars.get(name);
         let var = var.ok_or_else(|| candle_core::Error::Msg(format!("no variable `{name}`")))?;
         Ok(var.set(&Tensor::from_vec(values, shape, &Device::Cpu)?)?)
+    }
+    /// The same numbers in memory of their own.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn copied(&self) -> Result<Self, LearningError> {
+        let copied = |(name, var): (&String, &Var)| Ok((name.clone(), Var::from_tensor(&var.copy()?)?));
+        let vars = self.vars.iter().map(copied).collect::<Result<_, LearningError>>()?;
+        Ok(Self { spec: self.spec.clone(), vars })
+    }
+    /// Moves every number by this share of the way to those of `other`, of the same network.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn move_to(&self, other: &Self, share: f64) -> Result<(), LearningError> {
+        for (var, to) in self.vars.values().zip(other.vars.values()) {
+            var.set(&(var.affine(1.0 - share, 0.0)? + to.affine(share, 0.0)?)?)?;
+        }
+        Ok(())
     }
     /// By name, in the order of the names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Var)> {
@@ -121,50 +153,26 @@ impl Variables {
         }
         Ok(weights)
     }
-}
-
-/// One pass over the tape.
-pub struct Tape<'a> {
-    variables: &'a Variables,
-    border: Border,
-    /// For dropout; `None` when it does not train.
-    random: Option<Random>,
-}
-
-impl<'a> Tape<'a> {
-    /// With the variables as they are now.
-    pub fn new(variables: &'a Variables, border: Border, random: Option<Random>) -> Self {
-        Self { variables, border, random }
-    }
-    /// Applies the network to a batch of images.
+    /// Derivatives by every variable from those by the packed filters, by layer.
     ///
     /// # Errors
-    /// If the images do not fit.
-    pub fn run(&mut self, input: Tensor) -> Result<Tensor, LearningError> {
-        let variables = self.variables;
-        variables.spec.run(self, input)
-    }
-}
-
-impl Executor for Tape<'_> {
-    type Image = Tensor;
-
-    fn convolution(&mut self, layer: &Layer, sources: &[&Tensor]) -> Result<Tensor, LearningError> {
-        let weight = self.variables.weight(layer)?;
-        let bias = self.variables.vars[&format!("{}.bias", layer.name)].as_tensor();
-        let packed = tape::pack(&weight, bias, &layer.shape)?;
-        Ok(tape::convolution(sources, &packed, &layer.shape, self.border)?)
-    }
-    fn max_pool(&mut self, image: &Tensor, factor: [usize; 2]) -> Result<Tensor, LearningError> {
-        Ok(tape::max_pool(image, factor)?)
-    }
-    fn upsample(&mut self, image: &Tensor, factor: [usize; 2]) -> Result<Tensor, LearningError> {
-        Ok(tape::upsample(image, factor)?)
-    }
-    fn dropout(&mut self, image: Tensor, rate: f32) -> Result<Tensor, LearningError> {
-        let Some(random) = &mut self.random else { return Ok(image) };
-        let kept = 1.0 / (1.0 - rate);
-        let mask: Vec<f32> = (0..image.elem_count()).map(|_| if random.chance(rate) { 0.0 } else { kept }).collect();
-        Ok((&image * Tensor::from_vec(mask, image.shape(), image.device())?)?)
+    /// If candle fails.
+    pub fn gradients(&self, by_filters: &[Vec<Feature>]) -> Result<BTreeMap<String, Vec<f32>>, LearningError> {
+        let mut gradients = BTreeMap::new();
+        // What changes with a filter as the loss does: candle derives the standardization from it.
+        let mut sum = Tensor::new(0.0_f32, &Device::Cpu)?;
+        for (layer, packed) in self.spec.layers().iter().zip(by_filters) {
+            let [(_, shape), (bias_name, _)] = tensors_of(layer);
+            let (by_weights, by_biases) = layer.shape.unpacked(packed);
+            sum = (sum + (self.weight(layer)? * Tensor::from_vec(by_weights, shape, &Device::Cpu)?)?.sum_all()?)?;
+            gradients.insert(bias_name, by_biases);
+        }
+        let derived = sum.backward()?;
+        for (name, var) in &self.vars {
+            if let Some(gradient) = derived.get(var) {
+                gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1::<f32>()?);
+            }
+        }
+        Ok(gradients)
     }
 }

@@ -1,0 +1,44 @@
+//! The last seconds of the way, for sensors that measure between sweeps.
+
+use geometry::{Point3, Pose, Vector3, interpolate};
+use serde::{Deserialize, Serialize};
+
+/// How long poses are kept, ns: sensors' data of a tick come with the sweep, the first sweep's pose a sweep later.
+const KEPT_NANOS: i64 = 3_000_000_000;
+/// Speeds are taken over twice this time, ns: a centimetre of error is 2 cm/s then.
+pub(crate) const HALF_SPAN_NANOS: i64 = 250_000_000;
+
+/// `odom_from_body` by stamp, which never falls.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct RecentPath(Vec<(i64, Pose)>);
+
+impl RecentPath {
+    pub fn push(&mut self, stamp: i64, odom_from_body: Pose) {
+        self.0.push((stamp, odom_from_body));
+        let keep_from = self.0.partition_point(|(at, _)| *at < stamp - KEPT_NANOS);
+        self.0.drain(..keep_from);
+    }
+    pub fn first(&self) -> Option<i64> {
+        self.0.first().map(|(stamp, _)| *stamp)
+    }
+    pub fn last(&self) -> Option<i64> {
+        self.0.last().map(|(stamp, _)| *stamp)
+    }
+    /// `None` before the first and after the last pose.
+    pub fn at(&self, stamp: i64) -> Option<Pose> {
+        let after = self.0.partition_point(|(at, _)| *at < stamp);
+        let (end, b) = self.0.get(after)?;
+        if *end == stamp {
+            return Some(*b);
+        }
+        let (begin, a) = self.0.get(after.checked_sub(1)?)?;
+        Some(interpolate(a, b, (stamp - begin) as f64 / (end - begin) as f64))
+    }
+    /// Mean velocity of a point of the body around a stamp, odom axes, m/s; of what there is of the time where it ends.
+    pub fn velocity(&self, stamp: i64, p_in_body: &Point3<f64>) -> Option<Vector3<f64>> {
+        let begin = (stamp - HALF_SPAN_NANOS).max(self.first()?);
+        let end = (stamp + HALF_SPAN_NANOS).min(self.last()?);
+        let way = (self.at(end)? * p_in_body) - (self.at(begin)? * p_in_body);
+        (end > begin).then(|| way / ((end - begin) as f64 * 1e-9))
+    }
+}

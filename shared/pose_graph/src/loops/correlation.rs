@@ -1,0 +1,129 @@
+//! Where one picture of a place lies in another, within some metres: walls onto walls from above, then road onto road
+//! (correlative matching, Olson, ICRA 2009).
+
+use super::keyframe::SurfacePoint;
+use geometry::{Isometry3, Pose, Vector3};
+
+const CELL_M: f64 = 0.5;
+/// Half the side of the grid, m: keyframes reach 40 m and may be 10 m apart.
+const HALF_M: f64 = 60.0;
+const SIDE: usize = (2.0 * HALF_M / CELL_M) as usize;
+/// How far the guess may be off, m and rad: submaps are 20 m long, a sector is 0.1 rad.
+const SHIFT_M: f64 = 14.0;
+const TURN_RAD: f64 = 0.12;
+const TURN_STEP_RAD: f64 = 0.02;
+/// Walls that are looked up at most, evenly among all.
+const MAX_WALLS: usize = 600;
+/// Cells of the ground, m.
+const GROUND_CELL_M: f64 = 2.0;
+const GROUND_SIDE: usize = (2.0 * HALF_M / GROUND_CELL_M) as usize;
+
+/// A place from above, around a center.
+pub struct PlaceFromAbove {
+    frame_from_center: Pose,
+    /// 2 where a wall is, 1 beside it.
+    walls: Vec<u8>,
+    /// Mean height of the ground by cell; NaN where there is none.
+    ground: Vec<f32>,
+}
+
+fn is_wall(surface: &SurfacePoint) -> bool {
+    surface.normal.z.abs() < 0.4
+}
+
+fn is_ground(surface: &SurfacePoint) -> bool {
+    surface.normal.z > 0.9
+}
+
+fn cell(at: &Vector3<f64>, cell_m: f64, side: usize) -> Option<usize> {
+    let index = |v: f64| {
+        let index = ((v + HALF_M) / cell_m).floor();
+        (index >= 1.0 && index < side as f64 - 1.0).then_some(index as usize)
+    };
+    Some(index(at.y)? * side + index(at.x)?)
+}
+
+impl PlaceFromAbove {
+    pub fn new(surfaces: &[SurfacePoint], frame_from_center: &Pose) -> Self {
+        let center_from_frame = frame_from_center.inverse();
+        let mut walls = vec![0; SIDE * SIDE];
+        let mut sums = vec![(0.0, 0); GROUND_SIDE * GROUND_SIDE];
+        for surface in surfaces {
+            let at = (center_from_frame * surface.position).coords;
+            if is_wall(surface)
+                && let Some(index) = cell(&at, CELL_M, SIDE)
+            {
+                walls[index] = 2;
+                for beside in [index - 1, index + 1, index - SIDE, index + SIDE] {
+                    walls[beside] = walls[beside].max(1);
+                }
+            }
+            if is_ground(surface)
+                && let Some(index) = cell(&at, GROUND_CELL_M, GROUND_SIDE)
+            {
+                sums[index].0 += at.z;
+                sums[index].1 += 1;
+            }
+        }
+        let mean = |(sum, n): &(f64, u32)| if *n > 0 { (sum / f64::from(*n)) as f32 } else { f32::NAN };
+        Self { frame_from_center: *frame_from_center, walls, ground: sums.iter().map(mean).collect() }
+    }
+
+    /// `target_from_source` near a guess; the share of walls that fall onto walls, 0 to 1. `None` if there is too little to
+    /// compare.
+    pub fn locate(&self, source: &[SurfacePoint], target_from_source: &Pose) -> Option<(Pose, f64)> {
+        let walls: Vec<&SurfacePoint> = source.iter().filter(|surface| is_wall(surface)).collect();
+        if walls.len() < 50 {
+            return None;
+        }
+        let walls: Vec<&SurfacePoint> = walls.iter().step_by(walls.len().div_ceil(MAX_WALLS)).copied().collect();
+        let center_from_source = self.frame_from_center.inverse() * target_from_source;
+        let n_turns = (TURN_RAD / TURN_STEP_RAD).round() as i32;
+        let n_shifts = (SHIFT_M / CELL_M).round() as i32;
+        let mut best = (0, center_from_source);
+        for turn in -n_turns..=n_turns {
+            // About the vehicle's place in the target.
+            let turned = turned_in_place(&center_from_source, f64::from(turn) * TURN_STEP_RAD);
+            let at: Vec<Vector3<f64>> = walls.iter().map(|wall| (turned * wall.position).coords).collect();
+            for east in -n_shifts..=n_shifts {
+                for north in -n_shifts..=n_shifts {
+                    let shift = Vector3::new(f64::from(east), f64::from(north), 0.0) * CELL_M;
+                    let hits = at.iter().filter_map(|at| cell(&(at + shift), CELL_M, SIDE));
+                    let score: u32 = hits.map(|index| u32::from(self.walls[index])).sum();
+                    if score > best.0 {
+                        let shifted = Isometry3::translation(shift.x, shift.y, 0.0) * turned;
+                        best = (score, shifted);
+                    }
+                }
+            }
+        }
+        let share = f64::from(best.0) / (2.0 * walls.len() as f64);
+        let rise = self.rise(source, &best.1)?;
+        let raised = Isometry3::translation(0.0, 0.0, rise) * best.1;
+        Some((self.frame_from_center * raised, share))
+    }
+
+    /// How much higher the target's ground is: the median over the source's ground.
+    fn rise(&self, source: &[SurfacePoint], center_from_source: &Pose) -> Option<f64> {
+        let ground = source.iter().filter(|surface| is_ground(surface));
+        let mut rises: Vec<f64> = ground
+            .filter_map(|surface| {
+                let at = (center_from_source * surface.position).coords;
+                let height = f64::from(self.ground[cell(&at, GROUND_CELL_M, GROUND_SIDE)?]);
+                (!height.is_nan()).then_some(height - at.z)
+            })
+            .collect();
+        if rises.len() < 50 {
+            return None;
+        }
+        let middle = rises.len() / 2;
+        Some(*rises.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+}
+
+/// Turned about the vertical through the middle of the source.
+fn turned_in_place(center_from_source: &Pose, turn_rad: f64) -> Pose {
+    let at = center_from_source.translation;
+    let turn = Isometry3::rotation(Vector3::z() * turn_rad);
+    at * turn * at.inverse() * center_from_source
+}

@@ -1,0 +1,120 @@
+//! All bands at full resolution, one row after the other: what is read lies in the cache, and a cube need not be held.
+
+use super::lattice::Lattice;
+use crate::calibration::Planes;
+use crate::mosaic::MAX_PATTERN;
+use crate::wide::wide;
+
+/// What an image is made of: bilinear between the samples of each band, and a part that all bands share.
+pub struct Parts<'a> {
+    pub lattice: &'a Lattice,
+    /// A mosaic; its bands are interpolated.
+    pub mosaic: &'a [f32],
+    /// Added to all bands, if there is such an image.
+    pub shared: Option<&'a [f32]>,
+    /// What was measured; it stands in the image as it is.
+    pub measured: &'a [f32],
+}
+
+/// Rows of an image, from the top down.
+pub struct Rows<'a> {
+    parts: Parts<'a>,
+    /// By band: the rows of samples above and below, at all columns.
+    above: Vec<f32>,
+    below: Vec<f32>,
+    next: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// At the top.
+    pub fn new(parts: Parts<'a>) -> Self {
+        let n = parts.lattice.n_bands() * parts.lattice.width;
+        let mut rows = Self { parts, above: vec![0.0; n], below: vec![0.0; n], next: 0 };
+        for ky in 0..rows.parts.lattice.pattern {
+            // Not yet the first row of samples: it moves up when the image gets there.
+            rows.read(ky, ky);
+        }
+        rows
+    }
+
+    /// The next row of all bands into `planes`.
+    pub fn next_into(&mut self, planes: &mut Planes<'_>) {
+        let Lattice { width, height, pattern } = *self.parts.lattice;
+        let y = self.next;
+        self.next += 1;
+        // These bands have samples in this row: it moves up, and the next one of theirs is read.
+        let moved = (y % pattern) * pattern * width..(y % pattern + 1) * pattern * width;
+        self.above[moved.clone()].swap_with_slice(&mut self.below[moved]);
+        if y + pattern < height {
+            self.read(y + pattern, y % pattern);
+        }
+        let shared = self.parts.shared.map(|image| &image[y * width..][..width]);
+        let measured = &self.parts.measured[y * width..][..width];
+        for band in 0..pattern * pattern {
+            let (ky, kx) = (band / pattern, band % pattern);
+            let out = &mut planes.values[band * planes.stride + planes.start..][..width];
+            // Before its first samples a band has them below alone.
+            let above = if y < ky { &self.below } else { &self.above };
+            let above = &above[band * width..][..width];
+            let below = &self.below[band * width..][..width];
+            match self.parts.lattice.between(y, ky).2 {
+                0 => out.copy_from_slice(above),
+                step => {
+                    let share = step as f32 / pattern as f32;
+                    wide(
+                        #[inline(always)]
+                        || between_into(above, below, share, out),
+                    );
+                }
+            }
+            if let Some(shared) = shared {
+                wide(
+                    #[inline(always)]
+                    || out.iter_mut().zip(shared).for_each(|(value, shared)| *value += shared),
+                );
+            }
+            if ky == y % pattern {
+                let samples = measured[kx..].iter().step_by(pattern);
+                out[kx..].iter_mut().step_by(pattern).zip(samples).for_each(|(out, sample)| *out = *sample);
+            }
+        }
+    }
+
+    /// Reads row `y` of the samples of the bands in row `ky` of the pattern.
+    fn read(&mut self, y: usize, ky: usize) {
+        let Lattice { width, pattern, .. } = *self.parts.lattice;
+        let samples = &self.parts.mosaic[y * width..][..width];
+        for kx in 0..pattern {
+            let out = &mut self.below[(ky * pattern + kx) * width..][..width];
+            match pattern {
+                1 => interpolate_row::<1>(samples, kx, out),
+                2 => interpolate_row::<2>(samples, kx, out),
+                3 => interpolate_row::<3>(samples, kx, out),
+                4 => interpolate_row::<4>(samples, kx, out),
+                _ => interpolate_row::<{ MAX_PATTERN as usize }>(samples, kx, out),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn between_into(above: &[f32], below: &[f32], share: f32, out: &mut [f32]) {
+    for ((out, above), below) in out.iter_mut().zip(above).zip(below) {
+        *out = above + (below - above) * share;
+    }
+}
+
+/// A row of samples of the bands `kx`, `kx + P`, …: the one in column `kx` of each cell at all columns.
+fn interpolate_row<const P: usize>(samples: &[f32], kx: usize, out: &mut [f32]) {
+    let last = samples.len() - P + kx;
+    out[..kx].fill(samples[kx]);
+    out[last..].fill(samples[last]);
+    let shares: [f32; P] = std::array::from_fn(|step| step as f32 / P as f32);
+    let lefts = samples[kx..last].as_chunks::<P>().0;
+    let rights = samples[kx + P..].iter().step_by(P);
+    for ((out, left), right) in out[kx..last].as_chunks_mut::<P>().0.iter_mut().zip(lefts).zip(rights) {
+        for (out, share) in out.iter_mut().zip(shares) {
+            *out = left[0] + (right - left[0]) * share;
+        }
+    }
+}
