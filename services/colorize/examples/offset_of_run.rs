@@ -4,6 +4,9 @@
 //! RECORDING has the topics submap, trajectory and image. `turn` turns every camera of the rig about its own axes, degrees, before
 //! anything is projected; `delay` moves the stamps of all images back, ms. What is found should be the opposite turn, and that delay.
 
+#[path = "common/recorded.rs"]
+mod recorded;
+
 use colorize::chunk::Cloud;
 use colorize::color::Picture;
 use colorize::occlusion::sights;
@@ -11,10 +14,8 @@ use colorize::offset::Look;
 use colorize::offset_watch::{Watch, look, sentence};
 use colorize::views::Camera;
 use formats::drive::Drive;
-use formats::recording::TickReader;
-use geometry::{RigCamera, Stamp, Trajectory, UnitQuaternion, Vector3};
-use messages::{Image, Submap};
-use stage::Received;
+use geometry::{RigCamera, Stamp, UnitQuaternion, Vector3};
+use recorded::Recorded;
 use std::error::Error;
 use std::path::Path;
 
@@ -40,21 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             Camera::from(&RigCamera { body_from_camera: camera.body_from_camera * told, model: camera.model.clone() })
         })
         .collect();
-    let (mut submaps, mut images, mut trajectory) = (Vec::new(), Vec::new(), Trajectory::default());
-    let mut reader = TickReader::open(Path::new(recording), &["submap", "trajectory", "image"])?;
-    while let Some(tick) = reader.next()? {
-        for message in &tick.messages[0] {
-            submaps.push(Received::<Submap>::from_bytes(&message.bytes)?);
-        }
-        for message in &tick.messages[1] {
-            for row in Received::<messages::Trajectory>::from_bytes(&message.bytes)?.rows() {
-                trajectory.push(Stamp(row.stamp), row.world_from_body.to_pose().ok_or("no pose")?);
-            }
-        }
-        for message in &tick.messages[2] {
-            images.push(Received::<Image>::from_bytes(&message.bytes)?);
-        }
-    }
+    let Recorded { submaps, images, trajectory, .. } = Recorded::open(Path::new(recording), false)?;
     let mut watch = Watch::default();
     for submap in &submaps {
         let header = submap.header();

@@ -34,7 +34,7 @@ impl<'a> Picture<'a> {
 
     /// Bilinear between the four pixels around (u, v), which lies at most half a pixel outside the outermost centers. In steps of
     /// 1/256 px, because whole numbers take half the time of others here.
-    fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
+    pub fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
         let height = self.pixels.len() / self.width;
         let (x0, x1, share_x) = neighbors(u, self.width);
         let (y0, y1, share_y) = neighbors(v, height);

@@ -48,6 +48,11 @@ impl Watch {
         }
     }
 
+    /// Whether no outline has been looked at.
+    pub fn is_empty(&self) -> bool {
+        self.profiles.iter().all(Vec::is_empty)
+    }
+
     /// What all profiles together say.
     pub fn offset(&self) -> Offset {
         fit(&self.profiles)
@@ -62,6 +67,23 @@ impl Watch {
         };
         RANGES_M.into_iter().map(at).collect()
     }
+}
+
+/// All cameras in one line, `offset in mrad: front 0.4 +- 0.1, left not observable; no delay found`: 270 characters for six names of ten.
+pub fn overview(names: &[String], offset: &Offset) -> String {
+    let camera = |(index, name): (usize, &String)| match offset.cameras.get(index).filter(|found| found.is_found()) {
+        Some(found) => {
+            let [angle, sigma] = [found.angle(), found.deviation[0].hypot(found.deviation[1])].map(|rad| 1e3 * rad);
+            format!("{name} {angle:.1} +- {sigma:.1}")
+        }
+        None => format!("{name} not observable"),
+    };
+    let cameras: Vec<String> = names.iter().enumerate().map(camera).collect();
+    let delay = match offset.delay_s.map(|values| values.map(|seconds| 1e3 * seconds)) {
+        Some([delay_ms, deviation_ms]) => format!("delay {delay_ms:.1} +- {deviation_ms:.1} ms"),
+        None => "no delay found".to_owned(),
+    };
+    format!("offset in mrad: {}; {delay}", cameras.join(", "))
 }
 
 /// A camera's offset in words: `name: 3.4 mrad (1.2 px) …`, at most 300 characters.
@@ -83,4 +105,21 @@ pub fn sentence(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[(
         found.n_edges,
         found.peak
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_cameras_stand_in_one_line() {
+        let found = CameraOffset { turn: [0.003, 0.004], deviation: [0.0003, 0.0004], n_edges: 900, peak: 20.0 };
+        let lost = CameraOffset { n_edges: 3, ..found.clone() };
+        let names = ["front", "left", "back"].map(str::to_owned);
+        let offset = Offset { cameras: vec![found, lost], delay_s: Some([0.0284, 0.0004]) };
+        let line = overview(&names, &offset);
+        let cameras = "offset in mrad: front 5.0 +- 0.5, left not observable, back not observable";
+        assert_eq!(line, format!("{cameras}; delay 28.4 +- 0.4 ms"));
+        assert!(overview(&names, &Offset { delay_s: None, ..offset }).ends_with("; no delay found"));
+    }
 }

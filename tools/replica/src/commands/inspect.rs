@@ -1,8 +1,9 @@
-//! `replica inspect`: what is in a cloud, as a table and as a picture.
+//! `replica inspect`: what is in a cloud, as a table and as a picture; how far a run's points and images are apart.
 
 mod camera;
 mod canvas;
 mod cloud;
+mod offset;
 mod palette;
 mod recording;
 mod survey;
@@ -29,6 +30,9 @@ const NOT_COMPLETE: u8 = 3;
 pub struct Args {
     /// A PLY file, the output folder of a run, or a recording (.mcap).
     path: PathBuf,
+    /// Says how far points and images are apart, as the run in this output folder measured it, instead.
+    #[arg(long, conflicts_with = "picture")]
+    offset: bool,
     /// Renders a picture into this PNG.
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
@@ -103,6 +107,10 @@ impl FromStr for Size {
 
 /// Prints the table and renders the picture, if one is asked for.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if args.offset {
+        let _ = std::io::stdout().write_all(offset::report(&args.path)?.as_bytes());
+        return Ok(ExitCode::SUCCESS);
+    }
     if args.path.extension().is_some_and(|extension| extension == "mcap") {
         let (table, complete) = recording::table(&args.path)?;
         let _ = std::io::stdout().write_all(table.as_bytes());
@@ -122,6 +130,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 pub fn top_view(path: &Path, picture: &Path) -> anyhow::Result<()> {
     let args = Args {
         path: path.to_owned(),
+        offset: false,
         picture: Some(picture.to_owned()),
         by: None,
         size: Size { width: 1600, height: 900 },

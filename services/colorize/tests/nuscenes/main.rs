@@ -3,91 +3,19 @@
 //! The truth is computed here along another way: the data set's composed `camera_from_lidar` and intrinsic matrices,
 //! which know nothing of stamps, trajectories and rigs.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod pictures;
+mod scene;
 
 use colorize::{Colorize, Settings};
 use common::{bare_manifest, camera, drive, stamped, submap};
 use formats::manifest::PoseEntry;
-use geometry::{CameraModel, Isometry3, Pinhole, Pose, Translation3, UnitQuaternion};
+use geometry::{CameraModel, Pinhole};
 use image::RgbImage;
 use messages::{Color, ColorRow, Image, ImageHeader, NoHeader, Submap, SubmapPoint, Trajectory, UNSEEN};
-use nalgebra::{Matrix3, Matrix4, Point3, Rotation3};
-use serde_json::Value;
+use scene::{Scene, Vehicle, pixel, pose, read_scene};
 use stage::testing::{Bench, context};
-use std::path::Path;
-
-struct Camera {
-    name: String,
-    picture: RgbImage,
-    stamp: i64,
-    camera_from_lidar: Matrix4<f64>,
-    image_from_camera: Matrix3<f64>,
-    body_from_camera: Pose,
-}
-
-struct Scene {
-    world_from_lidar: Pose,
-    body_from_lidar: Pose,
-    stamp: i64,
-    points: Vec<SubmapPoint>,
-    cameras: Vec<Camera>,
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
-}
-
-fn stamp(value: &Value) -> i64 {
-    // Microseconds are what the recording has.
-    (number(value) * 1e6).round() as i64 * 1000
-}
-
-fn matrix4(value: &Value) -> Matrix4<f64> {
-    Matrix4::from_fn(|i, j| number(&value[i][j]))
-}
-
-fn pose(matrix: &Matrix4<f64>) -> Pose {
-    // The file has seven digits, which is not quite a rotation.
-    let rotation = Rotation3::from_matrix(&matrix.fixed_view::<3, 3>(0, 0).into_owned());
-    let translation = Translation3::new(matrix[(0, 3)], matrix[(1, 3)], matrix[(2, 3)]);
-    Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation))
-}
-
-fn read_points(path: &Path) -> Vec<SubmapPoint> {
-    let bytes = std::fs::read(path).expect("readable");
-    let numbers: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|word| f32::from_le_bytes(*word)).collect();
-    let point = |row: &[f32; 5]| SubmapPoint {
-        x: row[0],
-        y: row[1],
-        z: row[2],
-        intensity: row[3] as u8,
-        ring: row[4] as u8,
-        ..SubmapPoint::default()
-    };
-    numbers.as_chunks::<5>().0.iter().map(point).collect()
-}
-
-fn read_scene(folder: &Path) -> Scene {
-    let text = std::fs::read_to_string(folder.join("calib_and_boxes.json")).expect("readable");
-    // The boxes have velocities of NaN, which is not JSON; none of them is used here.
-    let json: Value = serde_json::from_str(&text.replace("NaN", "null")).expect("JSON");
-    let camera = |(name, entry): (&String, &Value)| Camera {
-        name: name.clone(),
-        picture: image::open(folder.join(entry["img_path"].as_str().expect("a path"))).expect("a JPEG").to_rgb8(),
-        stamp: stamp(&entry["timestamp"]),
-        camera_from_lidar: matrix4(&entry["lidar2cam"]),
-        image_from_camera: Matrix3::from_fn(|i, j| number(&entry["cam2img"][i][j])),
-        body_from_camera: pose(&matrix4(&entry["cam2ego"])),
-    };
-    let body_from_lidar = pose(&matrix4(&json["lidar_points"]["lidar2ego"]));
-    Scene {
-        world_from_lidar: pose(&matrix4(&json["ego2global"])) * body_from_lidar,
-        body_from_lidar,
-        stamp: stamp(&json["timestamp"]),
-        points: read_points(&folder.join(json["lidar_points"]["lidar_path"].as_str().expect("a path"))),
-        cameras: json["images"].as_object().expect("cameras").iter().map(camera).collect(),
-    }
-}
 
 /// Runs the stage; `delay_nanos` falsifies the stamps of all images.
 fn colors(scene: &Scene, delay_nanos: i64) -> Vec<ColorRow> {
@@ -127,14 +55,6 @@ fn colors(scene: &Scene, delay_nanos: i64) -> Vec<ColorRow> {
     bench.take::<Color>()[0].rows().to_vec()
 }
 
-fn pixel(camera: &Camera, point: &SubmapPoint) -> Option<(f64, f64)> {
-    let p = camera.camera_from_lidar.transform_point(&Point3::new(point.x, point.y, point.z).cast());
-    let h = camera.image_from_camera * p.coords;
-    let (u, v) = (h.x / h.z, h.y / h.z);
-    let (width, height) = camera.picture.dimensions();
-    (h.z > 1e-3 && u > -0.5 && v > -0.5 && u < f64::from(width) - 0.5 && v < f64::from(height) - 0.5).then_some((u, v))
-}
-
 /// Largest difference of a channel between the point's color and the picture at the pixel, between pixel centers.
 fn difference(picture: &RgbImage, (u, v): (f64, f64), row: ColorRow) -> f64 {
     let clamp = |at: f64, len: u32| at.clamp(0.0, f64::from(len - 1));
@@ -158,7 +78,7 @@ fn a_real_sweep_gets_the_colors_of_six_real_images() {
     let scene = read_scene(&folder);
     assert_eq!((scene.points.len(), scene.cameras.len()), (34_688, 6));
     let colors = colors(&scene, 0);
-    write_pictures(&scene, &colors);
+    pictures::write(&scene, &colors);
 
     let mut n_seen = [0; 6];
     let (mut n_off, mut n_visible) = (0, 0);
@@ -202,26 +122,31 @@ fn a_wrong_exposure_time_is_seen_in_the_colors() {
     assert!(n_changed > right.len() / 20, "only {n_changed}");
 }
 
-/// For the eye: the points on the front camera's image, colored by depth, and the colored sweep unrolled around the
-/// vehicle (3600 columns of 0.1 degrees, 5 pixels per ring).
-fn write_pictures(scene: &Scene, colors: &[ColorRow]) {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let front = scene.cameras.iter().find(|camera| camera.name == "CAM_FRONT").expect("a front camera");
-    let mut overlay = front.picture.clone();
-    let mut unrolled = RgbImage::new(3600, 160);
-    for (point, row) in scene.points.iter().zip(colors) {
-        let azimuth_deg = point.y.atan2(point.x).to_degrees().rem_euclid(360.0);
-        let column = (azimuth_deg * 10.0) as u32 % 3600;
-        for dy in 0..5 {
-            unrolled.put_pixel(column, (31 - u32::from(point.ring)) * 5 + dy, image::Rgb([row.r, row.g, row.b]));
-        }
-        let Some((u, v)) = pixel(front, point) else { continue };
-        let near = (255.0 * (1.0 - point.x.hypot(point.y) / 40.0)).clamp(0.0, 255.0) as u8;
-        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let (x, y) = ((u.max(0.0) as u32 + dx).min(1599), (v.max(0.0) as u32 + dy).min(899));
-            overlay.put_pixel(x, y, image::Rgb([near, 255 - near, 80]));
-        }
-    }
-    overlay.save(folder.join("nuscenes_overlay.png")).expect("written");
-    unrolled.save(folder.join("nuscenes_unrolled.png")).expect("written");
+#[test]
+fn the_boxes_of_cars_have_the_colors_that_the_cars_have() {
+    let Some(folder) = real_data::real_data("nuscenes") else { return };
+    let scene = read_scene(&folder);
+    let colors = colors(&scene, 0);
+    let mean = |name: &str, [right, ahead]: [f64; 2], is_of: &dyn Fn(&SubmapPoint, &Vehicle) -> bool| {
+        let is_it = |vehicle: &&Vehicle| (vehicle.center[0] - right).hypot(vehicle.center[1] - ahead) < 1.0;
+        let vehicle = scene.boxes.iter().find(is_it).expect("a box there");
+        let is_of = |point: &SubmapPoint| vehicle.holds(point) && is_of(point, vehicle);
+        let rows = scene.points.iter().zip(&colors).filter(|(point, row)| row.camera != UNSEEN && is_of(point));
+        let levels: Vec<f64> =
+            rows.map(|(_, row)| [row.r, row.g, row.b].map(f64::from).iter().sum::<f64>() / 3.0).collect();
+        println!("{name}: {} points, mean level {:.0}", levels.len(), levels.iter().sum::<f64>() / levels.len() as f64);
+        levels.iter().sum::<f64>() / levels.len() as f64
+    };
+    // What the images show there: silver in the sun, silver in the shade, black in the sun, and a truck with a white tail lift and dark sides.
+    let all = |_: &SubmapPoint, _: &Vehicle| true;
+    let bright = mean("silver car in the sun", [3.3, 40.3], &all);
+    let shaded = mean("silver car in the shade", [-2.1, 38.0], &all);
+    let black = mean("black car", [6.0, 35.0], &all);
+    let from_back_m =
+        |point: &SubmapPoint, truck: &Vehicle| f64::from(point.y) - (truck.center[1] - 0.5 * truck.size[0]);
+    // The lift stands between the bumper and the tarpaulin.
+    let is_lift = |point: &SubmapPoint| point.z > -0.9 && point.z < 0.9;
+    let lift = mean("tail lift", [-4.5, 15.3], &|point, truck| from_back_m(point, truck) < 0.8 && is_lift(point));
+    let sides = mean("truck before it", [-4.5, 15.3], &|point, truck| from_back_m(point, truck) > 1.5);
+    assert!(bright > 140.0 && black < 90.0 && shaded > black && lift > 1.5 * sides);
 }

@@ -1,0 +1,114 @@
+//! Sums by range, and the tables that they make.
+
+/// Upper ends of the ranges, m.
+pub const RANGES_M: [f64; 4] = [5.0, 10.0, 20.0, 80.0];
+
+/// Of the points at some range.
+#[derive(Clone, Debug, Default)]
+pub struct Score {
+    /// Seen by some exposure, by truth, and those of them that have a color.
+    pub visible: usize,
+    pub visible_colored: usize,
+    /// The same of those on a single surface that is no leaf.
+    pub solid: usize,
+    pub solid_colored: usize,
+    pub colored: usize,
+    /// Colored by an exposure from which something stands before them: something solid, or leaves.
+    pub behind_solid: usize,
+    pub behind_leaves: usize,
+    /// Of the colors, against the pixel at the true projection.
+    pub color_differences: Vec<f64>,
+    /// Of the spectra, against the cell at the true projection, and against the material: in the sun and in the shade, rad.
+    pub angles_to_cell: Vec<f64>,
+    pub angles_to_material: [Vec<f64>; 2],
+}
+
+impl Score {
+    pub fn add(&mut self, other: Self) {
+        self.visible += other.visible;
+        self.visible_colored += other.visible_colored;
+        self.solid += other.solid;
+        self.solid_colored += other.solid_colored;
+        self.colored += other.colored;
+        self.behind_solid += other.behind_solid;
+        self.behind_leaves += other.behind_leaves;
+        self.color_differences.extend(other.color_differences);
+        self.angles_to_cell.extend(other.angles_to_cell);
+        let [sun, shade] = other.angles_to_material;
+        self.angles_to_material[0].extend(sun);
+        self.angles_to_material[1].extend(shade);
+    }
+}
+
+/// Scores by range.
+pub type Table = [Score; RANGES_M.len()];
+
+pub fn sum(mut a: Table, b: Table) -> Table {
+    a.iter_mut().zip(b).for_each(|(a, b)| a.add(b));
+    a
+}
+
+/// Into a table, if the range is one of its.
+pub fn at_range(table: &mut Table, range_m: f64) -> Option<&mut Score> {
+    let place = RANGES_M.iter().position(|end| range_m < *end)?;
+    table.get_mut(place)
+}
+
+/// The rows of the ranges and one of all.
+fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
+    let mut all = Score::default();
+    for score in table {
+        all.add(score.clone());
+    }
+    let ranges = table.iter().zip(RANGES_M).map(|(score, end)| (format!("up to {end} m"), score.clone()));
+    ranges.chain([("all".to_owned(), all)])
+}
+
+pub fn print_occlusion(title: &str, table: &Table) {
+    println!(
+        "{title}\n| range | points visible | visible and colored | solid ones | hidden by something solid | by leaves |"
+    );
+    for (name, score) in rows(table) {
+        let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
+        println!(
+            "| {name} | {} | {:.1} % | {:.1} % | {:.2} % | {:.2} % |",
+            score.visible,
+            share(score.visible_colored, score.visible),
+            share(score.solid_colored, score.solid),
+            share(score.behind_solid, score.colored),
+            share(score.behind_leaves, score.colored)
+        );
+    }
+}
+
+pub fn print_colors(title: &str, table: &Table) {
+    println!("{title}\n| range | colors | dE: half below | nine in ten below | above 10 |");
+    for (name, score) in rows(table) {
+        let [half, most] = [0.5, 0.9].map(|share| quantile(&score.color_differences, share));
+        let n_far = score.color_differences.iter().filter(|difference| **difference > 10.0).count();
+        let n = score.color_differences.len();
+        println!("| {name} | {n} | {half:.1} | {most:.1} | {:.1} % |", 100.0 * n_far as f64 / n.max(1) as f64);
+    }
+}
+
+pub fn print_spectra(title: &str, table: &Table) {
+    println!(
+        "{title}\n| range | spectra | to the cell: half below | nine in ten below | to the material, sun: half below | nine in ten below | shade: half below | nine in ten below |"
+    );
+    for (name, score) in rows(table) {
+        let [sun, shade] = &score.angles_to_material;
+        let pair = |angles: &[f64]| format!("{:.3} | {:.3}", quantile(angles, 0.5), quantile(angles, 0.9));
+        let n = score.angles_to_cell.len();
+        println!("| {name} | {n} | {} | {} | {} |", pair(&score.angles_to_cell), pair(sun), pair(shade));
+    }
+}
+
+/// NaN of nothing.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted
+        .get(((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1)))
+        .copied()
+        .unwrap_or(f64::NAN)
+}

@@ -1,0 +1,144 @@
+//! What the simulator knows about the points of a submap: where they really are, what they are of, who sees them.
+
+use colorize::chunk::CHUNK;
+use geometry::{CameraModel, Pose, Stamp, Trajectory};
+use messages::{ClassId, POINT_DYNAMIC, SubmapHeader, SubmapPoint};
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+use simulation::Simulation;
+use simulation::material::Material;
+use simulation::scene::Snapshot;
+use simulation::trace::Ray;
+use std::collections::BTreeMap;
+
+/// Farther than this from where the beam meets the town, a point is of no single surface, m.
+const MEETS_M: f64 = 0.3;
+/// Snapshots of the town are taken so far apart, s: a car at 10 m/s moves 2 cm.
+const SNAPSHOT_S: f64 = 0.002;
+
+/// A town and what the pipeline believes about the way through it.
+pub struct Town<'a> {
+    pub simulation: &'a Simulation,
+    pub trajectory: &'a Trajectory,
+}
+
+/// A point as it really is.
+#[derive(Clone, Copy)]
+pub struct TruePoint {
+    /// World frame, m.
+    pub p: Point3<f64>,
+    pub range_m: f64,
+    pub stamp: i64,
+    /// Of the surface that the beam met; `None` for mixed returns.
+    pub material: Option<Material>,
+    /// Whether that surface is there and no leaf.
+    pub is_solid: bool,
+    /// Whether it is on something that is elsewhere a second later.
+    pub moves: bool,
+}
+
+/// An exposure as it really was.
+pub struct TrueExposure {
+    pub stamp: i64,
+    pub snapshot: Snapshot,
+    pub eye: Point3<f64>,
+    pub camera_from_world: Pose,
+    pub model: CameraModel,
+}
+
+impl TrueExposure {
+    /// Where a point is on the image, px.
+    pub fn pixel(&self, p: &Point3<f64>) -> Option<[f32; 2]> {
+        self.model.pixel_from_camera(&(self.camera_from_world * p)).map(|pixel| [pixel.x as f32, pixel.y as f32])
+    }
+}
+
+impl Town<'_> {
+    fn seconds(&self, stamp: i64) -> f64 {
+        Stamp(stamp).seconds_since(self.simulation.motion.begin)
+    }
+
+    /// Of a camera, at a stamp.
+    pub fn exposure(&self, stamp: i64, body_from_camera: &Pose, model: &CameraModel) -> TrueExposure {
+        let seconds = self.seconds(stamp);
+        let world_from_camera = self.simulation.motion.pose(seconds) * body_from_camera;
+        TrueExposure {
+            stamp,
+            snapshot: self.simulation.scene.at(seconds),
+            eye: Point3::from(world_from_camera.translation.vector),
+            camera_from_world: world_from_camera.inverse(),
+            model: model.clone(),
+        }
+    }
+
+    /// The points, as the vehicle really stood when they were shot: what the pose estimate adds is taken off, the lidar's own
+    /// noise is not. `None` for points without a pose.
+    pub fn points(
+        &self,
+        header: &SubmapHeader,
+        world_from_submap: &Pose,
+        points: &[SubmapPoint],
+    ) -> Vec<Option<TruePoint>> {
+        let of_chunk = |points: &[SubmapPoint]| {
+            let mut snapshots = BTreeMap::new();
+            let of = |point: &SubmapPoint| self.point(header, world_from_submap, point, &mut snapshots);
+            points.iter().map(of).collect::<Vec<_>>()
+        };
+        points.par_chunks(CHUNK).flat_map_iter(of_chunk).collect()
+    }
+
+    fn point(
+        &self,
+        header: &SubmapHeader,
+        world_from_submap: &Pose,
+        point: &SubmapPoint,
+        snapshots: &mut BTreeMap<i64, [Snapshot; 2]>,
+    ) -> Option<TruePoint> {
+        let stamp = header.sweeps.get(usize::from(point.sweep_idx))?.stamp + i64::from(point.offset_nanos);
+        let believed = self.trajectory.at(Stamp(stamp))?;
+        let seconds = self.seconds(stamp);
+        let world_from_body = self.simulation.motion.pose(seconds);
+        let p_in_submap = Point3::new(point.x, point.y, point.z).cast::<f64>();
+        let p = world_from_body * believed.inverse() * world_from_submap * p_in_submap;
+        let origin = (world_from_body * self.simulation.rig.lidar.body_from_lidar).translation.vector;
+        let range_m = (p.coords - origin).norm();
+        let ray = Ray { origin: origin.cast(), direction: ((p.coords - origin) / range_m).cast(), seed: 0 };
+        let scene = &self.simulation.scene;
+        let key = (seconds / SNAPSHOT_S).round() as i64;
+        let [now, later] = snapshots.entry(key).or_insert_with(|| {
+            let seconds = key as f64 * SNAPSHOT_S;
+            [seconds, seconds + 1.0].map(|seconds| scene.at(seconds))
+        });
+        let far_m = range_m as f32 + 1.0;
+        let hit = scene.cast(now, &ray, far_m).filter(|hit| (f64::from(hit.range_m) - range_m).abs() < MEETS_M);
+        let moves = hit.as_ref().is_some_and(|hit| {
+            let again = scene.cast(later, &ray, far_m).map(|hit| hit.range_m);
+            hit.surface.instance > 0 && again.is_none_or(|m| (m - hit.range_m).abs() > 0.2)
+        });
+        let is_solid = hit.as_ref().is_some_and(|hit| hit.surface.class != ClassId::Vegetation);
+        Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), is_solid, moves })
+    }
+
+    /// What stands before `p`, seen from the camera, with the tolerances of `truth/visibility`. Leaves meet rays by chance: one
+    /// beyond the point says that nothing stands before it.
+    pub fn before(&self, exposure: &TrueExposure, p: &Point3<f64>) -> Option<ClassId> {
+        let toward: Vector3<f64> = p - exposure.eye;
+        let distance = toward.norm();
+        let direction = (toward / distance).cast::<f32>();
+        let ray = Ray { origin: exposure.eye.coords.cast(), direction, seed: 0 };
+        let hit = self.simulation.scene.cast(&exposure.snapshot, &ray, distance as f32)?;
+        let gap = distance - f64::from(hit.range_m);
+        let across = gap * f64::from(hit.normal.dot(&direction).abs());
+        let is_there = gap < 0.1 || (gap < 0.5 && (hit.surface.class == ClassId::Vegetation || across < 0.06));
+        (!is_there).then_some(hit.surface.class)
+    }
+}
+
+/// The points with the flags that they should have.
+pub fn with_true_flags(points: &[SubmapPoint], truth: &[Option<TruePoint>]) -> Vec<SubmapPoint> {
+    let flag = |(point, truth): (&SubmapPoint, &Option<TruePoint>)| {
+        let moves = truth.is_some_and(|truth| truth.moves);
+        SubmapPoint { flags: if moves { POINT_DYNAMIC } else { 0 }, ..*point }
+    };
+    points.iter().zip(truth).map(flag).collect()
+}

@@ -1,0 +1,52 @@
+//! What colorize reads, out of a recording.
+
+use formats::recording::TickReader;
+use geometry::{Stamp, Trajectory};
+use messages::{Cube, Image, Message, Submap};
+use stage::Received;
+use std::error::Error;
+use std::path::Path;
+
+/// All messages of a run, in their order.
+#[derive(Default)]
+pub struct Recorded {
+    pub submaps: Vec<Received<Submap>>,
+    pub images: Vec<Received<Image>>,
+    #[allow(dead_code, reason = "not every example looks at spectra")]
+    pub cubes: Vec<Received<Cube>>,
+    /// `world_from_body` as the run found it.
+    pub trajectory: Trajectory,
+}
+
+impl Recorded {
+    /// Of a recording with the topics submap, trajectory and image, and cube if `with_cubes`.
+    pub fn open(path: &Path, with_cubes: bool) -> Result<Self, Box<dyn Error>> {
+        let mut recorded = Self::default();
+        let topics = ["submap", "trajectory", "image", "cube"];
+        let mut reader = TickReader::open(path, if with_cubes { &topics } else { &topics[..3] })?;
+        while let Some(tick) = reader.next()? {
+            let bytes = |topic: usize| tick.messages.get(topic).into_iter().flatten().map(|message| &message.bytes[..]);
+            add(&mut recorded.submaps, bytes(0))?;
+            add(&mut recorded.images, bytes(2))?;
+            add(&mut recorded.cubes, bytes(3))?;
+            for bytes in bytes(1) {
+                for row in Received::<messages::Trajectory>::from_bytes(bytes)?.rows() {
+                    let pose =
+                        row.world_from_body.to_pose().ok_or_else(|| format!("trajectory: {row:?} is no pose"))?;
+                    recorded.trajectory.push(Stamp(row.stamp), pose);
+                }
+            }
+        }
+        Ok(recorded)
+    }
+}
+
+fn add<'a, T: Message>(
+    to: &mut Vec<Received<T>>,
+    messages: impl Iterator<Item = &'a [u8]>,
+) -> Result<(), Box<dyn Error>> {
+    for bytes in messages {
+        to.push(Received::from_bytes(bytes)?);
+    }
+    Ok(())
+}
