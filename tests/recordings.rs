@@ -218,7 +218,7 @@ fn the_real_stages_on_a_recording_give_what_they_gave_in_the_run() {
             model.display()
         ))
     };
-    let topics = "submap,trajectory,color,spectra";
+    let topics = "submap,trajectory,placement,color,spectra";
     let (launch, recording) = recorded(file(), &format!("{topics},class"));
     succeeded(&launch.run());
 
