@@ -41,6 +41,9 @@ const SIGNIFICANT: f32 = 8.0;
 /// The same for the delay, against no delay at all.
 const SIGNIFICANT_DELAY: f32 = 8.0;
 
+/// Parts of the edges that lie farther apart, rad, do not speak of one turn: each has found a peak of its own.
+const AGREED: f32 = 5e-3;
+
 /// Parts that are fitted one by one, to see by how much they differ.
 const N_PARTS: usize = 4;
 
@@ -58,13 +61,17 @@ pub struct CameraOffset {
 }
 
 impl CameraOffset {
-    /// Whether the peak is more than chance.
+    /// Whether the peak is more than chance, and one for all parts of the edges.
     pub fn is_found(&self) -> bool {
-        self.n_edges >= MIN_EDGES && self.peak >= SIGNIFICANT
+        self.n_edges >= MIN_EDGES && self.peak >= SIGNIFICANT && self.sigma() <= AGREED
     }
     /// Whether it is turned by more than this, rad, beyond doubt.
     pub fn exceeds(&self, angle: f32) -> bool {
-        self.is_found() && self.angle() - 3.0 * self.deviation[0].hypot(self.deviation[1]) > angle
+        self.is_found() && self.angle() - 3.0 * self.sigma() > angle
+    }
+    /// Standard deviation of the turn, both axes together, rad.
+    pub fn sigma(&self) -> f32 {
+        self.deviation[0].hypot(self.deviation[1])
     }
     /// How far the middle of the image is off, rad.
     pub fn angle(&self) -> f32 {
@@ -361,6 +368,14 @@ mod tests {
     fn a_delay_is_not_told_by_a_vehicle_that_stands() {
         let found = fit(&[profiles([0.01, 0.0], 0.05, 0.0, true)]);
         assert!(found.delay_s.is_none() && (found.cameras[0].turn[0] - 0.01).abs() < 3e-4, "{found:?}");
+    }
+
+    #[test]
+    fn parts_that_contradict_each_other_find_nothing() {
+        let found = CameraOffset { turn: [0.04, 0.01], deviation: [0.001, 0.001], n_edges: 800, peak: 13.0 };
+        assert!(found.is_found() && found.exceeds(0.005), "{found:?}");
+        let torn = CameraOffset { deviation: [0.009, 0.004], ..found };
+        assert!(!torn.is_found() && !torn.exceeds(0.005), "{torn:?}");
     }
 
     #[test]

@@ -73,7 +73,7 @@ impl Watch {
 pub fn overview(names: &[String], offset: &Offset) -> String {
     let camera = |(index, name): (usize, &String)| match offset.cameras.get(index).filter(|found| found.is_found()) {
         Some(found) => {
-            let [angle, sigma] = [found.angle(), found.deviation[0].hypot(found.deviation[1])].map(|rad| 1e3 * rad);
+            let [angle, sigma] = [found.angle(), found.sigma()].map(|rad| 1e3 * rad);
             format!("{name} {angle:.1} +- {sigma:.1}")
         }
         None => format!("{name} not observable"),
@@ -96,7 +96,7 @@ pub fn sentence(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[(
         .map(|(range, found)| format!("{:.0}-{:.0} m {:.1}", range.start, range.end, mrad(found.angle())))
         .collect();
     let [x, y] = found.turn.map(mrad);
-    let sigma = mrad(found.deviation[0].hypot(found.deviation[1]));
+    let sigma = mrad(found.sigma());
     format!(
         "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2} mrad; by range {}; {} edges, peak {:.0}",
         mrad(found.angle()),
