@@ -83,7 +83,11 @@ impl LocalFrame {
     }
     /// A place in this frame, m.
     pub fn world_from_geodetic(&self, place: &Geodetic) -> Point3<f64> {
-        let off = place.ecef() - self.origin_in_ecef;
+        self.world_from_ecef(&place.ecef())
+    }
+    /// A point of the Earth's own frame (x towards latitude and longitude 0, z towards the north pole, m) in this frame, m.
+    pub fn world_from_ecef(&self, p: &Vector3<f64>) -> Point3<f64> {
+        let off = p - self.origin_in_ecef;
         Point3::from(self.axes.map(|axis| axis.dot(&off)))
     }
     /// The place of a point of this frame (m).

@@ -18,7 +18,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
     let rig = &spec.rig;
     let gnss = rig.gnss.map(|gnss| GnssEntry {
         file: GNSS_FILE.into(),
-        origin: ORIGIN,
+        origin: [ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m],
         antenna_in_body: gnss.antenna_in_body,
     });
     Manifest {

@@ -92,7 +92,7 @@ pub fn record(motion: &Motion, spec: &ImuSpec, seconds: f64, seed: u64) -> Vec<I
         [Triad::new(&force, spec.rate_hz, hash(seed, 0)), Triad::new(&rate, spec.rate_hz, hash(seed, 1))]
     };
     // What is felt of the Earth's rotation, in the world frame.
-    let (sin, cos) = ORIGIN[0].to_radians().sin_cos();
+    let (sin, cos) = ORIGIN.latitude_deg.to_radians().sin_cos();
     let earth_rate = Vector3::new(0.0, cos, sin) * EARTH_RATE;
     let n = (seconds * 1e9 / period_nanos as f64) as i64;
     (0..=n)

@@ -6,15 +6,15 @@
 //! | [`signal`] | what of them reaches the antenna, by ray casts into the scene |
 //! | [`receiver`] | what a receiver measures and makes of it |
 //! | [`solve`] | a position from ranges |
-//! | [`geodesy`] | the world frame on the ellipsoid |
+//! | [`place`] | where on the Earth the world is |
 
-pub mod geodesy;
+pub mod place;
 pub mod receiver;
 pub mod signal;
 pub mod sky;
 pub mod solve;
 
-pub use geodesy::{ORIGIN, geodetic_from_world};
+pub use place::ORIGIN;
 pub use receiver::Receiver;
 
 use crate::motion::Motion;
@@ -22,8 +22,8 @@ use crate::random::hash;
 use crate::rig::GnssSpec;
 use crate::scene::Scene;
 use formats::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
-use geodesy::GEOID_M;
-use geometry::{Point3, Stamp, Vector3};
+use geometry::{Geodetic, Point3, Stamp, Vector3};
+use place::{GEOID_M, world};
 use rayon::prelude::*;
 use receiver::Tracking;
 use signal::{Antenna, Around, Signal, Surroundings};
@@ -96,7 +96,7 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
     let antenna = motion.pose(at) * Point3::from(spec.antenna_in_body);
     let velocity = motion.velocity(at) + position.speed_error;
     let speed_mps = velocity.xy().norm();
-    let [latitude_deg, longitude_deg, altitude_m] = geodetic_from_world(&(antenna.coords + position.error));
+    let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&(antenna + position.error));
     let fix = Fix {
         stamp,
         position_deg: [latitude_deg, longitude_deg],
@@ -247,12 +247,12 @@ mod tests {
             let altitude = |fix: &Fix| fix.altitude_m.expect("GGA has one");
             assert!((altitude(read) - altitude(&fix)).abs() < 1e-3);
             // The error that is told is the one that was made.
-            let antenna = (motion.pose(i as f64) * Point3::from(spec.antenna_in_body)).coords;
-            let [latitude, longitude, height] = geodetic_from_world(&antenna);
+            let antenna = motion.pose(i as f64) * Point3::from(spec.antenna_in_body);
+            let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&antenna);
             let error = epoch.error.expect("an open sky");
-            assert!(((fix.position_deg[0] - latitude) * 111_201.0 - error.y).abs() < 0.01);
-            assert!(((fix.position_deg[1] - longitude) * 73_361.0 - error.x).abs() < 0.01);
-            assert!((altitude(&fix) - height - error.z).abs() < 0.01);
+            assert!(((fix.position_deg[0] - latitude_deg) * 111_201.0 - error.y).abs() < 0.01);
+            assert!(((fix.position_deg[1] - longitude_deg) * 73_361.0 - error.x).abs() < 0.01);
+            assert!((altitude(&fix) - altitude_m - error.z).abs() < 0.01);
         }
         // A standing vehicle has no course.
         let has_course = |i: usize| epochs[i].fix.is_some_and(|fix| fix.course_deg.is_some());

@@ -1,6 +1,6 @@
 //! Which satellites stand where: the nominal constellations of GPS and Galileo on circular orbits.
 
-use super::geodesy::world_from_ecef;
+use super::place::world;
 use crate::random::{hash, unit};
 use geometry::Vector3;
 use std::f64::consts::TAU;
@@ -65,6 +65,7 @@ impl Sky {
     pub fn above(&self, seconds: f64) -> Vec<Satellite> {
         let mut index = 0;
         let mut satellites = Vec::new();
+        let world = world();
         for (system, [node, phase]) in [System::Gps, System::Galileo].into_iter().zip(self.turns) {
             let Walker(inclination_deg, n, planes, shift, radius) = system.walker();
             let rate = (EARTH_GM / radius.powi(3)).sqrt();
@@ -81,7 +82,7 @@ impl Sky {
                         x * node.sin() + y * cos_i * node.cos(),
                         y * sin_i,
                     );
-                    let direction = world_from_ecef(&(at * radius)).normalize();
+                    let direction = world.world_from_ecef(&(at * radius)).coords.normalize();
                     if direction.z > 0.0 {
                         satellites.push(Satellite { index, system, direction });
                     }

@@ -1,0 +1,13 @@
+//! Where on the Earth the simulated towns lie.
+
+use geometry::{Geodetic, LocalFrame};
+
+/// The world's origin: the Pantheon in Paris.
+pub const ORIGIN: Geodetic = Geodetic { latitude_deg: 48.846_222, longitude_deg: 2.346_414, altitude_m: 104.6 };
+/// Height of the geoid above the ellipsoid there, m; NMEA heights are above the geoid.
+pub const GEOID_M: f64 = 44.6;
+
+/// The world frame around [`ORIGIN`].
+pub fn world() -> LocalFrame {
+    LocalFrame::new(ORIGIN)
+}
