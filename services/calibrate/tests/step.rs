@@ -1,7 +1,7 @@
 //! The stage on small mosaics whose reflectance is known.
 
 use calibrate::{Calibrate, Settings};
-use formats::manifest::{LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry, WhitePanelEntry};
+use formats::manifest::{LidarEntry, Manifest, MosaicEntry, PoseEntry, WhitePanelEntry};
 use formats::pgm::pgm_from_samples;
 use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
 use geometry::{CameraModel, Pinhole};
@@ -41,21 +41,14 @@ fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
 }
 
 fn manifest() -> Manifest {
-    Manifest {
-        version: MANIFEST_VERSION,
-        name: "test".to_owned(),
-        lidar: LidarEntry {
-            model: "hdl32e".to_owned(),
-            format: "pcap".to_owned(),
-            folder: "lidar".to_owned(),
-            body_from_lidar: PoseEntry::IDENTITY,
-        },
-        cameras: Vec::new(),
-        mosaics: vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])],
-        gnss: None,
-        imu: None,
-        truth: None,
-    }
+    let lidar = LidarEntry {
+        model: "hdl32e".to_owned(),
+        format: "pcap".to_owned(),
+        folder: "lidar".to_owned(),
+        body_from_lidar: PoseEntry::IDENTITY,
+    };
+    let mosaics = vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])];
+    Manifest { mosaics, ..Manifest::of_lidar("test", lidar) }
 }
 
 /// Counts per ms of a white surface, different for every pixel.

@@ -9,13 +9,13 @@ use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Transla
 use serde::{Deserialize, Serialize};
 
 /// The version that this crate writes.
-pub const MANIFEST_VERSION: u32 = 1;
+pub(crate) const MANIFEST_VERSION: u32 = 1;
 
 /// The whole file. Paths are relative to the drive folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// [`MANIFEST_VERSION`].
+    /// Of the format; [`Manifest::of_lidar`] writes the current one.
     pub version: u32,
     /// For people.
     pub name: String,

@@ -1,9 +1,7 @@
 //! A small drive with every kind of sensor, made by hand.
 
 use formats::imu::{ImuSample, csv_from_samples};
-use formats::manifest::{
-    CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry,
-};
+use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
 use formats::pcap::Writer;
 use formats::pgm::pgm_from_samples;
@@ -108,15 +106,13 @@ fn manifest() -> Manifest {
         body_from_camera: PoseEntry::IDENTITY,
         model: model.clone(),
     };
+    let lidar = LidarEntry {
+        model: "hdl32e".into(),
+        format: "pcap".into(),
+        folder: "lidar".into(),
+        body_from_lidar: PoseEntry::IDENTITY,
+    };
     Manifest {
-        version: MANIFEST_VERSION,
-        name: "made by hand".into(),
-        lidar: LidarEntry {
-            model: "hdl32e".into(),
-            format: "pcap".into(),
-            folder: "lidar".into(),
-            body_from_lidar: PoseEntry::IDENTITY,
-        },
         cameras: vec![camera(0), camera(1)],
         mosaics: vec![MosaicEntry {
             name: "hs03".into(),
@@ -136,6 +132,6 @@ fn manifest() -> Manifest {
         }],
         gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: [48.8, 2.3, 100.0], antenna_in_body: [0.0; 3] }),
         imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3] }),
-        truth: None,
+        ..Manifest::of_lidar("made by hand", lidar)
     }
 }

@@ -2,28 +2,20 @@
 
 pub mod scene;
 
-use formats::manifest::{CameraEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, PoseEntry};
+use formats::manifest::{CameraEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use geometry::{CameraModel, Pose};
 use messages::{PoseRow, StampedPose, SubmapHeader, SubmapPoint, SubmapSweep};
 use tempfile::TempDir;
 
 /// A drive without any sensor but the LiDAR.
 pub fn bare_manifest() -> Manifest {
-    Manifest {
-        version: MANIFEST_VERSION,
-        name: "test".to_owned(),
-        lidar: LidarEntry {
-            model: "hdl32e".to_owned(),
-            format: "pcap".to_owned(),
-            folder: "lidar".to_owned(),
-            body_from_lidar: PoseEntry::IDENTITY,
-        },
-        cameras: Vec::new(),
-        mosaics: Vec::new(),
-        gnss: None,
-        imu: None,
-        truth: None,
-    }
+    let lidar = LidarEntry {
+        model: "hdl32e".to_owned(),
+        format: "pcap".to_owned(),
+        folder: "lidar".to_owned(),
+        body_from_lidar: PoseEntry::IDENTITY,
+    };
+    Manifest::of_lidar("test", lidar)
 }
 
 pub fn camera(name: &str, body_from_camera: Pose, model: CameraModel) -> CameraEntry {

@@ -4,9 +4,7 @@ use crate::rig::{CameraSpec, MosaicSpec};
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::mosaic::{BIT_DEPTH, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
 use crate::spec::DriveSpec;
-use formats::manifest::{
-    CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry,
-};
+use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
 
 pub const GNSS_FILE: &str = "gnss.nmea";
 pub const IMU_FILE: &str = "imu.csv";
@@ -21,15 +19,14 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         origin: [ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m],
         antenna_in_body: gnss.antenna_in_body,
     });
+    let name = format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds);
+    let lidar = LidarEntry {
+        model: rig.lidar.model.name().into(),
+        format: "pcap".into(),
+        folder: "lidar".into(),
+        body_from_lidar: rig.lidar.body_from_lidar.into(),
+    };
     Manifest {
-        version: MANIFEST_VERSION,
-        name: format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds),
-        lidar: LidarEntry {
-            model: rig.lidar.model.name().into(),
-            format: "pcap".into(),
-            folder: "lidar".into(),
-            body_from_lidar: rig.lidar.body_from_lidar.into(),
-        },
         cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
         mosaics: if spec.mosaics {
             rig.mosaics.iter().map(|entry| mosaic(entry, spec.mosaic_exposure_nanos)).collect()
@@ -44,6 +41,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         }),
         gnss,
         imu: rig.imu.map(|imu| ImuEntry { file: IMU_FILE.into(), position_in_body: imu.position_in_body }),
+        ..Manifest::of_lidar(&name, lidar)
     }
 }
 
