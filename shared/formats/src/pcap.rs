@@ -21,12 +21,12 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum PcapError {
     /// The operating system.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {cause}", path = path.display())]
     Io {
         /// The capture.
         path: PathBuf,
-        /// What it says.
-        source: std::io::Error,
+        /// What it says. Not named `source`: the text holds it, and a chain of causes would say it twice.
+        cause: std::io::Error,
     },
     /// Bytes that are no capture.
     #[error("{path}, byte {offset}: {rule}", path = path.display())]

@@ -40,12 +40,12 @@ const MAX_RECORD: usize = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The operating system.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {cause}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// What it said.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// No MCAP file, or none with topics of this project, or not the topics that are needed.
     #[error("{}: {rule}", path.display())]
@@ -78,8 +78,8 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    fn io(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_owned(), source }
+    fn io(path: &Path, cause: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), cause }
     }
     fn foreign(path: &Path, rule: impl Into<String>) -> Self {
         Self::Foreign { path: path.to_owned(), rule: rule.into() }

@@ -150,6 +150,9 @@ fn a_capture_without_a_sensor_says_so() {
     let hdl = write_capture(&path, &hdl32e_packets(3));
     assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16)).is_err());
     assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e)).is_ok());
+    std::fs::write(&path, "root:x:0:0").expect("writes");
+    let error = SweepReader::open(vec![path], None).expect_err("no capture").to_string();
+    assert!(error.contains("a.pcap, byte 0: starts with") && error.contains("neither pcap nor pcapng"), "{error}");
 }
 
 #[test]

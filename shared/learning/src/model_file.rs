@@ -128,7 +128,7 @@ impl ModelFile {
 }
 
 fn read_bounded(path: &Path) -> Result<Vec<u8>, LearningError> {
-    let io = |source| LearningError::Io { path: path.into(), source };
+    let io = |cause| LearningError::Io { path: path.into(), cause };
     let file = std::fs::File::open(path).map_err(io)?;
     let got = file.metadata().map_err(io)?.len();
     if got > MAX_MODEL_BYTES {

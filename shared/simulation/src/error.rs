@@ -19,20 +19,20 @@ pub enum SimulationError {
     #[error("{}: exists already, a drive is never overwritten", .0.display())]
     Exists(PathBuf),
     /// A file could not be written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {cause}", path.display())]
     Write {
         /// The file or folder.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// An image could not be coded.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {cause}", path.display())]
     Image {
         /// The file.
         path: PathBuf,
         /// The coder's reason.
-        source: image::ImageError,
+        cause: image::ImageError,
     },
     /// The manifest could not be written as TOML.
     #[error("drive.toml: {0}")]
@@ -43,6 +43,6 @@ impl SimulationError {
     /// For `map_err` of file operations.
     pub(crate) fn write(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Write { path, source }
+        move |cause| Self::Write { path, cause }
     }
 }

@@ -77,7 +77,7 @@ impl From<io::Error> for ReadFault {
 
 impl Records {
     pub(super) fn open(path: &Path) -> Result<Self, PcapError> {
-        let io = |source| PcapError::Io { path: path.to_owned(), source };
+        let io = |cause| PcapError::Io { path: path.to_owned(), cause };
         // One read of the system brings some 200 packets.
         let mut file = BufReader::with_capacity(256 * 1024, File::open(path).map_err(io)?);
         let mut magic = [0; 4];
@@ -131,8 +131,8 @@ impl Records {
             while self.offset < offset && !matches!(self.next()?, Next::End | Next::Cut) {}
             return Ok(());
         }
-        let source = self.file.seek(SeekFrom::Start(offset));
-        source.map_err(|source| PcapError::Io { path: self.path.clone(), source })?;
+        let sought = self.file.seek(SeekFrom::Start(offset));
+        sought.map_err(|cause| PcapError::Io { path: self.path.clone(), cause })?;
         self.offset = offset;
         Ok(())
     }
@@ -147,7 +147,7 @@ impl Records {
             Ok(Some(record)) => Ok(Next::Record(record)),
             Ok(None) => Ok(Next::End),
             Err(ReadFault::Cut) => Ok(Next::Cut),
-            Err(ReadFault::Io(source)) => Err(PcapError::Io { path: self.path.clone(), source }),
+            Err(ReadFault::Io(cause)) => Err(PcapError::Io { path: self.path.clone(), cause }),
             Err(ReadFault::Rule(rule)) => Err(PcapError::Damaged { path: self.path.clone(), offset: start, rule }),
         }
     }

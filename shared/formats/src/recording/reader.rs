@@ -78,8 +78,8 @@ pub struct RecordingReader {
 impl RecordingReader {
     /// Opens the file and reads on to its first message, so that its topics are known.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let file = File::open(path).map_err(|source| RecordingError::io(path, source))?;
-        let length = file.metadata().map_err(|source| RecordingError::io(path, source))?.len();
+        let file = File::open(path).map_err(|cause| RecordingError::io(path, cause))?;
+        let length = file.metadata().map_err(|cause| RecordingError::io(path, cause))?.len();
         let options = LinearReaderOptions::default()
             // No message is passed on before its chunk has proved whole.
             .with_prevalidate_chunk_crcs(true)
@@ -170,7 +170,7 @@ impl RecordingReader {
                     }
                     let n = n.min(self.remaining as usize);
                     let space = &mut self.records.insert(n)[..n];
-                    self.file.read_exact(space).map_err(|source| RecordingError::io(&self.path, source))?;
+                    self.file.read_exact(space).map_err(|cause| RecordingError::io(&self.path, cause))?;
                     self.records.notify_read(n);
                     self.remaining -= n as u64;
                 }

@@ -31,7 +31,7 @@ struct Channels {
 impl RecordingWriter {
     /// Creates the file, or empties it. `about` is kept in it beside the project's version.
     pub fn create(path: &Path, about: &BTreeMap<String, String>, tables: &[ByteTable]) -> Result<Self, RecordingError> {
-        let file = File::create(path).map_err(|source| RecordingError::io(path, source))?;
+        let file = File::create(path).map_err(|cause| RecordingError::io(path, cause))?;
         let failed = |error| written(path, error);
         let mut file = WriteOptions::new()
             .library(concat!("replica ", env!("CARGO_PKG_VERSION")))
@@ -126,7 +126,7 @@ impl RecordingWriter {
     pub fn finish(mut self) -> Result<(), RecordingError> {
         self.file.finish().map_err(|error| written(&self.path, error))?;
         let file = self.file.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
-        file.and_then(|file| file.sync_all()).map_err(|source| RecordingError::io(&self.path, source))
+        file.and_then(|file| file.sync_all()).map_err(|cause| RecordingError::io(&self.path, cause))
     }
 }
 
@@ -146,7 +146,7 @@ fn add_channel(file: &mut Writer<BufWriter<File>>, topic: &str, table: &ByteTabl
 
 fn written(path: &Path, error: McapError) -> RecordingError {
     match error {
-        McapError::Io(source) => RecordingError::io(path, source),
+        McapError::Io(cause) => RecordingError::io(path, cause),
         other => RecordingError::io(path, std::io::Error::other(other)),
     }
 }

@@ -22,12 +22,12 @@ pub(super) struct Survey {
 }
 
 /// What can be said of a recording's beginning.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Look {
     /// All that is to be found.
     Settled(Survey),
-    /// No data packet of a known sensor (of the model that was asked for).
-    NoSensor,
+    /// No data packet of a known sensor (of the model that was asked for); what is wrong with damaged captures.
+    NoSensor(Vec<String>),
     /// The recording has only begun: what is still to come may say more.
     TooEarly,
 }
@@ -62,7 +62,7 @@ pub(super) fn survey(mut captures: Captures, model: Option<Model>) -> Result<Loo
             break;
         }
     }
-    let Some((model, port)) = found else { return Ok(Look::NoSensor) };
+    let Some((model, port)) = found else { return Ok(Look::NoSensor(captures.damage().to_vec())) };
     let clock = Clock::new(time_base(&times), host_ahead_nanos.unwrap_or_default());
     Ok(Look::Settled(Survey { model, port, clock }))
 }

@@ -23,12 +23,14 @@ pub enum SweepError {
     #[error(transparent)]
     Capture(#[from] PcapError),
     /// There is nothing of a sensor in them.
-    #[error("{path}: no data packet of {wanted} in the first 4096 UDP packets", path = path.display())]
+    #[error("{path}: no data packet of {wanted} in the first 4096 UDP packets{damage}", path = path.display())]
     NoSensor {
         /// The first capture.
         path: PathBuf,
         /// The models that would do.
         wanted: String,
+        /// What is wrong with damaged captures, `; ` before each.
+        damage: String,
     },
     /// A saved position that cannot be of these captures.
     #[error("saved position at byte {offset} of {path} is no data packet there", path = path.display())]
@@ -113,7 +115,8 @@ impl SweepReader {
     pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
         match survey(Captures::new(files.clone()), model)? {
             Look::Settled(survey) => Ok(Self::with_survey(Captures::new(files), &survey)),
-            Look::NoSensor | Look::TooEarly => Err(no_sensor(files, model)),
+            Look::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Look::TooEarly => Err(no_sensor(files, model, &[])),
         }
     }
 
@@ -123,7 +126,7 @@ impl SweepReader {
     pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, model: Option<Model>) -> Result<Option<Self>, SweepError> {
         let captures = || Captures::follow(files.clone(), frontier.clone());
         let mut look = survey(captures(), model)?;
-        if let (Look::Settled(first), None) = (look, model) {
+        if let (Look::Settled(first), None) = (&look, model) {
             // Whoever opens the recording later knows the model, and with it looks at packets that do not name theirs.
             look = survey(captures(), Some(first.model))?;
         }
@@ -134,7 +137,7 @@ impl SweepReader {
                 Ok(Some(Self::with_survey(captures, &survey)))
             }
             Look::TooEarly => Ok(None),
-            Look::NoSensor => Err(no_sensor(files, model)),
+            Look::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
         }
     }
 
@@ -362,7 +365,8 @@ impl SweepReader {
     }
 }
 
-fn no_sensor(files: Vec<PathBuf>, model: Option<Model>) -> SweepError {
+fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, damage: &[String]) -> SweepError {
     let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
-    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted }
+    let damage = damage.iter().flat_map(|text| ["; ", text]).collect();
+    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, damage }
 }

@@ -51,7 +51,7 @@ impl Folder {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
             .encode(pixels, width, height, ExtendedColorType::Rgb8)
-            .map_err(|source| SimulationError::Image { path: self.path.join(name), source })?;
+            .map_err(|cause| SimulationError::Image { path: self.path.join(name), cause })?;
         self.write(name, &bytes)
     }
     /// The drive is complete.
