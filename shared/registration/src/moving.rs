@@ -101,12 +101,14 @@ fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
     };
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
     let (image, points) = (sweep.image(), sweep.points());
-    let cells = (0..image.rows()).flat_map(|row| (0..image.cols()).map(move |col| (row, col)));
-    let mut placed = Vec::with_capacity(image.rows() * image.cols());
-    placed.extend(cells.map(|(row, col)| {
-        let point = image.point(row, col).map(|idx| &points[idx]);
-        point.map_or([f32::NAN; 3], |point| table.deskew(point.position, point.offset_nanos))
-    }));
+    let mut placed = vec![[f32::NAN; 3]; image.rows() * image.cols()];
+    for (row, cells) in placed.chunks_exact_mut(image.cols()).enumerate() {
+        for (col, cell) in cells.iter_mut().enumerate() {
+            if let Some(idx) = image.point(row, col) {
+                *cell = table.deskew(points[idx].position, points[idx].offset_nanos);
+            }
+        }
+    }
     placed
 }
 
