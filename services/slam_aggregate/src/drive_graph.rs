@@ -117,7 +117,7 @@ impl DriveGraph {
             return false;
         }
         let number = self.nodes.len() - 1;
-        let keyframe = Keyframe::new(number, self.way_m, map.points(), &node.odom_from_submap, &odom_from_body);
+        let keyframe = Keyframe::new(number, self.way_m, &map.points(), &node.odom_from_submap, &odom_from_body);
         let closed = LoopFinder::default().find(&keyframe, &self.keyframes);
         self.keyframes.push(keyframe);
         let is_closed = closed.is_some();

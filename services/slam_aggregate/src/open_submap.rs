@@ -71,10 +71,11 @@ impl OpenSubmap {
         if first_point == 0 {
             (*bounds.0, *bounds.1) = ([f32::MAX; 3], [f32::MIN; 3]);
         }
+        let incidences = cloud.sweep.incidences();
         // Both lists rise.
         let mut moving = registered.moving.iter().map(|&idx| idx as usize).peekable();
         for (row, &point_idx) in rows.iter_mut().zip(kept) {
-            *row = submap_point(cloud, point_idx, &table, sweep_idx);
+            *row = submap_point(cloud, point_idx, &table, sweep_idx, incidences[point_idx]);
             while moving.next_if(|&idx| idx < point_idx).is_some() {}
             row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
             for (axis, value) in [row.x, row.y, row.z].into_iter().enumerate() {
@@ -119,12 +120,11 @@ fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
 }
 
-fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx: u16) -> SubmapPoint {
+fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx: u16, incidence: f32) -> SubmapPoint {
     let raw: &SweepPoint = &cloud.received.rows()[point_idx];
     let timed = &cloud.sweep.points()[point_idx];
     let [x, y, z] = table.deskew(timed.position, timed.offset_nanos);
-    let elevation_deg = raw.z.atan2(raw.x.hypot(raw.y)).to_degrees();
-    let incidence = cloud.sweep.incidence(point_idx);
+    let elevation_deg = cloud.sweep.elevation(point_idx).to_degrees();
     SubmapPoint {
         x,
         y,
@@ -135,7 +135,7 @@ fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx:
         sweep_idx,
         intensity: raw.intensity,
         ring: raw.ring,
-        incidence: incidence.map_or(POINT_INCIDENCE_UNKNOWN, |cosine| rounded(cosine * 254.0) as u8),
+        incidence: if incidence.is_nan() { POINT_INCIDENCE_UNKNOWN } else { rounded(incidence * 254.0) as u8 },
         flags: 0,
         reserved: 0,
     }

@@ -47,7 +47,7 @@ fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odomet
     let way = truth.x;
     println!(
         "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {off:.3} ({:.3} %)",
-        odometry.map().points().len(),
+        odometry.map().len(),
         resident_mb(),
         100.0 * off / way
     );

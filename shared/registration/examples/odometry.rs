@@ -79,7 +79,7 @@ fn main() -> anyhow::Result<()> {
         counted[counted.len() / 2],
         counted[counted.len() * 95 / 100],
         counted[counted.len() - 1],
-        odometry.map().points().len()
+        odometry.map().len()
     );
     scores.print();
     consistency.print();

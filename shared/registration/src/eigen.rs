@@ -1,50 +1,56 @@
 //! Eigenvalues of symmetric 3x3 matrices in closed form (O. K. Smith, CACM 4(4), 1961).
 
-use nalgebra::{Matrix3, Vector3};
+/// Upper triangle of a symmetric matrix: xx, xy, xz, yy, yz, zz.
+pub(crate) type Symmetric = [f64; 6];
 
-/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest; `None` if that is not determined
-/// (two small eigenvalues are equal, or numbers are not finite).
-pub(crate) fn smallest_eigenvector(m: &Matrix3<f64>) -> Option<([f64; 3], Vector3<f64>)> {
+/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest; zero if that is not determined (two small
+/// eigenvalues are equal, or numbers are not finite). Without branches, so that a loop over matrices fills wide registers.
+#[inline(always)]
+pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
     let values = eigenvalues(m);
-    let shifted = m - Matrix3::identity() * values[2];
+    let [xx, xy, xz, yy, yz, zz] = *m;
+    let (xx, yy, zz) = (xx - values[2], yy - values[2], zz - values[2]);
     // Rows of the shifted matrix span the plane across the eigenvector; the longest cross product is the safest.
-    let [a, b, c] = [shifted.column(0).into_owned(), shifted.column(1).into_owned(), shifted.column(2).into_owned()];
-    let candidates = [a.cross(&b), b.cross(&c), c.cross(&a)];
-    let longest = candidates.into_iter().max_by(|u, v| u.norm_squared().total_cmp(&v.norm_squared()))?;
-    let norm = longest.norm();
+    let (ax, ay, az) = (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy);
+    let (bx, by, bz) = (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
+    let (cx, cy, cz) = (yz * xz - zz * xy, zz * xx - xz * xz, xz * xy - yz * xx);
+    let (aa, bb, cc) = (ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz);
+    let (x, y, z, square) = if bb >= aa { (bx, by, bz, bb) } else { (ax, ay, az, aa) };
+    let (x, y, z, square) = if cc >= square { (cx, cy, cz, cc) } else { (x, y, z, square) };
+    let norm = square.sqrt();
     // The cross product is of the order of (l1 - l3)(l2 - l3); the arc cosine loses half the digits of the differences,
-    // so below 1e-6 of l1^2 it may be rounding.
-    (norm > 1e-6 * values[0] * values[0] && norm.is_finite()).then(|| (values, longest / norm))
+    // so below 1e-6 of l1^2 it may be rounding. A matrix of zeros has none.
+    let is_determined = (norm > 1e-6 * values[0] * values[0]) & (norm > 1e-40) & (norm < f64::MAX);
+    let per_norm = if is_determined { 1.0 / norm } else { 0.0 };
+    (values, if is_determined { [x * per_norm, y * per_norm, z * per_norm] } else { [0.0; 3] })
 }
 
-fn eigenvalues(m: &Matrix3<f64>) -> [f64; 3] {
-    let q = m.trace() / 3.0;
-    let centered = m - Matrix3::identity() * q;
-    let p = (centered.norm_squared() / 6.0).sqrt();
-    if p < 1e-30 {
-        return [q; 3];
-    }
-    let half_det = (centered.determinant() / (p * p * p) / 2.0).clamp(-1.0, 1.0);
+#[inline(always)]
+fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
+    let q = (xx + yy + zz) / 3.0;
+    let (a, b, c) = (xx - q, yy - q, zz - q);
+    let p = ((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0).sqrt().max(1e-30);
+    let det = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
+    let half_det = (det / (p * p * p) / 2.0).clamp(-1.0, 1.0);
     // The values are q + 2 p c with 4 c^3 - 3 c = half_det. The smallest is the best determined of a plane.
     let smallest = -cosine_of_third(-half_det);
     let root = (smallest * smallest - half_det / smallest).max(0.0).sqrt();
     let largest = 0.5 * (root - smallest);
-    let [largest, smallest] = [largest, smallest].map(|c| q + 2.0 * p * c);
+    let (largest, smallest) = (q + 2.0 * p * largest, q + 2.0 * p * smallest);
     [largest, 3.0 * q - largest - smallest, smallest]
 }
 
 /// cos(acos(x) / 3), the largest root of 4 c^3 - 3 c = x for x in -1 to 1, by Newton's method: a third of the time of the
 /// arc cosine and the cosine. Near -1, a double root, within the square root of the rounding error.
+#[inline(always)]
 fn cosine_of_third(x: f64) -> f64 {
     // With u = cos(acos(x) / 2) the root is nearly a parabola.
     let u = (0.5 + 0.5 * x).max(0.0).sqrt();
     let mut c = 0.5 + u * (0.564 - 0.064 * u);
     for _ in 0..3 {
         let slope = 12.0 * c * c - 3.0;
-        if slope < 1e-9 {
-            return 0.5;
-        }
-        c -= (c * (4.0 * c * c - 3.0) - x) / slope;
+        let step = (c * (4.0 * c * c - 3.0) - x) / slope;
+        c = if slope < 1e-9 { 0.5 } else { c - step };
     }
     c
 }
@@ -52,7 +58,12 @@ fn cosine_of_third(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use geometry::UnitQuaternion;
+    use geometry::{UnitQuaternion, Vector3};
+    use nalgebra::Matrix3;
+
+    fn triangle(m: &Matrix3<f64>) -> Symmetric {
+        [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)]]
+    }
 
     #[test]
     fn a_turned_diagonal_gives_its_values_and_axis() {
@@ -62,13 +73,13 @@ mod tests {
             let r = UnitQuaternion::from_scaled_axis(*axis).to_rotation_matrix();
             let diagonal = Vector3::new(0.5, 0.02 + i as f64, 0.0004);
             let m = r.matrix() * Matrix3::from_diagonal(&diagonal) * r.matrix().transpose();
-            let (values, vector) = smallest_eigenvector(&m).expect("determined");
+            let (values, vector) = smallest_eigenvector(&triangle(&m));
             let mut expected = [diagonal.x, diagonal.y, diagonal.z];
             expected.sort_by(|a, b| b.total_cmp(a));
             for (value, expected) in values.iter().zip(expected) {
                 assert!((value - expected).abs() < 1e-9, "{values:?}");
             }
-            assert!((vector.dot(&r.matrix().column(2)).abs() - 1.0).abs() < 1e-9);
+            assert!((Vector3::from(vector).dot(&r.matrix().column(2)).abs() - 1.0).abs() < 1e-9);
         }
     }
 
@@ -83,8 +94,8 @@ mod tests {
 
     #[test]
     fn a_line_has_no_normal() {
-        assert!(smallest_eigenvector(&Matrix3::from_diagonal(&Vector3::new(1.0, 0.0, 0.0))).is_none());
-        assert!(smallest_eigenvector(&Matrix3::zeros()).is_none());
-        assert!(smallest_eigenvector(&Matrix3::repeat(f64::NAN)).is_none());
+        for m in [Matrix3::from_diagonal(&Vector3::x()), Matrix3::zeros(), Matrix3::repeat(f64::NAN)] {
+            assert_eq!(smallest_eigenvector(&triangle(&m)).1, [0.0; 3]);
+        }
     }
 }

@@ -1,9 +1,10 @@
 //! Planar points of a sweep with their normals.
 
-use crate::eigen::smallest_eigenvector;
+use crate::neighborhood::{LANES, Planes, Shapes};
 use crate::voxel::{VoxelIndex, VoxelSet, thinned};
+use crate::wide::wide;
 use crate::{RangeImage, Sweep};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -74,12 +75,6 @@ impl Default for FeatureSettings {
     }
 }
 
-/// Column offsets of a neighborhood: 2 to 8 columns, 1.4 degrees as in height, so that it is about square.
-const COLUMN_OFFSETS: [usize; 9] = [0, 2, 4, 6, 8, RIM - 2, RIM - 4, RIM - 6, RIM - 8];
-/// Columns wrap, so going left is going nearly once around; a multiple of the image's columns.
-const RIM: usize = 1 << 16;
-/// Fewer neighbors give no normal that can be trusted.
-const MIN_NEIGHBORS: f32 = 7.0;
 /// Largest deviation across the plane, m: range noise of 2 cm, and a little roughness. Kerbs and gutters, whose normals
 /// change with the point of view, are left out; with 6 cm they turn the vehicle by 0.2 degrees in 100 m.
 /// Rougher features must stand upright.
@@ -88,46 +83,76 @@ pub(crate) const SMOOTH_M: f32 = 0.035;
 const MAX_UPWARDS: f32 = 0.3;
 /// Least planarity of a rough feature, and the largest share of its third deviation in the second.
 const MIN_ROUGH_PLANARITY: f32 = 0.05;
-const MAX_ROUGH_THICKNESS: f64 = 0.7;
+const MAX_ROUGH_THICKNESS: f32 = 0.7;
+/// Columns wrap, so going left is going nearly once around; a multiple of the image's columns.
+const RIM: usize = 1 << 16;
 /// Columns to each side that smoothing may reach: 1 degree, 0.1 m at 6 m.
 const SMOOTHING_COLUMNS: usize = 6;
 /// Points farther off the plane are on something else, m: four times range noise.
 const SMOOTHING_GATE_M: f32 = 0.08;
 /// Largest share of the third deviation in the second: with 27 neighbors the normal is then known to about 4 degrees.
-const MAX_THICKNESS: f64 = 0.4;
+const MAX_THICKNESS: f32 = 0.4;
 
 /// Planar points, thinned: the smooth ones, then the rough ones, each in the order of the range image. `up` is the unit
 /// vector upwards in the lidar frame.
 pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
     let rows = 0..sweep.image().rows();
-    let by_row: Vec<Vec<Feature>> = rows.into_par_iter().map(|row| row_features(sweep, row, up, settings)).collect();
-    let (rough, mut features): (Vec<Feature>, Vec<Feature>) =
-        by_row.into_iter().flatten().partition(|feature| feature.is_rough);
-    features.extend(rough);
-    thinned_features(&features, settings.spacing_m)
+    let planes = Planes::new(sweep.image(), settings.column_step.max(1));
+    let row = |row| {
+        wide(
+            #[inline(always)]
+            || row_features(sweep, &planes, row, up, settings),
+        )
+    };
+    let by_row: Vec<Vec<Feature>> = rows.into_par_iter().map(row).collect();
+    let smooth = by_row.iter().flatten().filter(|feature| !feature.is_rough);
+    let rough = by_row.iter().flatten().filter(|feature| feature.is_rough);
+    let mut taken = VoxelSet::for_at_most(by_row.iter().map(Vec::len).sum());
+    let per_m = 1.0 / settings.spacing_m;
+    let mut is_first = |feature: &Feature| taken.insert(VoxelIndex::containing(feature.position.map(f64::from), per_m));
+    smooth.chain(rough).filter(|feature| is_first(feature)).copied().collect()
 }
 
-/// Planar points of a row. Those in the cube of an earlier one are passed over before their normal is computed:
-/// thinning would drop them anyway.
-fn row_features(sweep: &Sweep, row: usize, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
-    let cols = sweep.image().cols();
-    let step = settings.column_step.max(1);
+/// Planar points of a row, one in a cube.
+#[inline(always)]
+fn row_features(
+    sweep: &Sweep,
+    planes: &Planes,
+    row: usize,
+    up: &Vector3<f32>,
+    settings: &FeatureSettings,
+) -> Vec<Feature> {
     let per_m = 1.0 / settings.spacing_m;
-    let mut taken = VoxelSet::for_at_most(cols.div_ceil(step));
+    let mut taken = VoxelSet::for_at_most(planes.n());
     let mut features = Vec::new();
-    for col in (0..cols).step_by(step) {
-        let Some(point_idx) = sweep.image().point(row, col) else { continue };
-        let point = &sweep.points()[point_idx];
-        let cube = VoxelIndex::containing(point.position.map(f64::from), per_m);
-        if taken.contains(cube) {
-            continue;
-        }
-        if let Some(feature) = feature_at(sweep, point_idx, (row, col), up, settings) {
-            taken.insert(cube);
-            features.push(feature);
+    for first in (0..planes.n()).step_by(LANES) {
+        let shapes = Shapes::around(planes, row, first);
+        for lane in 0..LANES.min(planes.n() - first) {
+            let Some(is_smooth) = kind(&shapes, lane, up, settings) else { continue };
+            let col = (first + lane) * planes.step();
+            let Some(point_idx) = sweep.image().point(row, col) else { continue };
+            let cube = VoxelIndex::containing(sweep.points()[point_idx].position.map(f64::from), per_m);
+            if taken.insert(cube) {
+                features.push(feature(sweep, point_idx, (row, col), (&shapes, lane, is_smooth), settings));
+            }
         }
     }
     features
+}
+
+/// Whether a cell is a smooth feature (`true`) or a rough one; `None` if it is none.
+#[inline(always)]
+fn kind(shapes: &Shapes, lane: usize, up: &Vector3<f32>, settings: &FeatureSettings) -> Option<bool> {
+    let Shapes { range, normal, planarity, roughness, thickness } = shapes;
+    let (range, planarity, roughness_m, thickness) = (range[lane], planarity[lane], roughness[lane], thickness[lane]);
+    let upwards = normal[0][lane] * up.x + normal[1][lane] * up.y + normal[2][lane] * up.z;
+    let is_smooth = planarity >= settings.min_planarity && roughness_m <= SMOOTH_M && thickness <= MAX_THICKNESS;
+    let is_rough = planarity >= MIN_ROUGH_PLANARITY
+        && roughness_m <= settings.max_roughness_m
+        && thickness <= MAX_ROUGH_THICKNESS
+        && upwards.abs() < MAX_UPWARDS;
+    let is_in_range = (settings.min_range_m..=settings.max_range_m).contains(&range);
+    (is_in_range && (is_smooth || is_rough)).then_some(is_smooth)
 }
 
 /// The first feature of each cube, in order.
@@ -136,91 +161,32 @@ pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feat
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
 }
 
-fn feature_at(
+#[inline(always)]
+fn feature(
     sweep: &Sweep,
     point_idx: usize,
     (row, col): (usize, usize),
-    up: &Vector3<f32>,
+    (shapes, lane, is_smooth): (&Shapes, usize, bool),
     settings: &FeatureSettings,
-) -> Option<Feature> {
+) -> Feature {
     let point = &sweep.points()[point_idx];
     let center = Vector3::from(point.position);
-    let range = center.norm();
-    if !(settings.min_range_m..=settings.max_range_m).contains(&range) {
-        return None;
-    }
-    let ([s1, s2, s3], normal) = neighborhood(sweep.image(), row, col, center, range)?;
-    let planarity = ((s2 - s3) / s1) as f32;
-    let roughness_m = s3 as f32;
-    let is_smooth = planarity >= settings.min_planarity && roughness_m <= SMOOTH_M && s3 <= MAX_THICKNESS * s2;
-    let is_rough = planarity >= MIN_ROUGH_PLANARITY
-        && roughness_m <= settings.max_roughness_m
-        && s3 <= MAX_ROUGH_THICKNESS * s2
-        && normal.dot(up).abs() < MAX_UPWARDS;
-    if !is_smooth && !is_rough {
-        return None;
-    }
+    let normal = Vector3::from(shapes.normal.map(|axis| axis[lane]));
     let towards_sensor = if normal.dot(&center) > 0.0 { -normal } else { normal };
     let share = match sweep.duration_nanos() {
         0 => 0.0,
         duration => (f64::from(point.offset_nanos) / f64::from(duration) - 0.5) as f32,
     };
     let lift = mean_height(sweep.image(), row, col, center, normal, settings.smoothing_m);
-    let position = (center + normal * lift).into();
-    let normal = towards_sensor.into();
-    Some(Feature { position, normal, share, planarity, roughness_m, is_rough: !is_smooth, point_idx: point_idx as u32 })
-}
-
-fn add<const N: usize>(sums: &mut [f32; N], values: [f32; N]) {
-    for (sum, value) in sums.iter_mut().zip(values) {
-        *sum += value;
+    Feature {
+        position: (center + normal * lift).into(),
+        normal: towards_sensor.into(),
+        share,
+        planarity: shapes.planarity[lane],
+        roughness_m: shapes.roughness[lane],
+        is_rough: !is_smooth,
+        point_idx: point_idx as u32,
     }
-}
-
-/// Deviations along the principal axes of the points around a cell, from largest to smallest (m), and the direction of
-/// the smallest.
-fn neighborhood(
-    image: &RangeImage,
-    row: usize,
-    col: usize,
-    center: Vector3<f32>,
-    range: f32,
-) -> Option<([f64; 3], Vector3<f32>)> {
-    // Neighbors on the same surface are nearer than this even where it is seen at a flat angle.
-    let gate = (0.2 + 0.1 * range).powi(2);
-    let reach = image.reach();
-    let (mut sums, mut squares, mut last_squares) = ([0.0_f32; 4], [0.0_f32; 4], [0.0_f32; 2]);
-    let mut add_row = |row: usize| {
-        for offset in COLUMN_OFFSETS {
-            let d = image.position(row, col + offset) - center;
-            // Without a branch: which neighbors are near is hard to foretell. NaN, of an empty cell, is not near.
-            let one = [d.x, d.y, d.z, 1.0];
-            let [x, y, z, one] = if d.norm_squared() < gate { one } else { [0.0; 4] };
-            add(&mut sums, [x, y, z, one]);
-            add(&mut squares, [x * x, x * y, x * z, y * y]);
-            add(&mut last_squares, [y * z, z * z]);
-        }
-    };
-    add_row(row);
-    // With close rings the rim and one row half way are enough; all of them cost more than they tell.
-    let half = reach.div_ceil(2);
-    for distance in [half, reach].into_iter().take(if half == reach { 1 } else { 2 }) {
-        if row + distance < image.rows() {
-            add_row(row + distance);
-        }
-        if row >= distance {
-            add_row(row - distance);
-        }
-    }
-    let [x, y, z, n] = sums;
-    if n < MIN_NEIGHBORS {
-        return None;
-    }
-    let ([xx, xy, xz, yy], [yz, zz]) = (squares.map(|v| f64::from(v / n)), last_squares.map(|v| f64::from(v / n)));
-    let mean = Vector3::new(x / n, y / n, z / n).cast::<f64>();
-    let covariance = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - mean * mean.transpose();
-    let (values, normal) = smallest_eigenvector(&covariance)?;
-    Some((values.map(|value| value.max(0.0).sqrt()), normal.cast()))
 }
 
 /// Mean height over the plane through `center` of the points of the same ring within `reach_m`, m.

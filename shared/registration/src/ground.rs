@@ -1,7 +1,5 @@
 //! The road and what joins it: a height field grown from under the vehicle.
 
-use std::collections::VecDeque;
-
 /// Side of a cell, m.
 const CELL_M: f32 = 0.5;
 /// Cells from the middle to each side: 48 m. Beyond, rings are too far apart for the field to grow.
@@ -18,8 +16,8 @@ const THICKNESS_M: f32 = 0.25;
 
 /// Heights of the ground around the vehicle.
 pub(crate) struct GroundField {
-    /// Lowest point of each cell, NaN where it is not ground.
-    heights: Vec<f32>,
+    /// Below which a point belongs to the ground, by cell; NaN where there is none near.
+    ceilings: Vec<f32>,
 }
 
 impl GroundField {
@@ -32,53 +30,62 @@ impl GroundField {
                 lowest[cell] = lowest[cell].min(z);
             }
         }
-        let seeds = seeds(&lowest);
+        let mut ground = seeds(&lowest);
         let mut heights = vec![f32::NAN; SIDE * SIDE];
-        let mut border: VecDeque<usize> = VecDeque::new();
-        for seed in seeds {
+        for &seed in &ground {
             heights[seed] = lowest[seed];
-            border.push_back(seed);
         }
-        while let Some(from) = border.pop_front() {
+        let mut next = 0;
+        while next < ground.len() {
+            let from = ground[next];
+            next += 1;
             for to in around(from, 2) {
                 // A comparison with NaN is false: empty cells are never reached.
                 if heights[to].is_nan() && (lowest[to] - heights[from]).abs() < STEP_M {
                     heights[to] = lowest[to];
-                    border.push_back(to);
+                    ground.push(to);
                 }
             }
         }
-        Self { heights }
-    }
-    /// Whether a point is ground, or so close to it that it cannot be told. Where the field has no height those around it
-    /// count.
-    pub fn holds(&self, [x, y, z]: [f32; 3]) -> bool {
-        let Some(cell) = cell(x, y) else { return false };
-        let height = self.heights[cell];
-        if height.is_nan() {
-            let near = around(cell, 1).map(|cell| self.heights[cell]);
-            return near.into_iter().any(|height| z - height < THICKNESS_M);
+        // Where the field has no height those around it count, the highest of them.
+        let mut ceilings = vec![f32::NAN; SIDE * SIDE];
+        for cell in ground {
+            let ceiling = heights[cell] + THICKNESS_M;
+            ceilings[cell] = ceiling;
+            for near in around(cell, 1).filter(|near| heights[*near].is_nan()) {
+                ceilings[near] = ceilings[near].max(ceiling);
+            }
         }
-        z - height < THICKNESS_M
+        Self { ceilings }
+    }
+    /// Whether a point is ground, or so close to it that it cannot be told.
+    #[inline]
+    pub fn holds(&self, [x, y, z]: [f32; 3]) -> bool {
+        cell(x, y).is_some_and(|cell| z < self.ceilings[cell])
     }
 }
 
 /// Cells around the vehicle that are about as low as the lowest of them.
 fn seeds(lowest: &[f32]) -> Vec<usize> {
-    let near: Vec<usize> = (0..SIDE * SIDE)
-        .filter(|cell| {
-            let along = |index: usize| (index as f32 - REACH as f32 + 0.5) * CELL_M;
-            along(cell / SIDE).hypot(along(cell % SIDE)) < SEED_M && !lowest[*cell].is_nan()
-        })
+    const NEAR: usize = (SEED_M / CELL_M) as usize;
+    let along = |index: usize| (index as f32 - REACH as f32 + 0.5) * CELL_M;
+    let side = REACH - NEAR..REACH + NEAR;
+    let near: Vec<usize> = side
+        .clone()
+        .flat_map(|row| side.clone().map(move |col| (row, col)))
+        .filter(|&(row, col)| along(row).powi(2) + along(col).powi(2) < SEED_M * SEED_M)
+        .map(|(row, col)| row * SIDE + col)
+        .filter(|&cell| !lowest[cell].is_nan())
         .collect();
     let floor = near.iter().map(|&cell| lowest[cell]).fold(f32::MAX, f32::min);
     near.into_iter().filter(|&cell| lowest[cell] < floor + SEED_STEP_M).collect()
 }
 
+#[inline]
 fn cell(x: f32, y: f32) -> Option<usize> {
     let index = |v: f32| {
         // Positive within the field, so that cutting off is rounding down.
-        let index = v / CELL_M + REACH as f32;
+        let index = v * (1.0 / CELL_M) + REACH as f32;
         (0.0..SIDE as f32).contains(&index).then_some(index as usize)
     };
     Some(index(x)? * SIDE + index(y)?)

@@ -12,15 +12,20 @@
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
 //! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
 
+#![allow(clippy::needless_bitwise_bool, reason = "loops without branches fill wide registers")]
+
+mod cell;
 mod covariance;
 mod eigen;
 mod features;
 mod ground;
+mod incidence;
 mod local_map;
 mod maps;
 mod matching;
 mod motion;
 mod moving;
+mod neighborhood;
 mod normal_equations;
 mod odometry;
 mod range_image;
@@ -30,6 +35,7 @@ mod small_objects;
 mod start;
 mod sweep;
 mod voxel;
+mod wide;
 
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};

@@ -1,9 +1,12 @@
 //! The sliding map that sweeps are matched against.
 
-use crate::voxel::{EMPTY_KEY, VoxelIndex, first_slot, table_bits};
+use crate::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
+use crate::voxel::{SpreadKeys, VoxelIndex};
+use crate::wide::wide;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, VecDeque};
 
 /// A point of a surface, 40 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,7 +22,7 @@ pub struct MapPoint {
 /// Extent of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSettings {
-    /// One point per cube of this side, m.
+    /// One point per cube of this side, m, or the next with which whole cubes fill a metre.
     pub spacing_m: f64,
     /// Insertions after which a point leaves.
     pub batches: u32,
@@ -38,125 +41,158 @@ impl Default for MapSettings {
     }
 }
 
-/// Side of a search cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the
-/// default spacing.
+/// Side of a cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the default
+/// spacing.
 const CELL_M: f64 = 1.0;
-/// Cosine of the largest angle between normals of one surface, 37 degrees.
-const SAME_SURFACE: f32 = 0.8;
 /// A new point farther off a map point's plane is on something else, m: five times range noise.
-const REFINEMENT_GATE_M: f64 = 0.1;
+const REFINEMENT_GATE_M: f32 = 0.1;
 /// Largest radius of [`LocalMap::surface`], m.
 pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
+/// Positions are whole multiples of this, m: 1 um. So f32 holds them in their cell, and f64 in the odom frame, exactly.
+const UNIT_M: f64 = 1.0 / (1 << 20) as f64;
 
-/// Points with normals, thinned, found by place. Points stay in the order of their insertion; the index over them is
-/// derived, so the list alone is the state.
+/// Points with normals, thinned, found by place. The list of the points is the state: a map made from it goes on alike.
 #[derive(Clone, Debug, Default)]
 pub struct LocalMap {
-    points: Vec<MapPoint>,
-    index: Index,
-}
-
-/// Open addressing over cells; each cell's points lie beside each other, in insertion order.
-#[derive(Clone, Debug, Default)]
-struct Index {
-    bits: u32,
-    keys: Vec<u64>,
-    ends: Vec<u32>,
-    sorted: Vec<MapPoint>,
-    /// Where each of `sorted` stands in the order of insertion.
-    order: Vec<u32>,
-    /// Slot of each point, while the index is built.
-    slots: Vec<u32>,
+    cells: HashMap<u64, Cell, SpreadKeys>,
+    /// Cell and batch of each point, in the order of insertion. In a cell the points have that order, too.
+    order: VecDeque<(u64, u32)>,
 }
 
 impl LocalMap {
-    /// From a saved list. See [`LocalMap::points`].
-    pub fn from_points(points: Vec<MapPoint>) -> Self {
-        let mut index = Index::default();
-        index.rebuild(&points);
-        Self { points, index }
+    /// From a saved list, see [`LocalMap::points`], or from any other.
+    pub fn from_points(points: &[MapPoint]) -> Self {
+        let mut map = Self::default();
+        for point in points {
+            let (key, in_cell) = placed(point);
+            map.push(key, in_cell, point.batch);
+        }
+        map
     }
     /// In the order of insertion.
-    pub fn points(&self) -> &[MapPoint] {
-        &self.points
+    pub fn points(&self) -> Vec<MapPoint> {
+        let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
+        let point = |&(key, batch): &(u64, u32)| {
+            let at = met.entry(key).or_default();
+            let (position, normal) = self.cells[&key].get(*at);
+            *at += 1;
+            let corner = VoxelIndex::of_key(key).0;
+            let position = std::array::from_fn(|axis| f64::from(corner[axis]) * CELL_M + f64::from(position[axis]));
+            MapPoint { position, normal, batch }
+        };
+        self.order.iter().map(point).collect()
+    }
+    /// Points.
+    pub fn len(&self) -> usize {
+        self.order.len()
+    }
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.order.is_empty()
     }
     /// Adds the points whose cube is still free; others move the point in their cube towards them, along its normal, by the
     /// share that the settings say. Drops what is older than they allow, and keeps within bounds. New points are expected
-    /// to be thinned among themselves.
+    /// to be thinned among themselves: they do not refine each other.
     pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
-        let per_m = 1.0 / settings.spacing_m;
-        let mut free = Vec::new();
-        for new in new_points {
-            let cube = VoxelIndex::containing(new.position, per_m);
-            // The first coordinate tells most cubes apart; the factor covers its rounding.
-            let is_same = |old: &MapPoint| {
-                (old.position[0] - new.position[0]).abs() < 1.01 * settings.spacing_m
-                    && VoxelIndex::containing(old.position, per_m) == cube
-            };
-            let cell = self.index.cell_range(cell_of(new.position));
-            match cell.into_iter().find(|&place| is_same(&self.index.sorted[place])) {
-                Some(place) => {
-                    let point = &mut self.points[self.index.order[place] as usize];
-                    refine(point, new, settings.refinement);
-                }
-                None => free.push(MapPoint { batch, ..*new }),
-            }
+        let n_before = self.order.len();
+        let free = wide(
+            #[inline(always)]
+            || self.refine(new_points, settings),
+        );
+        for (key, new) in free {
+            self.push(key, new, batch);
         }
         let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
-        let expired = self.points.partition_point(|point| point.batch < oldest);
-        self.points.drain(..expired);
-        self.points.extend(free);
-        let excess = self.points.len().saturating_sub(settings.max_points);
-        self.points.drain(..excess);
-        self.index.rebuild(&self.points);
+        let n_expired = self.order.iter().take(n_before).take_while(|(_, batch)| *batch < oldest).count();
+        let n_excess = self.order.len().saturating_sub(settings.max_points);
+        for _ in 0..n_expired.max(n_excess) {
+            self.drop_oldest();
+        }
+    }
+    /// Refines by the points whose cubes are taken, and gives back the others, placed.
+    #[inline(always)]
+    fn refine(&mut self, new_points: &[MapPoint], settings: &MapSettings) -> Vec<(u64, Oriented)> {
+        let per_side = (CELL_M / settings.spacing_m).round().max(1.0) as f32;
+        let cube_of = |position: [f32; 3]| position.map(|v| (v * per_side).floor());
+        let mut free = Vec::new();
+        for new in new_points {
+            let (key, new) = placed(new);
+            let cube = cube_of(new.0);
+            let taken = self.cells.get_mut(&key).and_then(|cell| Some((cell.in_cube(cube, per_side)?, cell)));
+            let Some((at, cell)) = taken else {
+                free.push((key, new));
+                continue;
+            };
+            let refined = refined(cell.get(at), &new, settings.refinement as f32);
+            // A point stays in its cube, or thinning would find it free.
+            if cube_of(refined.0) == cube {
+                cell.set(at, refined);
+            }
+        }
+        free
+    }
+    fn push(&mut self, key: u64, point: Oriented, batch: u32) {
+        self.cells.entry(key).or_default().push(point);
+        self.order.push_back((key, batch));
+    }
+    fn drop_oldest(&mut self) {
+        let Some((key, _)) = self.order.pop_front() else { return };
+        if let Entry::Occupied(mut cell) = self.cells.entry(key) {
+            cell.get_mut().drop_first();
+            if cell.get().n() == 0 {
+                cell.remove();
+            }
+        }
     }
     /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
-    /// the kernel's radius (at most 0.5 m, half a search cell) whose normals are within about 37 degrees of `normal`: the other
+    /// the kernel's radius (at most 0.5 m, half a cell) whose normals are within about 37 degrees of `normal`: the other
     /// side of a wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
-    #[inline]
+    #[inline(always)]
     pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, kernel: &Kernel) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
-        let radius = kernel.radius_m.min(MAX_RADIUS_M);
-        let limit = radius * radius;
-        // How far above the face between the lower and the upper cells the position lies, by axis.
-        let above: [f64; 3] = std::array::from_fn(|axis| position[axis] - f64::from(base[axis] + 1) * CELL_M);
-        let (mut weights, mut distances, mut normals) = (0.0, 0.0, Vector3::<f64>::zeros());
+        let kernel = Kernel { radius_m: kernel.radius_m.min(MAX_RADIUS_M), ..*kernel };
+        // From the lower corner of the lowest cell, and how far above the face to the upper cells that is.
+        let place: [f32; 3] = std::array::from_fn(|axis| (position[axis] - f64::from(base[axis]) * CELL_M) as f32);
+        let above = place.map(|v| f64::from(v) - CELL_M);
+        let mut sums = SurfaceSums::zero();
         for corner in 0..8 {
             let is_upper = [corner & 1, corner >> 1 & 1, corner >> 2];
             let away = |axis: usize| if is_upper[axis] == 1 { -above[axis] } else { above[axis] };
-            if away(0) >= radius || away(1) >= radius || away(2) >= radius {
+            if away(0) >= kernel.radius_m || away(1) >= kernel.radius_m || away(2) >= kernel.radius_m {
                 continue;
             }
-            let cell = VoxelIndex(std::array::from_fn(|axis| base[axis] + is_upper[axis]));
-            for point in self.index.cell(cell) {
-                let offset = Vector3::from(position) - Vector3::from(point.position);
-                let squared = offset.norm_squared();
-                if squared >= limit || Vector3::from(point.normal).dot(normal) <= SAME_SURFACE {
-                    continue;
-                }
-                let weight = match kernel.weights {
-                    Weights::Compact => (1.0 - squared / limit).powi(2),
-                    Weights::Gaussian { h_m } => (-squared / (h_m * h_m)).exp(),
-                };
-                let normal = Vector3::from(point.normal).cast::<f64>();
-                weights += weight;
-                distances += weight * normal.dot(&offset);
-                normals += normal * weight;
+            let key = VoxelIndex(std::array::from_fn(|axis| base[axis].wrapping_add(is_upper[axis]))).key();
+            if let Some(cell) = self.cells.get(&key) {
+                let place = std::array::from_fn(|axis| place[axis] - is_upper[axis] as f32 * CELL_M as f32);
+                cell.add_surface(place, (*normal).into(), &kernel, &mut sums);
             }
         }
-        (weights > 1e-6).then(|| Surface { distance_m: distances / weights, normal: normals.normalize() })
+        let [weight, distance, x, y, z] = sums.totals();
+        (weight > 1e-6).then(|| Surface { distance_m: distance / weight, normal: Vector3::new(x, y, z).normalize() })
     }
 }
 
-/// Moves a point along its normal by `share` of the way to the plane through another of the same surface. Sideways it
+/// The key of a point's cell, and the point from the cell's corner.
+#[inline(always)]
+fn placed(point: &MapPoint) -> (u64, Oriented) {
+    let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
+    let cell = VoxelIndex::containing(position, 1.0 / CELL_M);
+    let in_cell = std::array::from_fn(|axis| (position[axis] - f64::from(cell.0[axis]) * CELL_M) as f32);
+    (cell.key(), (in_cell, point.normal))
+}
+
+/// A point, moved along its normal by `share` of the way to the plane through another of the same surface. Sideways it
 /// stays: thinning goes on as it was.
-fn refine(point: &mut MapPoint, new: &MapPoint, share: f64) {
-    let normal = Vector3::from(point.normal);
-    let height = normal.cast::<f64>().dot(&(Vector3::from(new.position) - Vector3::from(point.position)));
-    if normal.dot(&Vector3::from(new.normal)) > SAME_SURFACE && height.abs() < REFINEMENT_GATE_M {
-        let step = normal.cast::<f64>() * (share * height);
-        point.position = (Vector3::from(point.position) + step).into();
+#[inline(always)]
+fn refined((position, normal): Oriented, new: &Oriented, share: f32) -> Oriented {
+    let axis = Vector3::from(normal);
+    let height = axis.dot(&(Vector3::from(new.0) - Vector3::from(position)));
+    if axis.dot(&Vector3::from(new.1)) <= SAME_SURFACE || height.abs() >= REFINEMENT_GATE_M {
+        return (position, normal);
     }
+    let unit = UNIT_M as f32;
+    let moved = (Vector3::from(position) + axis * (share * height)).map(|v| (v / unit).round() * unit);
+    (moved.into(), normal)
 }
 
 /// How a point counts by its distance d, see [`LocalMap::surface`].
@@ -189,89 +225,6 @@ pub struct Surface {
     pub normal: Vector3<f64>,
 }
 
-fn cell_of(position: [f64; 3]) -> VoxelIndex {
-    VoxelIndex::containing(position, 1.0 / CELL_M)
-}
-
-impl Index {
-    /// Over these points, in the memory of the last ones.
-    fn rebuild(&mut self, points: &[MapPoint]) {
-        // A cell of a map as it is has some ten points; the table must stay in the second cache.
-        self.bits = table_bits(points.len() / 8);
-        while !self.fits(points) {
-            self.bits += 1;
-        }
-        // Counts become starts; placing each point then moves its cell's start to its end.
-        let mut start = 0;
-        for end in &mut self.ends {
-            let count = *end;
-            *end = start;
-            start += count;
-        }
-        self.sorted.clear();
-        if let Some(&any) = points.first() {
-            self.sorted.resize(points.len(), any);
-        }
-        self.order.resize(points.len(), 0);
-        for (idx, (point, &slot)) in points.iter().zip(&self.slots).enumerate() {
-            let place = &mut self.ends[slot as usize];
-            self.sorted[*place as usize] = *point;
-            self.order[*place as usize] = idx as u32;
-            *place += 1;
-        }
-    }
-    /// Finds each point its slot and counts the points of each. `false` if more than half of the slots are taken.
-    fn fits(&mut self, points: &[MapPoint]) -> bool {
-        let n_slots = 1_usize << self.bits;
-        self.keys.clear();
-        self.keys.resize(n_slots, EMPTY_KEY);
-        self.ends.clear();
-        self.ends.resize(n_slots, 0);
-        self.slots.clear();
-        let mut n_cells = 0;
-        for point in points {
-            let key = cell_of(point.position).key();
-            let slot = self.slot(key);
-            if self.keys[slot] == EMPTY_KEY {
-                n_cells += 1;
-                if 2 * n_cells > n_slots {
-                    return false;
-                }
-                self.keys[slot] = key;
-            }
-            self.ends[slot] += 1;
-            self.slots.push(slot as u32);
-        }
-        true
-    }
-    /// Where the key is, or where it would go.
-    #[inline]
-    fn slot(&self, key: u64) -> usize {
-        let mut slot = first_slot(key, self.bits);
-        while self.keys[slot] != key && self.keys[slot] != EMPTY_KEY {
-            slot = (slot + 1) & (self.keys.len() - 1);
-        }
-        slot
-    }
-    #[inline]
-    fn cell(&self, cell: VoxelIndex) -> &[MapPoint] {
-        &self.sorted[self.cell_range(cell)]
-    }
-    /// Where the cell's points are in `sorted`.
-    #[inline]
-    fn cell_range(&self, cell: VoxelIndex) -> Range<usize> {
-        if self.keys.is_empty() {
-            return 0..0;
-        }
-        let slot = self.slot(cell.key());
-        if self.keys[slot] == EMPTY_KEY {
-            return 0..0;
-        }
-        let start = if slot == 0 { 0 } else { self.ends[slot - 1] };
-        start as usize..self.ends[slot] as usize
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -294,7 +247,7 @@ mod tests {
 
     #[test]
     fn the_surface_is_that_of_a_sum_over_every_point() {
-        let map = LocalMap::from_points(scattered(5000));
+        let map = LocalMap::from_points(&scattered(5000));
         let up = Vector3::z();
         let mut found = 0;
         for query in scattered(5700).iter().skip(5000) {
@@ -308,7 +261,7 @@ mod tests {
             let surface = map.surface(query.position, &up, &KERNEL);
             assert_eq!(surface.is_some(), weights > 1e-6);
             if let Some(surface) = surface {
-                assert!((surface.distance_m - heights / weights).abs() < 1e-9);
+                assert!((surface.distance_m - heights / weights).abs() < 1e-6);
                 assert_eq!(surface.normal, Vector3::z());
                 found += 1;
             }
@@ -324,12 +277,12 @@ mod tests {
         let mut map = LocalMap::default();
         map.insert(0, &[point(0.05, 0.05, 0.05), point(0.3, 0.0, 0.0)], &settings);
         map.insert(1, &[point(0.1, 0.1, 0.1), point(-0.05, 0.0, 0.0)], &settings);
-        assert_eq!(map.points().len(), 3, "the first cube was taken");
+        assert_eq!(map.len(), 3, "the first cube was taken");
         map.insert(2, &[], &settings);
-        assert_eq!(map.points().len(), 3);
+        assert_eq!(map.len(), 3);
         map.insert(3, &[], &settings);
-        assert_eq!(map.points().len(), 1, "batch 0 is three insertions old");
+        assert_eq!(map.len(), 1, "batch 0 is three insertions old");
         map.insert(4, &scattered(5000), &settings);
-        assert_eq!(map.points().len(), 1000);
+        assert_eq!(map.len(), 1000);
     }
 }

@@ -1,7 +1,6 @@
 //! The surfaces that features are matched with: smooth ones with smooth ones, rough ones with rough ones.
 
 use crate::{Feature, LocalMap, MapPoint, MapSettings, SweepMotion};
-use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Two maps: leaves beside a facade must not bend it.
@@ -31,24 +30,26 @@ impl Maps {
     /// Maps of one sweep.
     pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
         let [smooth, rough] =
-            [false, true].map(|is_rough| LocalMap::from_points(map_points(features, is_rough, motion, 0)));
+            [false, true].map(|is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, 0)));
         Self { smooth, rough }
     }
     pub fn save(&self) -> SavedMaps {
-        SavedMaps { smooth: self.smooth.points().to_vec(), rough: self.rough.points().to_vec() }
+        SavedMaps { smooth: self.smooth.points(), rough: self.rough.points() }
     }
-    pub fn load(saved: SavedMaps) -> Self {
-        Self { smooth: LocalMap::from_points(saved.smooth), rough: LocalMap::from_points(saved.rough) }
+    pub fn load(saved: &SavedMaps) -> Self {
+        Self { smooth: LocalMap::from_points(&saved.smooth), rough: LocalMap::from_points(&saved.rough) }
     }
 }
 
 /// Features of a kind in the odom frame.
 fn map_points(features: &[Feature], is_rough: bool, motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
+    let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let in_odom = |feature: &Feature| {
-        let pose = motion.at(f64::from(feature.share));
-        let position = pose * Point3::from(feature.position).cast::<f64>();
-        let normal = pose.rotation * Vector3::from(feature.normal).cast::<f64>();
-        MapPoint { position: position.coords.into(), normal: normal.cast::<f32>().into(), batch }
+        let share = f64::from(feature.share);
+        let arm = motion.rotated(&mid, &feature.position, share);
+        let position = arm + motion.mid.translation.vector + motion.translation * share;
+        let normal = motion.rotated(&mid, &feature.normal, share).normalize();
+        MapPoint { position: position.into(), normal: normal.cast::<f32>().into(), batch }
     };
     features.iter().filter(|feature| feature.is_rough == is_rough).map(in_odom).collect()
 }

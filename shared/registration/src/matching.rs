@@ -4,6 +4,7 @@ use crate::local_map::{Kernel, Weights};
 use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
+use crate::wide::wide;
 use crate::{Feature, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -20,7 +21,7 @@ pub struct MatchSettings {
     /// sweep is rigid, deskewed as predicted, and deskewed again with the way from the sweep before to the pose found
     /// (Deschaud 2018).
     pub bends: bool,
-    /// Rounds with the coarse radius and scale.
+    /// Rounds with the coarse radius and scale, at most: one whose step is below the fine scale is the last of them.
     pub coarse_rounds: u32,
     /// Rounds in all, at most.
     pub max_rounds: u32,
@@ -126,8 +127,9 @@ pub(crate) fn match_features(
     settings: &MatchSettings,
 ) -> Option<Matched> {
     let mut motion = prediction.motion;
+    let mut coarse_rounds = settings.coarse_rounds;
     for round in 0..settings.max_rounds {
-        let coarse = round < settings.coarse_rounds;
+        let coarse = round < coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
         let equations = linearize(features, maps, &motion, &kernel, scale_m);
@@ -138,7 +140,12 @@ pub(crate) fn match_features(
         let (pose_step, motion_step) = solve(&equations, &weak, &motion, prediction, settings)?;
         motion = stepped(&motion, &pose_step, &motion_step);
         let (small_m, small_rad) = settings.small_step;
-        let small = pose_step.fixed_rows::<3>(0).norm() < small_m && pose_step.fixed_rows::<3>(3).norm() < small_rad;
+        let step_is_below =
+            |m: f64, rad: f64| pose_step.fixed_rows::<3>(0).norm() < m && pose_step.fixed_rows::<3>(3).norm() < rad;
+        let small = step_is_below(small_m, small_rad);
+        if coarse && step_is_below(settings.fine.1, settings.fine.1 / LEVER_M) {
+            coarse_rounds = 0;
+        }
         let converged = !coarse && small;
         if converged || round + 1 == settings.max_rounds {
             if !settings.bends {
@@ -156,7 +163,7 @@ pub(crate) fn match_features(
                 weakest_influence: weak.weakest,
                 n_weak_directions: weak.n,
                 // A floor of 1 mm keeps a perfect scene finite.
-                information: equations.pose / mean_square.max(1e-6),
+                information: equations.pose() / mean_square.max(1e-6),
                 step_information: weak.others / settings.drift_residual_m.powi(2),
                 converged,
             });
@@ -172,16 +179,21 @@ fn linearize(
     kernel: &Kernel,
     scale_m: f64,
 ) -> NormalEquations {
-    let parts: Vec<NormalEquations> =
-        features.par_chunks(CHUNK).map(|chunk| linearize_chunk(chunk, maps, motion, kernel, scale_m)).collect();
+    let part = |chunk: &[Feature]| {
+        wide(
+            #[inline(always)]
+            || linearize_chunk(chunk, maps, motion, kernel, scale_m),
+        )
+    };
+    let parts: Vec<NormalEquations> = features.par_chunks(CHUNK).map(part).collect();
     let mut sum = NormalEquations::zero();
     for part in &parts {
         sum.merge(part);
     }
-    sum.mirror();
     sum
 }
 
+#[inline(always)]
 fn linearize_chunk(
     features: &[Feature],
     maps: &Maps,
@@ -190,14 +202,10 @@ fn linearize_chunk(
     scale_m: f64,
 ) -> NormalEquations {
     let mut sum = NormalEquations::zero();
-    let rotation = motion.mid.rotation.to_rotation_matrix();
+    let rotation = *motion.mid.rotation.to_rotation_matrix().matrix();
     for feature in features {
         let share = f64::from(feature.share);
-        let turn = motion.rotation * share;
-        let p_in_lidar = Vector3::from(feature.position).cast::<f64>();
-        // exp(turn) to second order: a turn of half 0.1 rad leaves 2e-5 rad.
-        let first = turn.cross(&p_in_lidar);
-        let arm = rotation * (p_in_lidar + first + turn.cross(&first) * 0.5);
+        let arm = motion.rotated(&rotation, &feature.position, share);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = rotation * Vector3::from(feature.normal).cast::<f64>();
         let Some(surface) = maps.of(feature).surface(position.into(), &normal.cast(), kernel) else {
@@ -226,7 +234,7 @@ impl WeakDirections {
     fn of(equations: &NormalEquations, min_influence: f64) -> Self {
         let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
         let scale = Matrix6::from_diagonal(&inverse_lever);
-        let eigen = (scale * equations.pose * scale / equations.weight).symmetric_eigen();
+        let eigen = (scale * equations.pose() * scale / equations.weight).symmetric_eigen();
         let mut weak = Self { stiffness: Matrix6::zeros(), others: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             weak.weakest = weak.weakest.min(value.max(0.0));

@@ -1,6 +1,6 @@
 //! Which small objects of a sweep stand where an earlier sweep saw through.
 
-use crate::seen::{Seen, Sight};
+use crate::seen::{PlacedSeen, Seen, Sight};
 use crate::small_objects::SmallObjects;
 use crate::{DeskewTable, Sweep, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, Vector3};
@@ -14,6 +14,8 @@ const MEMORY: usize = 8;
 const APART_S: f64 = 0.08;
 /// Points of an object whose places are asked for, at most.
 const ASKED: u32 = 64;
+/// The same at first: an object none of whose places seems free is asked no more.
+const ASKED_FIRST: u32 = 24;
 /// An object moves if this share of the answers is that a ray went through, and at least so many are. Half of a moving
 /// thing stands where it has been before or where nothing was in view; of a standing one hardly a hundredth seems free.
 const FREE_SHARE: f64 = 0.1;
@@ -34,23 +36,15 @@ impl MovingObjects {
         let image = sweep.image();
         let placed = upright(sweep, motion);
         let objects = SmallObjects::found(&placed, image.cols());
-        let asked = objects.members(ASKED);
-        let mut answers = vec![(0_u32, 0_u32); objects.n];
-        let middle = motion.mid.translation.vector;
-        for (_, seen) in &self.memory {
-            let seen = seen.placed();
-            for &cell in &asked {
-                let (free, filled) = &mut answers[objects.of_cell[cell as usize] as usize];
-                match seen.sight(&(Vector3::from(placed[cell as usize]).cast::<f64>() + middle)) {
-                    Sight::Free => *free += 1,
-                    Sight::Filled => *filled += 1,
-                    Sight::Hidden => {}
-                }
-            }
-        }
-        let moves: Vec<bool> = answers
-            .iter()
-            .map(|&(free, filled)| free >= FREE_ANSWERS && f64::from(free) >= FREE_SHARE * f64::from(free + filled))
+        // Most things stand, and a few of their points tell.
+        let seen: Vec<PlacedSeen> = self.memory.iter().map(|(_, seen)| seen.placed()).collect();
+        let ask = |asked: &[u32]| answers(&seen, &placed, &objects, asked, &motion.mid.translation.vector);
+        let first = ask(&objects.members(ASKED_FIRST));
+        let is_suspect = |cell: &u32| first[objects.of_cell[*cell as usize] as usize].0 > 0;
+        let asked: Vec<u32> = objects.members(ASKED).into_iter().filter(is_suspect).collect();
+        let moves: Vec<bool> = ask(&asked)
+            .into_iter()
+            .map(|(free, filled)| free >= FREE_ANSWERS && f64::from(free) >= FREE_SHARE * f64::from(free + filled))
             .collect();
         let is_moving = |object: u32| object != SmallObjects::NONE && moves[object as usize];
         let mut moving: Vec<u32> = (0..placed.len())
@@ -75,6 +69,29 @@ impl MovingObjects {
     }
 }
 
+/// For each object how many of its cells `asked` were seen through, and how many were met, over all that was `seen`. `placed`
+/// are the cells' points, m, seen from `middle`.
+fn answers(
+    seen: &[PlacedSeen],
+    placed: &[[f32; 3]],
+    objects: &SmallObjects,
+    asked: &[u32],
+    middle: &Vector3<f64>,
+) -> Vec<(u32, u32)> {
+    let mut answers = vec![(0, 0); objects.n];
+    for seen in seen {
+        for &cell in asked {
+            let (free, filled) = &mut answers[objects.of_cell[cell as usize] as usize];
+            match seen.sight(&(Vector3::from(placed[cell as usize]).cast::<f64>() + middle)) {
+                Sight::Free => *free += 1,
+                Sight::Filled => *filled += 1,
+                Sight::Hidden => {}
+            }
+        }
+    }
+    answers
+}
+
 /// The points of the range image, row by row, deskewed in odom axes, seen from the lidar at the middle of the sweep, m; NaN
 /// in empty cells.
 fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
@@ -83,10 +100,13 @@ fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
         Isometry3::from_parts(Translation3::from(offset), pose.rotation)
     };
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
-    let mut placed = vec![[f32::NAN; 3]; sweep.image().rows() * sweep.image().cols()];
-    for (idx, point) in sweep.points().iter().enumerate() {
-        if let Some(cell) = sweep.image().cell(idx) {
-            placed[cell] = table.deskew(point.position, point.offset_nanos);
+    let (image, points) = (sweep.image(), sweep.points());
+    let mut placed = vec![[f32::NAN; 3]; image.rows() * image.cols()];
+    for (row, cells) in placed.chunks_exact_mut(image.cols()).enumerate() {
+        for (col, cell) in cells.iter_mut().enumerate() {
+            if let Some(idx) = image.point(row, col) {
+                *cell = table.deskew(points[idx].position, points[idx].offset_nanos);
+            }
         }
     }
     placed

@@ -216,16 +216,16 @@ impl Odometry {
 
     /// The odometry that [`Odometry::save`] wrote.
     pub fn load(settings: OdometrySettings, mut state: OdometryState) -> Self {
-        let maps = Maps::load(std::mem::take(&mut state.maps));
+        let maps = Maps::load(&std::mem::take(&mut state.maps));
         Self { settings, state, maps }
     }
 
     fn hold(&self, sweep: &Sweep) -> HeldSweep {
         let up = self.state.up_in_lidar.cast();
         let features = planar_features(sweep, &up, &self.settings.features);
-        let (rough, smooth): (Vec<Feature>, Vec<Feature>) = features.iter().partition(|feature| feature.is_rough);
-        let matching = self.sampled(&smooth, |_| true);
-        let with_rough = matching.iter().copied().chain(self.sampled(&rough, |_| true)).collect();
+        let (smooth, rough) = features.split_at(features.partition_point(|feature| !feature.is_rough));
+        let matching = self.sampled(smooth, |_| true);
+        let with_rough = matching.iter().copied().chain(self.sampled(rough, |_| true)).collect();
         HeldSweep {
             stamp: sweep.stamp(),
             mid_stamp: sweep.mid_stamp(),

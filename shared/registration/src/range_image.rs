@@ -1,6 +1,7 @@
 //! The returns of a sweep as an image: which points lie beside each other.
 
 use crate::TimedPoint;
+use crate::wide::wide;
 use nalgebra::Vector3;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
@@ -13,14 +14,27 @@ const EMPTY: u32 = u32::MAX;
 /// Half height of a neighborhood: the ring spacing of the HDL-32E, 1.33 degrees, so that it has three of its rings.
 const REACH_DEG: f32 = 1.4;
 
-/// Point indices by row (ring, or elevation) and column (azimuth). The first point of a cell is kept.
+/// Cells from row to row. Rows that lie a power of two apart would share a few sets of the caches, and a sensor fires all
+/// rings at once.
+const STRIDE: usize = COLS + 4;
+/// Points whose directions are found at once.
+const CHUNK: usize = 64;
+
+/// A cell's point, 16 bytes. Neighborhoods read its position some fifty times.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    /// m, NaN where there is none.
+    position: [f32; 3],
+    /// Its index, or [`EMPTY`].
+    point: u32,
+}
+
+/// Points by row (ring, or elevation) and column (azimuth). The first point of a cell is kept.
 #[derive(Clone, Debug)]
 pub struct RangeImage {
     rows: usize,
-    cells: Vec<u32>,
-    /// Position of each cell's point, m; NaN where there is none. Neighborhoods read it some fifty times a point.
-    positions: Vec<[f32; 3]>,
-    /// Row and column of each point; [`EMPTY`] for one that is not finite.
+    cells: Vec<Cell>,
+    /// Place in `cells` of each point; [`EMPTY`] for one that is not finite.
     places: Vec<u32>,
     /// Rows up or down that a neighborhood reaches.
     reach: usize,
@@ -33,30 +47,28 @@ impl RangeImage {
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
         let rows = if rings_known { n_rings as usize } else { ELEVATION_ROWS };
-        let mut image = Self {
-            rows,
-            cells: vec![EMPTY; rows * COLS],
-            positions: vec![[f32::NAN; 3]; rows * COLS],
-            places: Vec::with_capacity(points.len()),
-            reach: 2,
-        };
+        let empty = Cell { position: [f32::NAN; 3], point: EMPTY };
+        let mut image =
+            Self { rows, cells: vec![empty; rows * STRIDE], places: Vec::with_capacity(points.len()), reach: 2 };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
-        for (point_idx, point) in points.iter().enumerate() {
-            let [x, y, z] = point.position;
-            // Not `hypot`: that is a slow function for lengths near the limits of f32.
-            let slope = z / (x * x + y * y).sqrt();
-            if !slope.is_finite() || !(x + y).is_finite() {
-                image.places.push(EMPTY);
-                continue;
-            }
-            (lowest, highest) = (lowest.min(slope), highest.max(slope));
-            let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
-            let col = Self::column(x, y);
-            let place = row * COLS + col;
-            image.places.push(place as u32);
-            if image.cells[place] == EMPTY {
-                image.cells[place] = point_idx as u32;
-                image.positions[place] = point.position;
+        for chunk in points.chunks(CHUNK) {
+            let (slopes, cols) = wide(
+                #[inline(always)]
+                || directions(chunk),
+            );
+            for ((point, slope), col) in chunk.iter().zip(slopes).zip(cols) {
+                if slope.is_nan() {
+                    image.places.push(EMPTY);
+                    continue;
+                }
+                (lowest, highest) = (lowest.min(slope), highest.max(slope));
+                let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
+                let place = row * STRIDE + col as usize;
+                let cell = &mut image.cells[place];
+                if cell.point == EMPTY {
+                    *cell = Cell { position: point.position, point: image.places.len() as u32 };
+                }
+                image.places.push(place as u32);
             }
         }
         if rings_known && highest > lowest {
@@ -66,9 +78,10 @@ impl RangeImage {
         image
     }
     /// The column of a direction.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn column(x: f32, y: f32) -> usize {
-        ((fast_atan2(y, x) / std::f32::consts::TAU + 0.5) * COLS as f32) as usize % COLS
+        const PER_RAD: f32 = COLS as f32 / std::f32::consts::TAU;
+        (fast_atan2(y, x) * PER_RAD + COLS as f32 / 2.0) as i32 as usize % COLS
     }
     /// Rows: rings, or bins of elevation.
     pub fn rows(&self) -> usize {
@@ -78,67 +91,51 @@ impl RangeImage {
     pub fn cols(&self) -> usize {
         COLS
     }
+    #[inline(always)]
+    fn at(&self, row: usize, col: usize) -> &Cell {
+        &self.cells[row * STRIDE + col % COLS]
+    }
     /// Index of the point in a cell; columns wrap around.
     #[inline]
     pub fn point(&self, row: usize, col: usize) -> Option<usize> {
-        let idx = self.cells[row * COLS + col % COLS];
+        let idx = self.at(row, col).point;
         (idx != EMPTY).then_some(idx as usize)
     }
     /// Position of the point in a cell, m, NaN if it is empty; columns wrap around.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn position(&self, row: usize, col: usize) -> Vector3<f32> {
-        Vector3::from(self.positions[row * COLS + col % COLS])
+        Vector3::from(self.at(row, col).position)
     }
-    /// The cell of a point, row by row; `None` for a point that is not finite or lies behind another of its cell.
-    #[inline]
-    pub(crate) fn cell(&self, point_idx: usize) -> Option<usize> {
+    /// Row and column of a point; `None` for one that is not finite.
+    #[inline(always)]
+    pub(crate) fn place(&self, point_idx: usize) -> Option<(usize, usize)> {
         let place = self.places[point_idx];
-        (place != EMPTY && self.cells[place as usize] == point_idx as u32).then_some(place as usize)
+        (place != EMPTY).then_some((place as usize / STRIDE, place as usize % STRIDE))
     }
     /// Rows up or down that make about the angle of [`REACH_DEG`].
     pub(crate) fn reach(&self) -> usize {
         self.reach
     }
-
-    /// See [`crate::Sweep::incidence`]. The surface is spanned by the point's neighbors in its row and in its column.
-    pub(crate) fn incidence(&self, points: &[TimedPoint], point_idx: usize) -> Option<f32> {
-        let place = *self.places.get(point_idx)?;
-        if place == EMPTY {
-            return None;
-        }
-        let (row, col) = (place as usize / COLS, place as usize % COLS);
-        let center = Vector3::from(points[point_idx].position);
-        let range = center.norm();
-        let near = |row: usize, col: usize| {
-            let offset = self.position(row, col) - center;
-            // A surface seen at 70 degrees or flatter spreads neighbors more than this: then it is not known. NaN, of
-            // an empty cell, is neither less nor more.
-            (offset.norm_squared() < (0.1 + 0.06 * range).powi(2) && offset.norm_squared() > 0.0).then_some(offset)
-        };
-        // Two columns to each side: one step is often shorter than the range noise.
-        let along = difference(near(row, col + 2), near(row, col + COLS - 2))?;
-        let up = (row + self.reach < self.rows).then(|| near(row + self.reach, col)).flatten();
-        let down = (row >= self.reach).then(|| near(row - self.reach, col)).flatten();
-        let normal = along.cross(&difference(up, down)?);
-        let cosine = normal.dot(&center).abs() / (normal.norm() * range);
-        cosine.is_finite().then(|| cosine.min(1.0))
-    }
 }
 
-/// From the second to the first neighbor; where one is missing the other alone, seen from the center.
-fn difference(a: Option<Vector3<f32>>, b: Option<Vector3<f32>>) -> Option<Vector3<f32>> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(a - b),
-        (Some(a), None) => Some(a),
-        (None, Some(b)) => Some(-b),
-        (None, None) => None,
+/// Slope (z over horizontal distance; NaN for a point that is not finite or lies at the origin) and column of each point.
+#[inline(always)]
+fn directions(points: &[TimedPoint]) -> ([f32; CHUNK], [u32; CHUNK]) {
+    let (mut slopes, mut cols) = ([0.0; CHUNK], [0; CHUNK]);
+    for ((point, slope), col) in points.iter().zip(&mut slopes).zip(&mut cols) {
+        let [x, y, z] = point.position;
+        // Not `hypot`: that is a slow function for lengths near the limits of f32.
+        let found = z / (x * x + y * y).sqrt();
+        *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
+        *col = RangeImage::column(x, y) as u32;
     }
+    (slopes, cols)
 }
 
 /// The angle of (x, y) in -pi to pi, within 2e-5 rad (a hundredth of a column); 0 for the origin. The polynomial is the
 /// minimax one of degree 11 for the arc tangent on 0 to 1.
-#[inline]
-fn fast_atan2(y: f32, x: f32) -> f32 {
+#[inline(always)]
+pub(crate) fn fast_atan2(y: f32, x: f32) -> f32 {
     let (short, long) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
     let a = if long > 0.0 { short / long } else { 0.0 };
     let s = a * a;
@@ -158,6 +155,7 @@ fn elevation_row(slope: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::incidence::incidences;
 
     /// A wall 10 m ahead, `turn` rad out of square, seen by beams 1.33 degrees apart.
     fn wall(turn: f32, rings: bool) -> Vec<TimedPoint> {
@@ -183,8 +181,10 @@ mod tests {
                 let points = wall(turn, rings);
                 let image = RangeImage::new(&points, 8);
                 let mut known = 0;
-                for (idx, point) in points.iter().enumerate() {
-                    let Some(cosine) = image.incidence(&points, idx) else { continue };
+                for (point, cosine) in points.iter().zip(incidences(&image, &points)) {
+                    if cosine.is_nan() {
+                        continue;
+                    }
                     let ray = Vector3::from(point.position).normalize();
                     let expected = ray.dot(&Vector3::new(turn.cos(), turn.sin(), 0.0)).abs();
                     assert!((cosine - expected).abs() < 0.03, "{cosine} {expected}");
@@ -214,7 +214,7 @@ mod tests {
         points[6].position = [0.0; 3];
         points[7].position = [f32::INFINITY, 1.0, 1.0];
         let image = RangeImage::new(&points, 8);
-        assert!((5..8).all(|idx| image.incidence(&points, idx).is_none()));
+        assert!(incidences(&image, &points)[5..8].iter().all(|cosine| cosine.is_nan()));
         assert_eq!(RangeImage::new(&[], 32).point(0, 0), None);
     }
 }

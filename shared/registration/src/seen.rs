@@ -54,16 +54,17 @@ impl Seen {
         let duration = f64::from(sweep.duration_nanos().max(1));
         for row in 0..rows {
             for col in 0..cols {
+                let position = image.position(row, col);
+                let [x, y, z] = position.into();
+                // NaN, of an empty cell, becomes 0, and what is too far the farthest.
+                ranges[row * cols + col] = (position.norm() * (1.0 / UNIT_M)) as u16;
                 let Some(idx) = image.point(row, col) else { continue };
-                let point = &sweep.points()[idx];
-                let [x, y, z] = point.position;
-                ranges[row * cols + col] = (Vector3::new(x, y, z).norm() / UNIT_M).min(65_535.0) as u16;
                 if col % SECTOR < 2 {
                     sums[row].0 += f64::from(z / (x * x + y * y).sqrt());
                     sums[row].1 += 1;
                 }
                 if sweep.duration_nanos() > 0 && shares[col / SECTOR].is_nan() {
-                    shares[col / SECTOR] = (f64::from(point.offset_nanos) / duration - 0.5) as f32;
+                    shares[col / SECTOR] = (f64::from(sweep.points()[idx].offset_nanos) / duration - 0.5) as f32;
                 }
             }
         }

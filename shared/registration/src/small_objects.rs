@@ -36,13 +36,8 @@ impl SmallObjects {
     /// empty cells.
     pub fn found(placed: &[[f32; 3]], cols: usize) -> Self {
         let ground = GroundField::grown(placed);
-        let mut standing = placed.to_vec();
-        for point in &mut standing {
-            // NaN is not less than anything: empty cells stay empty.
-            if ground.holds(*point) {
-                *point = [f32::NAN; 3];
-            }
-        }
+        let without_ground = |point: &[f32; 3]| if ground.holds(*point) { [f32::NAN; 3] } else { *point };
+        let standing: Vec<[f32; 3]> = placed.iter().map(without_ground).collect();
         let mut labels = Labels::default();
         let of_cell = labels.given(&standing, cols);
         labels.numbered(&standing, of_cell)
@@ -92,30 +87,44 @@ impl Labels {
             if point[0].is_nan() {
                 continue;
             }
+            let [x, y, z] = *point;
+            let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
+            // `false` where the other is NaN.
+            let is_linked = |other: usize| {
+                let other = &standing[other];
+                (x - other[0]).powi(2) + (y - other[1]).powi(2) + (z - other[2]).powi(2) < limit
+            };
             let col = cell % cols;
-            let left = (1..=LINK_COLUMNS.min(col)).map(|step| cell - step);
-            let mut label = left.clone().find(|&other| are_linked(point, &standing[other])).map(|other| of_cell[other]);
-            let below = [col + cols - 1, col, col + 1].map(|col| col % cols);
-            let below = below.into_iter().filter(|_| cell >= cols).map(|col| cell - cell % cols - cols + col);
-            // At the right end of a row, the row's beginning is on the left.
-            let around =
-                (col + 1..=col + LINK_COLUMNS).filter(|right| *right >= cols).map(|right| cell + right - cols - col);
-            for other in left.chain(below).chain(around) {
-                if of_cell[other] == SmallObjects::NONE {
-                    continue;
-                }
+            let mut label = SmallObjects::NONE;
+            let mut meet = |other: usize| {
+                let met = of_cell[other];
                 // Most neighbors are known to be of the same set; then their distance does not matter.
-                match label {
-                    Some(label) if label == of_cell[other] || !are_linked(point, &standing[other]) => {}
-                    Some(label) => self.join(label, of_cell[other]),
-                    None if are_linked(point, &standing[other]) => label = Some(of_cell[other]),
-                    None => {}
+                if met != SmallObjects::NONE && met != label && is_linked(other) {
+                    if label == SmallObjects::NONE {
+                        label = met;
+                    } else {
+                        self.join(label, met);
+                    }
                 }
+            };
+            for step in 1..=LINK_COLUMNS.min(col) {
+                meet(cell - step);
             }
-            of_cell[cell] = label.unwrap_or_else(|| {
-                self.parents.push(self.parents.len() as u32);
-                self.parents.len() as u32 - 1
-            });
+            if let Some(below) = cell.checked_sub(cols) {
+                let row_begin = below - col;
+                meet(if col == 0 { row_begin + cols - 1 } else { below - 1 });
+                meet(below);
+                meet(if col + 1 == cols { row_begin } else { below + 1 });
+            }
+            // At the right end of a row, the row's beginning is on the left.
+            for right in cols.max(col + 1)..=col + LINK_COLUMNS {
+                meet(cell + right - cols - col);
+            }
+            if label == SmallObjects::NONE {
+                label = self.parents.len() as u32;
+                self.parents.push(label);
+            }
+            of_cell[cell] = label;
         }
         of_cell
     }
@@ -156,14 +165,6 @@ impl Labels {
         }
         label
     }
-}
-
-/// Whether two points are near enough to be of one thing; `false` where one is NaN.
-#[inline]
-fn are_linked(a: &[f32; 3], b: &[f32; 3]) -> bool {
-    let [x, y, z] = *a;
-    let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
-    (x - b[0]).powi(2) + (y - b[1]).powi(2) + (z - b[2]).powi(2) < limit
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! One revolution as this crate sees it.
 
 use crate::RangeImage;
+use crate::incidence::incidences;
+use crate::range_image::fast_atan2;
 use geometry::Stamp;
 
 /// One return.
@@ -75,10 +77,16 @@ impl Sweep {
     pub fn mid_stamp(&self) -> Stamp {
         self.stamp.plus_nanos(i64::from(self.duration_nanos / 2))
     }
-    /// Cosine of the angle between the ray of a point and the surface around it, 0 to 1; `None` where the neighbors do
-    /// not tell.
-    pub fn incidence(&self, point_idx: usize) -> Option<f32> {
-        self.image.incidence(&self.points, point_idx)
+    /// By point the cosine of the angle between its ray and the surface around it, 0 to 1; NaN where the neighbors do not
+    /// tell.
+    pub fn incidences(&self) -> Vec<f32> {
+        incidences(&self.image, &self.points)
+    }
+    /// Angle of the ray of a point over the lidar's horizontal plane, rad, within 2e-5.
+    #[inline]
+    pub fn elevation(&self, point_idx: usize) -> f32 {
+        let [x, y, z] = self.points[point_idx].position;
+        fast_atan2(z, (x * x + y * y).sqrt())
     }
 }
 

@@ -1,5 +1,7 @@
 //! Cubes of space and a fast set of them.
 
+use std::hash::{BuildHasher, Hasher};
+
 /// Cube of a regular grid. Indices wrap at 2^20 cubes from the origin: 200 km for cubes of 0.2 m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct VoxelIndex(pub [i32; 3]);
@@ -16,6 +18,11 @@ impl VoxelIndex {
         let bits = |i: i32| u64::from(i as u32) & 0x1f_ffff;
         bits(self.0[0]) | bits(self.0[1]) << 21 | bits(self.0[2]) << 42
     }
+    /// The inverse of [`VoxelIndex::key`].
+    pub fn of_key(key: u64) -> Self {
+        // The upper bits go, and the sign comes down from bit 20.
+        Self([0, 21, 42].map(|shift| ((key >> shift) as i32) << 11 >> 11))
+    }
 }
 
 /// `v.floor() as i32` without the call of a function that processors before SSE 4.1 need.
@@ -26,17 +33,49 @@ fn floor(v: f64) -> i32 {
 }
 
 /// No voxel has it: keys have 63 bits.
-pub(crate) const EMPTY_KEY: u64 = u64::MAX;
+const EMPTY_KEY: u64 = u64::MAX;
 
-/// Where the search for a key starts in a table of `1 << bits` slots: Fibonacci hashing spreads neighbors well.
+/// Fibonacci hashing: neighbors differ in the upper bits.
 #[inline]
-pub(crate) fn first_slot(key: u64, bits: u32) -> usize {
+fn spread(key: u64) -> u64 {
     // Folding mixes the z bits, which the product alone would leave in the top only.
-    ((key ^ (key >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (64 - bits)) as usize
+    (key ^ (key >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+}
+
+/// Hashes the keys of voxels for the standard library's tables: four times as fast as their own hash.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SpreadKeys;
+
+/// See [`SpreadKeys`].
+pub(crate) struct SpreadKey(u64);
+
+impl BuildHasher for SpreadKeys {
+    type Hasher = SpreadKey;
+
+    fn build_hasher(&self) -> SpreadKey {
+        SpreadKey(0)
+    }
+}
+
+impl Hasher for SpreadKey {
+    fn write(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.write_u64(self.0 ^ u64::from(*byte));
+        }
+    }
+    #[inline]
+    fn write_u64(&mut self, key: u64) {
+        let product = spread(key);
+        // Tables take the lowest bits, which a product leaves as poor as they were.
+        self.0 = product ^ product >> 32;
+    }
+    fn finish(&self) -> u64 {
+        self.0
+    }
 }
 
 /// A power of two with room for `n` keys at half load; at least 2 so that shifts stay valid.
-pub(crate) fn table_bits(n: usize) -> u32 {
+fn table_bits(n: usize) -> u32 {
     (n * 2).next_power_of_two().trailing_zeros().max(1)
 }
 
@@ -60,14 +99,10 @@ impl VoxelSet {
         self.keys[slot] = key;
         is_new
     }
-    /// Whether the voxel was seen.
-    pub fn contains(&self, voxel: VoxelIndex) -> bool {
-        self.keys[self.slot(voxel.key())] != EMPTY_KEY
-    }
     /// Where the key is, or where it would go.
     #[inline]
     fn slot(&self, key: u64) -> usize {
-        let mut slot = first_slot(key, self.bits);
+        let mut slot = (spread(key) >> (64 - self.bits)) as usize;
         while self.keys[slot] != key && self.keys[slot] != EMPTY_KEY {
             slot = (slot + 1) & (self.keys.len() - 1);
         }
@@ -124,7 +159,6 @@ mod tests {
         for round in 0..2 {
             for i in 0..9 * 9 * 9 {
                 let voxel = VoxelIndex([i / 81 - 4, i / 9 % 9 - 4, i % 9 - 4]);
-                assert_eq!(set.contains(voxel), round == 1, "{voxel:?}");
                 assert_eq!(set.insert(voxel), round == 0, "{voxel:?}");
             }
         }

@@ -43,7 +43,7 @@ pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
         normal: surface.normal.cast::<f32>().into(),
         batch: 0,
     };
-    LocalMap::from_points(surfaces.iter().map(point).collect())
+    LocalMap::from_points(&surfaces.iter().map(point).collect::<Vec<_>>())
 }
 
 /// From a guess within half a metre. `None` if too little is in reach.

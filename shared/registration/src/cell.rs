@@ -1,0 +1,122 @@
+//! The map's points within a cube of a metre, as wide registers take them.
+
+use crate::local_map::{Kernel, Weights};
+
+/// Points that are worked on at once: one register of 64 bytes, or two of 32.
+const LANES: usize = 16;
+/// Cosine of the largest angle between normals of one surface, 37 degrees.
+pub(crate) const SAME_SURFACE: f32 = 0.8;
+/// Where a place of a block without a point lies, m: out of every reach.
+const NOWHERE: f32 = 1e6;
+
+/// Position from the cell's lower corner (m) and unit normal.
+pub(crate) type Oriented = ([f32; 3], [f32; 3]);
+
+/// By coordinate: x y z, then the normal.
+type Block = [[f32; LANES]; 6];
+
+/// Points in the order of their insertion.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Cell {
+    n: usize,
+    blocks: Vec<Block>,
+}
+
+/// Sums over points around a place, by lane: weights, weighted distances from their planes, weighted normals.
+#[derive(Clone, Copy)]
+pub(crate) struct SurfaceSums([[f32; LANES]; 5]);
+
+impl Cell {
+    pub fn n(&self) -> usize {
+        self.n
+    }
+    pub fn get(&self, at: usize) -> Oriented {
+        let value = |part: usize| self.blocks[at / LANES][part][at % LANES];
+        ([0, 1, 2].map(value), [3, 4, 5].map(value))
+    }
+    pub fn set(&mut self, at: usize, (position, normal): Oriented) {
+        let block = &mut self.blocks[at / LANES];
+        for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal)) {
+            part[at % LANES] = value;
+        }
+    }
+    pub fn push(&mut self, point: Oriented) {
+        if self.n.is_multiple_of(LANES) {
+            self.blocks.push([
+                [NOWHERE; LANES],
+                [NOWHERE; LANES],
+                [NOWHERE; LANES],
+                [0.0; LANES],
+                [0.0; LANES],
+                [0.0; LANES],
+            ]);
+        }
+        self.n += 1;
+        self.set(self.n - 1, point);
+    }
+    /// Without the first point, which is the oldest.
+    pub fn drop_first(&mut self) {
+        for at in 1..self.n {
+            self.set(at - 1, self.get(at));
+        }
+        self.n -= 1;
+        self.set(self.n, ([NOWHERE; 3], [0.0; 3]));
+        self.blocks.truncate(self.n.div_ceil(LANES));
+    }
+    /// The first point whose cube is `cube` if `per_side` of them fill the cell's side.
+    #[inline(always)]
+    pub fn in_cube(&self, cube: [f32; 3], per_side: f32) -> Option<usize> {
+        self.blocks.iter().enumerate().find_map(|(number, [x, y, z, ..])| {
+            let mut is_in = [false; LANES];
+            for lane in 0..LANES {
+                let inside = |v: f32, low: f32| (v * per_side >= low) & (v * per_side < low + 1.0);
+                is_in[lane] = inside(x[lane], cube[0]) & inside(y[lane], cube[1]) & inside(z[lane], cube[2]);
+            }
+            is_in.iter().position(|is_in| *is_in).map(|lane| number * LANES + lane)
+        })
+    }
+    /// Adds the points around a place (m, from the cell's corner) that belong to its surface, see
+    /// [`crate::LocalMap::surface`].
+    #[inline(always)]
+    pub fn add_surface(&self, place: [f32; 3], normal: [f32; 3], kernel: &Kernel, sums: &mut SurfaceSums) {
+        let limit = (kernel.radius_m * kernel.radius_m) as f32;
+        let per_limit = 1.0 / limit;
+        for [x, y, z, nx, ny, nz] in &self.blocks {
+            let (mut squares, mut weights, mut heights) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for lane in 0..LANES {
+                let d = [place[0] - x[lane], place[1] - y[lane], place[2] - z[lane]];
+                let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                let cosine = nx[lane] * normal[0] + ny[lane] * normal[1] + nz[lane] * normal[2];
+                let near = 1.0 - squared * per_limit;
+                weights[lane] = if (squared < limit) & (cosine > SAME_SURFACE) { near * near } else { 0.0 };
+                squares[lane] = squared;
+                heights[lane] = nx[lane] * d[0] + ny[lane] * d[1] + nz[lane] * d[2];
+            }
+            if let Weights::Gaussian { h_m } = kernel.weights {
+                for (weight, squared) in weights.iter_mut().zip(squares).filter(|(weight, _)| **weight > 0.0) {
+                    *weight = (-squared / (h_m * h_m) as f32).exp();
+                }
+            }
+            let [sum_w, sum_h, sum_x, sum_y, sum_z] = &mut sums.0;
+            for lane in 0..LANES {
+                let w = weights[lane];
+                sum_w[lane] += w;
+                sum_h[lane] += w * heights[lane];
+                sum_x[lane] += w * nx[lane];
+                sum_y[lane] += w * ny[lane];
+                sum_z[lane] += w * nz[lane];
+            }
+        }
+    }
+}
+
+impl SurfaceSums {
+    pub fn zero() -> Self {
+        Self([[0.0; LANES]; 5])
+    }
+    /// Weight, weighted distance, weighted normal.
+    #[inline(always)]
+    pub fn totals(&self) -> [f64; 5] {
+        self.0.map(|lanes| lanes.iter().fold(0.0, |sum, value| sum + f64::from(*value)))
+    }
+}

@@ -1,0 +1,187 @@
+//! The shape of the surface around the cells of a range image, many cells at a time.
+
+use crate::RangeImage;
+use crate::eigen::smallest_eigenvector;
+
+/// Cells that are worked on at once: one register of 64 bytes, or two of 32.
+pub(crate) const LANES: usize = 16;
+/// Column offsets of a neighborhood: 2 to 8 columns, 1.4 degrees as in height, so that it is about square.
+const COLUMN_OFFSETS: [isize; 9] = [0, 2, 4, 6, 8, -2, -4, -6, -8];
+const FARTHEST: usize = 8;
+/// Fewer neighbors give no normal that can be trusted.
+const MIN_NEIGHBORS: f32 = 7.0;
+
+/// Coordinates of an image's cells, each by itself, so that the cells `step` columns apart lie beside each other: `step` such
+/// lists for each row. Columns wrap around at both ends.
+pub(crate) struct Planes {
+    step: usize,
+    /// Cells in a row at each `step` columns.
+    n: usize,
+    /// Places before the first of them.
+    before: usize,
+    /// Places of a list.
+    len: usize,
+    rows: usize,
+    /// Rows up or down that a neighborhood reaches.
+    reach: usize,
+    coordinates: [Vec<f32>; 3],
+}
+
+impl Planes {
+    pub fn new(image: &RangeImage, step: usize) -> Self {
+        let (n, before) = (image.cols().div_ceil(step), FARTHEST.div_ceil(step));
+        let len = n.next_multiple_of(LANES) + 2 * before;
+        let empty = || vec![f32::NAN; image.rows() * step * len];
+        let mut planes = Self {
+            step,
+            n,
+            before,
+            len,
+            rows: image.rows(),
+            reach: image.reach(),
+            coordinates: [empty(), empty(), empty()],
+        };
+        for row in 0..image.rows() {
+            for phase in 0..step {
+                let start = (row * step + phase) * len;
+                // Past the last column only what a neighborhood reaches.
+                let places =
+                    (0..len).take_while(|place| place * step + phase < before * step + image.cols() + FARTHEST);
+                for place in places {
+                    let col = place * step + phase + image.cols() - before * step;
+                    let position = image.position(row, col);
+                    for axis in 0..3 {
+                        planes.coordinates[axis][start + place] = position[axis];
+                    }
+                }
+            }
+        }
+        planes
+    }
+    /// Columns from cell to cell.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+    /// Cells in a row.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+    /// The row that a neighborhood reaches upwards.
+    pub fn above(&self, row: usize) -> Option<usize> {
+        Some(row + self.reach).filter(|row| *row < self.rows)
+    }
+    /// The row that a neighborhood reaches downwards.
+    pub fn below(&self, row: usize) -> Option<usize> {
+        row.checked_sub(self.reach)
+    }
+    /// Coordinates of the cells that lie `offset` columns from the `LANES` ones from number `first` on, m; NaN where there is
+    /// nothing.
+    #[inline(always)]
+    pub fn block(&self, row: usize, first: usize, offset: isize) -> [&[f32; LANES]; 3] {
+        let step = self.step as isize;
+        let list = row * self.step + offset.rem_euclid(step) as usize;
+        let start = (list * self.len + self.before + first).wrapping_add_signed(offset.div_euclid(step));
+        self.coordinates.each_ref().map(|plane| plane[start..].first_chunk().expect("lists are padded"))
+    }
+}
+
+/// What the points around cells tell, by lane; planarity -1 where they are too few.
+pub(crate) struct Shapes {
+    /// Of the cell's own point, m; NaN in empty cells.
+    pub range: [f32; LANES],
+    /// Direction of the least deviation, x y z.
+    pub normal: [[f32; LANES]; 3],
+    /// See [`crate::Feature::planarity`].
+    pub planarity: [f32; LANES],
+    /// Least deviation, m.
+    pub roughness: [f32; LANES],
+    /// The same as a share of the second.
+    pub thickness: [f32; LANES],
+}
+
+/// Sums over the neighbors of a cell, by lane: number, offsets, and their products xx, xy, xz, yy, yz, zz.
+struct Moments {
+    n: [f32; LANES],
+    first: [[f32; LANES]; 3],
+    second: [[f32; LANES]; 6],
+}
+
+impl Shapes {
+    /// Of the cells from number `first` on.
+    #[inline(always)]
+    pub fn around(planes: &Planes, row: usize, first: usize) -> Self {
+        let [x, y, z] = planes.block(row, first, 0);
+        let mut range = [0.0; LANES];
+        for lane in 0..LANES {
+            range[lane] = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
+        }
+        let Moments { n, first: [x, y, z], second: [xx, xy, xz, yy, yz, zz] } =
+            Moments::around(planes, row, first, &range);
+        let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut planarity, mut roughness, mut thickness) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let per_n = 1.0 / f64::from(n[lane]);
+            let mean = |sums: &[f32; LANES]| f64::from(sums[lane]) * per_n;
+            let (mx, my, mz) = (mean(&x), mean(&y), mean(&z));
+            let covariance = [
+                mean(&xx) - mx * mx,
+                mean(&xy) - mx * my,
+                mean(&xz) - mx * mz,
+                mean(&yy) - my * my,
+                mean(&yz) - my * mz,
+                mean(&zz) - mz * mz,
+            ];
+            let ([l1, l2, l3], [x, y, z]) = smallest_eigenvector(&covariance);
+            let (s1, s2, s3) = (l1.max(0.0).sqrt(), l2.max(0.0).sqrt(), l3.max(0.0).sqrt());
+            let is_known = (n[lane] >= MIN_NEIGHBORS) & (x * x + y * y + z * z > 0.5);
+            (nx[lane], ny[lane], nz[lane]) = (x as f32, y as f32, z as f32);
+            planarity[lane] = if is_known { ((s2 - s3) / s1) as f32 } else { -1.0 };
+            roughness[lane] = s3 as f32;
+            thickness[lane] = (s3 / s2) as f32;
+        }
+        Self { range, normal: [nx, ny, nz], planarity, roughness, thickness }
+    }
+}
+
+impl Moments {
+    #[inline(always)]
+    fn around(planes: &Planes, row: usize, first: usize, range: &[f32; LANES]) -> Self {
+        // Neighbors on the same surface are nearer than this even where it is seen at a flat angle.
+        let gate = range.map(|range| (0.2 + 0.1 * range).powi(2));
+        let center = planes.block(row, first, 0);
+        let mut sums = Self { n: [0.0; LANES], first: [[0.0; LANES]; 3], second: [[0.0; LANES]; 6] };
+        // With close rings the rim and one row half way are enough; all of them cost more than they tell.
+        let half = planes.reach.div_ceil(2);
+        let distances = [0, half, planes.reach].into_iter().take(if half == planes.reach { 2 } else { 3 });
+        let rows = distances.flat_map(|distance| {
+            let below = (distance > 0).then(|| row.checked_sub(distance)).flatten();
+            [Some(row + distance).filter(|row| *row < planes.rows), below]
+        });
+        for row in rows.flatten() {
+            for offset in COLUMN_OFFSETS {
+                sums.add(&planes.block(row, first, offset), &center, &gate);
+            }
+        }
+        sums
+    }
+    #[inline(always)]
+    fn add(&mut self, block: &[&[f32; LANES]; 3], center: &[&[f32; LANES]; 3], gate: &[f32; LANES]) {
+        let Self { n, first: [sum_x, sum_y, sum_z], second: [xx, xy, xz, yy, yz, zz] } = self;
+        for lane in 0..LANES {
+            let [x, y, z] = std::array::from_fn(|axis| block[axis][lane] - center[axis][lane]);
+            // NaN, of an empty cell, is not near.
+            let is_near = x * x + y * y + z * z < gate[lane];
+            let [x, y, z, one] = [x, y, z, 1.0].map(|value| if is_near { value } else { 0.0 });
+            n[lane] += one;
+            sum_x[lane] += x;
+            sum_y[lane] += y;
+            sum_z[lane] += z;
+            xx[lane] += x * x;
+            xy[lane] += x * y;
+            xz[lane] += x * z;
+            yy[lane] += y * y;
+            yz[lane] += y * z;
+            zz[lane] += z * z;
+        }
+    }
+}
