@@ -3,10 +3,12 @@
 
   pip install numpy scikit-image opencv-python-headless
   cargo build --release -p morphology --example operators
-  taskset -c 0 benches/peers/morphology.py exact [FOLDER OF IMAGES...]    # random images, and real ones if there are any
+  taskset -c 0 benches/peers/morphology.py exact [FOLDER OF IMAGES...]    # random images and real ones
   taskset -c 0 benches/peers/morphology.py time [--size 4096] [--runs 5]
+  benches/peers/morphology.py freeze > shared/morphology/tests/frozen.txt # scikit-image's results for a unit test
 
-Exit code 1: a result differs, or a goal is missed (3 times scikit-image, 1 time OpenCV).
+Real images are those of scikit-image, those in the folders, and a sweep of KITTI from above if $REPLICA_DATA (../shared/data) has
+one. Exit code 1: a result differs, or a goal is missed (3 times scikit-image, 1 time OpenCV).
 """
 import argparse
 import os
@@ -23,6 +25,10 @@ from skimage import graph, measure, morphology, segmentation
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 OURS = ROOT / "target/release/examples/operators"
+DATA = pathlib.Path(os.environ.get("REPLICA_DATA", ROOT / "../shared/data"))
+# Of both sides: memory that was given back is used again, so that operators are timed and not the kernel's page faults, which cost
+# more than a dilation does.
+ALLOCATOR = "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=8589934592:glibc.malloc.hugetlb=1"
 cv2.setNumThreads(1)
 
 
@@ -31,9 +37,7 @@ class Ours:
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
-        # numpy, which holds the peers' images, asks the kernel for huge pages; a Rust program gets them from the allocator.
-        environment = os.environ | {"GLIBC_TUNABLES": "glibc.malloc.hugetlb=1"}
-        self.process = subprocess.Popen([OURS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
+        self.process = subprocess.Popen([OURS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.written = {}
 
     def file(self, image):
@@ -169,6 +173,39 @@ def jobs(image, random, ties=True):
         yield "geodesic_distances", [mask, starts], "-", 8, np.float64
 
 
+# A scanned page, photographs, and one through a microscope.
+PHOTOS = ["page.png", "camera.png", "coins.png", "cell.png"]
+
+
+def from_above(path):
+    """Heights of a sweep in cells of 10 cm, in steps of 4 cm from 5 on."""
+    x, y, z, _ = np.fromfile(path, np.float32).reshape(-1, 4).T
+    cells = np.floor(np.stack([x, y]) * 10).astype(int) + 250
+    inside = ((cells >= 0) & (cells < 500)).all(axis=0)
+    heights = np.full((500, 500), 5, np.uint8)
+    steps = np.clip((z[inside] + 3) * 25 + 5, 5, 250).astype(np.uint8)
+    np.maximum.at(heights, tuple(cells[:, inside]), steps)
+    return heights
+
+
+def freeze():
+    """Results for a piece of a photograph that is in the public domain (NASA), a line each: operator, argument, connectivity, bytes."""
+    photo = skimage.data.astronaut()[180:196, 210:234, 1].copy()
+    print("image", *photo.shape, photo.tobytes().hex())
+    elements = ["rectangle:2,2", "rectangle:0,6", "disc:3", "line:3,2"]
+    rows = [(operator, [photo], element, 8) for operator in SKIMAGE for element in elements]
+    marker = photo - np.minimum(photo, 40)
+    for connectivity in (4, 8):
+        rows += [(operator, [photo], area, connectivity) for operator in ("area_opening", "area_closing") for area in ("4", "20")]
+        rows += [(operator, [photo], "-", connectivity) for operator in ("regional_maxima", "regional_minima")]
+        rows += [("h_maxima", [photo], "12", connectivity), ("components", [photo > 110], "110", connectivity)]
+        rows += [("reconstruct_by_dilation", [photo, marker], "40", connectivity)]
+    for operator, images, argument, connectivity in rows:
+        result = peers_of(operator, images, argument, connectivity)["scikit-image"]()
+        print(operator, argument, connectivity, result.astype(np.uint8).tobytes().hex())
+    return True
+
+
 def exact(folders):
     random = np.random.default_rng(7)
     images = []
@@ -177,9 +214,12 @@ def exact(folders):
             images.append((f"random {shape} {n_levels} levels", random.integers(5, 5 + n_levels, shape, np.uint8)))
     files = [path for folder in folders for path in sorted(pathlib.Path(folder).rglob("*"))
              if path.suffix in (".png", ".jpg")]
-    for path in files[:: max(1, len(files) // 6)]:
+    own = pathlib.Path(skimage.__file__).parent / "data"
+    for path in [own / name for name in PHOTOS] + files[:: max(1, len(files) // 6)]:
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         images.append((path.name, np.clip(image, 5, 250)))
+    for path in sorted((DATA / "kitti00").glob("*.bin"))[:1]:
+        images.append((f"{path.name} from above", from_above(path)))
     n_checks = n_bad = 0
     for name, gray in images:
         for image in (gray, gray.astype(np.uint16) * 201, gray.astype(np.float32) * 0.5 - 20):
@@ -286,15 +326,20 @@ def times(size, runs, only):
 
 
 def main():
+    if os.environ.get("GLIBC_TUNABLES") != ALLOCATOR:
+        os.environ["GLIBC_TUNABLES"] = ALLOCATOR
+        os.execv(sys.executable, [sys.executable, *sys.argv])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("exact").add_argument("folders", nargs="*")
+    commands.add_parser("freeze")
     timing = commands.add_parser("time")
     timing.add_argument("--size", type=int, default=4096)
     timing.add_argument("--runs", type=int, default=5)
     timing.add_argument("--only", nargs="*", help="operators")
     args = parser.parse_args()
-    sys.exit(0 if (exact(args.folders) if args.command == "exact" else times(args.size, args.runs, args.only)) else 1)
+    work = {"exact": lambda: exact(args.folders), "freeze": freeze, "time": lambda: times(args.size, args.runs, args.only)}
+    sys.exit(0 if work[args.command]() else 1)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@
 //! | `gaps` | interpolation of missing heights | constant |
 
 mod area;
+mod blocks;
 mod components;
 mod element;
 mod extrema;
@@ -31,7 +32,6 @@ mod reconstruction;
 mod rows;
 mod union_find;
 mod watershed;
-mod wide;
 
 pub use area::{area_closing, area_opening};
 pub use components::{Labels, connected_components};

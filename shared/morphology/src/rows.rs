@@ -7,8 +7,8 @@
 //! other elements take one comparison for each of their runs.
 
 use crate::Level;
+use crate::blocks::{block, block_mut, in_blocks};
 use crate::element::{Run, Shape};
-use crate::wide::{block, block_mut, in_blocks};
 
 /// Radius from which van Herk's three comparisons with their buffers cost less than one for each row.
 const HIGH_RADIUS: usize = 5;

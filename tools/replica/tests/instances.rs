@@ -167,3 +167,44 @@ fn a_cloud_without_instances_or_with_points_that_are_no_numbers_is_no_panic() {
     let table = said(&output);
     assert!(table.lines().nth(1).is_some_and(|line| line.starts_with("7,vehicles,1,1,")), "{table}");
 }
+
+#[test]
+fn boxes_are_on_the_earth_if_the_run_knows_its_place_and_refused_with_a_reason_if_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    Returns((0..100).map(|i| (f64::from(i), 0, ClassId::Vehicles as u8, 3)).collect())
+        .write(&run.join("clouds/00000.ply"));
+    let geojson = |georeference: Option<&str>| {
+        let path = run.join("georeference.json");
+        let _ = std::fs::remove_file(&path);
+        if let Some(text) = georeference {
+            std::fs::write(&path, text).expect("writes");
+        }
+        replica(&["instances", "--geojson", text(&run)])
+    };
+    let place = |frame: &str, origin: &str| {
+        format!(r#"{{"version":1,"frame":"{frame}","trajectory_frame":"local","origin":{origin},"utm":null}}"#)
+    };
+    let paris = r#"{"latitude_deg":48.8,"longitude_deg":2.3,"altitude_m":100.0}"#;
+
+    let output = geojson(Some(&place("local", paris)));
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["type"], "FeatureCollection");
+    let corner = &found["features"][0]["geometry"]["coordinates"][0][0];
+    let degrees = [0, 1].map(|idx| corner[idx].as_f64().expect("a number"));
+    assert!((degrees[0] - 2.3).abs() < 1e-5 && (degrees[1] - 48.8).abs() < 1e-5, "longitude first: {degrees:?}");
+
+    let nowhere = place("local", r#"{"latitude_deg":98.8,"longitude_deg":2.3,"altitude_m":100.0}"#);
+    for (georeference, reason) in [
+        (None, "georeference.json"),
+        (Some("{"), "georeference.json"),
+        (Some(&*place("local", "null")), "there is no `origin`"),
+        (Some(&*place("UTM 31N", paris)), "the clouds are in \"UTM 31N\""),
+        (Some(&*nowhere), "98.8 2.3 100 is no place"),
+    ] {
+        let output = geojson(georeference);
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(said(&output).contains(reason), "{}", said(&output));
+    }
+}

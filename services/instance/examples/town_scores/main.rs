@@ -63,20 +63,26 @@ fn variants() -> Vec<(String, Settings)> {
         change(&mut settings.things[idx]);
         settings
     };
-    let mut thesis = Settings { apart_s: 0.0, remembered_submaps: 0, ..Settings::default() };
-    thesis.things.iter_mut().for_each(|thing| thing.peak_m = 0.0);
+    let mut thesis = Settings { apart_s: 0.0, remembered_submaps: 0, dilation_m: 0.2, ..Settings::default() };
+    for (thing, min_points) in thesis.things.iter_mut().zip([500, 100]) {
+        (thing.peak_m, thing.min_points) = (0.0, min_points);
+    }
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
         ("default".to_owned(), Settings::default()),
         ("remembered_submaps = 0".to_owned(), Settings { remembered_submaps: 0, ..Settings::default() }),
         ("apart_s = 0".to_owned(), Settings { apart_s: 0.0, ..Settings::default() }),
     ];
-    for dilation_m in [0.1, 0.3] {
+    for dilation_m in [0.1, 0.2, 0.3] {
         variants.push((format!("dilation_m = {dilation_m}"), Settings { dilation_m, ..Settings::default() }));
     }
     for (idx, name) in ["vehicles", "pedestrian"].into_iter().enumerate() {
         for peak_m in [0.0, 0.2, 0.4, 0.8] {
             variants.push((format!("{name}: peak_m = {peak_m}"), of_class(idx, &|thing| thing.peak_m = peak_m)));
+        }
+        for min_points in [[100, 200, 300, 500], [25, 50, 75, 100]][idx] {
+            let change = |thing: &mut Thing| thing.min_points = min_points;
+            variants.push((format!("{name}: min_points = {min_points}"), of_class(idx, &change)));
         }
         let (join_m, max_length_m) = [(0.8, 6.0), (0.3, 1.2)][idx];
         let join = |thing: &mut Thing| (thing.join_m, thing.max_length_m) = (join_m, max_length_m);

@@ -1,5 +1,7 @@
 //! `replica instances`: what stands in the clouds of a run, one line an object.
 
+mod geojson;
+
 use crate::commands::inspect::cloud_files;
 use formats::ply::Vertices;
 use geometry::OrientedRectangle;
@@ -12,11 +14,15 @@ use std::process::ExitCode;
 /// Side of the cells from which footprints are reckoned, m.
 const CELL_M: f64 = 0.05;
 
-/// Writes a table (CSV) of the instances of clouds: class, points, box that may be turned, height.
+/// Writes the instances of clouds as a table (CSV): class, points, box that may be turned, height; or as boxes on the Earth
+/// (GeoJSON).
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The output folder of a run, or a PLY file, with `semantic` and `instance`.
     path: PathBuf,
+    /// GeoJSON in WGS84, of a run's folder with a `georeference.json` that has an origin.
+    #[arg(long)]
+    geojson: bool,
 }
 
 /// What is known of one object.
@@ -31,14 +37,30 @@ struct Object {
     z: Option<(f64, f64)>,
 }
 
-/// Prints the table.
+/// What is said of one object.
+struct Summary {
+    id: i64,
+    class: &'static str,
+    n_points: u64,
+    n_clouds: u64,
+    /// In the clouds' frame.
+    footprint: OrientedRectangle,
+    /// Heights of the lowest and the highest point, m.
+    z: (f64, f64),
+}
+
+/// Prints the table or the boxes.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    // Before the clouds are read, which takes longer.
+    let local = if args.geojson { Some(geojson::local_frame(&args.path)?) } else { None };
     let mut objects: BTreeMap<i64, Object> = BTreeMap::new();
     for file in cloud_files(&args.path)? {
         add(&mut objects, &Vertices::load(&file)?)?;
     }
+    let summaries: Vec<Summary> = objects.iter().filter_map(|(id, object)| object.summary(*id)).collect();
+    let text = local.map_or_else(|| table(&summaries), |local| geojson::text(&summaries, &local));
     // A reader that closes the pipe early has seen what it wanted.
-    let _ = std::io::stdout().write_all(table(&objects).as_bytes());
+    let _ = std::io::stdout().write_all(text.as_bytes());
     Ok(ExitCode::SUCCESS)
 }
 
@@ -62,22 +84,26 @@ fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<
     Ok(())
 }
 
-fn table(objects: &BTreeMap<i64, Object>) -> String {
-    let mut text = "id,class,points,clouds,x_m,y_m,z_m,length_m,width_m,height_m,heading_rad\n".to_owned();
-    for (id, object) in objects {
+impl Object {
+    fn summary(&self, id: i64) -> Option<Summary> {
         let centers: Vec<[f64; 2]> =
-            object.cells.iter().map(|&(i, j)| [i, j].map(|v| (v as f64 + 0.5) * CELL_M)).collect();
-        let (Some(footprint), Some((low, high))) = (OrientedRectangle::around(&centers), object.z) else { continue };
-        let most = object.classes.iter().max_by_key(|(class, n)| (**n, std::cmp::Reverse(**class)));
+            self.cells.iter().map(|&(i, j)| [i, j].map(|v| (v as f64 + 0.5) * CELL_M)).collect();
+        let most = self.classes.iter().max_by_key(|(class, n)| (**n, std::cmp::Reverse(**class)));
         let class = most.map_or("", |(class, _)| messages::class_name(*class));
+        let footprint = OrientedRectangle::around(&centers)?;
+        Some(Summary { id, class, n_points: self.n_points, n_clouds: self.n_clouds, footprint, z: self.z? })
+    }
+}
+
+fn table(summaries: &[Summary]) -> String {
+    let mut text = "id,class,points,clouds,x_m,y_m,z_m,length_m,width_m,height_m,heading_rad\n".to_owned();
+    for Summary { id, class, n_points, n_clouds, footprint, z: (low, high) } in summaries {
         let OrientedRectangle { center: [x, y], length_m, width_m, heading } = footprint;
+        let height_m = high - low;
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{id},{class},{},{},{x:.2},{y:.2},{low:.2},{length_m:.2},{width_m:.2},{:.2},{heading:.3}",
-            object.n_points,
-            object.n_clouds,
-            high - low
+            "{id},{class},{n_points},{n_clouds},{x:.2},{y:.2},{low:.2},{length_m:.2},{width_m:.2},{height_m:.2},{heading:.3}"
         );
     }
     text
@@ -109,7 +135,8 @@ mod tests {
             writer.finish().expect("finishes");
             add(&mut objects, &Vertices::load(&path).expect("loads")).expect("adds");
         }
-        let table = table(&objects);
+        let summaries: Vec<Summary> = objects.iter().filter_map(|(id, object)| object.summary(*id)).collect();
+        let table = table(&summaries);
         let lines: Vec<&str> = table.lines().collect();
         assert_eq!(lines.len(), 2, "{table}");
         assert_eq!(lines[1], "5,vehicles,2880,2,2.00,0.90,0.25,3.95,1.75,1.25,0.000");

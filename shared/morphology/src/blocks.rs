@@ -1,11 +1,6 @@
-//! Loops in the widest registers that the machine has.
-
-/// Runs `work` compiled for the instructions of this machine: plain loops inside it take 32 or 64 bytes at a time. The closure and
-/// what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for the oldest machine.
-#[inline(always)]
-pub(crate) fn wide<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
-}
+//! Rows in blocks for the widest registers that the machine has. `pulp::Arch::dispatch` compiles its closure for the instructions
+//! of this machine; the closure and what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for
+//! the oldest machine.
 
 /// Pixels of a row that are worked on at once: a register or a few of them.
 pub(crate) const BLOCK: usize = 64;
@@ -16,9 +11,9 @@ pub(crate) const BLOCK: usize = 64;
 macro_rules! in_blocks {
     ($n:expr, $work:ident($($argument:expr),*)) => {
         let n: usize = $n;
-        if n >= $crate::wide::BLOCK {
-            for start in (0..n).step_by($crate::wide::BLOCK) {
-                $work::<_, { $crate::wide::BLOCK }>(start.min(n - $crate::wide::BLOCK), $($argument),*);
+        if n >= $crate::blocks::BLOCK {
+            for start in (0..n).step_by($crate::blocks::BLOCK) {
+                $work::<_, { $crate::blocks::BLOCK }>(start.min(n - $crate::blocks::BLOCK), $($argument),*);
             }
         } else {
             for start in 0..n {
