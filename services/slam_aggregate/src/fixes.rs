@@ -21,6 +21,8 @@ const DRIFT_NANOS: i64 = 2_000_000_000;
 const FREE_DRIFT_MPS: f64 = 0.05;
 /// A fix that drifts is on its way to or from a wrong place: each such drift beyond the free one adds its deviation once, m/s.
 const DOUBTED_DRIFT_MPS: f64 = 0.03;
+/// What drifts faster is as wrong as what drifts so fast, m/s: a jump spoils its neighbors, too.
+const MOST_DRIFT_MPS: f64 = 1.0;
 /// Dilution where the receiver does not tell.
 const USUAL_HDOP: f64 = 2.0;
 
@@ -107,7 +109,7 @@ impl Fixes {
             let (end, after) = offs[n_until.max(number + 2).min(offs.len()) - 1];
             // A fix that is the only one is measured against itself.
             let drift_mps = (after - before).norm() / ((end - begin) as f64 * 1e-9).max(1e-3);
-            let factor = 1.0 + (drift_mps - FREE_DRIFT_MPS).max(0.0) / DOUBTED_DRIFT_MPS;
+            let factor = 1.0 + (drift_mps.min(MOST_DRIFT_MPS) - FREE_DRIFT_MPS).max(0.0) / DOUBTED_DRIFT_MPS;
             position.sigma_m = position.sigma_m.map(|sigma| sigma * factor);
             position.sigma_above_m *= factor;
         }
