@@ -4,6 +4,7 @@
 mod check;
 mod child;
 mod control;
+mod costs;
 mod events;
 mod exhausted;
 mod fit;

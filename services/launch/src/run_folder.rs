@@ -7,6 +7,7 @@
 //! | `wiring.json` | what those who look on need to know ([`Wiring`]) |
 //! | `<stage>.json` | what the stage was told |
 //! | `logs/<stage>.log` | what it said |
+//! | `costs.csv` | what each stage had done and cost by then, a line a second; not live ([`crate::costs`]) |
 //! | `swaps.json` | what was swapped since ([`SwapRecord`]) |
 //! | `states/<barrier>/<stage>.state` | what it needs to go on from there |
 //!
@@ -87,6 +88,7 @@ impl RunFolder {
         }
         std::fs::create_dir(&logs).map_err(|error| cannot_write(&logs, &error))?;
         self.forget_summary()?;
+        remove_file(&self.costs())?;
         self.write_swaps(&SwapRecord::default())?;
         let launch_file =
             std::fs::read(&plan.launch_file).map_err(|error| format!("{}: {error}", plan.launch_file.display()))?;
@@ -123,6 +125,11 @@ impl RunFolder {
     /// What the stages read, so that an edit during the run does not show in it.
     pub fn launch_copy(&self) -> PathBuf {
         self.folder.join(LAUNCH_FILE)
+    }
+
+    /// See [`crate::costs`].
+    pub fn costs(&self) -> PathBuf {
+        self.folder.join("costs.csv")
     }
 
     fn states(&self) -> PathBuf {

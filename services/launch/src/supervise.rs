@@ -5,6 +5,7 @@ mod live;
 
 use crate::child::StageProcess;
 use crate::control::Control;
+use crate::costs::Costs;
 use crate::events::Log;
 use crate::exhausted::{Means, lacks_shared_memory};
 use crate::metrics::Metrics;
@@ -89,6 +90,8 @@ pub(crate) struct Supervisor {
     means: Means,
     pub(crate) screen: Screen,
     metrics: Metrics,
+    /// `None` live: a run that never ends would fill the disk.
+    costs: Option<Costs>,
     signals: Signals,
     recorder: Option<Recorder>,
     pub(crate) control: Control,
@@ -138,6 +141,7 @@ impl Supervisor {
             means: Means::new(&domain, &plan.context.output),
             domain,
             recorder: asides.record.map(|file| Recorder::of(&plan, file)),
+            costs: (plan.context.mode == Mode::Offline).then(|| Costs::new(folder.costs())),
             plan,
             folder,
             screen,
@@ -328,6 +332,10 @@ impl Supervisor {
             self.screen.show(processes);
             let figures = processes.iter().map(|process| (process.name.as_str(), &process.health));
             if let Some(text) = self.metrics.update(figures, || self.domain.used_bytes(), self.restarts) {
+                self.screen.say(&text);
+            }
+            let figures = processes.iter().map(|process| (process.name.as_str(), &process.health));
+            if let Some(text) = self.costs.as_mut().and_then(|costs| costs.update(figures)) {
                 self.screen.say(&text);
             }
             if let Some(mut fault) = first_fault(processes, &self.plan.stages, &self.plan.run).or(unread) {

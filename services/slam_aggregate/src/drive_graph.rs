@@ -159,7 +159,10 @@ impl DriveGraph {
             graph.positions.clear();
         }
         let start: Vec<Pose> = self.nodes.iter().map(|node| world_from_odom * node.odom_from_submap).collect();
-        let solution = graph.solve(&start, gauge)?;
+        // Only with the submaps in place is it known which fixes drift.
+        let first = graph.solve(&start, gauge)?;
+        self.fixes.doubt(&mut graph.positions, &first.poses);
+        let solution = graph.solve(&first.poses, gauge)?;
         let header = header(&solution, &graph, origin);
         let rows = self.nodes.iter().zip(&solution.poses).zip(&solution.covariances).enumerate();
         let row = |(submap, ((node, pose), covariance)): (usize, ((&Node, &Pose), &Matrix6<f64>))| {

@@ -141,7 +141,13 @@ fn fixes_bring_the_drive_to_its_place_on_the_earth() {
         assert!(forward(&world_from_submap).angle(&forward(&truth)) < 0.03);
         assert!(forward(&odom_from_submap).angle(&forward(&truth)) > 1.5, "the odometry itself knows no north");
     }
-    assert!(placement.rows().iter().all(|row| row.sigma_m.iter().all(|sigma| (0.01..1.0).contains(sigma))));
+    for row in placement.rows() {
+        // All fixes of these three seconds lie within two of a jump and are doubted 33 times, and heights above the truth count a
+        // sixth besides: 0.4 to 1.5 m across and 1.7 to 14 m of height.
+        let [forward, left, up] = row.sigma_m;
+        let is_sound = [forward, left].iter().all(|sigma| (0.01..2.0).contains(sigma)) && (0.01..20.0).contains(&up);
+        assert!(is_sound, "{:?}", row.sigma_m);
+    }
 }
 
 #[test]

@@ -43,12 +43,17 @@ impl OfTwo {
 impl OfOne {
     pub fn of_position(position: &Position, world_from_submap: &Pose) -> Self {
         let turn = world_from_submap.rotation.to_rotation_matrix();
-        let per_sigma = Matrix3::from_diagonal(&Vector3::from(position.sigma_m).map(f64::recip));
+        let off = world_from_submap * position.p_in_submap - position.p_in_world;
+        let mut sigma_m = Vector3::from(position.sigma_m);
+        if off.z < 0.0 {
+            sigma_m.z = position.sigma_above_m;
+        }
+        let per_sigma = Matrix3::from_diagonal(&sigma_m.map(f64::recip));
         let mut jacobian = Matrix3x6::zeros();
         jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&(per_sigma * turn.matrix()));
         let by_turn = -turn.matrix() * skew(&position.p_in_submap.coords);
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(per_sigma * by_turn));
-        Self { residual: per_sigma * (world_from_submap * position.p_in_submap - position.p_in_world), jacobian }
+        Self { residual: per_sigma * off, jacobian }
     }
     pub fn of_upright(upright: &Upright, world_from_submap: &Pose) -> Self {
         let up = world_from_submap.rotation.inverse() * Vector3::z();
@@ -94,8 +99,10 @@ mod tests {
             p_in_submap: Point3::new(3.0, -4.0, 1.5),
             p_in_world: Point3::new(1.0, 2.0, 3.0),
             sigma_m: [0.5, 0.7, 2.0],
+            sigma_above_m: 4.0,
             share: 1.0,
         };
+        let above = Position { p_in_world: Point3::new(1.0, 2.0, -3.0), ..position };
         let up_in_submap = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.0) * Vector3::z();
         let upright = Upright { submap: 0, up_in_submap, sigma_rad: 0.02 };
         let of_two = OfTwo::new(&relative, &a, &b);
@@ -108,6 +115,7 @@ mod tests {
             assert!((by_source - of_two.by_source.column(axis)).norm() < 1e-4, "source {axis}");
             for (before, after) in [
                 (OfOne::of_position(&position, &a), OfOne::of_position(&position, &moved_a)),
+                (OfOne::of_position(&above, &a), OfOne::of_position(&above, &moved_a)),
                 (OfOne::of_upright(&upright, &a), OfOne::of_upright(&upright, &moved_a)),
             ] {
                 let change = (after.residual - before.residual) * 1e6;

@@ -26,8 +26,11 @@ pub struct Position {
     pub p_in_submap: Point3<f64>,
     /// m.
     pub p_in_world: Point3<f64>,
-    /// Standard deviation along east, north and up, m.
+    /// Standard deviation along east, north, and down, m.
     pub sigma_m: [f64; 3],
+    /// That of heights above the truth, m: signals that come by way of walls are late, never early, and lift the position (a
+    /// normal distribution of two halves).
+    pub sigma_above_m: f64,
     /// How much of an independent measurement it is, above 0 to 1: errors of a receiver last longer than its pauses.
     pub share: f64,
 }

@@ -54,7 +54,7 @@ fn odometry(truth: &[Pose], random: &mut Random) -> (PoseGraph, Vec<Pose>) {
 fn position(truth: &[Pose], submap: usize, error: Vector3<f64>) -> Position {
     let p_in_submap = Point3::new(6.0, -0.5, 1.8);
     let p_in_world = truth[submap] * p_in_submap + error;
-    Position { submap, p_in_submap, p_in_world, sigma_m: [0.7, 0.7, 1.5], share: 1.0 }
+    Position { submap, p_in_submap, p_in_world, sigma_m: [0.7, 0.7, 1.5], sigma_above_m: 1.5, share: 1.0 }
 }
 
 fn rmse(found: &[Pose], truth: &[Pose]) -> f64 {
@@ -133,11 +133,34 @@ fn wrong_loops_and_positions_are_told_from_right_ones() {
     assert_eq!(Solution::n_believed(&solution.position_weights), N + 1 - 19);
     // Least squares alone would be metres off.
     let mut all = graph.clone();
-    all.positions.iter_mut().for_each(|p| p.sigma_m = p.sigma_m.map(|s| s * 1e3));
+    for p in &mut all.positions {
+        (p.sigma_m, p.sigma_above_m) = (p.sigma_m.map(|s| s * 1e3), p.sigma_above_m * 1e3);
+    }
     all.loops.clear();
     all.odometry.iter_mut().for_each(|r| r.information *= 1e-6);
     let plain = all.solve(&drifted, Gauge::Positions).unwrap();
     assert!(rmse(&plain.poses, &truth) > 5.0 * off, "{}", rmse(&plain.poses, &truth));
+}
+
+#[test]
+fn heights_lifted_by_walls_do_not_lift_the_drive() {
+    let truth = truth();
+    let lift = |sigma_above_m: f64| {
+        let mut random = Random(11);
+        let (mut graph, drifted) = odometry(&truth, &mut random);
+        for k in 0..=N {
+            // Two of three come out too high, by some metres.
+            let wall = if k % 3 == 0 { 0.0 } else { 2.0 * random.gauss().abs() };
+            let error = random.vector(0.3) + Vector3::z() * wall;
+            graph.positions.push(Position { sigma_above_m, ..position(&truth, k, error) });
+        }
+        let solution = graph.solve(&drifted, Gauge::Positions).unwrap();
+        let off = |(found, pose): (&Pose, &Pose)| found.translation.z - pose.translation.z;
+        solution.poses.iter().zip(&truth).map(off).sum::<f64>() / truth.len() as f64
+    };
+    let (even, halves) = (lift(1.5), lift(9.0));
+    assert!(even > 0.6, "walls must matter: {even} m");
+    assert!(halves.abs() < 0.3, "{halves} m");
 }
 
 #[test]

@@ -2,8 +2,9 @@
 //!
 //! A synthetic street without end, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th
 //! percentile of the CPU time of all threads (range image, features, registration, moving objects), the points of the map,
-//! the bytes of the state, the memory of the process, and the error of the position in share of the way. 300 sweeps at 10 m/s unless said; 5000 at
-//! 20 m/s are 10 km.
+//! the bytes of the state, the memory of the process, and the error: of the position in share of the way since the start, and of
+//! the heading, by which the former grows with the square of the way. 300 sweeps at 10 m/s unless said; 5000 at 20 m/s are
+//! 10 km.
 #![allow(missing_docs, reason = "not part of the library")]
 #![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
 
@@ -21,7 +22,9 @@ fn main() {
     let n_sweeps = numbers.first().map_or(300, |&n| n as u32).max(20);
     let drive = Drive { speed: numbers.get(1).copied().unwrap_or(10.0), noise_m: 0.02, ground_only: false };
     let mut odometry = Odometry::new(OdometrySettings::default(), drive.world_from_lidar(0.0));
-    println!("way m    median ms  p95 ms  map points  state bytes  resident MB  off m (% of the way)");
+    println!(
+        "way m    median ms  p95 ms  map points  state bytes  resident MB  off m (% of the way), forward m, turned deg"
+    );
     let mut ms = Vec::new();
     let mut last: Option<Registered> = None;
     for number in 0..n_sweeps {
@@ -39,17 +42,24 @@ fn main() {
 
 fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odometry) {
     let seconds = (last.stamp.0 + i64::from(last.duration_nanos)) as f64 * 1e-9;
-    let truth = drive.world_from_lidar(seconds).translation.vector;
-    let off = (last.end().translation.vector - truth).norm();
+    let true_end = drive.world_from_lidar(seconds);
+    let truth = true_end.translation.vector;
+    let off = last.end().translation.vector - truth;
+    let turned = (last.end().rotation * true_end.rotation.inverse()).scaled_axis().map(f64::to_degrees);
     let state = postcard::to_stdvec(&odometry.save()).unwrap().len();
     ms.sort_by(f64::total_cmp);
     let (median, p95) = (ms[ms.len() / 2], ms[ms.len() * 95 / 100]);
     let way = truth.x;
     println!(
-        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {off:.3} ({:.3} %)",
+        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {:.3} ({:.3} %), {:.3}, {:.3} {:.3} {:.3}",
         odometry.map().len(),
         resident_mb(),
-        100.0 * off / way
+        off.norm(),
+        100.0 * off.norm() / way,
+        off.x,
+        turned.x,
+        turned.y,
+        turned.z
     );
     ms.clear();
 }

@@ -44,7 +44,7 @@ pub struct DriveSpec {
     pub town: Town,
     /// Of everything random: the town, its traffic, the noise of the sensors.
     pub seed: u64,
-    /// Length, s: 0.2 to 600. The last revolution of the lidar is completed.
+    /// Length, s: 0.2 to 2400. The last revolution of the lidar is completed.
     pub seconds: f64,
     /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser. 1 to 100.
     pub lidar_step: u32,
@@ -89,9 +89,9 @@ impl DriveSpec {
     }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
         let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
-        // Ten minutes are three rounds of 1.5 km and 8 GB of drive.
-        if !(0.2..=600.0).contains(&self.seconds) {
-            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 600");
+        // Forty minutes are 14 km of streets and 30 GB of drive with all cameras, 5 GB without.
+        if !(0.2..=2400.0).contains(&self.seconds) {
+            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 2400");
         }
         if !(1..=100).contains(&self.lidar_step) {
             return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");

@@ -19,6 +19,10 @@ impl Supervisor {
         if let Some(text) = self.metrics.write(figures, self.domain.used_bytes(), self.restarts) {
             self.screen.say(&text);
         }
+        let figures = self.health.iter().map(|(name, health)| (name.as_str(), health));
+        if let Some(text) = self.costs.as_mut().and_then(|costs| costs.write(figures)) {
+            self.screen.say(&text);
+        }
         self.close_swap();
         let sink = self.plan.stages.last().and_then(|sink| self.health.get(&sink.name)).cloned();
         let stages: Vec<StageSummary> = self

@@ -102,8 +102,9 @@ pub struct ImuSpec {
 }
 
 /// Names and files of the built-in rigs, the default one first.
-const BUILT_IN: [(&str, &str); 3] = [
+const BUILT_IN: [(&str, &str); 4] = [
     ("l3d2", include_str!("../../rigs/l3d2.toml")),
+    ("survey", include_str!("../../rigs/survey.toml")),
     ("nuscenes", include_str!("../../rigs/nuscenes.toml")),
     ("kitti", include_str!("../../rigs/kitti.toml")),
 ];

@@ -18,10 +18,10 @@ pub struct Args {
     /// Seed of town, traffic and noise; equal seeds give equal bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Length of the drive, s (0.2 to 600); about 12 MB per second.
+    /// Length of the drive, s (0.2 to 2400); about 12 MB per second.
     #[arg(long, default_value_t = 12.0)]
     seconds: f64,
-    /// The vehicle: l3d2, nuscenes, kitti, or a rig file (docs/simulation.md).
+    /// The vehicle: l3d2, survey, nuscenes, kitti, or a rig file (docs/simulation.md).
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "l3d2")]
     rig: String,
     /// How far sensors sit from where drive.toml says: standard deviations in deg (0 to 10) and cm (0 to 100).

@@ -1,12 +1,14 @@
 //! `replica evaluate trajectory`: absolute errors, errors over poses and over a way as evo has them, over segments as KITTI has
 //! them (docs/evaluation.md).
 
+mod costs;
 mod input;
 mod plots;
 mod report;
 
 use anyhow::{Context, ensure};
 use clap::ValueEnum;
+use costs::Costs;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from_trajectory, tum_from_trajectory};
 use geometry::Trajectory;
 pub use input::{aligned_by_trajectory, of_drive};
@@ -64,7 +66,7 @@ pub struct Args {
     /// Way of an interval of relative errors, m along the estimate.
     #[arg(long, value_name = "M", default_value_t = 10.0, value_parser = positive)]
     rpe_m: f64,
-    /// Folder for evaluation.md and .json, poses.csv, segments.csv, trajectory.svg and errors.svg.
+    /// Folder for evaluation.md and .json, poses.csv, segments.csv, trajectory.svg and errors.svg; costs.svg of a run.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Writes the pairs into the folder, too: truth and aligned estimate at the same stamps.
@@ -130,7 +132,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A reader that closes the pipe early has seen what it wanted.
     let _ = std::io::stdout().write_all(report.markdown().as_bytes());
     if let Some(out) = &args.out {
-        write(out, &report, args.write)?;
+        write(out, &report, args)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -180,7 +182,7 @@ fn step_times(run: &Path) -> Option<String> {
     Some(format!("median {median:.1} ms, p99 {p99:.1} ms, at most {max:.1} ms"))
 }
 
-fn write(out: &Path, report: &Report, format: Option<Format>) -> anyhow::Result<()> {
+fn write(out: &Path, report: &Report, args: &Args) -> anyhow::Result<()> {
     std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     ensure!(out.is_dir(), "{}: is no folder", out.display());
     let write = |name: &str, text: String| {
@@ -193,7 +195,10 @@ fn write(out: &Path, report: &Report, format: Option<Format>) -> anyhow::Result<
     write("segments.csv", report.segments_csv())?;
     write("trajectory.svg", plots::map(report))?;
     write("errors.svg", plots::errors(report))?;
-    let Some(format) = format else { return Ok(()) };
+    if let Some(costs) = Costs::of_run(&args.estimate)? {
+        write("costs.svg", costs.svg())?;
+    }
+    let Some(format) = args.write else { return Ok(()) };
     for name in ["truth", "estimate"] {
         let side = |pair: &PosePair| if name == "truth" { pair.truth } else { pair.estimate };
         let mut trajectory = Trajectory::default();

@@ -70,7 +70,7 @@ pub fn errors(report: &Report) -> String {
 }
 
 /// Every so many of too many points, and the last.
-fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+pub fn thinned(points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let stride = points.len().div_ceil(MAX_POINTS).max(1);
     let last = points.len().saturating_sub(1);
     let keep = |i: usize| i.is_multiple_of(stride) || i == last;

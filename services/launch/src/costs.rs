@@ -1,0 +1,104 @@
+//! `run/costs.csv`: what each stage had done and cost by then, a line a second: time per sweep and memory over the drive are
+//! drawn from it (`replica evaluate trajectory RUN --out DIR`).
+
+use stage::health::Health;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+const WRITE_EVERY: Duration = Duration::from_secs(1);
+const HEADER: &str = "wall_s,stage,drive_s,ticks,cpu_s,resident_bytes\n";
+
+/// Appends to the file; a restart goes on with it.
+pub struct Costs {
+    file: PathBuf,
+    begun: Instant,
+    written: Option<Instant>,
+    /// Ticks in the last line of each stage: one that waits has nothing to add.
+    told: BTreeMap<String, u64>,
+    failed: bool,
+}
+
+impl Costs {
+    /// Nothing is written yet.
+    pub fn new(file: PathBuf) -> Self {
+        Self { file, begun: Instant::now(), written: None, told: BTreeMap::new(), failed: false }
+    }
+
+    /// Writes if it is time to. What is to be said to the operator, once, if it cannot be written.
+    pub fn update<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) -> Option<String> {
+        if self.failed || self.written.is_some_and(|written| written.elapsed() < WRITE_EVERY) {
+            return None;
+        }
+        self.write(stages)
+    }
+
+    /// As [`Costs::update`], whether or not it is time to.
+    pub fn write<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) -> Option<String> {
+        self.written = Some(Instant::now());
+        let text = self.lines(stages);
+        let error = append(&self.file, &text).err()?;
+        let first = !std::mem::replace(&mut self.failed, true);
+        first.then(|| format!("costs are not written: {}: {error}", self.file.display()))
+    }
+
+    fn lines<'a>(&mut self, stages: impl Iterator<Item = (&'a str, &'a Health)>) -> String {
+        let wall_s = self.begun.elapsed().as_secs_f64();
+        let mut text = String::new();
+        for (stage, health) in stages {
+            let (Some(begin), Some(now)) = (health.drive_begin, health.drive_time) else { continue };
+            if self.told.insert(stage.to_owned(), health.ticks) == Some(health.ticks) {
+                continue;
+            }
+            let drive_s = now.saturating_sub(begin) as f64 * 1e-9;
+            let Health { ticks, cpu_s, rss_bytes, .. } = health;
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{wall_s:.3},{stage},{drive_s:.3},{ticks},{cpu_s:.3},{rss_bytes}");
+        }
+        text
+    }
+}
+
+fn append(file: &Path, text: &str) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().create(true).append(true).open(file)?;
+    let header = if file.metadata()?.len() == 0 { HEADER } else { "" };
+    file.write_all(format!("{header}{text}").as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn health(ticks: u64) -> Health {
+        let drive_time = Some(5_000_000_000 + ticks as i64 * 100_000_000);
+        let (cpu_s, rss_bytes) = (ticks as f64 * 0.02, 50_000_000);
+        Health { ticks, drive_begin: Some(5_000_000_000), drive_time, cpu_s, rss_bytes, ..Health::default() }
+    }
+
+    #[test]
+    fn a_line_comes_with_each_progress_and_a_restart_goes_on_with_the_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("costs.csv");
+        let mut costs = Costs::new(file.clone());
+        let beats = [("acquire", health(30)), ("export", Health::default())];
+        for _ in 0..2 {
+            assert_eq!(costs.write(beats.iter().map(|(name, health)| (*name, health))), None);
+        }
+        assert_eq!(Costs::new(file.clone()).write([("acquire", &health(31))].into_iter()), None);
+        let text = std::fs::read_to_string(&file).expect("written");
+        let rows: Vec<&str> = text.lines().map(|line| line.split_once(',').expect("columns").1).collect();
+        let expected = ["acquire,3.000,30,0.600,50000000", "acquire,3.100,31,0.620,50000000"];
+        assert_eq!(rows, [&["stage,drive_s,ticks,cpu_s,resident_bytes"], &expected[..]].concat(), "{text}");
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_said_once() {
+        let mut costs = Costs::new(PathBuf::from("/nowhere/costs.csv"));
+        let beat = health(1);
+        assert!(costs.write([("acquire", &beat)].into_iter()).is_some_and(|text| text.contains("/nowhere/costs.csv")));
+        assert_eq!(costs.write([("acquire", &beat)].into_iter()), None);
+    }
+}

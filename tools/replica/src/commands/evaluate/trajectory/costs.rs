@@ -1,0 +1,125 @@
+//! What each stage of a run took over the drive: CPU time a sweep, and memory.
+
+use super::plots::thinned;
+use anyhow::{Context, ensure};
+use chart::{Axis, COLORS, Chart, Series};
+use scores::Statistics;
+use std::path::Path;
+
+/// Written by the supervisor about once a second.
+const FILE: &str = "run/costs.csv";
+/// Its columns.
+const HEADER: &str = "wall_s,stage,drive_s,ticks,cpu_s,resident_bytes";
+
+/// What a stage had done and cost by then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    drive_s: f64,
+    ticks: f64,
+    cpu_s: f64,
+    resident_mb: f64,
+}
+
+/// By stage, in the order of the file.
+pub struct Costs(Vec<(String, Vec<Line>)>);
+
+impl Costs {
+    /// Of a run's folder; `None` if it has none.
+    pub fn of_run(run: &Path) -> anyhow::Result<Option<Self>> {
+        let path = run.join(FILE);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        Self::from_csv(&text).with_context(|| path.display().to_string()).map(Some)
+    }
+
+    fn from_csv(text: &str) -> anyhow::Result<Self> {
+        let header = text.lines().next().unwrap_or_default();
+        ensure!(header == HEADER, "line 1: {header}: must be {HEADER}");
+        let mut stages: Vec<(String, Vec<Line>)> = Vec::new();
+        for (number, line) in text.lines().enumerate().skip(1) {
+            let rule =
+                || format!("line {}: {line}: must be the six columns of line 1, numbers but for the stage", number + 1);
+            let columns: Vec<&str> = line.split(',').collect();
+            let [_, stage, numbers @ ..] = &columns[..] else { anyhow::bail!(rule()) };
+            let numbers: Result<Vec<f64>, _> = numbers.iter().map(|number| number.parse()).collect();
+            let Ok([drive_s, ticks, cpu_s, resident]) = <[f64; 4]>::try_from(numbers.with_context(rule)?) else {
+                anyhow::bail!(rule())
+            };
+            let line = Line { drive_s, ticks, cpu_s, resident_mb: resident * 1e-6 };
+            match stages.iter_mut().find(|(name, _)| name == stage) {
+                Some((_, lines)) => lines.push(line),
+                None => stages.push(((*stage).to_owned(), vec![line])),
+            }
+        }
+        Ok(Self(stages))
+    }
+
+    /// CPU time a sweep and resident memory over the drive, a line for each stage.
+    pub fn svg(&self) -> String {
+        let end = self.0.iter().flat_map(|(_, lines)| lines).map(|line| line.drive_s).fold(1.0, f64::max);
+        let chart = |title: &str, unit: &str, top: f64, of: fn(&[Line]) -> Vec<[f64; 2]>| {
+            let line = |(k, (name, lines)): (usize, &(String, Vec<Line>))| {
+                let points = of(lines).into_iter().map(|[at, value]| [at, value.min(top)]).collect();
+                Series::thin_line(name, COLORS[k % COLORS.len()], thinned(points))
+            };
+            let series = self.0.iter().enumerate().map(line).collect();
+            let axis = Axis::from_zero(unit, [top]);
+            Chart { size: [720.0, 180.0], ..Chart::new(title, Axis::new("drive, s", [0.0, end]), axis, series) }
+        };
+        let all = |of: fn(&[Line]) -> Vec<[f64; 2]>| {
+            self.0.iter().flat_map(move |(_, lines)| of(lines)).map(|[_, value]| value)
+        };
+        // A second in which a loop was closed or a disk was slow would hide all others.
+        let top = Statistics::of(all(ms_per_tick)).map_or(1.0, |found| (2.0 * found.p95).max(1.0));
+        let times =
+            chart("CPU time a sweep (what is beyond twice the 95th percentile is cut off)", "ms", top, ms_per_tick);
+        let memory = chart("Resident memory", "MB", all(memory).fold(1.0, f64::max), memory);
+        chart::sheet(&[times, memory], 1)
+    }
+}
+
+/// Between one line and the next; not where a restart set the stage back, and not what comes after the last sweep.
+fn ms_per_tick(lines: &[Line]) -> Vec<[f64; 2]> {
+    let goes_on = |a: &Line, b: &Line| b.drive_s > a.drive_s && b.ticks > a.ticks && b.cpu_s >= a.cpu_s;
+    let pairs = lines.windows(2).filter(|pair| goes_on(&pair[0], &pair[1]));
+    pairs.map(|p| [p[1].drive_s, 1e3 * (p[1].cpu_s - p[0].cpu_s) / (p[1].ticks - p[0].ticks)]).collect()
+}
+
+fn memory(lines: &[Line]) -> Vec<[f64; 2]> {
+    lines.iter().map(|line| [line.drive_s, line.resident_mb]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_a_sweep_is_that_between_two_lines_of_a_stage() {
+        let text = format!(
+            "{HEADER}\n1.0,acquire,0.5,5,0.10,20000000\n1.0,slam_aggregate,0.4,4,0.20,50000000\n\
+             2.0,acquire,1.5,15,0.15,20000000\n2.0,slam_aggregate,1.4,14,0.45,60000000\n\
+             3.0,slam_aggregate,0.9,9,0.10,60000000\n4.0,slam_aggregate,1.9,19,0.40,61000000\n\
+             9.0,slam_aggregate,1.9,20,5.40,61000000\n"
+        );
+        let costs = Costs::from_csv(&text).expect("sound");
+        let of = |k: usize| ms_per_tick(&costs.0[k].1);
+        assert_eq!(of(0).len(), 1);
+        assert!((of(0)[0][1] - 5.0).abs() < 1e-9 && (of(0)[0][0] - 1.5).abs() < 1e-9);
+        // The restart between the second and the third line is no sweep, nor is what the stage did after the last one.
+        let slam = of(1);
+        assert_eq!(slam.len(), 2);
+        assert!((slam[0][1] - 25.0).abs() < 1e-9 && (slam[1][1] - 30.0).abs() < 1e-9);
+        let svg = costs.svg();
+        assert!(svg.contains("slam_aggregate") && svg.contains("CPU time a sweep") && svg.contains("Resident memory"));
+    }
+
+    #[test]
+    fn a_line_that_breaks_the_rule_is_named() {
+        let problem = |text: &str| format!("{:#}", Costs::from_csv(text).err().expect("wrong"));
+        assert!(problem("a,b\n").contains("line 1: a,b"));
+        assert!(problem(&format!("{HEADER}\n1.0,x,1,2,three,4\n")).contains("line 2: 1.0,x,1,2,three,4"));
+        assert!(problem(&format!("{HEADER}\n1.0,x,1,2\n")).contains("six columns"));
+    }
+}
