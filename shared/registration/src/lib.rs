@@ -12,7 +12,6 @@
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
 //! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
 
-mod covariance;
 mod eigen;
 mod features;
 mod ground;
@@ -21,11 +20,13 @@ mod maps;
 mod matching;
 mod motion;
 mod moving;
+mod navigation;
 mod normal_equations;
 mod odometry;
 mod range_image;
 mod sampling;
 mod seen;
+mod sensors;
 mod small_objects;
 mod start;
 mod sweep;
@@ -34,9 +35,11 @@ mod voxel;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};
 pub use matching::{MatchSettings, Matched};
-pub use motion::{DeskewTable, MeasuredMotion, SweepMotion, Velocity};
+pub use motion::{DeskewTable, SweepMotion, Velocity};
+pub use navigation::Lean;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use range_image::RangeImage;
 pub use sampling::Sampling;
+pub use sensors::{GroundVelocity, InertialSample, SensorPlaces};
 pub use sweep::{Sweep, TimedPoint, Turn, set_times_from_azimuth};
 pub use voxel::thinned;
