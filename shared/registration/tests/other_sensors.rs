@@ -113,8 +113,8 @@ fn a_velocity_off_a_wall_is_refused() {
 
 #[test]
 fn sweeps_without_a_match_follow_the_samples() {
-    // The pace changes while there is nothing to see.
-    let fog = 14..18;
+    // It speeds up by 1.8 m/s^2 while there is nothing to see.
+    let fog = 72..76;
     let sweep = |number: u32| {
         if fog.contains(&number) {
             let seen = STREET.sweep(number);
@@ -123,13 +123,13 @@ fn sweeps_without_a_match_follow_the_samples() {
             STREET.sweep(number)
         }
     };
-    let sweeps: Vec<Sweep> = (0..18).map(sweep).collect();
-    let begin = STREET.world_from_lidar(0.0);
-    let by_samples = run(&mut Odometry::new(settings(), begin), &sweeps, &samples(&STREET, 3.0), &[]);
+    let sweeps: Vec<Sweep> = (60..76).map(sweep).collect();
+    let begin = STREET.world_from_lidar(sweeps[0].stamp().0 as f64 * 1e-9);
+    let by_samples = run(&mut Odometry::new(settings(), begin), &sweeps, &samples(&STREET, 8.0), &[]);
     let by_habit = run(&mut Odometry::new(settings(), begin), &sweeps, &[], &[]);
     let [(felt, deviation), (guessed, guess)] = [&by_samples, &by_habit].map(|registered| error(&STREET, registered));
-    assert!(by_samples[14..].iter().all(|sweep| sweep.is_bridged() && sweep.lean.inertial));
-    assert!(felt.norm() < 0.08 && felt.norm() < 0.5 * guessed.norm(), "{felt} {guessed}");
+    assert!(by_samples[12..].iter().all(|sweep| sweep.is_bridged() && sweep.lean.inertial));
+    assert!(felt.norm() < 0.1 && felt.norm() < 0.5 * guessed.norm(), "{felt} {guessed}");
     assert!(deviation < guess, "{deviation} {guess}");
 }
 

@@ -66,7 +66,7 @@ impl Navigation {
         change.fixed_view_mut::<3, 3>(ATTITUDE, ATTITUDE).copy_from(turn.to_rotation_matrix().matrix());
         self.level_from_begin = turn * self.level_from_begin;
         self.covariance = change * self.covariance * change.transpose();
-        self.shared = self.shared * change.transpose();
+        self.shared *= change.transpose();
         let heading = if is_known { (variance.sqrt() + told.sigma) / told.speed() } else { SLIP };
         self.covariance[(ATTITUDE + 2, ATTITUDE + 2)] += heading * heading;
         self.north_is_known = true;

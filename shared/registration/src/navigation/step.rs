@@ -51,7 +51,7 @@ impl Navigation {
         // What changes the velocity changes the place, too: noise comes at the begin, which makes it a little larger.
         let before = self.covariance + SMatrix::from_diagonal(&noise);
         self.covariance = change * before * change.transpose();
-        self.shared = self.shared * change.transpose();
+        self.shared *= change.transpose();
     }
 
     /// Goes on by samples. Force times time in the axes of the step's begin, and the body's mean axes there.
@@ -95,7 +95,7 @@ impl Navigation {
         set(VELOCITY, TURN, &(end_from_begin.matrix() * self.velocity.cross_matrix()));
         set(ATTITUDE, TURN, self.level_from_begin.to_rotation_matrix().matrix());
         self.covariance = symmetric(&(change * self.covariance * change.transpose()));
-        self.shared = self.shared * change.transpose();
+        self.shared *= change.transpose();
         self.velocity = end_from_begin * self.velocity;
         self.level_from_begin *= self.turn;
         self.level_from_begin.renormalize();
