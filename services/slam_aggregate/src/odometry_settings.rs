@@ -1,10 +1,10 @@
 //! From the stage's settings to the odometry's.
 
 use crate::Settings;
-use registration::{OdometrySettings, Sampling};
+use registration::{OdometrySettings, Sampling, SensorPlaces};
 
-pub(crate) fn odometry_settings(settings: &Settings) -> OdometrySettings {
-    let mut odometry = OdometrySettings::default();
+pub(crate) fn odometry_settings(settings: &Settings, places: SensorPlaces) -> OdometrySettings {
+    let mut odometry = OdometrySettings { places, ..OdometrySettings::default() };
     odometry.features.min_range_m = odometry.features.min_range_m.max(settings.min_range_m as f32);
     odometry.features.max_range_m = settings.max_range_m as f32;
     odometry.features.spacing_m = settings.map_spacing_m;

@@ -32,6 +32,9 @@ stage::settings! {
         pub untimed_turn: String = "none".to_owned() => stage::one_of(&["none", "clockwise", "counterclockwise"]);
         /// Time of such a turn, s.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
+        /// What foretells the motion from sweep to sweep, and is the motion where the scene does not determine it: inertial samples,
+        /// speeds of a receiver. Without any the last motion goes on.
+        pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
         /// What the submaps' poses are corrected by at the end: fixes of a receiver, gravity as an inertial unit feels it, places
         /// that were passed twice. Without any the odometry stands as it is.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);

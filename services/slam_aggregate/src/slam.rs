@@ -9,9 +9,9 @@ use crate::sweeps::Cloud;
 use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
 use formats::manifest::Manifest;
-use geometry::{Geodetic, Isometry3, Point3, Pose};
-use messages::{Gnss, Imu, Placement, StampedPose, Submap, Sweep, Trajectory};
-use registration::{Odometry, Registered};
+use geometry::{Geodetic, Isometry3, Point3, Pose, Stamp};
+use messages::{Gnss, GnssRow, Imu, ImuRow, Placement, StampedPose, Submap, Sweep, Trajectory};
+use registration::{GroundVelocity, InertialSample, Odometry, Registered, SensorPlaces};
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepError};
 
 /// See the crate's page.
@@ -37,13 +37,14 @@ impl SlamAggregate {
     }
 
     fn with_sensors(settings: &Settings, body_from_lidar: Pose, sensors: Sensors) -> Self {
+        let places = places(body_from_lidar, &sensors);
         Self {
             settings: settings.clone(),
             body_from_lidar,
             graph: DriveGraph::new(&sensors),
             sensors,
             // The body frame at the first shot is the world.
-            odometry: Odometry::new(odometry_settings(settings), body_from_lidar),
+            odometry: Odometry::new(odometry_settings(settings, places), body_from_lidar),
             waiting: None,
             open: None,
             saved_submap: None,
@@ -99,6 +100,10 @@ impl SlamAggregate {
         Ok(())
     }
 
+    fn leans_on(&self, name: &str) -> bool {
+        self.settings.motion.iter().any(|wanted| wanted == name)
+    }
+
     fn close(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let Some(open) = self.open.take() else { return Ok(()) };
         let is_loop = self.graph.end_submap(&self.sensors, self.odometry.map());
@@ -143,10 +148,17 @@ impl Stage for SlamAggregate {
         self.reopen(outputs)?;
         for message in inputs.take::<Imu>() {
             self.graph.push_inertial(message.rows());
+            if self.leans_on("imu") {
+                message.rows().iter().for_each(|row| self.odometry.feel(inertial_sample(row)));
+            }
         }
         for message in inputs.take::<Gnss>() {
             let n_taken = self.graph.push_fixes(message.rows());
             outputs.count("fixes_without_position", (message.rows().len() - n_taken) as u64);
+            if self.leans_on("gnss") {
+                let velocities = message.rows().iter().filter_map(ground_velocity);
+                velocities.for_each(|velocity| self.odometry.hear(velocity));
+            }
         }
         let mut rows = Vec::new();
         for received in inputs.take::<Sweep>() {
@@ -198,7 +210,8 @@ impl Stage for SlamAggregate {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let saved: Saved = stage::decode_state(STATE_VERSION, state)?;
-        self.odometry = Odometry::load(odometry_settings(&self.settings), saved.odometry);
+        let places = places(self.body_from_lidar, &self.sensors);
+        self.odometry = Odometry::load(odometry_settings(&self.settings, places), saved.odometry);
         self.waiting = saved.waiting.map(|bytes| Received::from_bytes(&bytes.0)).transpose()?;
         self.open = None;
         self.saved_submap = saved.submap;
@@ -223,6 +236,21 @@ fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), Step
     let too_small = || StepError::Contract(format!("a loan for {} poses does not hold them", rows.len()));
     loan.extend_from_slice(rows).ok_or_else(too_small)?;
     outputs.publish(loan, first.stamp)
+}
+
+fn places(body_from_lidar: Pose, sensors: &Sensors) -> SensorPlaces {
+    SensorPlaces { body_from_lidar, imu_in_body: sensors.imu_in_body, antenna_in_body: sensors.antenna_in_body }
+}
+
+fn inertial_sample(row: &ImuRow) -> InertialSample {
+    InertialSample { stamp: Stamp(row.stamp), force: row.acceleration.into(), rate: row.angular_rate.into() }
+}
+
+/// `None` where the receiver does not tell how fast it moves.
+fn ground_velocity(row: &GnssRow) -> Option<GroundVelocity> {
+    let told = |value: f64| (value >= 0.0).then_some(value);
+    let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
+    GroundVelocity::new(Stamp(row.stamp), told(row.speed_mps)?, told(row.course_deg), hdop)
 }
 
 /// What the settings want of what a drive has.

@@ -7,7 +7,10 @@
 mod world;
 
 use geometry::{Isometry3, Point3, Pose, Quaternion, Translation3, UnitQuaternion, interpolate};
-use messages::{POINT_INCIDENCE_UNKNOWN, Submap, SubmapSweep, Sweep, SweepHeader, SweepPoint, Trajectory};
+use messages::{
+    Gnss, GnssRow, Imu, ImuRow, NoHeader, POINT_INCIDENCE_UNKNOWN, Submap, SubmapSweep, Sweep, SweepHeader, SweepPoint,
+    Trajectory,
+};
 use real_data::real_data;
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::testing::{Bench, context};
@@ -44,6 +47,31 @@ fn raw(number: u32) -> Raw {
 
 fn bench(settings: &Settings) -> Bench<SlamAggregate> {
     Bench::with_stage(SlamAggregate::with_mounting(settings, body_from_lidar()))
+}
+
+/// The inertial samples and fixes of a sweep's time, and the sweep.
+fn feed_with_sensors(bench: &mut Bench<SlamAggregate>, raw: &Raw) {
+    let first = (raw.stamp + 9_999_999) / 10_000_000;
+    let sample = |i: i64| {
+        let (force, rate) = STREET.felt((first + i) as f64 * 0.01);
+        ImuRow { stamp: (first + i) * 10_000_000, acceleration: force.into(), angular_rate: rate.into() }
+    };
+    bench.send::<Imu>(raw.stamp, NoHeader::default(), (0..10).map(sample).collect());
+    let velocity = STREET.velocity(raw.stamp as f64 * 1e-9);
+    let fix = GnssRow {
+        stamp: raw.stamp,
+        latitude_deg: 48.8,
+        longitude_deg: 2.3,
+        altitude_m: 100.0,
+        speed_mps: velocity.xy().norm(),
+        course_deg: velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0),
+        hdop: 1.0,
+        satellites: 9,
+        quality: 1,
+        reserved: 0,
+    };
+    bench.send::<Gnss>(raw.stamp, NoHeader::default(), vec![fix]);
+    feed(bench, raw);
 }
 
 fn feed(bench: &mut Bench<SlamAggregate>, raw: &Raw) {
@@ -207,7 +235,7 @@ fn a_restart_anywhere_changes_no_byte() {
     let all = |restarts: &[usize]| {
         let mut bench = Bench::<SlamAggregate>::new(&settings, &context).unwrap();
         for (number, raw) in raws.iter().enumerate() {
-            feed(&mut bench, raw);
+            feed_with_sensors(&mut bench, raw);
             if restarts.contains(&number) {
                 bench = bench.restarted(&settings, &context).unwrap();
                 // A barrier may follow the next with no tick between.
@@ -224,6 +252,27 @@ fn a_restart_anywhere_changes_no_byte() {
     for restarts in [&[0][..], &[1], &[4, 5], &[8]] {
         assert!(all(restarts) == undisturbed, "restarted after {restarts:?}");
     }
+}
+
+#[test]
+fn what_was_leaned_on_is_told() {
+    let mut raws: Vec<Raw> = (0..9).map(raw).collect();
+    for raw in &mut raws[4..8] {
+        raw.rows.clear();
+    }
+    let notes = |motion: &[&str]| {
+        let motion = motion.iter().map(|name| (*name).to_owned()).collect();
+        let mut bench = bench(&Settings { motion, ..Settings::default() });
+        for raw in &raws {
+            feed_with_sensors(&mut bench, raw);
+        }
+        bench.finish().unwrap();
+        assert_eq!(bench.counter("sweeps_bridged"), 4);
+        bench.notes().join("; ")
+    };
+    let (both, none) = (notes(&["imu", "gnss"]), notes(&[]));
+    assert!(both.contains("held to inertial samples (4 sweeps) and the receiver's speed (4)"), "{both}");
+    assert!(none.contains("held to constant motion"), "{none}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Our odometry on a folder of sweeps (`folder/mod.rs` has the layout), for comparison with other people's:
-//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--measured MPS,RADPS] [--verbose]`.
+//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--motion imu,gnss] [--verbose]`.
 //!
-//! `--measured` gives each sweep the true motion of a simulated drive with normal noise of so many m/s and rad/s on each axis,
-//! as another sensor would measure it. `--verbose` tells of each sweep the error of its pose in its own standard deviations,
+//! `--motion` says what the odometry leans on where the scene does not tell the way. `--verbose` tells of each sweep the error of
+//! its pose in its own standard deviations,
 //! too.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep in KITTI format and prints what a sweep cost: CPU time of all
@@ -19,25 +19,25 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
-    let (mut n_sweeps, mut verbose, mut noise) = (usize::MAX, false, None);
+    let (mut n_sweeps, mut verbose, mut motion) = (usize::MAX, false, String::new());
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow::anyhow!("{argument} needs a value"));
         match argument.as_str() {
             "--sweeps" => n_sweeps = value()?.parse()?,
             "--set" => set(&mut settings, &value()?)?,
-            "--measured" => {
-                let value = value()?;
-                let (mps, radps) = value.split_once(',').ok_or_else(|| anyhow::anyhow!("--measured MPS,RADPS"))?;
-                noise = Some((mps.parse()?, radps.parse()?));
-            }
+            "--motion" => motion = value()?,
             "--verbose" => verbose = true,
             _ => paths.push(argument),
         }
     }
     let [sweeps, poses] = &paths[..] else { anyhow::bail!("usage: odometry FOLDER POSES [--set NAME=VALUE]") };
     let folder = SweepFolder::open(Path::new(sweeps))?;
+    settings.places = folder.places()?;
     let mut odometry = Odometry::new(settings, folder.mounting);
-    let measured = noise.map(|noise| folder.measured_motions(noise)).transpose()?;
+    let leans_on = |name: &str| motion.split(',').any(|wanted| wanted == name);
+    let samples = if leans_on("imu") { folder.inertial()? } else { Vec::new() };
+    let velocities = if leans_on("gnss") { folder.velocities()? } else { Vec::new() };
+    let (mut samples, mut velocities) = (samples.into_iter().peekable(), velocities.into_iter().peekable());
     let (mut ms, mut text, mut n_points) = (Vec::new(), String::new(), 0);
     let mut scores = MovingScores::default();
     let mut consistency = Consistency::new(&folder);
@@ -46,9 +46,12 @@ fn main() -> anyhow::Result<()> {
         let (points, n_rings) = folder.points(number)?;
         n_points += points.len();
         let start = cpu_ms();
-        waiting.push(Sweep::new(folder.stamp(number), points, n_rings));
-        let registered =
-            odometry.register_with(&waiting[waiting.len() - 1], measured.as_ref().map(|motions| &motions[number]))?;
+        let sweep = Sweep::new(folder.stamp(number), points, n_rings);
+        let end = sweep.stamp().plus_nanos(i64::from(sweep.duration_nanos()));
+        std::iter::from_fn(|| samples.next_if(|s| s.stamp <= end)).for_each(|sample| odometry.feel(sample));
+        std::iter::from_fn(|| velocities.next_if(|v| v.stamp <= end)).for_each(|velocity| odometry.hear(velocity));
+        let registered = odometry.register(&sweep)?;
+        waiting.push(sweep);
         let first = number + 1 - waiting.len();
         for (sweep, registered) in waiting.drain(..registered.len()).zip(&registered) {
             std::hint::black_box(deskewed(&sweep, registered));

@@ -9,7 +9,7 @@ use folder::{kitti_line, npy};
 use formats::drive::{Drive, DriveSweep};
 use formats::velodyne::LidarReturn;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
-use registration::Velocity;
+use registration::GroundVelocity;
 use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, Town};
 use std::collections::BTreeMap;
@@ -42,8 +42,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     for kind in ["velodyne", "times", "rings"] {
         fs::create_dir_all(out.join(kind))?;
     }
-    let (mut stamps, mut poses, mut motions) = (String::new(), String::new(), String::new());
-    let mut last_mid: Option<(Stamp, Pose)> = None;
+    let (mut stamps, mut poses) = (String::new(), String::new());
     let mut labelled = Vec::new();
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
@@ -62,9 +61,6 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
             let at = |nanos: u32| pose_at(truth, &sweep, nanos);
             let (begin, end) = (at(0)?, at(last)?);
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
-            let mid = (sweep.stamp.plus_nanos(i64::from(last / 2)), at(last / 2)? * body_from_lidar);
-            motions.push_str(&motion_line(last_mid.as_ref().unwrap_or(&mid), &mid));
-            last_mid = Some(mid);
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;
                 let look = |(point, &instance): (&LidarReturn, &u16)| {
@@ -83,8 +79,8 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     fs::write(out.join("mounting.txt"), kitti_line(&body_from_lidar))?;
     if truth.is_some() {
         fs::write(out.join("poses.txt"), poses)?;
-        fs::write(out.join("motion.txt"), motions)?;
     }
+    write_sensors(&drive, out)?;
     let moving = movers.map(|movers| movers.moving()).unwrap_or_default();
     for (name, instances) in labelled {
         fs::create_dir_all(out.join("moving"))?;
@@ -107,12 +103,24 @@ fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: boo
     Ok(())
 }
 
-/// The true velocity between two poses in the lidar's axes, m/s and rad/s.
-fn motion_line(from: &(Stamp, Pose), to: &(Stamp, Pose)) -> String {
-    let seconds = to.0.seconds_since(from.0).max(1e-3);
-    let Velocity { linear, angular } = Velocity::between(&from.1, &to.1, seconds);
-    let numbers = [linear, angular].map(|v| format!("{} {} {}", v.x, v.y, v.z));
-    numbers.join(" ") + "\n"
+/// What inertial unit and receiver of the drive measured.
+fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
+    let manifest = drive.manifest();
+    let places = [
+        manifest.imu.as_ref().map_or([0.0; 3], |imu| imu.position_in_body),
+        manifest.gnss.as_ref().map_or([0.0; 3], |gnss| gnss.antenna_in_body),
+    ];
+    fs::write(out.join("places.txt"), places.map(|[x, y, z]| format!("{x} {y} {z}\n")).concat())?;
+    if let Some(imu) = &manifest.imu {
+        fs::copy(drive.folder().join(&imu.file), out.join("imu.csv"))?;
+    }
+    let (fixes, _) = drive.fixes()?;
+    let velocities = fixes.iter().filter_map(|fix| {
+        let told = GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop)?;
+        let [east, north] = told.east_north;
+        Some(format!("{},{east},{north},{}\n", told.stamp.0, told.sigma))
+    });
+    Ok(fs::write(out.join("velocities.csv"), velocities.collect::<String>())?)
 }
 
 fn pose_at(truth: &Trajectory, sweep: &DriveSweep, nanos: u32) -> anyhow::Result<Pose> {

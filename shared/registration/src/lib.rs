@@ -15,7 +15,6 @@
 #![allow(clippy::needless_bitwise_bool, reason = "loops without branches fill wide registers")]
 
 mod cell;
-mod covariance;
 mod eigen;
 mod features;
 mod ground;
@@ -26,11 +25,13 @@ mod matching;
 mod motion;
 mod moving;
 mod neighborhood;
+mod navigation;
 mod normal_equations;
 mod odometry;
 mod range_image;
 mod sampling;
 mod seen;
+mod sensors;
 mod small_objects;
 mod start;
 mod sweep;
@@ -40,9 +41,11 @@ mod wide;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};
 pub use matching::{MatchSettings, Matched};
-pub use motion::{DeskewTable, MeasuredMotion, SweepMotion, Velocity};
+pub use motion::{DeskewTable, SweepMotion, Velocity};
+pub use navigation::Lean;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use range_image::RangeImage;
 pub use sampling::Sampling;
+pub use sensors::{GroundVelocity, InertialSample, SensorPlaces};
 pub use sweep::{Sweep, TimedPoint, Turn, set_times_from_azimuth};
 pub use voxel::thinned;

@@ -1,7 +1,7 @@
 //! Motion during a sweep, and points moved into one frame by it.
 
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3, interpolate};
-use nalgebra::{Matrix3, Matrix6};
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 /// Pose of the lidar during one sweep: at its middle, and what it gains from first to last shot.
@@ -60,10 +60,6 @@ pub struct Velocity {
 }
 
 impl Velocity {
-    /// At rest.
-    pub(crate) fn zero() -> Self {
-        Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
-    }
     /// Mean velocity from one pose to another, that is, the one half way in time. `seconds` is positive.
     pub fn between(from: &Pose, to: &Pose, seconds: f64) -> Self {
         let angular = (from.rotation.inverse() * to.rotation).scaled_axis() / seconds;
@@ -90,16 +86,6 @@ impl Velocity {
     pub(crate) fn motion_at(&self, mid: Pose, duration_s: f64) -> SweepMotion {
         SweepMotion { mid, translation: mid.rotation * self.linear * duration_s, rotation: self.angular * duration_s }
     }
-}
-
-/// A motion measured by something else: an IMU, GNSS, a wheel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeasuredMotion {
-    /// From the middle of the sweep before to the middle of this one.
-    pub velocity: Velocity,
-    /// Covariance of `velocity`: linear (m/s), then angular (rad/s). Positive definite; a part that is not measured has a
-    /// large variance.
-    pub covariance: Matrix6<f64>,
 }
 
 /// Poses of a sweep tabulated over time, so that a point costs one look-up and one matrix product.

@@ -1,15 +1,16 @@
 //! Sweep after sweep onto the local map.
 
-use crate::covariance::{StepKnowledge, Uncertainty, step_information};
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::MovingObjects;
+use crate::navigation::{Foretold, Lean, Navigation, StepMeasure};
 use crate::sampling::sampled;
-use crate::start::find_start;
+use crate::sensors::SensorLog;
+use crate::start::{FirstMotion, find_start};
 use crate::{
-    Feature, FeatureSettings, Kernel, LocalMap, MapSettings, MatchSettings, Matched, MeasuredMotion, Sampling, Sweep,
-    SweepMotion, Weights, planar_features,
+    Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
+    Sampling, SensorPlaces, Sweep, SweepMotion, Weights, planar_features,
 };
 use geometry::{Pose, Stamp, Vector3};
 use nalgebra::{Matrix6, Point3};
@@ -24,6 +25,8 @@ pub struct OdometrySettings {
     pub map: MapSettings,
     /// Matching.
     pub matching: MatchSettings,
+    /// Where the sensors are whose measurements come along.
+    pub places: SensorPlaces,
 }
 
 /// Share of the features that must find the map for a match to count. New ground takes 10 to 20 % away at 10 m/s.
@@ -38,9 +41,6 @@ const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
 /// After so many bridged sweeps (half a second) the old map may be out of reach: a new one is begun.
 const MAX_BRIDGED: u32 = 5;
-/// What a velocity that nothing is known of may be: a vehicle in traffic.
-const MAX_SPEED_MPS: f64 = 15.0;
-const MAX_TURN_RADPS: f64 = 0.5;
 /// The map grows only when the vehicle has moved this far or turned this much since it grew last: at a red light
 /// neither does the map age nor the pose drift.
 const MIN_WAY_M: f64 = 0.1;
@@ -55,9 +55,11 @@ pub struct Registered {
     pub duration_nanos: u32,
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// The match; `None` if there was none to be trusted and the last or the measured motion was carried on (or, for a first sweep that
+    /// The match; `None` if there was none to be trusted and the sweep follows what was foretold (or, for a first sweep that
     /// found no second, rest was assumed).
     pub matched: Option<Matched>,
+    /// What foretold the motion; where the scene determines nothing, it is the motion.
+    pub lean: Lean,
     /// A new map was begun with this sweep because the old one was lost.
     pub map_restarted: bool,
     /// Covariance of the pose in the middle of the sweep: translation (m), then rotation (rad), in odom axes about the lidar.
@@ -77,7 +79,7 @@ impl Registered {
     pub fn end(&self) -> Pose {
         self.motion.end()
     }
-    /// Whether constant motion stands in for a measurement.
+    /// Whether what was foretold stands in for a match.
     pub fn is_bridged(&self) -> bool {
         self.matched.is_none()
     }
@@ -134,7 +136,9 @@ pub struct OdometryState {
     grown_at: Option<Pose>,
     next_batch: u32,
     bridged_in_a_row: u32,
-    uncertainty: Uncertainty,
+    /// From the first match on.
+    navigation: Option<Navigation>,
+    log: SensorLog,
     moving: MovingObjects,
     maps: SavedMaps,
 }
@@ -160,26 +164,28 @@ impl Odometry {
             grown_at: None,
             next_batch: 0,
             bridged_in_a_row: 0,
-            uncertainty: Uncertainty::at_begin(MAX_SPEED_MPS, MAX_TURN_RADPS),
+            navigation: None,
+            log: SensorLog::default(),
             moving: MovingObjects::default(),
             maps: SavedMaps::default(),
         };
         Self { settings, state, maps: Maps::default() }
     }
 
+    /// Takes an inertial sample, in the order of time, before the sweep in whose time it lies. Samples and velocities foretell the
+    /// motion: the pose is the most likely one by all. Where the scene determines nothing it is the foretold one.
+    pub fn feel(&mut self, sample: InertialSample) {
+        self.state.log.push_inertial(sample);
+    }
+
+    /// Takes a receiver's velocity, in the order of time, as [`Odometry::feel`] takes samples.
+    pub fn hear(&mut self, velocity: GroundVelocity) {
+        self.state.log.push_velocity(velocity);
+    }
+
     /// Takes the next sweep and gives back, in order, the sweeps whose motion is known now: none for the first (a speed
     /// needs two), both for the second, from then on each at once.
     pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
-        self.register_with(sweep, None)
-    }
-
-    /// As [`Odometry::register`], with the motion that something else measured since the sweep before: the pose is the most
-    /// likely one by both. Where the scene determines nothing it is the measured one, and so it is while sweeps are bridged.
-    pub fn register_with(
-        &mut self,
-        sweep: &Sweep,
-        measured: Option<&MeasuredMotion>,
-    ) -> Result<Vec<Registered>, RegistrationError> {
         let full = sweep;
         let sweep = self.hold(sweep);
         let before = self.state.last.as_ref().map(|last| last.mid_stamp);
@@ -189,10 +195,10 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: sweep.mid_stamp });
         }
         if let Some(last) = self.state.last.take() {
-            return Ok(vec![self.follow(&sweep, full, &last, measured)]);
+            return Ok(vec![self.follow(&sweep, full, &last)]);
         }
         if let Some(first) = self.state.held.take() {
-            return Ok(self.start(&first, sweep, full, measured));
+            return Ok(self.start(&first, sweep, full));
         }
         self.state.held = Some(sweep);
         Ok(Vec::new())
@@ -237,16 +243,11 @@ impl Odometry {
         }
     }
 
-    fn start(
-        &mut self,
-        first: &HeldSweep,
-        second: HeldSweep,
-        full: &Sweep,
-        measured: Option<&MeasuredMotion>,
-    ) -> Vec<Registered> {
+    fn start(&mut self, first: &HeldSweep, second: HeldSweep, full: &Sweep) -> Vec<Registered> {
         let seconds = second.mid_stamp.seconds_since(first.mid_stamp);
         let settings = &self.settings.matching;
-        let start = find_start(first, &second, seconds, &self.state.begin, &Vector3::x(), measured, settings)
+        let told = FirstMotion::of(&self.state.log, [first.mid_stamp, second.mid_stamp], &self.settings.places);
+        let start = find_start(first, &second, seconds, &self.state.begin, &told, settings)
             .filter(|start| is_plausible(&start.second));
         let Some(start) = start else {
             // The second is the next one's first, from the same place: nothing is known of the motion.
@@ -255,32 +256,45 @@ impl Odometry {
             return vec![unmoved];
         };
         self.grow(&first.features, &start.first);
-        self.state.last = Some(Last {
-            mid_stamp: first.mid_stamp,
-            mid: start.first.mid,
-            velocity: Velocity::between(&start.first.mid, &start.second.motion.mid, seconds),
-        });
+        let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
+        let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity };
+        let velocity_in_body = self.settings.places.body_from_lidar.rotation * velocity.linear;
+        let stamps = [first.mid_stamp, second.mid_stamp];
+        let navigation = Navigation::begin(&velocity_in_body, told.speed.is_some(), &self.state.log, stamps);
+        self.state.navigation = Some(navigation);
+        let foretold = self.foretell(&last, second.mid_stamp);
         let first_match = start.second.clone();
         let first = first.registered(start.first, Some(first_match), false);
-        let second = self.arrive(&second, full, (start.second.motion, Some(start.second)), seconds, measured);
+        let second = self.arrive(&second, full, (start.second.motion, Some(start.second)), &last, &foretold);
         vec![first, second]
     }
 
-    fn follow(
-        &mut self,
-        sweep: &HeldSweep,
-        full: &Sweep,
-        last: &Last,
-        measured: Option<&MeasuredMotion>,
-    ) -> Registered {
+    /// Where the lidar will be at `mid_stamp`.
+    fn foretell(&mut self, last: &Last, mid_stamp: Stamp) -> Foretold {
+        let acceleration = self.settings.matching.acceleration;
+        let seconds = mid_stamp.seconds_since(last.mid_stamp);
+        let log = &mut self.state.log;
+        let foretold = self.state.navigation.as_mut().map(|navigation| {
+            let (stamps, rate) = ([last.mid_stamp, mid_stamp], &last.velocity.angular);
+            navigation.foretell(log, &self.settings.places, &last.mid, stamps, acceleration, rate)
+        });
+        let as_before = || Foretold {
+            mid: last.velocity.advance(&last.mid, seconds),
+            information: Matrix6::zeros(),
+            lean: Lean::default(),
+        };
+        foretold.filter(|foretold| foretold.lean.is_any()).unwrap_or_else(as_before)
+    }
+
+    fn follow(&mut self, sweep: &HeldSweep, full: &Sweep, last: &Last) -> Registered {
         let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
-        let velocity = measured.map_or(last.velocity, |measured| measured.velocity);
-        let mid = velocity.advance(&last.mid, seconds);
+        let foretold = self.foretell(last, sweep.mid_stamp);
+        let velocity = Velocity::between(&last.mid, &foretold.mid, seconds);
         let prediction = Prediction {
-            motion: velocity.motion_at(mid, sweep.duration_s),
+            motion: velocity.motion_at(foretold.mid, sweep.duration_s),
             previous: (last.mid, seconds),
             duration_s: sweep.duration_s,
-            information: measured_step(measured, &mid, seconds),
+            information: foretold.information,
         };
         let gated = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(sweep, &prediction.motion)),
@@ -295,11 +309,10 @@ impl Odometry {
         if gated.is_none() && is_poor(&matched) && sweep.with_rough.len() > sweep.matching.len() {
             matched = matching(&sweep.with_rough);
         }
-        let matched =
-            matched.filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &mid, seconds));
+        let matched = matched
+            .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &foretold.mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
-        self.state.last = Some(Last { velocity, ..last.clone() });
-        self.arrive(sweep, full, (motion, matched), seconds, measured)
+        self.arrive(sweep, full, (motion, matched), last, &foretold)
     }
 
     /// The samples of a sweep that are near the map where the motion puts them.
@@ -325,21 +338,24 @@ impl Odometry {
         sweep: &HeldSweep,
         full: &Sweep,
         (motion, matched): (SweepMotion, Option<Matched>),
-        seconds: f64,
-        measured: Option<&MeasuredMotion>,
+        last: &Last,
+        foretold: &Foretold,
     ) -> Registered {
-        if let Some(last) = &self.state.last {
-            let by_match = matched.as_ref().map_or_else(Matrix6::zeros, |matched| matched.step_information);
-            let by_sensor = measured_step(measured, &motion.mid, seconds);
-            let acceleration = self.settings.matching.acceleration;
-            let step = StepKnowledge { by_match: &by_match, by_sensor: &by_sensor, acceleration };
-            self.state.uncertainty.advance(&last.mid, &motion.mid, seconds, &step);
+        let seconds = sweep.mid_stamp.seconds_since(last.mid_stamp);
+        let settings = &self.settings.matching;
+        if let Some(navigation) = &mut self.state.navigation {
+            let jumps = (settings.drift_residual_m / settings.residual_m).powi(2);
+            let measure = matched.as_ref().map(|matched| StepMeasure {
+                information: matched.step_information * jumps,
+                drift_information: matched.step_information,
+            });
+            let step = [&last.mid, &motion.mid];
+            navigation.arrive(&self.settings.places, step, foretold, measure.as_ref());
+            navigation.stand(&self.state.log, sweep.mid_stamp);
         }
-        let velocity = match (&self.state.last, &matched) {
-            (Some(last), None) => last.velocity,
-            (_, Some(_)) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
-            (Some(last), Some(_)) => Velocity::between(&last.mid, &motion.mid, seconds),
-            (None, _) => Velocity::zero(),
+        let velocity = match &matched {
+            Some(_) if sweep.duration_nanos > 0 => Velocity::during(&motion, sweep.duration_s),
+            _ => Velocity::between(&last.mid, &motion.mid, seconds),
         };
         self.state.last = Some(Last { mid_stamp: sweep.mid_stamp, mid: motion.mid, velocity });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
@@ -362,7 +378,8 @@ impl Odometry {
         }
         Registered {
             moving,
-            covariance: self.state.uncertainty.pose(),
+            covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, |navigation| *navigation.pose()),
+            lean: foretold.lean,
             ..sweep.registered(motion, matched, map_restarted)
         }
     }
@@ -389,15 +406,11 @@ impl HeldSweep {
             motion,
             matched,
             map_restarted,
+            lean: Lean::default(),
             covariance: Matrix6::zeros(),
             moving: Vec::new(),
         }
     }
-}
-
-/// Inverse covariance of the step that was measured, zero where none was.
-fn measured_step(measured: Option<&MeasuredMotion>, mid: &Pose, seconds: f64) -> Matrix6<f64> {
-    measured.map_or_else(Matrix6::zeros, |measured| step_information(&measured.covariance, mid, seconds))
 }
 
 fn is_plausible(matched: &Matched) -> bool {

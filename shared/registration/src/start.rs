@@ -3,20 +3,24 @@
 //! A match from rest can lock onto a wrong wall when the vehicle starts at 10 m/s. So several speeds along the
 //! vehicle's forward axis are tried; each speed deskews *both* sweeps, and the one under which they agree best wins.
 
-use crate::covariance::step_information;
 use crate::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::odometry::HeldSweep;
-use crate::{MeasuredMotion, SweepMotion};
-use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
+use crate::sensors::SensorLog;
+use crate::{SensorPlaces, SweepMotion};
+use geometry::{Isometry3, Pose, Stamp, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Matrix6;
 
 /// Ways between two sweeps that are tried, m: steps of 0.4 m, inside the search radius of a match; 3.2 m in 0.1 s are
 /// 32 m/s, and backwards up to 8 m/s.
 const WAYS_M: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, -0.4, -0.8];
+/// A vehicle stands unless another speed fits better by more than this.
+const REST_ADVANTAGE: f64 = 0.8;
 /// Rounds of rebuilding the first sweep with the speed found; the error shrinks by a factor of ten or more in each.
 const REFINEMENTS: usize = 3;
+/// A receiver's velocity holds for so long, s.
+const TOLD_SECONDS: f64 = 0.5;
 
 /// How the drive began.
 pub(crate) struct Start {
@@ -26,19 +30,35 @@ pub(crate) struct Start {
     pub second: Matched,
 }
 
-/// Finds the motion over two sweeps, `seconds` between their middles, the first of which begins at `begin`.
-/// `forward` is the vehicle's forward axis in the odom frame. `None` if no speed brings them together. A measured motion
-/// leaves nothing to search.
+/// What other sensors say of the motion between the first two sweeps.
+pub(crate) struct FirstMotion {
+    /// The lidar's axes, rad/s; zero if nothing is known.
+    pub angular: Vector3<f64>,
+    /// Over ground, m/s.
+    pub speed: Option<f64>,
+}
+
+impl FirstMotion {
+    pub fn of(log: &SensorLog, [begin, end]: [Stamp; 2], places: &SensorPlaces) -> Self {
+        let felt = log.mean(begin, end).filter(|_| log.covers(begin, end));
+        let lidar_from_body = places.body_from_lidar.rotation.inverse();
+        let angular = felt.map_or_else(Vector3::zeros, |(_, rate)| lidar_from_body * rate);
+        let heard = log.velocity_at(end).filter(|velocity| end.seconds_since(velocity.stamp) < TOLD_SECONDS);
+        Self { angular, speed: heard.map(crate::GroundVelocity::speed) }
+    }
+}
+
+/// Finds the motion over two sweeps, `seconds` between their middles, the first of which begins at `begin`, by the speed along
+/// odom's x axis under which they agree best, or at the speed that was told. `None` if none brings them together.
 pub(crate) fn find_start(
     first: &HeldSweep,
     second: &HeldSweep,
     seconds: f64,
     begin: &Pose,
-    forward: &Vector3<f64>,
-    measured: Option<&MeasuredMotion>,
+    told: &FirstMotion,
     settings: &MatchSettings,
 ) -> Option<Start> {
-    let forward_in_lidar = begin.rotation.inverse() * forward;
+    let forward_in_lidar = begin.rotation.inverse() * Vector3::x();
     let attempt = |velocity: Velocity| {
         let motion = motion_from_begin(begin, &velocity, first.duration_s);
         let maps = Maps::of_sweep(&first.features, &motion);
@@ -47,19 +67,19 @@ pub(crate) fn find_start(
             motion: velocity.motion_at(mid, second.duration_s),
             previous: (motion.mid, seconds),
             duration_s: second.duration_s,
-            information: measured
-                .map_or_else(Matrix6::zeros, |measured| step_information(&measured.covariance, &mid, seconds)),
+            information: Matrix6::zeros(),
         };
         let second = match_features(&second.matching, &maps, &prediction, settings)?;
         Some(Start { first: motion, second })
     };
-    if let Some(measured) = measured {
-        return attempt(measured.velocity);
-    }
-    let at_way =
-        |way_m: &f64| attempt(Velocity { linear: forward_in_lidar * (way_m / seconds), angular: Vector3::zeros() });
-    // The first of equals wins, so that standing still is told from nothing else.
-    let mut best = WAYS_M.iter().filter_map(at_way).min_by(|a, b| a.second.cost.total_cmp(&b.second.cost))?;
+    let at_speed = |speed: f64| attempt(Velocity { linear: forward_in_lidar * speed, angular: told.angular });
+    let search = || {
+        let starts = WAYS_M.iter().filter_map(|way_m| Some((*way_m, at_speed(way_m / seconds)?)));
+        // Where the scene does not tell the speed, noise decides between equals.
+        let cost = |(way_m, start): &(f64, Start)| start.second.cost * if *way_m == 0.0 { REST_ADVANTAGE } else { 1.0 };
+        starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|(_, start)| start)
+    };
+    let mut best = told.speed.and_then(at_speed).or_else(search)?;
     for _ in 0..REFINEMENTS {
         let velocity = Velocity::between(&best.first.mid, &best.second.motion.mid, seconds);
         best = attempt(velocity)?;

@@ -8,7 +8,9 @@
 //! stamps.txt            ns of the first shots, one a line; without it sweeps follow at 10 Hz
 //! mounting.txt          body_from_lidar, 12 numbers
 //! poses.txt             truth: world_from_lidar at the last shot, 12 numbers a line
-//! motion.txt            truth: velocity since the middle of the sweep before, m/s and rad/s in the lidar's axes
+//! imu.csv               inertial samples, see `formats::imu`
+//! velocities.csv        a receiver's: stamp, m/s towards east and north, standard deviation
+//! places.txt            of inertial unit and antenna in the body, m, one a line
 //! ```
 
 #![allow(dead_code, reason = "each program uses its own part")]
@@ -16,8 +18,8 @@
 pub mod npy;
 
 use anyhow::Context;
-use geometry::{Pose, Stamp, Vector3};
-use registration::{MeasuredMotion, Sweep, TimedPoint, Velocity};
+use geometry::{Point3, Pose, Stamp};
+use registration::{GroundVelocity, InertialSample, SensorPlaces, Sweep, TimedPoint};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -83,28 +85,38 @@ impl SweepFolder {
     pub fn truth(&self) -> Vec<Pose> {
         poses(&self.folder.join("poses.txt")).unwrap_or_default()
     }
-    /// The true motions with normal noise of so many m/s and rad/s on each axis: the same in each run.
-    pub fn measured_motions(&self, (mps, radps): (f64, f64)) -> anyhow::Result<Vec<MeasuredMotion>> {
-        let path = self.folder.join("motion.txt");
-        let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-        let variances = [mps, radps].map(|deviation| deviation * deviation);
-        let [linear, angular] = variances;
-        let diagonal = nalgebra::Vector6::new(linear, linear, linear, angular, angular, angular);
-        let covariance = nalgebra::Matrix6::from_diagonal(&diagonal);
-        let motion = |(number, line): (usize, &str)| {
-            let values = line.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>()?;
-            anyhow::ensure!(values.len() == 6, "motion.txt, line {}: {} numbers, expected 6", number + 1, values.len());
-            let noisy = |axis: usize| {
-                let deviation = if axis < 3 { mps } else { radps };
-                values[axis] + deviation * normal((number * 6 + axis) as u64)
-            };
-            let velocity = Velocity {
-                linear: Vector3::new(noisy(0), noisy(1), noisy(2)),
-                angular: Vector3::new(noisy(3), noisy(4), noisy(5)),
-            };
-            Ok(MeasuredMotion { velocity, covariance })
+    /// Where the sensors are.
+    pub fn places(&self) -> anyhow::Result<SensorPlaces> {
+        let mut places = SensorPlaces { body_from_lidar: self.mounting, ..SensorPlaces::default() };
+        if let Ok(text) = fs::read_to_string(self.folder.join("places.txt")) {
+            let rows: Vec<Vec<f64>> = rows(&text, ' ')?;
+            anyhow::ensure!(rows.len() == 2 && rows.iter().all(|row| row.len() == 3), "places.txt: two lines of three");
+            places.imu_in_body = Point3::from_slice(&rows[0]);
+            places.antenna_in_body = Point3::from_slice(&rows[1]);
+        }
+        Ok(places)
+    }
+    /// All inertial samples.
+    pub fn inertial(&self) -> anyhow::Result<Vec<InertialSample>> {
+        let file = fs::File::open(self.folder.join("imu.csv")).context("imu.csv")?;
+        let samples = formats::imu::ImuReader::new(std::io::BufReader::new(file));
+        let sample = |sample: formats::imu::ImuSample| InertialSample {
+            stamp: sample.stamp,
+            force: sample.acceleration.into(),
+            rate: sample.angular_rate.into(),
         };
-        text.lines().enumerate().map(motion).collect()
+        Ok(samples.map(|read| read.map(sample)).collect::<Result<_, _>>()?)
+    }
+    /// All velocities of the receiver.
+    pub fn velocities(&self) -> anyhow::Result<Vec<GroundVelocity>> {
+        let text = fs::read_to_string(self.folder.join("velocities.csv")).context("velocities.csv")?;
+        let velocity = |line: &str| {
+            let (stamp, numbers) = line.split_once(',').context("velocities.csv: stamp,east,north,sigma")?;
+            let numbers: Vec<f64> = rows(numbers, ',')?.concat();
+            let [east, north, sigma] = numbers[..] else { anyhow::bail!("velocities.csv: {line:?}") };
+            Ok(GroundVelocity { stamp: Stamp(stamp.parse()?), east_north: [east, north], sigma })
+        };
+        text.lines().map(velocity).collect()
     }
     /// The sweep.
     pub fn sweep(&self, number: usize) -> anyhow::Result<Sweep> {
@@ -113,15 +125,9 @@ impl SweepFolder {
     }
 }
 
-/// A normal number by its seed: the sum of twelve uniform ones (splitmix64), less 6.
-fn normal(seed: u64) -> f64 {
-    let uniform = |part: u64| {
-        let mut z = (seed * 12 + part).wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x1234_5678_9abc_def1);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    (0..12).map(uniform).sum::<f64>() - 6.0
+fn rows(text: &str, separator: char) -> anyhow::Result<Vec<Vec<f64>>> {
+    let row = |line: &str| line.trim().split(separator).map(|field| Ok(field.trim().parse()?)).collect();
+    text.lines().map(row).collect()
 }
 
 /// KITTI poses of a file.

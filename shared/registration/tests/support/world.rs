@@ -40,6 +40,21 @@ impl Drive {
     pub fn world_from_lidar(&self, t: f64) -> Pose {
         self.world_from_body(t) * body_from_lidar()
     }
+    /// What a perfect inertial unit at the body's origin feels at a time in s: specific force, m/s^2, and turn rate, rad/s.
+    pub fn felt(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
+        // Truncation and rounding are both below 1e-5 m/s^2.
+        let h = 1e-3;
+        let [before, here, after] = [t - h, t, t + h].map(|t| self.world_from_body(t));
+        let place = |pose: &Pose| pose.translation.vector;
+        let acceleration = (place(&after) - 2.0 * place(&here) + place(&before)) / (h * h);
+        let force = here.rotation.inverse() * (acceleration + Vector3::z() * 9.806);
+        (force, (before.rotation.inverse() * after.rotation).scaled_axis() / (2.0 * h))
+    }
+    /// How fast the body's origin moves, m/s, world axes.
+    pub fn velocity(&self, t: f64) -> Vector3<f64> {
+        let [before, after] = [t - 1e-3, t + 1e-3].map(|t| self.world_from_body(t).translation.vector);
+        (after - before) / 2e-3
+    }
     /// Sweep `number` with its true times.
     pub fn sweep(&self, number: u32) -> Sweep {
         self.sweep_at(&|t| self.world_from_lidar(t), number)

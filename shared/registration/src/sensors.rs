@@ -1,0 +1,220 @@
+//! What other sensors measured, until the sweeps have come as far.
+
+use geometry::{Point3, Pose, Stamp, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Pauses between inertial samples beyond this are gaps, ns: at 20 Hz a car's motion is still followed.
+const GAP_NANOS: i64 = 60_000_000;
+/// How long samples are looked back upon, ns.
+const KEPT_NANOS: i64 = 600_000_000;
+/// Samples that may wait for a sweep: a minute at 1 kHz. The oldest leave first.
+const MAX_WAITING: usize = 60_000;
+/// A vehicle stands if its samples scatter by less over half a second: m/s^2 and rad/s, root mean square of all axes. An idling
+/// engine shakes by some hundredths.
+const STILL_NANOS: i64 = 500_000_000;
+const STILL_MPS2: f64 = 0.1;
+const STILL_RADPS: f64 = 0.015;
+/// Error of a receiver's speed at a dilution of 1, m/s along each axis: data sheets promise 0.05 under an open sky.
+const SPEED_MPS: f64 = 0.1;
+/// Slower than this a receiver's course is noise, m/s.
+const LEAST_COURSE_MPS: f64 = 0.5;
+
+/// Where the sensors are on the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorPlaces {
+    /// Mounting of the lidar.
+    pub body_from_lidar: Pose,
+    /// Where acceleration is felt, m.
+    pub imu_in_body: Point3<f64>,
+    /// The receiver's antenna, m.
+    pub antenna_in_body: Point3<f64>,
+}
+
+impl Default for SensorPlaces {
+    /// All frames are one.
+    fn default() -> Self {
+        let origin = Point3::origin();
+        Self { body_from_lidar: Pose::identity(), imu_in_body: origin, antenna_in_body: origin }
+    }
+}
+
+/// A sample of an inertial unit along the body's axes (x forward, y left, z up).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InertialSample {
+    /// When.
+    pub stamp: Stamp,
+    /// Specific force, m/s^2: at rest 9.81 upwards.
+    pub force: Vector3<f64>,
+    /// rad/s.
+    pub rate: Vector3<f64>,
+}
+
+/// How fast a receiver's antenna moved over ground.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroundVelocity {
+    /// When.
+    pub stamp: Stamp,
+    /// Towards east and north, m/s.
+    pub east_north: [f64; 2],
+    /// Standard deviation of each, m/s.
+    pub sigma: f64,
+}
+
+impl GroundVelocity {
+    /// From speed (m/s), course (degrees clockwise from north, `None` if not known) and dilution as a receiver tells them (by Doppler
+    /// shifts: reflections off walls disturb them far less than positions). `None` if they do not say which way.
+    pub fn new(stamp: Stamp, speed: f64, course_deg: Option<f64>, hdop: Option<f64>) -> Option<Self> {
+        let sigma = SPEED_MPS * hdop.unwrap_or(2.0).max(1.0);
+        let (east, north) = match course_deg {
+            Some(course) if speed >= LEAST_COURSE_MPS => course.to_radians().sin_cos(),
+            None if speed > LEAST_COURSE_MPS => return None,
+            // It stands, or creeps some way.
+            _ => return Some(Self { stamp, east_north: [0.0; 2], sigma: sigma.hypot(speed) }),
+        };
+        let is_number = speed.is_finite() && east.is_finite();
+        is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma })
+    }
+    pub(crate) fn speed(&self) -> f64 {
+        self.east_north[0].hypot(self.east_north[1])
+    }
+}
+
+/// Samples and velocities in the order of time.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct SensorLog {
+    samples: Vec<InertialSample>,
+    velocities: Vec<GroundVelocity>,
+}
+
+impl SensorLog {
+    pub fn push_inertial(&mut self, sample: InertialSample) {
+        let is_later = self.samples.last().is_none_or(|last| last.stamp < sample.stamp);
+        if is_later && sample.force.iter().chain(&sample.rate).all(|v| v.is_finite()) {
+            self.samples.push(sample);
+            let n_over = self.samples.len().saturating_sub(MAX_WAITING);
+            self.samples.drain(..n_over);
+        }
+    }
+
+    pub fn push_velocity(&mut self, velocity: GroundVelocity) {
+        if self.velocities.last().is_none_or(|last| last.stamp < velocity.stamp) {
+            self.velocities.push(velocity);
+        }
+    }
+
+    /// Whether samples tell all that happens from `begin` to `end`.
+    pub fn covers(&self, begin: Stamp, end: Stamp) -> bool {
+        let after = self.samples.partition_point(|sample| sample.stamp <= begin);
+        let until = self.samples.partition_point(|sample| sample.stamp < end);
+        let around = after.checked_sub(1).and_then(|before| self.samples.get(before..=until));
+        let Some(around) = around else { return false };
+        around.windows(2).all(|pair| pair[1].stamp.0 - pair[0].stamp.0 <= GAP_NANOS)
+    }
+
+    /// Means of neighboring samples and how long each holds, s, from `begin` to `end`.
+    pub fn between(&self, begin: Stamp, end: Stamp) -> impl Iterator<Item = (f64, Vector3<f64>, Vector3<f64>)> {
+        let after = self.samples.partition_point(|sample| sample.stamp <= begin).saturating_sub(1);
+        let pairs = self.samples[after..].windows(2).take_while(move |pair| pair[0].stamp < end);
+        pairs.map(move |pair| {
+            let (from, to) = (pair[0].stamp.max(begin), pair[1].stamp.min(end));
+            (to.seconds_since(from), (pair[0].force + pair[1].force) * 0.5, (pair[0].rate + pair[1].rate) * 0.5)
+        })
+    }
+
+    /// Mean force and rate from `begin` to `end`; `None` without samples.
+    pub fn mean(&self, begin: Stamp, end: Stamp) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let zero = (0.0, Vector3::zeros(), Vector3::zeros());
+        let sum = |(seconds, force, rate), (s, f, r): (f64, Vector3<f64>, Vector3<f64>)| {
+            (seconds + s, force + f * s, rate + r * s)
+        };
+        let (seconds, force, rate) = self.between(begin, end).fold(zero, sum);
+        (seconds > 0.0).then(|| (force / seconds, rate / seconds))
+    }
+
+    /// Mean force of the last half second before `end` if the samples scatter no more than those of a vehicle that stands.
+    pub fn still(&self, end: Stamp) -> Option<Vector3<f64>> {
+        let begin = end.plus_nanos(-STILL_NANOS);
+        let (force, rate) = self.mean(begin, end).filter(|_| self.covers(begin, end))?;
+        let after = self.samples.partition_point(|sample| sample.stamp < begin);
+        let window: Vec<&InertialSample> = self.samples[after..].iter().take_while(|s| s.stamp <= end).collect();
+        let mean_square =
+            |of: &dyn Fn(&InertialSample) -> f64| window.iter().map(|s| of(s)).sum::<f64>() / window.len() as f64;
+        let is_still = mean_square(&|s| (s.force - force).norm_squared()) < STILL_MPS2 * STILL_MPS2
+            && mean_square(&|s| (s.rate - rate).norm_squared()) < STILL_RADPS * STILL_RADPS;
+        is_still.then_some(force)
+    }
+
+    /// The next velocity up to `end`, which leaves the log.
+    pub fn pop_velocity(&mut self, end: Stamp) -> Option<GroundVelocity> {
+        let is_due = self.velocities.first().is_some_and(|velocity| velocity.stamp <= end);
+        is_due.then(|| self.velocities.remove(0))
+    }
+
+    /// The latest velocity up to `end`.
+    pub fn velocity_at(&self, end: Stamp) -> Option<&GroundVelocity> {
+        self.velocities.iter().rfind(|velocity| velocity.stamp <= end)
+    }
+
+    /// Nobody will ask for what was before.
+    pub fn forget_before(&mut self, stamp: Stamp) {
+        let keep_from = self.samples.partition_point(|sample| sample.stamp.0 < stamp.0 - KEPT_NANOS);
+        self.samples.drain(..keep_from);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(millis: i64, forward: f64) -> InertialSample {
+        let force = Vector3::new(forward, 0.0, 9.81);
+        InertialSample { stamp: Stamp(millis * 1_000_000), force, rate: Vector3::z() * forward }
+    }
+
+    fn log(samples: impl Iterator<Item = InertialSample>) -> SensorLog {
+        let mut log = SensorLog::default();
+        samples.for_each(|sample| log.push_inertial(sample));
+        log
+    }
+
+    #[test]
+    fn the_mean_of_a_ramp_is_its_middle_wherever_it_is_cut() {
+        let ramp = log((0..100).map(|i| sample(i * 10, i as f64 * 0.01)));
+        for (begin, end) in [(0, 500), (103, 217), (391, 397), (985, 990)] {
+            let [begin, end] = [begin, end].map(|millis| Stamp(millis * 1_000_000));
+            let seconds: f64 = ramp.between(begin, end).map(|(seconds, ..)| seconds).sum();
+            assert!((seconds - end.seconds_since(begin)).abs() < 1e-9);
+            let middle = (begin.0 + end.0) as f64 * 0.5e-9;
+            let (force, rate) = ramp.mean(begin, end).expect("samples");
+            assert!((force.x - middle).abs() < 5e-3 && (rate.z - force.x).abs() < 1e-12, "{force} {middle}");
+        }
+    }
+
+    #[test]
+    fn a_gap_is_seen_and_so_is_the_end() {
+        let holed = log((0..100).filter(|i| !(40..50).contains(i)).map(|i| sample(i * 10, 0.0)));
+        let covers = |begin: i64, end: i64| holed.covers(Stamp(begin * 1_000_000), Stamp(end * 1_000_000));
+        assert!(covers(0, 390) && covers(505, 990) && covers(205, 206));
+        assert!(!covers(300, 450) && !covers(450, 600) && !covers(900, 1000) && !covers(-10, 100));
+        assert!(!SensorLog::default().covers(Stamp(0), Stamp(1)));
+    }
+
+    #[test]
+    fn a_vehicle_that_shakes_does_not_stand() {
+        let at = Stamp(900_000_000);
+        let shaken = |by: f64| log((0..100).map(|i| sample(i * 10, if i % 2 == 0 { by } else { -by })));
+        assert!(shaken(0.01).still(at).is_some() && shaken(0.2).still(at).is_none());
+        assert!(SensorLog::default().still(at).is_none());
+    }
+
+    #[test]
+    fn a_speed_without_a_course_says_only_that_the_vehicle_stands() {
+        let at = Stamp(0);
+        assert_eq!(GroundVelocity::new(at, 5.0, None, Some(1.0)), None);
+        let moving = GroundVelocity::new(at, 5.0, Some(90.0), Some(2.0)).expect("a velocity");
+        assert!((moving.east_north[0] - 5.0).abs() < 1e-12 && moving.east_north[1].abs() < 1e-12);
+        assert!((moving.sigma - 0.2).abs() < 1e-12);
+        let standing = GroundVelocity::new(at, 0.2, None, None).expect("it stands");
+        assert!(standing.east_north == [0.0; 2] && standing.sigma > 0.2);
+    }
+}
