@@ -230,7 +230,7 @@ fn a_restart_anywhere_changes_no_byte() {
 fn a_torn_state_is_refused() {
     let mut whole = bench(&Settings::default());
     feed(&mut whole, &raw(0));
-    let state = whole.stage.save().unwrap();
+    let state = whole.stage.save().unwrap().to_vec();
     let mut stage = SlamAggregate::with_mounting(&Settings::default(), body_from_lidar());
     assert!(stage.load(&state[..state.len() - 1]).is_err());
     assert!(stage.load(&state).is_ok());
