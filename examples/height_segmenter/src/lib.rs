@@ -115,7 +115,7 @@ impl Stage for HeightSegmenter {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(Vec::new())
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(stage::StateBytes::default())
     }
 }

@@ -54,11 +54,12 @@ impl Stage for Acquire {
         }
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        match &mut self.0 {
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        let bytes = match &mut self.0 {
             Source::Recorded(drive) => drive.save(),
             Source::Live(_) => Live::save(),
-        }
+        };
+        Ok(bytes?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

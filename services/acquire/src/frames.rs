@@ -37,6 +37,8 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     let n_bytes = width as usize * height as usize * 3;
     let mut loan: Loan<Image> = outputs.loan(n_bytes)?;
     let pixels = room(&mut loan, n_bytes)?;
+    // A decoder may leave the rows of a damaged file as they are.
+    pixels.fill(0);
     if decoder.color_type() == ColorType::Rgb8 {
         decoder.read_image(pixels).map_err(fault)?;
     } else {
@@ -78,9 +80,10 @@ fn check_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> Result<(), 
     Err(file_fault(path, format!("{} x {} px, the camera has {} x {}", got.0, got.1, expected.0, expected.1)))
 }
 
+/// Rows for the caller to write, every one.
 pub(crate) fn room<T: messages::Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
     let capacity = loan.capacity();
-    loan.grow(n_rows).ok_or_else(|| {
+    loan.grow_unset(n_rows).ok_or_else(|| {
         StepError::Contract(format!("a slot of {} for {capacity} rows has no room for {n_rows}", T::TOPIC))
     })
 }

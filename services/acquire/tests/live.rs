@@ -300,7 +300,7 @@ fn a_restarted_process_goes_on_in_the_next_capture() {
         ticks.push(take(&mut bench));
     }
     // The crash: without finish. Half a turn goes by, all of it in one revolution, until the next process listens.
-    let state = bench.stage.save().expect("saves");
+    let state = bench.stage.save().expect("saves").to_vec();
     drop(bench);
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     bench.stage.load(&state).expect("loads");

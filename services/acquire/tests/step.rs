@@ -132,7 +132,7 @@ fn a_restart_between_any_two_ticks_changes_nothing() {
     let state = {
         let mut bench = open(folder.path(), &settings);
         all_ticks(&mut bench);
-        bench.stage.save().expect("saves")
+        bench.stage.save().expect("saves").to_vec()
     };
     assert!(open(other.path(), &settings).stage.load(&state).is_err(), "the state of a longer drive");
 }

@@ -6,6 +6,7 @@ use formats::drive::Drive;
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
 use messages::{Cube, Mosaic, MosaicHeader, pod::cast_slice_mut};
+use rayon::prelude::*;
 use spectral::{Demosaicing, median_3x3};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
@@ -34,7 +35,8 @@ impl Calibrate {
         let n_rows = n_values + n_cells;
         let mut loan = outputs.loan::<Cube>(n_rows)?;
         *loan.header_mut() = cube;
-        let rows = loan.grow(n_rows).ok_or_else(|| {
+        // Every value and every mask is written, or the loan is not published.
+        let rows = loan.grow_unset(n_rows).ok_or_else(|| {
             StepError::Contract(format!("cube: the loan does not hold the {n_rows} rows that were asked for"))
         })?;
         let (reflectances, masks) = rows.split_at_mut(n_values);
@@ -95,7 +97,8 @@ impl Stage for Calibrate {
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let drive = Drive::open(&context.drive).map_err(StepError::io)?;
-        let cameras = drive.manifest().mosaics.iter().zip(drive.sensors()).enumerate();
+        // The run waits until all stages are ready.
+        let cameras = drive.manifest().mosaics.par_iter().zip(drive.sensors()).enumerate();
         let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
             let sensor = sensor.as_ref().filter(|_| settings.correction);
             Camera::read(drive.folder(), index, entry, sensor, Demosaicing::named(&settings.demosaic))
@@ -113,7 +116,7 @@ impl Stage for Calibrate {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(Vec::new())
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(stage::StateBytes::default())
     }
 }

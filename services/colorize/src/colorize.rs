@@ -15,7 +15,7 @@ use formats::drive::Drive;
 use geometry::Stamp;
 use intake::{expected_nm, too_many_bands};
 use messages::{Color, Cube, Image, Spectra, Submap, Trajectory, UNSEEN};
-use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StateBytes, StepError};
 
 /// Submaps between two ticks; see the crate's documentation.
 const MAX_HELD: usize = 1;
@@ -197,7 +197,7 @@ impl Stage for Colorize {
         Ok(())
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
         saved::save(&self.held)
     }
 

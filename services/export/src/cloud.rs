@@ -26,14 +26,14 @@ pub(crate) struct Cloud<'a> {
     pub(crate) coordinates: Kind,
 }
 
-/// Writes the files of one submap.
+/// Writes the files of one submap; bringing them to the disk is left to [`Folder::sync`].
 pub(crate) fn write(joined: &Joined, settings: &Settings, folder: &Folder) -> Result<CloudEntry, StepError> {
     let cloud = Cloud::new(joined, settings)?;
     let file = format!("clouds/submap_{:04}.ply", cloud.seq);
     let mut writer =
         PlyWriter::create(&folder.path(&file), &cloud.header(), cloud.points.len()).map_err(StepError::io)?;
     writer.write_each(cloud.points.len(), |i, row| cloud.encode(i, row)).map_err(StepError::io)?;
-    let bytes = writer.finish().map_err(StepError::io)?;
+    let bytes = writer.finish_unsynced().map_err(StepError::io)?;
     let header = joined.submap.header();
     let mut entry = CloudEntry {
         seq: cloud.seq,

@@ -2,7 +2,7 @@
 
 use messages::Message;
 use serde::{Deserialize, Serialize};
-use stage::{Bytes, Inputs, Received, StepError};
+use stage::{Inputs, Received, StateBytes, StepError, next_message};
 use std::collections::VecDeque;
 
 /// Messages in the order of submaps, one for each.
@@ -13,11 +13,11 @@ pub(crate) struct Columns<T: Message> {
     held: VecDeque<Received<T>>,
 }
 
-/// [`Columns`] as bytes.
+/// [`Columns`] without its messages, which follow in the saved state.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedColumns {
     next_seq: u64,
-    messages: Vec<Bytes>,
+    n_held: u64,
 }
 
 impl<T: Message> Columns<T> {
@@ -88,12 +88,17 @@ impl<T: Message> Columns<T> {
     }
 
     pub(crate) fn save(&self) -> SavedColumns {
-        SavedColumns { next_seq: self.next_seq, messages: self.held.iter().map(Received::to_bytes).collect() }
+        SavedColumns { next_seq: self.next_seq, n_held: self.held.len() as u64 }
     }
 
-    pub(crate) fn load(&mut self, saved: &SavedColumns) -> Result<(), StepError> {
+    pub(crate) fn save_messages<'a>(&'a self, state: &mut StateBytes<'a>) {
+        self.held.iter().for_each(|message| state.push(message));
+    }
+
+    /// Takes its messages off the front of `messages`.
+    pub(crate) fn load(&mut self, saved: &SavedColumns, messages: &mut &[u8]) -> Result<(), StepError> {
         self.next_seq = saved.next_seq;
-        self.held = saved.messages.iter().map(|bytes| Received::from_bytes(bytes)).collect::<Result<_, _>>()?;
+        self.held = (0..saved.n_held).map(|_| next_message(messages)).collect::<Result<_, _>>()?;
         Ok(())
     }
 }

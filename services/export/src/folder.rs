@@ -2,7 +2,8 @@
 
 use crate::index::CloudEntry;
 use crate::place::is_placed;
-use formats::atomic_file::write_atomic;
+use formats::atomic_file::{sync, write_atomic};
+use rayon::prelude::*;
 use stage::StepError;
 use std::fs;
 use std::io;
@@ -32,6 +33,12 @@ impl Folder {
     pub(crate) fn write_text(&self, name: &str, text: &str) -> Result<(), StepError> {
         let path = self.path(name);
         write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
+    }
+
+    /// Brings clouds to the disk.
+    pub(crate) fn sync(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
+        let files: Vec<PathBuf> = clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name)).collect();
+        files.par_iter().try_for_each(|path| sync(path).map_err(fault(path, "bring to the disk")))
     }
 
     /// Makes the folder hold these clouds and nothing else of ours. Files of others stay.

@@ -3,7 +3,7 @@
 use crate::columns::{Columns, SavedColumns};
 use messages::{Class, Color, Instance, Message, Spectra, Submap};
 use serde::{Deserialize, Serialize};
-use stage::{Inputs, Received, StepError};
+use stage::{Inputs, Received, StateBytes, StepError};
 
 /// A submap with all that is said about its points.
 pub(crate) struct Joined {
@@ -26,10 +26,10 @@ pub(crate) struct Join {
     instance: Columns<Instance>,
 }
 
-/// [`Join`] as bytes.
+/// [`Join`] without its messages, which follow in the saved state.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SavedJoin {
-    columns: Vec<SavedColumns>,
+    columns: [SavedColumns; 5],
 }
 
 impl Join {
@@ -114,18 +114,29 @@ impl Join {
 
     pub(crate) fn save(&self) -> SavedJoin {
         let columns =
-            vec![self.submaps.save(), self.color.save(), self.spectra.save(), self.class.save(), self.instance.save()];
+            [self.submaps.save(), self.color.save(), self.spectra.save(), self.class.save(), self.instance.save()];
         SavedJoin { columns }
     }
 
-    pub(crate) fn load(&mut self, saved: &SavedJoin) -> Result<(), StepError> {
-        let [submaps, color, spectra, class, instance] = saved.columns.as_slice() else {
-            return Err(StepError::data(format!("saved state has {} topics, must be 5", saved.columns.len())));
-        };
-        self.submaps.load(submaps)?;
-        self.color.load(color)?;
-        self.spectra.load(spectra)?;
-        self.class.load(class)?;
-        self.instance.load(instance)
+    pub(crate) fn save_messages<'a>(&'a self, state: &mut StateBytes<'a>) {
+        self.submaps.save_messages(state);
+        self.color.save_messages(state);
+        self.spectra.save_messages(state);
+        self.class.save_messages(state);
+        self.instance.save_messages(state);
+    }
+
+    /// `messages` are those of [`Join::save_messages`].
+    pub(crate) fn load(&mut self, saved: &SavedJoin, mut messages: &[u8]) -> Result<(), StepError> {
+        let [submaps, color, spectra, class, instance] = &saved.columns;
+        self.submaps.load(submaps, &mut messages)?;
+        self.color.load(color, &mut messages)?;
+        self.spectra.load(spectra, &mut messages)?;
+        self.class.load(class, &mut messages)?;
+        self.instance.load(instance, &mut messages)?;
+        if messages.is_empty() {
+            return Ok(());
+        }
+        Err(StepError::data(format!("saved state: {} bytes more than its head says", messages.len())))
     }
 }

@@ -9,8 +9,8 @@
 //! | `georeference.json` | what the world frame is: its origin on the Earth, UTM zone, what placed the submaps |
 //!
 //! A cloud is written as soon as the last of its expected columns is there; which are expected is fixed before the start
-//! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: a cloud is synced
-//! before it is listed, and after a restart clouds that are not listed are removed and written again.
+//! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: clouds are synced
+//! before a state lists them, and after a restart clouds that are not listed are removed and written again.
 //!
 //! Until the end, clouds are in the frame of the odometry. Topic `placement` then says where each submap lies
 //! (`docs/georeference.md`), and clouds and trajectory are moved there.
@@ -33,14 +33,17 @@ use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_t
 use geometry::Stamp;
 use join::{Join, Joined, SavedJoin};
 use messages::{Class, Color, Instance, Message, Placement, Spectra, StampedPose, Submap, Trajectory};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
-    Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StepError, decode_state, encode_state,
+    Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
 };
 use world::World;
 
 /// Raised when [`State`] changes.
-const STATE_VERSION: u32 = 2;
+const STATE_VERSION: u32 = 3;
+/// Clouds that are moved between two signs of progress; while one waits for the disk, threads move others.
+const CLOUDS_AT_A_TIME: usize = 4;
 
 stage::settings! {
     /// Settings of export.
@@ -67,6 +70,8 @@ pub struct Export {
     absent: Vec<&'static str>,
     join: Join,
     clouds: Vec<CloudEntry>,
+    /// Of `clouds`, the first so many are known to be on the disk.
+    n_synced: usize,
     trajectory: geometry::Trajectory,
     /// Where the submaps lie, once it is known.
     placement: Option<Received<Placement>>,
@@ -74,6 +79,7 @@ pub struct Export {
     is_folder_clean: bool,
 }
 
+/// All but the messages that wait, which follow it.
 #[derive(Serialize, Deserialize)]
 struct State {
     clouds: Vec<CloudEntry>,
@@ -120,6 +126,7 @@ impl Stage for Export {
             absent: ports.iter().map(Port::topic).filter(|topic| !is_connected(topic)).collect(),
             join: Join::new(|topic| is_connected(topic) && is_wanted(topic), context.mode == Mode::Live),
             clouds: Vec::new(),
+            n_synced: 0,
             trajectory: geometry::Trajectory::default(),
             placement: None,
             is_folder_clean: false,
@@ -148,6 +155,7 @@ impl Stage for Export {
             self.place_clouds(world, outputs)?;
             self.folder.write_text(folder::GEOREFERENCE, &world.to_json())?;
         }
+        self.sync_clouds()?;
         let trajectory = world.as_ref().map(|world| world.trajectory(&self.trajectory));
         let trajectory = trajectory.as_ref().unwrap_or(&self.trajectory);
         for format in &self.settings.trajectory {
@@ -163,9 +171,10 @@ impl Stage for Export {
         self.join.check_empty()
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+        self.sync_clouds()?;
         let poses = self.trajectory.poses().iter();
-        let state = State {
+        let head = State {
             clouds: self.clouds.clone(),
             join: self.join.save(),
             poses: poses
@@ -173,19 +182,22 @@ impl Stage for Export {
                 .collect(),
             placement: self.placement.as_ref().map(Received::to_bytes),
         };
-        Ok(encode_state(STATE_VERSION, &state)?)
+        let mut state = StateBytes::with_head(STATE_VERSION, &head)?;
+        self.join.save_messages(&mut state);
+        Ok(state)
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        let state: State = decode_state(STATE_VERSION, state)?;
+        let (state, messages): (State, _) = decode_head(STATE_VERSION, state)?;
         self.trajectory = geometry::Trajectory::default();
         for (stamp, translation, rotation) in state.poses {
             let world_from_body = messages::PoseRow { translation, rotation };
             self.push_pose(&StampedPose { stamp, world_from_body })?;
         }
         self.placement = state.placement.map(|bytes| Received::from_bytes(&bytes)).transpose()?;
-        self.join.load(&state.join)?;
+        self.join.load(&state.join, messages)?;
         self.clouds = state.clouds;
+        self.n_synced = self.clouds.len();
         self.folder.keep_only(&self.clouds)?;
         self.is_folder_clean = true;
         Ok(())
@@ -222,23 +234,23 @@ impl Export {
         if world.lacks_map(&self.settings) {
             outputs.note("nothing says where on the Earth the drive was: coordinates are local, not UTM");
         }
-        for entry in &mut self.clouds {
-            // Live, a stage that was started anew may have forgotten the beginning.
-            let Some(submap) = world.submap(entry.seq) else {
-                outputs.count("clouds_without_place", 1);
-                continue;
-            };
-            let placed = place::place(&self.folder.path(&entry.file), submap, world)?;
-            (entry.bytes, entry.bounds) = (placed.bytes, placed.bounds);
-            if let Some(spectra) = &mut entry.spectra {
-                spectra.bytes = place::place(&self.folder.path(&spectra.file), submap, world)?.bytes;
-            }
+        // Live, a stage that was started anew may have forgotten the beginning.
+        let n_without = self.clouds.iter().filter(|entry| world.submap(entry.seq).is_none()).count();
+        if n_without > 0 {
+            outputs.count("clouds_without_place", n_without as u64);
+        }
+        for clouds in self.clouds.chunks_mut(CLOUDS_AT_A_TIME) {
+            clouds.par_iter_mut().try_for_each(|entry| place::place(entry, &self.folder, world))?;
             // A long drive has more clouds than a step has time for.
             outputs.mark_progress();
-            let pose = submap.world_from_submap;
-            (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
-            (entry.sigma_m, entry.sigma_rad) = (Some(submap.sigma_m), Some(submap.sigma_rad));
         }
+        Ok(())
+    }
+
+    /// Brings to the disk what is not there yet.
+    fn sync_clouds(&mut self) -> Result<(), StepError> {
+        self.folder.sync(&self.clouds[self.n_synced..])?;
+        self.n_synced = self.clouds.len();
         Ok(())
     }
 

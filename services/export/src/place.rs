@@ -2,12 +2,14 @@
 //! are moved, in a copy that takes its name when it is whole. A cloud that says in its header where it lies is not moved again,
 //! so a run that dies on the way may begin anew with any of its clouds.
 
+use crate::folder::Folder;
+use crate::index::CloudEntry;
 use crate::world::{PlacedSubmap, World};
-use formats::ply::{Header, Kind, PlyWriter, Vertices};
+use formats::ply::{Header, Kind, PlyError, PlyRows, PlyWriter};
 use geometry::Point3;
-use rayon::prelude::*;
 use stage::StepError;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 /// How the header of a cloud begins the line about its frame.
 const FRAME: &str = "frame ";
@@ -15,16 +17,11 @@ const FRAME: &str = "frame ";
 const PLACED: &str = "world_from_submap ";
 /// Coordinates, if they are there.
 const TRIPLES: [&str; 2] = ["x", "x_lidar_position"];
-/// Rows that are moved at a time: 5 MB of 80 bytes.
-const CHUNK_ROWS: usize = 1 << 16;
+/// Rows that are looked at at a time: 300 KB of 64 bytes.
+const BLOCK_ROWS: usize = 1 << 12;
 
-/// What is true of a cloud in its place.
-pub(crate) struct PlacedCloud {
-    /// Size of the file.
-    pub bytes: u64,
-    /// Smallest and largest x y z as they stand in the file. None without points.
-    pub bounds: Option<[[f64; 3]; 2]>,
-}
+/// Smallest and largest x y z. None without points.
+type Bounds = Option<[[f64; 3]; 2]>;
 
 /// The line about the frame, for clouds under way.
 pub(crate) fn odometry_frame() -> String {
@@ -33,48 +30,65 @@ pub(crate) fn odometry_frame() -> String {
 
 /// Whether a file is a cloud of so many points that has been moved.
 pub(crate) fn is_placed(path: &Path, n_points: u64) -> bool {
-    let is_moved = |cloud: &Vertices| cloud.infos().iter().any(|info| info.starts_with(PLACED));
-    Vertices::load(path).is_ok_and(|cloud| cloud.len() as u64 == n_points && is_moved(&cloud))
+    let is_moved = |cloud: &PlyRows| cloud.header().infos.iter().any(|info| info.starts_with(PLACED));
+    PlyRows::open(path).is_ok_and(|cloud| cloud.len() as u64 == n_points && is_moved(&cloud))
 }
 
-/// Moves the cloud of a submap.
-pub(crate) fn place(path: &Path, submap: &PlacedSubmap, world: &World) -> Result<PlacedCloud, StepError> {
-    let cloud = Vertices::load(path).map_err(StepError::io)?;
-    let columns = Columns::of(&cloud).ok_or_else(|| fault(path, "has no coordinates x y z of one type"))?;
+/// Moves the files of a submap to their place, if it has one, and brings them to the disk.
+pub(crate) fn place(entry: &mut CloudEntry, folder: &Folder, world: &World) -> Result<(), StepError> {
+    let Some(submap) = world.submap(entry.seq) else { return Ok(()) };
+    (entry.bytes, entry.bounds) = place_file(&folder.path(&entry.file), submap, world)?;
+    if let Some(spectra) = &mut entry.spectra {
+        (spectra.bytes, _) = place_file(&folder.path(&spectra.file), submap, world)?;
+    }
+    let pose = submap.world_from_submap;
+    (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
+    (entry.sigma_m, entry.sigma_rad) = (Some(submap.sigma_m), Some(submap.sigma_rad));
+    Ok(())
+}
+
+/// Size and bounds of the file in its place, as they stand there.
+fn place_file(path: &Path, submap: &PlacedSubmap, world: &World) -> Result<(u64, Bounds), StepError> {
+    let cloud = PlyRows::open(path).map_err(StepError::io)?;
+    let Header { comments, infos, properties } = cloud.header().clone();
+    let columns = Columns::of(cloud.header()).ok_or_else(|| fault(path, "has no coordinates x y z of one type"))?;
     let place = submap.world_from_submap;
     let (t, q) = (place.translation.vector, place.rotation.coords);
     let line = format!("{PLACED}{} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w);
     let frame = format!("{FRAME}{}", world.frame());
-    if cloud.infos().contains(&line) && cloud.infos().contains(&frame) {
-        let bytes = std::fs::metadata(path).map_err(|cause| fault(path, &cause.to_string()))?.len();
-        return Ok(PlacedCloud { bytes, bounds: columns.bounds(cloud.rows()) });
+    if infos.contains(&line) && infos.contains(&frame) {
+        return Ok((cloud.n_bytes(), columns.bounds_of_all(&cloud).map_err(StepError::io)?));
     }
-    if !cloud.infos().contains(&odometry_frame()) {
+    if !infos.contains(&odometry_frame()) {
         return Err(fault(path, "is neither in the odometry's frame nor where it belongs"));
     }
-    let infos = cloud.infos().iter().filter(|info| **info != odometry_frame()).cloned();
-    let header = Header {
-        comments: cloud.comments().to_vec(),
-        infos: [frame, line].into_iter().chain(world.crs()).chain(infos).collect(),
-        properties: cloud.properties().to_vec(),
-    };
-    let mut writer = PlyWriter::create(path, &header, cloud.len()).map_err(StepError::io)?;
+    let others = infos.into_iter().filter(|info| *info != odometry_frame());
+    let infos = [frame, line].into_iter().chain(world.crs()).chain(others).collect();
+    let mut writer =
+        PlyWriter::create(path, &Header { comments, infos, properties }, cloud.len()).map_err(StepError::io)?;
     let world_from_odom = submap.world_from_odom();
-    let mut bounds = None;
-    for chunk in cloud.rows().chunks((CHUNK_ROWS * columns.row_size).max(1)) {
-        let mut rows = chunk.to_vec();
-        rows.par_chunks_exact_mut(columns.row_size).with_min_len(1 << 12).try_for_each(|row| {
-            columns.triples.iter().try_for_each(|at| {
-                let p = Point3::from(columns.read(row, *at));
-                columns.write(row, *at, world.coordinates(&(world_from_odom * p))?);
-                Ok::<(), StepError>(())
-            })
-        })?;
-        writer.write_rows(&rows).map_err(StepError::io)?;
-        bounds = joined(bounds, columns.bounds(&rows));
-    }
-    let bytes = writer.finish().map_err(StepError::io)?;
-    Ok(PlacedCloud { bytes, bounds })
+    let (rotation, translation) = (world_from_odom.rotation.to_rotation_matrix(), world_from_odom.translation.vector);
+    let bounds = Mutex::new(None);
+    let moved = writer.write_blocks(cloud.len(), |first, rows| {
+        cloud.read_into(first, rows)?;
+        for (i, row) in rows.chunks_exact_mut(columns.row_size).enumerate() {
+            for at in &columns.triples {
+                let p = rotation * Point3::from(columns.read(row, *at)) + translation;
+                let xyz = world.coordinates(&p).map_err(|cause| PlyError::Row {
+                    path: path.to_owned(),
+                    point: first + i,
+                    rule: cause.to_string(),
+                })?;
+                columns.write(row, *at, xyz);
+            }
+        }
+        let of_block = columns.bounds(rows);
+        let mut bounds = bounds.lock().unwrap_or_else(PoisonError::into_inner);
+        *bounds = joined(*bounds, of_block);
+        Ok(())
+    });
+    let n_bytes = moved.and_then(|()| writer.finish()).map_err(StepError::io)?;
+    Ok((n_bytes, bounds.into_inner().unwrap_or_else(PoisonError::into_inner)))
 }
 
 fn fault(path: &Path, rule: &str) -> StepError {
@@ -90,12 +104,12 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(cloud: &Vertices) -> Option<Self> {
+    fn of(cloud: &Header) -> Option<Self> {
         let mut triples = Vec::new();
         let (mut offset, mut kind) = (0, None);
-        for (k, property) in cloud.properties().iter().enumerate() {
+        for (k, property) in cloud.properties.iter().enumerate() {
             if TRIPLES.contains(&property.name.as_str()) {
-                let three = cloud.properties().get(k..k + 3)?;
+                let three = cloud.properties.get(k..k + 3)?;
                 let is_one = three.iter().all(|other| other.kind == property.kind);
                 if !is_one || *kind.get_or_insert(property.kind) != property.kind {
                     return None;
@@ -109,41 +123,45 @@ impl Columns {
     }
 
     fn read(&self, row: &[u8], at: usize) -> [f64; 3] {
-        std::array::from_fn(|axis| {
-            let from = at + axis * self.kind.size();
-            match self.kind {
-                Kind::Double => f64::from_le_bytes(bytes(row, from)),
-                _ => f64::from(f32::from_le_bytes(bytes(row, from))),
-            }
-        })
-    }
-
-    fn write(&self, row: &mut [u8], at: usize, xyz: [f64; 3]) {
-        for (axis, value) in xyz.into_iter().enumerate() {
-            let from = at + axis * self.kind.size();
-            match self.kind {
-                Kind::Double => row[from..from + 8].copy_from_slice(&value.to_le_bytes()),
-                _ => row[from..from + 4].copy_from_slice(&(value as f32).to_le_bytes()),
-            }
+        match self.kind {
+            Kind::Double => fields(row, at).map(f64::from_le_bytes),
+            _ => fields(row, at).map(|bytes| f64::from(f32::from_le_bytes(bytes))),
         }
     }
 
-    /// Smallest and largest x y z. The smallest of many numbers is the same in any order.
-    fn bounds(&self, rows: &[u8]) -> Option<[[f64; 3]; 2]> {
-        let at = self.triples[0];
-        let both = rows.par_chunks_exact(self.row_size).with_min_len(1 << 12).map(|row| {
-            let xyz = self.read(row, at);
-            Some([xyz, xyz])
-        });
-        both.reduce(|| None, joined)
+    fn write(&self, row: &mut [u8], at: usize, xyz: [f64; 3]) {
+        match self.kind {
+            Kind::Double => row[at..at + 24].copy_from_slice(xyz.map(f64::to_le_bytes).as_flattened()),
+            _ => row[at..at + 12].copy_from_slice(xyz.map(|value| (value as f32).to_le_bytes()).as_flattened()),
+        }
+    }
+
+    /// The smallest of many numbers is the same in any order.
+    fn bounds(&self, rows: &[u8]) -> Bounds {
+        let of_point = |row| Some([self.read(row, self.triples[0]); 2]);
+        rows.chunks_exact(self.row_size).map(of_point).fold(None, joined)
+    }
+
+    fn bounds_of_all(&self, cloud: &PlyRows) -> Result<Bounds, PlyError> {
+        let (mut bounds, mut block) = (None, Vec::new());
+        for first in (0..cloud.len()).step_by(BLOCK_ROWS) {
+            block.resize(BLOCK_ROWS.min(cloud.len() - first) * self.row_size, 0);
+            cloud.read_into(first, &mut block)?;
+            bounds = joined(bounds, self.bounds(&block));
+        }
+        Ok(bounds)
     }
 }
 
-fn bytes<const N: usize>(row: &[u8], from: usize) -> [u8; N] {
-    std::array::from_fn(|k| row[from + k])
+/// Three fields of `N` bytes. Panics beyond the end of the row, which [`Columns::of`] has seen to.
+fn fields<const N: usize>(row: &[u8], at: usize) -> [[u8; N]; 3] {
+    std::array::from_fn(|axis| {
+        let from = at + axis * N;
+        row[from..from + N].try_into().expect("N bytes")
+    })
 }
 
-fn joined(a: Option<[[f64; 3]; 2]>, b: Option<[[f64; 3]; 2]>) -> Option<[[f64; 3]; 2]> {
+fn joined(a: Bounds, b: Bounds) -> Bounds {
     let (Some([a_min, a_max]), Some([b_min, b_max])) = (a, b) else { return a.or(b) };
     Some([std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))])
 }

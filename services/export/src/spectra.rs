@@ -39,7 +39,7 @@ pub(crate) fn write(cloud: &Cloud<'_>, column: &Received<Spectra>, folder: &Fold
         }
     };
     writer.write_each(seen.len(), encode).map_err(StepError::io)?;
-    let bytes = writer.finish().map_err(StepError::io)?;
+    let bytes = writer.finish_unsynced().map_err(StepError::io)?;
     Ok(SpectraEntry { file, bytes, n_spectra: seen.len() as u64, wavelengths_nm })
 }
 

@@ -135,7 +135,7 @@ fn a_run_that_died_while_clouds_were_moved_ends_with_the_same_bytes() {
     for n_moved in 0..=2 * N as usize {
         let folder = tempfile::tempdir().expect("a folder");
         let mut bench = driven(&Settings::default(), folder.path(), &street);
-        let state = bench.stage.save().expect("saves");
+        let state = bench.stage.save().expect("saves").to_vec();
         let before = files(folder.path());
         bench.finish().expect("finishes");
         // As if it had died after so many clouds: the others are as they were, and what comes last is not there.

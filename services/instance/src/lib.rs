@@ -203,9 +203,9 @@ impl Stage for InstanceStage {
         Ok(())
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
         let state = SavedState { next_id: self.next_id, memory: self.memory.clone(), pairing: self.pairing.save() };
-        Ok(stage::encode_state(STATE_VERSION, &state)?)
+        Ok(stage::encode_state(STATE_VERSION, &state)?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

@@ -120,8 +120,8 @@ impl Stage for Replay {
         Ok(if self.next.is_some() { Flow::Continue } else { Flow::End })
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(encode_state(1, &self.n_ticks)?)
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(encode_state(1, &self.n_ticks)?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

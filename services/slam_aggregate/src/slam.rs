@@ -191,7 +191,7 @@ impl Stage for SlamAggregate {
         self.graph.place(&self.sensors).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
         let open = self.open.as_ref().map(SavedSubmap::of);
         let saved = Saved {
             odometry: self.odometry.save(),
@@ -205,7 +205,7 @@ impl Stage for SlamAggregate {
         if self.open.is_none() {
             self.saved_submap = saved.submap;
         }
-        Ok(bytes)
+        Ok(bytes.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

@@ -279,7 +279,7 @@ fn what_was_leaned_on_is_told() {
 fn a_torn_state_is_refused() {
     let mut whole = bench(&Settings::default());
     feed(&mut whole, &raw(0));
-    let state = whole.stage.save().unwrap();
+    let state = whole.stage.save().unwrap().to_vec();
     let mut stage = SlamAggregate::with_mounting(&Settings::default(), body_from_lidar());
     assert!(stage.load(&state[..state.len() - 1]).is_err());
     assert!(stage.load(&state).is_ok());

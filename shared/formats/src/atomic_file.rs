@@ -29,18 +29,24 @@ impl AtomicFile {
 
     /// The open file.
     pub fn file(&self) -> &File {
-        self.file.as_ref().expect("taken by commit alone, which consumes self")
+        self.file.as_ref().expect("taken when committed, which consumes self")
     }
 
     /// Brings the content to the disk, then renames it into place and brings the name to the disk.
-    pub fn commit(mut self) -> io::Result<()> {
-        let file = self.file.take().expect("taken here alone");
+    pub fn commit(self) -> io::Result<()> {
         // Without this order a power cut could leave the new name with an empty file behind it.
-        let done = file.sync_all().and_then(|()| fs::rename(&self.partial, &self.path));
-        if done.is_err() {
-            let _ = fs::remove_file(&self.partial);
-        }
-        done.and_then(|()| sync_folder(&self.path))
+        self.file().sync_all()?;
+        let path = self.path.clone();
+        self.commit_unsynced()?;
+        sync_folder(&path)
+    }
+
+    /// Renames the content into place. Whole for every process, but a power cut may take it: before anything relies on it,
+    /// [`sync`].
+    pub fn commit_unsynced(mut self) -> io::Result<()> {
+        fs::rename(&self.partial, &self.path)?;
+        self.file = None;
+        Ok(())
     }
 }
 
@@ -58,6 +64,12 @@ pub fn write_atomic(path: &Path, content: &[u8]) -> io::Result<()> {
     let file = AtomicFile::create(path)?;
     io::Write::write_all(&mut file.file(), content)?;
     file.commit()
+}
+
+/// Brings a file and its name to the disk.
+pub fn sync(path: &Path) -> io::Result<()> {
+    File::open(path)?.sync_all()?;
+    sync_folder(path)
 }
 
 /// A rename is durable when its folder is.

@@ -9,10 +9,12 @@ mod header;
 mod odd;
 mod reader;
 mod row;
+mod rows;
 mod writer;
 
 pub use error::PlyError;
 pub use header::{Header, Kind, Property};
 pub use reader::Vertices;
 pub use row::Row;
+pub use rows::PlyRows;
 pub use writer::PlyWriter;

@@ -1,6 +1,6 @@
 //! PLY files: the bytes, the way there and back, and what is refused.
 
-use formats::ply::{Header, Kind, PlyError, PlyWriter, Vertices};
+use formats::ply::{Header, Kind, PlyError, PlyRows, PlyWriter, Vertices};
 use ply_rs::parser::Parser;
 use ply_rs::ply::{DefaultElement, Property as Value};
 use std::path::Path;
@@ -111,14 +111,20 @@ fn rows_in_pieces_give_the_same_file_as_rows_at_once() {
     let points = random_points(10_000, 3);
     write(&once, &points);
     let mut writer = PlyWriter::create(&pieces, &header(), points.len()).expect("creates");
-    writer.write_rows(&packed(&points[..1])).expect("writes");
     let encode = |i: usize, row: &mut formats::ply::Row<'_>| {
-        let Point(x, timestamp, ring, frame) = points[i + 1];
+        let Point(x, timestamp, ring, frame) = points[i];
         row.f32(x).f64(timestamp).u8(ring).i32(frame);
     };
-    writer.write_each(8_998, encode).expect("writes");
-    writer.write_rows(&packed(&points[8_999..])).expect("writes");
-    writer.finish().expect("finishes");
+    writer.write_each(1, encode).expect("writes");
+    writer.write_each(8_998, |i, row| encode(i + 1, row)).expect("writes");
+    // The rest from the other file, as it stands there.
+    let rows = PlyRows::open(&once).expect("opens");
+    assert_eq!((rows.len(), rows.header()), (points.len(), &header()));
+    assert_eq!(rows.n_bytes(), std::fs::metadata(&once).expect("is there").len());
+    writer.write_blocks(1001, |first, block| rows.read_into(8_999 + first, block)).expect("writes");
+    assert!(rows.read_into(9_999, &mut [0; 18]).is_err(), "a row and a byte");
+    writer.finish_unsynced().expect("finishes");
+    formats::atomic_file::sync(&pieces).expect("syncs");
     assert_eq!(std::fs::read(once).expect("reads"), std::fs::read(pieces).expect("reads"));
 }
 
@@ -206,10 +212,9 @@ fn rows_that_do_not_fit_the_header_are_an_error_and_leave_no_file() {
         let error = create().write_each(2, |_, row| encode(row)).expect_err("is refused").to_string();
         assert!(error.contains("point 0") && error.contains(text), "{error}");
     }
-    assert!(matches!(create().write_rows(&[0; 16]), Err(PlyError::Row { .. })));
-    assert!(matches!(create().write_rows(&[0; 51]), Err(PlyError::Row { .. })));
+    assert!(matches!(create().write_blocks(3, |_, _| Ok(())), Err(PlyError::Row { .. })));
     let mut short = create();
-    short.write_rows(&[0; 17]).expect("fits");
+    short.write_blocks(1, |_, _| Ok(())).expect("fits");
     let error = short.finish().expect_err("one row is missing").to_string();
     assert!(error.contains("promises 2 points"), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("lists").count(), 0);

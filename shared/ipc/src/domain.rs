@@ -37,9 +37,10 @@ impl Domain {
         format!("replica_{}_", self.name)
     }
 
-    /// Folder of iceoryx2's own files. Short, because socket paths have at most 108 bytes.
+    /// Folder of iceoryx2's own files. Short, because socket paths have at most 108 bytes; in memory, because iceoryx2 syncs
+    /// each of them, and a run has a thousand: on a disk a start took seconds.
     pub fn root(&self) -> PathBuf {
-        PathBuf::from(format!("/tmp/replica_{}", self.name))
+        PathBuf::from(format!("{SHARED_MEMORY}/replica_{}", self.name))
     }
 
     /// Removes everything of this domain: only when none of its processes lives.

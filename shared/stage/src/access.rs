@@ -1,7 +1,7 @@
 //! How a step reads and writes messages.
 
 use crate::ports::{SharedOutput, TickedOutput};
-use crate::{Bytes, StepError};
+use crate::{Bytes, StepError, next_message};
 use messages::{Envelope, Message, Pod, pod};
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -57,32 +57,21 @@ impl<T: Message> Received<T> {
     }
     /// A copy of the whole message as bytes, for [`crate::Stage::save`].
     pub fn to_bytes(&self) -> Bytes {
-        let mut bytes = Vec::with_capacity(self.n_bytes());
-        self.append_bytes(&mut bytes);
-        Bytes(bytes)
+        Bytes(self.parts().concat())
     }
-    /// Bytes of [`Received::to_bytes`].
-    pub fn n_bytes(&self) -> usize {
-        size_of::<Envelope>() + size_of::<T::Header>() + size_of_val(self.rows())
-    }
-    /// Appends what [`Received::to_bytes`] gives, without a copy between.
-    pub fn append_bytes(&self, bytes: &mut Vec<u8>) {
-        bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.envelope())));
-        bytes.extend_from_slice(pod::bytes_from_rows(std::slice::from_ref(self.header())));
-        bytes.extend_from_slice(pod::bytes_from_rows(self.rows()));
+    /// Envelope, header and rows, in place.
+    pub(crate) fn parts(&self) -> [&[u8]; 3] {
+        let (envelope, header) = (std::slice::from_ref(self.envelope()), std::slice::from_ref(self.header()));
+        [pod::bytes_from_rows(envelope), pod::bytes_from_rows(header), pod::bytes_from_rows(self.rows())]
     }
     /// The inverse of [`Received::to_bytes`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StepError> {
-        let cut = || StepError::data(format!("saved {} message of {} bytes is cut", T::TOPIC, bytes.len()));
-        let (envelope, rest) = bytes.split_at_checked(size_of::<Envelope>()).ok_or_else(cut)?;
-        let (header, rest) = rest.split_at_checked(size_of::<T::Header>()).ok_or_else(cut)?;
-        let envelope = pod::rows_from_bytes::<Envelope>(envelope).ok_or_else(cut)?[0];
-        let header = pod::rows_from_bytes::<T::Header>(header).ok_or_else(cut)?[0];
-        let rows = pod::rows_from_bytes::<T::Row>(rest).ok_or_else(cut)?;
-        if rows.len() != envelope.len as usize {
-            return Err(cut());
+        let mut rest = bytes;
+        let message = next_message(&mut rest)?;
+        if rest.is_empty() {
+            return Ok(message);
         }
-        Ok(Self::owned(envelope, header, rows))
+        Err(StepError::data(format!("saved {} message: {} bytes follow its rows", T::TOPIC, rest.len())))
     }
 }
 

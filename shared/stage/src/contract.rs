@@ -7,7 +7,7 @@
 use crate::access::AnyOutput;
 use crate::assignment::PortDescription;
 use crate::ports::{SharedInputMaker, SharedOutputMaker};
-use crate::{Inputs, Outputs, Problem, Settings};
+use crate::{Inputs, Outputs, Problem, Settings, StateBytes};
 use messages::{ByteTable, Message};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -51,9 +51,10 @@ pub trait Stage: Sized {
         Ok(())
     }
 
-    /// Everything that the next tick depends on. Called between ticks, at a barrier; [`crate::encode_state`] helps. A stage
-    /// that holds nothing between ticks returns no bytes at all: then any program may take its place.
-    fn save(&mut self) -> Result<Vec<u8>, StepError>;
+    /// Everything that the next tick depends on. Called between ticks, at a barrier; [`crate::encode_state`] helps, and
+    /// [`StateBytes::with_head`] where messages are held. A stage that holds nothing between ticks returns no bytes at all:
+    /// then any program may take its place.
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError>;
 
     /// Takes up where [`Stage::save`] left off, perhaps that of the program that this one replaces. Called on a new stage
     /// before its first tick, unless there are no bytes. A stage that saves none has none to take up: that is the default.

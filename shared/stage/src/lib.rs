@@ -29,7 +29,9 @@ pub use messages;
 pub use settings::{
     Field, Problem, Rule, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
 };
-pub use state::{Bytes, StateError, decode_state, encode_state, saved_bytes, verify_state};
+pub use state::{
+    Bytes, StateBytes, StateError, decode_head, decode_state, encode_state, next_message, saved_bytes, verify_state,
+};
 
 #[doc(hidden)]
 pub use settings::{default_text, read_value};

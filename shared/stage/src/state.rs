@@ -1,13 +1,19 @@
 //! A stage's state as bytes: versioned, checksummed, exact.
 
+mod checksum;
+mod pieces;
+
+pub use pieces::{StateBytes, decode_head, next_message};
+
 use crate::StepError;
 use crate::health::Traffic;
+use checksum::Checksum;
 use formats::atomic_file::AtomicFile;
-use messages::pod::{FINGERPRINT_START, fingerprint};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Write};
+use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 /// Why a saved state cannot be taken up.
@@ -100,7 +106,7 @@ impl<'de> Deserialize<'de> for Bytes {
 const MAGIC: [u8; 8] = *b"REPLICAS";
 
 /// Raised with every change of the layout below or of [`RunnerState`].
-const RUNNER_STATE_VERSION: u32 = 3;
+const RUNNER_STATE_VERSION: u32 = 4;
 
 /// Bytes before the content of a state file.
 ///
@@ -109,7 +115,7 @@ const RUNNER_STATE_VERSION: u32 = 3;
 /// | 0 | magic bytes |
 /// | 8 | version u32 |
 /// | 12 | length of the runner's part u32 |
-/// | 16 | checksum u64 of all that follows |
+/// | 16 | checksum u64 of that length and of all that follows |
 /// | 24 | the runner's part, then the stage's |
 const HEAD: usize = 24;
 
@@ -127,15 +133,28 @@ pub(crate) struct RunnerState {
 }
 
 /// Writes runner and stage so that the file is whole or absent, whatever happens meanwhile.
-pub(crate) fn save_state(path: &Path, runner: &RunnerState, stage: &[u8]) -> Result<(), StepError> {
+pub(crate) fn save_state(path: &Path, runner: &RunnerState, stage: &StateBytes<'_>) -> Result<(), StepError> {
     let runner = postcard::to_stdvec(runner).map_err(|error| StateError::Content(error.to_string()))?;
+    write_atomically(path, &runner, stage).map_err(|error| StepError::Io(format!("{}: {error}", path.display())))
+}
+
+fn write_atomically(path: &Path, runner: &[u8], stage: &StateBytes<'_>) -> std::io::Result<()> {
+    std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
+    let file = AtomicFile::create(path)?;
+    let mut sum = checksum_of_len(runner.len());
+    // The head comes last: its checksum is taken of each piece while that is in the cache.
+    file.file().write_all(&[0; HEAD])?;
+    for piece in std::iter::once(runner).chain(stage.pieces()).flat_map(|piece| piece.chunks(PIECE)) {
+        sum.add(piece);
+        file.file().write_all(piece)?;
+    }
     let mut head = Vec::with_capacity(HEAD);
     head.extend_from_slice(&MAGIC);
     head.extend_from_slice(&RUNNER_STATE_VERSION.to_le_bytes());
     head.extend_from_slice(&(runner.len() as u32).to_le_bytes());
-    head.extend_from_slice(&checksum(&[&runner, stage]).to_le_bytes());
-    write_atomically(path, &[&head, &runner, stage])
-        .map_err(|error| StepError::Io(format!("{}: {error}", path.display())))
+    head.extend_from_slice(&sum.sum().to_le_bytes());
+    file.file().write_all_at(&head, 0)?;
+    file.commit()
 }
 
 /// The inverse of [`save_state`]: the runner's part and the stage's.
@@ -159,9 +178,10 @@ pub fn saved_bytes(path: &Path) -> std::io::Result<u64> {
 fn split_state(bytes: &[u8]) -> Result<(&[u8], &[u8]), StateError> {
     let (head, content) = bytes.split_first_chunk::<HEAD>().ok_or(StateError::Foreign(bytes.len()))?;
     let head = Head::read(head, bytes.len())?;
-    let (runner, stage) = content.split_at(head.runner_len);
-    head.check(checksum(&[runner, stage]))?;
-    Ok((runner, stage))
+    let mut sum = checksum_of_len(head.runner_len);
+    sum.add(content);
+    head.check(sum.sum())?;
+    Ok(content.split_at(head.runner_len))
 }
 
 /// Whether a state file is whole: magic bytes, version, length and checksum. Reads it piece by piece, so that a large one
@@ -177,18 +197,15 @@ pub fn verify_state(path: &Path) -> Result<(), StateError> {
     file.read_exact(&mut head).map_err(unreadable)?;
     let head = Head::read(&head, len)?;
     let mut piece = vec![0; PIECE];
-    let mut sum = FINGERPRINT_START;
-    for part_len in [head.runner_len, len - HEAD - head.runner_len] {
-        let mut left = part_len;
-        while left > 0 {
-            let piece = &mut piece[..left.min(PIECE)];
-            file.read_exact(piece).map_err(unreadable)?;
-            sum = add_bytes(sum, piece);
-            left -= piece.len();
-        }
-        sum = end_part(sum, part_len);
+    let mut sum = checksum_of_len(head.runner_len);
+    let mut left = len - HEAD;
+    while left > 0 {
+        let piece = &mut piece[..left.min(PIECE)];
+        file.read_exact(piece).map_err(unreadable)?;
+        sum.add(piece);
+        left -= piece.len();
     }
-    head.check(sum)
+    head.check(sum.sum())
 }
 
 /// What stands before the content.
@@ -219,35 +236,14 @@ impl Head {
     }
 }
 
-/// Bytes that are read at a time: whole words (see [`add_bytes`]), and few enough to stay in the cache.
+/// Bytes that are read or written at a time: few enough to stay in the cache.
 const PIECE: usize = 256 << 10;
 
-/// FNV-1a by words of 8 bytes: a state may have a hundred megabytes, and a barrier should not cost a second.
-fn checksum(parts: &[&[u8]]) -> u64 {
-    parts.iter().fold(FINGERPRINT_START, |sum, part| end_part(add_bytes(sum, part), part.len()))
-}
-
-/// Carries a checksum on. A part may come in pieces if all but its last are whole words.
-fn add_bytes(sum: u64, bytes: &[u8]) -> u64 {
-    let (words, rest) = bytes.as_chunks::<8>();
-    let sum = words.iter().fold(sum, |sum, word| {
-        // The rotation carries the upper bits down, where the next product would otherwise never bring them.
-        ((sum ^ u64::from_le_bytes(*word)).wrapping_mul(0x0100_0000_01b3)).rotate_left(29)
-    });
-    fingerprint(sum, rest)
-}
-
-fn end_part(sum: u64, len: usize) -> u64 {
-    fingerprint(sum, &(len as u64).to_le_bytes())
-}
-
-fn write_atomically(path: &Path, parts: &[&[u8]]) -> std::io::Result<()> {
-    std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
-    let file = AtomicFile::create(path)?;
-    for part in parts {
-        file.file().write_all(part)?;
-    }
-    file.commit()
+/// Begins the checksum: where the runner's part ends is content, too.
+fn checksum_of_len(runner_len: usize) -> Checksum {
+    let mut sum = Checksum::new();
+    sum.add(&(runner_len as u64).to_le_bytes());
+    sum
 }
 
 #[cfg(test)]
@@ -288,7 +284,7 @@ mod tests {
             notes: vec!["a note".to_owned()],
         };
         let stage: Vec<u8> = (0..100).collect();
-        save_state(&path, &runner, &stage).expect("saves");
+        save_state(&path, &runner, &stage.clone().into()).expect("saves");
         let (back, stage_back) = load_state(&path).expect("loads");
         assert_eq!((back.tick, back.barrier, back.drive_begin, back.counters), (7, 3, Some(-5), runner.counters));
         assert_eq!(stage_back, stage);
@@ -319,7 +315,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("stage.state");
         let stage: Vec<u8> = (0..3 * PIECE + 5).map(|i| (i * i % 251) as u8).collect();
-        save_state(&path, &RunnerState::default(), &stage).expect("saves");
+        save_state(&path, &RunnerState::default(), &stage.into()).expect("saves");
         assert_eq!(verify_state(&path), Ok(()));
         let mut bytes = std::fs::read(&path).expect("written");
         *bytes.last_mut().expect("bytes") ^= 1;

@@ -79,7 +79,7 @@ impl<S: Stage> Bench<S> {
     }
     /// The same stage after a save, a restart and a load, as a barrier and a crash would leave it.
     pub fn restarted(mut self, settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
-        let state = self.stage.save()?;
+        let state = self.stage.save()?.to_vec();
         self.stage = S::new(settings, context)?;
         if !state.is_empty() {
             self.stage.load(&state)?;

@@ -39,8 +39,8 @@ impl Stage for Liar {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(Vec::new())
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(stage::StateBytes::default())
     }
 
     fn load(&mut self, _state: &[u8]) -> Result<(), StepError> {

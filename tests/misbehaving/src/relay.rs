@@ -76,8 +76,8 @@ impl Stage for Relay {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(encode_state(1, &(self.tick, self.sum))?)
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(encode_state(1, &(self.tick, self.sum))?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

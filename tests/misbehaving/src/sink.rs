@@ -83,8 +83,8 @@ impl Stage for Sink {
         std::fs::write(&self.path, &self.text).map_err(StepError::io)
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(encode_state(2, &(&self.text, self.digest))?)
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(encode_state(2, &(&self.text, self.digest))?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

@@ -58,8 +58,8 @@ impl Stage for Source {
         Ok(if self.next < self.settings.ticks { Flow::Continue } else { Flow::End })
     }
 
-    fn save(&mut self) -> Result<Vec<u8>, StepError> {
-        Ok(encode_state(1, &self.next)?)
+    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
+        Ok(encode_state(1, &self.next)?.into())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// The longest header that is looked at. Ours are under 2 KiB; a file without a header ends here.
-const MAX_HEADER: usize = 1 << 20;
+pub(super) const MAX_HEADER: usize = 1 << 20;
 
 /// The points of a PLY file, kept as packed little-endian rows.
 #[derive(Clone, Debug)]
@@ -156,7 +156,7 @@ impl Vertices {
 }
 
 /// Where the first row starts.
-fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
+pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
     if !bytes.starts_with(b"ply") {
         return Err(PlyError::header(path, 1, "a PLY file starts with `ply`"));
     }
@@ -173,7 +173,7 @@ fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
     Err(PlyError::header(path, 1, "the header ends without `end_header`"))
 }
 
-fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Header, PlyError> {
+pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Header, PlyError> {
     let head = Parser::<DefaultElement>::new()
         .read_header(&mut Reader::new(bytes))
         .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), error.to_string()))?;
@@ -210,13 +210,18 @@ fn kind_of(scalar: &ScalarType) -> Kind {
 }
 
 /// Whether rows up to and with the vertices have a fixed size.
-fn is_plain(head: &ply_rs::ply::Header, vertex: &ElementDef) -> bool {
+pub(super) fn is_plain(head: &ply_rs::ply::Header, vertex: &ElementDef) -> bool {
     let up_to_vertex = head.elements.values().take_while(|element| element.name != vertex.name);
     up_to_vertex.chain([vertex]).all(|element| scalar_properties(element).len() == element.properties.len())
 }
 
 /// Where the rows of a plain file lie.
-fn plain_rows(head: &ply_rs::ply::Header, start: usize, len: usize, path: &Path) -> Result<Range<usize>, PlyError> {
+pub(super) fn plain_rows(
+    head: &ply_rs::ply::Header,
+    start: usize,
+    len: usize,
+    path: &Path,
+) -> Result<Range<usize>, PlyError> {
     let mut start = start;
     for element in head.elements.values() {
         let row_size: usize = scalar_properties(element).iter().map(|property| property.kind.size()).sum();

@@ -5,7 +5,9 @@ use super::Kind;
 /// Takes the fields of one point in the order of the header's properties.
 #[derive(Debug)]
 pub struct Row<'a> {
-    rest: &'a mut [u8],
+    bytes: &'a mut [u8],
+    /// Where the next field begins.
+    at: usize,
     /// What comes next; empty if the kinds are not watched.
     kinds: &'a [Kind],
     fault: Option<(Kind, Option<Kind>)>,
@@ -14,7 +16,7 @@ pub struct Row<'a> {
 impl<'a> Row<'a> {
     /// `kinds` are watched if there are any; the number of bytes always is.
     pub(super) fn new(bytes: &'a mut [u8], kinds: &'a [Kind]) -> Self {
-        Self { rest: bytes, kinds, fault: None }
+        Self { bytes, at: 0, kinds, fault: None }
     }
 
     /// The next field, a `float`.
@@ -40,22 +42,28 @@ impl<'a> Row<'a> {
 
     #[inline]
     fn put<const N: usize>(&mut self, kind: Kind, bytes: [u8; N]) -> &mut Self {
+        if !self.kinds.is_empty() {
+            self.watch(kind);
+        }
+        match self.bytes.get_mut(self.at..self.at + N) {
+            Some(field) => {
+                field.copy_from_slice(&bytes);
+                self.at += N;
+            }
+            None => self.fault = self.fault.or(Some((kind, None))),
+        }
+        self
+    }
+
+    // Apart from what happens to every field of every point.
+    #[cold]
+    fn watch(&mut self, kind: Kind) {
         if let Some((next, later)) = self.kinds.split_first() {
             if *next != kind {
                 self.fault.get_or_insert((kind, Some(*next)));
             }
             self.kinds = later;
         }
-        match std::mem::take(&mut self.rest).split_first_chunk_mut::<N>() {
-            Some((field, rest)) => {
-                *field = bytes;
-                self.rest = rest;
-            }
-            None => {
-                self.fault.get_or_insert((kind, None));
-            }
-        }
-        self
     }
 
     /// Whether every field was given, none too many and each of its kind.
@@ -65,8 +73,10 @@ impl<'a> Row<'a> {
                 Err(format!("a field was given as {}, its property is {}", got.name(), expected.name()))
             }
             Some((got, None)) => Err(format!("a {} was given beyond the last property", got.name())),
-            None if !self.rest.is_empty() => Err(format!("fields for the last {} bytes are missing", self.rest.len())),
-            None => Ok(()),
+            None => match self.bytes.len() - self.at {
+                0 => Ok(()),
+                n => Err(format!("fields for the last {n} bytes are missing")),
+            },
         }
     }
 }

@@ -3,11 +3,12 @@
 use super::{Header, Kind, PlyError, Row};
 use crate::atomic_file::AtomicFile;
 use rayon::prelude::*;
+use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Rows that one thread encodes at a time: at 64 bytes a row this stays inside a core's second-level cache.
-const CHUNK_ROWS: usize = 4096;
+/// Rows that one thread has at a time: at 64 bytes a row this stays inside a core's second-level cache.
+const BLOCK_ROWS: usize = 4096;
 
 /// Writes one cloud, row by row or by many threads at once. The file appears under its name in [`PlyWriter::finish`],
 /// whole and on the disk; dropped before that, it leaves nothing.
@@ -53,45 +54,58 @@ impl PlyWriter {
         })
     }
 
-    /// Appends rows that are packed already: fields in the header's order, little-endian, without padding.
-    pub fn write_rows(&mut self, packed: &[u8]) -> Result<(), PlyError> {
-        if self.row_size == 0 || !packed.len().is_multiple_of(self.row_size) {
-            let rule = format!("{} bytes are no multiple of the row's {} bytes", packed.len(), self.row_size);
-            return Err(self.row_error(self.n_written, rule));
-        }
-        let start = self.reserve(packed.len() / self.row_size)?;
-        self.file.file().write_all_at(packed, self.offset(start)).map_err(PlyError::io(self.file.path(), "write"))
-    }
-
     /// Appends `n` rows: `encode` gives the fields of row `i`, 0 to `n - 1`. Rows are encoded by all threads of the
     /// rayon pool; the bytes depend on `encode` alone.
     pub fn write_each(&mut self, n: usize, encode: impl Fn(usize, &mut Row<'_>) + Sync) -> Result<(), PlyError> {
-        let start = self.reserve(n)?;
-        let this = &*self;
-        (0..n.div_ceil(CHUNK_ROWS)).into_par_iter().try_for_each_init(Vec::new, |buffer, chunk| {
-            let first = chunk * CHUNK_ROWS;
-            let rows = CHUNK_ROWS.min(n - first);
-            buffer.resize(rows * this.row_size, 0);
-            for (i, bytes) in buffer.chunks_exact_mut(this.row_size.max(1)).enumerate() {
+        let (path, start) = (self.file.path().to_owned(), self.n_written);
+        let (kinds, row_size) = (self.kinds.clone(), self.row_size);
+        self.write_blocks(n, |first, block| {
+            for (i, bytes) in block.chunks_exact_mut(row_size.max(1)).enumerate() {
                 // All rows come out of the same code, so the kinds of the first one speak for all.
-                let watched = if first + i == 0 { this.kinds.as_slice() } else { &[] };
+                let watched = if first + i == 0 { kinds.as_slice() } else { &[] };
                 let mut row = Row::new(bytes, watched);
                 encode(first + i, &mut row);
-                row.check().map_err(|rule| this.row_error(start + first + i, rule))?;
+                row.check().map_err(|rule| PlyError::Row { path: path.clone(), point: start + first + i, rule })?;
             }
+            Ok(())
+        })
+    }
+
+    /// The same by blocks: `fill` gets the number of a block's first row and the bytes of its rows, with whatever is in them,
+    /// and packs the fields there in the header's order, little-endian, without padding.
+    pub fn write_blocks(
+        &mut self,
+        n: usize,
+        fill: impl Fn(usize, &mut [u8]) -> Result<(), PlyError> + Sync,
+    ) -> Result<(), PlyError> {
+        let start = self.reserve(n)?;
+        let this = &*self;
+        (0..n.div_ceil(BLOCK_ROWS)).into_par_iter().try_for_each_init(Vec::new, |block, index| {
+            let first = index * BLOCK_ROWS;
+            block.resize(BLOCK_ROWS.min(n - first) * this.row_size, 0);
+            fill(first, block)?;
             let at = this.offset(start + first);
-            this.file.file().write_all_at(buffer, at).map_err(PlyError::io(this.file.path(), "write"))
+            this.file.file().write_all_at(block, at).map_err(PlyError::io(this.file.path(), "write"))
         })
     }
 
     /// Brings the cloud to the disk and gives it its name. The answer is the file's size in bytes.
     pub fn finish(self) -> Result<u64, PlyError> {
+        self.finish_by(AtomicFile::commit)
+    }
+
+    /// Gives the cloud its name; to bring it to the disk is left to [`crate::atomic_file::sync`].
+    pub fn finish_unsynced(self) -> Result<u64, PlyError> {
+        self.finish_by(AtomicFile::commit_unsynced)
+    }
+
+    fn finish_by(self, commit: impl FnOnce(AtomicFile) -> io::Result<()>) -> Result<u64, PlyError> {
         if self.n_written != self.n_points {
             return Err(self.row_error(self.n_written, format!("the header promises {} points", self.n_points)));
         }
         let path: PathBuf = self.file.path().to_owned();
         let size = self.offset(self.n_points);
-        self.file.commit().map_err(PlyError::io(&path, "finish"))?;
+        commit(self.file).map_err(PlyError::io(&path, "finish"))?;
         Ok(size)
     }
 
