@@ -35,6 +35,7 @@ pub mod offset_watch;
 mod saved;
 pub mod spectra;
 pub mod views;
+mod warp_lens;
 mod wide;
 mod window;
 
