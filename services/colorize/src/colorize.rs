@@ -6,7 +6,7 @@ mod intake;
 use crate::Settings;
 use crate::choose::Limits;
 use crate::chunk::Chunk;
-use crate::offset_watch::{overview, sentence};
+use crate::offset_watch::{overview, overview_by_range, sentence};
 use crate::saved::{self, Held};
 use crate::spectra::Bands;
 use crate::views::Camera;
@@ -113,6 +113,10 @@ impl Colorize {
         }
         let offset = self.held.watch.offset();
         outputs.note(overview(&self.names, &offset));
+        let px_per_rad: Vec<f32> = self.cameras.iter().map(Camera::px_per_rad).collect();
+        if let Some(line) = overview_by_range(&self.names, &px_per_rad, &self.held.watch, &offset) {
+            outputs.note(line);
+        }
         for (index, found) in offset.cameras.iter().enumerate().filter(|(_, found)| found.is_found()) {
             outputs.count("cameras_with_known_offset", 1);
             let is_far = found.exceeds(self.max_offset_rad);

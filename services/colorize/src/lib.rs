@@ -30,6 +30,7 @@ pub mod frustum;
 pub mod lens;
 pub mod occlusion;
 pub mod offset;
+mod offset_edges;
 pub mod offset_fit;
 pub mod offset_watch;
 mod saved;
