@@ -39,6 +39,7 @@ pub struct Colorize {
     remark: Option<&'static str>,
     /// Of the cameras.
     names: Vec<String>,
+    level_exposures: bool,
     max_offset_rad: f32,
     max_delay_s: f32,
     held: Held,
@@ -80,6 +81,7 @@ impl Colorize {
                 _ => None,
             },
             names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
+            level_exposures: settings.level_exposures,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             held: Held::default(),
