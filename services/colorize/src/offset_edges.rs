@@ -17,7 +17,7 @@ const FEW: usize = 250;
 const MIN_ABOUT_AXIS: f32 = 0.005;
 
 /// What parts of a drive have in common, steps: outlines of things and changes of brightness are not the same, and a beam is as wide as a
-/// pixel. Errors of the six cameras of rig nuscenes on seeds 21 and 22 are 0.85 of the deviation with it, 2.5 of that without.
+/// pixel. Errors of the six cameras of rig nuscenes (rms) are 0.94 and 0.83 of the deviation with it on seeds 21 and 22; without, 2.6 on seed 21.
 const COMMON_STEPS: f32 = 0.3;
 
 /// One camera's edges.

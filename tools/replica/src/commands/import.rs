@@ -21,14 +21,7 @@ pub struct Args {
     /// Drive folder to make; of a calibration, the file for its entries [[camera]] of a drive.toml
     out: PathBuf,
     /// Of a calibration: where the Ladybug is on the vehicle, its axes along the vehicle's, m
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        value_delimiter = ',',
-        allow_hyphen_values = true,
-        num_args = 3,
-        default_value = "0,0,0"
-    )]
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, default_value = "0,0,0")]
     position: Vec<f64>,
 }
 
