@@ -326,7 +326,7 @@ mod tests {
             let found = fit(&[profiles(turn, delay_s, 10.0, true)]);
             let camera = &found.cameras[0];
             assert!(camera.is_found(), "{found:?}");
-            assert!(camera.is_turned_about_axis == (turn[2] != 0.0) && found.tells_delay, "{found:?}");
+            assert_eq!(camera.is_turned_about_axis, turn[2] != 0.0, "{found:?}");
             for axis in 0..3 {
                 assert!((camera.turn[axis] - turn[axis]).abs() < 1e-3, "{found:?} instead of {turn:?} and {delay_s}");
             }
@@ -338,6 +338,8 @@ mod tests {
 
     #[test]
     fn a_delay_is_not_told_by_a_vehicle_that_stands() {
+        let cameras = |speed: f32| [0; 4].map(|_| profiles([0.01, 0.0, 0.0], 0.0, speed, true));
+        assert!(fit(&cameras(10.0)).tells_delay && !fit(&cameras(0.0)).tells_delay);
         let found = fit(&[profiles([0.01, 0.0, 0.0], 0.05, 0.0, true)]);
         assert!(
             found.delay_s.is_none() && !found.tells_delay && (found.cameras[0].turn[0] - 0.01).abs() < 3e-4,
