@@ -105,7 +105,7 @@ fn color(
     let cloud = Cloud::new(points, sweeps, 0, 32, chunks);
     let limits = Limits { max_age_s: 1.0, max_moving_age_s: 0.1 };
     let sights = sights(&cloud, views);
-    color_into(&Sources { cloud: &cloud, views, sights: &sights, limits }, pictures, rows);
+    color_into(&Sources { cloud: &cloud, views, sights: &sights, limits }, pictures, false, rows);
 }
 
 /// 50 sweeps of 0.1 s from a sensor at 10 m/s, in the order of firing.

@@ -84,7 +84,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let start = std::time::Instant::now();
     let offset = watch.offset();
-    println!("delay {:?} s; fitted in {:.2} s", offset.delay_s, start.elapsed().as_secs_f64());
+    println!(
+        "delay {:?} s, {}; fitted in {:.2} s",
+        offset.delay_s,
+        if offset.tells_delay { "observable" } else { "not observable" },
+        start.elapsed().as_secs_f64()
+    );
     for (i, found) in offset.cameras.iter().enumerate() {
         println!(
             "{}",

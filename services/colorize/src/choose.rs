@@ -53,6 +53,13 @@ pub struct Limits {
     pub max_moving_age_s: f32,
 }
 
+impl Limits {
+    #[inline(always)]
+    fn max_age_s_of(self, moves: u32) -> f32 {
+        if moves != 0 { self.max_moving_age_s } else { self.max_age_s }
+    }
+}
+
 /// Everything that colors of one submap come from.
 pub struct Sources<'a> {
     /// The submap.
@@ -68,6 +75,21 @@ pub struct Sources<'a> {
 impl Sources<'_> {
     fn unguarded_m(&self, time: f32) -> f32 {
         if gap(time, self.cloud.time_span()) > 0.0 { UNGUARDED_M } else { 0.0 }
+    }
+
+    /// Where a point of a chunk is on a view's image, px, if that sees it.
+    pub fn seen(&self, view: usize, chunk: &Chunk, i: usize) -> Option<[f32; 2]> {
+        let sight = &self.sights[view];
+        let view = &self.views[view];
+        let p = [chunk.x[i], chunk.y[i], chunk.z[i]];
+        let p = view.camera_from_submap.map(|[a, b, c, d]| a * p[0] + b * p[1] + c * p[2] + d);
+        let [u, v] = view.lens.pixel(p);
+        let age_s = (chunk.times[i] - seconds(view.stamp, self.cloud.origin)).abs();
+        let range_m = p.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let sees = view.holds(u, v)
+            && age_s <= self.limits.max_age_s_of(chunk.moves[i])
+            && range_m <= sight.reach_m(sight.grid.cell(u, v));
+        sees.then_some([u, v])
     }
 }
 
@@ -122,6 +144,24 @@ impl Choices {
         let Best { views, u, v, .. } = &self.best;
         let places = (0..self.n_points).filter(|i| views[*i] != NO_VIEW);
         places.map(|i| (i, views[i] as usize, [u[i], v[i]]))
+    }
+
+    /// Of other views that see a point of the chunk and give it a color that is `good`, the one that is expected to be off by the least.
+    pub fn other(
+        i: usize,
+        chunk: &Chunk,
+        sources: &Sources<'_>,
+        good: impl Fn(usize, [f32; 2]) -> bool,
+    ) -> Option<(usize, [f32; 2])> {
+        let off_m = |view: &View<'_>| {
+            let time = seconds(view.stamp, sources.cloud.origin);
+            let p = [[chunk.x[i]; 2], [chunk.y[i]; 2], [chunk.z[i]; 2]];
+            let way_m = distance_m(&view.position, &[p.map(|v| v[0]), p.map(|v| v[1])]);
+            sources.unguarded_m(time) + DRIFT_M_PER_S * (chunk.times[i] - time).abs() + POINTING_RAD * way_m
+        };
+        let seen = (0..sources.views.len()).filter_map(|view| Some((view, sources.seen(view, chunk, i)?)));
+        let good = seen.filter(|(view, pixel)| good(*view, *pixel));
+        good.min_by(|(a, _), (b, _)| off_m(&sources.views[*a]).total_cmp(&off_m(&sources.views[*b])))
     }
 
     /// Chooses anew, for the points of a chunk. Two views as good as each other: the first in the list. A point whose sweep
@@ -198,9 +238,8 @@ impl Work for Weigh<'_> {
             let (x, y) = ((u - middle[0]) * per_half[0], (v - middle[1]) * per_half[1]);
             let cost =
                 extra_m + DRIFT_M_PER_S * age_s + POINTING_RAD * projected.range_m[i] * (1.0 + 0.5 * (x * x + y * y));
-            let limit = if chunk.moves[i] != 0 { limits.max_moving_age_s } else { limits.max_age_s };
             let is_better = (cost < best.costs[i]) | ((cost == best.costs[i]) & (index < best.views[i]));
-            let is_offered = view.holds(u, v) & (age_s <= limit) & is_better;
+            let is_offered = view.holds(u, v) & (age_s <= limits.max_age_s_of(chunk.moves[i])) & is_better;
             offer.costs[i] = cost;
             offer.cells[i] = if is_offered { grid.cell(u, v) } else { NO_CELL };
         }

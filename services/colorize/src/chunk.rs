@@ -1,6 +1,7 @@
 //! Points that are worked on together: their coordinates one after another, so that the loops over them are vectors.
 
 use crate::lens::{FisheyeLens, Lens, PinholeLens};
+use crate::warp_lens::WarpLens;
 use crate::wide::{Work, wide};
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
@@ -176,6 +177,7 @@ impl Projected {
         match lens {
             Lens::Pinhole(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
             Lens::Fisheye(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
+            Lens::Warp(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
         }
     }
 }
@@ -197,6 +199,13 @@ impl Projection for PinholeLens {
     }
 }
 impl Projection for FisheyeLens {
+    #[inline(always)]
+    fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
+        self.pixel(p_in_camera)
+    }
+}
+
+impl Projection for WarpLens {
     #[inline(always)]
     fn pixel(&self, p_in_camera: [f32; 3]) -> [f32; 2] {
         self.pixel(p_in_camera)

@@ -2,6 +2,7 @@
 
 use crate::choose::{Choices, Sources};
 use crate::chunk::{CHUNK, Chunk};
+use crate::level::Levels;
 use messages::{ColorRow, UNSEEN};
 use rayon::prelude::*;
 
@@ -65,20 +66,48 @@ fn neighbors(at: f32, len: usize) -> (usize, usize, u64) {
     (before, (before + 1).min(len - 1), (steps & 255) as u64)
 }
 
-/// Colors all points into `rows` of the same number and says how many were seen. `pictures` belong to the views by index.
-pub fn color_into(sources: &Sources<'_>, pictures: &[Picture<'_>], rows: &mut [ColorRow]) -> u64 {
+/// Colors all points into `rows` of the same number and says how many were seen. `pictures` belong to the views by index; with
+/// `is_leveled`, exposures are made alike and those lose that are too bright or too dark at a point.
+pub fn color_into(sources: &Sources<'_>, pictures: &[Picture<'_>], is_leveled: bool, rows: &mut [ColorRow]) -> u64 {
+    let levels = is_leveled.then(|| Levels::find(sources, pictures));
     let color_chunk = |choices: &mut Choices, (chunk, rows): (&Chunk, &mut [ColorRow])| {
         choices.fill(chunk, sources);
         rows.fill(UNSEEN_ROW);
         let mut n_seen = 0;
         for (i, view, pixel) in choices.seen() {
-            rows[i] = pictures[view].sample(pixel);
+            rows[i] = match &levels {
+                Some(levels) => leveled(levels, sources, pictures, chunk, (i, view, pixel)),
+                None => pictures[view].sample(pixel),
+            };
             n_seen += 1;
         }
         n_seen
     };
     let chunks = sources.cloud.chunks().par_iter().zip(rows.par_chunks_mut(CHUNK));
     chunks.map_init(Choices::default, color_chunk).sum()
+}
+
+/// The color of a point in the chosen view, or in another one if that shows it as white or black as it can.
+pub fn leveled(
+    levels: &Levels,
+    sources: &Sources<'_>,
+    pictures: &[Picture<'_>],
+    chunk: &Chunk,
+    (i, view, pixel): (usize, usize, [f32; 2]),
+) -> ColorRow {
+    let row = pictures[view].sample(pixel);
+    if is_exposed(row) {
+        return levels.leveled(row, view);
+    }
+    let other = Choices::other(i, chunk, sources, |view, pixel| is_exposed(pictures[view].sample(pixel)));
+    let (view, pixel) = other.unwrap_or((view, pixel));
+    levels.leveled(pictures[view].sample(pixel), view)
+}
+
+/// Whether the sensor told a color: it does not where a channel is full or all are empty.
+fn is_exposed(row: ColorRow) -> bool {
+    let brightest = row.r.max(row.g).max(row.b);
+    (4..254).contains(&brightest)
 }
 
 const UNSEEN_ROW: ColorRow = ColorRow { r: 0, g: 0, b: 0, camera: UNSEEN };

@@ -6,7 +6,7 @@ mod intake;
 use crate::Settings;
 use crate::choose::Limits;
 use crate::chunk::Chunk;
-use crate::offset_watch::{overview, sentence};
+use crate::offset_watch::{overview, overview_by_range, sentence};
 use crate::saved::{self, Held};
 use crate::spectra::Bands;
 use crate::views::Camera;
@@ -39,6 +39,7 @@ pub struct Colorize {
     remark: Option<&'static str>,
     /// Of the cameras.
     names: Vec<String>,
+    level_exposures: bool,
     max_offset_rad: f32,
     max_delay_s: f32,
     held: Held,
@@ -80,6 +81,7 @@ impl Colorize {
                 _ => None,
             },
             names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
+            level_exposures: settings.level_exposures,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             held: Held::default(),
@@ -113,6 +115,10 @@ impl Colorize {
         }
         let offset = self.held.watch.offset();
         outputs.note(overview(&self.names, &offset));
+        let px_per_rad: Vec<f32> = self.cameras.iter().map(Camera::px_per_rad).collect();
+        if let Some(line) = overview_by_range(&self.names, &px_per_rad, &self.held.watch, &offset) {
+            outputs.note(line);
+        }
         for (index, found) in offset.cameras.iter().enumerate().filter(|(_, found)| found.is_found()) {
             outputs.count("cameras_with_known_offset", 1);
             let is_far = found.exceeds(self.max_offset_rad);

@@ -59,8 +59,10 @@ impl Shots<'_> {
         for shots in self.by_ring() {
             for five in shots.windows(5) {
                 let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| five[i]);
-                // A beam that meets both sides is measured in between, or is lost: the one in the middle may be anything.
-                if !self.add([a, b, c, d], &mut edges) {
+                self.add([a, b, c, d], &mut edges);
+                // A beam that meets both sides is measured in between. One that is of a side is none such: the same jump, taken for half
+                // a shot earlier, would draw all outlines against the scan.
+                if self.is_between(b, c, d) {
                     self.add([a, b, d, e], &mut edges);
                 }
             }
@@ -79,23 +81,31 @@ impl Shots<'_> {
         rings
     }
 
-    /// Adds the jump in the middle of four neighbors, if there is one between two smooth sides, and says so.
-    fn add(&self, points: [&SubmapPoint; 4], edges: &mut Vec<DepthEdge>) -> bool {
+    /// Whether the second of three neighbors is on no side of a jump between the others.
+    fn is_between(&self, before: &SubmapPoint, point: &SubmapPoint, after: &SubmapPoint) -> bool {
+        let [a, b, c] = [before, point, after].map(|point| self.ray(point).2);
+        !is_smooth(a, b) && !is_smooth(b, c) && (b > a) == (c > b)
+    }
+
+    /// From where, in which direction, and how far the shot was, m, submap frame.
+    fn ray(&self, point: &SubmapPoint) -> ([f32; 3], [f32; 3], f32) {
+        let eye = self.eye(point.offset_nanos);
+        let ray = [point.x - eye[0], point.y - eye[1], point.z - eye[2]];
+        (eye, ray, ray.iter().map(|v| v * v).sum::<f32>().sqrt())
+    }
+
+    /// Adds the jump in the middle of four neighbors, if there is one between two smooth sides.
+    fn add(&self, points: [&SubmapPoint; 4], edges: &mut Vec<DepthEdge>) {
         let step = |i: usize| between(points[i].azimuth, points[i + 1].azimuth);
         if (0..3).any(|i| step(i) > MAX_AZIMUTH_STEP) || points.iter().any(|p| p.flags & POINT_DYNAMIC != 0) {
-            return false;
+            return;
         }
-        let rays = points.map(|point| {
-            let eye = self.eye(point.offset_nanos);
-            let ray = [point.x - eye[0], point.y - eye[1], point.z - eye[2]];
-            (eye, ray, ray.iter().map(|v| v * v).sum::<f32>().sqrt())
-        });
+        let rays = points.map(|point| self.ray(point));
         let range_m = rays.map(|(_, _, range_m)| range_m);
-        let is_smooth = |a: f32, b: f32| (a - b).abs() < SMOOTH_M + SMOOTH_SHARE * a.min(b);
         let (near, far) = if range_m[1] < range_m[2] { (1, 2) } else { (2, 1) };
         let jumps = range_m[far] - range_m[near] > JUMP_M + JUMP_SHARE * range_m[near];
         if !jumps || !is_smooth(range_m[0], range_m[1]) || !is_smooth(range_m[2], range_m[3]) {
-            return false;
+            return;
         }
         let (eye, ray, near_m) = rays[near];
         let far_at_near = rays[far].1.map(|v| v * near_m / range_m[far]);
@@ -106,7 +116,6 @@ impl Shots<'_> {
             range_m: near_m,
             time: self.time + points[near].offset_nanos as f32 * 1e-9,
         });
-        true
     }
 
     /// Where the sensor was, m, submap frame.
@@ -117,8 +126,49 @@ impl Shots<'_> {
     }
 }
 
+/// Whether two shots are of one surface.
+fn is_smooth(a: f32, b: f32) -> bool {
+    (a - b).abs() < SMOOTH_M + SMOOTH_SHARE * a.min(b)
+}
+
 /// The smaller of the two angles, 0.01 degree.
 fn between(a: u16, b: u16) -> u16 {
     let apart = a.abs_diff(b);
     apart.min(36_000_u16.saturating_sub(apart))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Directions of the edges of a ring with shots 0.2 degrees apart, steps of the scan from its first shot.
+    fn edges_of(range_m: &[f32]) -> Vec<f32> {
+        const STEP_RAD: f32 = 0.2 * std::f32::consts::PI / 180.0;
+        let shot = |(i, range_m): (usize, &f32)| {
+            let (y, x) = (i as f32 * STEP_RAD).sin_cos();
+            SubmapPoint { x: x * range_m, y: y * range_m, azimuth: i as u16 * 20, ..SubmapPoint::default() }
+        };
+        let points: Vec<SubmapPoint> = range_m.iter().enumerate().map(shot).collect();
+        let sweep = SubmapSweep { n_points: points.len() as u32, ..SubmapSweep::default() };
+        let shots = Shots { points: &points, sweep: &sweep, time: 0.0, n_rings: 1 };
+        shots.edges().iter().map(|edge| edge.at[1].atan2(edge.at[0]) / STEP_RAD).collect()
+    }
+
+    /// A jump was once found twice, the second time half a shot earlier: all cameras seemed to be turned by a quarter of a shot.
+    #[test]
+    fn an_outline_is_midway_between_the_shots_of_its_sides() {
+        for far_first in [false, true] {
+            let mut range_m = [5.0, 5.0, 5.0, 5.0, 20.0, 20.0, 20.0, 20.0];
+            let mut mixed = [5.0, 5.0, 5.0, 11.0, 20.0, 20.0, 20.0, 20.0];
+            if far_first {
+                range_m.reverse();
+                mixed.reverse();
+            }
+            let [sharp, between] = [range_m, mixed].map(|range_m| edges_of(&range_m));
+            assert!(sharp.len() == 1 && (sharp[0] - 3.5).abs() < 0.01, "{sharp:?}");
+            let middle = if far_first { 4.0 } else { 3.0 };
+            assert!(between.len() == 1 && (between[0] - middle).abs() < 0.01, "{between:?}");
+        }
+        assert!(edges_of(&[5.0; 8]).is_empty());
+    }
 }

@@ -1,5 +1,6 @@
 //! Projection in f32, fast: the exact models are [`geometry::CameraModel`], in f64. The two agree within 0.02 px.
 
+use crate::warp_lens::WarpLens;
 use geometry::{CameraModel, KannalaBrandt, Pinhole};
 
 /// Nearer than a millimetre is inside the lens.
@@ -19,6 +20,8 @@ pub enum Lens {
     Pinhole(PinholeLens),
     /// See [`geometry::KannalaBrandt`].
     Fisheye(FisheyeLens),
+    /// See [`geometry::SplineWarp`].
+    Warp(WarpLens),
 }
 
 /// What the lens does not see falls here. Not a number is in no image, and a loop that writes it has no jumps.
@@ -33,6 +36,7 @@ impl Lens {
                 let cosine = f64::from(lens.min_cosine);
                 (cosine > 0.1).then(|| (1.0 - cosine * cosine).sqrt() / cosine)
             }
+            Lens::Warp(lens) => Some(lens.widest_slope()),
         }
     }
     /// On the axis.
@@ -40,6 +44,7 @@ impl Lens {
         match self {
             Lens::Pinhole(lens) => lens.focal[0],
             Lens::Fisheye(lens) => lens.focal[0],
+            Lens::Warp(lens) => lens.px_per_rad(),
         }
     }
     /// Where a point of the camera frame (x right, y down, z forward, m) falls on the image plane, px; NaN where the lens
@@ -48,6 +53,7 @@ impl Lens {
         match self {
             Lens::Pinhole(lens) => lens.pixel(p_in_camera),
             Lens::Fisheye(lens) => lens.pixel(p_in_camera),
+            Lens::Warp(lens) => lens.pixel(p_in_camera),
         }
     }
 }
@@ -78,6 +84,7 @@ impl From<&CameraModel> for Lens {
         match model {
             CameraModel::Pinhole(model) => Lens::Pinhole(model.into()),
             CameraModel::KannalaBrandt(model) => Lens::Fisheye(model.into()),
+            CameraModel::SplineWarp(model) => Lens::Warp(model.into()),
         }
     }
 }
@@ -227,8 +234,29 @@ mod tests {
         CameraModel::KannalaBrandt(KannalaBrandt { width, height, fx, fy, cx, cy, distortion, max_angle })
     }
 
+    /// The spline's lens: straight knots for an image as a pinhole has it, bent like a fisheye's.
+    fn warp() -> CameraModel {
+        let (width, height, fx, fy, cx, cy) = (2448, 2048, 460.0, 459.0, 1216.0, 1040.0);
+        let surface = |along: usize| {
+            let n = 23_i32;
+            // The middle of the knots that a coefficient belongs to, as a share.
+            let place = |i: i32| f64::from((0..3).map(|k| (i + k - 2).clamp(0, n - 3)).sum::<i32>()) / 60.0;
+            let bent = |i: i32, j: i32| {
+                let (x, y) = (2.0 * place(i) - 1.0, 2.0 * place(j) - 1.0);
+                let (x, y) = (x * 2.66, y * 2.23);
+                let r = x.hypot(y).max(1e-9);
+                let angle = r.atan() * (1.0 + 0.01 * x);
+                0.5 + if along == 0 { 0.5066 * x } else { 0.605 * y } * angle / r
+            };
+            (0..n).map(|i| (0..n).map(|j| bent(i, j)).collect()).collect::<Vec<Vec<f64>>>()
+        };
+        let [warp_u, warp_v] = [0, 1].map(|along| surface(along).try_into().expect("a grid"));
+        CameraModel::SplineWarp(geometry::SplineWarp { width, height, fx, fy, cx, cy, warp_u, warp_v })
+    }
+
     #[test]
     fn fast_and_exact_projection_agree() {
+        assert!(compare(&warp()) > 1000);
         assert!(compare(&pinhole([0.0; 5])) > 1000);
         assert!(compare(&pinhole([-0.25, 0.08, 0.001, -0.0007, -0.01])) > 1000);
         assert!(compare(&fisheye(1.2)) > 1000);
@@ -236,8 +264,18 @@ mod tests {
     }
 
     #[test]
+    fn fast_and_exact_projection_of_a_real_ladybug_agree() {
+        let Some(path) = real_data::real_data("ladybug5/ladybug16146039-20m.cal") else { return };
+        let text = std::fs::read_to_string(path).expect("readable");
+        let calibration: formats::ladybug::LadybugCalibration = text.parse().expect("the maker's own file");
+        for camera in calibration.cameras {
+            assert!(compare(&CameraModel::SplineWarp(camera.lens)) > 1000);
+        }
+    }
+
+    #[test]
     fn nothing_is_seen_where_there_is_nothing_to_see() {
-        for lens in [Lens::from(&pinhole([0.0; 5])), Lens::from(&fisheye(1.5))] {
+        for lens in [Lens::from(&pinhole([0.0; 5])), Lens::from(&fisheye(1.5)), Lens::from(&warp())] {
             for p in [[0.0, 0.0, -2.0], [0.0, 0.0, 0.0], [f32::NAN, 0.0, 1.0], [0.0, 0.0, f32::NAN], [5.0, 0.0, -1.0]] {
                 assert!(lens.pixel(p)[0].is_nan(), "{p:?}");
             }

@@ -28,13 +28,16 @@ mod colorize;
 pub mod depth_edges;
 pub mod frustum;
 pub mod lens;
+pub mod level;
 pub mod occlusion;
 pub mod offset;
+mod offset_edges;
 pub mod offset_fit;
 pub mod offset_watch;
 mod saved;
 pub mod spectra;
 pub mod views;
+mod warp_lens;
 mod wide;
 mod window;
 
@@ -47,6 +50,8 @@ stage::settings! {
         pub max_age_s: f64 = 1.0 => stage::within(0.01, 10.0);
         /// The same for points on moving objects, s. At 0.1 s a car at 36 km/h is a metre further.
         pub max_moving_age_s: f64 = 0.1 => stage::within(0.0, 10.0);
+        /// Whether exposures are made equally bright where they meet, by what points show that several of them see; and whether one that is white or black at a point loses it to another.
+        pub level_exposures: bool = false => stage::any();
         /// Outlines in points and images that are farther apart than this are said to the operator at the end, mrad. 5 mrad are 10 cm at 20 m.
         pub max_offset_mrad: f64 = 5.0 => stage::within(0.1, 100.0);
         /// The same for the time between an exposure and its stamp, ms.

@@ -1,16 +1,17 @@
 //! How far the outlines that the LiDAR saw are from those that the cameras saw: what is found.
 //!
-//! Unknown are a turn of each camera, up and to the side, and a delay that all shutters share, since one trigger fires them. A turn moves
+//! Unknown are a turn of each camera, up, to the side and about its axis, and a delay that all shutters share, since one trigger fires them. A turn moves
 //! all edges of a camera alike, whatever their range; a delay moves near ones more than far ones, those ahead outward and those at the side
 //! backward. So both can be told apart where the vehicle moves and the edges are at different ranges; elsewhere
 //! the delay is said to be unknown, and the turns hold for a delay of zero.
 
-use crate::offset::{Profile, REACH};
+use crate::offset::Profile;
+use crate::offset_edges::Edges;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A camera's turn, rad about its own x (up) and y (to the right). About z, its axis, little would move where most edges are.
-pub type Turn = [f32; 2];
+/// A camera's turn, rad about its own x (up), y (to the right) and z (its axis, with the hands of a clock).
+pub type Turn = [f32; 3];
 
 /// Turns that are looked for, rad: 2.5 degrees.
 const MAX_TURN: f32 = 0.044;
@@ -22,15 +23,6 @@ const MAX_DELAY_S: f32 = 0.15;
 const TURN_STEP: f32 = 0.004;
 const DELAY_STEP_S: f32 = 0.01;
 
-/// Steps to both sides over which profiles are smoothed for the first search.
-const SMOOTHING: usize = 2;
-
-/// Steps to both sides over which the mean is no outline.
-const BACKGROUND: usize = 12;
-
-/// Edges of a camera that the first search looks at.
-const FEW: usize = 250;
-
 /// Fewer edges say nothing.
 const MIN_EDGES: usize = 150;
 
@@ -38,21 +30,32 @@ const MIN_EDGES: usize = 150;
 /// 4 of them would be.
 const SIGNIFICANT: f32 = 8.0;
 
-/// The same for the delay, against no delay at all.
+/// The same for the delay, and for a turn about the axis, against none at all.
 const SIGNIFICANT_DELAY: f32 = 8.0;
 
 /// Parts of the edges that lie farther apart, rad, do not speak of one turn: each has found a peak of its own.
-const AGREED: f32 = 5e-3;
+const AGREED: f32 = 2.5e-3;
 
-/// Parts that are fitted one by one, to see by how much they differ.
-const N_PARTS: usize = 4;
+/// Parts of the drive, one after the other, that are left out one by one to see by how much the rest differs (the jackknife; Efron, "The
+/// Jackknife, the Bootstrap and Other Resampling Plans", 1982). Edges of one part are of the same outlines, so parts that interleave would
+/// agree on their errors.
+const N_PARTS: usize = 8;
+
+/// Deviation of one edge's outline from where it should be, steps: what makes of the deviation of the delay on rig nuscenes (1.2 ms) that of
+/// an edge. Many edges are of one outline, so it is far more than an outline's own.
+const EDGE_STEPS: f32 = 22.0;
+
+/// A delay whose deviation would be larger, s, is not observable: 10 ms would be no more than three of them.
+const OBSERVABLE_DELAY_S: f32 = 0.003;
 
 /// What was found about one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraOffset {
     /// How the camera must be turned in its own frame to agree with the points: `p_true = turn * p_as_mounted`.
     pub turn: Turn,
-    /// Standard deviation of the turn, from parts of the edges, rad.
+    /// Whether a turn about the axis is found beyond doubt; else it is 0.
+    pub is_turned_about_axis: bool,
+    /// Standard deviation of the turn, from parts of the drive, rad.
     pub deviation: Turn,
     /// Edges.
     pub n_edges: usize,
@@ -69,7 +72,7 @@ impl CameraOffset {
     pub fn exceeds(&self, angle: f32) -> bool {
         self.is_found() && self.angle() - 3.0 * self.sigma() > angle
     }
-    /// Standard deviation of the turn, both axes together, rad.
+    /// Standard deviation of where the middle of the image is, rad.
     pub fn sigma(&self) -> f32 {
         self.deviation[0].hypot(self.deviation[1])
     }
@@ -84,6 +87,8 @@ impl CameraOffset {
 pub struct Offset {
     /// How much later than its stamp the exposure was, s, and the standard deviation; `None` where it cannot be told.
     pub delay_s: Option<[f32; 2]>,
+    /// Whether the edges could tell a delay: where they would move as by turns, they cannot.
+    pub tells_delay: bool,
     /// By index.
     pub cameras: Vec<CameraOffset>,
 }
@@ -97,29 +102,65 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
     let gain = moved.peak(&all).powi(2) - still.peak(&all).powi(2);
     let has_delay = gain > SIGNIFICANT_DELAY.powi(2);
     // A delay of nothing is as good as any other if it could have been seen.
-    let solution = if has_delay { &moved } else { &still };
+    let solution = if has_delay { moved } else { still };
+    let (all, solution) = with_turns_about_axes(all, solution, has_delay);
     let parts: Vec<Solution> = (0..N_PARTS)
+        .into_par_iter()
         .map(|part| {
-            let edges: Vec<Edges> =
-                cameras.iter().map(|profiles| Edges::new(profiles.iter().skip(part).step_by(N_PARTS))).collect();
-            solution.clone().refined(&edges, has_delay)
+            let rest = |(profiles, edges): (&Vec<Profile>, &Edges)| {
+                let [begin, end] = [part, part + 1].map(|part| part * profiles.len() / N_PARTS);
+                let mut rest = Edges::new(profiles[..begin].iter().chain(&profiles[end..]));
+                rest.axes.clone_from(&edges.axes);
+                rest
+            };
+            let rest: Vec<Edges> = cameras.iter().zip(&all).map(rest).collect();
+            solution.clone().refined(&rest, has_delay)
         })
         .collect();
     let deviation = |value: &dyn Fn(&Solution) -> f32| {
-        let mean = parts.iter().map(value).sum::<f32>() / N_PARTS as f32;
+        let n = N_PARTS as f32;
+        let mean = parts.iter().map(value).sum::<f32>() / n;
         let square: f32 = parts.iter().map(|part| (value(part) - mean).powi(2)).sum();
-        (square / (N_PARTS * (N_PARTS - 1)) as f32).sqrt()
+        (square * (n - 1.0) / n).sqrt()
     };
     let camera = |(i, edges): (usize, &Edges)| CameraOffset {
         turn: solution.turns[i],
-        deviation: [0, 1].map(|axis| deviation(&|part: &Solution| part.turns[i][axis])),
+        deviation: [0, 1, 2]
+            .map(|axis| deviation(&|part: &Solution| part.turns[i][axis]).hypot(edges.common_deviation(axis))),
+        is_turned_about_axis: edges.axes.len() > edges.n_across,
         n_edges: edges.rows.len(),
         peak: edges.peak(solution.turns[i], solution.delay_s, false),
     };
     Offset {
+        tells_delay: has_delay
+            || all.iter().map(Edges::delay_square).sum::<f32>().sqrt() * OBSERVABLE_DELAY_S > EDGE_STEPS,
         delay_s: has_delay.then(|| [solution.delay_s, deviation(&|part: &Solution| part.delay_s)]),
         cameras: all.iter().enumerate().map(camera).collect(),
     }
+}
+
+/// Lets those cameras turn about their axes whose edges then agree by far better: elsewhere one more unknown would only add its noise.
+fn with_turns_about_axes(all: Vec<Edges>, mut solution: Solution, has_delay: bool) -> (Vec<Edges>, Solution) {
+    let delay_s = solution.delay_s;
+    let turned = |(edges, turn): (Edges, &mut Turn)| {
+        if !edges.may_tell_axis() {
+            return edges;
+        }
+        let mut freed = [edges];
+        freed[0].axes.push([0.0, 0.0, 1.0]);
+        let found = Solution { turns: vec![*turn], delay_s }.refined(&freed, false).turns[0];
+        let [mut edges] = freed;
+        let gain = edges.peak(found, delay_s, false).powi(2) - edges.peak(*turn, delay_s, false).powi(2);
+        if gain > SIGNIFICANT_DELAY.powi(2) {
+            *turn = found;
+        } else {
+            edges.axes.pop();
+        }
+        edges
+    };
+    let all: Vec<Edges> = all.into_iter().zip(&mut solution.turns).map(turned).collect();
+    let solution = solution.refined(&all, has_delay);
+    (all, solution)
 }
 
 /// Turns alone, of the edges of some range, about the turn that all edges gave.
@@ -127,74 +168,13 @@ pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOf
     let edges = vec![Edges::new(profiles.iter().filter(|profile| range_m.contains(&profile.range_m)))];
     let found = Solution { turns: vec![around.turn], delay_s }.refined(&edges, false);
     let peak = edges[0].peak(found.turns[0], delay_s, false);
-    CameraOffset { turn: found.turns[0], deviation: [0.0; 2], n_edges: edges[0].rows.len(), peak }
-}
-
-/// One camera's edges.
-struct Edges {
-    /// Steps per rad about x and y and per s, and the phase.
-    rows: Vec<[f32; 4]>,
-    /// Turns that the edges tell: about both axes, or about one in between if all edges run the same way.
-    axes: Vec<Turn>,
-    /// Their profiles, sharp and smoothed.
-    sharp: Vec<Vec<f32>>,
-    smooth: Vec<Vec<f32>>,
-}
-
-impl Edges {
-    fn new<'a>(profiles: impl Iterator<Item = &'a Profile>) -> Self {
-        let mut edges = Self { rows: Vec::new(), axes: Vec::new(), sharp: Vec::new(), smooth: Vec::new() };
-        for profile in profiles {
-            let [x, y, _] = profile.per_rad;
-            edges.rows.push([x, y, profile.per_s, profile.phase]);
-            let changes: Vec<f32> = profile.changes.iter().map(|change| f32::from(*change) / 16.0).collect();
-            // What is bright and busy over many steps is no outline.
-            let background = smoothed(&changes, BACKGROUND);
-            let changes: Vec<f32> = changes.iter().zip(background).map(|(change, mean)| change - mean).collect();
-            // Twice over neighbors gives the middle the most weight, so that there is one place where the peak is highest.
-            edges.sharp.push(smoothed(&smoothed(&changes, 1), 1));
-            edges.smooth.push(smoothed(&changes, SMOOTHING));
-        }
-        edges.axes = axes(&edges.rows);
-        edges
+    CameraOffset {
+        turn: found.turns[0],
+        is_turned_about_axis: around.is_turned_about_axis,
+        deviation: [0.0; 3],
+        n_edges: edges[0].rows.len(),
+        peak,
     }
-
-    /// Sum over every so manyth profile, at the place where the outline should be. Beyond a profile's ends there is nothing.
-    fn score(&self, turn: Turn, delay_s: f32, coarse: bool) -> f32 {
-        let (profiles, every) =
-            if coarse { (&self.smooth, self.rows.len().div_ceil(FEW).max(1)) } else { (&self.sharp, 1) };
-        let pairs = self.rows.iter().zip(profiles).step_by(every);
-        pairs
-            .map(|([x, y, t, phase], changes)| {
-                let at = REACH as f32 + x * turn[0] + y * turn[1] + t * delay_s - phase;
-                if at.is_nan() || at < 0.0 {
-                    return 0.0;
-                }
-                let (i, share) = (at as usize, at.fract());
-                match changes.get(i..i + 2) {
-                    Some([a, b]) => a + share * (b - a),
-                    _ => 0.0,
-                }
-            })
-            .sum()
-    }
-
-    /// The score in standard deviations of what chance gives: that of as many numbers of the same size.
-    fn peak(&self, turn: Turn, delay_s: f32, coarse: bool) -> f32 {
-        let profiles = if coarse { &self.smooth } else { &self.sharp };
-        let square: f32 = profiles.iter().flatten().map(|change| change * change).sum();
-        let per_profile = square / (2 * REACH + 1) as f32;
-        self.score(turn, delay_s, coarse) / per_profile.sqrt().max(1e-6)
-    }
-}
-
-/// The mean over a window of `2 * radius + 1`, cut off at the ends.
-fn smoothed(changes: &[f32], radius: usize) -> Vec<f32> {
-    let mean = |i: usize| {
-        let window = &changes[i.saturating_sub(radius)..(i + radius + 1).min(changes.len())];
-        window.iter().sum::<f32>() / window.len() as f32
-    };
-    (0..changes.len()).map(mean).collect()
 }
 
 #[derive(Clone)]
@@ -211,12 +191,12 @@ impl Solution {
         let mut best: Option<(f32, Self)> = None;
         for delay_s in (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S) {
             let best_turn = |edges: &Edges| {
-                let mut best = (f32::NEG_INFINITY, [0.0; 2]);
-                let n_across = if edges.axes.len() > 1 { n_turns } else { 0 };
+                let mut best = (f32::NEG_INFINITY, [0.0; 3]);
+                let n_across = if edges.n_across > 1 { n_turns } else { 0 };
                 for (a, b) in (-n_turns..=n_turns).flat_map(|a| (-n_across..=n_across).map(move |b| (a, b))) {
                     let steps = [a as f32 * TURN_STEP, b as f32 * TURN_STEP];
-                    let turn =
-                        edges.axes.iter().zip(steps).fold([0.0; 2], |turn, (axis, step)| moved(turn, *axis, step));
+                    let axes = edges.axes[..edges.n_across].iter().zip(steps);
+                    let turn = axes.fold([0.0; 3], |turn, (axis, step)| moved(turn, *axis, step));
                     let score = edges.score(turn, delay_s, true);
                     if score > best.0 {
                         best = (score, turn);
@@ -230,7 +210,7 @@ impl Solution {
                 best = Some((score, Self { turns: found.into_iter().map(|(_, turn)| turn).collect(), delay_s }));
             }
         }
-        best.map_or_else(|| Self { turns: vec![[0.0; 2]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
+        best.map_or_else(|| Self { turns: vec![[0.0; 3]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
     }
 
     /// By ever smaller steps, along one unknown after the other, as long as the sum rises.
@@ -306,22 +286,13 @@ fn climb(edges: &Edges, turn: &mut Turn, delay_s: f32, step: f32) -> bool {
 }
 
 fn moved(turn: Turn, axis: Turn, step: f32) -> Turn {
-    [turn[0] + step * axis[0], turn[1] + step * axis[1]]
-}
-
-/// The axis that the edges tell most about, and the one across it if they tell a tenth as much about that.
-fn axes(rows: &[[f32; 4]]) -> Vec<Turn> {
-    let sum = |value: &dyn Fn(&[f32; 4]) -> f32| rows.iter().map(value).sum::<f32>();
-    let (xx, xy, yy) = (sum(&|r| r[0] * r[0]), sum(&|r| r[0] * r[1]), sum(&|r| r[1] * r[1]));
-    // Principal axes of the 2x2 matrix.
-    let (y, x) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
-    let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-    if middle - half > 0.1 * (middle + half) { vec![[x, y], [-y, x]] } else { vec![[x, y]] }
+    [0, 1, 2].map(|i| turn[i] + step * axis[i])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::offset::REACH;
 
     /// A number from 0 to 1 that looks like chance.
     fn chance(seed: usize) -> f32 {
@@ -333,10 +304,10 @@ mod tests {
     fn profiles(turn: Turn, delay_s: f32, speed: f32, is_outline: bool) -> Vec<Profile> {
         let profile = |i: usize| {
             let (angle, range_m) = (6.3 * chance(3 * i), 5.0 + 35.0 * chance(3 * i + 1));
-            let per_rad = [800.0 * angle.cos(), 800.0 * angle.sin(), 0.0];
+            let per_rad = [800.0 * angle.cos(), 800.0 * angle.sin(), 300.0 * (2.0 * chance(7 * i) - 1.0)];
             let per_s = 800.0 * speed / range_m * angle.sin();
             let phase = chance(3 * i + 2);
-            let shift = per_rad[0] * turn[0] + per_rad[1] * turn[1] + per_s * delay_s - phase;
+            let shift = (0..3).map(|axis| per_rad[axis] * turn[axis]).sum::<f32>() + per_s * delay_s - phase;
             let change = |at: usize| {
                 let from_outline = (at as f32 - REACH as f32 - shift).abs();
                 let outline = if is_outline { (2.0 - from_outline).max(0.0) * 30.0 } else { 0.0 };
@@ -351,11 +322,12 @@ mod tests {
 
     #[test]
     fn a_turn_and_a_delay_are_found_and_told_apart() {
-        for (turn, delay_s) in [([0.0035, -0.02], 0.0), ([-0.004, 0.001], 0.03), ([0.0, 0.0], -0.1)] {
+        for (turn, delay_s) in [([0.0035, -0.02, 0.01], 0.0), ([-0.004, 0.001, -0.005], 0.03), ([0.0; 3], -0.1)] {
             let found = fit(&[profiles(turn, delay_s, 10.0, true)]);
             let camera = &found.cameras[0];
             assert!(camera.is_found(), "{found:?}");
-            for axis in 0..2 {
+            assert_eq!(camera.is_turned_about_axis, turn[2] != 0.0, "{found:?}");
+            for axis in 0..3 {
                 assert!((camera.turn[axis] - turn[axis]).abs() < 1e-3, "{found:?} instead of {turn:?} and {delay_s}");
             }
             let found_s = found.delay_s.map_or(0.0, |[delay_s, _]| delay_s);
@@ -366,21 +338,32 @@ mod tests {
 
     #[test]
     fn a_delay_is_not_told_by_a_vehicle_that_stands() {
-        let found = fit(&[profiles([0.01, 0.0], 0.05, 0.0, true)]);
-        assert!(found.delay_s.is_none() && (found.cameras[0].turn[0] - 0.01).abs() < 3e-4, "{found:?}");
+        let cameras = |speed: f32| [0; 4].map(|_| profiles([0.01, 0.0, 0.0], 0.0, speed, true));
+        assert!(fit(&cameras(10.0)).tells_delay && !fit(&cameras(0.0)).tells_delay);
+        let found = fit(&[profiles([0.01, 0.0, 0.0], 0.05, 0.0, true)]);
+        assert!(
+            found.delay_s.is_none() && !found.tells_delay && (found.cameras[0].turn[0] - 0.01).abs() < 3e-4,
+            "{found:?}"
+        );
     }
 
     #[test]
     fn parts_that_contradict_each_other_find_nothing() {
-        let found = CameraOffset { turn: [0.04, 0.01], deviation: [0.001, 0.001], n_edges: 800, peak: 13.0 };
+        let found = CameraOffset {
+            turn: [0.04, 0.01, 0.0],
+            is_turned_about_axis: false,
+            deviation: [0.001, 0.001, 0.0],
+            n_edges: 800,
+            peak: 13.0,
+        };
         assert!(found.is_found() && found.exceeds(0.005), "{found:?}");
-        let torn = CameraOffset { deviation: [0.009, 0.004], ..found };
+        let torn = CameraOffset { deviation: [0.009, 0.004, 0.0], ..found };
         assert!(!torn.is_found() && !torn.exceeds(0.005), "{torn:?}");
     }
 
     #[test]
     fn where_there_are_no_outlines_nothing_is_found() {
-        let found = fit(&[profiles([0.0; 2], 0.0, 10.0, false), Vec::new()]);
+        let found = fit(&[profiles([0.0; 3], 0.0, 10.0, false), Vec::new()]);
         assert!(found.cameras.iter().all(|camera| !camera.is_found()), "{found:?}");
     }
 }

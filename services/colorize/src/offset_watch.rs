@@ -81,9 +81,29 @@ pub fn overview(names: &[String], offset: &Offset) -> String {
     let cameras: Vec<String> = names.iter().enumerate().map(camera).collect();
     let delay = match offset.delay_s.map(|values| values.map(|seconds| 1e3 * seconds)) {
         Some([delay_ms, deviation_ms]) => format!("delay {delay_ms:.1} +- {deviation_ms:.1} ms"),
-        None => "no delay found".to_owned(),
+        None if offset.tells_delay => "no delay found".to_owned(),
+        None => "delay not observable".to_owned(),
     };
     format!("offset in mrad: {}; {delay}", cameras.join(", "))
+}
+
+/// All cameras in a second line, `offset by range (0-8, 8-20, 20-120 m) in mrad/px: front 0.4/0.3 0.2/0.1 -`: by range what is known. `px_per_rad`
+/// belongs to the names.
+pub fn overview_by_range(names: &[String], px_per_rad: &[f32], watch: &Watch, offset: &Offset) -> Option<String> {
+    let bin = |(_, found): (Range<f32>, CameraOffset), px_per_rad: f32| {
+        let angle = found.angle();
+        if found.is_found() { format!("{:.1}/{:.1}", 1e3 * angle, px_per_rad * angle) } else { "-".to_owned() }
+    };
+    let known = (0..offset.cameras.len()).filter(|index| offset.cameras[*index].is_found());
+    let cameras: Vec<String> = known
+        .map(|index| {
+            let bins: Vec<String> =
+                watch.by_range(index, offset).into_iter().map(|found| bin(found, px_per_rad[index])).collect();
+            format!("{} {}", names[index], bins.join(" "))
+        })
+        .collect();
+    let ranges = RANGES_M.map(|range| format!("{:.0}-{:.0}", range.start, range.end)).join(", ");
+    (!cameras.is_empty()).then(|| format!("offset by range ({ranges} m) in mrad/px: {}", cameras.join(", ")))
 }
 
 /// A camera's offset in words: `name: 3.4 mrad (1.2 px) …`, at most 300 characters.
@@ -95,10 +115,15 @@ pub fn sentence(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[(
     let ranges: Vec<String> = (by_range.iter().filter(|(_, found)| found.is_found()))
         .map(|(range, found)| format!("{:.0}-{:.0} m {:.1}", range.start, range.end, mrad(found.angle())))
         .collect();
-    let [x, y] = found.turn.map(mrad);
+    let [x, y, z] = found.turn.map(mrad);
+    let about_axis = if found.is_turned_about_axis {
+        format!(", about its axis by {z:.1} +- {:.1}", mrad(found.deviation[2]))
+    } else {
+        String::new()
+    };
     let sigma = mrad(found.sigma());
     format!(
-        "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2} mrad; by range {}; {} edges, peak {:.0}",
+        "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2}{about_axis} mrad; by range {}; {} edges, peak {:.0}",
         mrad(found.angle()),
         found.angle() * px_per_rad,
         if ranges.is_empty() { "unknown".to_owned() } else { ranges.join(", ") },
@@ -113,13 +138,21 @@ mod tests {
 
     #[test]
     fn all_cameras_stand_in_one_line() {
-        let found = CameraOffset { turn: [0.003, 0.004], deviation: [0.0003, 0.0004], n_edges: 900, peak: 20.0 };
+        let found = CameraOffset {
+            turn: [0.003, 0.004, 0.0],
+            is_turned_about_axis: false,
+            deviation: [0.0003, 0.0004, 0.0],
+            n_edges: 900,
+            peak: 20.0,
+        };
         let lost = CameraOffset { n_edges: 3, ..found.clone() };
         let names = ["front", "left", "back"].map(str::to_owned);
-        let offset = Offset { cameras: vec![found, lost], delay_s: Some([0.0284, 0.0004]) };
+        let offset = Offset { cameras: vec![found, lost], delay_s: Some([0.0284, 0.0004]), tells_delay: true };
         let line = overview(&names, &offset);
         let cameras = "offset in mrad: front 5.0 +- 0.5, left not observable, back not observable";
         assert_eq!(line, format!("{cameras}; delay 28.4 +- 0.4 ms"));
-        assert!(overview(&names, &Offset { delay_s: None, ..offset }).ends_with("; no delay found"));
+        let offset = Offset { delay_s: None, ..offset };
+        assert!(overview(&names, &offset).ends_with("; no delay found"));
+        assert!(overview(&names, &Offset { tells_delay: false, ..offset }).ends_with("; delay not observable"));
     }
 }

@@ -8,6 +8,7 @@ pub mod ecostress;
 pub mod envi;
 pub mod imu;
 pub mod kitti;
+pub mod ladybug;
 pub mod manifest;
 pub mod nmea;
 pub mod pcap;

@@ -1,6 +1,7 @@
 //! Camera models: where a point of the camera frame (x right, y down, z forward, m) falls on the image (u right, v down,
 //! px, pixel centers at integers), and back.
 
+use crate::SplineWarp;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,8 @@ pub enum CameraModel {
     Pinhole(Pinhole),
     /// Wide-angle lens.
     KannalaBrandt(KannalaBrandt),
+    /// Lens of a panoramic camera.
+    SplineWarp(SplineWarp),
 }
 
 /// Pinhole with Brown-Conrady distortion (radial k1 k2 k3, tangential p1 p2), as in OpenCV.
@@ -63,6 +66,7 @@ impl CameraModel {
         match self {
             CameraModel::Pinhole(m) => (m.width, m.height),
             CameraModel::KannalaBrandt(m) => (m.width, m.height),
+            CameraModel::SplineWarp(m) => (m.width, m.height),
         }
     }
 
@@ -71,6 +75,7 @@ impl CameraModel {
         let pixel = match self {
             CameraModel::Pinhole(m) => m.project(p_in_camera)?,
             CameraModel::KannalaBrandt(m) => m.project(p_in_camera)?,
+            CameraModel::SplineWarp(m) => m.project(p_in_camera, 0.0)?,
         };
         let (width, height) = self.size();
         let inside =
@@ -83,6 +88,7 @@ impl CameraModel {
         match self {
             CameraModel::Pinhole(m) => m.unproject(pixel),
             CameraModel::KannalaBrandt(m) => m.unproject(pixel),
+            CameraModel::SplineWarp(m) => m.unproject(pixel),
         }
     }
 }
@@ -179,6 +185,7 @@ impl KannalaBrandt {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::UnitQuaternion;
 
     fn models() -> [CameraModel; 2] {
         [
@@ -241,6 +248,28 @@ mod tests {
         // Down and up again: the slope 1 - 3 r2 + 2.1 r2^2 is negative from 0.54 to 0.89 only.
         let wavy = Pinhole { distortion: [-1.0, 0.42, 0.0, 0.0, 0.0], ..barrel };
         assert!(wavy.is_monotone_to(0.5) && !wavy.is_monotone_to(0.7) && !wavy.is_monotone_to(2.0));
+    }
+
+    /// The layout of a panorama as a cube: six images of 90 degrees. Pixels reach half a pixel beyond their centers, so that no direction falls
+    /// between two faces.
+    #[test]
+    fn six_cameras_of_a_cube_see_every_direction_once() {
+        let (side, half) = (256, 127.5);
+        let (width, height, fx, fy, cx, cy) = (side, side, 128.0, 128.0, half, half);
+        let face = CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] });
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let around = (0..4).map(|i| UnitQuaternion::from_scaled_axis(Vector3::y() * quarter * f64::from(i)));
+        let poles = [-quarter, quarter].map(|angle| UnitQuaternion::from_scaled_axis(Vector3::x() * angle));
+        let faces: Vec<UnitQuaternion<f64>> = around.chain(poles).collect();
+        for i in 0..10_000 {
+            // Fibonacci's sphere: even in all directions.
+            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 10_000.0;
+            let (across, angle) = ((1.0 - z * z).sqrt(), f64::from(i) * 2.399_963_229_728_653);
+            let direction = Point3::new(across * angle.cos(), across * angle.sin(), z);
+            let n_seen =
+                faces.iter().filter(|face_from_cube| face.pixel_from_camera(&(*face_from_cube * direction)).is_some());
+            assert_eq!(n_seen.count(), 1, "{direction}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod pose;
 mod range_image;
 mod rectangle;
 mod rig;
+mod spline_warp;
 mod stamp;
 mod utm;
 
@@ -18,5 +19,6 @@ pub use pose::{Pose, Trajectory, interpolate};
 pub use range_image::{NO_POINT, RangeImage, SphericalGrid, column_angle, column_of_azimuth};
 pub use rectangle::OrientedRectangle;
 pub use rig::{Rig, RigCamera};
+pub use spline_warp::{SplineSurface, SplineWarp};
 pub use stamp::Stamp;
 pub use utm::{Utm, UtmError};

@@ -74,7 +74,7 @@ impl Colorize {
         let n_points = cloud.points.len();
         let mut loan = outputs.loan::<Color>(n_points)?;
         let rows = loan.grow_unset(n_points).ok_or_else(|| too_small("color", n_points))?;
-        let n_seen = color_into(&sources, &pictures, rows);
+        let n_seen = color_into(&sources, &pictures, self.level_exposures, rows);
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);

@@ -36,6 +36,7 @@ pub fn lens(file: &mut TomlFile, key: &str, model: &CameraModel) {
     let (focal, rest, angle) = match model {
         CameraModel::Pinhole(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), 1.0),
         CameraModel::KannalaBrandt(m) => ([m.fx, m.fy], [&[m.cx, m.cy][..], &m.distortion].concat(), m.max_angle),
+        CameraModel::SplineWarp(m) => ([m.fx, m.fy], vec![m.cx, m.cy], 1.0),
     };
     let focused = focal.iter().all(|f| *f > 0.0 && f.is_finite());
     file.rule(key, focused, || format!("focal lengths {focal:?} must be positive"));

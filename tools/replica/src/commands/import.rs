@@ -1,4 +1,7 @@
-//! `replica import`: a public data set's layout into a drive folder, with links instead of copies.
+//! `replica import`: a public data set's layout into a drive folder, with links instead of copies; a camera's calibration file into
+//! the words of a drive.toml.
+
+mod ladybug;
 
 use anyhow::{Context, bail, ensure};
 use clap::Args as ClapArgs;
@@ -13,10 +16,13 @@ use std::process::ExitCode;
 #[derive(ClapArgs)]
 pub struct Args {
     /// Folder of KITTI raw (`velodyne_points/data`), of a KITTI odometry sequence (`velodyne`), or of bare *.bin or *.pcd
-    /// sweeps
+    /// sweeps; or the calibration file of a Ladybug (.cal)
     source: PathBuf,
-    /// Drive folder to make
+    /// Drive folder to make; of a calibration, the file for its entries [[camera]] of a drive.toml
     out: PathBuf,
+    /// Of a calibration: where the Ladybug is on the vehicle, its axes along the vehicle's, m
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, default_value = "0,0,0")]
+    position: Vec<f64>,
 }
 
 /// What a layout comes to.
@@ -31,6 +37,12 @@ struct Found {
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     ensure!(!args.out.exists(), "{} is there already", args.out.display());
+    if args.source.extension().is_some_and(|extension| extension == "cal") {
+        let [x, y, z] = args.position[..] else { bail!("--position {:?} must be three numbers", args.position) };
+        let n_cameras = ladybug::import(&args.source, &args.out, [x, y, z])?;
+        println!("{}: {n_cameras} cameras", args.out.display());
+        return Ok(ExitCode::SUCCESS);
+    }
     let found = find(&args.source)?;
     if let Some(times) = &found.times {
         let n_sweeps = found.sweeps.len();
@@ -164,7 +176,7 @@ mod tests {
         }
         let dates = "2011-09-26 13:02:25.9\n2011-09-26 13:02:26.0\n2011-09-26 13:02:26.125\n";
         fs::write(data.join("../timestamps.txt"), dates).expect("writes");
-        let args = Args { source: folder.path().join("raw"), out: folder.path().join("drive") };
+        let args = Args { source: folder.path().join("raw"), out: folder.path().join("drive"), position: vec![0.0; 3] };
         run(&args).expect("imports");
         let drive = Drive::open(&args.out).expect("opens");
         assert!(!drive.is_inferred());

@@ -2,6 +2,7 @@
 
 mod channel;
 mod diagnosis;
+mod exposures;
 mod input;
 mod reference;
 mod report;
@@ -20,11 +21,17 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Drive folders (see --camera), ENVI cubes, or TIFFs of a sample for each band: of these the shares of the full scale.
-    #[arg(required = true, value_name = "DRIVE|CUBE.hdr|CUBE.tif")]
+    #[arg(required_unless_present = "exposures_ms", value_name = "DRIVE|CUBE.hdr|CUBE.tif")]
     inputs: Vec<PathBuf>,
     /// Mosaic camera of the drives, by name.
     #[arg(long)]
     camera: Option<String>,
+    /// Simulate one street with these exposure times of the mosaic cameras, ms, and compare what they see, instead of inputs.
+    #[arg(long, value_name = "MS,MS…", value_delimiter = ',', conflicts_with = "inputs", value_parser = positive)]
+    exposures_ms: Vec<f64>,
+    /// Seed of the simulated street.
+    #[arg(long, default_value_t = 1, requires = "exposures_ms")]
+    seed: u64,
     /// Only this frame of the camera, from 0; else all.
     #[arg(long)]
     frame: Option<usize>,
@@ -105,8 +112,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         args.reference.iter().map(|path| reference::read(path)).collect::<Result<_, _>>()?;
     let references = references.concat();
     let (mut sources, mut originals, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
-    for path in &args.inputs {
+    let folder = tempfile::tempdir().context("a folder for simulated drives")?;
+    let simulated = exposures::simulate(folder.path(), &args.exposures_ms, args.seed, args.camera.as_deref())?;
+    for path in args.inputs.iter().chain(&simulated) {
         let mut source = input::read(path, &choice)?;
+        if simulated.contains(path) {
+            source.name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        }
         // The diagnosis is of the data as they are.
         let diagnosis = diagnosis::diagnose(&source);
         originals.push(source.channels.clone());

@@ -48,6 +48,8 @@ pub struct ChannelReport {
     pub max: Option<f64>,
     #[allow(missing_docs, reason = "see min")]
     pub deviation: Option<f64>,
+    /// Share of the values in the interval of 0.1 that holds most of them, 0 to 1, and where it begins.
+    pub densest: [f64; 2],
     /// Share above each threshold, 0 to 1.
     pub above: Vec<f64>,
     /// Mean and standard deviation in the region.
@@ -75,6 +77,10 @@ impl InputReport {
             mean: channel.mean(),
             max: channel.max(),
             deviation: channel.deviation(),
+            densest: {
+                let (low, share) = channel.densest(0.1);
+                [share, low]
+            },
             above: thresholds.iter().map(|threshold| channel.rate_above(*threshold)).collect(),
             signature: (moments.n > 0).then(|| [moments.mean(), moments.deviation()]),
         };
@@ -127,7 +133,37 @@ impl Report {
             }
             text.push('\n');
         }
+        if self.inputs.len() > 1 {
+            text.push_str(&self.comparison());
+        }
         text
+    }
+
+    /// One line for each input: means over its channels.
+    fn comparison(&self) -> String {
+        let thresholds: Vec<String> = self.thresholds.iter().map(|t| format!(" > {t} |")).collect();
+        let thresholds = thresholds.concat();
+        let mut text =
+            format!("## Means over channels\n\n| Input | mean | std | invalid | in the densest 0.1 |{thresholds}\n");
+        let _ = writeln!(text, "|---{}|", "|---:".repeat(4 + self.thresholds.len()));
+        for input in &self.inputs {
+            let mean = |value: &dyn Fn(&ChannelReport) -> Option<f64>| {
+                let values: Vec<f64> = input.channels.iter().filter_map(value).collect();
+                (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+            };
+            let per_cent = |value: &dyn Fn(&ChannelReport) -> f64| {
+                format!("{:.1}%", 100.0 * mean(&|channel| Some(value(channel))).unwrap_or_default())
+            };
+            let (center, width) = (number(mean(&|channel| channel.mean)), number(mean(&|channel| channel.deviation)));
+            let (invalid, densest) = (per_cent(&|channel| channel.invalid), per_cent(&|channel| channel.densest[0]));
+            let begin = mean(&|channel| Some(channel.densest[1])).unwrap_or_default();
+            let _ = write!(text, "| {} | {center} | {width} | {invalid} | {densest} from {begin:.2} |", input.name);
+            for (i, _) in self.thresholds.iter().enumerate() {
+                let _ = write!(text, " {} |", per_cent(&|channel| channel.above[i]));
+            }
+            text.push('\n');
+        }
+        text + "\n"
     }
 
     /// One line for each channel of each input; what is no number stands in comment lines.
