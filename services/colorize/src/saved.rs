@@ -59,9 +59,15 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
         n_cubes: cubes.len() as u64,
     };
     let mut state = StateBytes::with_head(VERSION, &head)?;
-    held.submaps.iter().for_each(|submap| state.push(submap));
-    images.iter().for_each(|image| state.push(image));
-    cubes.iter().for_each(|cube| state.push(cube));
+    for submap in &held.submaps {
+        state.push(submap);
+    }
+    for image in images {
+        state.push(image);
+    }
+    for cube in cubes {
+        state.push(cube);
+    }
     Ok(state)
 }
 

@@ -51,7 +51,9 @@ mod tests {
 
     fn sum(pieces: &[&[u8]]) -> u64 {
         let mut checksum = Checksum::new();
-        pieces.iter().for_each(|piece| checksum.add(piece));
+        for piece in pieces {
+            checksum.add(piece);
+        }
         checksum.sum()
     }
 
