@@ -6,6 +6,7 @@
 
 #![allow(
     clippy::needless_range_loop,
+    clippy::manual_memcpy,
     reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
 )]
 

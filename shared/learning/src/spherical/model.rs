@@ -176,7 +176,7 @@ impl Segmenter for SphericalModel {
         let n_pixels = rows_of(cloud.header) * self.settings.columns;
         let mut of_pixels = std::mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
         of_pixels.resize(ranges.len() * n_pixels, [0; MAX_CLASSES]);
-        let of_sweep = |(number, ((of, points), votes)): (usize, (&(SubmapSweep, Range<usize>), &mut [Vote]))| {
+        let of_sweep = |number: usize, (of, points): &(SubmapSweep, Range<usize>), votes: &mut [Vote]| {
             let sweep = sweep(cloud, of, points.clone(), self.settings.columns, &heights_m);
             self.vote(&sweep.polar, votes)?;
             self.options.refinement.of_image(&sweep.polar, &self.classes, votes);
@@ -185,8 +185,12 @@ impl Segmenter for SphericalModel {
             Ok((0..points.len()).map(pixel).collect())
         };
         // Each sweep on one thread: that scales better than threads inside a network, and the results have an order.
-        let voted: Vec<Result<Vec<u32>, LearningError>> =
-            ranges.par_iter().zip(of_pixels.par_chunks_exact_mut(n_pixels)).enumerate().map(of_sweep).collect();
+        let voted: Vec<Result<Vec<u32>, LearningError>> = ranges
+            .par_iter()
+            .zip(of_pixels.par_chunks_exact_mut(n_pixels))
+            .enumerate()
+            .map(|(number, (range, votes))| of_sweep(number, range, votes))
+            .collect();
         let mut pixel_of_point = vec![NO_POINT; cloud.points.len()];
         for ((_, points), pixels) in ranges.iter().zip(voted) {
             pixel_of_point[points.clone()].copy_from_slice(&pixels?);

@@ -2,7 +2,8 @@
 
 #![allow(
     clippy::needless_range_loop,
-    reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
+    clippy::needless_bitwise_bool,
+    reason = "loops over constant bounds become vector instructions; iterators, calls and branches in between do not"
 )]
 
 use super::PolarImage;

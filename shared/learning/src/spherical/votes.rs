@@ -38,7 +38,7 @@ impl Votes<'_> {
         let n = self.n_classes;
         let (mut number_of_cell, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
         // A laser's next point mostly lies where its last one lay.
-        let mut last_of_ring = [Last::default(); 256];
+        let mut last_of_ring = vec![Last::default(); 256];
         let add = |(point, &pixel): (&SubmapPoint, &u32)| {
             let cell = cell(point, cell_m);
             let last = &mut last_of_ring[usize::from(point.ring)];
@@ -58,7 +58,9 @@ impl Votes<'_> {
             (last.first / n) as u32
         };
         let numbers: Vec<u32> = points.iter().zip(self.pixel_of_point).map(add).collect();
-        last_of_ring.iter().for_each(|last| last.hand_in(&mut sums));
+        for last in &last_of_ring {
+            last.hand_in(&mut sums);
+        }
         let mut decisions: Vec<Decision> = sums.chunks_exact(n).map(decide).collect();
         for level in 1..=COARSER {
             self.decide_coarsely(&cells, &sums, level, &mut decisions);

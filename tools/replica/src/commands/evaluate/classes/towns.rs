@@ -47,6 +47,8 @@ pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(Str
             clouds.push((format!("{name}-{seed}"), confusion));
         }
     }
-    eprint!("{pooled}");
+    if !clouds.is_empty() {
+        eprint!("{pooled}");
+    }
     Ok(clouds)
 }
