@@ -42,7 +42,7 @@ impl Infer {
 }
 
 fn options(settings: &Settings) -> Options {
-    Options { every: settings.every as usize }
+    Options { every: settings.every as usize, ..Options::default() }
 }
 
 fn tell(report: Report, outputs: &mut Outputs) {

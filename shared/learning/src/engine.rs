@@ -9,6 +9,7 @@ mod convolution;
 mod gradient;
 mod planes;
 mod resample;
+mod winograd;
 
 pub use convolution::{Filter, Shape, convolve};
 pub use gradient::{input_gradient, weight_gradient};

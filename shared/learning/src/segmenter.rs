@@ -2,7 +2,7 @@
 
 use crate::ground::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
-use crate::spherical::{self, SphericalModel};
+use crate::spherical::{self, Refinement, SphericalModel};
 use crate::{LearningError, ModelCard};
 use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
 use std::path::Path;
@@ -44,11 +44,13 @@ pub trait Segmenter: Send {
 pub struct Options {
     /// Of so many sweeps of a submap, one is looked at; 1 for all. Models that do not look at sweeps look at everything.
     pub every: usize,
+    /// Corrections of the network's classes, none by default.
+    pub refinement: Refinement,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { every: 1 }
+        Self { every: 1, refinement: Refinement::default() }
     }
 }
 
@@ -64,7 +66,7 @@ pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, Learni
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
-        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_every(options.every))),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options))),
         got => Err(LearningError::Architecture { path: path.into(), got: got.to_owned(), known: KNOWN }),
     }
 }

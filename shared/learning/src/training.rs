@@ -190,10 +190,13 @@ impl Trainer {
             progress(i + 1, batches.len());
         }
         let (validation_loss, confusion) = self.evaluate(validation)?;
-        let mean_iou = confusion.mean_iou().unwrap_or(0.0);
-        let accuracy = confusion.overall_accuracy().unwrap_or(0.0);
+        // Nine decimals: serde_json reads longer numbers back with another last digit, and a resumed training must not differ.
+        let rounded = |value: f64| (value * 1e9).round() / 1e9;
+        let [validation_loss, mean_iou, accuracy] =
+            [validation_loss, confusion.mean_iou().unwrap_or(0.0), confusion.overall_accuracy().unwrap_or(0.0)]
+                .map(rounded);
         let is_best = self.curves.best().is_none_or(|(_, best)| mean_iou > best);
-        let loss = sum / batches.len().max(1) as f64;
+        let loss = rounded(sum / batches.len().max(1) as f64);
         self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
         if is_best {
             self.best = self.averaged.weights()?;

@@ -62,6 +62,8 @@ fn cases() -> Vec<Case> {
     vec![
         case([3, 3], 1, &[16], 32, [4, 16], Border::Circular, true),
         case([3, 3], 1, &[5], 20, [3, 13], Border::Zero, false),
+        case([3, 3], 1, &[20, 35], 70, [12, 40], Border::Circular, true),
+        case([3, 3], 1, &[40], 64, [4, 8], Border::Zero, false),
         case([1, 1], 1, &[32, 7], 48, [2, 9], Border::Circular, true),
         case([5, 5], 2, &[20, 3], 17, [5, 22], Border::Circular, true),
         case([5, 5], 1, &[3], 4, [1, 4], Border::Zero, false),

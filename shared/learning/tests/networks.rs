@@ -101,13 +101,16 @@ fn derivatives_by_every_variable_are_those_of_finite_differences() {
                 variables.set(name, values, shape.dims()).expect("sets");
                 loss(&variables, &batch).0
             };
-            let step = 5e-5;
-            let difference = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
+            let off = |step: f32| {
+                let difference = (moved(step) - moved(-step)) / (2.0 * f64::from(step));
+                (difference - along).abs()
+            };
+            // f32 holds seven digits, which tells on the short step, and rectifiers bend between the two places, which tells on
+            // the long one: one of them must come near, to a few percent of the derivative's size.
+            let error = off(5e-5).min(off(2e-4));
             moved(0.0);
-            // Rectifiers bend between the two places, and f32 holds seven digits: a few percent of the derivative's size.
             assert!(size > 1e-3, "{name} of {spec:?} has no derivative");
-            let error = (difference - along).abs();
-            assert!(error < 0.02 * size + 0.05, "{name} of {spec:?}: {along} for {difference}, size {size}");
+            assert!(error < 0.02 * size + 0.05, "{name} of {spec:?}: {along} is off by {error}, size {size}");
         }
     }
 }

@@ -7,6 +7,7 @@
 )]
 
 use super::planes::{BORDER, Feature, LANES, Planes, blocks};
+use super::winograd;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Form of a convolution.
@@ -84,6 +85,8 @@ pub struct Filter {
     /// Form.
     pub shape: Shape,
     packed: Vec<Feature>,
+    /// For the kernel of 3 x 3 filters of stride 1; else empty.
+    transformed: Vec<Feature>,
 }
 
 impl Filter {
@@ -93,7 +96,9 @@ impl Filter {
     /// If there are not [`Shape::packed_rows`] rows.
     pub fn from_packed(shape: Shape, packed: Vec<Feature>) -> Self {
         assert_eq!(packed.len(), shape.packed_rows());
-        Self { shape, packed }
+        let is_tiled = winograd::fits(&shape, 0, 0);
+        let transformed = if is_tiled { winograd::transformed(&shape, &packed) } else { Vec::new() };
+        Self { shape, packed, transformed }
     }
     /// From weights in `PyTorch`'s order `[out, in, row, column]` and biases.
     ///
@@ -115,14 +120,14 @@ impl Filter {
             let (at, lane) = shape.bias_place(out);
             packed[at][lane] = bias;
         }
-        Self { shape, packed }
+        Self::from_packed(shape, packed)
     }
     /// Weight `[out, in, row, column]`.
     pub(super) fn weight(&self, out: usize, input: usize, tap: [usize; 2]) -> f32 {
         let (row, lane) = self.shape.place(out, input, tap);
         self.packed[row][lane]
     }
-    fn bias(&self, out_block: usize) -> &Feature {
+    pub(super) fn bias(&self, out_block: usize) -> &Feature {
         &self.packed[blocks(self.shape.out_channels) * self.shape.rows_per_block() + out_block]
     }
     /// The 16 rows of one tap.
@@ -150,7 +155,11 @@ pub fn convolve(filter: &Filter, sources: &[&Planes], out: &mut Planes) {
     assert_eq!(width % shape.stride_x, 0, "a stride must divide the width");
     let expected = (shape.out_channels, height, shape.out_width(width));
     assert_eq!((out.channels(), out.height(), out.width()), expected);
-    Arch::new().dispatch(Job { filter, sources, out });
+    if winograd::fits(shape, height, width) {
+        Arch::new().dispatch(winograd::Job { filter, transformed: &filter.transformed, sources, out });
+    } else {
+        Arch::new().dispatch(Job { filter, sources, out });
+    }
 }
 
 struct Job<'a> {

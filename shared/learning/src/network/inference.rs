@@ -13,6 +13,7 @@ pub struct Inference {
     filters: Vec<Filter>,
     border: Border,
     spare: Spare,
+    spare_inputs: Spare,
 }
 
 /// Images of earlier runs, to be written again: to clear new memory takes a tenth of a run.
@@ -78,11 +79,15 @@ impl Inference {
     /// If a tensor is absent or of another shape.
     pub fn new(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, LearningError> {
         let filters = weights.filters(&spec)?;
-        Ok(Self { spec, filters, border, spare: Spare::default() })
+        Ok(Self { spec, filters, border, spare: Spare::default(), spare_inputs: Spare::default() })
     }
     /// The network's form.
     pub fn spec(&self) -> &NetworkSpec {
         &self.spec
+    }
+    /// An image for [`Self::run`], all but its border written by `write`.
+    pub fn input(&self, height: usize, width: usize, write: impl FnOnce(&mut Planes)) -> Lent<'_> {
+        Lent::new(&self.spare_inputs, self.spec.channels().0, height, width).written(self.border, write)
     }
     /// Applies the network to an image, border filled.
     ///

@@ -1,9 +1,15 @@
 //! What the network sees of a pixel.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
+)]
+
+use super::PolarImage;
 use super::elementary::tanh;
-use super::surface::Surface;
-use super::{PolarImage, PolarPixel};
+use super::surface::{Seen, Surface, Tile};
 use crate::engine::{BORDER, Border, LANES, Planes};
+use pulp::{Arch, NullaryFnOnce};
 
 /// Names of the features, in order. All are about -1 to 3.
 ///
@@ -42,51 +48,83 @@ pub const N_FEATURES: usize = 10;
 /// If `fold` does not divide the columns.
 pub fn features(image: &PolarImage, fold: usize, row_multiple: usize) -> Planes {
     assert!(image.columns.is_multiple_of(fold), "{} columns by {fold}", image.columns);
-    let width = image.columns / fold;
-    assert!(width >= BORDER);
-    let mut planes = Planes::zeros(fold * N_FEATURES, image.rows.next_multiple_of(row_multiple), width);
-    let surface = Surface::of(image);
-    let mut of_row = vec![[0.0_f32; N_FEATURES]; image.columns];
-    for row in 0..image.rows {
-        for (column, (values, pixel)) in
-            of_row.iter_mut().zip(&image.pixels[row * image.columns..][..image.columns]).enumerate()
-        {
-            *values = if pixel.is_valid() { of_pixel(&surface, image, pixel, row, column) } else { [0.0; N_FEATURES] };
-        }
-        for (column, folded) in of_row.chunks_exact(fold).enumerate() {
-            for (channel, value) in folded.as_flattened().iter().enumerate() {
-                planes.row_mut(channel / LANES, row)[column][channel % LANES] = *value;
-            }
-        }
-    }
+    let mut planes = Planes::zeros(fold * N_FEATURES, image.rows.next_multiple_of(row_multiple), image.columns / fold);
+    write_features(image, &mut planes);
     planes.fill_border(Border::Circular);
     planes
 }
 
-fn of_pixel(
-    surface: &Surface<'_>,
-    image: &PolarImage,
-    pixel: &PolarPixel,
-    row: usize,
-    column: usize,
-) -> [f32; N_FEATURES] {
-    let range_m = surface.range_m(row, column);
-    let ray = pixel.ray.map(|v| v / range_m);
-    let normal = surface.normal(row, column).unwrap_or_default();
-    let incidence = -(ray[0] * normal[0] + ray[1] * normal[1] + ray[2] * normal[2]);
-    // An edge of what is seen is as rough as can be.
-    let roughness_m = surface.roughness_m(row, column).unwrap_or(1.0);
-    let known = f32::from(u8::from(image.has_intensity));
-    [
-        1.0,
-        (1.0 + range_m).ln() - 2.0,
-        tanh(pixel.height_m / 0.3),
-        (pixel.height_m / 4.0).clamp(-1.0, 3.0),
-        normal[2],
-        incidence,
-        ray[2],
-        tanh(roughness_m / 0.1),
-        known * f32::from(pixel.intensity) / 50.0,
-        known,
-    ]
+/// Writes the input image but for its border. Its channels say how many columns are folded.
+pub(super) fn write_features(image: &PolarImage, planes: &mut Planes) {
+    assert!(planes.width() >= BORDER);
+    Arch::new().dispatch(Job { image, planes: &mut *planes });
+    for block in 0..planes.n_blocks() {
+        (image.rows..planes.height()).for_each(|row| planes.row_mut(block, row).fill([0.0; LANES]));
+    }
+}
+
+struct Job<'a> {
+    image: &'a PolarImage,
+    planes: &'a mut Planes,
+}
+
+impl NullaryFnOnce for Job<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { image, planes } = self;
+        let fold = planes.channels() / N_FEATURES;
+        let surface = Surface::of(image);
+        let mut of_row = vec![[0.0_f32; N_FEATURES]; image.columns.next_multiple_of(LANES)];
+        for row in 0..image.rows {
+            let pixels = &image.pixels[row * image.columns..][..image.columns];
+            for (tile, (values, pixels)) in of_row.chunks_exact_mut(LANES).zip(pixels.chunks(LANES)).enumerate() {
+                let (mut height_m, mut intensity) = ([0.0; LANES], [0.0; LANES]);
+                for (i, pixel) in pixels.iter().enumerate() {
+                    (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
+                }
+                let seen = surface.tile(row, tile * LANES);
+                let features = of_tile(&seen, &height_m, &intensity, image.has_intensity);
+                for i in 0..LANES {
+                    for feature in 0..N_FEATURES {
+                        values[i][feature] = features[feature][i];
+                    }
+                }
+            }
+            let folded = of_row[..image.columns].as_flattened().chunks_exact(fold * N_FEATURES);
+            for (column, channels) in folded.enumerate() {
+                for (block, channels) in channels.chunks(LANES).enumerate() {
+                    planes.row_mut(block, row)[column][..channels.len()].copy_from_slice(channels);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn of_tile(seen: &Seen, height_m: &Tile, intensity: &Tile, has_intensity: bool) -> [Tile; N_FEATURES] {
+    let known = f32::from(u8::from(has_intensity));
+    let (mut features, mut log_range) = ([[0.0; LANES]; N_FEATURES], [0.0; LANES]);
+    // A loop of its own: the library's logarithm is no vector instruction.
+    for i in 0..LANES {
+        log_range[i] = (1.0 + seen.range_m[i]).ln() - 2.0;
+    }
+    for i in 0..LANES {
+        let (range_m, ray, normal) = (seen.range_m[i], &seen.ray, &seen.normal);
+        let is_seen = range_m > 0.0;
+        let mut set = |feature: usize, value: f32| features[feature][i] = if is_seen { value } else { 0.0 };
+        let (x, y, z) = (ray[0][i] / range_m, ray[1][i] / range_m, ray[2][i] / range_m);
+        set(0, 1.0);
+        set(1, log_range[i]);
+        set(2, tanh(height_m[i] / 0.3));
+        set(3, (height_m[i] / 4.0).clamp(-1.0, 3.0));
+        set(4, normal[2][i]);
+        set(5, -(x * normal[0][i] + y * normal[1][i] + z * normal[2][i]));
+        set(6, z);
+        set(7, tanh(seen.roughness_m[i] / 0.1));
+        set(8, known * intensity[i] / 50.0);
+        set(9, known);
+    }
+    features
 }

@@ -1,19 +1,23 @@
 //! The model: settings and weights from a file, and what it makes of a submap.
 
 use super::back_projection::pixel_for;
-use super::softmax::{MAX_CLASSES, Softmax};
-use super::sweeps::{Sweep, point_ranges, sweep};
+use super::features::write_features;
+use super::softmax::{MAX_CLASSES, Softmax, Vote};
+use super::sweeps::{point_ranges, rows_of, sweep};
 use super::votes::Votes;
-use super::{N_FEATURES, PolarImage, features};
+use super::{N_FEATURES, PolarImage};
 use crate::engine::Border;
 use crate::ground;
 use crate::model_file::{self, ModelFile};
 use crate::network::{Inference, NetworkSpec, Weights};
-use crate::{Cloud, LearningError, ModelCard, Report, Segmenter};
-use messages::{ClassId, ClassRow};
+use crate::{Cloud, LearningError, ModelCard, Options, Report, Segmenter};
+use geometry::NO_POINT;
+use messages::{ClassId, ClassRow, SubmapSweep};
 use pulp::Arch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// Name of the architecture in model files.
 pub const ARCHITECTURE: &str = "spherical";
@@ -101,7 +105,9 @@ pub struct SphericalModel {
     settings: Settings,
     classes: Vec<ClassId>,
     network: Inference,
-    every: usize,
+    options: Options,
+    /// Votes of an earlier submap, to be written again: to clear new memory takes a tenth of the time.
+    spare: Mutex<Vec<Vote>>,
 }
 
 impl SphericalModel {
@@ -129,13 +135,13 @@ impl SphericalModel {
     pub fn new(card: ModelCard, settings: Settings, weights: &Weights) -> Result<Self, LearningError> {
         let classes = settings.check().map_err(candle_core::Error::Msg)?;
         let network = Inference::new(settings.network.clone(), weights, Border::Circular)?;
-        Ok(Self { card, settings, classes, network, every: 1 })
+        Ok(Self { card, settings, classes, network, options: Options::default(), spare: Mutex::default() })
     }
-    /// Only the first of every so many sweeps of a submap goes through the network; 1, the default, is all. Points of the
-    /// others take the votes of those nearby.
+    /// Runs as `options` say. If only the first of every so many sweeps goes through the network, points of the others take the
+    /// votes of those nearby.
     #[must_use]
-    pub fn with_every(mut self, every: usize) -> Self {
-        self.every = every.max(1);
+    pub fn with_options(mut self, options: Options) -> Self {
+        self.options = Options { every: options.every.max(1), ..options };
         self
     }
     /// What the file says.
@@ -147,30 +153,14 @@ impl SphericalModel {
         let rows = rings.next_multiple_of(self.network.spec().multiple_of()[0]);
         self.network.flops(rows, self.settings.columns / self.settings.fold)
     }
-    /// Votes of the pixels of an image, rows of the classes in raster order: probabilities, 0 to 255 for 0 to 1. Those of pixels
-    /// without a point mean nothing.
-    ///
-    /// # Errors
-    /// If the image has other columns than the model.
-    pub fn votes_of_pixels(&self, image: &PolarImage) -> Result<Vec<u8>, LearningError> {
-        let input = features(image, self.settings.fold, self.network.spec().multiple_of()[0]);
+    /// Votes of the pixels of an image in raster order. Those of pixels without a point are left as they are.
+    fn vote(&self, image: &PolarImage, votes: &mut [Vote]) -> Result<(), LearningError> {
+        let rows = image.rows.next_multiple_of(self.network.spec().multiple_of()[0]);
+        let (fold, n_classes, temperature) = (self.settings.fold, self.classes.len(), self.settings.temperature);
+        let input = self.network.input(rows, image.columns / fold, |input| write_features(image, input));
         let logits = self.network.run(&input)?;
-        let n_classes = self.classes.len();
-        let mut votes = vec![0; image.pixels.len() * n_classes];
-        let (fold, temperature) = (self.settings.fold, self.settings.temperature);
-        Arch::new().dispatch(Softmax { image, logits: &logits, fold, n_classes, temperature, votes: &mut votes });
-        Ok(votes)
-    }
-    /// Votes of one sweep for its own points, in rows of the classes.
-    fn votes(&self, sweep: &Sweep) -> Result<Vec<u8>, LearningError> {
-        let n_classes = self.classes.len();
-        let of_pixels = self.votes_of_pixels(&sweep.polar)?;
-        let mut votes = vec![0; sweep.points.len() * n_classes];
-        for (point, row) in votes.chunks_exact_mut(n_classes).enumerate() {
-            let Some(pixel) = pixel_for(&sweep.image, point) else { continue };
-            row.copy_from_slice(&of_pixels[pixel as usize * n_classes..][..n_classes]);
-        }
-        Ok(votes)
+        Arch::new().dispatch(Softmax { image, logits: &logits, fold, n_classes, temperature, votes });
+        Ok(())
     }
 }
 
@@ -182,20 +172,32 @@ impl Segmenter for SphericalModel {
     fn segment(&self, cloud: &Cloud<'_>, classes: &mut [ClassRow]) -> Result<Report, LearningError> {
         cloud.check(classes)?;
         let heights_m = ground::heights(cloud)?;
-        let of_sweep = |(of, points): (_, std::ops::Range<usize>)| {
-            let sweep = sweep(cloud, &of, points, self.settings.columns, &heights_m);
-            Ok((sweep.points.start, self.votes(&sweep)?))
+        let ranges: Vec<_> = point_ranges(cloud).into_iter().step_by(self.options.every).collect();
+        let n_pixels = rows_of(cloud.header) * self.settings.columns;
+        let mut of_pixels = std::mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
+        of_pixels.resize(ranges.len() * n_pixels, [0; MAX_CLASSES]);
+        let of_sweep = |number: usize, (of, points): &(SubmapSweep, Range<usize>), votes: &mut [Vote]| {
+            let sweep = sweep(cloud, of, points.clone(), self.settings.columns, &heights_m);
+            self.vote(&sweep.polar, votes)?;
+            self.options.refinement.of_image(&sweep.polar, &self.classes, votes);
+            let first = (number * n_pixels) as u32;
+            let pixel = |point| pixel_for(&sweep.image, point).map_or(NO_POINT, |pixel| first + pixel);
+            Ok((0..points.len()).map(pixel).collect())
         };
         // Each sweep on one thread: that scales better than threads inside a network, and the results have an order.
-        let voted: Vec<Result<(usize, Vec<u8>), LearningError>> =
-            point_ranges(cloud).into_par_iter().step_by(self.every).map(of_sweep).collect();
-        let n_classes = self.classes.len();
-        let mut votes = Votes { n_classes, rows: vec![0; cloud.points.len() * n_classes] };
-        for sweep in voted {
-            let (first, rows) = sweep?;
-            votes.rows[first * n_classes..][..rows.len()].copy_from_slice(&rows);
+        let voted: Vec<Result<Vec<u32>, LearningError>> = ranges
+            .par_iter()
+            .zip(of_pixels.par_chunks_exact_mut(n_pixels))
+            .enumerate()
+            .map(|(number, (range, votes))| of_sweep(number, range, votes))
+            .collect();
+        let mut pixel_of_point = vec![NO_POINT; cloud.points.len()];
+        for ((_, points), pixels) in ranges.iter().zip(voted) {
+            pixel_of_point[points.clone()].copy_from_slice(&pixels?);
         }
+        let votes = Votes { n_classes: self.classes.len(), of_pixels: &of_pixels, pixel_of_point: &pixel_of_point };
         let decided = votes.decide(cloud.points, self.settings.vote_cell_m);
+        *self.spare.lock().unwrap_or_else(PoisonError::into_inner) = of_pixels;
         let mut n_unseen = 0;
         for (row, decision) in classes.iter_mut().zip(decided) {
             *row = if let Some((class, share)) = decision {
@@ -205,6 +207,7 @@ impl Segmenter for SphericalModel {
                 ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }
             };
         }
+        self.options.refinement.of_points(cloud.points, &heights_m, classes);
         Ok(Report { n_unseen, coarsened: 1 })
     }
 }

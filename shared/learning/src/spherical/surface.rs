@@ -1,10 +1,17 @@
-//! Directions and roughness of what a range image shows, from each pixel's neighbors.
+//! Directions and roughness of what a range image shows, from each pixel's neighbors; 16 pixels of a row at a time.
+
+#![allow(
+    clippy::needless_range_loop,
+    clippy::needless_bitwise_bool,
+    reason = "loops over constant bounds become vector instructions; iterators, calls and branches in between do not"
+)]
 
 use super::PolarImage;
+use crate::engine::LANES;
 
-/// Columns to a neighbor, tried in turn: far enough that the range's noise (2 cm) does not turn the normal, near enough to
+/// Columns to a neighbor, the best last: far enough that the range's noise (2 cm) does not turn the normal, near enough to
 /// stay on the surface. 4 of 2048 columns are 0.7 deg, half the step between the rings of an HDL-32E.
-const COLUMN_STEPS: [usize; 4] = [4, 5, 3, 2];
+const COLUMN_STEPS: [usize; 4] = [2, 3, 5, 4];
 /// Change of the range from one neighbor to the next on one surface, share of the range.
 const SAME_SURFACE: f32 = 0.15;
 /// Columns to the neighbors that roughness is measured against: 0.5 deg of 2048 columns.
@@ -12,86 +19,117 @@ const ROUGHNESS_COLUMNS: usize = 3;
 /// Columns beyond each end of a row.
 const PAD: usize = 5;
 
-/// An image with the ranges of its pixels.
-pub(super) struct Surface<'a> {
-    image: &'a PolarImage,
-    /// By row, with [`PAD`] columns of the other end before and after, m; 0 where there is no point.
-    range_m: Vec<f32>,
+/// One number for each of 16 pixels.
+pub(super) type Tile = [f32; LANES];
+
+/// What is seen at 16 pixels.
+pub(super) struct Seen {
+    /// Rays and their length, m; 0 where there is no point.
+    pub(super) ray: [Tile; 3],
+    pub(super) range_m: Tile,
+    /// Unit normals towards the sensor from the cross product of the steps to the neighbors in row and column; zero where there
+    /// is no surface.
+    pub(super) normal: [Tile; 3],
+    /// Distances from the middle of the neighbors in the row, m; 1, as rough as can be, at an edge of what is seen.
+    pub(super) roughness_m: Tile,
+}
+
+/// Rays of an image and their lengths, coordinate by coordinate.
+pub(super) struct Surface {
+    /// x, y, z and length by row, with a row of zeros above and below, and [`PAD`] columns of the other end before and after.
+    rays: [Vec<f32>; 4],
     pitch: usize,
 }
 
-impl<'a> Surface<'a> {
-    pub(super) fn of(image: &'a PolarImage) -> Self {
-        let pitch = image.columns + 2 * PAD;
-        let mut range_m = vec![0.0; image.rows * pitch];
-        for (ranges, pixels) in range_m.chunks_exact_mut(pitch).zip(image.pixels.chunks_exact(image.columns)) {
-            for (range, pixel) in ranges[PAD..].iter_mut().zip(pixels) {
-                *range = pixel.range_m();
-            }
+impl Surface {
+    pub(super) fn of(image: &PolarImage) -> Self {
+        let pitch = image.columns.next_multiple_of(LANES) + 2 * PAD;
+        let mut rays = [(); 4].map(|()| vec![0.0; (image.rows + 2) * pitch]);
+        for (row, pixels) in image.pixels.chunks_exact(image.columns).enumerate() {
+            let mut rows = rays.each_mut().map(|values| &mut values[(row + 1) * pitch..][..pitch]);
+            let mut set = |at: usize, column: usize| {
+                let pixel = &pixels[column];
+                let [x, y, z] = pixel.ray;
+                for (row, value) in rows.iter_mut().zip([x, y, z, pixel.range_m()]) {
+                    row[at] = value;
+                }
+            };
+            (0..image.columns).for_each(|column| set(PAD + column, column));
             for pad in 0..PAD {
-                ranges[pad] = ranges[(pad + image.columns - PAD) % image.columns + PAD];
-                ranges[PAD + image.columns + pad] = ranges[PAD + pad % image.columns];
+                set(pad, image.columns - PAD + pad);
+                set(PAD + image.columns + pad, pad);
             }
         }
-        Self { image, range_m, pitch }
+        Self { rays, pitch }
     }
-    /// Length of a pixel's ray, m; 0 where there is no point.
-    pub(super) fn range_m(&self, row: usize, column: usize) -> f32 {
-        self.range_m[row * self.pitch + PAD + column]
-    }
-    /// The ray of a pixel whose column counts from [`PAD`] before the first.
-    fn ray(&self, row: usize, padded: usize) -> [f32; 3] {
-        let columns = self.image.columns;
-        let column = if padded < PAD { padded + columns - PAD } else { padded - PAD };
-        let column = if column < columns { column } else { column % columns };
-        self.image.pixels[row * columns + column].ray
-    }
-    /// Unit normal towards the sensor from the cross product of the steps to the neighbors in row and column; `None` where
-    /// there is no surface.
-    pub(super) fn normal(&self, row: usize, column: usize) -> Option<[f32; 3]> {
-        let range_m = self.range_m(row, column);
-        if range_m == 0.0 {
-            return None;
+
+    /// 16 pixels of a row from a column that is a multiple of 16; those beyond the image's last column mean nothing.
+    #[inline(always)]
+    pub(super) fn tile(&self, row: usize, column: usize) -> Seen {
+        let at = (row + 1) * self.pitch + PAD + column;
+        let here = self.load(at);
+        let mut limit_m = [0.0; LANES];
+        for i in 0..LANES {
+            limit_m[i] = SAME_SURFACE * here[3][i] + 0.1;
         }
-        let here = self.ray(row, column + PAD);
-        let is_same = |range: f32| range > 0.0 && (range - range_m).abs() < SAME_SURFACE * range_m + 0.1;
-        let ranges = &self.range_m[row * self.pitch..][..self.pitch];
-        let at = column + PAD;
-        let before = COLUMN_STEPS.into_iter().map(|by| at - by).find(|&at| is_same(ranges[at]));
-        let after = COLUMN_STEPS.into_iter().map(|by| at + by).find(|&at| is_same(ranges[at]));
-        let along = between(before.map(|at| self.ray(row, at)), after.map(|at| self.ray(row, at)), here)?;
-        let in_row = |row: usize| is_same(self.range_m(row, column)).then(|| self.ray(row, at));
-        let above = row.checked_sub(1).and_then(in_row);
-        let below = Some(row + 1).filter(|&row| row < self.image.rows).and_then(in_row);
-        let across = between(above, below, here)?;
-        let [a, b] = [along, across];
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let length = (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]).sqrt();
-        if length < 1e-6 {
-            return None;
+        // A side without a neighbor on the same surface ends at the pixel itself.
+        let mut ends = [here; 4];
+        for step in COLUMN_STEPS {
+            take_same(&mut ends[0], &self.load(at - step), &here, &limit_m);
+            take_same(&mut ends[1], &self.load(at + step), &here, &limit_m);
         }
-        let towards = cross[0] * here[0] + cross[1] * here[1] + cross[2] * here[2];
-        let scale = if towards > 0.0 { -1.0 / length } else { 1.0 / length };
-        Some(cross.map(|v| v * scale))
+        take_same(&mut ends[2], &self.load(at - self.pitch), &here, &limit_m);
+        take_same(&mut ends[3], &self.load(at + self.pitch), &here, &limit_m);
+        let [before, after] = [self.load(at - ROUGHNESS_COLUMNS), self.load(at + ROUGHNESS_COLUMNS)];
+        let mut roughness_m = [0.0; LANES];
+        for i in 0..LANES {
+            let off = |k: usize| here[k][i] - 0.5 * (before[k][i] + after[k][i]);
+            let off_m = (off(0) * off(0) + off(1) * off(1) + off(2) * off(2)).sqrt();
+            let is_inside = (before[3][i] > 0.0) & (after[3][i] > 0.0);
+            roughness_m[i] = if is_inside { off_m } else { 1.0 };
+        }
+        let normal = normal(&ends, &here);
+        Seen { ray: [here[0], here[1], here[2]], range_m: here[3], normal, roughness_m }
     }
-    /// Distance of a pixel from the middle of its neighbors in the row, m; `None` at an edge of what is seen.
-    pub(super) fn roughness_m(&self, row: usize, column: usize) -> Option<f32> {
-        let ranges = &self.range_m[row * self.pitch..][..self.pitch];
-        let [before, after] = [column + PAD - ROUGHNESS_COLUMNS, column + PAD + ROUGHNESS_COLUMNS];
-        if ranges[before] == 0.0 || ranges[after] == 0.0 {
-            return None;
+
+    #[inline(always)]
+    fn load(&self, at: usize) -> [Tile; 4] {
+        let mut tiles = [[0.0; LANES]; 4];
+        for (tile, values) in tiles.iter_mut().zip(&self.rays) {
+            tile.copy_from_slice(&values[at..][..LANES]);
         }
-        let (before, here, after) = (self.ray(row, before), self.ray(row, column + PAD), self.ray(row, after));
-        let off = |i: usize| here[i] - 0.5 * (before[i] + after[i]);
-        Some((off(0) * off(0) + off(1) * off(1) + off(2) * off(2)).sqrt())
+        tiles
     }
 }
 
-/// From the neighbor on the one side to that on the other, or from the pixel itself where a side has none.
-fn between(before: Option<[f32; 3]>, after: Option<[f32; 3]>, here: [f32; 3]) -> Option<[f32; 3]> {
-    if before.is_none() && after.is_none() {
-        return None;
+/// Rays of neighbors on the same surface take the place of those before.
+#[inline(always)]
+fn take_same(end: &mut [Tile; 4], neighbor: &[Tile; 4], here: &[Tile; 4], limit_m: &Tile) {
+    for i in 0..LANES {
+        let range_m = neighbor[3][i];
+        let is_same = (range_m > 0.0) & ((range_m - here[3][i]).abs() < limit_m[i]);
+        for k in 0..3 {
+            end[k][i] = if is_same { neighbor[k][i] } else { end[k][i] };
+        }
     }
-    let (before, after) = (before.unwrap_or(here), after.unwrap_or(here));
-    Some([after[0] - before[0], after[1] - before[1], after[2] - before[2]])
+}
+
+/// Of the steps from the first end to the second and from the third to the fourth.
+#[inline(always)]
+fn normal(ends: &[[Tile; 4]; 4], here: &[Tile; 4]) -> [Tile; 3] {
+    let mut normal = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        let (along, across) = (|k: usize| ends[1][k][i] - ends[0][k][i], |k: usize| ends[3][k][i] - ends[2][k][i]);
+        let (ax, ay, az) = (along(0), along(1), along(2));
+        let (bx, by, bz) = (across(0), across(1), across(2));
+        let (x, y, z) = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx);
+        let length = (x * x + y * y + z * z).sqrt();
+        let towards = x * here[0][i] + y * here[1][i] + z * here[2][i];
+        let scale = if towards > 0.0 { -1.0 } else { 1.0 } / length;
+        let is_surface = (length >= 1e-6) & (here[3][i] > 0.0);
+        normal[0][i] = if is_surface { x * scale } else { 0.0 };
+        normal[1][i] = if is_surface { y * scale } else { 0.0 };
+        normal[2][i] = if is_surface { z * scale } else { 0.0 };
+    }
+    normal
 }

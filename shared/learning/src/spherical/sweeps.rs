@@ -3,7 +3,7 @@
 use super::{PolarImage, PolarPixel};
 use crate::Cloud;
 use geometry::{RangeImage, column_of_azimuth};
-use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapPoint, SubmapSweep};
+use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
 use std::ops::Range;
 
 /// One sweep of a submap.
@@ -27,10 +27,15 @@ pub fn point_ranges(cloud: &Cloud<'_>) -> Vec<(SubmapSweep, Range<usize>)> {
     cloud.header.sweeps[..n_sweeps].iter().map(range).filter(|(_, range)| range.end <= cloud.points.len()).collect()
 }
 
+/// Rows of the images of a submap's sweeps.
+pub fn rows_of(header: &SubmapHeader) -> usize {
+    (header.n_rings as usize).clamp(1, 256)
+}
+
 /// The image of one sweep: row 0 is the highest laser, columns count encoder angles. `heights_m` are those of all points
 /// above the ground; where they are no number, the sensor is taken to be 2 m above it.
 pub fn sweep(cloud: &Cloud<'_>, sweep: &SubmapSweep, points: Range<usize>, columns: usize, heights_m: &[f32]) -> Sweep {
-    let rows = (cloud.header.n_rings as usize).clamp(1, 256);
+    let rows = rows_of(cloud.header);
     let of_sweep = &cloud.points[points.clone()];
     let ray = |point: &SubmapPoint| {
         let share = point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32;

@@ -1,5 +1,7 @@
 //! Votes of all sweeps that saw a place.
 
+use super::softmax::{MAX_CLASSES, Vote};
+use geometry::NO_POINT;
 use messages::SubmapPoint;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -13,12 +15,14 @@ const MASK: i64 = (1 << 21) - 1;
 /// road 20 m away.
 const COARSER: u32 = 4;
 
-/// Probabilities of classes for every point, 0 to 255 for 0 to 1, in rows of one length.
-pub struct Votes {
+/// Probabilities of classes for every point.
+pub(super) struct Votes<'a> {
     /// Classes.
     pub n_classes: usize,
-    /// Rows by point; zeros throughout for a point without a vote.
-    pub rows: Vec<u8>,
+    /// Of all pixels of all sweeps.
+    pub of_pixels: &'a [Vote],
+    /// Which of them each point has; [`NO_POINT`] for a point without a vote.
+    pub pixel_of_point: &'a [u32],
 }
 
 /// Numbers of cells by their keys.
@@ -27,35 +31,41 @@ type Cells = HashMap<u64, u32, BuildHasherDefault<CellHasher>>;
 /// Best class and its share of the votes.
 type Decision = Option<(usize, f32)>;
 
-impl Votes {
+impl Votes<'_> {
     /// Gives every point the mean of the votes within its cell of `cell_m`, or, where nobody voted, within the smallest of the
     /// cells of 2, 4, 8, 16 times the side around it that have votes; `None` if none has. Cells count in the submap's frame.
-    pub fn decide(&self, points: &[SubmapPoint], cell_m: f32) -> Vec<Decision> {
+    pub fn decide(&self, points: &[SubmapPoint], cell_m: f32) -> impl Iterator<Item = Decision> + use<> {
         let n = self.n_classes;
         let (mut number_of_cell, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
         // A laser's next point mostly lies where its last one lay.
-        let mut last_of_ring = [(u64::MAX, 0); 256];
-        let add = |(point, row): (&SubmapPoint, &[u8])| {
+        let mut last_of_ring = vec![Last::default(); 256];
+        let add = |(point, &pixel): (&SubmapPoint, &u32)| {
             let cell = cell(point, cell_m);
             let last = &mut last_of_ring[usize::from(point.ring)];
-            if last.0 != cell {
-                *last = (cell, *number_of_cell.entry(cell).or_insert(cells.len() as u32));
+            if last.cell != cell {
+                last.hand_in(&mut sums);
+                let number = *number_of_cell.entry(cell).or_insert(cells.len() as u32);
+                if number as usize == cells.len() {
+                    cells.push(cell);
+                    sums.resize(sums.len() + n, 0_u32);
+                }
+                *last = Last { cell, first: number as usize * n, n, ..Last::default() };
             }
-            let number = last.1;
-            if number as usize == cells.len() {
-                cells.push(cell);
-                sums.resize(sums.len() + n, 0_u32);
+            if pixel != NO_POINT {
+                let votes = last.sums.iter_mut().zip(&self.of_pixels[pixel as usize]);
+                votes.for_each(|(sum, vote)| *sum += u32::from(*vote));
             }
-            let sums = &mut sums[number as usize * n..][..n];
-            sums.iter_mut().zip(row).for_each(|(sum, vote)| *sum += u32::from(*vote));
-            number
+            (last.first / n) as u32
         };
-        let numbers: Vec<u32> = points.iter().zip(self.rows.chunks_exact(n)).map(add).collect();
+        let numbers: Vec<u32> = points.iter().zip(self.pixel_of_point).map(add).collect();
+        for last in &last_of_ring {
+            last.hand_in(&mut sums);
+        }
         let mut decisions: Vec<Decision> = sums.chunks_exact(n).map(decide).collect();
         for level in 1..=COARSER {
             self.decide_coarsely(&cells, &sums, level, &mut decisions);
         }
-        numbers.into_iter().map(|number| decisions[number as usize]).collect()
+        numbers.into_iter().map(move |number| decisions[number as usize])
     }
 
     /// Decides cells without votes by those around them, in cells of 2^`level` times the side.
@@ -80,6 +90,29 @@ impl Votes {
             let number = number_of_cell[&coarser(*cell, level)] as usize;
             *decision = decide(&coarse_sums[number * n..][..n]);
         }
+    }
+}
+
+/// The cell that a laser saw last, and its votes there since.
+#[derive(Clone, Copy)]
+struct Last {
+    cell: u64,
+    /// Where the cell's sums begin, and how many there are.
+    first: usize,
+    n: usize,
+    sums: [u32; MAX_CLASSES],
+}
+
+impl Default for Last {
+    fn default() -> Self {
+        Self { cell: u64::MAX, first: 0, n: 0, sums: [0; MAX_CLASSES] }
+    }
+}
+
+impl Last {
+    fn hand_in(&self, sums: &mut [u32]) {
+        let sums = &mut sums[self.first..][..self.n];
+        sums.iter_mut().zip(&self.sums).for_each(|(sum, votes)| *sum += votes);
     }
 }
 
@@ -127,12 +160,20 @@ fn cell(point: &SubmapPoint, cell_m: f32) -> u64 {
 mod tests {
     use super::*;
 
+    fn vote([first, second]: [u8; 2]) -> Vote {
+        let mut vote = [0; MAX_CLASSES];
+        vote[..2].copy_from_slice(&[first, second]);
+        vote
+    }
+
     #[test]
     fn a_cell_has_one_class_and_unseen_points_have_it_too() {
         let at = |x: f32| SubmapPoint { x, ..SubmapPoint::default() };
         let points = [at(0.01), at(0.05), at(0.19), at(0.21), at(-0.01), at(5.0)];
-        let votes = Votes { n_classes: 2, rows: vec![200, 55, 100, 155, 0, 0, 10, 245, 255, 0, 0, 0] };
-        let decided = votes.decide(&points, 0.2);
+        let of_pixels = [[200, 55], [100, 155], [10, 245], [255, 0]].map(vote);
+        let pixel_of_point = &[0, 1, NO_POINT, 2, 3, NO_POINT];
+        let votes = Votes { n_classes: 2, of_pixels: &of_pixels, pixel_of_point };
+        let decided: Vec<Decision> = votes.decide(&points, 0.2).collect();
         let near = |got: Option<(usize, f32)>, class: usize, share: f32| {
             let (got_class, got_share) = got.expect("has votes");
             assert!(got_class == class && (got_share - share).abs() < 1e-6, "{got_class} {got_share}");
@@ -150,9 +191,11 @@ mod tests {
         let at = |x: f32, z: f32| SubmapPoint { x, z, ..SubmapPoint::default() };
         // Voters of class 0 in the cell at 0, of class 1 in that at 0.6; without votes at 0.2, 0.4, 1.0 and 9.
         let points = [at(0.1, 0.1), at(0.3, 0.1), at(0.5, 0.1), at(0.7, 0.1), at(1.1, 0.1), at(9.0, 0.1)];
-        let votes = Votes { n_classes: 2, rows: vec![255, 0, 0, 0, 0, 0, 55, 200, 0, 0, 0, 0] };
+        let none = NO_POINT;
+        let of_pixels = [[255, 0], [55, 200]].map(vote);
+        let votes = Votes { n_classes: 2, of_pixels: &of_pixels, pixel_of_point: &[0, none, none, 1, none, none] };
         let classes: Vec<Option<usize>> =
-            votes.decide(&points, 0.2).into_iter().map(|decision| decision.map(|(class, _)| class)).collect();
+            votes.decide(&points, 0.2).map(|decision| decision.map(|(class, _)| class)).collect();
         assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
     }
 }

@@ -3,11 +3,14 @@
 pub mod kitti;
 mod labels;
 mod picture;
+mod reliability;
 mod towns;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use learning::Options;
 use learning::scores::{Confusion, ScoreTable};
+use learning::spherical::Refinement;
 use messages::{ClassId, GROUND_CLASSES};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -42,6 +45,9 @@ pub struct Args {
     /// The first of every so many sweeps of a submap goes through the network.
     #[arg(long, default_value_t = 1)]
     every: usize,
+    /// Corrections of the network's classes by morphology.
+    #[arg(long, requires = "model", value_enum, value_delimiter = ',')]
+    refine: Vec<Refine>,
     /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
@@ -54,6 +60,16 @@ pub struct Args {
     /// Form of the scores.
     #[arg(long, value_enum, default_value_t = Format::Markdown)]
     format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Refine {
+    /// What stands out of the depth image and is longer than wide is a pole, other poles are none.
+    Poles,
+    /// Regions of buildings and vegetation of less than 100 pixels take the class around them.
+    SmallRegions,
+    /// What is higher than 2.5 m and long from above is a building.
+    Buildings,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -79,7 +95,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             "nothing to try the model on\nhint: --seeds 901,902 or --semantickitti DIR"
         );
         anyhow::ensure!(args.every > 0, "--every 0: must be at least 1");
-        let model = learning::load(path, &learning::Options { every: args.every })?;
+        let refine = |what: Refine| args.refine.contains(&what);
+        let refinement = Refinement {
+            poles: refine(Refine::Poles),
+            small_regions: refine(Refine::SmallRegions),
+            buildings: refine(Refine::Buildings),
+        };
+        let model = learning::load(path, &Options { every: args.every, refinement })?;
         table.clouds.extend(towns::confusions(model.as_ref(), args)?);
         if let Some(folder) = &args.semantickitti {
             table.clouds.extend(kitti::confusions(model.as_ref(), folder)?);

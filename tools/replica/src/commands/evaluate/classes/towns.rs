@@ -1,5 +1,6 @@
 //! Simulated towns.
 
+use super::reliability::Reliability;
 use super::{Args, count};
 use crate::commands::train::recipe::town_from_name;
 use crate::town_sweeps::{Mount, TownDrive};
@@ -12,7 +13,7 @@ const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::D
 
 /// Confusion of each drive.
 pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(String, Confusion)>> {
-    let mut clouds = Vec::new();
+    let (mut clouds, mut pooled) = (Vec::new(), Reliability::default());
     let mut picture = args.picture.as_deref();
     for name in &args.towns {
         let town = town_from_name(name)?;
@@ -42,27 +43,12 @@ pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(Str
                 1e3 * seconds / f64::from(n_sweeps.max(1) as u32),
                 100.0 * reliability.error()
             );
+            pooled.merge(&reliability);
             clouds.push((format!("{name}-{seed}"), confusion));
         }
     }
+    if !clouds.is_empty() {
+        eprint!("{pooled}");
+    }
     Ok(clouds)
-}
-
-/// Scores against the share of right answers, in ten bins of the score.
-#[derive(Default)]
-struct Reliability {
-    /// Points, sum of their scores, right ones.
-    bins: [(f64, f64, f64); 10],
-}
-
-impl Reliability {
-    fn add(&mut self, score: f64, is_right: bool) {
-        let bin = &mut self.bins[((score * 10.0) as usize).min(9)];
-        *bin = (bin.0 + 1.0, bin.1 + score, bin.2 + f64::from(u8::from(is_right)));
-    }
-    /// Mean distance of a bin's scores from its share of right answers (Guo et al. 2017).
-    fn error(&self) -> f64 {
-        let n: f64 = self.bins.iter().map(|bin| bin.0).sum();
-        self.bins.iter().map(|(_, scores, right)| (scores - right).abs()).sum::<f64>() / n.max(1.0)
-    }
 }
