@@ -215,6 +215,40 @@ mod tests {
         assert_eq!((Confusion::new(3).mean_iou(), Confusion::new(3).overall_accuracy()), (None, None));
     }
 
+    /// Figures of `benches/peers/scores.py frozen` (scikit-learn 1.9.1) on the same labels: class 6 is only predicted, class 7
+    /// is neither there nor predicted.
+    #[test]
+    fn scores_are_those_of_scikit_learn() {
+        let mut random = crate::Random::new(5, 0);
+        let mut confusion = Confusion::new(8);
+        for _ in 0..2000 {
+            let truth = random.index(6);
+            let is_right = random.index(3) > 0;
+            confusion.add(truth, if is_right { truth } else { random.index(7) });
+        }
+        // Precision, recall, IoU; not a number where there is none.
+        let expected = [
+            [0.747_800_586_510_3, 0.728_571_428_571_4, 0.584_862_385_321_1],
+            [0.761_904_761_904_8, 0.687_679_083_094_6, 0.566_037_735_849_1],
+            [0.779_720_279_720_3, 0.659_763_313_609_5, 0.556_109_725_685_8],
+            [0.723_472_668_810_3, 0.718_849_840_255_6, 0.563_909_774_436_1],
+            [0.726_708_074_534_2, 0.731_25, 0.573_529_411_764_7],
+            [0.758_308_157_099_7, 0.760_606_060_606_1, 0.612_195_121_951_2],
+            [0.0, f64::NAN, 0.0],
+            [f64::NAN, f64::NAN, f64::NAN],
+        ];
+        let near =
+            |got: Option<f64>, expected: f64| got.map_or(expected.is_nan(), |got| (got - expected).abs() < 1e-12);
+        for (class, figures) in expected.into_iter().enumerate() {
+            let scores = confusion.class(class);
+            for (got, expected) in [scores.precision, scores.recall, scores.iou].into_iter().zip(figures) {
+                assert!(near(got, expected), "{class}: {scores:?}");
+            }
+        }
+        assert!(near(confusion.mean_iou(), 0.576_107_359_168));
+        assert!(near(confusion.overall_accuracy(), 0.714));
+    }
+
     #[test]
     fn merged_classes_are_not_confused_with_each_other() {
         let merged = small().merged(|class| class.min(1));

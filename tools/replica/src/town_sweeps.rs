@@ -22,6 +22,8 @@ pub enum Mount {
     /// That within 3 degrees and 20 cm; or upright on a roof, 1.6 to 2.4 m above the road, an HDL-64E, HDL-32E or VLP-16:
     /// the one like the other, by chance.
     Random,
+    /// An HDL-64E upright 1.73 m above the road, as KITTI's.
+    Kitti,
 }
 
 /// A submap with the class of every point.
@@ -176,12 +178,13 @@ impl Mount {
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
         match self {
             Self::Rig => (Model::Hdl32e, rig),
+            // The body frame is 1 m above the road.
+            Self::Kitti => (Model::Hdl64e, Isometry3::translation(0.0, 0.0, 0.73)),
             Self::Random if random.chance(0.5) => {
                 let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
                 let pose = Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter);
                 (Model::Hdl32e, pose)
             }
-            // The body frame is 1 m above the road.
             Self::Random => {
                 let height = f64::from(random.range(0.6, 1.4));
                 let along = f64::from(random.range(-1.0, 0.5));

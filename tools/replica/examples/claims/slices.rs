@@ -1,0 +1,137 @@
+//! Tables 5.6 and 5.7: top-down views of simulated towns, cut into a low slice (buildings and vehicles) and a high one
+//! (buildings and vegetation). As in the thesis the ground is taken away first, by our zones, not by truth, and poles count as
+//! background.
+
+use crate::town_sweeps::{Mount, TownDrive, TownSubmap};
+use crate::training::{Task, losses, settings, weights};
+use learning::engine::{Border, Planes};
+use learning::losses::Hierarchy;
+use learning::network::NetworkSpec;
+use learning::training::{Dataset, Example};
+use learning::{Cloud, Random, ground};
+use messages::ClassId;
+use simulation::Town;
+use std::ops::RangeInclusive;
+
+/// Heights above the ground, m, and what is to be told apart in them.
+#[derive(Clone, Copy)]
+pub struct Slice {
+    from_m: f32,
+    to_m: f32,
+    classes: [ClassId; 2],
+    /// Lowest and highest point of a pixel, or these and their difference.
+    n_features: usize,
+}
+
+/// As in section 5.6.3.
+pub const LOW: Slice = Slice { from_m: 0.3, to_m: 2.5, classes: [ClassId::Building, ClassId::Vehicles], n_features: 2 };
+/// As in section 5.6.3.
+pub const HIGH: Slice =
+    Slice { from_m: 2.5, to_m: 30.0, classes: [ClassId::Building, ClassId::Vegetation], n_features: 3 };
+
+/// Pixels of a side, and their size, m: 51 m around the vehicle.
+const SIDE: usize = 128;
+const PIXEL_M: f32 = 0.4;
+/// Heights are divided by this, m.
+const HEIGHT_M: f32 = 5.0;
+
+const TRAIN: RangeInclusive<u64> = 401..=412;
+const VALIDATION: RangeInclusive<u64> = 2001..=2003;
+/// Seeds of 9000 and above are for tests alone.
+const TEST: RangeInclusive<u64> = 9401..=9408;
+
+#[derive(Clone, Copy)]
+struct Pixel {
+    lowest_m: f32,
+    highest_m: f32,
+    /// Points of neither class and of each class.
+    counts: [u32; 3],
+}
+
+struct View {
+    pixels: Vec<Pixel>,
+}
+
+struct Views {
+    views: Vec<View>,
+    n_features: usize,
+}
+
+impl View {
+    fn of(submap: &TownSubmap, slice: &Slice) -> anyhow::Result<Self> {
+        let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
+        let heights_m = ground::heights(&cloud)?;
+        let nothing = Pixel { lowest_m: f32::INFINITY, highest_m: 0.0, counts: [0; 3] };
+        let mut pixels = vec![nothing; SIDE * SIDE];
+        for ((point, &height_m), &class) in submap.points.iter().zip(&heights_m).zip(&submap.truth) {
+            let [column, row] = [point.x, point.y].map(|v| v / PIXEL_M + 0.5 * SIDE as f32);
+            let inside = |v: f32| (0.0..SIDE as f32).contains(&v);
+            if !(inside(column) && inside(row) && (slice.from_m..slice.to_m).contains(&height_m)) {
+                continue;
+            }
+            let pixel = &mut pixels[row as usize * SIDE + column as usize];
+            pixel.lowest_m = pixel.lowest_m.min(height_m);
+            pixel.highest_m = pixel.highest_m.max(height_m);
+            pixel.counts[slice.classes.iter().position(|of| *of as u8 == class).map_or(0, |i| i + 1)] += 1;
+        }
+        Ok(Self { pixels })
+    }
+}
+
+impl Dataset for Views {
+    fn len(&self) -> usize {
+        self.views.len()
+    }
+    /// Mirrored by chance when it is learned from.
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
+        let [mirror_x, mirror_y] = random.map_or([false; 2], |random| [random.chance(0.5), random.chance(0.5)]);
+        let pixels = &self.views[index].pixels;
+        let mut input = Planes::zeros(self.n_features, SIDE, SIDE);
+        let mut truth = Vec::with_capacity(SIDE * SIDE);
+        for y in 0..SIDE {
+            let row = if mirror_y { SIDE - 1 - y } else { y };
+            for (x, out) in input.row_mut(0, y).iter_mut().enumerate() {
+                let column = if mirror_x { SIDE - 1 - x } else { x };
+                let Pixel { lowest_m, highest_m, counts } = pixels[row * SIDE + column];
+                if counts == [0; 3] {
+                    truth.push(0);
+                    continue;
+                }
+                let features = [lowest_m, highest_m, highest_m - lowest_m];
+                for (out, feature) in out.iter_mut().zip(&features[..self.n_features]) {
+                    *out = feature / HEIGHT_M;
+                }
+                // The class of most points, the first of equals.
+                truth.push((0..3_u8).rev().max_by_key(|&class| counts[usize::from(class)]).unwrap_or(0));
+            }
+        }
+        Example { input, truth }
+    }
+}
+
+/// Three stretches of each drive, each of three sweeps half a second apart.
+fn views(seeds: RangeInclusive<u64>, slice: &Slice) -> anyhow::Result<Views> {
+    let mut views = Vec::new();
+    for seed in seeds {
+        let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
+        let submaps = drive.submaps(3, 3, 5, Mount::Rig)?;
+        views.extend(submaps.iter().map(|submap| View::of(submap, slice)).collect::<anyhow::Result<Vec<_>>>()?);
+    }
+    Ok(Views { views, n_features: slice.n_features })
+}
+
+pub fn run(slice: Slice, n_seeds: u64) -> anyhow::Result<()> {
+    let [train, validation, test] = [views(TRAIN, &slice)?, views(VALIDATION, &slice)?, views(TEST, &slice)?];
+    let task = Task {
+        train: &train,
+        validation: &validation,
+        test: &test,
+        spec: NetworkSpec::Unet { inputs: slice.n_features, outputs: 3, widths: vec![8, 16, 32], head: None },
+        shape: (3, 1),
+        border: Border::Zero,
+        tree: Hierarchy::new(vec![0; 3]),
+        settings: settings(12, 2, 2e-3),
+    };
+    let names = ["background", slice.classes[0].name(), slice.classes[1].name()];
+    task.table_of_losses(&losses(weights(&train, 3), &[1.5, 2.0]), &names, n_seeds)
+}

@@ -1,0 +1,125 @@
+//! Single sweeps of an HDL-32E on the rig of the L3D2 vehicle as range images.
+
+use super::surfaces;
+use crate::town_sweeps::{Mount, TownDrive};
+use geometry::NO_POINT;
+use learning::engine::{BORDER, Border, LANES, Planes};
+use learning::spherical::{N_FEATURES, PolarImage, PolarPixel, features, sweeps};
+use learning::training::{Dataset, Example, UNKNOWN};
+use learning::{Cloud, Random, ground};
+use messages::ClassId;
+use rayon::prelude::*;
+use simulation::{DriveSpec, Simulation, Town};
+use std::ops::RangeInclusive;
+
+/// Columns of an image, and those that the network sees as one.
+const COLUMNS: usize = 1024;
+pub const FOLD: usize = 4;
+/// Rows and columns of the network's input are multiples of this.
+const MULTIPLE: usize = 4;
+/// Channels of the input.
+pub const N_INPUTS: usize = FOLD * N_FEATURES;
+/// With red, green and blue behind them.
+pub const N_INPUTS_WITH_COLOR: usize = N_INPUTS + FOLD * 3;
+/// Section 6.6.1: color is left out of so many of the images that are learned from.
+const COLOR_DROPOUT: f32 = 0.2;
+
+/// One sweep.
+pub struct TownSweep {
+    /// Without intensities: the thesis has none.
+    image: PolarImage,
+    /// Class id by pixel; [`UNKNOWN`] where there is no point.
+    truth: Vec<u8>,
+    /// By pixel, 0 to 1; empty if nobody asked.
+    colors: Vec<[f32; 3]>,
+}
+
+/// `n` sweeps of each drive of 30 s.
+pub fn cast(seeds: RangeInclusive<u64>, n: usize, with_color: bool) -> anyhow::Result<Vec<TownSweep>> {
+    let of_drive = |seed: u64| -> anyhow::Result<Vec<TownSweep>> {
+        let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
+        let submaps = drive.submaps(n, 1, 1, Mount::Rig)?;
+        let spec = DriveSpec { town: drive.town, ..DriveSpec::urban(drive.seed, drive.seconds) };
+        let simulation = if with_color { Some(Simulation::new(&spec)?) } else { None };
+        let mut of_drive = Vec::new();
+        for submap in &submaps {
+            let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
+            let heights_m = ground::heights(&cloud)?;
+            for sweep in sweeps(&cloud, COLUMNS, &heights_m) {
+                let class = |&point: &u32| if point == NO_POINT { UNKNOWN } else { submap.truth[point as usize] };
+                let truth = sweep.image.nearest.iter().map(class).collect();
+                let colors = simulation.as_ref().map(|simulation| surfaces::colors(simulation, &cloud, &sweep));
+                let image = PolarImage { has_intensity: false, ..sweep.polar };
+                of_drive.push(TownSweep { image, truth, colors: colors.unwrap_or_default() });
+            }
+        }
+        Ok(of_drive)
+    };
+    let drives: Vec<anyhow::Result<Vec<TownSweep>>> = seeds.collect::<Vec<_>>().into_par_iter().map(of_drive).collect();
+    Ok(drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect())
+}
+
+/// Sweeps as a network sees them that learns some classes: points of others are not there.
+pub struct View<'a> {
+    sweeps: &'a [TownSweep],
+    /// By class id.
+    output_of_class: Vec<u8>,
+    with_color: bool,
+}
+
+impl<'a> View<'a> {
+    pub fn of(sweeps: &'a [TownSweep], classes: &[ClassId], with_color: bool) -> Self {
+        let output = |class: &ClassId| classes.iter().position(|of| of == class).map_or(UNKNOWN, |i| i as u8);
+        Self { sweeps, output_of_class: ClassId::ALL.iter().map(output).collect(), with_color }
+    }
+}
+
+impl Dataset for View<'_> {
+    fn len(&self) -> usize {
+        self.sweeps.len()
+    }
+    /// Turned around by chance when it is learned from.
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
+        let sweep = &self.sweeps[index];
+        let (turn, color_strength) = random
+            .map_or((0, 1.0), |random| (random.index(COLUMNS), if random.chance(COLOR_DROPOUT) { 0.0 } else { 1.0 }));
+        let output = |&class: &u8| self.output_of_class.get(usize::from(class)).copied().unwrap_or(UNKNOWN);
+        let mut truth: Vec<u8> = sweep.truth.iter().map(output).collect();
+        let mut image = sweep.image.clone();
+        for (pixel, truth) in image.pixels.iter_mut().zip(&truth).filter(|(_, truth)| **truth == UNKNOWN) {
+            debug_assert_eq!(*truth, UNKNOWN);
+            *pixel = PolarPixel::default();
+        }
+        image.pixels.chunks_exact_mut(COLUMNS).for_each(|row| row.rotate_left(turn));
+        truth.chunks_exact_mut(COLUMNS).for_each(|row| row.rotate_left(turn));
+        let mut input = features(&image, FOLD, MULTIPLE);
+        if self.with_color {
+            let color = |row: usize, column: usize| {
+                let pixel = row * COLUMNS + column;
+                let seen = sweep.colors[row * COLUMNS + (column + turn) % COLUMNS];
+                if truth[pixel] == UNKNOWN { [0.0; 3] } else { seen.map(|level| color_strength * level) }
+            };
+            input = with_colors(&input, color);
+        }
+        Example { input, truth }
+    }
+}
+
+/// The same image with three more channels for each folded column.
+fn with_colors(image: &Planes, color: impl Fn(usize, usize) -> [f32; 3]) -> Planes {
+    let mut wider = Planes::zeros(N_INPUTS_WITH_COLOR, image.height(), image.width());
+    debug_assert!(image.width() >= BORDER);
+    for y in 0..image.height() {
+        for block in 0..image.n_blocks() {
+            wider.row_mut(block, y).copy_from_slice(image.row(block, y));
+        }
+        for x in 0..image.width() {
+            let levels = (0..FOLD).flat_map(|k| color(y, FOLD * x + k));
+            for (channel, level) in (N_INPUTS..).zip(levels) {
+                wider.row_mut(channel / LANES, y)[x][channel % LANES] = level;
+            }
+        }
+    }
+    wider.fill_border(Border::Circular);
+    wider
+}
