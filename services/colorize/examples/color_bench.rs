@@ -4,7 +4,7 @@
 //! camera's view at some time: once with pinhole lenses of 70 degrees, once with wide fisheyes.
 
 use colorize::choose::{Limits, Sources, View};
-use colorize::chunk::{Chunk, Cloud};
+use colorize::cloud::{Cloud, Memory};
 use colorize::color::{Picture, color_into};
 use colorize::occlusion::sights;
 use colorize::views::Camera;
@@ -73,13 +73,13 @@ fn bench(name: &str, model: &CameraModel) {
 
 fn measure(name: &str, points: &[SubmapPoint], sweeps: &[SubmapSweep], views: &[View<'_>], pictures: &[Picture<'_>]) {
     let mut rows = vec![ColorRow::default(); points.len()];
-    let mut chunks = Vec::new();
+    let mut memory = Memory::default();
     for threads in [1, rayon::current_num_threads()] {
         let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else { return };
         let best = (0..5)
             .map(|_| {
                 let start = Instant::now();
-                pool.install(|| color(points, sweeps, views, pictures, &mut chunks, &mut rows));
+                pool.install(|| color(points, sweeps, views, pictures, &mut memory, &mut rows));
                 start.elapsed().as_secs_f64()
             })
             .fold(f64::INFINITY, f64::min);
@@ -99,10 +99,10 @@ fn color(
     sweeps: &[SubmapSweep],
     views: &[View<'_>],
     pictures: &[Picture<'_>],
-    chunks: &mut Vec<Chunk>,
+    memory: &mut Memory,
     rows: &mut [ColorRow],
 ) {
-    let cloud = Cloud::new(points, sweeps, 0, 32, chunks);
+    let cloud = Cloud::new(points, sweeps, 0, 32, memory);
     let limits = Limits { max_age_s: 1.0, max_moving_age_s: 0.1 };
     let sights = sights(&cloud, views);
     color_into(&Sources { cloud: &cloud, views, sights: &sights, limits }, pictures, false, rows);

@@ -15,7 +15,8 @@ mod lab;
 mod recorded;
 
 use colorize::choose::{Choices, Limits, Sources, View};
-use colorize::chunk::{CHUNK, Cloud};
+use colorize::chunk::CHUNK;
+use colorize::cloud::{Cloud, Memory};
 use colorize::color::{Picture, color_into, leveled};
 use colorize::level::{Levels, overlaps};
 use colorize::occlusion::sights;
@@ -86,8 +87,8 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
             pictures.push(picture.ok_or("an image does not have its size")?);
         }
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
-        let mut chunks = Vec::new();
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut chunks);
+        let mut memory = Memory::default();
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut memory);
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let mut rows = vec![ColorRow::default(); submap.rows().len()];
         for (is_leveled, seconds) in [false, true].into_iter().zip(&mut sums.seconds) {

@@ -7,7 +7,7 @@
 #[path = "common/recorded.rs"]
 mod recorded;
 
-use colorize::chunk::Cloud;
+use colorize::cloud::{Cloud, Memory};
 use colorize::color::Picture;
 use colorize::occlusion::sights;
 use colorize::offset::Look;
@@ -67,9 +67,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             beside.push([before, after]);
             pictures.push((index, picture));
         }
-        let mut chunks = Vec::new();
+        let mut memory = Memory::default();
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut chunks);
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut memory);
         let sights = sights(&cloud, &views);
         let looks: Vec<(usize, Look<'_>)> = (0..views.len())
             .map(|i| {

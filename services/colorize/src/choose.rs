@@ -1,6 +1,7 @@
 //! Which exposure gives a point its color: of those that see it, the one that is expected to be off by the least.
 
-use crate::chunk::{CHUNK, Chunk, Cloud, Lanes, Projected, seconds};
+use crate::chunk::{CHUNK, Chunk, Lanes, Projected, seconds};
+use crate::cloud::Cloud;
 use crate::frustum::Frustum;
 use crate::lens::Lens;
 use crate::occlusion::{Grid, NO_CELL, Sight};
@@ -189,7 +190,7 @@ impl Choices {
         projected.fill(chunk, &view.camera_from_submap, view.lens);
         let time = seconds(view.stamp, sources.cloud.origin);
         let extra_m = sources.unguarded_m(time);
-        wide(Weigh {
+        let is_offered = wide(Weigh {
             index,
             time,
             extra_m,
@@ -201,14 +202,16 @@ impl Choices {
             best,
             offer,
         });
-        for (reach_m, cell) in offer.reach_m.iter_mut().zip(&offer.cells) {
-            *reach_m = sight.reach_m(*cell);
+        if is_offered {
+            for (reach_m, cell) in offer.reach_m.iter_mut().zip(&offer.cells).take(chunk.n_lanes()) {
+                *reach_m = sight.reach_m(*cell);
+            }
+            wide(Take { index, n_lanes: chunk.n_lanes(), projected, offer, best });
         }
-        wide(Take { index, projected, offer, best });
     }
 }
 
-/// Finds what a view costs, and to which points it is offered.
+/// Finds what a view costs, and to which points it is offered; says whether to any.
 struct Weigh<'a> {
     index: u32,
     /// Of the view, s after the submap's first shot.
@@ -225,14 +228,15 @@ struct Weigh<'a> {
 }
 
 impl Work for Weigh<'_> {
-    type Output = ();
+    type Output = bool;
 
     #[inline(always)]
-    fn call(self) {
+    fn call(self) -> bool {
         let Self { index, time, extra_m, view, grid, limits, chunk, projected, best, offer } = self;
         let middle = [0, 1].map(|axis| 0.5 * (view.min[axis] + view.max[axis]));
         let per_half = [0, 1].map(|axis| 2.0 / (view.max[axis] - view.min[axis]));
-        for i in 0..CHUNK {
+        let mut n_offered = 0_u32;
+        for i in 0..chunk.n_lanes() {
             let (u, v) = (projected.u[i], projected.v[i]);
             let age_s = (chunk.times[i] - time).abs();
             let (x, y) = ((u - middle[0]) * per_half[0], (v - middle[1]) * per_half[1]);
@@ -242,13 +246,16 @@ impl Work for Weigh<'_> {
             let is_offered = view.holds(u, v) & (age_s <= limits.max_age_s_of(chunk.moves[i])) & is_better;
             offer.costs[i] = cost;
             offer.cells[i] = if is_offered { grid.cell(u, v) } else { NO_CELL };
+            n_offered += u32::from(is_offered);
         }
+        n_offered > 0
     }
 }
 
 /// Gives the view to the points that it sees.
 struct Take<'a> {
     index: u32,
+    n_lanes: usize,
     projected: &'a Projected,
     offer: &'a Offer,
     best: &'a mut Best,
@@ -259,8 +266,8 @@ impl Work for Take<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { index, projected, offer, best } = self;
-        for i in 0..CHUNK {
+        let Self { index, n_lanes, projected, offer, best } = self;
+        for i in 0..n_lanes.min(CHUNK) {
             let is_seen = projected.range_m[i] <= offer.reach_m[i];
             best.costs[i] = if is_seen { offer.costs[i] } else { best.costs[i] };
             best.views[i] = if is_seen { index } else { best.views[i] };
@@ -300,6 +307,7 @@ pub fn gap(time: f32, [first, last]: [f32; 2]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::Memory;
     use crate::views::Camera;
     use geometry::{CameraModel, Isometry3, Pinhole, Pose, RigCamera, Vector3};
     use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
@@ -327,8 +335,8 @@ mod tests {
         let mut choices = Choices::default();
         let limits = Limits { max_age_s: 0.128, max_moving_age_s: 0.032 };
         let points = [early, point, late, lost];
-        let mut chunks = Vec::new();
-        let cloud = Cloud::new(&points, &sweeps, 1000 * MS, 32, &mut chunks);
+        let mut memory = Memory::default();
+        let cloud = Cloud::new(&points, &sweeps, 1000 * MS, 32, &mut memory);
         let sources = Sources { cloud: &cloud, views: &views, sights: &sights, limits };
         choices.fill(&cloud.chunks()[0], &sources);
         let view_of = |place| choices.seen().find(|(at, ..)| *at == place).map(|(_, view, _)| view);

@@ -4,50 +4,13 @@ use crate::lens::{FisheyeLens, Lens, PinholeLens};
 use crate::warp_lens::WarpLens;
 use crate::wide::{Work, wide};
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
-use rayon::prelude::*;
 
 /// Points of a chunk: their coordinates and projections fit the second cache (1024 * 60 bytes), and the box around them
 /// is small. A constant, so that the work is cut in the same places whatever the number of threads.
 pub const CHUNK: usize = 1024;
 
-/// A submap, its points cut into chunks.
-pub struct Cloud<'a> {
-    /// All points, in place.
-    pub points: &'a [SubmapPoint],
-    /// The sweeps that they are of.
-    pub sweeps: &'a [SubmapSweep],
-    /// First shot, from which times count, ns since the Unix epoch.
-    pub origin: i64,
-    /// Rings of the sensor.
-    pub n_rings: u32,
-    chunks: &'a [Chunk],
-    time_span: [f32; 2],
-}
-
-impl<'a> Cloud<'a> {
-    /// Looks at every point once. `chunks` is memory: what was in it is gone.
-    pub fn new(
-        points: &'a [SubmapPoint],
-        sweeps: &'a [SubmapSweep],
-        origin: i64,
-        n_rings: u32,
-        chunks: &'a mut Vec<Chunk>,
-    ) -> Self {
-        points.par_chunks(CHUNK).map(|points| Chunk::new(points, sweeps, origin)).collect_into_vec(chunks);
-        let time_span = chunks.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[first, last], chunk| {
-            [first.min(chunk.time_span[0]), last.max(chunk.time_span[1])]
-        });
-        Self { points, sweeps, origin, n_rings, chunks, time_span }
-    }
-    /// First and last shot, s after the submap's first; of no points, infinite.
-    pub fn time_span(&self) -> [f32; 2] {
-        self.time_span
-    }
-    /// The chunks in their order.
-    pub fn chunks(&self) -> &'a [Chunk] {
-        self.chunks
-    }
-}
+/// Loops over a chunk end at a multiple of this: four registers of 64 bytes.
+const LANES: usize = 64;
 
 /// One value for each point of a chunk.
 pub type Lanes<T> = [T; CHUNK];
@@ -55,7 +18,7 @@ pub type Lanes<T> = [T; CHUNK];
 /// What projecting needs of some points of a submap, and the extent of them all.
 #[derive(Debug)]
 pub struct Chunk {
-    /// m, submap frame. NaN, which is in no image, behind the last point.
+    /// m, submap frame. NaN, which is in no image, from the last point to the last lane.
     pub x: Lanes<f32>,
     /// m, submap frame.
     pub y: Lanes<f32>,
@@ -91,17 +54,17 @@ impl Default for Chunk {
 }
 
 impl Chunk {
-    fn new(points: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) -> Self {
-        let mut chunk = Self { n_points: points.len(), ..Self::default() };
+    /// Takes other points in, in place of all that it has.
+    pub fn refill(&mut self, points: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) {
+        self.n_points = points.len().min(CHUNK);
         for (i, point) in points.iter().enumerate().take(CHUNK) {
-            chunk.x[i] = point.x;
-            chunk.y[i] = point.y;
-            chunk.z[i] = point.z;
-            chunk.times[i] = time(point, sweeps, origin);
-            chunk.moves[i] = u32::from(point.flags & POINT_DYNAMIC != 0);
+            self.x[i] = point.x;
+            self.y[i] = point.y;
+            self.z[i] = point.z;
+            self.times[i] = time(point, sweeps, origin);
+            self.moves[i] = u32::from(point.flags & POINT_DYNAMIC != 0);
         }
-        chunk.close();
-        chunk
+        self.close();
     }
 
     /// Takes a point of another chunk in. Panics if there are [`CHUNK`].
@@ -112,9 +75,21 @@ impl Chunk {
         self.n_points += 1;
     }
 
+    /// Lanes that loops go over: those of the points, and some that are NaN.
+    #[inline(always)]
+    pub fn n_lanes(&self) -> usize {
+        self.n_points.next_multiple_of(LANES).min(CHUNK)
+    }
+
     /// Finds the extent, once all points are in.
     pub fn close(&mut self) {
-        let spans = [&self.x, &self.y, &self.z, &self.times].map(|values| wide(Span(values)));
+        let behind = self.n_points..self.n_lanes();
+        for values in [&mut self.x, &mut self.y, &mut self.z, &mut self.times] {
+            values[behind.clone()].fill(f32::NAN);
+        }
+        self.moves[behind].fill(0);
+        let lanes = ..self.n_lanes();
+        let spans = [&self.x, &self.y, &self.z, &self.times].map(|values| wide(Span(&values[lanes])));
         let [[x0, x1], [y0, y1], [z0, z1], time_span] = spans;
         self.bounds = [[x0, y0, z0], [x1, y1, z1]];
         self.time_span = time_span;
@@ -122,7 +97,7 @@ impl Chunk {
 }
 
 /// Finds the smallest and the largest value. NaN is neither.
-struct Span<'a>(&'a Lanes<f32>);
+struct Span<'a>(&'a [f32]);
 
 impl Work for Span<'_> {
     type Output = [f32; 2];
@@ -218,7 +193,7 @@ impl<L: Projection> Work for Project<'_, L> {
     #[inline(always)]
     fn call(self) {
         let Self { chunk, rows: [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]], lens, out } = self;
-        for i in 0..CHUNK {
+        for i in 0..chunk.n_lanes() {
             let (px, py, pz) = (chunk.x[i], chunk.y[i], chunk.z[i]);
             let cx = a0 * px + a1 * py + a2 * pz + a3;
             let cy = b0 * px + b1 * py + b2 * pz + b3;

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 pub struct Picture<'a> {
     camera: u8,
     width: usize,
+    height: usize,
     pixels: &'a [[u8; 3]],
 }
 
@@ -19,7 +20,7 @@ impl<'a> Picture<'a> {
     pub fn new(camera: u8, width: u32, height: u32, bytes: &'a [u8]) -> Option<Self> {
         let (pixels, rest) = bytes.as_chunks::<3>();
         let fits = !pixels.is_empty() && rest.is_empty() && pixels.len() == width as usize * height as usize;
-        fits.then_some(Self { camera, width: width as usize, pixels })
+        fits.then_some(Self { camera, width: width as usize, height: height as usize, pixels })
     }
 
     /// Index of the camera.
@@ -36,9 +37,8 @@ impl<'a> Picture<'a> {
     /// Bilinear between the four pixels around (u, v), which lies at most half a pixel outside the outermost centers. In steps of
     /// 1/256 px, because whole numbers take half the time of others here.
     pub fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
-        let height = self.pixels.len() / self.width;
         let (x0, x1, share_x) = neighbors(u, self.width);
-        let (y0, y1, share_y) = neighbors(v, height);
+        let (y0, y1, share_y) = neighbors(v, self.height);
         let corners = [
             (x0, y0, (256 - share_x) * (256 - share_y)),
             (x1, y0, share_x * (256 - share_y)),

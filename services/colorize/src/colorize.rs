@@ -5,7 +5,7 @@ mod intake;
 
 use crate::Settings;
 use crate::choose::Limits;
-use crate::chunk::Chunk;
+use crate::cloud::Memory;
 use crate::offset_watch::{overview, overview_by_range, sentence};
 use crate::saved::{self, Held};
 use crate::spectra::Bands;
@@ -43,8 +43,7 @@ pub struct Colorize {
     max_offset_rad: f32,
     max_delay_s: f32,
     held: Held,
-    /// Memory that every submap uses again: the system takes as long to give such memory as coloring does.
-    chunks: Vec<Chunk>,
+    memory: Memory,
 }
 
 impl Colorize {
@@ -85,7 +84,7 @@ impl Colorize {
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             held: Held::default(),
-            chunks: Vec::new(),
+            memory: Memory::default(),
         })
     }
 

@@ -1,6 +1,7 @@
 //! Where the depth of a submap jumps: the outlines of things, as the LiDAR saw them.
 
-use crate::chunk::{Cloud, seconds};
+use crate::chunk::seconds;
+use crate::cloud::Cloud;
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
@@ -53,7 +54,15 @@ struct Shots<'a> {
     n_rings: usize,
 }
 
-impl Shots<'_> {
+/// A point on its ring.
+#[derive(Clone, Copy)]
+struct Shot<'a> {
+    point: &'a SubmapPoint,
+    /// From the sensor, m.
+    range_m: f32,
+}
+
+impl<'a> Shots<'a> {
     fn edges(&self) -> Vec<DepthEdge> {
         let mut edges = Vec::new();
         for shots in self.by_ring() {
@@ -62,7 +71,7 @@ impl Shots<'_> {
                 self.add([a, b, c, d], &mut edges);
                 // A beam that meets both sides is measured in between. One that is of a side is none such: the same jump, taken for half
                 // a shot earlier, would draw all outlines against the scan.
-                if self.is_between(b, c, d) {
+                if is_between([b, c, d].map(|shot| shot.range_m)) {
                     self.add([a, b, d, e], &mut edges);
                 }
             }
@@ -71,44 +80,39 @@ impl Shots<'_> {
     }
 
     /// The points of each ring in the order of their shots.
-    fn by_ring(&self) -> Vec<Vec<&SubmapPoint>> {
-        let mut rings = vec![Vec::new(); self.n_rings];
+    fn by_ring(&self) -> Vec<Vec<Shot<'a>>> {
+        let mut rings = vec![Vec::with_capacity(self.points.len() / self.n_rings.max(1)); self.n_rings];
         for point in self.points {
             if let Some(ring) = rings.get_mut(usize::from(point.ring)) {
-                ring.push(point);
+                let range_m = self.ray(point).1.iter().map(|v| v * v).sum::<f32>().sqrt();
+                ring.push(Shot { point, range_m });
             }
         }
         rings
     }
 
-    /// Whether the second of three neighbors is on no side of a jump between the others.
-    fn is_between(&self, before: &SubmapPoint, point: &SubmapPoint, after: &SubmapPoint) -> bool {
-        let [a, b, c] = [before, point, after].map(|point| self.ray(point).2);
-        !is_smooth(a, b) && !is_smooth(b, c) && (b > a) == (c > b)
-    }
-
-    /// From where, in which direction, and how far the shot was, m, submap frame.
-    fn ray(&self, point: &SubmapPoint) -> ([f32; 3], [f32; 3], f32) {
+    /// From where and in which direction the shot was, m, submap frame.
+    fn ray(&self, point: &SubmapPoint) -> ([f32; 3], [f32; 3]) {
         let eye = self.eye(point.offset_nanos);
-        let ray = [point.x - eye[0], point.y - eye[1], point.z - eye[2]];
-        (eye, ray, ray.iter().map(|v| v * v).sum::<f32>().sqrt())
+        (eye, [point.x - eye[0], point.y - eye[1], point.z - eye[2]])
     }
 
     /// Adds the jump in the middle of four neighbors, if there is one between two smooth sides.
-    fn add(&self, points: [&SubmapPoint; 4], edges: &mut Vec<DepthEdge>) {
-        let step = |i: usize| between(points[i].azimuth, points[i + 1].azimuth);
-        if (0..3).any(|i| step(i) > MAX_AZIMUTH_STEP) || points.iter().any(|p| p.flags & POINT_DYNAMIC != 0) {
-            return;
-        }
-        let rays = points.map(|point| self.ray(point));
-        let range_m = rays.map(|(_, _, range_m)| range_m);
+    fn add(&self, shots: [Shot<'_>; 4], edges: &mut Vec<DepthEdge>) {
+        let range_m = shots.map(|shot| shot.range_m);
         let (near, far) = if range_m[1] < range_m[2] { (1, 2) } else { (2, 1) };
         let jumps = range_m[far] - range_m[near] > JUMP_M + JUMP_SHARE * range_m[near];
         if !jumps || !is_smooth(range_m[0], range_m[1]) || !is_smooth(range_m[2], range_m[3]) {
             return;
         }
-        let (eye, ray, near_m) = rays[near];
-        let far_at_near = rays[far].1.map(|v| v * near_m / range_m[far]);
+        let points = shots.map(|shot| shot.point);
+        let step = |i: usize| between(points[i].azimuth, points[i + 1].azimuth);
+        if (0..3).any(|i| step(i) > MAX_AZIMUTH_STEP) || points.iter().any(|p| p.flags & POINT_DYNAMIC != 0) {
+            return;
+        }
+        let near_m = range_m[near];
+        let (eye, ray) = self.ray(points[near]);
+        let far_at_near = self.ray(points[far]).1.map(|v| v * near_m / range_m[far]);
         let across = [0, 1, 2].map(|i| far_at_near[i] - ray[i]);
         edges.push(DepthEdge {
             at: [0, 1, 2].map(|i| eye[i] + ray[i] + 0.5 * across[i]),
@@ -129,6 +133,11 @@ impl Shots<'_> {
 /// Whether two shots are of one surface.
 fn is_smooth(a: f32, b: f32) -> bool {
     (a - b).abs() < SMOOTH_M + SMOOTH_SHARE * a.min(b)
+}
+
+/// Whether the second of three neighbors is on no side of a jump between the others.
+fn is_between([a, b, c]: [f32; 3]) -> bool {
+    !is_smooth(a, b) && !is_smooth(b, c) && (b > a) == (c > b)
 }
 
 /// The smaller of the two angles, 0.01 degree.

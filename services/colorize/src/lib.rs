@@ -23,6 +23,7 @@
 
 pub mod choose;
 pub mod chunk;
+pub mod cloud;
 pub mod color;
 mod colorize;
 pub mod depth_edges;

@@ -8,7 +8,8 @@
 //! seen at grazing incidence, from hiding itself.
 
 use crate::choose::{View, gap};
-use crate::chunk::{CHUNK, Chunk, Cloud, Lanes, Projected, seconds};
+use crate::chunk::{CHUNK, Chunk, Lanes, Projected, seconds};
+use crate::cloud::Cloud;
 use crate::wide::{Work, wide};
 use rayon::prelude::*;
 
@@ -99,37 +100,14 @@ impl Sight {
     }
 }
 
-/// Every so manyth point hides: there are several in a cell, and its neighbors close what is missing. A number without a common divisor
-/// with those of rings, so that all of them hide.
-const THINNING: usize = 3;
-
-/// The points that hide: all those on moving objects, which few sweeps meet, and some of the rest.
-fn occluders(chunks: &[Chunk]) -> Vec<Chunk> {
-    let thin = |chunks: &[Chunk]| {
-        let mut thinned = vec![Chunk::default()];
-        for (chunk, i) in chunks.iter().flat_map(|chunk| (0..chunk.n_points).map(move |i| (chunk, i))) {
-            if i % THINNING == 0 || chunk.moves[i] != 0 {
-                if thinned.last().is_none_or(|last| last.n_points == CHUNK) {
-                    thinned.push(Chunk::default());
-                }
-                thinned.last_mut().into_iter().for_each(|last| last.push(chunk, i));
-            }
-        }
-        thinned.iter_mut().for_each(Chunk::close);
-        thinned
-    };
-    chunks.par_chunks(THINNING).flat_map_iter(thin).collect()
-}
-
 /// Of every view, from the points around its time (`HIDING_AGE_S`), those on moving objects only
 /// from shortly before and after (`MOVING_HIDING_AGE_S`).
 pub fn sights(cloud: &Cloud<'_>, views: &[View<'_>]) -> Vec<Sight> {
     let [begin, end] = cloud.time_span();
-    let occluders = occluders(cloud.chunks());
     let gap_across = (RINGS_RAD / cloud.n_rings.max(1) as f32 / CELL_RAD).ceil().max(1.0) as usize;
     let of_task = |scratch: &mut Scratch, views: &[View<'_>]| -> Vec<Sight> {
         let mut nearest: Vec<Nearest> = views.iter().map(Nearest::new).collect();
-        for chunk in &occluders {
+        for chunk in cloud.occluders() {
             for (view, nearest) in views.iter().zip(&mut nearest) {
                 let time = seconds(view.stamp, cloud.origin);
                 let hides = gap(time.max(begin).min(end), chunk.time_span) <= HIDING_AGE_S;
@@ -185,7 +163,7 @@ impl Work for Hide<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { time, view, grid, chunk, projected, hits } = self;
-        for i in 0..CHUNK {
+        for i in 0..chunk.n_lanes() {
             let (u, v) = (projected.u[i], projected.v[i]);
             let is_old = (chunk.moves[i] != 0) & ((chunk.times[i] - time).abs() > MOVING_HIDING_AGE_S);
             let hides = view.holds(u, v) & !is_old;
@@ -212,7 +190,7 @@ impl Nearest {
         let Scratch { projected, hits } = scratch;
         projected.fill(chunk, &view.camera_from_submap, view.lens);
         wide(Hide { time, view: *view, grid: self.grid, chunk, projected, hits });
-        for (cell, range_m) in hits.cells.iter().zip(&hits.range_m) {
+        for (cell, range_m) in hits.cells.iter().zip(&hits.range_m).take(chunk.n_points) {
             let Some(nearest) = self.range_m.get_mut(*cell as usize) else { continue };
             *nearest = if range_m < nearest { *range_m } else { *nearest };
         }

@@ -7,7 +7,7 @@
 //! line is kept with it, so that [`crate::offset_fit`] needs neither images nor points.
 
 use crate::choose::View;
-use crate::chunk::Cloud;
+use crate::cloud::Cloud;
 use crate::color::Picture;
 use crate::depth_edges::DepthEdge;
 use crate::occlusion::Sight;

@@ -6,7 +6,7 @@
 //! the delay is said to be unknown, and the turns hold for a delay of zero.
 
 use crate::offset::Profile;
-use crate::offset_edges::Edges;
+use crate::offset_edges::{Edges, Outline};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -95,7 +95,9 @@ pub struct Offset {
 
 /// Fits turns and delay to each camera's profiles.
 pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
-    let all: Vec<Edges> = cameras.iter().map(|profiles| Edges::new(profiles.iter())).collect();
+    let outlines: Vec<Vec<Outline>> =
+        cameras.iter().map(|profiles| profiles.iter().map(Outline::from).collect()).collect();
+    let all: Vec<Edges<'_>> = outlines.iter().map(|outlines| Edges::new(outlines.iter())).collect();
     let still = Solution::search(&all, false);
     let moved = Solution::search(&all, true).refined(&all, true);
     let still = still.refined(&all, false);
@@ -107,13 +109,13 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
     let parts: Vec<Solution> = (0..N_PARTS)
         .into_par_iter()
         .map(|part| {
-            let rest = |(profiles, edges): (&Vec<Profile>, &Edges)| {
-                let [begin, end] = [part, part + 1].map(|part| part * profiles.len() / N_PARTS);
-                let mut rest = Edges::new(profiles[..begin].iter().chain(&profiles[end..]));
+            let rest_of_each = outlines.iter().zip(&all).map(|(outlines, edges)| {
+                let [begin, end] = [part, part + 1].map(|part| part * outlines.len() / N_PARTS);
+                let mut rest = Edges::new(outlines[..begin].iter().chain(&outlines[end..]));
                 rest.axes.clone_from(&edges.axes);
                 rest
-            };
-            let rest: Vec<Edges> = cameras.iter().zip(&all).map(rest).collect();
+            });
+            let rest: Vec<Edges<'_>> = rest_of_each.collect();
             solution.clone().refined(&rest, has_delay)
         })
         .collect();
@@ -123,12 +125,12 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
         let square: f32 = parts.iter().map(|part| (value(part) - mean).powi(2)).sum();
         (square * (n - 1.0) / n).sqrt()
     };
-    let camera = |(i, edges): (usize, &Edges)| CameraOffset {
+    let camera = |(i, edges): (usize, &Edges<'_>)| CameraOffset {
         turn: solution.turns[i],
         deviation: [0, 1, 2]
             .map(|axis| deviation(&|part: &Solution| part.turns[i][axis]).hypot(edges.common_deviation(axis))),
         is_turned_about_axis: edges.axes.len() > edges.n_across,
-        n_edges: edges.rows.len(),
+        n_edges: edges.n_edges(),
         peak: edges.peak(solution.turns[i], solution.delay_s, false),
     };
     Offset {
@@ -140,9 +142,13 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
 }
 
 /// Lets those cameras turn about their axes whose edges then agree by far better: elsewhere one more unknown would only add its noise.
-fn with_turns_about_axes(all: Vec<Edges>, mut solution: Solution, has_delay: bool) -> (Vec<Edges>, Solution) {
+fn with_turns_about_axes<'a>(
+    all: Vec<Edges<'a>>,
+    mut solution: Solution,
+    has_delay: bool,
+) -> (Vec<Edges<'a>>, Solution) {
     let delay_s = solution.delay_s;
-    let turned = |(edges, turn): (Edges, &mut Turn)| {
+    let turned = |(edges, turn): (Edges<'a>, &mut Turn)| {
         if !edges.may_tell_axis() {
             return edges;
         }
@@ -158,21 +164,23 @@ fn with_turns_about_axes(all: Vec<Edges>, mut solution: Solution, has_delay: boo
         }
         edges
     };
-    let all: Vec<Edges> = all.into_iter().zip(&mut solution.turns).map(turned).collect();
+    let all: Vec<Edges<'a>> = all.into_iter().zip(&mut solution.turns).map(turned).collect();
     let solution = solution.refined(&all, has_delay);
     (all, solution)
 }
 
 /// Turns alone, of the edges of some range, about the turn that all edges gave.
 pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOffset, delay_s: f32) -> CameraOffset {
-    let edges = vec![Edges::new(profiles.iter().filter(|profile| range_m.contains(&profile.range_m)))];
+    let outlines: Vec<Outline> =
+        profiles.iter().filter(|profile| range_m.contains(&profile.range_m)).map(Outline::from).collect();
+    let edges = [Edges::new(outlines.iter())];
     let found = Solution { turns: vec![around.turn], delay_s }.refined(&edges, false);
     let peak = edges[0].peak(found.turns[0], delay_s, false);
     CameraOffset {
         turn: found.turns[0],
         is_turned_about_axis: around.is_turned_about_axis,
         deviation: [0.0; 3],
-        n_edges: edges[0].rows.len(),
+        n_edges: edges[0].n_edges(),
         peak,
     }
 }
@@ -185,12 +193,12 @@ struct Solution {
 
 impl Solution {
     /// Over all turns about x and y, and all delays if there may be one.
-    fn search(cameras: &[Edges], may_be_late: bool) -> Self {
+    fn search(cameras: &[Edges<'_>], may_be_late: bool) -> Self {
         let n_delays = if may_be_late { (MAX_DELAY_S / DELAY_STEP_S).round() as i32 } else { 0 };
         let n_turns = (MAX_TURN / TURN_STEP).round() as i32;
         let mut best: Option<(f32, Self)> = None;
         for delay_s in (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S) {
-            let best_turn = |edges: &Edges| {
+            let best_turn = |edges: &Edges<'_>| {
                 let mut best = (f32::NEG_INFINITY, [0.0; 3]);
                 let n_across = if edges.n_across > 1 { n_turns } else { 0 };
                 for (a, b) in (-n_turns..=n_turns).flat_map(|a| (-n_across..=n_across).map(move |b| (a, b))) {
@@ -214,7 +222,7 @@ impl Solution {
     }
 
     /// By ever smaller steps, along one unknown after the other, as long as the sum rises.
-    fn refined(mut self, cameras: &[Edges], may_be_late: bool) -> Self {
+    fn refined(mut self, cameras: &[Edges<'_>], may_be_late: bool) -> Self {
         let (mut turn_step, mut delay_step) = (TURN_STEP, DELAY_STEP_S);
         // Seven halvings: 31 urad and 78 us.
         for _ in 0..7 {
@@ -236,7 +244,7 @@ impl Solution {
     }
 
     /// A step of the delay, to which all turns are fitted anew.
-    fn climb_delay(&mut self, cameras: &[Edges], delay_step: f32, turn_step: f32) -> bool {
+    fn climb_delay(&mut self, cameras: &[Edges<'_>], delay_step: f32, turn_step: f32) -> bool {
         let score = self.score(cameras);
         for step in [-delay_step, delay_step] {
             let mut moved = Self { delay_s: self.delay_s + step, ..self.clone() };
@@ -256,12 +264,12 @@ impl Solution {
         false
     }
 
-    fn score(&self, cameras: &[Edges]) -> f32 {
+    fn score(&self, cameras: &[Edges<'_>]) -> f32 {
         cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.score(*turn, self.delay_s, false)).sum()
     }
 
     /// Of all cameras together, see [`Edges::peak`].
-    fn peak(&self, cameras: &[Edges]) -> f32 {
+    fn peak(&self, cameras: &[Edges<'_>]) -> f32 {
         let squares =
             cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.peak(*turn, self.delay_s, false).powi(2));
         squares.sum::<f32>().sqrt()
@@ -269,7 +277,7 @@ impl Solution {
 }
 
 /// One step about each axis, where it is better.
-fn climb(edges: &Edges, turn: &mut Turn, delay_s: f32, step: f32) -> bool {
+fn climb(edges: &Edges<'_>, turn: &mut Turn, delay_s: f32, step: f32) -> bool {
     let mut is_better = false;
     let mut score = edges.score(*turn, delay_s, false);
     for axis in &edges.axes {

@@ -1,6 +1,7 @@
 //! The offset between points and images, over a whole run.
 
-use crate::chunk::{Cloud, seconds};
+use crate::chunk::seconds;
+use crate::cloud::Cloud;
 use crate::depth_edges::depth_edges;
 use crate::offset::{Look, MAX_AGE_S, Profile};
 use crate::offset_fit::{CameraOffset, Offset, fit, fit_at_range};

@@ -1,7 +1,8 @@
 //! The `spectra` column.
 
 use crate::choose::{Choices, Limits, NO_VIEW, Sources, View};
-use crate::chunk::{CHUNK, Chunk, Cloud};
+use crate::chunk::{CHUNK, Chunk};
+use crate::cloud::Cloud;
 use crate::occlusion::{Sight, sights};
 use messages::{CubeHeader, CubeView, MAX_BANDS, NO_SPECTRUM, SpectraHeader};
 use rayon::prelude::*;

@@ -3,7 +3,8 @@
 mod common;
 
 use colorize::choose::{Choices, Limits, Sources, View};
-use colorize::chunk::{CHUNK, Chunk, Cloud};
+use colorize::chunk::{CHUNK, Chunk};
+use colorize::cloud::{Cloud, Memory};
 use colorize::occlusion::{Sight, sights};
 use colorize::views::Camera;
 use geometry::{CameraModel, Pose, RigCamera, Stamp};
@@ -162,8 +163,8 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
             });
         }
     }
-    let mut chunks = Vec::new();
-    let cloud = Cloud::new(&points, &sweeps, town.begin.0, N_RINGS, &mut chunks);
+    let mut memory = Memory::default();
+    let cloud = Cloud::new(&points, &sweeps, town.begin.0, N_RINGS, &mut memory);
     let tested = sights(&cloud, &views);
     let untested: Vec<Sight> = views.iter().map(|_| Sight::free()).collect();
     [tested, untested].map(|sights| {

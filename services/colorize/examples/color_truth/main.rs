@@ -13,7 +13,8 @@ mod spectra;
 mod town;
 
 use colorize::choose::{Choices, Limits, Sources, View};
-use colorize::chunk::{CHUNK, Chunk, Cloud};
+use colorize::chunk::{CHUNK, Chunk};
+use colorize::cloud::{Cloud, Memory};
 use colorize::color::Picture;
 use colorize::occlusion::sights;
 use colorize::views::Camera;
@@ -109,8 +110,8 @@ impl Part<'_> {
         look: impl Fn(&TruePoint, Option<(usize, [f32; 2])>, &mut score::Score) + Sync,
     ) -> Table {
         let sweeps = &self.header.sweeps[..self.header.n_sweeps as usize];
-        let mut chunks = Vec::new();
-        let cloud = Cloud::new(points, sweeps, self.header.stamp_begin, self.header.n_rings, &mut chunks);
+        let mut memory = Memory::default();
+        let cloud = Cloud::new(points, sweeps, self.header.stamp_begin, self.header.n_rings, &mut memory);
         let sights = sights(&cloud, views);
         let sources = Sources { cloud: &cloud, views, sights: &sights, limits: LIMITS };
         let of_chunk = |(chunk, truth): (&Chunk, &[Option<TruePoint>])| {

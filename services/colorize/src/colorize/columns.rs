@@ -2,7 +2,7 @@
 
 use super::Colorize;
 use crate::choose::Sources;
-use crate::chunk::Cloud;
+use crate::cloud::Cloud;
 use crate::color::color_into;
 use crate::occlusion::sights;
 use crate::offset::{Look, Profile};
@@ -41,12 +41,12 @@ impl Colorize {
                 header.sweeps.len()
             ))
         })?;
-        let mut chunks = std::mem::take(&mut self.chunks);
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut chunks);
+        let mut memory = std::mem::take(&mut self.memory);
+        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut memory);
         let profiles = self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
         self.held.watch.keep(profiles);
         self.publish_spectra(submap, &cloud, &world_from_submap, outputs)?;
-        self.chunks = chunks;
+        self.memory = memory;
         Ok(())
     }
 
