@@ -48,18 +48,40 @@ pub struct TownDrive {
 }
 
 impl TownDrive {
+    /// The town, and the way through it.
+    ///
+    /// # Errors
+    /// If the drive cannot be made.
+    pub fn simulation(&self) -> anyhow::Result<Simulation> {
+        let spec = DriveSpec { town: self.town, ..DriveSpec::urban(self.seed, self.seconds) };
+        Simulation::new(&spec).with_context(|| format!("town of seed {}", self.seed))
+    }
+
     /// Submaps of `n_sweeps` sweeps, each `stride` revolutions after the one before, at even places of the drive.
     ///
     /// # Errors
     /// If the drive cannot be made.
     pub fn submaps(&self, n: usize, n_sweeps: usize, stride: u64, mount: Mount) -> anyhow::Result<Vec<TownSubmap>> {
-        let spec = DriveSpec { town: self.town, ..DriveSpec::urban(self.seed, self.seconds) };
-        let simulation = Simulation::new(&spec).with_context(|| format!("town of seed {}", self.seed))?;
+        self.submaps_in(&self.simulation()?, n, n_sweeps, stride, mount)
+    }
+
+    /// [`Self::submaps`] in this drive's [`Self::simulation`].
+    ///
+    /// # Errors
+    /// If the drive is shorter than the submaps.
+    pub fn submaps_in(
+        &self,
+        simulation: &Simulation,
+        n: usize,
+        n_sweeps: usize,
+        stride: u64,
+        mount: Mount,
+    ) -> anyhow::Result<Vec<TownSubmap>> {
         let n_turns = (self.seconds * 10.0).floor() as u64;
         let span = n_sweeps as u64 * stride;
         anyhow::ensure!(span <= n_turns, "{n_sweeps} sweeps at {stride} revolutions need more than {} s", self.seconds);
         let first = |i: usize| (n_turns - span) * i as u64 / (n.max(2) - 1) as u64;
-        Ok((0..n).map(|i| self.submap(&simulation, first(i), n_sweeps, stride, i, mount)).collect())
+        Ok((0..n).map(|i| self.submap(simulation, first(i), n_sweeps, stride, i, mount)).collect())
     }
 
     fn submap(

@@ -80,6 +80,14 @@ impl Palette {
         part.light.sun * self.sun[at] + part.light.sky * self.sky[at]
     }
 
+    /// A hit that the share `sun` of the full sun reaches, that sees the share `open` of the sky, and that does not mirror the
+    /// share `kept` of its light; all 0 to 1.
+    pub fn part(&self, hit: &SceneHit, sun: f32, open: f32, kept: f32) -> Part {
+        let material = hit.surface.material as u16;
+        let texture = self.properties[material as usize].texture(&hit.texture_point, &hit.normal);
+        Part { material, light: Light::on(sun, open).times(texture * kept) }
+    }
+
     /// Along samples of the exposure; it is faster if each lies beside the one before.
     pub fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Sample]) -> Vec<Seen> {
         let share = |ray: &Ray, hit: &SceneHit| {
@@ -137,10 +145,8 @@ impl Palette {
             let Some((hit, sun)) = hit.as_ref().zip(hit.and_then(|_| suns.next())) else {
                 return Part { material: WHITE, light: Light::of_sky(&rays[i].direction) };
             };
-            let material = hit.surface.material as u16;
-            let texture = self.properties[material as usize].texture(&hit.texture_point, &hit.normal);
             let (open, kept) = place(i, hit);
-            Part { material, light: Light::on(sun, open).times(texture * kept) }
+            self.part(hit, sun, open, kept)
         };
         (hits.iter().enumerate().map(part).collect(), hits)
     }

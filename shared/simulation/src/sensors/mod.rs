@@ -6,7 +6,7 @@ pub mod exposure;
 pub mod gnss;
 pub mod imu;
 pub mod lidar;
-mod look;
+pub mod look;
 pub mod mosaic;
 mod sky_view;
 pub mod trigger;

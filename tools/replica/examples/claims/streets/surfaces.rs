@@ -6,9 +6,10 @@ use learning::Cloud;
 use learning::spherical::Sweep;
 use messages::SubmapSweep;
 use simulation::Simulation;
-use simulation::light::{Light, SKY_STRENGTH, sun_on};
+use simulation::light::sun_on;
 use simulation::scene::SceneHit;
-use simulation::spectrum::{Filter, Spectrum};
+use simulation::sensors::look::Palette;
+use simulation::spectrum::Filter;
 use simulation::trace::{Ray, Vec3};
 
 /// Middle and width of the filters of the color cameras, nm.
@@ -19,7 +20,7 @@ const OPEN: f32 = 0.6;
 const GROUP_NANOS: u32 = 2_000_000;
 /// What is met must lie this near to the point, m: the beam's side may have met something else than its middle does.
 const NEAR_M: f32 = 0.3;
-/// Movers farther than this are not looked for, m.
+/// Nothing farther is looked for, m: what the lidar reaches.
 const REACH_M: f32 = 120.0;
 
 /// By pixel, red, green and blue, 0 to 1; zeros where nothing is seen.
@@ -39,61 +40,35 @@ pub fn colors(simulation: &Simulation, cloud: &Cloud<'_>, sweep: &Sweep) -> Vec<
         .collect();
     let offset = |point: usize| cloud.points[point].offset_nanos / GROUP_NANOS;
     shown.sort_by_key(|(pixel, point)| (offset(*point), *pixel));
-    let view = View::new();
+    let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
+    // What counts as 1 of each color: a white target in the sun, as the cameras balance it.
+    let palette = Palette::new(&filters, |sun, sky| sun + 0.4 * sky);
     for group in shown.chunk_by(|a, b| offset(a.1) == offset(b.1)) {
         let seconds = since_drive + f64::from(cloud.points[group[0].1].offset_nanos) * 1e-9;
-        let rays: Vec<(usize, Ray, f32)> = group
+        let (rays, ranges): (Vec<Ray>, Vec<f32>) = group
             .iter()
             .map(|&(pixel, point)| {
                 let p = &cloud.points[point];
                 let [x, y, z] = sweep.polar.pixels[pixel].ray;
                 let [eye, at] = [world([p.x - x, p.y - y, p.z - z]), world([p.x, p.y, p.z])];
                 let ray = Ray { origin: eye, direction: (at - eye).normalize(), seed: point as u64 };
-                (pixel, ray, (at - eye).norm())
+                (ray, (at - eye).norm())
             })
-            .collect();
-        let movers = simulation.scene.movers_near(&rays[0].1.origin, REACH_M, seconds);
+            .unzip();
+        let movers = simulation.scene.movers_near(&rays[0].origin, REACH_M, seconds);
         let snapshot = simulation.scene.some_at(&movers, seconds);
-        let seen = rays.iter().filter_map(|(pixel, ray, range_m)| {
-            let hit = simulation.scene.cast(&snapshot, ray, range_m + NEAR_M)?;
-            ((hit.range_m - range_m).abs() < NEAR_M).then_some((*pixel, (*ray, hit)))
+        let hits = simulation.scene.cast_all(&rays, REACH_M, |_| &snapshot);
+        let seen = (0..group.len()).filter_map(|i| {
+            let hit = hits[i].filter(|hit| (hit.range_m - ranges[i]).abs() < NEAR_M)?;
+            Some((group[i].0, (rays[i], hit)))
         });
         let (pixels, hits): (Vec<usize>, Vec<(Ray, SceneHit)>) = seen.unzip();
         let suns = sun_on(&simulation.scene, &hits, |_| &snapshot);
         for ((pixel, (_, hit)), sun) in pixels.into_iter().zip(&hits).zip(suns) {
-            colors[pixel] = view.color(hit, sun);
+            let part = palette.part(hit, sun, OPEN, 1.0);
+            // The square root in place of the curve of sRGB.
+            colors[pixel] = std::array::from_fn(|band| palette.band(&part, band).clamp(0.0, 1.0).sqrt());
         }
     }
     colors
-}
-
-struct View {
-    filters: [Filter; 3],
-    sunlight: Spectrum,
-    skylight: Spectrum,
-    /// What counts as 1 of each color: a white target in the sun, as the cameras balance it.
-    white: [f32; 3],
-}
-
-impl View {
-    fn new() -> Self {
-        let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
-        let (sunlight, skylight) = (Spectrum::sunlight(), Spectrum::skylight());
-        let white = Spectrum::from_fn(|_| 1.0);
-        let through =
-            |filter: &Filter| white.through(&sunlight, filter) + 0.4 * SKY_STRENGTH * white.through(&skylight, filter);
-        let white = filters.each_ref().map(through);
-        Self { filters, sunlight, skylight, white }
-    }
-    /// With the square root in place of the curve of sRGB.
-    fn color(&self, hit: &SceneHit, sun: f32) -> [f32; 3] {
-        let properties = hit.surface.material.properties();
-        let light = Light::on(sun, OPEN);
-        let texture = properties.texture(&hit.texture_point, &hit.normal);
-        std::array::from_fn(|c| {
-            let through = |of: &Spectrum| properties.spectrum.through(of, &self.filters[c]);
-            let level = light.sun * through(&self.sunlight) + SKY_STRENGTH * light.sky * through(&self.skylight);
-            (texture * level / self.white[c]).clamp(0.0, 1.0).sqrt()
-        })
-    }
 }

@@ -9,7 +9,7 @@ use learning::training::{Dataset, Example, UNKNOWN};
 use learning::{Cloud, Random, ground};
 use messages::ClassId;
 use rayon::prelude::*;
-use simulation::{DriveSpec, Simulation, Town};
+use simulation::Town;
 use std::ops::RangeInclusive;
 
 /// Columns of an image, and those that the network sees as one.
@@ -38,19 +38,17 @@ pub struct TownSweep {
 pub fn cast(seeds: RangeInclusive<u64>, n: usize, with_color: bool) -> anyhow::Result<Vec<TownSweep>> {
     let of_drive = |seed: u64| -> anyhow::Result<Vec<TownSweep>> {
         let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
-        let submaps = drive.submaps(n, 1, 1, Mount::Rig)?;
-        let spec = DriveSpec { town: drive.town, ..DriveSpec::urban(drive.seed, drive.seconds) };
-        let simulation = if with_color { Some(Simulation::new(&spec)?) } else { None };
+        let simulation = drive.simulation()?;
         let mut of_drive = Vec::new();
-        for submap in &submaps {
+        for submap in &drive.submaps_in(&simulation, n, 1, 1, Mount::Rig)? {
             let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
             let heights_m = ground::heights(&cloud)?;
             for sweep in sweeps(&cloud, COLUMNS, &heights_m) {
                 let class = |&point: &u32| if point == NO_POINT { UNKNOWN } else { submap.truth[point as usize] };
                 let truth = sweep.image.nearest.iter().map(class).collect();
-                let colors = simulation.as_ref().map(|simulation| surfaces::colors(simulation, &cloud, &sweep));
+                let colors = if with_color { surfaces::colors(&simulation, &cloud, &sweep) } else { Vec::new() };
                 let image = PolarImage { has_intensity: false, ..sweep.polar };
-                of_drive.push(TownSweep { image, truth, colors: colors.unwrap_or_default() });
+                of_drive.push(TownSweep { image, truth, colors });
             }
         }
         Ok(of_drive)
