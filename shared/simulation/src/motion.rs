@@ -5,7 +5,7 @@
 use crate::pace::Pace;
 use crate::way::Way;
 use geometry::{Pose, Stamp};
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 
 /// The vehicle's motion.
@@ -51,10 +51,14 @@ impl Motion {
     pub fn pose_at(&self, stamp: Stamp) -> Pose {
         self.pose(stamp.seconds_since(self.begin))
     }
-    /// Velocity in the world, m/s.
+    /// Velocity of the body's origin in the world, m/s.
     pub fn velocity(&self, seconds: f64) -> Vector3<f64> {
+        self.velocity_of(&Point3::origin(), seconds)
+    }
+    /// Velocity in the world of what is mounted at `place_in_body` (m), m/s: in a turn it swings about the origin.
+    pub fn velocity_of(&self, place_in_body: &Point3<f64>, seconds: f64) -> Vector3<f64> {
         let h = 1e-4;
-        (self.pose(seconds + h).translation.vector - self.pose(seconds - h).translation.vector) / (2.0 * h)
+        (self.pose(seconds + h) * place_in_body - self.pose(seconds - h) * place_in_body) / (2.0 * h)
     }
     /// Acceleration in the world, m/s^2.
     pub fn acceleration(&self, seconds: f64) -> Vector3<f64> {
@@ -131,5 +135,14 @@ mod tests {
             assert!(rotation.angle_to(&end.rotation) < 1e-4);
         }
         assert!(motion.pose(31.0).rotation.angle_to(&motion.pose(36.0).rotation) > 0.7, "there is a turn");
+    }
+
+    #[test]
+    fn what_is_mounted_behind_the_origin_swings_outwards_in_a_turn() {
+        let motion = example(Stamp(1_000_000_000), 40.0);
+        let place = Point3::new(-1.2, 0.3, 1.75);
+        let swing = motion.pose(34.0).rotation * motion.angular_rate(34.0).cross(&place.coords);
+        let apart = motion.velocity_of(&place, 34.0) - motion.velocity(34.0);
+        assert!(swing.norm() > 0.1 && (apart - swing).norm() < 1e-4, "{apart} {swing}");
     }
 }

@@ -75,9 +75,10 @@ fn record_in<S: Surroundings>(
     let sky = Sky::new(hash(seed, 0));
     let receive = |i: i64| {
         let (at, noise) = (i as f64, hash(hash(seed, 1), i as u64));
-        let antenna = (motion.pose(at) * Point3::from(spec.antenna_in_body)).coords;
+        let antenna_in_body = Point3::from(spec.antenna_in_body);
+        let place = (motion.pose(at) * antenna_in_body).coords;
         let around = around(at);
-        let antenna = Antenna::new(&around, antenna, motion.velocity(at), noise);
+        let antenna = Antenna::new(&around, place, motion.velocity_of(&antenna_in_body, at), noise);
         let received = |satellite| Some((satellite, antenna.receive(&satellite)?));
         sky.above(at).into_iter().filter_map(received).collect()
     };
@@ -93,8 +94,10 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
     let Some(position) = tracking.next(signals) else {
         return Epoch { stamp, fix: None, n_in_sight, n_reflected: 0, error: None };
     };
-    let antenna = motion.pose(at) * Point3::from(spec.antenna_in_body);
-    let velocity = motion.velocity(at) + position.speed_error;
+    let antenna_in_body = Point3::from(spec.antenna_in_body);
+    let antenna = motion.pose(at) * antenna_in_body;
+    // Doppler shifts tell how the antenna moves, not the body's origin: in a turn 1.2 m behind it they are 0.4 m/s apart.
+    let velocity = motion.velocity_of(&antenna_in_body, at) + position.speed_error;
     let speed_mps = velocity.xy().norm();
     let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&(antenna + position.error));
     let fix = Fix {
@@ -257,5 +260,23 @@ mod tests {
         // A standing vehicle has no course.
         let has_course = |i: usize| epochs[i].fix.is_some_and(|fix| fix.course_deg.is_some());
         assert!(!has_course(0) && has_course(10));
+    }
+
+    /// It once told the body's: in each turn 0.4 m/s to the side of what the antenna does.
+    #[test]
+    fn the_velocity_is_that_of_the_antenna() {
+        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let antenna = Point3::from(spec.antenna_in_body);
+        // In the first turn.
+        let at = 34;
+        let [expected, of_body] = [motion.velocity_of(&antenna, at as f64), motion.velocity(at as f64)];
+        let told = |seed: u64| {
+            let fix = record_in(|_| FIELD, &motion, &spec, 35.0, seed)[at].fix.expect("an open sky");
+            let (east, north) = fix.course_deg.expect("it drives").to_radians().sin_cos();
+            Vector3::new(east, north, 0.0) * fix.speed_mps.expect("it drives")
+        };
+        let mean = (0..30).map(told).sum::<Vector3<f64>>() / 30.0;
+        let off = (mean - expected).xy().norm();
+        assert!(off < 0.1 * (of_body - expected).xy().norm(), "{off} m/s");
     }
 }
