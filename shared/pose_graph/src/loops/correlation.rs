@@ -10,6 +10,12 @@ const HALF_M: f64 = 60.0;
 const SIDE: usize = (2.0 * HALF_M / CELL_M) as usize;
 /// How far the guess may be off, m and rad: submaps are 20 m long, a sector is 0.1 rad.
 const SHIFT_M: f64 = 14.0;
+const SHIFTS: usize = (SHIFT_M / CELL_M) as usize;
+/// Shifts along one axis that are tried.
+const WINDOW: usize = 2 * SHIFTS + 1;
+/// Cells around the walls' grid, so that the window of a wall that a shift brings in lies inside.
+const MARGIN: usize = 2 * SHIFTS;
+const WALL_SIDE: usize = SIDE + 2 * MARGIN;
 const TURN_RAD: f64 = 0.12;
 const TURN_STEP_RAD: f64 = 0.02;
 /// Walls that are looked up at most, evenly among all.
@@ -46,15 +52,16 @@ fn cell(at: &Vector3<f64>, cell_m: f64, side: usize) -> Option<usize> {
 impl PlaceFromAbove {
     pub fn new(surfaces: &[SurfacePoint], frame_from_center: &Pose) -> Self {
         let center_from_frame = frame_from_center.inverse();
-        let mut walls = vec![0; SIDE * SIDE];
+        let mut walls = vec![0; WALL_SIDE * WALL_SIDE];
         let mut sums = vec![(0.0, 0); GROUND_SIDE * GROUND_SIDE];
         for surface in surfaces {
             let at = (center_from_frame * surface.position).coords;
             if is_wall(surface)
                 && let Some(index) = cell(&at, CELL_M, SIDE)
             {
+                let index = (index / SIDE + MARGIN) * WALL_SIDE + index % SIDE + MARGIN;
                 walls[index] = 2;
-                for beside in [index - 1, index + 1, index - SIDE, index + SIDE] {
+                for beside in [index - 1, index + 1, index - WALL_SIDE, index + WALL_SIDE] {
                     walls[beside] = walls[beside].max(1);
                 }
             }
@@ -79,20 +86,18 @@ impl PlaceFromAbove {
         let walls: Vec<&SurfacePoint> = walls.iter().step_by(walls.len().div_ceil(MAX_WALLS)).copied().collect();
         let center_from_source = self.frame_from_center.inverse() * target_from_source;
         let n_turns = (TURN_RAD / TURN_STEP_RAD).round() as i32;
-        let n_shifts = (SHIFT_M / CELL_M).round() as i32;
         let mut best = (0, center_from_source);
         for turn in -n_turns..=n_turns {
             // About the vehicle's place in the target.
             let turned = turned_in_place(&center_from_source, f64::from(turn) * TURN_STEP_RAD);
-            let at: Vec<Vector3<f64>> = walls.iter().map(|wall| (turned * wall.position).coords).collect();
-            for east in -n_shifts..=n_shifts {
-                for north in -n_shifts..=n_shifts {
-                    let shift = Vector3::new(f64::from(east), f64::from(north), 0.0) * CELL_M;
-                    let hits = at.iter().filter_map(|at| cell(&(at + shift), CELL_M, SIDE));
-                    let score: u32 = hits.map(|index| u32::from(self.walls[index])).sum();
+            let at = walls.iter().map(|wall| (turned * wall.position).coords);
+            let scores = self.scores(at);
+            for east in 0..WINDOW {
+                for north in 0..WINDOW {
+                    let score = scores[north * WINDOW + east];
                     if score > best.0 {
-                        let shifted = Isometry3::translation(shift.x, shift.y, 0.0) * turned;
-                        best = (score, shifted);
+                        let metres = |cells: usize| (cells as f64 - SHIFTS as f64) * CELL_M;
+                        best = (score, Isometry3::translation(metres(east), metres(north), 0.0) * turned);
                     }
                 }
             }
@@ -101,6 +106,28 @@ impl PlaceFromAbove {
         let rise = self.rise(source, &best.1)?;
         let raised = Isometry3::translation(0.0, 0.0, rise) * best.1;
         Some((self.frame_from_center * raised, share))
+    }
+
+    /// How well walls at these places lie upon walls when all are shifted, by row from the south-west on: a shift by whole cells
+    /// moves each wall's cell, so each wall adds a window of the grid.
+    fn scores(&self, walls: impl Iterator<Item = Vector3<f64>>) -> Vec<u16> {
+        let mut scores = vec![0; WINDOW * WINDOW];
+        for at in walls {
+            let south_west = |v: f64| ((v + HALF_M) / CELL_M).floor() as i32 + MARGIN as i32 - SHIFTS as i32;
+            let (Ok(x), Ok(y)) = (usize::try_from(south_west(at.x)), usize::try_from(south_west(at.y))) else {
+                continue;
+            };
+            if x + WINDOW > WALL_SIDE || y + WINDOW > WALL_SIDE {
+                continue;
+            }
+            for (row, scores) in scores.chunks_exact_mut(WINDOW).enumerate() {
+                let begin = (y + row) * WALL_SIDE + x;
+                for (score, wall) in scores.iter_mut().zip(&self.walls[begin..begin + WINDOW]) {
+                    *score += u16::from(*wall);
+                }
+            }
+        }
+        scores
     }
 
     /// How much higher the target's ground is: the median over the source's ground.

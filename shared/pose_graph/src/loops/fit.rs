@@ -6,18 +6,15 @@ use geometry::Pose;
 use nalgebra::{Matrix6, Vector6};
 use registration::{Kernel, LocalMap, MapPoint, Weights};
 
-/// Reach and robust scale of each round, m: as far as a map can look, then as near as its spacing allows.
-const ROUNDS: [(f64, f64); 24] = {
-    let mut rounds = [(0.5, 0.05); 24];
-    let mut k = 0;
-    while k < 8 {
-        rounds[k] = (0.5, 0.3);
-        k += 1;
-    }
-    rounds
-};
+/// How far a surface is looked for, m: as far as a map can look.
+const REACH_M: f64 = 0.5;
+/// Robust scales, m, and rounds with each at most: as far as the guess may be off, then as near as a map's spacing allows.
+const SCALES: [(f64, usize); 2] = [(0.3, 8), (0.05, 16)];
+/// A scale is done with when a round moves less, m and rad: a sixtieth of [`FLOOR_M`], at 40 m too.
+const SETTLED_M: f64 = 5e-4;
+const SETTLED_RAD: f64 = 1e-5;
 /// Fewer matches are no measurement.
-const MIN_MATCHES: usize = 300;
+const MIN_MATCHES: u32 = 300;
 /// Error of a residual, m: matches at one wall err alike, so it is larger than the noise.
 const RESIDUAL_M: f64 = 0.2;
 /// What no number of matches takes away, m and rad: how well two looks at a town from two places agree.
@@ -50,10 +47,41 @@ pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
 pub fn fit(target: &LocalMap, source: &[SurfacePoint], guess: &Pose) -> Option<Fit> {
     let mut target_from_source = *guess;
     let mut last = None;
-    for (radius_m, scale_m) in ROUNDS {
-        let kernel = Kernel { radius_m, weights: Weights::Compact };
-        let (mut h, mut g) = (Matrix6::zeros(), Vector6::zeros());
-        let (mut weight_sum, mut squares, mut n) = (0.0, 0.0, 0);
+    for (scale_m, max_rounds) in SCALES {
+        for _ in 0..max_rounds {
+            let round = Round::new(target, source, &target_from_source, scale_m)?;
+            // What nothing determines (along a tunnel) stays where it is.
+            let step = (round.h + Matrix6::identity() * (1e-3 * round.weight)).cholesky()?.solve(&-round.g);
+            target_from_source = moved(&target_from_source, &step);
+            last = Some(round);
+            if step.fixed_rows::<3>(0).norm() < SETTLED_M && step.fixed_rows::<3>(3).norm() < SETTLED_RAD {
+                break;
+            }
+        }
+    }
+    let round = last?;
+    Some(Fit {
+        information: information(&round.h, &target_from_source)?,
+        target_from_source,
+        matched: f64::from(round.n_matched) / source.len() as f64,
+        rms_m: (round.squares / round.weight).sqrt(),
+    })
+}
+
+/// Normal equations of all matches at one place.
+struct Round {
+    h: Matrix6<f64>,
+    g: Vector6<f64>,
+    weight: f64,
+    squares: f64,
+    n_matched: u32,
+}
+
+impl Round {
+    /// `None` if there are too few.
+    fn new(target: &LocalMap, source: &[SurfacePoint], target_from_source: &Pose, scale_m: f64) -> Option<Self> {
+        let kernel = Kernel { radius_m: REACH_M, weights: Weights::Compact };
+        let mut sum = Self { h: Matrix6::zeros(), g: Vector6::zeros(), weight: 0.0, squares: 0.0, n_matched: 0 };
         for point in source {
             let position = target_from_source * point.position;
             let normal = target_from_source.rotation * point.normal;
@@ -61,31 +89,17 @@ pub fn fit(target: &LocalMap, source: &[SurfacePoint], guess: &Pose) -> Option<F
             let r = surface.distance_m;
             let weight = 1.0 / (1.0 + (r / scale_m).powi(2));
             // Along the axes of the source: a motion (v, w) shifts the point by R (v + w x p).
-            let normal_in_source = target_from_source.rotation.inverse() * surface.normal;
-            let turn = point.position.coords.cross(&normal_in_source);
-            let n_in = normal_in_source;
+            let n_in = target_from_source.rotation.inverse() * surface.normal;
+            let turn = point.position.coords.cross(&n_in);
             let j = Vector6::new(n_in.x, n_in.y, n_in.z, turn.x, turn.y, turn.z);
-            h += j * j.transpose() * weight;
-            g += j * (r * weight);
-            weight_sum += weight;
-            squares += weight * r * r;
-            n += 1;
+            sum.h += j * j.transpose() * weight;
+            sum.g += j * (r * weight);
+            sum.weight += weight;
+            sum.squares += weight * r * r;
+            sum.n_matched += 1;
         }
-        if n < MIN_MATCHES {
-            return None;
-        }
-        // What nothing determines (along a tunnel) stays where it is.
-        let step = (h + Matrix6::identity() * (1e-3 * weight_sum)).cholesky()?.solve(&-g);
-        target_from_source = moved(&target_from_source, &step);
-        last = Some((h, squares / weight_sum, n));
+        (sum.n_matched >= MIN_MATCHES).then_some(sum)
     }
-    let (h, mean_square, n) = last?;
-    Some(Fit {
-        information: information(&h, &target_from_source)?,
-        target_from_source,
-        matched: f64::from(n as u32) / source.len() as f64,
-        rms_m: mean_square.sqrt(),
-    })
 }
 
 fn information(h: &Matrix6<f64>, target_from_source: &Pose) -> Option<Matrix6<f64>> {
