@@ -85,9 +85,9 @@ impl GroundQuasiFlat {
 /// If candle fails.
 pub fn heights(cloud: &Cloud<'_>) -> Result<Vec<f32>, LearningError> {
     let parameters = Parameters::default();
-    let unknown = vec![f32::NAN; cloud.points.len()];
-    let Some(elevation) = Elevation::of(cloud, &parameters.settings) else { return Ok(unknown) };
-    let Some(terrain) = terrain::terrain(&elevation, &parameters)? else { return Ok(unknown) };
+    let unknown = || vec![f32::NAN; cloud.points.len()];
+    let Some(elevation) = Elevation::of(cloud, &parameters.settings) else { return Ok(unknown()) };
+    let Some(terrain) = terrain::terrain(&elevation, &parameters)? else { return Ok(unknown()) };
     let terrain = terrain.to_vec1::<f32>()?;
     let height = |(point, &cell): (&SubmapPoint, &u32)| {
         // Points outside the grid have a terrain of infinite height.

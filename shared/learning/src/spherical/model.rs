@@ -195,7 +195,7 @@ impl Segmenter for SphericalModel {
         for ((_, points), pixels) in ranges.iter().zip(voted) {
             pixel_of_point[points.clone()].copy_from_slice(&pixels?);
         }
-        let votes = Votes { n_classes: self.classes.len(), of_pixels: &of_pixels, pixel_of_point: &pixel_of_point };
+        let votes = Votes { of_pixels: &of_pixels, pixel_of_point: &pixel_of_point };
         let decided = votes.decide(cloud.points, self.settings.vote_cell_m);
         *self.spare.lock().unwrap_or_else(PoisonError::into_inner) = of_pixels;
         let mut n_unseen = 0;

@@ -1,8 +1,14 @@
 //! Votes of all sweeps that saw a place.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
+)]
+
 use super::softmax::{MAX_CLASSES, Vote};
 use geometry::NO_POINT;
 use messages::SubmapPoint;
+use pulp::{Arch, NullaryFnOnce};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
@@ -17,13 +23,17 @@ const COARSER: u32 = 4;
 
 /// Probabilities of classes for every point.
 pub(super) struct Votes<'a> {
-    /// Classes.
-    pub n_classes: usize,
     /// Of all pixels of all sweeps.
     pub of_pixels: &'a [Vote],
     /// Which of them each point has; [`NO_POINT`] for a point without a vote.
     pub pixel_of_point: &'a [u32],
 }
+
+/// Points whose cells are computed at a time.
+const CHUNK: usize = 64;
+
+/// Votes by class.
+type Sums = [u32; MAX_CLASSES];
 
 /// Numbers of cells by their keys.
 type Cells = HashMap<u64, u32, BuildHasherDefault<CellHasher>>;
@@ -35,61 +45,93 @@ impl Votes<'_> {
     /// Gives every point the mean of the votes within its cell of `cell_m`, or, where nobody voted, within the smallest of the
     /// cells of 2, 4, 8, 16 times the side around it that have votes; `None` if none has. Cells count in the submap's frame.
     pub fn decide(&self, points: &[SubmapPoint], cell_m: f32) -> impl Iterator<Item = Decision> + use<> {
-        let n = self.n_classes;
-        let (mut number_of_cell, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
+        let cast = Cast { votes: self, points, cell_m };
+        let Ballots { cells, sums, number_of_point } = Arch::new().dispatch(cast);
+        let mut decisions: Vec<Decision> = sums.iter().map(decide).collect();
+        for level in 1..=COARSER {
+            decide_coarsely(&cells, &sums, level, &mut decisions);
+        }
+        number_of_point.into_iter().map(move |number| decisions[number as usize])
+    }
+}
+
+/// The cells in the order in which points fell into them.
+struct Ballots {
+    cells: Vec<u64>,
+    sums: Vec<Sums>,
+    /// Number of its cell, by point.
+    number_of_point: Vec<u32>,
+}
+
+/// Counts the votes.
+struct Cast<'a> {
+    votes: &'a Votes<'a>,
+    points: &'a [SubmapPoint],
+    cell_m: f32,
+}
+
+impl NullaryFnOnce for Cast<'_> {
+    type Output = Ballots;
+
+    #[inline(always)]
+    fn call(self) -> Ballots {
+        let Self { votes, points, cell_m } = self;
+        let (mut numbers, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
+        let mut number_of_point = Vec::with_capacity(points.len());
         // A laser's next point mostly lies where its last one lay.
-        let mut last_of_ring = vec![Last::default(); 256];
-        let add = |(point, &pixel): (&SubmapPoint, &u32)| {
-            let cell = cell(point, cell_m);
-            let last = &mut last_of_ring[usize::from(point.ring)];
-            if last.cell != cell {
-                last.hand_in(&mut sums);
-                let number = *number_of_cell.entry(cell).or_insert(cells.len() as u32);
-                if number as usize == cells.len() {
-                    cells.push(cell);
-                    sums.resize(sums.len() + n, 0_u32);
+        let mut last_of_ring = vec![Last { cell: u64::MAX, number: 0, sums: [0; MAX_CLASSES] }; 256];
+        for (points, pixels) in points.chunks(CHUNK).zip(votes.pixel_of_point.chunks(CHUNK)) {
+            // A loop of its own, of vector instructions.
+            let mut cell_of_point = [0; CHUNK];
+            for (cell, point) in cell_of_point.iter_mut().zip(points) {
+                *cell = cell_of(point, cell_m);
+            }
+            for ((&cell, point), &pixel) in cell_of_point.iter().zip(points).zip(pixels) {
+                let last = &mut last_of_ring[usize::from(point.ring)];
+                if last.cell != cell {
+                    last.hand_in(&mut sums);
+                    let number = *numbers.entry(cell).or_insert(cells.len() as u32);
+                    if number as usize == cells.len() {
+                        cells.push(cell);
+                        sums.push([0; MAX_CLASSES]);
+                    }
+                    *last = Last { cell, number, sums: [0; MAX_CLASSES] };
                 }
-                *last = Last { cell, first: number as usize * n, n, ..Last::default() };
+                if pixel != NO_POINT {
+                    let (vote, mut sums) = (votes.of_pixels[pixel as usize], last.sums);
+                    for class in 0..MAX_CLASSES {
+                        sums[class] += u32::from(vote[class]);
+                    }
+                    last.sums = sums;
+                }
+                number_of_point.push(last.number);
             }
-            if pixel != NO_POINT {
-                let votes = last.sums.iter_mut().zip(&self.of_pixels[pixel as usize]);
-                votes.for_each(|(sum, vote)| *sum += u32::from(*vote));
-            }
-            (last.first / n) as u32
-        };
-        let numbers: Vec<u32> = points.iter().zip(self.pixel_of_point).map(add).collect();
+        }
         for last in &last_of_ring {
             last.hand_in(&mut sums);
         }
-        let mut decisions: Vec<Decision> = sums.chunks_exact(n).map(decide).collect();
-        for level in 1..=COARSER {
-            self.decide_coarsely(&cells, &sums, level, &mut decisions);
-        }
-        numbers.into_iter().map(move |number| decisions[number as usize])
+        Ballots { cells, sums, number_of_point }
     }
+}
 
-    /// Decides cells without votes by those around them, in cells of 2^`level` times the side.
-    fn decide_coarsely(&self, cells: &[u64], sums: &[u32], level: u32, decisions: &mut [Decision]) {
-        let n = self.n_classes;
-        let mut number_of_cell = Cells::default();
-        for (cell, _) in cells.iter().zip(decisions.iter()).filter(|(_, decision)| decision.is_none()) {
-            let next = number_of_cell.len() as u32;
-            number_of_cell.entry(coarser(*cell, level)).or_insert(next);
+/// Decides cells without votes by those around them, in cells of 2^`level` times the side.
+fn decide_coarsely(cells: &[u64], sums: &[Sums], level: u32, decisions: &mut [Decision]) {
+    let mut number_of_cell = Cells::default();
+    for (cell, _) in cells.iter().zip(decisions.iter()).filter(|(_, decision)| decision.is_none()) {
+        let next = number_of_cell.len() as u32;
+        number_of_cell.entry(coarser(*cell, level)).or_insert(next);
+    }
+    if number_of_cell.is_empty() {
+        return;
+    }
+    let mut coarse_sums: Vec<Sums> = vec![[0; MAX_CLASSES]; number_of_cell.len()];
+    for (cell, sums) in cells.iter().zip(sums) {
+        if let Some(&number) = number_of_cell.get(&coarser(*cell, level)) {
+            add(&mut coarse_sums[number as usize], sums);
         }
-        if number_of_cell.is_empty() {
-            return;
-        }
-        let mut coarse_sums = vec![0_u32; number_of_cell.len() * n];
-        for (cell, sums) in cells.iter().zip(sums.chunks_exact(n)) {
-            if let Some(&number) = number_of_cell.get(&coarser(*cell, level)) {
-                let coarse = &mut coarse_sums[number as usize * n..][..n];
-                coarse.iter_mut().zip(sums).for_each(|(sum, votes)| *sum += votes);
-            }
-        }
-        for (cell, decision) in cells.iter().zip(decisions).filter(|(_, decision)| decision.is_none()) {
-            let number = number_of_cell[&coarser(*cell, level)] as usize;
-            *decision = decide(&coarse_sums[number * n..][..n]);
-        }
+    }
+    for (cell, decision) in cells.iter().zip(decisions).filter(|(_, decision)| decision.is_none()) {
+        *decision = decide(&coarse_sums[number_of_cell[&coarser(*cell, level)] as usize]);
     }
 }
 
@@ -97,30 +139,32 @@ impl Votes<'_> {
 #[derive(Clone, Copy)]
 struct Last {
     cell: u64,
-    /// Where the cell's sums begin, and how many there are.
-    first: usize,
-    n: usize,
-    sums: [u32; MAX_CLASSES],
-}
-
-impl Default for Last {
-    fn default() -> Self {
-        Self { cell: u64::MAX, first: 0, n: 0, sums: [0; MAX_CLASSES] }
-    }
+    number: u32,
+    sums: Sums,
 }
 
 impl Last {
-    fn hand_in(&self, sums: &mut [u32]) {
-        let sums = &mut sums[self.first..][..self.n];
-        sums.iter_mut().zip(&self.sums).for_each(|(sum, votes)| *sum += votes);
+    #[inline(always)]
+    fn hand_in(&self, sums: &mut [Sums]) {
+        if self.cell != u64::MAX {
+            add(&mut sums[self.number as usize], &self.sums);
+        }
+    }
+}
+
+#[inline(always)]
+fn add(sums: &mut Sums, votes: &Sums) {
+    for class in 0..MAX_CLASSES {
+        sums[class] += votes[class];
     }
 }
 
 /// The class with the most votes, the first of equals: the order of the classes decides, not that of the points.
-fn decide(sums: &[u32]) -> Decision {
+fn decide(sums: &Sums) -> Decision {
     let total: u32 = sums.iter().sum();
-    let best = (0..sums.len()).rev().max_by_key(|&class| sums[class]);
-    best.filter(|_| total > 0).map(|class| (class, sums[class] as f32 / total as f32))
+    let most = *sums.iter().max()?;
+    let class = sums.iter().position(|&votes| votes == most)?;
+    (total > 0).then_some((class, most as f32 / total as f32))
 }
 
 /// The cell of 2^`level` times the side that a cell is part of.
@@ -149,7 +193,8 @@ impl Hasher for CellHasher {
 }
 
 /// A point that is no number shares a cell with others of its kind only if they have votes, which they have not.
-fn cell(point: &SubmapPoint, cell_m: f32) -> u64 {
+#[inline(always)]
+fn cell_of(point: &SubmapPoint, cell_m: f32) -> u64 {
     // The floor, without a call of the library.
     let floor = |v: f64| v as i64 - i64::from(v < (v as i64) as f64);
     let count = |v: f32| (floor(f64::from(v) / f64::from(cell_m)) + OFFSET) & MASK;
@@ -172,7 +217,7 @@ mod tests {
         let points = [at(0.01), at(0.05), at(0.19), at(0.21), at(-0.01), at(5.0)];
         let of_pixels = [[200, 55], [100, 155], [10, 245], [255, 0]].map(vote);
         let pixel_of_point = &[0, 1, NO_POINT, 2, 3, NO_POINT];
-        let votes = Votes { n_classes: 2, of_pixels: &of_pixels, pixel_of_point };
+        let votes = Votes { of_pixels: &of_pixels, pixel_of_point };
         let decided: Vec<Decision> = votes.decide(&points, 0.2).collect();
         let near = |got: Option<(usize, f32)>, class: usize, share: f32| {
             let (got_class, got_share) = got.expect("has votes");
@@ -193,7 +238,7 @@ mod tests {
         let points = [at(0.1, 0.1), at(0.3, 0.1), at(0.5, 0.1), at(0.7, 0.1), at(1.1, 0.1), at(9.0, 0.1)];
         let none = NO_POINT;
         let of_pixels = [[255, 0], [55, 200]].map(vote);
-        let votes = Votes { n_classes: 2, of_pixels: &of_pixels, pixel_of_point: &[0, none, none, 1, none, none] };
+        let votes = Votes { of_pixels: &of_pixels, pixel_of_point: &[0, none, none, 1, none, none] };
         let classes: Vec<Option<usize>> =
             votes.decide(&points, 0.2).map(|decision| decision.map(|(class, _)| class)).collect();
         assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
