@@ -69,12 +69,10 @@ fn feed(bench: &mut Bench<SlamAggregate>, number: usize, others: &Others<'_>) {
 
 /// What an inertial unit at the body's origin feels.
 fn inertial(upright_from_street: &Pose, second: f64) -> ImuRow {
-    let at = |t: f64| STREET.world_from_body(t).translation.vector;
-    let step = 0.005;
-    let acceleration = (at(second + step) - at(second) * 2.0 + at(second - step)) / (step * step);
-    let gravity = upright_from_street.rotation.inverse() * Vector3::z() * 9.81;
-    let force = STREET.world_from_body(second).rotation.inverse() * (acceleration + gravity);
-    ImuRow { stamp: (second * 1e9).round() as i64, acceleration: force.into(), angular_rate: [0.0; 3] }
+    let (force, rate) = STREET.felt(second);
+    let up_of_street = upright_from_street.rotation.inverse() * Vector3::z() - Vector3::z();
+    let force = force + STREET.world_from_body(second).rotation.inverse() * up_of_street * 9.806;
+    ImuRow { stamp: (second * 1e9).round() as i64, acceleration: force.into(), angular_rate: rate.into() }
 }
 
 fn run(settings: &Settings, others: &Others<'_>) -> Received<Placement> {
@@ -105,11 +103,14 @@ fn fix(second: f64, error: Vector3<f64>) -> GnssRow {
     let frame = LocalFrame::new(Geodetic::new(ORIGIN[0], ORIGIN[1], ORIGIN[2]).unwrap());
     let antenna = world_from_street() * STREET.world_from_body(second).translation.vector + error;
     let place = frame.geodetic_from_world(&Point3::from(antenna));
+    let velocity = world_from_street().rotation * STREET.velocity(second);
     GnssRow {
         stamp: (second * 1e9).round() as i64,
         latitude_deg: place.latitude_deg,
         longitude_deg: place.longitude_deg,
         altitude_m: place.altitude_m,
+        speed_mps: velocity.xy().norm(),
+        course_deg: velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0),
         hdop: 1.0,
         satellites: 12,
         quality: 2,
