@@ -7,12 +7,12 @@ use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The stages that need no camera. A live recording has the LiDAR alone, so nothing else may place the submaps.
+/// The stages that need no camera. A live recording has the LiDAR alone, so nothing else may lead the odometry or place the submaps.
 fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
         "[run]\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n[acquire]\n{acquire}\n\
-         [slam_aggregate]\nsubmap_m = 3.0\ncorrect = ['loops']\n[infer]\nmodel = '{}'\n[instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
+         [slam_aggregate]\nsubmap_m = 3.0\nmotion = []\ncorrect = ['loops']\n[infer]\nmodel = '{}'\n[instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
         model.display()
     ))
 }
