@@ -18,7 +18,7 @@ pub struct Args {
     /// Folder of KITTI raw (`velodyne_points/data`), of a KITTI odometry sequence (`velodyne`), or of bare *.bin or *.pcd
     /// sweeps; or the calibration file of a Ladybug (.cal)
     source: PathBuf,
-    /// Drive folder to make; of a calibration, the file for its entries [[camera]] of a drive.toml
+    /// Drive folder to make; of a calibration, the file for its `[[camera]]` entries of a drive.toml
     out: PathBuf,
     /// Of a calibration: where the Ladybug is on the vehicle, its axes along the vehicle's, m
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, default_value = "0,0,0")]
