@@ -5,7 +5,7 @@ use crate::cloud::Cloud;
 use crate::frustum::Frustum;
 use crate::lens::Lens;
 use crate::occlusion::{Grid, NO_CELL, Sight};
-use crate::wide::{Work, wide};
+use pulp::{Arch, NullaryFnOnce};
 
 /// How far the pose of an exposure drifts from that of a shot, m per second between them: half a percent of 10 m/s.
 const DRIFT_M_PER_S: f32 = 0.05;
@@ -190,7 +190,7 @@ impl Choices {
         projected.fill(chunk, &view.camera_from_submap, view.lens);
         let time = seconds(view.stamp, sources.cloud.origin);
         let extra_m = sources.unguarded_m(time);
-        let is_offered = wide(Weigh {
+        let is_offered = Arch::new().dispatch(Weigh {
             index,
             time,
             extra_m,
@@ -206,7 +206,7 @@ impl Choices {
             for (reach_m, cell) in offer.reach_m.iter_mut().zip(&offer.cells).take(chunk.n_lanes()) {
                 *reach_m = sight.reach_m(*cell);
             }
-            wide(Take { index, n_lanes: chunk.n_lanes(), projected, offer, best });
+            Arch::new().dispatch(Take { index, n_lanes: chunk.n_lanes(), projected, offer, best });
         }
     }
 }
@@ -227,7 +227,7 @@ struct Weigh<'a> {
     offer: &'a mut Offer,
 }
 
-impl Work for Weigh<'_> {
+impl NullaryFnOnce for Weigh<'_> {
     type Output = bool;
 
     #[inline(always)]
@@ -261,7 +261,7 @@ struct Take<'a> {
     best: &'a mut Best,
 }
 
-impl Work for Take<'_> {
+impl NullaryFnOnce for Take<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -2,8 +2,8 @@
 
 use crate::lens::{FisheyeLens, Lens, PinholeLens};
 use crate::warp_lens::WarpLens;
-use crate::wide::{Work, wide};
 use messages::{POINT_DYNAMIC, SubmapPoint, SubmapSweep};
+use pulp::{Arch, NullaryFnOnce};
 
 /// Points of a chunk: their coordinates and projections fit the second cache (1024 * 60 bytes), and the box around them
 /// is small. A constant, so that the work is cut in the same places whatever the number of threads.
@@ -89,7 +89,7 @@ impl Chunk {
         }
         self.moves[behind].fill(0);
         let lanes = ..self.n_lanes();
-        let spans = [&self.x, &self.y, &self.z, &self.times].map(|values| wide(Span(&values[lanes])));
+        let spans = [&self.x, &self.y, &self.z, &self.times].map(|values| Arch::new().dispatch(Span(&values[lanes])));
         let [[x0, x1], [y0, y1], [z0, z1], time_span] = spans;
         self.bounds = [[x0, y0, z0], [x1, y1, z1]];
         self.time_span = time_span;
@@ -99,7 +99,7 @@ impl Chunk {
 /// Finds the smallest and the largest value. NaN is neither.
 struct Span<'a>(&'a [f32]);
 
-impl Work for Span<'_> {
+impl NullaryFnOnce for Span<'_> {
     type Output = [f32; 2];
 
     #[inline(always)]
@@ -150,9 +150,9 @@ impl Projected {
     pub fn fill(&mut self, chunk: &Chunk, camera_from_submap: &[[f32; 4]; 3], lens: &Lens) {
         let rows = *camera_from_submap;
         match lens {
-            Lens::Pinhole(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
-            Lens::Fisheye(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
-            Lens::Warp(lens) => wide(Project { chunk, rows, lens: lens.clone(), out: self }),
+            Lens::Pinhole(lens) => Arch::new().dispatch(Project { chunk, rows, lens: lens.clone(), out: self }),
+            Lens::Fisheye(lens) => Arch::new().dispatch(Project { chunk, rows, lens: lens.clone(), out: self }),
+            Lens::Warp(lens) => Arch::new().dispatch(Project { chunk, rows, lens: lens.clone(), out: self }),
         }
     }
 }
@@ -187,7 +187,7 @@ impl Projection for WarpLens {
     }
 }
 
-impl<L: Projection> Work for Project<'_, L> {
+impl<L: Projection> NullaryFnOnce for Project<'_, L> {
     type Output = ();
 
     #[inline(always)]

@@ -18,6 +18,11 @@
 //! # What is held
 //! Images and cubes stay where they are, in shared memory, from the time they come until no held or future submap can need
 //! them; the topic's `BORROWED` bounds their number (`exposures_released_early` counts those beyond).
+//!
+//! # Wide registers
+//! Plain loops that `pulp::Arch` runs take the machine's widest registers, if all that they call is `#[inline(always)]`, their own `call` too, and a loop's arrays are
+//! those of one or two structs, of constant length: only then is it certain at compile time that they do not overlap. Products and sums are not fused, so
+//! that the width does not show in the result.
 
 #![allow(clippy::needless_bitwise_bool, reason = "conditions without jumps let the loops over a chunk become vectors")]
 
@@ -39,7 +44,6 @@ mod saved;
 pub mod spectra;
 pub mod views;
 mod warp_lens;
-mod wide;
 mod window;
 
 pub use colorize::Colorize;

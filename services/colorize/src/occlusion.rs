@@ -10,7 +10,7 @@
 use crate::choose::{View, gap};
 use crate::chunk::{CHUNK, Chunk, Lanes, Projected, seconds};
 use crate::cloud::Cloud;
-use crate::wide::{Work, wide};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 /// Side of a cell, rad: about the spacing of shots along a ring of a spinning LiDAR at 10 Hz.
@@ -157,7 +157,7 @@ struct Hide<'a> {
     hits: &'a mut Hits,
 }
 
-impl Work for Hide<'_> {
+impl NullaryFnOnce for Hide<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -189,7 +189,7 @@ impl Nearest {
     fn add(&mut self, view: &View<'_>, chunk: &Chunk, scratch: &mut Scratch, time: f32) {
         let Scratch { projected, hits } = scratch;
         projected.fill(chunk, &view.camera_from_submap, view.lens);
-        wide(Hide { time, view: *view, grid: self.grid, chunk, projected, hits });
+        Arch::new().dispatch(Hide { time, view: *view, grid: self.grid, chunk, projected, hits });
         for (cell, range_m) in hits.cells.iter().zip(&hits.range_m).take(chunk.n_points) {
             let Some(nearest) = self.range_m.get_mut(*cell as usize) else { continue };
             *nearest = if range_m < nearest { *range_m } else { *nearest };
@@ -240,14 +240,14 @@ fn spread(
     if stride > 1 {
         for by in (1..=radius.min(rows - 1)).map(|by| by * columns) {
             let len = values.len() - by;
-            wide(Combine { out: &mut out[..len], with: &values[by..], pick });
-            wide(Combine { out: &mut out[by..], with: &values[..len], pick });
+            Arch::new().dispatch(Combine { out: &mut out[..len], with: &values[by..], pick });
+            Arch::new().dispatch(Combine { out: &mut out[by..], with: &values[..len], pick });
         }
     } else {
         for (out, values) in out.chunks_exact_mut(columns).zip(values.chunks_exact(columns)) {
             for by in 1..=radius.min(columns - 1) {
-                wide(Combine { out: &mut out[..columns - by], with: &values[by..], pick });
-                wide(Combine { out: &mut out[by..], with: &values[..columns - by], pick });
+                Arch::new().dispatch(Combine { out: &mut out[..columns - by], with: &values[by..], pick });
+                Arch::new().dispatch(Combine { out: &mut out[by..], with: &values[..columns - by], pick });
             }
         }
     }
@@ -260,7 +260,7 @@ struct Combine<'a, F> {
     pick: F,
 }
 
-impl<F: Fn(f32, f32) -> f32> Work for Combine<'_, F> {
+impl<F: Fn(f32, f32) -> f32> NullaryFnOnce for Combine<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -279,7 +279,7 @@ fn reach_m(near: &[f32], columns: usize, rows: usize) -> Vec<f32> {
         let (above, here, below) = (line(row.saturating_sub(1)), line(row), line((row + 1).min(rows - 1)));
         padded[1..=columns].copy_from_slice(here);
         (padded[0], padded[columns + 1]) = (here[0], here[columns - 1]);
-        wide(Reach { above, padded: &padded, below, out });
+        Arch::new().dispatch(Reach { above, padded: &padded, below, out });
     }
     out
 }
@@ -291,7 +291,7 @@ struct Reach<'a> {
     out: &'a mut [f32],
 }
 
-impl Work for Reach<'_> {
+impl NullaryFnOnce for Reach<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -1,9 +1,9 @@
 //! At which angle rays meet surfaces.
 
 use crate::neighborhood::{LANES, Planes};
-use crate::wide::wide;
 use crate::{RangeImage, TimedPoint};
 use nalgebra::Vector3;
+use pulp::Arch;
 
 /// Columns to each side whose points span the surface: one step is often shorter than the range noise.
 const BESIDE: isize = 2;
@@ -13,7 +13,7 @@ const BESIDE: isize = 2;
 pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> {
     let planes = Planes::new(image, 1);
     let mut by_cell = Vec::with_capacity(image.rows() * image.cols());
-    wide(
+    Arch::new().dispatch(
         #[inline(always)]
         || {
             for row in 0..image.rows() {

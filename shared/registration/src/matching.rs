@@ -4,10 +4,10 @@ use crate::local_map::{Kernel, Weights};
 use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
-use crate::wide::wide;
 use crate::{Feature, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// How features are matched.
@@ -180,7 +180,7 @@ fn linearize(
     scale_m: f64,
 ) -> NormalEquations {
     let part = |chunk: &[Feature]| {
-        wide(
+        Arch::new().dispatch(
             #[inline(always)]
             || linearize_chunk(chunk, maps, motion, kernel, scale_m),
         )

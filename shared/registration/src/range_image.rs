@@ -1,8 +1,8 @@
 //! The returns of a sweep as an image: which points lie beside each other.
 
 use crate::TimedPoint;
-use crate::wide::wide;
 use nalgebra::Vector3;
+use pulp::Arch;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
 /// points.
@@ -52,7 +52,7 @@ impl RangeImage {
             Self { rows, cells: vec![empty; rows * STRIDE], places: Vec::with_capacity(points.len()), reach: 2 };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
         for chunk in points.chunks(CHUNK) {
-            let (slopes, cols) = wide(
+            let (slopes, cols) = Arch::new().dispatch(
                 #[inline(always)]
                 || directions(chunk),
             );

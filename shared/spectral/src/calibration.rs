@@ -18,9 +18,9 @@ mod row;
 pub use pixels::WhitePanel;
 
 use crate::mosaic::check_length;
-use crate::wide::wide;
 use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
+use pulp::Arch;
 use row::Row;
 
 /// A target that fills the image, of one reflectance; see [`WhitePanel`] for others.
@@ -193,7 +193,7 @@ impl Calibration {
         let mut scratch = Scratch::new(self.mosaic.area()[0]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
-            wide(
+            Arch::new().dispatch(
                 #[inline(always)]
                 || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, masks),
             );
@@ -221,7 +221,7 @@ impl Calibration {
         let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
-            wide(
+            Arch::new().dispatch(
                 #[inline(always)]
                 || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, &mut measured),
             );

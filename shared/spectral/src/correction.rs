@@ -9,7 +9,7 @@
 use crate::SpectralError;
 use crate::calibration::Planes;
 use crate::mosaic::{MAX_PATTERN, check_length};
-use crate::wide::wide;
+use pulp::Arch;
 
 /// Cells that are corrected at a time: the bands of a block stay in the fastest cache.
 const BLOCK: usize = 64;
@@ -110,7 +110,7 @@ impl Correction {
             let masks = &virtual_masks[cells.clone()];
             let is_whole = masks.iter().all(|mask| *mask == all_valid);
             for (group, first) in self.groups.iter().zip((0..).step_by(ROWS)) {
-                wide(
+                Arch::new().dispatch(
                     #[inline(always)]
                     || combine_into(group, &block, &mut sums),
                 );

@@ -3,7 +3,7 @@
 use super::lattice::Lattice;
 use crate::calibration::Planes;
 use crate::mosaic::MAX_PATTERN;
-use crate::wide::wide;
+use pulp::Arch;
 
 /// What an image is made of: bilinear between the samples of each band, and a part that all bands share.
 pub struct Parts<'a> {
@@ -61,14 +61,14 @@ impl<'a> Rows<'a> {
                 0 => out.copy_from_slice(above),
                 step => {
                     let share = step as f32 / pattern as f32;
-                    wide(
+                    Arch::new().dispatch(
                         #[inline(always)]
                         || between_into(above, below, share, out),
                     );
                 }
             }
             if let Some(shared) = shared {
-                wide(
+                Arch::new().dispatch(
                     #[inline(always)]
                     || out.iter_mut().zip(shared).for_each(|(value, shared)| *value += shared),
                 );
