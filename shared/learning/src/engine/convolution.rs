@@ -263,34 +263,48 @@ fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize
                 }
                 let first = (y + BORDER + row - rows / 2) * source.pitch() + BORDER + x * SX - columns / 2;
                 for column in 0..columns {
-                    let pixels = &plane[first + column..][..=(P - 1) * SX];
+                    let pixels = &plane[first + column..];
                     let mut weights = [filter.tap(block, tap); C];
                     for c in 1..C {
                         weights[c] = filter.tap(block + c, tap);
                     }
-                    for channel in 0..n_channels {
-                        let mut of_channel = [[zero; N]; C];
-                        for c in 0..C {
-                            let weights = S::as_simd_f32s(&weights[c][channel]).0;
-                            for n in 0..N {
-                                of_channel[c][n] = weights[n];
-                            }
-                        }
-                        for p in 0..P {
-                            let value = simd.splat_f32s(pixels[p * SX][channel]);
-                            for c in 0..C {
-                                for n in 0..N {
-                                    sums[p][c][n] = simd.mul_add_f32s(value, of_channel[c][n], sums[p][c][n]);
-                                }
-                            }
-                        }
-                    }
+                    add_products::<S, N, P, C, SX>(simd, &mut sums, n_channels, pixels, weights);
                     tap += 1;
                 }
             }
         }
     }
     sums
+}
+
+/// Adds what one block of input channels gives to `P` pixels, `SX` apart, and `C` output blocks.
+#[inline(always)]
+pub(super) fn add_products<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
+    simd: S,
+    sums: &mut [[[S::f32s; N]; C]; P],
+    n_channels: usize,
+    pixels: &[Feature],
+    weights: [&[Feature]; C],
+) {
+    let zero = simd.splat_f32s(0.0);
+    let pixels = &pixels[..=(P - 1) * SX];
+    for channel in 0..n_channels {
+        let mut of_channel = [[zero; N]; C];
+        for c in 0..C {
+            let weights = S::as_simd_f32s(&weights[c][channel]).0;
+            for n in 0..N {
+                of_channel[c][n] = weights[n];
+            }
+        }
+        for p in 0..P {
+            let value = simd.splat_f32s(pixels[p * SX][channel]);
+            for c in 0..C {
+                for n in 0..N {
+                    sums[p][c][n] = simd.mul_add_f32s(value, of_channel[c][n], sums[p][c][n]);
+                }
+            }
+        }
+    }
 }
 
 #[inline(always)]

@@ -10,6 +10,7 @@
     reason = "loops over constant bounds are what the compiler unrolls into registers; iterators and calls in between are not"
 )]
 
+use super::convolution::add_products;
 use super::planes::{BORDER, Feature, LANES, Planes, blocks};
 use super::{Filter, Shape};
 use pulp::{Simd, WithSimd};
@@ -185,28 +186,12 @@ impl Job<'_> {
         for &channels in &shape.in_channels {
             for source_block in 0..blocks(channels) {
                 let n_channels = (channels - source_block * LANES).min(LANES);
-                let pixels = &of_value[in_block * TILES + first..][..P];
+                let pixels = &of_value[in_block * TILES + first..];
                 let mut weights = [&weights_of_block(0)[in_block * LANES..][..LANES]; C];
                 for c in 1..C {
                     weights[c] = &weights_of_block(c)[in_block * LANES..][..LANES];
                 }
-                for channel in 0..n_channels {
-                    let mut of_channel = [[zero; N]; C];
-                    for c in 0..C {
-                        let weights = S::as_simd_f32s(&weights[c][channel]).0;
-                        for n in 0..N {
-                            of_channel[c][n] = weights[n];
-                        }
-                    }
-                    for p in 0..P {
-                        let value = simd.splat_f32s(pixels[p][channel]);
-                        for c in 0..C {
-                            for n in 0..N {
-                                sums[p][c][n] = simd.mul_add_f32s(value, of_channel[c][n], sums[p][c][n]);
-                            }
-                        }
-                    }
-                }
+                add_products::<S, N, P, C, 1>(simd, &mut sums, n_channels, pixels, weights);
                 in_block += 1;
             }
         }
