@@ -92,18 +92,17 @@ fn a_killed_stage_is_started_anew_alone() {
 
 #[test]
 fn restarts_of_a_stage_are_bounded() {
-    let relay = "fault = \"error\"\nat_tick = 5";
-    let launch = Launch::of_misbehaving("mode = \"live\"\nrestarts = 2", SENSOR, relay);
+    let launch = live("restarts = 2");
     let running = launch.start();
     let mut killed: Vec<Pid> = Vec::new();
     while killed.len() < 3 {
         let relay = wait_for("a new relay", || running.find_stage("relay").filter(|pid| !killed.contains(pid)));
-        // It may have failed by itself meanwhile.
-        let _ = kill_process(relay, Signal::KILL);
+        kill_process(relay, Signal::KILL).expect("the stage lives");
         killed.push(relay);
     }
     assert_eq!(running.wait(), Some(1));
     assert_eq!(launch.summary()["outcome"], "failed");
+    assert_eq!(launch.stage_summary("relay")["faults"], 3, "{}", launch.stderr());
 }
 
 #[test]
