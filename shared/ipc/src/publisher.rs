@@ -44,7 +44,7 @@ struct Consumer {
 
 /// The place of somebody who looks on and must miss nothing.
 struct LosslessObserver {
-    /// Seq behind the last message that it took. `None` while nobody is there.
+    /// Seq behind the last message that it took, or behind the last that it is not owed. `None` while it has said nothing.
     taken: Option<u64>,
     /// How often it has said the same since the last message was sent. It repeats itself when its queue is empty: what it
     /// says for the second time was said after that message had come.
@@ -65,10 +65,10 @@ impl LosslessObserver {
         if let Some(bytes) = latest
             && let Ok(taken) = bytes.try_into()
         {
-            // One that has taken nothing yet is owed nothing of what went before, however often it says so: what overran its
-            // queue before it was known would be waited for in vain.
             let said = match u64::from_le_bytes(taken) {
-                NOTHING_TAKEN => next_seq,
+                // One that has taken nothing yet is owed nothing of what went before it was known; but the last message,
+                // sent since it was asked for, may lie in its queue. What it says later was perhaps said before more came.
+                NOTHING_TAKEN => self.taken.unwrap_or(next_seq.saturating_sub(1)),
                 taken => taken,
             };
             self.repeats = if self.taken == Some(said) { self.repeats + 1 } else { 0 };
@@ -78,7 +78,8 @@ impl LosslessObserver {
         if self.repeats >= 2 {
             return Ok(0);
         }
-        Ok(self.taken.map_or(0, |taken| next_seq.saturating_sub(taken)))
+        // One that is there and not heard yet may count on everything from now on.
+        Ok(self.taken.map_or(u64::MAX, |taken| next_seq.saturating_sub(taken)))
     }
 }
 

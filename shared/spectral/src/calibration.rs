@@ -15,6 +15,7 @@
 mod pixels;
 mod row;
 
+use pixels::Pixels;
 pub use pixels::WhitePanel;
 
 use crate::mosaic::check_length;
@@ -117,16 +118,24 @@ impl Calibration {
         white: &Reference,
         panel: &WhitePanel,
     ) -> Result<Self, SpectralError> {
-        let pixels = pixels::pixels(mosaic, darks, white, panel)?;
-        let area = || (0..mosaic.area()[1]).flat_map(|row| mosaic.area_row(&pixels, row));
-        let has_dark_current = area().any(|pixel| pixel.dark_rate != 0.0);
-        let mut calibration = Self {
-            mosaic: mosaic.clone(),
-            darks: area().map(|pixel| pixel.bias).collect(),
-            dark_rates: if has_dark_current { area().map(|pixel| pixel.dark_rate).collect() } else { Vec::new() },
-            gains: area().map(|pixel| pixel.gain).collect(),
-            valid_bands: 0,
-        };
+        let pixels = Pixels::new(mosaic, darks, white, panel)?;
+        let ([x0, y0], [width, height]) = (mosaic.origin().map(|first| first as usize), mosaic.area());
+        let n = width * height;
+        let (mut darks, mut gains) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let mut dark_rates = Vec::with_capacity(if pixels.dark_grows() { n } else { 0 });
+        for y in y0..y0 + height {
+            for pixel in (x0..x0 + width).map(|x| pixels.at(x, y)) {
+                darks.push(pixel.bias);
+                gains.push(pixel.gain);
+                if pixels.dark_grows() {
+                    dark_rates.push(pixel.dark_rate);
+                }
+            }
+        }
+        if dark_rates.iter().all(|rate| *rate == 0.0) {
+            dark_rates = Vec::new();
+        }
+        let mut calibration = Self { mosaic: mosaic.clone(), darks, dark_rates, gains, valid_bands: 0 };
         calibration.valid_bands = calibration.live_bands();
         Ok(calibration)
     }

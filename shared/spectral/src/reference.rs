@@ -5,21 +5,22 @@ use crate::{Mosaic, SpectralError};
 /// Frames that a sum of u16 samples in a u32 can hold without overflow.
 pub(crate) const MAX_FRAMES: u32 = 65_536;
 
+/// Instead of a sum: a frame was saturated there. [`MAX_FRAMES`] samples of u16 add up to less.
+const SATURATED: u32 = u32::MAX;
+
 /// The sum of the frames of one reference. Integer sums: the order of the frames does not matter.
 #[derive(Clone, Debug)]
 pub struct Reference {
     what: &'static str,
     mosaic: Mosaic,
     sums: Vec<u32>,
-    saturated: Vec<bool>,
     n_frames: u32,
 }
 
 impl Reference {
     /// No frames yet. `what` names the reference in errors: dark or white.
     pub fn new(what: &'static str, mosaic: &Mosaic) -> Self {
-        let n = mosaic.n_samples();
-        Self { what, mosaic: mosaic.clone(), sums: vec![0; n], saturated: vec![false; n], n_frames: 0 }
+        Self { what, mosaic: mosaic.clone(), sums: vec![0; mosaic.n_samples()], n_frames: 0 }
     }
     /// Adds a whole raw frame.
     pub fn add(&mut self, frame: &[u16]) -> Result<(), SpectralError> {
@@ -28,9 +29,9 @@ impl Reference {
             return Err(SpectralError::Frames { what: self.what, n_frames: self.n_frames + 1 });
         }
         let saturation = self.mosaic.saturation();
-        for ((sum, saturated), sample) in self.sums.iter_mut().zip(&mut self.saturated).zip(frame) {
-            *sum += u32::from(*sample);
-            *saturated |= *sample >= saturation;
+        for (sum, sample) in self.sums.iter_mut().zip(frame) {
+            let spoilt = *sum == SATURATED || *sample >= saturation;
+            *sum = if spoilt { SATURATED } else { *sum + u32::from(*sample) };
         }
         self.n_frames += 1;
         Ok(())
@@ -42,14 +43,18 @@ impl Reference {
     pub(crate) fn mosaic(&self) -> &Mosaic {
         &self.mosaic
     }
-    /// Mean sample per pixel, `None` where a frame was saturated. Fails without frames.
-    pub(crate) fn means(&self) -> Result<impl Iterator<Item = Option<f32>>, SpectralError> {
-        if self.n_frames == 0 {
-            return Err(SpectralError::Frames { what: self.what, n_frames: 0 });
+    /// Fails without frames.
+    pub(crate) fn check(&self) -> Result<(), SpectralError> {
+        match self.n_frames {
+            0 => Err(SpectralError::Frames { what: self.what, n_frames: 0 }),
+            _ => Ok(()),
         }
-        let n_frames = f64::from(self.n_frames);
-        let means = self.sums.iter().zip(&self.saturated);
-        Ok(means.map(move |(sum, saturated)| (!saturated).then_some((f64::from(*sum) / n_frames) as f32)))
+    }
+    /// Mean sample of pixel `at`, `None` where a frame was saturated.
+    #[inline]
+    pub(crate) fn mean(&self, at: usize) -> Option<f32> {
+        let sum = self.sums[at];
+        (sum != SATURATED).then(|| (f64::from(sum) / f64::from(self.n_frames)) as f32)
     }
 }
 
@@ -66,8 +71,8 @@ mod tests {
         let mut white = Reference::new("white", &mosaic());
         white.add(&[100, 0, 500, 1023]).expect("fits");
         white.add(&[103, 0, 500, 10]).expect("fits");
-        let means: Vec<_> = white.means().expect("has frames").collect();
-        assert_eq!(means, [Some(101.5), Some(0.0), Some(500.0), None]);
+        white.check().expect("has frames");
+        assert_eq!([0, 1, 2, 3].map(|at| white.mean(at)), [Some(101.5), Some(0.0), Some(500.0), None]);
     }
 
     #[test]
@@ -75,6 +80,6 @@ mod tests {
         let mut dark = Reference::new("dark", &mosaic());
         assert_eq!(dark.add(&[1, 2, 3]), Err(SpectralError::Length { what: "dark", got: 3, expected: 4 }));
         assert_eq!(dark.n_frames(), 0);
-        assert!(matches!(dark.means().err(), Some(SpectralError::Frames { what: "dark", n_frames: 0 })));
+        assert!(matches!(dark.check(), Err(SpectralError::Frames { what: "dark", n_frames: 0 })));
     }
 }

@@ -29,31 +29,79 @@ pub struct Pixel {
     pub gain: f32,
 }
 
-/// All pixels of the raw image. `darks`: frames with their exposure time, ns.
-pub fn pixels(
-    mosaic: &Mosaic,
-    darks: &[(u64, &Reference)],
-    white: &Reference,
-    panel: &WhitePanel,
-) -> Result<Vec<Pixel>, SpectralError> {
-    check(mosaic, darks, white, panel)?;
-    let lines = dark_lines(darks)?;
-    let t_white = panel.exposure_nanos as f64;
-    let signals = white.means()?.zip(&lines).map(|(white, line)| {
-        let (bias, rate) = (*line)?;
-        Some(f64::from(white?) - (bias + rate * t_white)).filter(|signal| *signal >= MIN_SIGNAL)
-    });
-    let signals: Vec<Option<f64>> = signals.collect();
-    let of_bands = panel.region.map(|region| band_means(mosaic, &signals, region));
-    let pixel = |at: usize| {
-        let (bias, rate) = lines[at]?;
-        let band = mosaic.band_of(at);
-        let signal = of_bands.as_ref().map_or(signals[at], |of_bands| of_bands[band])?;
-        let reflectance = panel.reflectances[band % panel.reflectances.len()];
-        let gain = reflectance * t_white / signal;
+/// All pixels of the raw image, each worked out when it is asked for.
+pub struct Pixels<'a> {
+    mosaic: &'a Mosaic,
+    darks: DarkLines<'a>,
+    white: &'a Reference,
+    panel: &'a WhitePanel,
+    /// Mean signal of each band in the panel's region, if it has one.
+    of_bands: Option<Vec<Option<f64>>>,
+}
+
+impl<'a> Pixels<'a> {
+    /// `darks`: frames with their exposure time, ns. All references must hold frames.
+    pub fn new(
+        mosaic: &'a Mosaic,
+        darks: &[(u64, &'a Reference)],
+        white: &'a Reference,
+        panel: &'a WhitePanel,
+    ) -> Result<Self, SpectralError> {
+        check(mosaic, darks, white, panel)?;
+        let mut pixels = Self { mosaic, darks: DarkLines::new(darks)?, white, panel, of_bands: None };
+        pixels.of_bands = panel.region.map(|region| pixels.band_means(region));
+        Ok(pixels)
+    }
+
+    /// Whether a pixel may have a dark current.
+    pub fn dark_grows(&self) -> bool {
+        self.darks.spread > 0.0
+    }
+
+    /// The pixel at column `x`, row `y`.
+    #[inline]
+    pub fn at(&self, x: usize, y: usize) -> Pixel {
+        self.known(x, y).unwrap_or_default()
+    }
+
+    #[inline]
+    fn known(&self, x: usize, y: usize) -> Option<Pixel> {
+        let at = y * self.mosaic.size()[0] as usize + x;
+        let line = self.darks.at(at)?;
+        let (bias, rate) = line;
+        let reflectances = &self.panel.reflectances;
+        let (signal, reflectance) = match (&self.of_bands, &reflectances[..]) {
+            (None, [reflectance]) => (self.signal(at, line)?, *reflectance),
+            (of_bands, reflectances) => {
+                let band = self.mosaic.band_of(at);
+                let signal = of_bands.as_ref().map_or_else(|| self.signal(at, line), |of_bands| of_bands[band]);
+                (signal?, reflectances[band % reflectances.len()])
+            }
+        };
+        let gain = reflectance * self.panel.exposure_nanos as f64 / signal;
         Some(Pixel { bias: bias as f32, dark_rate: rate as f32, gain: gain as f32 })
-    };
-    Ok((0..mosaic.n_samples()).map(|at| pixel(at).unwrap_or_default()).collect())
+    }
+
+    /// White less dark, counts.
+    fn signal(&self, at: usize, (bias, rate): (f64, f64)) -> Option<f64> {
+        let dark = bias + rate * self.panel.exposure_nanos as f64;
+        Some(f64::from(self.white.mean(at)?) - dark).filter(|signal| *signal >= MIN_SIGNAL)
+    }
+
+    /// Each band's mean signal in the region; none if all its pixels there are dead.
+    fn band_means(&self, [x, y, width, height]: [u32; 4]) -> Vec<Option<f64>> {
+        let mut sums = vec![(0.0, 0_u32); self.mosaic.n_bands()];
+        let places = (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y)));
+        for (x, y) in places {
+            let at = y as usize * self.mosaic.size()[0] as usize + x as usize;
+            if let Some(signal) = self.darks.at(at).and_then(|line| self.signal(at, line)) {
+                let (sum, n) = &mut sums[self.mosaic.band_of(at)];
+                *sum += signal;
+                *n += 1;
+            }
+        }
+        sums.into_iter().map(|(sum, n)| (n > 0).then(|| sum / f64::from(n))).collect()
+    }
 }
 
 fn check(
@@ -74,8 +122,10 @@ fn check(
     }
     for (_, dark) in darks {
         check_length("dark", dark.mosaic().n_samples(), mosaic.n_samples())?;
+        dark.check()?;
     }
     check_length("white", white.mosaic().n_samples(), mosaic.n_samples())?;
+    white.check()?;
     let ([x0, y0], [width, height]) = (mosaic.origin().map(u64::from), mosaic.area().map(|side| side as u64));
     match panel.region {
         Some(region) => {
@@ -90,38 +140,41 @@ fn check(
 }
 
 /// Of each pixel bias and dark current, by the least squares of its means at all exposure times; one exposure time alone tells
-/// the bias at that time, and that it does not grow. None where a frame was saturated.
-fn dark_lines(darks: &[(u64, &Reference)]) -> Result<Vec<Option<(f64, f64)>>, SpectralError> {
-    let means: Vec<Vec<Option<f32>>> =
-        darks.iter().map(|(_, dark)| Ok(dark.means()?.collect())).collect::<Result<_, SpectralError>>()?;
-    let Some(first) = means.first() else { return Err(SpectralError::Frames { what: "dark", n_frames: 0 }) };
-    let n = darks.len() as f64;
-    let middle = darks.iter().map(|(nanos, _)| *nanos as f64).sum::<f64>() / n;
-    let offsets: Vec<f64> = darks.iter().map(|(nanos, _)| *nanos as f64 - middle).collect();
-    let spread: f64 = offsets.iter().map(|offset| offset * offset).sum();
-    let line = |at: usize| {
-        let counts = means.iter().map(|means| means[at].map(f64::from)).collect::<Option<Vec<f64>>>()?;
-        let mean = counts.iter().sum::<f64>() / n;
-        if spread == 0.0 {
-            return Some((mean, 0.0));
-        }
-        let rate = offsets.iter().zip(&counts).map(|(offset, counts)| offset * counts).sum::<f64>() / spread;
-        Some((mean - rate * middle, rate))
-    };
-    Ok((0..first.len()).map(line).collect())
+/// the bias at that time, and that it does not grow.
+struct DarkLines<'a> {
+    /// By exposure time, ns from the mean of all.
+    darks: Vec<(f64, &'a Reference)>,
+    /// Mean exposure time, ns.
+    middle: f64,
+    /// Sum of the squares of the exposure times from their mean, ns^2.
+    spread: f64,
 }
 
-/// Each band's mean signal in the region; none if all its pixels there are dead.
-fn band_means(mosaic: &Mosaic, signals: &[Option<f64>], [x, y, width, height]: [u32; 4]) -> Vec<Option<f64>> {
-    let mut sums = vec![(0.0, 0_u32); mosaic.n_bands()];
-    let places = (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y)));
-    for (x, y) in places {
-        let at = y as usize * mosaic.size()[0] as usize + x as usize;
-        if let Some(signal) = signals[at] {
-            let (sum, n) = &mut sums[mosaic.band_of(at)];
-            *sum += signal;
-            *n += 1;
+impl<'a> DarkLines<'a> {
+    fn new(darks: &[(u64, &'a Reference)]) -> Result<Self, SpectralError> {
+        if darks.is_empty() {
+            return Err(SpectralError::Frames { what: "dark", n_frames: 0 });
         }
+        let middle = darks.iter().map(|(nanos, _)| *nanos as f64).sum::<f64>() / darks.len() as f64;
+        let darks: Vec<_> = darks.iter().map(|(nanos, dark)| (*nanos as f64 - middle, *dark)).collect();
+        let spread = darks.iter().map(|(offset, _)| offset * offset).sum();
+        Ok(Self { darks, middle, spread })
     }
-    sums.into_iter().map(|(sum, n)| (n > 0).then(|| sum / f64::from(n))).collect()
+
+    /// Bias, counts, and dark current, counts per ns. None where a frame was saturated.
+    #[inline]
+    fn at(&self, at: usize) -> Option<(f64, f64)> {
+        let (mut sum, mut products) = (0.0, 0.0);
+        for (offset, dark) in &self.darks {
+            let counts = f64::from(dark.mean(at)?);
+            sum += counts;
+            products += offset * counts;
+        }
+        let mean = sum / self.darks.len() as f64;
+        if self.spread == 0.0 {
+            return Some((mean, 0.0));
+        }
+        let rate = products / self.spread;
+        Some((mean - rate * self.middle, rate))
+    }
 }
