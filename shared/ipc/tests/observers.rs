@@ -93,6 +93,29 @@ fn a_lossless_observer_is_waited_for_and_forgotten_when_it_leaves() {
 }
 
 #[test]
+fn a_message_on_its_way_while_a_lossless_observer_comes_counts_as_owed() {
+    let domain = TestDomain::new("between");
+    let mut pair = pair(&domain.0);
+    assert!(pair.publisher.has_credit().expect("no error"), "nobody else is there");
+    let node = domain.0.node("observer").expect("node");
+    let mut observer = Observer::open(&node, &pair.channel, Looking::Lossless).expect("attached");
+    assert!(observer.connect().expect("connects"));
+    let mut sent = 0;
+    loop {
+        // The first one by the credit of before.
+        send(&mut pair.publisher, sent, 10);
+        pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
+        sent += 1;
+        if !pair.publisher.has_credit().expect("no error") {
+            break;
+        }
+    }
+    let seen: Vec<u64> =
+        std::iter::from_fn(|| observer.receive().expect("no error")).map(|observed| observed.envelope().seq).collect();
+    assert_eq!(seen, (0..sent).collect::<Vec<_>>(), "what was sent fitted its queue");
+}
+
+#[test]
 fn a_lossless_observer_that_was_overrun_before_it_was_known_does_not_stop_the_producer() {
     let domain = TestDomain::new("overrun");
     let mut pair = pair(&domain.0);
