@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 13] = [
+const SHARED: [&str; 14] = [
+    "wide_loops",
     "chart",
     "geometry",
     "messages",

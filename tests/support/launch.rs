@@ -123,9 +123,9 @@ impl Launch {
 
 impl Drop for Launch {
     fn drop(&mut self) {
-        for file in find_domain(&self.output()).iter().flat_map(|domain| leftovers(domain)) {
+        for path in find_domain(&self.output()).iter().flat_map(|domain| leftovers(domain)) {
             // Whoever still dies may have removed it first.
-            let _ = std::fs::remove_file(file);
+            let _ = if Path::new(&path).is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         }
     }
 }

@@ -35,9 +35,14 @@ impl Folder {
         write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
     }
 
+    /// Where these clouds lie.
+    pub(crate) fn files<'a>(&'a self, clouds: &'a [CloudEntry]) -> impl Iterator<Item = PathBuf> + 'a {
+        clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name))
+    }
+
     /// Brings clouds to the disk.
     pub(crate) fn sync(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
-        let files: Vec<PathBuf> = clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name)).collect();
+        let files: Vec<PathBuf> = self.files(clouds).collect();
         files.par_iter().try_for_each(|path| sync(path).map_err(fault(path, "bring to the disk")))
     }
 

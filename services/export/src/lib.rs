@@ -172,7 +172,6 @@ impl Stage for Export {
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
-        self.sync_clouds()?;
         let poses = self.trajectory.poses().iter();
         let head = State {
             clouds: self.clouds.clone(),
@@ -184,6 +183,8 @@ impl Stage for Export {
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &head)?;
         self.join.save_messages(&mut state);
+        state.rely_on(self.folder.files(&self.clouds[self.n_synced..]));
+        self.n_synced = self.clouds.len();
         Ok(state)
     }
 

@@ -1,6 +1,4 @@
-//! Rows in blocks for the widest registers that the machine has. `pulp::Arch::dispatch` compiles its closure for the instructions
-//! of this machine; the closure and what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for
-//! the oldest machine.
+//! Rows in blocks for the widest registers that the machine has ([`wide_loops::run`]).
 
 /// Pixels of a row that are worked on at once: a register or a few of them.
 pub(crate) const BLOCK: usize = 64;

@@ -3,7 +3,6 @@
 use crate::Connectivity;
 use crate::union_find::DisjointSets;
 use ndarray::Array2;
-use pulp::Arch;
 
 /// A partition of some pixels into components.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +74,7 @@ impl Runs {
     pub(crate) fn of(mask: &Array2<bool>) -> Self {
         let standard = mask.as_standard_layout();
         let mut runs = Self { ends: Vec::new(), row_starts: vec![0] };
-        Arch::new().dispatch(
+        wide_loops::run(
             #[inline(always)]
             || {
                 for row in standard.rows() {

@@ -9,7 +9,6 @@ use crate::blocks::{BLOCK, block, block_mut, in_blocks};
 use crate::padded::Padded;
 use crate::{Connectivity, Level, reconstruct_by_dilation};
 use ndarray::{Array2, Zip};
-use pulp::Arch;
 
 /// Pixels of plateaus all of whose neighbors are lower. A constant image is one maximum.
 pub fn regional_maxima<T: Level>(image: &Array2<T>, connectivity: Connectivity) -> Array2<bool> {
@@ -60,11 +59,11 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
     // The frame excludes nobody: it is not higher, and a candidate.
     let mut candidates = Padded::filled((image.rows, image.cols), true);
     let mut stack: Vec<u32> = Vec::new();
-    Arch::new().dispatch(
+    wide_loops::run(
         #[inline(always)]
         || sweep_down(image, &mut candidates, connectivity),
     );
-    Arch::new().dispatch(
+    wide_loops::run(
         #[inline(always)]
         || sweep_up(image, &mut candidates, connectivity, &mut stack),
     );

@@ -7,7 +7,6 @@ use crate::element::Shape;
 use crate::rows::{Pick, Rows};
 use crate::{Element, Level};
 use ndarray::Array2;
-use pulp::Arch;
 
 /// Maximum over the element, turned about its origin, at each pixel. A number is the radius of a square.
 pub fn dilate<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Array2<T> {
@@ -82,7 +81,7 @@ fn of_rows<T: Level>(image: &Array2<T>, work: impl FnOnce(&[T], usize, &mut Vec<
     let pixels = source.as_slice().expect("standard layout was asked for");
     let mut result = Vec::with_capacity(pixels.len());
     if !pixels.is_empty() {
-        Arch::new().dispatch(
+        wide_loops::run(
             #[inline(always)]
             || work(pixels, image.ncols(), &mut result),
         );

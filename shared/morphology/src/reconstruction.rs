@@ -3,7 +3,6 @@
 use crate::padded::{Padded, shifted, sup_across};
 use crate::{Connectivity, Level};
 use ndarray::Array2;
-use pulp::Arch;
 use std::collections::VecDeque;
 
 /// The marker dilated under the mask for ever: peaks that hold no marker go, the others keep their shape. Where the
@@ -49,12 +48,12 @@ fn reconstruct<T: Level>(
     let mut values = Padded::mapped(marker, T::LOWEST, sense);
     // Nothing grows into the frame.
     let mask = Padded::mapped(mask, T::LOWEST, sense);
-    Arch::new().dispatch(
+    wide_loops::run(
         #[inline(always)]
         || sweep(&mut values, &mask, connectivity),
     );
     let mut queue = VecDeque::new();
-    Arch::new().dispatch(
+    wide_loops::run(
         #[inline(always)]
         || find_unsettled(&values, &mask, connectivity, &mut queue),
     );

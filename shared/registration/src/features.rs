@@ -4,7 +4,6 @@ use crate::neighborhood::{LANES, Planes, Shapes};
 use crate::voxel::{VoxelIndex, VoxelSet, thinned};
 use crate::{RangeImage, Sweep};
 use nalgebra::Vector3;
-use pulp::Arch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +98,7 @@ pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSetti
     let rows = 0..sweep.image().rows();
     let planes = Planes::new(sweep.image(), settings.column_step.max(1));
     let row = |row| {
-        Arch::new().dispatch(
+        wide_loops::run(
             #[inline(always)]
             || row_features(sweep, &planes, row, up, settings),
         )

@@ -3,7 +3,6 @@
 use crate::neighborhood::{LANES, Planes};
 use crate::{RangeImage, TimedPoint};
 use nalgebra::Vector3;
-use pulp::Arch;
 
 /// Columns to each side whose points span the surface: one step is often shorter than the range noise.
 const BESIDE: isize = 2;
@@ -13,7 +12,7 @@ const BESIDE: isize = 2;
 pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> {
     let planes = Planes::new(image, 1);
     let mut by_cell = Vec::with_capacity(image.rows() * image.cols());
-    Arch::new().dispatch(
+    wide_loops::run(
         #[inline(always)]
         || {
             for row in 0..image.rows() {

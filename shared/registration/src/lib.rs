@@ -10,8 +10,7 @@
 //! 6. The other features enter the map; points of old sweeps leave it.
 //!
 //! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
-//! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order. Plain loops that `pulp::Arch` runs take the machine's widest registers, if all that they call is inlined into them. Products and sums are not fused, so
-//! that the width does not show in the result.
+//! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
 
 #![allow(clippy::needless_bitwise_bool, reason = "loops without branches fill wide registers")]
 

@@ -3,7 +3,6 @@
 use crate::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
 use crate::voxel::{SpreadKeys, VoxelIndex};
 use nalgebra::Vector3;
-use pulp::Arch;
 use serde::{Deserialize, Serialize};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
@@ -95,7 +94,7 @@ impl LocalMap {
     /// to be thinned among themselves: they do not refine each other.
     pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
         let n_before = self.order.len();
-        let free = Arch::new().dispatch(
+        let free = wide_loops::run(
             #[inline(always)]
             || self.refine(new_points, settings),
         );

@@ -7,7 +7,6 @@ use crate::normal_equations::NormalEquations;
 use crate::{Feature, Sampling, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
-use pulp::Arch;
 use rayon::prelude::*;
 
 /// How features are matched.
@@ -180,7 +179,7 @@ fn linearize(
     scale_m: f64,
 ) -> NormalEquations {
     let part = |chunk: &[Feature]| {
-        Arch::new().dispatch(
+        wide_loops::run(
             #[inline(always)]
             || linearize_chunk(chunk, maps, motion, kernel, scale_m),
         )

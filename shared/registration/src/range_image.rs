@@ -2,7 +2,6 @@
 
 use crate::TimedPoint;
 use nalgebra::Vector3;
-use pulp::Arch;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
 /// points.
@@ -52,7 +51,7 @@ impl RangeImage {
             Self { rows, cells: vec![empty; rows * STRIDE], places: Vec::with_capacity(points.len()), reach: 2 };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
         for chunk in points.chunks(CHUNK) {
-            let (slopes, cols) = Arch::new().dispatch(
+            let (slopes, cols) = wide_loops::run(
                 #[inline(always)]
                 || directions(chunk),
             );

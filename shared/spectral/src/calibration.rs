@@ -21,7 +21,6 @@ pub use pixels::WhitePanel;
 use crate::mosaic::check_length;
 use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
-use pulp::Arch;
 use row::Row;
 
 /// A target that fills the image, of one reflectance; see [`WhitePanel`] for others.
@@ -202,7 +201,7 @@ impl Calibration {
         let mut scratch = Scratch::new(self.mosaic.area()[0]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: reflectances, stride: n_cells, start: row * columns };
-            Arch::new().dispatch(
+            wide_loops::run(
                 #[inline(always)]
                 || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, masks),
             );
@@ -230,7 +229,7 @@ impl Calibration {
         let (mut bands, mut measured) = (vec![0.0; n_bands * columns], vec![0; columns]);
         for (row, masks) in masks.chunks_exact_mut(columns).enumerate() {
             let mut planes = Planes { values: &mut bands, stride: columns, start: 0 };
-            Arch::new().dispatch(
+            wide_loops::run(
                 #[inline(always)]
                 || self.cells_into(raw, row, exposure, &mut scratch, &mut planes, &mut measured),
             );

@@ -9,7 +9,6 @@
 use crate::SpectralError;
 use crate::calibration::Planes;
 use crate::mosaic::{MAX_PATTERN, check_length};
-use pulp::Arch;
 
 /// Cells that are corrected at a time: the bands of a block stay in the fastest cache.
 const BLOCK: usize = 64;
@@ -110,7 +109,7 @@ impl Correction {
             let masks = &virtual_masks[cells.clone()];
             let is_whole = masks.iter().all(|mask| *mask == all_valid);
             for (group, first) in self.groups.iter().zip((0..).step_by(ROWS)) {
-                Arch::new().dispatch(
+                wide_loops::run(
                     #[inline(always)]
                     || combine_into(group, &block, &mut sums),
                 );

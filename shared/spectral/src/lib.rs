@@ -5,9 +5,6 @@
 //! by pattern cell into a band-sequential cube, [`Demosaicer`] brings every band to the
 //! mosaic's full resolution ([`FullResolution`] whole cubes), [`Correction`] turns bands of filters into bands with one peak each. Numbers in, numbers out: no clock, no threads, and
 //! files only in [`Camera`], which reads the references of a drive.
-//!
-//! Plain loops that `pulp::Arch` runs take the machine's widest registers, if all that they call is inlined into them. Products and sums are not fused, so
-//! that the width does not show in the result.
 
 mod calibration;
 mod camera;

@@ -16,6 +16,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread::JoinHandle;
 
 /// Of an error, in the heartbeat: it has 64 KiB, which the notes of [`Outputs::note`] need too.
 const MAX_ERROR_CHARS: usize = 2000;
@@ -44,7 +45,8 @@ pub(crate) fn run<S: Stage>(
         let connected = runner.connect();
         let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
         runner.report();
-        ending
+        let settled = runner.settle();
+        ending.and_then(|ending| settled.map(|()| ending))
     });
     match &ending {
         Ok(Ending::Done) => pulse.set(Activity::Done),
@@ -78,6 +80,8 @@ struct Runner<'a, S: Stage> {
     barrier_time: Option<i64>,
     /// Of the last tick.
     last_row: TickRow,
+    /// Brings the last barrier's state to the disk.
+    saving: Option<JoinHandle<Result<(), StepError>>>,
     step_times: Histogram,
     ages: Histogram,
 }
@@ -129,6 +133,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             drive_begin: None,
             barrier_time: None,
             last_row: TickRow::default(),
+            saving: None,
             step_times: Histogram::default(),
             ages: Histogram::default(),
         };
@@ -260,6 +265,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     /// Waits behind a barrier for the word to go on. `false` if the run is being stopped.
     fn pause(&mut self) -> Result<bool, StepError> {
+        self.settle()?;
         self.pulse.announce(Activity::Paused);
         let (control, command) = (&self.control, &mut self.command);
         let goes_on = || read_command(control, command).map(|()| !command.pause);
@@ -343,6 +349,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     /// What follows a step: the end's rest, the barrier's state, the ticks on all outputs.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
+        self.check_saving()?;
         if row.end != 0 {
             self.stage.finish(&mut self.outputs)?;
         }
@@ -371,11 +378,10 @@ impl<'a, S: Stage> Runner<'a, S> {
             health.drive_begin = self.drive_begin;
             health.drive_time = Some(row.drive_time).filter(|time| *time != NO_DRIVE_TIME);
             health.progress = f64::from(row.progress);
-            health.barrier = self.barrier;
             *health.first_tick_nanos.get_or_insert(now) == now
         };
         self.report();
-        if is_first || row.barrier != 0 {
+        if is_first {
             self.pulse.beat_now();
         }
         Ok(())

@@ -8,13 +8,13 @@ pub use pieces::{StateBytes, decode_head, next_message};
 use crate::StepError;
 use crate::health::Traffic;
 use checksum::Checksum;
-use formats::atomic_file::AtomicFile;
+use formats::atomic_file::{AtomicFile, sync};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Why a saved state cannot be taken up.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -132,13 +132,34 @@ pub(crate) struct RunnerState {
     pub(crate) notes: Vec<String>,
 }
 
-/// Writes runner and stage so that the file is whole or absent, whatever happens meanwhile.
-pub(crate) fn save_state(path: &Path, runner: &RunnerState, stage: &StateBytes<'_>) -> Result<(), StepError> {
-    let runner = postcard::to_stdvec(runner).map_err(|error| StateError::Content(error.to_string()))?;
-    write_atomically(path, &runner, stage).map_err(|error| StepError::Io(format!("{}: {error}", path.display())))
+/// A state that is written but may not have come to the disk.
+pub(crate) struct WrittenState {
+    file: AtomicFile,
+    relied_on: Vec<PathBuf>,
 }
 
-fn write_atomically(path: &Path, runner: &[u8], stage: &StateBytes<'_>) -> std::io::Result<()> {
+impl WrittenState {
+    /// Brings it to the disk, after the files that it relies on; only then has it its name.
+    pub(crate) fn commit(self) -> Result<(), StepError> {
+        let failed = |path: &Path, cause: &std::io::Error| StepError::Io(format!("{}: {cause}", path.display()));
+        self.relied_on.iter().try_for_each(|path| sync(path).map_err(|cause| failed(path, &cause)))?;
+        let path = self.file.path().to_owned();
+        self.file.commit().map_err(|cause| failed(&path, &cause))
+    }
+}
+
+/// Writes runner and stage. The file is whole or absent, whatever happens meanwhile: [`WrittenState::commit`] makes it appear.
+pub(crate) fn write_state(
+    path: &Path,
+    runner: &RunnerState,
+    stage: &StateBytes<'_>,
+) -> Result<WrittenState, StepError> {
+    let runner = postcard::to_stdvec(runner).map_err(|error| StateError::Content(error.to_string()))?;
+    let file = write(path, &runner, stage).map_err(|error| StepError::Io(format!("{}: {error}", path.display())))?;
+    Ok(WrittenState { file, relied_on: stage.files().to_vec() })
+}
+
+fn write(path: &Path, runner: &[u8], stage: &StateBytes<'_>) -> std::io::Result<AtomicFile> {
     std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
     let file = AtomicFile::create(path)?;
     let mut sum = checksum_of_len(runner.len());
@@ -154,10 +175,10 @@ fn write_atomically(path: &Path, runner: &[u8], stage: &StateBytes<'_>) -> std::
     head.extend_from_slice(&(runner.len() as u32).to_le_bytes());
     head.extend_from_slice(&sum.sum().to_le_bytes());
     file.file().write_all_at(&head, 0)?;
-    file.commit()
+    Ok(file)
 }
 
-/// The inverse of [`save_state`]: the runner's part and the stage's.
+/// The inverse of [`write_state`]: the runner's part and the stage's.
 pub(crate) fn load_state(path: &Path) -> Result<(RunnerState, Vec<u8>), StepError> {
     let error = |text: String| StepError::Io(format!("{}: {text}", path.display()));
     let bytes = std::fs::read(path).map_err(|cause| error(cause.to_string()))?;
@@ -284,7 +305,13 @@ mod tests {
             notes: vec!["a note".to_owned()],
         };
         let stage: Vec<u8> = (0..100).collect();
-        save_state(&path, &runner, &stage.clone().into()).expect("saves");
+        let mut bytes = StateBytes::from(stage.clone());
+        bytes.rely_on([folder.path().join("cloud.ply")]);
+        let unsaved = write_state(&path, &runner, &bytes).expect("writes").commit();
+        assert!(unsaved.is_err_and(|error| error.to_string().contains("cloud.ply")), "what it relies on is not there");
+        assert!(!path.exists());
+        std::fs::write(folder.path().join("cloud.ply"), "points").expect("writes");
+        write_state(&path, &runner, &bytes).expect("writes").commit().expect("saves");
         let (back, stage_back) = load_state(&path).expect("loads");
         assert_eq!((back.tick, back.barrier, back.drive_begin, back.counters), (7, 3, Some(-5), runner.counters));
         assert_eq!(stage_back, stage);
@@ -315,7 +342,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("stage.state");
         let stage: Vec<u8> = (0..3 * PIECE + 5).map(|i| (i * i % 251) as u8).collect();
-        save_state(&path, &RunnerState::default(), &stage.into()).expect("saves");
+        write_state(&path, &RunnerState::default(), &stage.into()).expect("writes").commit().expect("saves");
         assert_eq!(verify_state(&path), Ok(()));
         let mut bytes = std::fs::read(&path).expect("written");
         *bytes.last_mut().expect("bytes") ^= 1;

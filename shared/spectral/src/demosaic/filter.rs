@@ -1,7 +1,6 @@
 //! Blurs over a mosaic that give each band of a cell the same weight.
 
 use super::lattice::Lattice;
-use pulp::Arch;
 
 /// The mean of a pattern's size around each pixel. An even pattern has no middle: half of the outermost samples counts.
 pub fn box_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
@@ -32,7 +31,7 @@ fn separable_into(lattice: &Lattice, samples: &[f32], kernel: &[f32], out: &mut 
     for (row, blurred) in samples.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
         padded.iter_mut().zip(&columns).for_each(|(value, x)| *value = row[*x]);
         for (tap, weight) in kernel.iter().enumerate() {
-            Arch::new().dispatch(
+            wide_loops::run(
                 #[inline(always)]
                 || add_weighted(&padded[tap..], *weight, blurred),
             );
@@ -44,7 +43,7 @@ fn separable_into(lattice: &Lattice, samples: &[f32], kernel: &[f32], out: &mut 
     for (y, sums) in out.chunks_exact_mut(width).enumerate() {
         for (row, weight) in rows[y..].iter().zip(kernel) {
             let values = &scratch[row * width..][..width];
-            Arch::new().dispatch(
+            wide_loops::run(
                 #[inline(always)]
                 || add_weighted(values, *weight, sums),
             );

@@ -1,7 +1,6 @@
 //! The sharp pseudo-panchromatic image of PPID (Mihoubi et al., IEEE TCI 2017, section III).
 
 use super::lattice::Lattice;
-use pulp::Arch;
 
 /// Added to every difference along a direction, so that weights stay finite: a step of one in 255, as in the paper.
 const FLAT: f32 = 1.0 / 255.0;
@@ -46,7 +45,7 @@ pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut
         weights.fill(0.0);
         for ([dx, dy], terms) in &directions {
             let [far_x, far_y] = [dx * pattern, dy * pattern];
-            Arch::new().dispatch(
+            wide_loops::run(
                 #[inline(always)]
                 || {
                     unlike.fill(FLAT);

@@ -3,7 +3,6 @@
 use super::lattice::Lattice;
 use crate::calibration::Planes;
 use crate::mosaic::MAX_PATTERN;
-use pulp::Arch;
 
 /// What an image is made of: bilinear between the samples of each band, and a part that all bands share.
 pub struct Parts<'a> {
@@ -61,14 +60,14 @@ impl<'a> Rows<'a> {
                 0 => out.copy_from_slice(above),
                 step => {
                     let share = step as f32 / pattern as f32;
-                    Arch::new().dispatch(
+                    wide_loops::run(
                         #[inline(always)]
                         || between_into(above, below, share, out),
                     );
                 }
             }
             if let Some(shared) = shared {
-                Arch::new().dispatch(
+                wide_loops::run(
                     #[inline(always)]
                     || out.iter_mut().zip(shared).for_each(|(value, shared)| *value += shared),
                 );

@@ -2,11 +2,15 @@
 
 use super::Runner;
 use crate::health::Traffic;
-use crate::state::{RunnerState, load_state, save_state};
+use crate::state::{RunnerState, load_state, write_state};
 use crate::{Stage, StepError};
+use std::sync::Arc;
+use std::thread::JoinHandle;
 
 impl<S: Stage> Runner<'_, S> {
+    /// Writes the state down. A thread brings it to the disk while the stage goes on, and then says so.
     pub(super) fn save(&mut self) -> Result<(), StepError> {
+        self.settle()?;
         let state = RunnerState {
             tick: self.tick,
             barrier: self.barrier,
@@ -17,7 +21,28 @@ impl<S: Stage> Runner<'_, S> {
             counters: self.outputs.counters.clone(),
             notes: self.outputs.notes.clone(),
         };
-        save_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)
+        let written = write_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)?;
+        let (pulse, barrier) = (Arc::clone(&self.ports.waiter.pulse), self.barrier);
+        let commit = move || {
+            written.commit()?;
+            pulse.update().barrier = barrier;
+            pulse.beat_now();
+            Ok(())
+        };
+        let thread = std::thread::Builder::new().name("saving".to_owned()).spawn(commit);
+        self.saving = Some(thread.map_err(StepError::io)?);
+        Ok(())
+    }
+
+    /// Waits until the last barrier's state is on the disk.
+    pub(super) fn settle(&mut self) -> Result<(), StepError> {
+        let Some(saving) = self.saving.take() else { return Ok(()) };
+        saving.join().unwrap_or_else(|_| Err(StepError::Io("the thread that saves the state panicked".to_owned())))
+    }
+
+    /// The fault of a thread that has come to its end.
+    pub(super) fn check_saving(&mut self) -> Result<(), StepError> {
+        if self.saving.as_ref().is_some_and(JoinHandle::is_finished) { self.settle() } else { Ok(()) }
     }
 
     pub(super) fn load(&mut self, barrier: u64) -> Result<(), StepError> {
@@ -27,6 +52,7 @@ impl<S: Stage> Runner<'_, S> {
             self.stage.load(&stage)?;
         }
         (self.tick, self.barrier) = (state.tick, state.barrier);
+        self.pulse.update().barrier = state.barrier;
         (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
         for output in Self::ticked_outputs(&mut self.outputs) {
             let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();

@@ -5,15 +5,19 @@ use crate::{Received, StepError};
 use messages::{Envelope, Message, Pod, pod};
 use serde::{Serialize, de::DeserializeOwned};
 use std::borrow::Cow;
+use std::path::PathBuf;
 
 /// What [`crate::Stage::save`] returns: bytes in pieces, one behind the other. A message that the stage holds is a piece that is
 /// written from where it lies, because a window of images has hundreds of megabytes.
 #[derive(Debug, Default)]
-pub struct StateBytes<'a>(Vec<Cow<'a, [u8]>>);
+pub struct StateBytes<'a> {
+    pieces: Vec<Cow<'a, [u8]>>,
+    files: Vec<PathBuf>,
+}
 
 impl From<Vec<u8>> for StateBytes<'_> {
     fn from(bytes: Vec<u8>) -> Self {
-        Self(vec![bytes.into()])
+        Self { pieces: vec![bytes.into()], files: Vec::new() }
     }
 }
 
@@ -21,19 +25,27 @@ impl<'a> StateBytes<'a> {
     /// A state whose messages follow `head`: [`encode_state`] behind its length (u32, little-endian). [`decode_head`] is the inverse.
     pub fn with_head<S: Serialize>(version: u32, head: &S) -> Result<Self, StateError> {
         let head = encode_state(version, head)?;
-        Ok(Self(vec![(head.len() as u32).to_le_bytes().to_vec().into(), head.into()]))
+        Ok(Self { pieces: vec![(head.len() as u32).to_le_bytes().to_vec().into(), head.into()], files: Vec::new() })
     }
     /// Appends a message. [`next_message`] is the inverse.
     pub fn push<T: Message>(&mut self, message: &'a Received<T>) {
-        self.0.extend(message.parts().map(Cow::Borrowed));
+        self.pieces.extend(message.parts().map(Cow::Borrowed));
+    }
+    /// Files that the state speaks of. They are brought to the disk before it counts as saved.
+    pub fn rely_on(&mut self, files: impl IntoIterator<Item = PathBuf>) {
+        self.files.extend(files);
+    }
+    /// What was given to [`StateBytes::rely_on`].
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
     /// The pieces in their order.
     pub fn pieces(&self) -> impl Iterator<Item = &[u8]> {
-        self.0.iter().map(|piece| &**piece)
+        self.pieces.iter().map(|piece| &**piece)
     }
     /// All pieces in one.
     pub fn to_vec(&self) -> Vec<u8> {
-        self.0.concat()
+        self.pieces.concat()
     }
 }
 
