@@ -11,6 +11,7 @@ use ipc::Transport;
 use stage::assignment::CONTRACT_VERSION;
 use stage::launch_file::{LaunchFile, render};
 use stage::{CheckRequest, Context, DescribeRequest, Mode, Problem, SUPERVISOR_KEYS, parse_table};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Tables that are no stages.
@@ -93,14 +94,17 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     }
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
     let context = Context { drive, output, launch_folder: folder, mode, connected };
-    for stage in &stages {
+    let checked = programs::at_once(&stages, |stage| {
         let request = CheckRequest {
             launch_file: copy.to_owned(),
             overrides: overrides.to_vec(),
             table: stage.name.clone(),
             context: context.clone(),
         };
-        match programs::check(&stage.program, &request) {
+        programs::check(&stage.program, &request)
+    });
+    for (stage, checked) in stages.iter().zip(checked) {
+        match checked {
             // These are located already.
             Ok(problems) => faults.problems.extend(problems),
             Err(text) => faults.add(&stage.name, Problem { key: String::new(), span: stage.span.clone(), text }),
@@ -177,7 +181,7 @@ impl Faults<'_> {
         overrides: &[String],
         without: &[String],
     ) -> Vec<PlannedStage> {
-        let mut stages = Vec::new();
+        let mut tables: Vec<(String, Option<Range<usize>>, StageTable)> = Vec::new();
         for (name, span) in self.file.tables() {
             if OWN_TABLES.contains(&name.as_str()) || without.contains(&name) {
                 continue;
@@ -188,14 +192,20 @@ impl Faults<'_> {
                 self.add(&name, Problem { key: String::new(), span, text });
                 continue;
             }
-            let table: StageTable = self.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+            let table = self.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+            tables.push((name, span, table));
+        }
+        let described = programs::at_once(&tables, |(name, _, table)| {
             let request = DescribeRequest {
                 launch_file: launch_file.to_owned(),
                 overrides: overrides.to_vec(),
                 table: name.clone(),
             };
-            let described = programs::find(&name, &table.program, folder)
-                .and_then(|program| programs::describe(&program, &request).map(|description| (program, description)));
+            let program = programs::find(name, &table.program, folder)?;
+            programs::describe(&program, &request).map(|description| (program, description))
+        });
+        let mut stages = Vec::new();
+        for ((name, span, table), described) in tables.into_iter().zip(described) {
             match described {
                 Ok((_, description)) if description.contract != CONTRACT_VERSION => {
                     let text = format!("speaks contract {}, this is contract {CONTRACT_VERSION}", description.contract);

@@ -50,6 +50,16 @@ pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, Str
     ask(program, &["--check", &request])
 }
 
+/// Puts a question to many programs at the same time, because each takes some ms to start. The answers have the questions' order.
+pub fn at_once<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) -> Vec<A> {
+    let ask = &ask;
+    std::thread::scope(|scope| {
+        let asked: Vec<_> = questions.iter().map(|question| scope.spawn(move || ask(question))).collect();
+        let answers = asked.into_iter().map(|thread| thread.join());
+        answers.map(|answer| answer.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+    })
+}
+
 fn ask<T: DeserializeOwned>(program: &Path, arguments: &[&str]) -> Result<T, String> {
     let name = program.display();
     let failed = |error: std::io::Error| format!("{name} {}: {error}", arguments[0]);
