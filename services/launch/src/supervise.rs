@@ -389,7 +389,7 @@ impl Supervisor {
             }
             // Stages that die end the attempt; who looked on and died must not be waited for.
             if cleaned.elapsed() > CLEAN_EVERY {
-                node.forget_dead();
+                node.forget_dead().map_err(|error| error.to_string())?;
                 cleaned = Instant::now();
             }
             look += 1;

@@ -4,9 +4,13 @@ use crate::{Iox, IpcError};
 use iceoryx2::prelude::*;
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path as StdPath, PathBuf};
+use std::time::Duration;
 
 /// Where POSIX shared memory lies on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";
+
+/// Between the making of a file and its length lie microseconds, on a busy machine some tens of milliseconds.
+const LONGEST_MAKING: Duration = Duration::from_secs(1);
 
 /// Attempts to remove a folder in which somebody who looks on is just making a file of its own.
 const MAX_REMOVALS: usize = 20;
@@ -71,6 +75,27 @@ impl Domain {
             }
         }
         Ok(files)
+    }
+
+    /// Whether a file in shared memory has no length yet. Who opens such a file waits for its length, without end if its maker
+    /// was killed between the two calls (iceoryx2 0.10): those that nobody can be making any more are removed.
+    fn has_unfinished_files(&self) -> Result<bool, IpcError> {
+        let mut unfinished = false;
+        for file in self.files()? {
+            // What is gone by now is not in the way.
+            let Ok(metadata) = std::fs::metadata(&file) else { continue };
+            if !metadata.is_file() || metadata.len() > 0 {
+                continue;
+            }
+            // A clock that was set back tells no age.
+            let age = metadata.modified().ok().and_then(|made| made.elapsed().ok()).unwrap_or(LONGEST_MAKING);
+            if age < LONGEST_MAKING {
+                unfinished = true;
+            } else {
+                ignore_absent("removing", &file, std::fs::remove_file(&file))?;
+            }
+        }
+        Ok(unfinished)
     }
 
     /// iceoryx2 makes its node counter readable and writable by everybody; a run is its owner's alone.
@@ -140,10 +165,15 @@ fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Res
 pub struct Node(pub(crate) iceoryx2::prelude::Node<Iox>, pub(crate) Domain);
 
 impl Node {
-    /// Removes the ports of processes that have died, so that nobody waits for what they would have taken.
-    pub fn forget_dead(&self) {
+    /// Removes the ports of processes that have died, so that nobody waits for what they would have taken. `false`: not yet,
+    /// because somebody is just making a port, or has died while he did.
+    pub fn forget_dead(&self) -> Result<bool, IpcError> {
+        if self.1.has_unfinished_files()? {
+            return Ok(false);
+        }
         // What another process is cleaning up already, or cannot be cleaned yet, is left to the next call.
         let _state = self.0.try_cleanup_dead_nodes();
+        Ok(true)
     }
 }
 

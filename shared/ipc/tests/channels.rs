@@ -170,6 +170,20 @@ fn shared_memory_is_the_owners_alone_and_a_wipe_leaves_nothing() {
 }
 
 #[test]
+fn the_dead_are_forgotten_also_if_one_died_while_he_made_a_file() {
+    let domain = TestDomain::new("unfinished");
+    let pair = pair(&domain.0);
+    let node = &pair.nodes[0];
+    assert!(node.forget_dead().expect("no error"), "all files of a channel have a length");
+    let path = format!("/dev/shm/{}unfinished.connection", domain.0.prefix());
+    let file = std::fs::File::create(&path).expect("made");
+    assert!(!node.forget_dead().expect("no error"), "somebody may be making it");
+    file.set_modified(std::time::SystemTime::now() - Duration::from_mins(1)).expect("set");
+    assert!(node.forget_dead().expect("no error"));
+    assert!(!std::path::Path::new(&path).exists(), "who would have made it is dead");
+}
+
+#[test]
 fn rows_have_the_sizes_of_their_byte_tables() {
     assert_eq!(size_of::<SweepPoint>(), 20);
     assert_eq!(size_of::<messages::SubmapPoint>(), 28);

@@ -103,12 +103,14 @@ impl Supervisor {
         for process in processes.iter_mut().filter(|process| process.is_down) {
             let stage = self.plan.stages.iter().find(|stage| stage.name == process.name);
             let Some(stage) = stage.filter(|stage| self.live.is_due(&stage.name)) else { continue };
+            // Its ports are free for the one that follows once the dead process is forgotten.
+            if !node.forget_dead().map_err(|error| error.to_string())? {
+                continue;
+            }
             *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
             self.restarts += 1;
             let (restart, resume) = (self.live.begin(process), self.folder.last_barrier_of(&stage.name));
             let assignment = self.folder.assign(&self.plan, stage, &self.domain, resume, Some(restart))?;
-            // Its ports are free for the one that follows once the dead process is forgotten.
-            node.forget_dead();
             process.start_again(stage, &assignment, self.screen.log())?;
         }
         Ok(())
