@@ -94,7 +94,7 @@ pub(crate) struct Clock {
 
 /// A stage that is started anew in a live run numbers its messages and ticks on from the next multiple of this: far
 /// more than can have been published since the last heartbeat of the process before it.
-const STRIDE: u64 = 1000;
+pub(crate) const STRIDE: u64 = 1000;
 
 /// A number that the process before has surely not given.
 pub(crate) fn beyond(n: u64) -> u64 {
@@ -285,7 +285,8 @@ pub(crate) trait TickedOutput {
     /// Whether consumers have taken everything.
     fn is_drained(&mut self) -> Result<bool, StepError>;
     /// Goes on behind what was published before this process began.
-    fn resume(&mut self, published: Traffic);
+    /// Goes on behind what was published; in a live run, beyond `passed_over` more numbers that may have been given.
+    fn resume(&mut self, published: Traffic, passed_over: u64);
     fn traffic(&self) -> Traffic;
     /// Brings up to date what the heartbeat says of messages that wait for a consumer.
     fn note_waiting(&mut self) -> Result<(), StepError>;
@@ -434,11 +435,11 @@ impl<T: Message> TickedOutput for SharedOutput<T> {
         Ok((self.is_live || self.messages.n_waiting()? == 0) && self.ticks.n_waiting()? == 0)
     }
 
-    fn resume(&mut self, published: Traffic) {
+    fn resume(&mut self, published: Traffic, passed_over: u64) {
         self.next_seq = published.next_seq;
         if published.epoch > 0 {
             self.followed = published.next_seq;
-            self.next_seq = beyond(published.next_seq);
+            self.next_seq = beyond(published.next_seq + passed_over);
         }
         self.traffic = published;
     }

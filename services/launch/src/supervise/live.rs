@@ -27,7 +27,7 @@ struct StageRestarts {
     in_a_row: u32,
     begun: Option<Instant>,
     due: Option<Instant>,
-    /// What the last process was told: one that ends before its first tick has nothing to add.
+    /// What the last process was told: one that is not heard of after a tick has nothing to add.
     last: Restart,
 }
 
@@ -65,8 +65,11 @@ impl LiveRestarts {
             }
             later
         };
+        // The first process began with no number that anybody else had.
+        let is_unheard = health.ticks == 0 && stage.total > 1;
         stage.last = Restart {
             epoch: stage.total,
+            unheard: if is_unheard { stage.last.unheard + 1 } else { 0 },
             ticks: health.ticks.max(stage.last.ticks),
             inputs: later(&health.inputs, &stage.last.inputs),
             outputs: later(&health.outputs, &stage.last.outputs),
