@@ -1,7 +1,7 @@
 //! The edges of one camera: what a turn and a delay would make of them, and how well they then lie on what the images show.
 
 use crate::offset::{Profile, REACH};
-use crate::offset_fit::Turn;
+use crate::offset_search::Turn;
 
 /// Steps to both sides over which profiles are smoothed for the first search.
 const SMOOTHING: usize = 2;
