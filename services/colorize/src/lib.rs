@@ -39,6 +39,7 @@ pub mod occlusion;
 pub mod offset;
 mod offset_edges;
 pub mod offset_fit;
+mod offset_search;
 pub mod offset_watch;
 mod saved;
 pub mod spectra;

@@ -93,16 +93,20 @@ impl Look<'_> {
         let lens = self.view.lens;
         let p = in_camera(&self.view, edge.at);
         let at = lens.pixel(p);
-        let beyond = [0, 1, 2].map(|i| edge.at[i] + edge.across[i]);
-        let [x, y] = minus(lens.pixel(in_camera(&self.view, beyond)), at);
-        let length = x.hypot(y);
+        let toward =
+            |way: [f32; 3]| minus(lens.pixel(in_camera(&self.view, [0, 1, 2].map(|i| edge.at[i] + way[i]))), at);
+        // The line is read across the outline as the camera sees it, not along the ring.
+        let [x, y] = toward(edge.outline);
+        let normal = [-y, x].map(|v| v / x.hypot(y));
+        let [x, y] = toward(edge.across);
+        let side = x * normal[0] + y * normal[1];
+        let (length, line) = (side.abs(), normal.map(|v| v * side.signum()));
         // An edge that the camera looks along has no line across.
         let norm = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
         let full_px = norm(edge.across) / norm(p) * lens.px_per_rad();
         if length.is_nan() || length < 0.3 * full_px {
             return None;
         }
-        let line = [x / length, y / length];
         let step_px = step_rad(lens.px_per_rad()) * lens.px_per_rad();
         let along = |[du, dv]: [f32; 2]| (du * line[0] + dv * line[1]) / step_px;
         // A turn moves the direction of p by its cross product; a thousandth of a rad is far above rounding.
@@ -156,4 +160,41 @@ fn minus(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
 
 fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::views::Camera;
+    use geometry::{CameraModel, Pinhole, Pose, RigCamera};
+
+    /// A camera of 400 px per rad that sees a white half plane left of a line through its middle, 30 degrees off the upright.
+    #[test]
+    fn a_profile_runs_across_the_outline_whichever_way_the_ring_runs() {
+        const SIDE: u32 = 401;
+        let model =
+            Pinhole { width: SIDE, height: SIDE, fx: 400.0, fy: 400.0, cx: 200.0, cy: 200.0, distortion: [0.0; 5] };
+        let camera = RigCamera { body_from_camera: Pose::identity(), model: CameraModel::Pinhole(model) };
+        let camera = Camera::from(&camera);
+        let (sin, cos) = 30.0_f32.to_radians().sin_cos();
+        let pixel = |i: u32| {
+            let [u, v] = [i % SIDE, i / SIDE].map(|at| at as f32 - 200.0);
+            [if u * cos + v * sin < 0.0 { 200_u8 } else { 50 }; 3]
+        };
+        let pixels: Vec<u8> = (0..SIDE * SIDE).flat_map(pixel).collect();
+        let view = camera.view(0, &Pose::identity(), &Pose::identity());
+        let picture = Picture::new(0, SIDE, SIDE, &pixels).expect("fits");
+        let sight = Sight::free();
+        let look = Look { view, beside: [view; 2], beside_s: 0.04, sight: &sight, picture };
+        for across in [[0.04, 0.0, 0.0], [0.02, 0.02, 0.0], [0.0, 0.05, 0.0]] {
+            let outline = [-sin, cos, 0.0];
+            let edge = DepthEdge { at: [0.0, 0.0, 10.0], across, range_m: 10.0, outline, time: 0.0 };
+            let profile = look.profile(&edge, 0.5).expect("in the middle of the image");
+            let peak = (0..profile.changes.len()).max_by_key(|i| profile.changes[*i]).expect("not empty");
+            assert!(peak.abs_diff(REACH) <= 1, "{profile:?}");
+            // A turn about y moves things to the side, one about x downward or upward.
+            let [x, y, _] = profile.per_rad;
+            assert!((y - 400.0 * cos).abs() < 1.0 && (x.abs() - 400.0 * sin).abs() < 1.0, "{profile:?}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The edges of one camera: what a turn and a delay would make of them, and how well they then lie on what the images show.
 
 use crate::offset::{Profile, REACH};
-use crate::offset_fit::Turn;
+use crate::offset_search::Turn;
 
 /// Steps to both sides over which profiles are smoothed for the first search.
 const SMOOTHING: usize = 2;
@@ -170,5 +170,5 @@ fn axes(outlines: &[&Outline]) -> Vec<Turn> {
     // Principal axes of the 2x2 matrix.
     let (y, x) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
     let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-    if middle - half > 0.1 * (middle + half) { vec![[x, y, 0.0], [-y, x, 0.0]] } else { vec![[x, y, 0.0]] }
+    if middle - half > 0.2 * (middle + half) { vec![[x, y, 0.0], [-y, x, 0.0]] } else { vec![[x, y, 0.0]] }
 }

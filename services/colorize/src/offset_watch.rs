@@ -122,9 +122,10 @@ pub fn sentence(name: &str, px_per_rad: f32, found: &CameraOffset, by_range: &[(
     } else {
         String::new()
     };
+    let alone = if found.is_across_alone { " (along the outlines not observable)" } else { "" };
     let sigma = mrad(found.sigma());
     format!(
-        "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2}{about_axis} mrad; by range {}; {} edges, peak {:.0}",
+        "offset of {name}: {:.2} +- {sigma:.2} mrad ({:.2} px); turned about its x by {x:.2} and y by {y:.2}{alone}{about_axis} mrad; by range {}; {} edges, peak {:.0}",
         mrad(found.angle()),
         found.angle() * px_per_rad,
         if ranges.is_empty() { "unknown".to_owned() } else { ranges.join(", ") },
@@ -142,6 +143,7 @@ mod tests {
         let found = CameraOffset {
             turn: [0.003, 0.004, 0.0],
             is_turned_about_axis: false,
+            is_across_alone: false,
             deviation: [0.0003, 0.0004, 0.0],
             n_edges: 900,
             peak: 20.0,

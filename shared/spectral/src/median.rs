@@ -2,6 +2,7 @@
 
 use crate::SpectralError;
 use crate::mosaic::check_length;
+use pulp::{Arch, NullaryFnOnce};
 
 /// Replaces each valid value of a band-sequential cube by the median of the valid ones in the 3x3 cells around it (fewer at
 /// the rims; of an even number the mean of the middle two). `size` = columns, rows of cells. Masks do not change.
@@ -10,33 +11,111 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     let n_cells = columns * rows;
     check_length("mask", masks.len(), n_cells)?;
     check_length("cube", cube.len(), cube.len() / n_cells.max(1) * n_cells)?;
+    let gaps = gaps(columns, rows, masks);
     let mut before = Vec::with_capacity(n_cells);
+    let mut sorted = [(); 3].map(|()| vec![0.0; columns]);
     for (band, plane) in cube.chunks_exact_mut(n_cells.max(1)).enumerate() {
         before.clear();
         before.extend_from_slice(plane);
-        for y in 0..rows {
-            for x in 0..columns {
-                let cell = y * columns + x;
-                if masks[cell] >> band & 1 == 0 {
-                    continue;
-                }
-                let (mut around, mut n) = ([0.0; 9], 0);
-                for row in y.saturating_sub(1)..(y + 2).min(rows) {
-                    for column in x.saturating_sub(1)..(x + 2).min(columns) {
-                        let near = row * columns + column;
-                        if masks[near] >> band & 1 == 1 {
-                            around[n] = before[near];
-                            n += 1;
-                        }
-                    }
-                }
-                let around = &mut around[..n];
-                around.sort_unstable_by(f32::total_cmp);
-                plane[cell] = 0.5 * (around[(n - 1) / 2] + around[n / 2]);
+        // All as if everything was valid, then those again for which that is not so.
+        for y in 1..rows.saturating_sub(1) {
+            let three = &before[(y - 1) * columns..(y + 2) * columns];
+            let out = &mut plane[y * columns..(y + 1) * columns];
+            Arch::new().dispatch(Row { three, sorted: &mut sorted, out });
+        }
+        for (cell, lacking) in &gaps {
+            if masks[*cell] >> band & 1 == 0 {
+                plane[*cell] = before[*cell];
+            } else if lacking >> band & 1 == 1 {
+                plane[*cell] = of_valid(*cell, columns, &before, |near| masks[near] >> band & 1 == 1);
             }
         }
     }
     Ok(())
+}
+
+/// Cells around which a band is invalid somewhere, bit by bit; those of the rim lack all bands.
+fn gaps(columns: usize, rows: usize, masks: &[u32]) -> Vec<(usize, u32)> {
+    let lacking = |cell: usize| {
+        let (x, y) = (cell % columns, cell / columns);
+        if x == 0 || y == 0 || x + 1 == columns || y + 1 == rows {
+            return u32::MAX;
+        }
+        let around = [cell - columns, cell, cell + columns];
+        !around.iter().flat_map(|at| &masks[at - 1..at + 2]).fold(u32::MAX, |all, mask| all & mask)
+    };
+    (0..masks.len()).map(|cell| (cell, lacking(cell))).filter(|(_, lacking)| *lacking != 0).collect()
+}
+
+/// Median of the valid values around a cell, of which it has one itself.
+fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize) -> bool) -> f32 {
+    let (x, y) = (cell % columns, cell / columns);
+    let (mut around, mut n) = ([0.0; 9], 0);
+    for row in y.saturating_sub(1)..(y + 2).min(before.len() / columns) {
+        for column in x.saturating_sub(1)..(x + 2).min(columns) {
+            let near = row * columns + column;
+            if is_valid(near) {
+                around[n] = before[near];
+                n += 1;
+            }
+        }
+    }
+    let around = &mut around[..n];
+    around.sort_unstable_by(f32::total_cmp);
+    0.5 * (around[(n - 1) / 2] + around[n / 2])
+}
+
+/// The medians of a row but for its ends. The median of nine is that of three: of the largest of the columns' smallest values, the middle one
+/// of their middle ones and the smallest of their largest.
+struct Row<'a> {
+    /// The row above, this one and the one below.
+    three: &'a [f32],
+    /// Smallest, middle and largest of each column.
+    sorted: &'a mut [Vec<f32>; 3],
+    out: &'a mut [f32],
+}
+
+impl NullaryFnOnce for Row<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { three, sorted: [low, middle, high], out } = self;
+        let n = out.len();
+        let (above, here, below) = (&three[..n], &three[n..2 * n], &three[2 * n..3 * n]);
+        let (low, middle, high) = (&mut low[..n], &mut middle[..n], &mut high[..n]);
+        for i in 0..n {
+            let (a, b, c) = (above[i], here[i], below[i]);
+            low[i] = least(least(a, b), c);
+            middle[i] = median(a, b, c);
+            high[i] = most(most(a, b), c);
+        }
+        if n < 3 {
+            return;
+        }
+        let out = &mut out[1..n - 1];
+        for i in 0..out.len() {
+            let lows = most(most(low[i], low[i + 1]), low[i + 2]);
+            let middles = median(middle[i], middle[i + 1], middle[i + 2]);
+            let highs = least(least(high[i], high[i + 1]), high[i + 2]);
+            out[i] = median(lows, middles, highs);
+        }
+    }
+}
+
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+#[inline(always)]
+fn most(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+#[inline(always)]
+fn median(a: f32, b: f32, c: f32) -> f32 {
+    most(least(a, b), least(most(a, b), c))
 }
 
 #[cfg(test)]
@@ -55,5 +134,24 @@ mod tests {
         assert_eq!(cube[5..10], [0.1, 0.1, 0.1, 0.9, 0.9]);
         assert_eq!(cube[20..25], [0.1, 0.0, 0.1, 0.9, 0.9]);
         assert!(median_3x3([5, 3], &mut cube[..16], &masks).is_err());
+    }
+
+    #[test]
+    fn wide_rows_give_what_sorting_gives() {
+        for [columns, rows] in [[1, 1], [2, 5], [5, 2], [37, 11]] {
+            let n_cells = columns * rows;
+            let chance = |i: usize| (((i + 1) as f32 * 12.9898).sin() * 43_758.547).rem_euclid(1.0);
+            let cube: Vec<f32> = (0..2 * n_cells).map(chance).collect();
+            let masks: Vec<u32> = (0..n_cells).map(|i| if chance(7 * i) < 0.1 { 0b10 } else { 0b11 }).collect();
+            let mut found = cube.clone();
+            median_3x3([columns as u32, rows as u32], &mut found, &masks).expect("fits");
+            for (at, value) in found.iter().enumerate() {
+                let (band, cell) = (at / n_cells, at % n_cells);
+                let is_valid = |near: usize| masks[near] >> band & 1 == 1;
+                let before = &cube[band * n_cells..(band + 1) * n_cells];
+                let expected = if is_valid(cell) { of_valid(cell, columns, before, is_valid) } else { before[cell] };
+                assert_eq!(*value, expected, "{columns} x {rows}, band {band}, cell {cell}");
+            }
+        }
     }
 }

@@ -110,6 +110,23 @@ fn a_region_is_recognized_and_one_outside_refused() {
     let text = said(&spectrum(&[cube, "--region", "5,5,10,4", "--reference", &other, "--reference", &same]));
     let same_row = text.find("| same | 0.00° |").unwrap_or_else(|| panic!("{text}"));
     assert!(same_row < text.find("| other |").expect("the other one, after it"), "{text}");
+    let figures = folder.path().join("figures");
+    let drawn = ["--reference", &same, "--clip-threshold", "0.5", "--figures", figures.to_str().expect("UTF-8")];
+    let output = spectrum(&[&[cube, "--region", "5,6,10,4"], &drawn[..]].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    let figure = |name: &str| std::fs::read_to_string(figures.join(name)).expect("a figure");
+    assert_eq!(
+        figure("pixels_1.svg").matches("<polyline").count(),
+        40 + 1,
+        "the region's cells and the known spectrum"
+    );
+    let normalized = figure("normalized.svg");
+    assert_eq!(normalized.matches("<polyline").count(), 3);
+    assert!(normalized.contains("clipped at 0.5") && normalized.contains("to the 95 % of pixels"), "{normalized}");
+    let picture = image::open(figures.join("region_1.png")).expect("a picture").into_rgb8();
+    assert_eq!(picture.dimensions(), (40, 25));
+    let is_rim = |u: u32, v: u32| picture.get_pixel(u, v).0 == [0, 255, 255];
+    assert!(is_rim(4, 5) && is_rim(15, 10) && is_rim(9, 5) && !is_rim(5, 6) && !is_rim(14, 9) && !is_rim(3, 5));
     let output = spectrum(&[cube, "--region", "35,5,10,4"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(said(&output).contains("region 35,5,10,4 must lie in the 40 x 25 cells"), "{}", said(&output));

@@ -1,20 +1,23 @@
 //! `replica spectrum`: how reflectances are distributed, and whether they can be trusted (thesis 4.3.1; docs/spectrum.md).
 
 mod channel;
+mod clip;
 mod diagnosis;
 mod exposures;
+mod figures;
 mod input;
 mod reference;
 mod report;
 
 use anyhow::Context;
-use chart::{Axis, Chart, Series};
+use channel::Channel;
 use clap::ValueEnum;
+use clip::Clip;
 use formats::envi::LibrarySpectrum;
 use input::{Choice, Region, Source};
 use report::{InputReport, Match, Report};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Statistics of reflectances by channel, with a diagnosis; several inputs are compared.
@@ -63,7 +66,8 @@ pub struct Args {
     /// Form of the tables.
     #[arg(long, value_enum, default_value_t = Format::Markdown)]
     format: Format,
-    /// Folder for figures: histogram.svg, distribution.svg, of a region signature.svg, of clipped values expanded.svg.
+    /// Folder for figures: histogram.svg, distribution.svg, of clipped values expanded.svg, of a region signature.svg, normalized.svg, and for
+    /// each input a `pixels_N.svg` and a `region_N.png`.
     #[arg(long, value_name = "DIR")]
     figures: Option<PathBuf>,
 }
@@ -77,8 +81,6 @@ enum Format {
 
 /// Known spectra that are told of a long library.
 const N_MATCHES: usize = 5;
-/// Intervals of the figures' histograms.
-const N_INTERVALS: usize = 100;
 
 fn positive(text: &str) -> Result<f64, String> {
     text.parse()
@@ -111,7 +113,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let references: Vec<Vec<LibrarySpectrum>> =
         args.reference.iter().map(|path| reference::read(path)).collect::<Result<_, _>>()?;
     let references = references.concat();
-    let (mut sources, mut originals, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut sources, mut stretched, mut inputs) = (Vec::new(), Vec::new(), Vec::new());
+    let clip = args.clip_threshold.map(Clip::UpTo).or(args.clip_percent.map(Clip::AroundMean));
     let folder = tempfile::tempdir().context("a folder for simulated drives")?;
     let simulated = exposures::simulate(folder.path(), &args.exposures_ms, args.seed, args.camera.as_deref())?;
     for path in args.inputs.iter().chain(&simulated) {
@@ -121,13 +124,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         // The diagnosis is of the data as they are.
         let diagnosis = diagnosis::diagnose(&source);
-        originals.push(source.channels.clone());
-        clip(&mut source, args);
-        inputs.push(InputReport::new(&source, diagnosis, &args.thresholds, matches(&source, &references)));
+        let clipped: Vec<Channel> = match clip {
+            Some(clip) => source.channels.iter().map(|channel| clip.stretched(channel, &[]).0).collect(),
+            None => source.channels.clone(),
+        };
+        inputs.push(InputReport::new(&source, &clipped, diagnosis, &args.thresholds, matches(&source, &references)));
         sources.push(source);
+        stretched.push(clipped);
     }
-    let warning = clip_words(args).map(|how| {
-        format!("The values below were {how} and stretched to 0..1: they are no reflectances, and must not be compared with any (the diagnosis and signatures are of the data before).")
+    let warning = clip.map(|clip| {
+        format!("The values below were {} and stretched to 0..1: they are no reflectances, and must not be compared with any (the diagnosis and signatures are of the data before).", clip.words())
     });
     let report = Report { warning, thresholds: args.thresholds.clone(), inputs };
     let text = match args.format {
@@ -137,44 +143,20 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     std::io::stdout().lock().write_all(text.as_bytes()).context("stdout")?;
     if let Some(folder) = &args.figures {
-        let quantity = match (clip_words(args), args.ignore_exposure) {
-            (Some(_), _) => "stretched value (no reflectance)",
-            (None, true) => "share of the white's signal",
-            (None, false) => "reflectance",
-        };
-        draw(folder, &sources, &references, quantity)?;
-        if let Some(how) = clip_words(args) {
-            let both = sources.iter().zip(&originals).map(|(source, original)| (&original[..], &source.channels[..]));
-            let title = format!("Histograms by channel before and after they were {how}");
-            let path = folder.join("expanded.svg");
-            std::fs::write(&path, expanded(&title, both).svg()).with_context(|| path.display().to_string())?;
-        }
+        let quantity = if args.ignore_exposure { "share of the white's signal" } else { "reflectance" };
+        let figures =
+            figures::Figures { sources: &sources, stretched: &stretched, clip, references: &references, quantity };
+        figures.write(folder)?;
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn clip(source: &mut Source, args: &Args) {
-    for channel in &mut source.channels {
-        if let Some(threshold) = args.clip_threshold {
-            *channel = channel.clipped_at(threshold);
-        } else if let Some(percent) = args.clip_percent {
-            *channel = channel.clipped_around_mean(percent / 100.0);
-        }
-    }
-}
-
-fn clip_words(args: &Args) -> Option<String> {
-    match (args.clip_threshold, args.clip_percent) {
-        (Some(threshold), _) => Some(format!("clipped at {threshold}")),
-        (None, Some(percent)) => Some(format!("clipped by channel to the {percent} % of pixels closest to the mean")),
-        (None, None) => None,
-    }
 }
 
 /// The nearest known spectra of the region's signature.
 fn matches(source: &Source, references: &[LibrarySpectrum]) -> Vec<Match> {
     let wavelengths_nm: Vec<f32> = source.channels.iter().map(|channel| channel.wavelength_nm).collect();
-    let means: Vec<f64> = source.signature.iter().map(input::Moments::mean).collect();
+    let means: Vec<f64> = (0..source.channels.len())
+        .map(|channel| source.signature(channel).map_or(f64::NAN, |[mean, _]| mean))
+        .collect();
     let mut matches: Vec<Match> = references
         .iter()
         .filter_map(|known| {
@@ -185,95 +167,4 @@ fn matches(source: &Source, references: &[LibrarySpectrum]) -> Vec<Match> {
     matches.sort_by(|a, b| a.angle_deg.total_cmp(&b.angle_deg));
     matches.truncate(N_MATCHES);
     matches
-}
-
-/// Figures 4.7 and 4.8 of the thesis: histograms before (first color) and after (second color), one line for each channel.
-fn expanded<'a>(title: &str, inputs: impl Iterator<Item = (&'a [channel::Channel], &'a [channel::Channel])>) -> Chart {
-    let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
-    let line = |group: usize, channel: &channel::Channel| {
-        let shares = channel.histogram(N_INTERVALS);
-        let points = shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]);
-        Series::thin_line(["before", "after"][group], chart::COLORS[group], points.collect())
-    };
-    let lines: Vec<Series> = inputs
-        .flat_map(|(before, after)| {
-            before.iter().map(|channel| (0, channel)).chain(after.iter().map(|channel| (1, channel)))
-        })
-        .map(|(group, channel)| line(group, channel))
-        .collect();
-    let top = lines.iter().flat_map(Series::points).map(|point| point[1]).fold(1.0, f64::max);
-    let x = Axis::new("reflectance before; stretched value after (no reflectance)", [0.0, 1.0]);
-    Chart::new(title, x, Axis::new("% of pixels per 0.01", [0.0, top]), lines)
-}
-
-fn draw(folder: &Path, sources: &[Source], references: &[LibrarySpectrum], quantity: &str) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-    let write = |name: &str, chart: &Chart| {
-        let path = folder.join(name);
-        std::fs::write(&path, chart.svg()).with_context(|| path.display().to_string())
-    };
-    let line = |group: usize, name: &str, points: Vec<[f64; 2]>| {
-        Series::thin_line(name, chart::COLORS[group % chart::COLORS.len()], points)
-    };
-    let channels = || {
-        let groups = sources.iter().enumerate();
-        groups.flat_map(|(group, source)| source.channels.iter().map(move |channel| (group, source, channel)))
-    };
-
-    let middle = |i: usize| (i as f64 + 0.5) / N_INTERVALS as f64;
-    let histogram = |(group, source, channel): (usize, &Source, &channel::Channel)| {
-        let shares = channel.histogram(N_INTERVALS);
-        let points = shares.iter().enumerate().map(|(i, share)| [middle(i), share * 100.0]);
-        line(group, &source.name, points.collect())
-    };
-    let lines: Vec<Series> = channels().map(histogram).collect();
-    let top = lines.iter().flat_map(Series::points).map(|point| point[1]).fold(1.0, f64::max);
-    let (x, y) = (Axis::new(quantity, [0.0, 1.0]), Axis::new("% of pixels per 0.01", [0.0, top]));
-    write("histogram.svg", &Chart::new("Histograms, one line for each channel", x, y, lines))?;
-
-    let nm = |channel: &channel::Channel| f64::from(channel.wavelength_nm);
-    let low = channels().map(|(.., channel)| nm(channel)).fold(f64::INFINITY, f64::min) - 5.0;
-    let high = channels().map(|(.., channel)| nm(channel)).fold(0.0, f64::max) + 5.0;
-    let wavelengths = Axis::new("wavelength, nm", [low, high]);
-    let mut lines = Vec::new();
-    for (group, source) in sources.iter().enumerate() {
-        let values = |value: fn(&channel::Channel) -> Option<f64>| {
-            let points = source.channels.iter().filter_map(|channel| Some([nm(channel), value(channel)?]));
-            line(group, &source.name, points.collect())
-        };
-        lines.extend([values(channel::Channel::min), values(channel::Channel::mean), values(channel::Channel::max)]);
-        // Bars of several inputs stand beside each other.
-        let aside = (high - low) * 0.006 * group as f64;
-        let bar = |channel: &channel::Channel| {
-            let (mean, deviation, at) = (channel.mean()?, channel.deviation()?, nm(channel) + aside);
-            Some(line(group, &source.name, vec![[at, mean - deviation], [at, mean + deviation]]))
-        };
-        lines.extend(source.channels.iter().filter_map(bar));
-    }
-    let values = || lines.iter().flat_map(Series::points).map(|point| point[1]);
-    let ends = [values().fold(0.0, f64::min), values().fold(0.1, f64::max) * 1.02];
-    let title = "Minimum, mean and maximum; bars: standard deviation";
-    write("distribution.svg", &Chart::new(title, wavelengths.clone(), Axis::new(quantity, ends), lines))?;
-
-    if sources.iter().any(|source| source.signature.iter().any(|moments| moments.n > 0)) {
-        let mut lines = Vec::new();
-        for (group, source) in sources.iter().enumerate() {
-            let both = || source.channels.iter().zip(&source.signature).filter(|(_, moments)| moments.n > 0);
-            let means = both().map(|(channel, moments)| [nm(channel), moments.mean()]);
-            lines.push(line(group, &source.name, means.collect()));
-            lines.extend(both().map(|(channel, moments)| {
-                let ends = [moments.mean() - moments.deviation(), moments.mean() + moments.deviation()];
-                line(group, &source.name, ends.map(|end| [nm(channel), end]).into())
-            }));
-        }
-        let nearest = sources.first().map(|source| matches(source, references)).unwrap_or_default();
-        if let Some(known) = nearest.first().and_then(|m| references.iter().find(|known| known.name == m.name)) {
-            let points =
-                (low as u32..=high as u32).filter_map(|nm| Some([f64::from(nm), reference::at(known, nm as f32)?]));
-            lines.push(line(sources.len(), &known.name, points.collect()));
-        }
-        let title = "Signature of the region; bars: standard deviation";
-        write("signature.svg", &Chart::new(title, wavelengths, Axis::new("reflectance", [0.0, 1.0]), lines))?;
-    }
-    Ok(())
 }

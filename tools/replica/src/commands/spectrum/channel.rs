@@ -108,15 +108,9 @@ impl Channel {
         shares
     }
 
-    /// Thesis 4.3.1, "clip by threshold": values above `threshold` become it, then smallest to threshold become 0 to 1.
-    pub fn clipped_at(&self, threshold: f64) -> Self {
-        self.stretched(self.min, threshold.min(self.max))
-    }
-
-    /// Thesis 4.3.1, "clip by percentage": the interval of the `share` (0 to 1) of the values that are closest to the mean becomes
-    /// 0 to 1, values outside are clipped to it.
-    pub fn clipped_around_mean(&self, share: f64) -> Self {
-        let Some(mean) = self.mean() else { return self.clone() };
+    /// The interval of the `share` (0 to 1) of the values that are closest to the mean, to one bin.
+    pub fn around_mean(&self, share: f64) -> [f64; 2] {
+        let mean = self.mean().unwrap_or_default();
         let mut by_distance: Vec<(f64, f64, u64)> =
             self.filled().map(|(middle, n)| ((middle - mean).abs(), middle, n)).collect();
         by_distance.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -128,17 +122,16 @@ impl Channel {
             n += count;
             (low, high) = (low.min(middle), high.max(middle));
         }
-        self.stretched(low.max(self.min), high.min(self.max))
+        [low.max(self.min), high.min(self.max)]
     }
 
-    fn stretched(&self, low: f64, high: f64) -> Self {
-        let mut stretched = Self { n_invalid: self.n_invalid, ..Self::new(self.wavelength_nm) };
+    /// All values changed, to one bin.
+    pub fn mapped(&self, change: impl Fn(f64) -> f64) -> Self {
+        let mut mapped = Self { n_invalid: self.n_invalid, ..Self::new(self.wavelength_nm) };
         for (middle, n) in self.filled() {
-            // A channel of one value stays in the middle.
-            let value = if high > low { ((middle - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
-            stretched.add_many(value, n);
+            mapped.add_many(change(middle), n);
         }
-        stretched
+        mapped
     }
 
     /// Middles of the bins that are not empty, and what is in them.
@@ -173,16 +166,5 @@ mod tests {
         assert_eq!((channel.invalid_rate(), channel.densest(0.11).1), (0.2, 0.75));
         assert_eq!(channel.histogram(10), [0.0, 0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0]);
         assert_eq!(Channel::new(500.0).mean(), None);
-    }
-
-    #[test]
-    fn clipped_channels_fill_0_to_1_as_the_thesis_says() {
-        let channel = of(&[0.0, 0.1, 0.1, 0.2, 0.6]);
-        let clipped = channel.clipped_at(0.2);
-        assert!((clipped.share(0.49, 0.51) - 0.4).abs() < 1e-9, "0.1 is in the middle of 0 to 0.2");
-        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9, "0.2 and 0.6 are at the end");
-        // The mean is 0.2; its closest four values are 0 to 0.2, and 0.6 is clipped.
-        let clipped = channel.clipped_around_mean(0.8);
-        assert!((clipped.share(0.99, 1.01) - 0.4).abs() < 1e-9 && clipped.share(-0.01, 0.01) == 0.2);
     }
 }

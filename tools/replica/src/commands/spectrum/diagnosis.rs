@@ -78,7 +78,7 @@ mod tests {
         for i in 0..10_000 {
             channel.add(value(i));
         }
-        let source = Source { name: "test".into(), channels: vec![channel], raw: None, signature: Vec::new() };
+        let source = Source { name: "test".into(), channels: vec![channel], raw: None, region: None };
         diagnose(&source).join("; ")
     }
 

@@ -7,6 +7,7 @@ use formats::envi;
 use formats::pgm::Pgm;
 use formats::sensor_calibration::SensorCalibration;
 use formats::tiff::Tiff;
+use image::{Rgb, RgbImage};
 use spectral::FrameCounts;
 use std::path::Path;
 
@@ -21,6 +22,15 @@ pub struct Cube {
     masks: Vec<u32>,
 }
 
+impl Cube {
+    /// `None` where it is not known.
+    fn value(&self, band: usize, cell: usize) -> Option<f32> {
+        let is_valid = self.masks.get(cell).is_none_or(|mask| mask >> band & 1 == 1);
+        let value = self.values[band * self.size[0] * self.size[1] + cell];
+        (is_valid && value.is_finite()).then_some(value)
+    }
+}
+
 /// What an input holds.
 pub struct Source {
     /// For people.
@@ -29,8 +39,16 @@ pub struct Source {
     pub channels: Vec<Channel>,
     /// Of the raw samples; none of an ENVI cube, where saturation is not marked.
     pub raw: Option<RawCounts>,
-    /// The region's mean and standard deviation by channel, if one was asked for.
-    pub signature: Vec<Moments>,
+    /// What was asked to be looked at more closely.
+    pub region: Option<Selection>,
+}
+
+/// A region's values, and what it is.
+pub struct Selection {
+    /// By channel as those of the [`Source`], the region's cells in the same order, frame by frame; NaN where there is no value.
+    pub values: Vec<Vec<f32>>,
+    /// All cells of the first frame, the region with a rim of cyan.
+    pub picture: RgbImage,
 }
 
 /// Over all frames.
@@ -42,31 +60,6 @@ pub struct RawCounts {
     pub n_samples: u64,
     /// Those without a reflectance.
     pub counts: FrameCounts,
-}
-
-/// Mean and standard deviation of a region, with the values that they come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moments {
-    /// Valid values.
-    pub n: u64,
-    sum: f64,
-    sum_of_squares: f64,
-}
-
-impl Moments {
-    fn add(&mut self, value: f64) {
-        self.n += 1;
-        self.sum += value;
-        self.sum_of_squares += value * value;
-    }
-    /// NaN without values.
-    pub fn mean(&self) -> f64 {
-        self.sum / self.n as f64
-    }
-    /// NaN without values.
-    pub fn deviation(&self) -> f64 {
-        (self.sum_of_squares / self.n as f64 - self.mean().powi(2)).max(0.0).sqrt()
-    }
 }
 
 /// Left column, top row, columns and rows, cells.
@@ -202,40 +195,87 @@ fn read_drive(path: &Path, choice: &Choice<'_>) -> anyhow::Result<Source> {
 impl Source {
     fn new(name: String, wavelengths_nm: &[f32]) -> Self {
         let channels = wavelengths_nm.iter().map(|nm| Channel::new(*nm)).collect();
-        Self { name, channels, raw: None, signature: vec![Moments::default(); wavelengths_nm.len()] }
+        Self { name, channels, raw: None, region: None }
+    }
+
+    /// Mean and standard deviation of a channel in the region; `None` without values.
+    pub fn signature(&self, channel: usize) -> Option<[f64; 2]> {
+        moments(self.region.as_ref()?.values[channel].iter().map(|value| f64::from(*value)))
     }
 
     fn add(&mut self, cube: &Cube, region: Option<Region>) -> anyhow::Result<()> {
         let [columns, rows] = cube.size;
-        if let Some([x, y, width, height]) = region {
-            let inside = |start: usize, length: usize, limit: usize| length > 0 && start + length <= limit;
-            if !(inside(x, width, columns) && inside(y, height, rows)) {
-                bail!("{}: region {x},{y},{width},{height} must lie in the {columns} x {rows} cells", self.name);
+        for (band, channel) in self.channels.iter_mut().enumerate() {
+            for cell in 0..columns * rows {
+                match cube.value(band, cell) {
+                    Some(value) => channel.add(value),
+                    None => channel.add_invalid(),
+                }
             }
         }
-        for (band, plane) in cube.values.chunks_exact(columns * rows).enumerate() {
-            for (cell, value) in plane.iter().enumerate() {
-                let is_valid = cube.masks.get(cell).is_none_or(|mask| mask >> band & 1 == 1) && value.is_finite();
-                if !is_valid {
-                    self.channels[band].add_invalid();
-                    continue;
-                }
-                self.channels[band].add(*value);
-                if let Some([x, y, width, height]) = region {
-                    let ([column, row], at) = ([cell % columns, cell / columns], [x..x + width, y..y + height]);
-                    if at[0].contains(&column) && at[1].contains(&row) {
-                        self.signature[band].add(f64::from(*value));
-                    }
-                }
-            }
+        let Some([x, y, width, height]) = region else { return Ok(()) };
+        let inside = |start: usize, length: usize, limit: usize| length > 0 && start + length <= limit;
+        if !(inside(x, width, columns) && inside(y, height, rows)) {
+            bail!("{}: region {x},{y},{width},{height} must lie in the {columns} x {rows} cells", self.name);
+        }
+        let selection = self.region.get_or_insert_with(|| Selection {
+            values: vec![Vec::new(); cube.wavelengths_nm.len()],
+            picture: picture(cube, [x, y, width, height]),
+        });
+        for (band, values) in selection.values.iter_mut().enumerate() {
+            let cells = (y..y + height).flat_map(|row| row * columns + x..row * columns + x + width);
+            values.extend(cells.map(|cell| cube.value(band, cell).unwrap_or(f32::NAN)));
         }
         Ok(())
     }
 
-    fn sorted(self) -> Self {
-        let mut both: Vec<(Channel, Moments)> = self.channels.into_iter().zip(self.signature).collect();
-        both.sort_by(|a, b| a.0.wavelength_nm.total_cmp(&b.0.wavelength_nm));
-        let (channels, signature) = both.into_iter().unzip();
-        Self { channels, signature, ..self }
+    fn sorted(mut self) -> Self {
+        let mut order: Vec<usize> = (0..self.channels.len()).collect();
+        order.sort_by(|a, b| self.channels[*a].wavelength_nm.total_cmp(&self.channels[*b].wavelength_nm));
+        if let Some(selection) = &mut self.region {
+            selection.values = order.iter().map(|band| std::mem::take(&mut selection.values[*band])).collect();
+        }
+        self.channels.sort_by(|a, b| a.wavelength_nm.total_cmp(&b.wavelength_nm));
+        self
     }
+}
+
+/// Mean and standard deviation of those values that are numbers; `None` without any.
+pub fn moments(values: impl Iterator<Item = f64> + Clone) -> Option<[f64; 2]> {
+    let values = values.filter(|value| value.is_finite());
+    let n = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    let square = values.map(|value| (value - mean).powi(2)).sum::<f64>() / n;
+    (n > 0.0).then(|| [mean, square.sqrt()])
+}
+
+/// All cells: the bands of the longest, the middle and the shortest wavelength as red, green and blue, each up to the largest but one in fifty
+/// of its values; black where one is missing.
+fn picture(cube: &Cube, [x, y, width, height]: Region) -> RgbImage {
+    let [columns, rows] = cube.size;
+    let mut bands: Vec<usize> = (0..cube.wavelengths_nm.len()).collect();
+    bands.sort_by(|a, b| cube.wavelengths_nm[*b].total_cmp(&cube.wavelengths_nm[*a]));
+    let bands = [bands[0], bands[bands.len() / 2], bands[bands.len() - 1]];
+    let white = bands.map(|band| {
+        let mut values: Vec<f32> = (0..columns * rows).filter_map(|cell| cube.value(band, cell)).collect();
+        values.sort_by(f32::total_cmp);
+        values.get(values.len() * 49 / 50).copied().unwrap_or(1.0).max(1e-6)
+    });
+    // The rim lies around the region, where the image does not end.
+    let is_on = |at: usize, start: usize, length: usize| at + 1 == start || at == start + length;
+    let is_in = |at: usize, start: usize, length: usize| at + 1 >= start && at <= start + length;
+    RgbImage::from_fn(columns as u32, rows as u32, |column, row| {
+        let (column, row) = (column as usize, row as usize);
+        let is_rim =
+            is_in(column, x, width) && is_in(row, y, height) && (is_on(column, x, width) || is_on(row, y, height));
+        if is_rim {
+            return Rgb([0, 255, 255]);
+        }
+        // The square root is near what screens expect.
+        let level = |i: usize| {
+            Some((255.0 * (cube.value(bands[i], row * columns + column)? / white[i]).clamp(0.0, 1.0).sqrt()) as u8)
+        };
+        let levels = || Some([level(0)?, level(1)?, level(2)?]);
+        Rgb(levels().unwrap_or_default())
+    })
 }

@@ -67,9 +67,15 @@ pub struct Match {
 }
 
 impl InputReport {
-    /// Of one input after clipping.
-    pub fn new(source: &Source, diagnosis: Vec<String>, thresholds: &[f64], references: Vec<Match>) -> Self {
-        let channel = |(channel, moments): (&Channel, &super::input::Moments)| ChannelReport {
+    /// Of one input; its channels after clipping.
+    pub fn new(
+        source: &Source,
+        channels: &[Channel],
+        diagnosis: Vec<String>,
+        thresholds: &[f64],
+        references: Vec<Match>,
+    ) -> Self {
+        let channel = |(index, channel): (usize, &Channel)| ChannelReport {
             wavelength_nm: channel.wavelength_nm,
             n: channel.n(),
             invalid: channel.invalid_rate(),
@@ -82,9 +88,9 @@ impl InputReport {
                 [share, low]
             },
             above: thresholds.iter().map(|threshold| channel.rate_above(*threshold)).collect(),
-            signature: (moments.n > 0).then(|| [moments.mean(), moments.deviation()]),
+            signature: source.signature(index),
         };
-        let channels = source.channels.iter().zip(&source.signature).map(channel).collect();
+        let channels = channels.iter().enumerate().map(channel).collect();
         Self { name: source.name.clone(), diagnosis, channels, references }
     }
 }
