@@ -25,11 +25,16 @@ mod flat;
 mod flat_zones;
 mod gaps;
 mod geodesic;
+mod high;
 mod level;
+mod low;
 mod neighbors;
 mod padded;
+mod parts;
+mod picks;
 mod reconstruction;
 mod rows;
+mod sliding;
 mod union_find;
 mod watershed;
 
