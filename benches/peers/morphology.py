@@ -119,6 +119,9 @@ def peers_of(operator, images, argument, connectivity):
     if operator == "components":
         return {"scikit-image": lambda: measure.label(image, connectivity=c),
                 "OpenCV": lambda: cv2.connectedComponents(image.view(np.uint8), connectivity=connectivity)[1]}
+    if operator == "quasi_flat_zones":
+        assert argument == "0", "scikit-image has zones of one value alone"
+        return {"scikit-image": lambda: measure.label(image, connectivity=c, background=-1)}
     if operator == "watershed":
         markers, mask = images[1].astype(np.int32), images[2]
         return {"scikit-image": lambda: segmentation.watershed(image, markers, connectivity=c, mask=mask)}
@@ -134,7 +137,7 @@ def peers_of(operator, images, argument, connectivity):
 
 def differing(operator, ours, theirs):
     """Pixels that differ."""
-    if operator == "components":
+    if operator in ("components", "quasi_flat_zones"):
         # The same parts, whatever their numbers.
         def is_renamed(a, b):
             names = np.zeros(int(a.max()) + 1, np.int64)
@@ -170,6 +173,9 @@ def jobs(image, random, ties=True):
             yield "regional_minima", [image], "-", connectivity, bool
         if len(levels) > 4 and image.min() >= 5 and levels[-1] - levels[0] > 5:
             yield "h_maxima", [image], "3", connectivity, bool
+        if image.dtype == np.float32:
+            # Whole numbers: scikit-image cuts the rest off.
+            yield "quasi_flat_zones", [2 * image + 40], "0", connectivity, np.uint32
         mask = image > np.median(image)
         yield "components", [mask], "-", connectivity, np.uint32
         # Floods of one level meet in the order of a heap that does not keep the order of equals; without ties all agree.
@@ -311,7 +317,7 @@ def times(size, runs, only):
         ("reconstruct_by_dilation", [gray, marker], "-", 8, None),
         ("reconstruct_by_dilation", [metres, metres_marker], "-", 8, None),
         ("regional_maxima", [gray], "-", 8, bool), ("regional_maxima", [metres], "-", 8, bool),
-        ("h_maxima", [gray], "20", 8, bool),
+        ("h_maxima", [gray], "20", 8, bool), ("quasi_flat_zones", [gray.astype(np.float32)], "0", 8, np.uint32),
         ("watershed", [255 - gray, seeds, everywhere], "-", 8, np.uint32),
         ("watershed", [-metres, seeds, everywhere], "-", 8, np.uint32),
     ]

@@ -117,6 +117,12 @@ impl Job<'_> {
         }
     }
 
+    fn zones(&self) {
+        let (heights, everywhere) = (self.image(0), Array2::from_elem(self.shape, true));
+        let lambda = self.argument.parse().expect("a height");
+        self.time(|| morphology::quasi_flat_zones(&heights, &everywhere, lambda, self.connectivity).image);
+    }
+
     fn run_on_mask(&self) {
         let mask: Array2<bool> = self.image(0);
         match self.operator {
@@ -161,6 +167,7 @@ fn main() {
         match *kind {
             "uint8" => job.run::<u8>(),
             "uint16" => job.run::<u16>(),
+            "float32" if job.operator == "quasi_flat_zones" => job.zones(),
             "float32" => job.run::<f32>(),
             "bool" => job.run_on_mask(),
             other => panic!("unknown type {other}"),

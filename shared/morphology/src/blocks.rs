@@ -1,6 +1,24 @@
-//! Rows in blocks for the widest registers that the machine has. `pulp::Arch::dispatch` compiles its closure for the instructions
-//! of this machine; the closure and what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for
-//! the oldest machine.
+//! Rows in blocks for the widest registers that the machine has. What stands in `wide!` is compiled for the instructions of this
+//! machine; what it calls must be `#[inline(always)]`: what stays a function of its own is compiled for the oldest machine.
+
+/// The value of an expression, worked out with all instructions that this machine has.
+macro_rules! wide {
+    ($work:expr) => {{
+        let once = $crate::blocks::Once;
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                // A closure that could be called again is called through a function of its own.
+                let _moved = once;
+                $work
+            },
+        )
+    }};
+}
+pub(crate) use wide;
+
+/// Something that can be given away only once.
+pub(crate) struct Once;
 
 /// Pixels of a row that are worked on at once: a register or a few of them.
 pub(crate) const BLOCK: usize = 64;

@@ -5,11 +5,10 @@
     reason = "a branch for each pixel would keep the loops from taking many at once"
 )]
 
-use crate::blocks::{BLOCK, block, block_mut, in_blocks};
+use crate::blocks::{BLOCK, block, block_mut, in_blocks, wide};
 use crate::padded::Padded;
 use crate::{Connectivity, Level, reconstruct_by_dilation};
 use ndarray::{Array2, Zip};
-use pulp::Arch;
 
 /// Pixels of plateaus all of whose neighbors are lower. A constant image is one maximum.
 pub fn regional_maxima<T: Level>(image: &Array2<T>, connectivity: Connectivity) -> Array2<bool> {
@@ -60,14 +59,8 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
     // The frame excludes nobody: it is not higher, and a candidate.
     let mut candidates = Padded::filled((image.rows, image.cols), true);
     let mut stack: Vec<u32> = Vec::new();
-    Arch::new().dispatch(
-        #[inline(always)]
-        || sweep_down(image, &mut candidates, connectivity),
-    );
-    Arch::new().dispatch(
-        #[inline(always)]
-        || sweep_up(image, &mut candidates, connectivity, &mut stack),
-    );
+    wide!(sweep_down(image, &mut candidates, connectivity));
+    wide!(sweep_up(image, &mut candidates, connectivity, &mut stack));
     // From here on, nothing goes into it.
     candidates.fill_frame(false);
     let steps = image.steps(connectivity);

@@ -1,9 +1,9 @@
 //! Geodesic reconstruction: a marker grows under a mask until nothing changes (Vincent 1993, the hybrid algorithm).
 
+use crate::blocks::wide;
 use crate::padded::{Padded, shifted, sup_across};
 use crate::{Connectivity, Level};
 use ndarray::Array2;
-use pulp::Arch;
 use std::collections::VecDeque;
 
 /// The marker dilated under the mask for ever: peaks that hold no marker go, the others keep their shape. Where the
@@ -49,15 +49,9 @@ fn reconstruct<T: Level>(
     let mut values = Padded::mapped(marker, T::LOWEST, sense);
     // Nothing grows into the frame.
     let mask = Padded::mapped(mask, T::LOWEST, sense);
-    Arch::new().dispatch(
-        #[inline(always)]
-        || sweep(&mut values, &mask, connectivity),
-    );
+    wide!(sweep(&mut values, &mask, connectivity));
     let mut queue = VecDeque::new();
-    Arch::new().dispatch(
-        #[inline(always)]
-        || find_unsettled(&values, &mask, connectivity, &mut queue),
-    );
+    wide!(find_unsettled(&values, &mask, connectivity, &mut queue));
     spread(&mut values, &mask, connectivity, queue);
     values.unframed(sense)
 }

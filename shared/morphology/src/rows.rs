@@ -1,12 +1,12 @@
 //! The extremum over an element, two rows of the result at a time.
 
 use crate::Level;
+use crate::blocks::wide;
 use crate::element::Shape;
 use crate::high::High;
 use crate::low::Low;
 use crate::parts::Parts;
 use crate::picks::Pick;
-use pulp::Arch;
 
 /// Row radius from which van Herk's three comparisons with their buffers cost less than one for each row.
 const HIGH_RADIUS: usize = 5;
@@ -63,13 +63,10 @@ impl<T: Level> Rows<T> {
     /// `source` has the rows up to `first + 1 + reach` that the image has, and `2 reach + 2` in all.
     pub(crate) fn pair(&mut self, first: usize, source: Source<'_, T>, into: &mut [T], pick: impl Pick<T>) {
         let into: [&mut [T]; 2] = into.split_at_mut(source.cols).into();
-        Arch::new().dispatch(
-            #[inline(always)]
-            || match self {
-                Self::Low(low) => low.pair(first, source, into, pick),
-                Self::High(high) => high.pair(first, source, into, pick),
-                Self::Parts(parts) => parts.pair(first, source, into, pick),
-            },
-        );
+        wide!(match self {
+            Self::Low(low) => low.pair(first, source, into, pick),
+            Self::High(high) => high.pair(first, source, into, pick),
+            Self::Parts(parts) => parts.pair(first, source, into, pick),
+        });
     }
 }
