@@ -1,6 +1,6 @@
 //! Opening and closing by area: peaks and pits of fewer than `area` pixels are levelled, all else keeps its exact shape.
 
-use crate::components::Runs;
+use crate::components::runs_of;
 use crate::padded::Padded;
 use crate::{Connectivity, Level};
 use ndarray::Array2;
@@ -42,14 +42,13 @@ fn open_binary<T: Level>(
     if base == peak {
         return result;
     }
-    let runs = Runs::of(&image.mapv(|value| value == peak));
-    let (labels, n) = runs.labels(connectivity);
-    let mut areas = vec![0; n + 1];
-    for (label, [start, end]) in labels.iter().zip(&runs.ends) {
+    let runs = runs_of(&image.mapv(|value| value == peak), connectivity);
+    let mut areas = vec![0; runs.n_labels + 1];
+    for (label, [start, end]) in runs.labels.iter().zip(&runs.ends) {
         areas[*label as usize] += (end - start) as usize;
     }
     for (row, mut line) in result.rows_mut().into_iter().enumerate() {
-        for run_idx in runs.of_row(row).filter(|&run_idx| areas[labels[run_idx] as usize] < area) {
+        for run_idx in runs.of_row(row).filter(|&run_idx| areas[runs.labels[run_idx] as usize] < area) {
             let [start, end] = runs.ends[run_idx].map(|col| col as usize);
             line.slice_mut(ndarray::s![start..end]).fill(base);
         }

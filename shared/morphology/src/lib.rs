@@ -34,6 +34,7 @@ mod parts;
 mod picks;
 mod reconstruction;
 mod rows;
+mod runs;
 mod sliding;
 mod union_find;
 mod watershed;
