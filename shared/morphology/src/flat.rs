@@ -1,7 +1,7 @@
 //! Dilation and erosion by flat elements, opening and closing.
 //!
-//! Rows stream through one step, or two for opening and closing, so that what lies between is never more than the rows that the
-//! element covers (`rows`).
+//! Rows stream through one step (`rows`), or two for opening and closing, so that what lies between is never more than the rows that
+//! the element covers.
 
 use crate::element::Shape;
 use crate::picks::Pick;
