@@ -99,6 +99,7 @@ impl InstanceStage {
                 thing.id = match known {
                     Some(id) => id,
                     None if object.points.len() < kind.min_points => continue,
+                    None if mean_score(object, classes) < kind.min_score => continue,
                     None => self.new_id()?,
                 };
                 outputs.count("instances_of_earlier_submaps", u64::from(known.is_some()));
@@ -146,6 +147,12 @@ impl InstanceStage {
         self.next_id = next.ok_or_else(|| StepError::data("more than 2^32 - 2 instances in one drive"))?;
         Ok(id)
     }
+}
+
+/// 0 to 1.
+fn mean_score(object: &Object, classes: &[ClassRow]) -> f64 {
+    let sum: u64 = object.points.iter().map(|&point_idx| u64::from(classes[point_idx as usize].score)).sum();
+    sum as f64 / (255 * object.points.len()) as f64
 }
 
 fn pose(submap: &Received<Submap>) -> Result<Pose, StepError> {

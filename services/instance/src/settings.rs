@@ -37,6 +37,9 @@ pub struct Thing {
     pub max_height_m: f64,
     /// Points of a thing in a submap at least.
     pub min_points: u32,
+    /// Mean score of its points at least, 0 to 1: how sure the model is of its class.
+    #[serde(default)]
+    pub min_score: f64,
     /// Two peaks of the elevation that each stand out by this much are two things, m: roofs of cars bumper to bumper, heads of
     /// people in a group. 0 = nothing is parted.
     #[serde(default)]
@@ -50,17 +53,18 @@ pub struct Thing {
 }
 
 impl Thing {
-    /// Those of the thesis; heads in a group are parted.
+    /// Heights and points of the thesis; roofs that touch and heads in a group are parted, and people must be more likely than not.
     fn defaults() -> Vec<Self> {
-        let thing = |class: ClassId, max_height_m: f64, min_points: u32, peak_m: f64| Self {
+        let thing = |class: ClassId, max_height_m: f64, min_points: u32, min_score: f64, peak_m: f64| Self {
             class: class.name().to_owned(),
             max_height_m,
             min_points,
+            min_score,
             peak_m,
             join_m: 0.0,
             max_length_m: 0.0,
         };
-        vec![thing(ClassId::Vehicles, 4.0, 500, 0.0), thing(ClassId::Pedestrian, 3.0, 100, 0.4)]
+        vec![thing(ClassId::Vehicles, 4.0, 500, 0.0, 0.2), thing(ClassId::Pedestrian, 3.0, 100, 0.5, 0.4)]
     }
 }
 
@@ -75,14 +79,15 @@ impl Rule<Vec<Thing>> for EachThingIsSound {
                 && things[..idx].iter().all(|other| other.class != thing.class)
                 && (0.1..=100.0).contains(&thing.max_height_m)
                 && thing.min_points >= 1
+                && (0.0..=1.0).contains(&thing.min_score)
                 && [thing.peak_m, thing.join_m].iter().all(|length| (0.0..=5.0).contains(length))
                 && (0.0..=50.0).contains(&thing.max_length_m)
         };
         things.iter().enumerate().all(is_sound)
     }
     fn text(&self) -> String {
-        "must be a list of { class, max_height_m, min_points, peak_m, join_m, max_length_m }: each class of the class table but \
-         unlabeled once at most, max_height_m 0.1 to 100, min_points at least 1, peak_m and join_m 0 to 5, max_length_m 0 to 50"
+        "must be a list of { class, max_height_m, min_points, min_score, peak_m, join_m, max_length_m }: each class of the class table but \
+         unlabeled once at most, max_height_m 0.1 to 100, min_points at least 1, min_score 0 to 1, peak_m and join_m 0 to 5, max_length_m 0 to 50"
             .to_owned()
     }
 }
@@ -93,6 +98,7 @@ pub(crate) struct Kind {
     pub(crate) class: ClassId,
     pub(crate) max_height_m: f32,
     pub(crate) min_points: usize,
+    pub(crate) min_score: f64,
     pub(crate) peak_m: f64,
     pub(crate) join_m: f64,
     pub(crate) max_length_m: f64,
@@ -106,6 +112,7 @@ impl Settings {
                 class: ClassId::from_name(&thing.class)?,
                 max_height_m: thing.max_height_m as f32,
                 min_points: thing.min_points as usize,
+                min_score: thing.min_score,
                 peak_m: thing.peak_m,
                 join_m: thing.join_m,
                 max_length_m: thing.max_length_m,

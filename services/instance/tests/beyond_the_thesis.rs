@@ -6,7 +6,7 @@ mod support;
 use instance::{Settings, Thing};
 use messages::{Class, ClassHeader, ClassId, Instance, PoseRow, Submap, SubmapHeader};
 use stage::parse_table;
-use support::{Street, bench};
+use support::{PEOPLE, Street, bench, slope};
 
 /// A submap whose frame is the world's.
 const HERE: PoseRow = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
@@ -132,6 +132,7 @@ fn a_moving_car_keeps_its_id_over_the_border_and_the_next_one_gets_its_own() {
     // The first car goes on where it was; the second drives over the first's whole way.
     for (point, _) in second.points.iter_mut().zip(&second.truth).filter(|(_, thing)| **thing == 1) {
         point.x += 13.0;
+        point.z += slope(13.0);
     }
     let ids = ids_of(&[(HERE, &first), (HERE, &second)], &Settings::default());
     assert_eq!(ids_of_thing(&ids[0], &first, 1), [1]);
@@ -153,7 +154,7 @@ fn bumper_to_bumper() -> Street {
 #[test]
 fn cars_bumper_to_bumper_are_parted_between_their_roofs() {
     let street = bumper_to_bumper();
-    let joined = &ids_of(&[(HERE, &street)], &Settings::default())[0];
+    let joined = &ids_of(&[(HERE, &street)], &with_first_thing(|thing| thing.peak_m = 0.0))[0];
     assert_eq!(ids_of_thing(joined, &street, 1), ids_of_thing(joined, &street, 2));
     let ids = &ids_of(&[(HERE, &street)], &with_first_thing(|thing| thing.peak_m = 0.4))[0];
     let n_wrong = ids.iter().zip(&street.truth).filter(|(id, truth)| id != truth).count();
@@ -172,6 +173,23 @@ fn two_halves_of_a_van_are_joined_and_two_cars_are_not() {
     assert_eq!(ids(&Settings::default()), [1, 2]);
     assert_eq!(ids(&join(6.0)), [1]);
     assert_eq!(ids(&join(4.5)), [1, 2], "together they are 5 m long");
+}
+
+#[test]
+fn people_of_whom_the_model_is_not_sure_are_none() {
+    let mut street = Street::road(&PEOPLE);
+    for (number, person) in (1..).zip(PEOPLE) {
+        street.object(person, [0.0, 1.8], 300, ClassId::Pedestrian, number);
+    }
+    // 0.49 of the first, 0.51 of the second.
+    for (row, truth) in street.classes.iter_mut().zip(&street.truth) {
+        row.score = [255, 125, 130][*truth as usize];
+    }
+    let ids = &ids_of(&[(HERE, &street)], &Settings::default())[0];
+    assert_eq!((ids_of_thing(ids, &street, 1), ids_of_thing(ids, &street, 2)), (vec![0], vec![1]));
+    let mut trusting = Settings::default();
+    trusting.things[1].min_score = 0.0;
+    assert_eq!(ids_of(&[(HERE, &street)], &trusting)[0], street.truth);
 }
 
 #[test]
@@ -195,6 +213,7 @@ fn a_thing_that_makes_no_sense_is_refused() {
         "class = \"unlabeled\", max_height_m = 12.0, min_points = 50",
         "class = \"pole\", max_height_m = 0.0, min_points = 50",
         "class = \"pole\", max_height_m = 12.0, min_points = 0",
+        "class = \"pole\", max_height_m = 12.0, min_points = 50, min_score = 1.5",
         "class = \"pole\", max_height_m = 12.0, min_points = 50, joins_m = 1.0",
         "class = \"pole\", max_height_m = 12.0",
     ] {

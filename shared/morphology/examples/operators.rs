@@ -1,19 +1,18 @@
 //! Operators on raw images, timed: what `benches/peers/morphology.py` holds against other libraries.
 //!
-//! Each line of stdin is a job: `OPERATOR TYPE ROWS COLS CONNECTIVITY RUNS ARGUMENT OUTPUT INPUT...`, files in row order and
-//! native bytes, connectivity 4 or 8. The answer is a line with the least CPU time of RUNS, ns.
+//! Each line of stdin is a job: `OPERATOR TYPE ROWS COLS CONNECTIVITY ARGUMENT OUTPUT INPUT...`, files in row order and native
+//! bytes, connectivity 4 or 8. Each line `run` after it runs it once, and is answered by a line with the CPU time, ns; another line
+//! has the result written and is answered by `done`.
 
 use morphology::{Connectivity, Element, Height, Level};
 use ndarray::Array2;
 use rustix::time::{ClockId, clock_gettime};
-use std::io::BufRead;
 use std::path::Path;
 
 struct Job<'a> {
     operator: &'a str,
     shape: (usize, usize),
     connectivity: Connectivity,
-    runs: usize,
     argument: &'a str,
     output: &'a Path,
     inputs: Vec<&'a Path>,
@@ -60,19 +59,18 @@ impl Job<'_> {
             let time = clock_gettime(ClockId::ProcessCPUTime);
             time.tv_sec * 1_000_000_000 + time.tv_nsec
         };
-        let mut best = i64::MAX;
         let mut result = None;
-        for _ in 0..self.runs {
+        while read_line().is_some_and(|line| line == "run") {
             // As in the peers, the result of the run before is given back first.
             drop(result.take());
             let begun = cpu_nanos();
             result = Some(work());
-            best = best.min(cpu_nanos() - begun);
+            println!("{}", cpu_nanos() - begun);
         }
         let mut bytes = Vec::new();
         result.expect("at least one run").iter().for_each(|pixel| pixel.write(&mut bytes));
         std::fs::write(self.output, bytes).expect("the output can be written");
-        println!("{best}");
+        println!("done");
     }
 
     fn element(&self) -> Element {
@@ -119,6 +117,12 @@ impl Job<'_> {
         }
     }
 
+    fn zones(&self) {
+        let (heights, everywhere) = (self.image(0), Array2::from_elem(self.shape, true));
+        let lambda = self.argument.parse().expect("a height");
+        self.time(|| morphology::quasi_flat_zones(&heights, &everywhere, lambda, self.connectivity).image);
+    }
+
     fn run_on_mask(&self) {
         let mask: Array2<bool> = self.image(0);
         match self.operator {
@@ -138,19 +142,24 @@ impl Job<'_> {
     }
 }
 
+/// The next line of stdin, `None` after the last.
+fn read_line() -> Option<String> {
+    let mut line = String::new();
+    let n = std::io::stdin().read_line(&mut line).expect("text");
+    (n > 0).then(|| line.trim_end().to_owned())
+}
+
 fn main() {
-    for line in std::io::stdin().lock().lines() {
-        let line = line.expect("text");
+    while let Some(line) = read_line() {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let [operator, kind, rows, cols, connectivity, runs, argument, output, inputs @ ..] = words.as_slice() else {
-            panic!("a job has at least 9 words: {line}");
+        let [operator, kind, rows, cols, connectivity, argument, output, inputs @ ..] = words.as_slice() else {
+            panic!("a job has at least 8 words: {line}");
         };
         let number = |text: &str| text.parse::<usize>().expect("a number");
         let job = Job {
             operator,
             shape: (number(rows), number(cols)),
             connectivity: if *connectivity == "4" { Connectivity::Four } else { Connectivity::Eight },
-            runs: number(runs),
             argument,
             output: Path::new(output),
             inputs: inputs.iter().map(Path::new).collect(),
@@ -158,6 +167,7 @@ fn main() {
         match *kind {
             "uint8" => job.run::<u8>(),
             "uint16" => job.run::<u16>(),
+            "float32" if job.operator == "quasi_flat_zones" => job.zones(),
             "float32" => job.run::<f32>(),
             "bool" => job.run_on_mask(),
             other => panic!("unknown type {other}"),

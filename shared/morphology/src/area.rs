@@ -1,6 +1,7 @@
 //! Opening and closing by area: peaks and pits of fewer than `area` pixels are levelled, all else keeps its exact shape.
 
-use crate::components::Runs;
+use crate::components::runs_of;
+use crate::order::sorted_by;
 use crate::padded::Padded;
 use crate::{Connectivity, Level};
 use ndarray::Array2;
@@ -42,14 +43,13 @@ fn open_binary<T: Level>(
     if base == peak {
         return result;
     }
-    let runs = Runs::of(&image.mapv(|value| value == peak));
-    let (labels, n) = runs.labels(connectivity);
-    let mut areas = vec![0; n + 1];
-    for (label, [start, end]) in labels.iter().zip(&runs.ends) {
+    let runs = runs_of(&image.mapv(|value| value == peak), connectivity);
+    let mut areas = vec![0; runs.n_labels + 1];
+    for (label, [start, end]) in runs.labels.iter().zip(&runs.ends) {
         areas[*label as usize] += (end - start) as usize;
     }
     for (row, mut line) in result.rows_mut().into_iter().enumerate() {
-        for run_idx in runs.of_row(row).filter(|&run_idx| areas[labels[run_idx] as usize] < area) {
+        for run_idx in runs.of_row(row).filter(|&run_idx| areas[runs.labels[run_idx] as usize] < area) {
             let [start, end] = runs.ends[run_idx].map(|col| col as usize);
             line.slice_mut(ndarray::s![start..end]).fill(base);
         }
@@ -67,7 +67,7 @@ fn level_peaks<T: Level>(
 ) -> Array2<T> {
     let mut levels = Padded::mapped(image, T::LOWEST, sense);
     let steps = levels.steps(connectivity);
-    let sequence = highest_first(&levels);
+    let sequence: Vec<u32> = sorted_by(&levels, |rank| !rank).into_iter().map(|entry| entry as u32).collect();
     let mut forest = Forest::new(levels.pixels.len());
     for &pixel in &sequence {
         let pixel = pixel as usize;
@@ -90,33 +90,6 @@ fn level_peaks<T: Level>(
         levels.pixels[pixel as usize] = levels.pixels[forest.parents[pixel as usize] as usize];
     }
     levels.unframed(sense)
-}
-
-/// Flat indices of all pixels but the frame, by falling level, those of one level in raster order: a radix sort.
-fn highest_first<T: Level>(levels: &Padded<T>) -> Vec<u32> {
-    const BITS: u32 = 11;
-    let digit = |pixel: u32, shift: u32| (!levels.pixels[pixel as usize].rank() >> shift) as usize & ((1 << BITS) - 1);
-    let row = |row: usize| (levels.row_start(row)..levels.row_start(row) + levels.cols).map(|pixel| pixel as u32);
-    let mut sequence: Vec<u32> = (0..levels.rows).flat_map(row).collect();
-    let mut sorted = vec![0; sequence.len()];
-    let n_bits = T::N_RANKS.map_or(u32::BITS, |n| n.ilog2());
-    for shift in (0..n_bits).step_by(BITS as usize) {
-        let mut ends = vec![0_usize; 1 << BITS];
-        for &pixel in &sequence {
-            ends[digit(pixel, shift)] += 1;
-        }
-        let mut start = 0;
-        for end in &mut ends {
-            (start, *end) = (start + *end, start);
-        }
-        for &pixel in &sequence {
-            let place = &mut ends[digit(pixel, shift)];
-            sorted[*place] = pixel;
-            *place += 1;
-        }
-        std::mem::swap(&mut sequence, &mut sorted);
-    }
-    sequence
 }
 
 struct Forest {

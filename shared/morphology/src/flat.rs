@@ -1,10 +1,11 @@
 //! Dilation and erosion by flat elements, opening and closing.
 //!
-//! Rows stream through one step, or two for opening and closing, so that what lies between is never more than the rows that the
-//! element covers (`rows`).
+//! Rows stream through one step (`rows`), or two for opening and closing, so that what lies between is never more than the rows that
+//! the element covers.
 
 use crate::element::Shape;
-use crate::rows::{Pick, Rows};
+use crate::picks::Pick;
+use crate::rows::{Rows, Source};
 use crate::{Element, Level};
 use ndarray::Array2;
 
@@ -32,16 +33,7 @@ pub fn closing<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Arra
 
 fn once<T: Level>(image: &Array2<T>, element: &Element, neutral: T, pick: impl Pick<T>) -> Array2<T> {
     let mut rows = Rows::new(&element.0, image.dim(), neutral);
-    of_rows(
-        image,
-        #[inline(always)]
-        |pixels, cols, result| {
-            for row in pixels.chunks_exact(cols) {
-                rows.push(row, result, pick);
-            }
-            rows.finish(result, pick);
-        },
-    )
+    of_pairs(image, neutral, |pixels, first, into| rows.pair(first, pixels, into, pick))
 }
 
 fn twice<T: Level>(
@@ -51,40 +43,48 @@ fn twice<T: Level>(
     first: impl Pick<T>,
     second: impl Pick<T>,
 ) -> Array2<T> {
+    let (rows, cols) = image.dim();
     let shapes: [&Shape; 2] = elements.map(|element| &element.0);
     let mut before = Rows::new(shapes[0], image.dim(), neutral[0]);
     let mut after = Rows::new(shapes[1], image.dim(), neutral[1]);
-    of_rows(
-        image,
-        #[inline(always)]
-        |pixels, cols, result| {
-            let mut between: Vec<T> = Vec::new();
-            for row in pixels.chunks_exact(cols) {
-                before.push(row, &mut between, first);
-                for row in between.chunks_exact(cols) {
-                    after.push(row, result, second);
-                }
-                between.clear();
-            }
-            before.finish(&mut between, first);
-            for row in between.chunks_exact(cols) {
-                after.push(row, result, second);
-            }
-            after.finish(result, second);
-        },
-    )
+    // What the second step looks at, in pairs, and one more.
+    let span = 2 * after.reach() + 4;
+    let mut between = vec![neutral[0]; span * cols];
+    let mut n_between = 0;
+    of_pairs(image, neutral[1], |pixels, row, into| {
+        while n_between < rows.min(row + 2 + after.reach()) {
+            let start = n_between % span * cols;
+            before.pair(n_between, pixels, &mut between[start..start + 2 * cols], first);
+            n_between += 2;
+        }
+        after.pair(row, Source { pixels: &between, cols, span }, into, second);
+    })
 }
 
-/// Gathers the rows of the result that `work` makes of pixels and number of columns.
-fn of_rows<T: Level>(image: &Array2<T>, work: impl FnOnce(&[T], usize, &mut Vec<T>)) -> Array2<T> {
-    let source = image.as_standard_layout();
-    let pixels = source.as_slice().expect("standard layout was asked for");
+/// Bytes of the result that are gathered in the cache: it takes a long copy to write memory without reading it first.
+const BATCH: usize = 1 << 15;
+
+/// The result of which `pair` writes row by row, two at a time: given the image and the number of the first of the two.
+fn of_pairs<T: Level>(
+    image: &Array2<T>,
+    neutral: T,
+    mut pair: impl FnMut(Source<'_, T>, usize, &mut [T]),
+) -> Array2<T> {
+    let (rows, cols) = image.dim();
+    let image = image.as_standard_layout();
+    let pixels = image.as_slice().expect("standard layout was asked for");
     let mut result = Vec::with_capacity(pixels.len());
     if !pixels.is_empty() {
-        wide_loops::run(
-            #[inline(always)]
-            || work(pixels, image.ncols(), &mut result),
-        );
+        let source = Source { pixels, cols, span: rows };
+        let n_pairs = BATCH.div_ceil(2 * cols * size_of::<T>()).min(rows.div_ceil(2));
+        let mut batch = vec![neutral; n_pairs * 2 * cols];
+        for start in (0..rows).step_by(2 * n_pairs) {
+            let end = rows.min(start + 2 * n_pairs);
+            for (row, into) in (start..end).step_by(2).zip(batch.chunks_exact_mut(2 * cols)) {
+                pair(source, row, into);
+            }
+            result.extend_from_slice(&batch[..(end - start) * cols]);
+        }
     }
-    Array2::from_shape_vec(image.dim(), result).expect("one value for every pixel")
+    Array2::from_shape_vec((rows, cols), result).expect("one value for every pixel")
 }

@@ -1,6 +1,8 @@
 //! Lambda-quasi-flat zones: pixels joined by a path on which the height never jumps by more than lambda.
 
+use crate::blocks::{block, block_mut, in_blocks};
 use crate::neighbors::Raster;
+use crate::runs::{Builder, RowBits, write_words};
 use crate::union_find::DisjointSets;
 use crate::{Connectivity, Labels};
 use ndarray::Array2;
@@ -16,21 +18,52 @@ pub fn quasi_flat_zones(
     connectivity: Connectivity,
 ) -> Labels {
     assert_eq!(heights.dim(), valid.dim(), "heights and validity differ in size");
-    let raster = Raster::new(heights.dim());
-    let (heights, valid) = (heights.as_standard_layout(), valid.as_standard_layout());
-    let (z, inside) = (heights.as_slice().expect("standard layout"), valid.as_slice().expect("standard layout"));
-    let mut sets = DisjointSets::new(z.len());
-    for pixel in (0..z.len()).filter(|&pixel| inside[pixel]) {
-        for &offset in connectivity.before() {
-            if let Some(before) = raster.neighbor(pixel, offset)
-                && inside[before]
-                && (z[before] - z[pixel]).abs() <= lambda
-            {
-                sets.union(before, pixel);
-            }
-        }
+    let (rows, cols) = heights.dim();
+    let (heights, standard) = (heights.as_standard_layout(), valid.as_standard_layout());
+    let (z, inside) = (heights.as_slice().expect("standard layout"), standard.as_slice().expect("standard layout"));
+    let mut builder = Builder::new(cols);
+    let mut bits = RowBits::new(cols);
+    let mut near = vec![false; cols];
+    for row in 0..rows {
+        let line = |row: usize| (&z[row * cols..(row + 1) * cols], &inside[row * cols..(row + 1) * cols]);
+        let (here, above) = (line(row), line(row.saturating_sub(1)));
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                write_words(here.1, &mut bits.inside);
+                // Pairs of pixels, and how much farther to the right the other of them lies, or the one.
+                for (a, b, by, into) in [
+                    (here, here, [1, 0], &mut bits.begins),
+                    (here, above, [0, 0], &mut bits.up),
+                    (here, above, [1, 0], &mut bits.up_left),
+                    (here, above, [0, 1], &mut bits.left_up),
+                ] {
+                    let n = cols.saturating_sub(by[0].max(by[1]));
+                    near.fill(false);
+                    let lines = [(a.0, a.1, by[0]), (b.0, b.1, by[1])];
+                    in_blocks!(n, near_in_block(&mut near[cols - n..], lines, lambda));
+                    write_words(&near, into);
+                }
+                for (begins, inside) in bits.begins.iter_mut().zip(&bits.inside) {
+                    *begins = inside & !*begins;
+                }
+                builder.add_row(&bits, connectivity);
+            },
+        );
     }
-    sets.into_labels(heights.dim(), |pixel| inside[pixel])
+    Labels::of(&builder.finish(), valid)
+}
+
+/// Whether two pixels of two rows are valid and near in height; of each row, the column of its first pixel.
+#[inline(always)]
+fn near_in_block<T, const N: usize>(start: usize, into: &mut [T], lines: [(&[f32], &[bool], usize); 2], lambda: f32)
+where
+    T: From<bool>,
+{
+    let [a, b] =
+        lines.map(|(z, inside, from)| (block::<f32, N>(z, start + from), block::<bool, N>(inside, start + from)));
+    let is_near = |i: usize| T::from(a.1[i] & b.1[i] & ((a.0[i] - b.0[i]).abs() <= lambda));
+    *block_mut(into, start) = std::array::from_fn::<T, N, _>(is_near);
 }
 
 /// Zones of a sparse height image, such as the rings that a lidar draws on the ground: two valid pixels of a row or of a

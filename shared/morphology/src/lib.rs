@@ -6,14 +6,14 @@
 //!
 //! | file | operator | cost per pixel |
 //! |---|---|---|
-//! | `flat` | dilation, erosion, opening, closing by flat elements (`element`: squares, rectangles, lines, discs, any set) | constant for rectangles but for log2 of the width along the row; else the element's rows |
+//! | `flat` | dilation, erosion, opening, closing by flat elements (`element`: squares, rectangles, lines, discs, any set) | constant for rectangles but for log2 of the width along the row; log2 of the length for lines; else the element's rows |
 //! | `area` | opening and closing by area (Vincent 1992, union-find of Meijster and Wilkinson 2002) | a radix sort |
-//! | `components` | connected components | near constant |
+//! | `components` | connected components, by runs (`runs`) | near constant |
 //! | `extrema` | regional maxima and minima, h-maxima | near constant |
 //! | `flat_zones` | lambda-quasi-flat zones (Meyer 1998), also over gaps | near constant |
 //! | `geodesic` | geodesic distances and elongation (Lantuejoul and Maisonneuve 1984) | a heap |
 //! | `reconstruction` | geodesic reconstruction, filling of basins (Vincent 1993) | near constant |
-//! | `watershed` | basins of markers (Meyer 1991) | constant up to 16 bits, else a heap |
+//! | `watershed` | basins of markers (Meyer 1991) | constant up to 16 bits, else a radix sort |
 //! | `gaps` | interpolation of missing heights | constant |
 
 mod area;
@@ -25,11 +25,18 @@ mod flat;
 mod flat_zones;
 mod gaps;
 mod geodesic;
+mod high;
 mod level;
+mod low;
 mod neighbors;
+mod order;
 mod padded;
+mod parts;
+mod picks;
 mod reconstruction;
 mod rows;
+mod runs;
+mod sliding;
 mod union_find;
 mod watershed;
 

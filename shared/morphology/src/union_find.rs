@@ -28,20 +28,42 @@ impl DisjointSets {
         }
     }
 
+    /// A member of the same set, and more often than not the first.
+    #[inline(always)]
+    pub(crate) fn parent(&self, member: u32) -> u32 {
+        self.parents[member as usize]
+    }
+
+    /// A new member, in a set of its own.
+    pub(crate) fn add(&mut self) -> u32 {
+        let member = self.parents.len() as u32;
+        self.parents.push(member);
+        member
+    }
+
+    /// The first member of the union.
     #[inline]
-    pub(crate) fn union(&mut self, a: usize, b: usize) {
+    pub(crate) fn union(&mut self, a: usize, b: usize) -> usize {
         let (a, b) = (self.find(a), self.find(b));
         let (first, second) = (a.min(b), a.max(b));
         self.parents[second] = first as u32;
+        first
     }
 
-    /// The union of the set of that first member and the set of any member; its first member.
-    #[inline]
-    pub(crate) fn union_firsts(&mut self, first: usize, member: usize) -> usize {
-        let other = self.find(member);
-        let (before, after) = (first.min(other), first.max(other));
-        self.parents[after] = before as u32;
-        before
+    /// Number of each member's set, from 1 in the order of first members, and how many there are.
+    pub(crate) fn into_numbers(mut self) -> (Vec<u32>, usize) {
+        let mut n = 0;
+        for member in 0..self.parents.len() {
+            // Parents come before, and have their number already.
+            let parent = self.parents[member] as usize;
+            self.parents[member] = if parent == member {
+                n += 1;
+                n
+            } else {
+                self.parents[parent]
+            };
+        }
+        (self.parents, n as usize)
     }
 
     /// Numbers the sets of the pixels that are `inside`, in raster order.

@@ -1,10 +1,9 @@
 //! Watershed by markers: basins grow from markers in the order of the pixels' values (Meyer 1991).
 
+use crate::order::sorted_by;
 use crate::padded::Padded;
 use crate::{Connectivity, Level};
 use ndarray::Array2;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 
 /// Every pixel of the mask that can be reached from a marker gets the label of the marker whose flood comes first; floods go
 /// on at the lowest pixel beside them, and among equals at the one that was reached first (markers in raster order). 0 is no
@@ -29,10 +28,10 @@ pub fn watershed<T: Level>(
         }
     }
     if let Some(n_ranks) = T::N_RANKS {
-        flood(&values, &mut labels, connectivity, Buckets::new(n_ranks, values.pixels.len()));
+        flood(&mut labels, connectivity, |pixel| values.pixels[pixel].rank(), n_ranks);
     } else {
-        let ranks = image.iter().map(|value| value.rank());
-        flood(&values, &mut labels, connectivity, ByAge::new(ranks));
+        let (ranks, n_ranks) = dense_ranks(&values);
+        flood(&mut labels, connectivity, |pixel| ranks[pixel], n_ranks);
     }
     labels.unframed(|label| if label == CLOSED { 0 } else { label })
 }
@@ -40,133 +39,101 @@ pub fn watershed<T: Level>(
 /// Where no flood comes.
 const CLOSED: u32 = u32::MAX;
 
-fn flood<T: Level>(
-    values: &Padded<T>,
-    labels: &mut Padded<u32>,
-    connectivity: Connectivity,
-    mut queue: impl LowestFirst,
-) {
+/// Of each pixel, how many levels that occur are lower; and how many levels occur.
+fn dense_ranks<T: Level>(values: &Padded<T>) -> (Vec<u32>, usize) {
+    let sorted = sorted_by(values, |rank| rank);
+    let mut ranks = vec![0; values.pixels.len()];
+    let mut n_lower = 0;
+    for (idx, &entry) in sorted.iter().enumerate() {
+        n_lower += u32::from(idx > 0 && sorted[idx - 1] >> 32 != entry >> 32);
+        ranks[entry as u32 as usize] = n_lower;
+    }
+    (ranks, n_lower as usize + 1)
+}
+
+fn flood(labels: &mut Padded<u32>, connectivity: Connectivity, rank: impl Fn(usize) -> u32, n_ranks: usize) {
+    let mut queue = LowestFirst::new(n_ranks, labels.pixels.len());
     for row in 0..labels.rows {
         let start = labels.row_start(row);
         for (i, _) in labels.row(row).iter().enumerate().filter(|(_, label)| ![0, CLOSED].contains(*label)) {
-            queue.push(values.pixels[start + i].rank(), (start + i) as u32);
+            queue.push(rank(start + i), (start + i) as u32);
         }
     }
-    let steps = values.steps(connectivity);
+    let steps = labels.steps(connectivity);
     while let Some(pixel) = queue.pop() {
         let label = labels.pixels[pixel as usize];
         for &step in &steps {
             let neighbor = (pixel as usize).wrapping_add_signed(step);
             if labels.pixels[neighbor] == 0 {
                 labels.pixels[neighbor] = label;
-                queue.push(values.pixels[neighbor].rank(), neighbor as u32);
+                queue.push(rank(neighbor), neighbor as u32);
             }
         }
     }
 }
 
-/// Pixels by rank, and by age among those of one rank. No pixel comes twice.
-trait LowestFirst {
-    fn push(&mut self, rank: u32, pixel: u32);
-    fn pop(&mut self) -> Option<u32>;
-}
-
-/// One chain of pixels for each rank.
-struct Buckets {
+/// Pixels by rank, and by age among those of one rank: a chain of pixels for each rank. No pixel comes twice.
+struct LowestFirst {
     /// First and last pixel of each rank; 0 is none, as pixel 0 lies in the frame.
     ends: Vec<[u32; 2]>,
     next: Vec<u32>,
-    /// No pixel has a lower rank.
+    /// A bit for each rank that has pixels, then one for each word of those bits that is not 0, and so on to a single word.
+    filled: Vec<Vec<u64>>,
+    /// The lowest rank that has pixels; as many as there are ranks if none has.
     lowest: usize,
 }
 
-impl Buckets {
+impl LowestFirst {
     fn new(n_ranks: usize, n_pixels: usize) -> Self {
-        Self { ends: vec![[0; 2]; n_ranks], next: vec![0; n_pixels], lowest: 0 }
+        let mut filled: Vec<Vec<u64>> = vec![vec![0; n_ranks.div_ceil(64)]];
+        while let Some(words) = filled.last().filter(|words| words.len() > 1) {
+            filled.push(vec![0; words.len().div_ceil(64)]);
+        }
+        Self { ends: vec![[0; 2]; n_ranks], next: vec![0; n_pixels], filled, lowest: n_ranks }
     }
-}
 
-impl LowestFirst for Buckets {
     #[inline(always)]
     fn push(&mut self, rank: u32, pixel: u32) {
-        let [first, last] = &mut self.ends[rank as usize];
+        let rank = rank as usize;
+        let [first, last] = &mut self.ends[rank];
         if *first == 0 {
             *first = pixel;
+            self.lowest = self.lowest.min(rank);
+            let mut bit = rank;
+            for words in &mut self.filled {
+                words[bit / 64] |= 1 << (bit % 64);
+                bit /= 64;
+            }
         } else {
             self.next[*last as usize] = pixel;
         }
         *last = pixel;
-        self.lowest = self.lowest.min(rank as usize);
     }
+
     #[inline(always)]
     fn pop(&mut self) -> Option<u32> {
-        let skipped = self.ends[self.lowest..].iter().position(|[first, _]| *first != 0);
-        let Some(skipped) = skipped else {
-            self.lowest = self.ends.len();
-            return None;
-        };
-        self.lowest += skipped;
-        let [first, last] = &mut self.ends[self.lowest];
+        let [first, last] = self.ends.get_mut(self.lowest)?;
         let pixel = *first;
-        *first = if pixel == *last { 0 } else { self.next[pixel as usize] };
+        if pixel == *last {
+            *first = 0;
+            self.empty_lowest();
+        } else {
+            *first = self.next[pixel as usize];
+        }
         Some(pixel)
     }
-}
 
-/// Many small heaps of rank and age, each for a range of ranks.
-struct ByAge {
-    heaps: Vec<BinaryHeap<Reverse<u64>>>,
-    /// Pixel by age.
-    pixels: Vec<u32>,
-    least: u32,
-    /// From a rank above `least` to its heap.
-    shift: u32,
-    /// A bit for each heap that is not empty, and one for each word of these bits.
-    filled: [Vec<u64>; 2],
-}
-
-/// Heaps at most: 64 words of 64 words of bits.
-const N_HEAPS: u32 = 1 << 16;
-
-impl ByAge {
-    fn new(ranks: impl Iterator<Item = u32>) -> Self {
-        let (least, most) = ranks.fold((u32::MAX, 0), |(least, most), rank| (least.min(rank), most.max(rank)));
-        let span = most.saturating_sub(least);
-        let shift = (u32::BITS - span.leading_zeros()).saturating_sub(N_HEAPS.ilog2());
-        let n_heaps = (span >> shift) as usize + 1;
-        let words = n_heaps.div_ceil(64);
-        Self {
-            heaps: vec![BinaryHeap::new(); n_heaps],
-            pixels: Vec::new(),
-            least,
-            shift,
-            filled: [vec![0; words], vec![0; words.div_ceil(64)]],
-        }
-    }
-}
-
-impl LowestFirst for ByAge {
-    #[inline(always)]
-    fn push(&mut self, rank: u32, pixel: u32) {
-        let heap_idx = ((rank - self.least) >> self.shift) as usize;
-        self.heaps[heap_idx].push(Reverse(u64::from(rank) << 32 | self.pixels.len() as u64));
-        self.pixels.push(pixel);
-        self.filled[0][heap_idx / 64] |= 1 << (heap_idx % 64);
-        self.filled[1][heap_idx / 4096] |= 1 << (heap_idx / 64 % 64);
-    }
-    #[inline(always)]
-    fn pop(&mut self) -> Option<u32> {
-        let top = self.filled[1].iter().position(|&word| word != 0)?;
-        let word_idx = top * 64 + self.filled[1][top].trailing_zeros() as usize;
-        let heap_idx = word_idx * 64 + self.filled[0][word_idx].trailing_zeros() as usize;
-        let heap = &mut self.heaps[heap_idx];
-        let Reverse(key) = heap.pop()?;
-        if heap.is_empty() {
-            self.filled[0][word_idx] &= !(1 << (heap_idx % 64));
-            if self.filled[0][word_idx] == 0 {
-                self.filled[1][top] &= !(1 << (word_idx % 64));
+    fn empty_lowest(&mut self) {
+        let mut bit = self.lowest;
+        for words in &mut self.filled {
+            words[bit / 64] &= !(1 << (bit % 64));
+            if words[bit / 64] != 0 {
+                break;
             }
+            bit /= 64;
         }
-        Some(self.pixels[(key & u64::from(u32::MAX)) as usize])
+        let is_empty = self.filled.last().is_none_or(|top| top[0] == 0);
+        let lowest_below = |place: usize, words: &Vec<u64>| place * 64 + words[place].trailing_zeros() as usize;
+        self.lowest = if is_empty { self.ends.len() } else { self.filled.iter().rev().fold(0, lowest_below) };
     }
 }

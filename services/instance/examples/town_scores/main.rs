@@ -65,7 +65,7 @@ fn variants() -> Vec<(String, Settings)> {
     };
     let mut thesis = Settings { apart_s: 0.0, remembered_submaps: 0, dilation_m: 0.2, ..Settings::default() };
     for (thing, min_points) in thesis.things.iter_mut().zip([500, 100]) {
-        (thing.peak_m, thing.min_points) = (0.0, min_points);
+        (thing.peak_m, thing.min_score, thing.min_points) = (0.0, 0.0, min_points);
     }
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
@@ -83,6 +83,10 @@ fn variants() -> Vec<(String, Settings)> {
         for min_points in [[100, 200, 300, 500], [25, 50, 75, 100]][idx] {
             let change = |thing: &mut Thing| thing.min_points = min_points;
             variants.push((format!("{name}: min_points = {min_points}"), of_class(idx, &change)));
+        }
+        for min_score in [[0.7, 0.8, 0.9], [0.0, 0.4, 0.6]][idx] {
+            let change = |thing: &mut Thing| thing.min_score = min_score;
+            variants.push((format!("{name}: min_score = {min_score}"), of_class(idx, &change)));
         }
         let (join_m, max_length_m) = [(0.8, 6.0), (0.3, 1.2)][idx];
         let join = |thing: &mut Thing| (thing.join_m, thing.max_length_m) = (join_m, max_length_m);

@@ -67,6 +67,11 @@ fn lines_have_a_pixel_in_each_step_and_are_their_own_reflection() {
     let steep = [(-3, -1), (-2, -1), (-1, 0), (0, 0), (1, 0), (2, 1), (3, 1)];
     check(&steep, &Element::line(3, 1));
     check(&[(0, 0)], &Element::line(0, 0));
+    // Twice a shorter one, shifted, and that once more.
+    let long: Vec<_> = (-10..=10_isize).map(|row| (row, (f64::from(row as i32) * 0.4).round() as isize)).collect();
+    check(&long, &Element::line(10, 4));
+    let wide: Vec<_> = long.iter().map(|&(row, col)| (col, row)).collect();
+    check(&wide, &Element::line(4, 10));
     let diagonal: Vec<_> = (-4..=4).map(|i| (i, -i)).collect();
     check(&diagonal, &Element::line(4, -4));
     for (rows, cols) in [(7, 3), (-2, 9), (5, 5), (0, 6)] {
