@@ -93,7 +93,7 @@ pub struct Matched {
     /// The same by [`MatchSettings::drift_residual_m`], with nothing along weak directions: what the
     /// covariance of a [`crate::Registered`] is made of.
     pub step_information: Matrix6<f64>,
-    /// Whether the last step was below 1 cm and 1 mrad. Steps that go on beyond lead somewhere else, or to and fro.
+    /// Whether the last step was below 5 cm and 5 mrad. Steps that go on beyond lead somewhere else, or to and fro.
     pub converged: bool,
 }
 
@@ -115,9 +115,9 @@ pub(crate) struct Prediction {
 const LEVER_M: f64 = 10.0;
 /// Fewer matches than this are no measurement of six unknowns.
 const MIN_MATCHES: usize = 60;
-/// A match has converged if its last step is below this, m and rad: what is known by less is no better than what was foretold.
-/// Those that go to and fro between two choices of neighbors do so by 1 to 4 mm.
-const SETTLED: (f64, f64) = (0.01, 1e-3);
+/// A match has converged if its last step is below this, m and rad: one that still moves by more is worse than what was foretold,
+/// which errs by as much.
+const SETTLED: (f64, f64) = (0.05, 5e-3);
 /// Features of one piece of parallel work; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 

@@ -150,7 +150,7 @@ fn a_match_that_has_not_come_to_rest_is_none() {
         let mut odometry = Odometry::new(settings, STREET.world_from_lidar(0.0));
         register_all(&mut odometry, &sweeps).remove(8)
     };
-    assert!(last_of(2).is_bridged(), "two rounds do not lead there");
+    assert!(last_of(1).is_bridged(), "one round does not lead there");
     let found = last_of(MatchSettings::default().max_rounds);
     assert!(found.matched.as_ref().is_some_and(|matched| matched.converged));
     let off = distance(&found.end(), &truth_at(&STREET, &found, 1.0));
