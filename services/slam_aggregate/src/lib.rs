@@ -15,6 +15,7 @@ mod fixes;
 mod gravity;
 mod odometry_settings;
 mod open_submap;
+mod receiver_errors;
 mod recent_path;
 mod saved;
 mod settings;

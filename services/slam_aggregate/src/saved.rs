@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Raised when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 4;
+pub(crate) const STATE_VERSION: u32 = 5;
 
 /// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), the first
 /// sweep while it waits for the second (about 1.3 MB), the open submap (28 bytes a point), and 70 kB for each submap that is

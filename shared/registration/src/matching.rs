@@ -92,7 +92,7 @@ pub struct Matched {
     /// The same by [`MatchSettings::drift_residual_m`], with nothing along weak directions: what the
     /// covariance of a [`crate::Registered`] is made of.
     pub step_information: Matrix6<f64>,
-    /// Whether the last step was below [`MatchSettings::small_step`].
+    /// Whether the last step was below 5 cm and 5 mrad. Steps that go on beyond lead somewhere else, or to and fro.
     pub converged: bool,
 }
 
@@ -114,6 +114,9 @@ pub(crate) struct Prediction {
 const LEVER_M: f64 = 10.0;
 /// Fewer matches than this are no measurement of six unknowns.
 const MIN_MATCHES: usize = 60;
+/// A match has converged if its last step is below this, m and rad: one that still moves by more is worse than what was foretold,
+/// which errs by as much.
+const SETTLED: (f64, f64) = (0.05, 5e-3);
 /// Features of one piece of parallel work; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 
@@ -145,8 +148,8 @@ pub(crate) fn match_features(
         if coarse && step_is_below(settings.fine.1, settings.fine.1 / LEVER_M) {
             coarse_rounds = 0;
         }
-        let converged = !coarse && small;
-        if converged || round + 1 == settings.max_rounds {
+        let is_done = !coarse && small;
+        if is_done || round + 1 == settings.max_rounds {
             if !settings.bends {
                 let (previous, seconds) = &prediction.previous;
                 motion =
@@ -164,7 +167,7 @@ pub(crate) fn match_features(
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose() / mean_square.max(1e-6),
                 step_information: weak.others / settings.drift_residual_m.powi(2),
-                converged,
+                converged: step_is_below(SETTLED.0, SETTLED.1),
             });
         }
     }

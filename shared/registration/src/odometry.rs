@@ -3,7 +3,7 @@
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
-use crate::moving::MovingObjects;
+use crate::moving::{Moving, MovingObjects};
 use crate::navigation::{Foretold, Lean, Navigation, StepMeasure};
 use crate::sampling::sampled;
 use crate::sensors::SensorLog;
@@ -367,17 +367,17 @@ impl Odometry {
             self.state.moving = MovingObjects::default();
         }
         // A sweep that only follows the last motion would make standing things move.
-        let moving = if matched.is_some() { self.state.moving.found(full, &motion) } else { Vec::new() };
+        let moving = if matched.is_some() { self.state.moving.found(full, &motion) } else { Moving::default() };
         if map_restarted || matched.is_some() {
-            let stands = |feature: &&Feature| moving.binary_search(&feature.point_idx).is_err();
+            let stands = |feature: &&Feature| moving.points.binary_search(&feature.point_idx).is_err();
             let standing: Vec<Feature> = sweep.features.iter().filter(stands).copied().collect();
             self.grow(&standing, &motion);
         }
         if matched.is_some() {
-            self.state.moving.remember(full, &motion);
+            self.state.moving.remember(full, &motion, &moving);
         }
         Registered {
-            moving,
+            moving: moving.points,
             covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, |navigation| *navigation.pose()),
             lean: foretold.lean,
             ..sweep.registered(motion, matched, map_restarted)
@@ -414,7 +414,8 @@ impl HeldSweep {
 }
 
 fn is_plausible(matched: &Matched) -> bool {
-    matched.n_matches as f64 >= MIN_MATCHED_SHARE * matched.n_features as f64 && matched.rms_m <= MAX_RMS_M
+    let has_enough = matched.n_matches as f64 >= MIN_MATCHED_SHARE * matched.n_features as f64;
+    has_enough && matched.converged && matched.rms_m <= MAX_RMS_M
 }
 
 fn is_reachable(mid: &Pose, predicted: &Pose, seconds: f64) -> bool {

@@ -4,8 +4,10 @@ use crate::{RangeImage, Sweep, SweepMotion};
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Unit of a stored range, m; 16 bits reach 327 m.
-const UNIT_M: f32 = 0.005;
+/// Unit of a stored range, m; 15 bits reach 327 m.
+const UNIT_M: f32 = 0.01;
+/// The bit of a stored range that says: on a thing that moved.
+const MOVED: u16 = 1 << 15;
 /// Columns that share one pose: 2.8 degrees, 0.8 ms at 10 Hz, 8 mm at 10 m/s.
 const SECTOR: usize = 16;
 /// Ranges differ by more than this on different surfaces, m, plus a share of the range: the vehicle's pose and the beam's
@@ -26,7 +28,7 @@ pub(crate) struct Seen {
     slopes: Vec<f32>,
     /// Share of the sweep at which each sector was seen.
     shares: Vec<f32>,
-    /// In units of [`UNIT_M`], 0 = no return, by row and column.
+    /// In units of [`UNIT_M`], 0 = no return, by row and column; with [`MOVED`].
     ranges: Vec<u16>,
 }
 
@@ -40,12 +42,15 @@ pub(crate) enum Sight {
     Free,
     /// A ray met something there.
     Filled,
+    /// A ray met something there that moved.
+    Moved,
     /// No ray came as far, or there was none.
     Hidden,
 }
 
 impl Seen {
-    pub fn new(sweep: &Sweep, motion: SweepMotion) -> Self {
+    /// `moved` are the indices of the points on things that moved, rising.
+    pub fn new(sweep: &Sweep, motion: SweepMotion, moved: &[u32]) -> Self {
         let image = sweep.image();
         let (rows, cols) = (image.rows(), image.cols());
         let mut ranges = vec![0; rows * cols];
@@ -57,7 +62,7 @@ impl Seen {
                 let position = image.position(row, col);
                 let [x, y, z] = position.into();
                 // NaN, of an empty cell, becomes 0, and what is too far the farthest.
-                ranges[row * cols + col] = (position.norm() * (1.0 / UNIT_M)) as u16;
+                ranges[row * cols + col] = ((position.norm() * (1.0 / UNIT_M)) as u16).min(MOVED - 1);
                 let Some(idx) = image.point(row, col) else { continue };
                 if col % SECTOR < 2 {
                     sums[row].0 += f64::from(z / (x * x + y * y).sqrt());
@@ -66,6 +71,11 @@ impl Seen {
                 if sweep.duration_nanos() > 0 && shares[col / SECTOR].is_nan() {
                     shares[col / SECTOR] = (f64::from(sweep.points()[idx].offset_nanos) / duration - 0.5) as f32;
                 }
+            }
+        }
+        for &idx in moved {
+            if let Some((row, col)) = image.place(idx as usize) {
+                ranges[row * cols + col] |= MOVED;
             }
         }
         fill(&mut shares);
@@ -105,15 +115,16 @@ impl PlacedSeen<'_> {
             return Sight::Hidden;
         };
         let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
-        let at = |row: usize, col: usize| f32::from(self.seen.ranges[row * cols + col % cols]) * UNIT_M;
+        let at = |row: usize, col: usize| self.seen.ranges[row * cols + col % cols];
         // From the middle outwards: what stands is mostly met by the first ray.
         let rows = [Some(row), row.checked_sub(1), (row + 1 < self.seen.slopes.len()).then_some(row + 1)];
         let (mut n_beyond, mut is_blocked) = (0, false);
         for row in rows.into_iter().flatten() {
             for beside in BESIDE_COLUMNS {
-                let reached = at(row, col + cols + beside - REACH_COLUMNS);
+                let met = at(row, col + cols + beside - REACH_COLUMNS);
+                let reached = f32::from(met & !MOVED) * UNIT_M;
                 if (reached - range).abs() < tolerance {
-                    return Sight::Filled;
+                    return if met & MOVED == 0 { Sight::Filled } else { Sight::Moved };
                 }
                 n_beyond += u32::from(reached > range);
                 is_blocked |= reached > 0.0 && reached < range;

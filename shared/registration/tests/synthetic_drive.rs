@@ -4,7 +4,7 @@
 mod support;
 
 use geometry::{Pose, Stamp};
-use registration::{Odometry, OdometrySettings, Registered, RegistrationError, Sweep, TimedPoint};
+use registration::{MatchSettings, Odometry, OdometrySettings, Registered, RegistrationError, Sweep, TimedPoint};
 use support::world::{Drive, body_from_lidar};
 
 const STREET: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
@@ -136,6 +136,25 @@ fn sweeps_that_see_nothing_are_bridged_and_said_to_be() {
         assert!(off < 0.15, "{off} m");
     }
     assert!(distance(&registered[15].end(), &truth_at(&STREET, &registered[15], 1.0)) < 0.08, "found back");
+}
+
+/// Once a match that was still centimetres off counted, because its rounds were used up: the map was bent for good.
+#[test]
+fn a_match_that_has_not_come_to_rest_is_none() {
+    let mut sweeps = sweeps_of(&STREET, 0..8);
+    // Half a second was lost, and the road winds on.
+    sweeps.extend(sweeps_of(&STREET, 13..14));
+    let last_of = |max_rounds: u32| {
+        let settings = MatchSettings { max_rounds, ..MatchSettings::default() };
+        let settings = OdometrySettings { matching: settings, ..OdometrySettings::default() };
+        let mut odometry = Odometry::new(settings, STREET.world_from_lidar(0.0));
+        register_all(&mut odometry, &sweeps).remove(8)
+    };
+    assert!(last_of(1).is_bridged(), "one round does not lead there");
+    let found = last_of(MatchSettings::default().max_rounds);
+    assert!(found.matched.as_ref().is_some_and(|matched| matched.converged));
+    let off = distance(&found.end(), &truth_at(&STREET, &found, 1.0));
+    assert!(off < 0.05, "{off} m");
 }
 
 #[test]

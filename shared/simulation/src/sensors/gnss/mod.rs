@@ -209,6 +209,25 @@ mod tests {
         }
     }
 
+    /// What no drive of some minutes can tell: `docs/georeference.md` quotes it.
+    #[test]
+    fn the_mean_of_a_minute_under_the_open_sky_is_off() {
+        let (motion, spec) = (motion(), spec(Receiver::Differential));
+        let mean = |seed: u64| {
+            let epochs = record_in(|_| FIELD, &motion, &spec, 59.0, seed);
+            epochs.iter().filter_map(|epoch| epoch.error).sum::<Vector3<f64>>() / epochs.len() as f64
+        };
+        let means: Vec<Vector3<f64>> = (0..200).map(mean).collect();
+        let rms = |square: fn(&Vector3<f64>) -> f64| (means.iter().map(square).sum::<f64>() / 200.0).sqrt();
+        let (across, up) = (rms(|m| m.xy().norm_squared()), rms(|m| m.z * m.z));
+        let n_within = |is: fn(&Vector3<f64>) -> bool| means.iter().filter(|m| is(m)).count();
+        let (n_across, n_up) = (n_within(|m| m.xy().norm() < 0.5), n_within(|m| m.z.abs() < 0.5));
+        println!(
+            "means are {across:.2} m off across and {up:.2} m in height, within 0.5 m under {n_across} and {n_up} of 200 skies"
+        );
+        assert!((0.15..0.35).contains(&across) && (0.35..0.65).contains(&up), "{across} m, {up} m");
+    }
+
     #[test]
     fn between_houses_fewer_satellites_give_a_worse_position() {
         let canyon = Canyon { half_width: 20.0, height: motion().pose(10.0).translation.z as f32 + 25.0 };
