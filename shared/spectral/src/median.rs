@@ -2,7 +2,6 @@
 
 use crate::SpectralError;
 use crate::mosaic::check_length;
-use pulp::{Arch, NullaryFnOnce};
 
 /// Replaces each valid value of a band-sequential cube by the median of the valid ones in the 3x3 cells around it (fewer at
 /// the rims; of an even number the mean of the middle two). `size` = columns, rows of cells. Masks do not change.
@@ -21,7 +20,11 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
         for y in 1..rows.saturating_sub(1) {
             let three = &before[(y - 1) * columns..(y + 2) * columns];
             let out = &mut plane[y * columns..(y + 1) * columns];
-            Arch::new().dispatch(Row { three, sorted: &mut sorted, out });
+            let row = Row { three, sorted: &mut sorted, out };
+            wide_loops::run(
+                #[inline(always)]
+                || row.medians(),
+            );
         }
         for (cell, lacking) in &gaps {
             if masks[*cell] >> band & 1 == 0 {
@@ -75,11 +78,9 @@ struct Row<'a> {
     out: &'a mut [f32],
 }
 
-impl NullaryFnOnce for Row<'_> {
-    type Output = ();
-
+impl Row<'_> {
     #[inline(always)]
-    fn call(self) {
+    fn medians(self) {
         let Self { three, sorted: [low, middle, high], out } = self;
         let n = out.len();
         let (above, here, below) = (&three[..n], &three[n..2 * n], &three[2 * n..3 * n]);
