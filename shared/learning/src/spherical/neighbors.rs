@@ -55,11 +55,7 @@ impl Neighbors {
                 }
             }
         }
-        let banks = drawn.chunks_exact(settings.classes.len()).map(|by_class| {
-            let examples = (0..).zip(by_class).flat_map(|(class, of)| of.features.iter().map(move |f| (class, f)));
-            Bank::new(examples)
-        });
-        Ok(Self { k, banks: banks.collect() })
+        Ok(Self { k, banks: drawn.chunks_exact(settings.classes.len()).map(Bank::new).collect() })
     }
 
     /// Examples of all columns.
@@ -126,21 +122,27 @@ struct Bank {
     filters: Vec<Filter>,
     /// By example.
     classes: Vec<u8>,
+    /// By class, what an example's vote counts: the root of how many pixels it stands for. Where all count alike, rare classes win
+    /// far too often; where each counts as its pixels, they lose.
+    weights: Vec<f32>,
 }
 
 /// An example and how near it is, larger for nearer.
 type Near = (f32, usize);
 
 impl Bank {
-    fn new<'a>(examples: impl Iterator<Item = (u8, &'a Vec<f32>)>) -> Self {
-        let (classes, features): (Vec<u8>, Vec<&Vec<f32>>) = examples.unzip();
+    fn new(by_class: &[Drawn]) -> Self {
+        let features: Vec<&Vec<f32>> = by_class.iter().flat_map(|of_class| &of_class.features).collect();
+        let classes = (0..).zip(by_class).flat_map(|(class, of)| std::iter::repeat_n(class, of.features.len()));
+        let weight = |of: &Drawn| (of.n_seen as f32 / of.features.len().max(1) as f32).sqrt();
+        let weights = by_class.iter().map(weight).collect();
         let filter = |examples: &[&Vec<f32>]| {
             let (in_channels, out_channels) = (vec![examples[0].len()], examples.len());
             let shape = Shape { kernel: [1, 1], stride_x: 1, in_channels, out_channels, rectify: false };
             let weights: Vec<f32> = examples.iter().flat_map(|features| unit(features)).collect();
             Filter::new(shape, &weights, &vec![0.0; examples.len()])
         };
-        Self { filters: features.chunks(CHUNK).map(filter).collect(), classes }
+        Self { filters: features.chunks(CHUNK).map(filter).collect(), classes: classes.collect(), weights }
     }
 
     /// The `k` nearest examples of every pixel of an image of one row, the nearest first, the first of equals.
@@ -164,11 +166,13 @@ impl Bank {
 
     /// What the nearest examples of a pixel say.
     fn vote(&self, nearest: &[Near]) -> Vote {
-        let mut counts = [0_usize; MAX_CLASSES];
+        let mut sums = [0.0; MAX_CLASSES];
         for &(_, example) in nearest {
-            counts[usize::from(self.classes[example])] += 1;
+            let class = usize::from(self.classes[example]);
+            sums[class] += self.weights[class];
         }
-        counts.map(|n| (255 * n / nearest.len().max(1)) as u8)
+        let sum: f32 = sums.iter().sum();
+        sums.map(|of_class| (255.0 * of_class / sum.max(f32::MIN_POSITIVE)).round() as u8)
     }
 }
 
@@ -202,6 +206,11 @@ mod tests {
         (0..n).map(|_| feature()).collect()
     }
 
+    /// All examples of a class.
+    fn class_of(features: Vec<Vec<f32>>) -> Drawn {
+        Drawn { n_seen: features.len(), features }
+    }
+
     fn row_of(pixels: &[Vec<f32>]) -> Planes {
         let mut row = Planes::zeros(pixels[0].len(), 1, pixels.len());
         for (x, features) in pixels.iter().enumerate() {
@@ -216,7 +225,7 @@ mod tests {
     fn the_search_finds_what_brute_force_finds() {
         // More examples than a filter has, and no multiple of 16.
         let (examples, pixels) = (features(CHUNK + 37, 19, 1), features(50, 19, 2));
-        let bank = Bank::new(examples.iter().map(|features| (0, features)));
+        let bank = Bank::new(&[class_of(examples.clone())]);
         for k in [1, 7, 400] {
             let nearest = bank.nearest(&row_of(&pixels), k);
             for (pixel, nearest) in pixels.iter().zip(nearest) {
@@ -246,16 +255,23 @@ mod tests {
             (0..60).map(at).collect()
         };
         let (between, beside) = (sector(30), [sector(0), sector(60)].concat());
-        let of_between = between.iter().step_by(2).map(|features| (1, features));
-        let bank = Bank::new(of_between.chain(beside.iter().step_by(2).map(|features| (0, features))));
+        let every_other = |features: &[Vec<f32>]| class_of(features.iter().step_by(2).cloned().collect());
+        let bank = Bank::new(&[every_other(&beside), every_other(&between)]);
         let right = |features: &[Vec<f32>], class: usize| {
             let nearest = bank.nearest(&row_of(features), 3);
             nearest.iter().filter(|near| bank.vote(near)[class] > 127).count()
         };
         // Of the neighbors of an edge some are beyond it.
         assert!(right(&between, 1) >= 58 && right(&beside, 0) >= 118);
-        let halves = bank.vote(&[(0.0, 0), (0.0, 40)]);
-        assert_eq!((halves[0], halves[1]), (127, 127));
+    }
+
+    #[test]
+    fn a_vote_counts_the_root_of_the_pixels_that_it_stands_for() {
+        let rare = class_of(vec![vec![1.0], vec![2.0]]);
+        let bank = Bank::new(&[Drawn { n_seen: 18, ..rare.clone() }, rare]);
+        let vote = bank.vote(&[(0.0, 0), (0.0, 2), (0.0, 3)]);
+        // One vote of 3 against two of 1.
+        assert_eq!((vote[0], vote[1]), (153, 102));
     }
 
     #[test]
