@@ -5,7 +5,7 @@ use crate::commands::train::sweeps::Sweeps;
 use learning::spherical::{Neighbors, Settings, SphericalModel};
 use std::path::Path;
 
-/// Examples of a class and folded column: 9700 in all of the 19 classes of the shipped model, with which a sweep takes half a
+/// Examples of a class and folded column: 9700 at most of the 19 classes of the shipped model, with which a sweep takes about a
 /// second.
 const PER_CLASS: usize = 128;
 
