@@ -28,3 +28,19 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     eprintln!("{} examples of drives {first} to {last}", neighbors.len());
     Ok(model.with_neighbors(neighbors, &weights)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recipe_of_another_network_is_refused_before_anything_is_cast() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let recipe = std::fs::read_to_string(models.join("street.toml")).expect("is part of the project");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let other = folder.path().join("other.toml");
+        std::fs::write(&other, recipe.replace("columns = 2048", "columns = 1024")).expect("writes");
+        let error = load(&models.join("street.safetensors"), &other, 5).err().expect("is refused").to_string();
+        assert!(error.contains("other.toml is not the recipe of") && error.contains("street.safetensors"), "{error}");
+    }
+}
