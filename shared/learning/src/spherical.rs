@@ -5,6 +5,7 @@ pub mod back_projection;
 mod elementary;
 mod features;
 mod model;
+mod neighbors;
 mod polar_image;
 mod refinement;
 mod softmax;
@@ -14,6 +15,7 @@ mod votes;
 
 pub use features::{FEATURES, N_FEATURES, features};
 pub use model::{ARCHITECTURE, Settings, SphericalModel, VERSION};
+pub use neighbors::Neighbors;
 pub use polar_image::{PolarImage, PolarPixel};
 pub use refinement::Refinement;
 pub use sweeps::{Sweep, sweeps};

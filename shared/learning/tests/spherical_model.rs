@@ -2,9 +2,11 @@
 
 mod support;
 
+use geometry::NO_POINT;
 use learning::network::{NetworkSpec, Variables, Weights};
-use learning::spherical::{N_FEATURES, Settings, SphericalModel, sweeps};
-use learning::{Cloud, LearningError, Segmenter};
+use learning::spherical::{N_FEATURES, Neighbors, PolarImage, Settings, SphericalModel, features, sweeps};
+use learning::training::{Dataset, Example, UNKNOWN};
+use learning::{Cloud, LearningError, Segmenter, ground};
 use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use std::path::PathBuf;
 use support::Random;
@@ -183,4 +185,59 @@ fn wrong_files_are_refused_with_the_reason() {
     broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
     let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
     assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
+}
+
+/// Sweeps with the class of every pixel.
+struct Labelled(Vec<(PolarImage, Vec<u8>)>);
+
+impl Dataset for Labelled {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn example(&self, index: usize, _: Option<&mut learning::Random>) -> Example {
+        let (image, truth) = &self.0[index];
+        Example { input: features(image, 2, 2), truth: truth.clone() }
+    }
+}
+
+#[test]
+fn the_nearest_examples_know_what_an_untrained_last_layer_does_not() {
+    let settings = settings();
+    let weights = weights(&settings);
+    let (header, points, _) = submap();
+    let cloud = Cloud { header: &header, points: &points, colors: None };
+    let heights_m = ground::heights(&cloud).expect("heights");
+    // Low lasers see road, those in the middle vehicles, high ones buildings.
+    let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
+    let of_sweep = |sweep: learning::spherical::Sweep| {
+        let class = |&shown: &u32| match shown {
+            NO_POINT => UNKNOWN,
+            shown => truth(&points[sweep.points.start + shown as usize]),
+        };
+        let truth = sweep.image.nearest.iter().map(class).collect();
+        (sweep.polar, truth)
+    };
+    let data = Labelled(sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect());
+    let draw = |per_class: usize, k: usize| Neighbors::draw(&settings, &weights, &data, per_class, k).expect("draws");
+    let share_right = |neighbors: Option<Neighbors>| {
+        let mut model = load(&file_of(&settings, &weights)).expect("loads");
+        if let Some(neighbors) = neighbors {
+            model = model.with_neighbors(neighbors, &weights).expect("fits");
+        }
+        let mut classes = vec![ClassRow::default(); points.len()];
+        model.segment(&cloud, &mut classes).expect("segments");
+        let is_right = |(point, row): &(&SubmapPoint, &ClassRow)| {
+            ClassId::from_id(row.class_id).map(ClassId::name)
+                == Some(settings.classes[usize::from(truth(point))].as_str())
+        };
+        points.iter().zip(&classes).filter(is_right).count() as f64 / points.len() as f64
+    };
+    let all = draw(usize::MAX, 1);
+    assert_eq!(all.len(), points.len());
+    let (last_layer, own, few) = (share_right(None), share_right(Some(all)), share_right(Some(draw(200, 5))));
+    assert!(last_layer < 0.5, "{last_layer}");
+    // Everything is its own nearest example; what is wrong shares a cell with others.
+    assert!(own > 0.98, "{own}");
+    // Of random ranges an untrained network keeps the laser only in part; a third would be chance.
+    assert!(few > 0.5, "{few}");
 }

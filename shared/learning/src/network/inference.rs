@@ -2,7 +2,7 @@
 
 use super::{Executor, Layer, NetworkSpec, Weights};
 use crate::LearningError;
-use crate::engine::{Border, Filter, Planes, convolve, max_pool, upsample};
+use crate::engine::{Border, Filter, Planes, Shape, convolve, max_pool, upsample};
 use std::ops::Deref;
 use std::sync::{Mutex, PoisonError};
 
@@ -80,6 +80,20 @@ impl Inference {
     pub fn new(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, LearningError> {
         let filters = weights.filters(&spec)?;
         Ok(Self { spec, filters, border, spare: Spare::default(), spare_inputs: Spare::default() })
+    }
+    /// The same network but for its last layer, that passes on what it reads: the features that classes are told from, of all its
+    /// sources one behind the other.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of_features(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, LearningError> {
+        let mut network = Self::new(spec, weights, border)?;
+        let last = network.filters.last_mut().expect("a network has layers");
+        let n: usize = last.shape.in_channels.iter().sum();
+        let shape = Shape { out_channels: n, kernel: [1, 1], rectify: false, ..last.shape.clone() };
+        let identity: Vec<f32> = (0..n * n).map(|i| f32::from(u8::from(i / n == i % n))).collect();
+        *last = Filter::new(shape, &identity, &vec![0.0; n]);
+        Ok(network)
     }
     /// The network's form.
     pub fn spec(&self) -> &NetworkSpec {

@@ -5,7 +5,7 @@ use super::features::write_features;
 use super::softmax::{MAX_CLASSES, Softmax, Vote};
 use super::sweeps::{point_ranges, rows_of, sweep};
 use super::votes::Votes;
-use super::{N_FEATURES, PolarImage};
+use super::{N_FEATURES, Neighbors, PolarImage};
 use crate::engine::Border;
 use crate::ground;
 use crate::model_file::{self, ModelFile};
@@ -106,6 +106,7 @@ pub struct SphericalModel {
     classes: Vec<ClassId>,
     network: Inference,
     options: Options,
+    neighbors: Option<Neighbors>,
     /// Votes of an earlier submap, to be written again: to clear new memory takes a tenth of the time.
     spare: Mutex<Vec<Vote>>,
 }
@@ -135,7 +136,23 @@ impl SphericalModel {
     pub fn new(card: ModelCard, settings: Settings, weights: &Weights) -> Result<Self, LearningError> {
         let classes = settings.check().map_err(candle_core::Error::Msg)?;
         let network = Inference::new(settings.network.clone(), weights, Border::Circular)?;
-        Ok(Self { card, settings, classes, network, options: Options::default(), spare: Mutex::default() })
+        Ok(Self {
+            card,
+            settings,
+            classes,
+            network,
+            options: Options::default(),
+            neighbors: None,
+            spare: Mutex::default(),
+        })
+    }
+    /// Has the nearest examples tell the classes of pixels in place of the network's last layer. `weights` are the model's.
+    ///
+    /// # Errors
+    /// If the weights do not fit the settings.
+    pub fn with_neighbors(self, neighbors: Neighbors, weights: &Weights) -> Result<Self, LearningError> {
+        let network = Inference::of_features(self.settings.network.clone(), weights, Border::Circular)?;
+        Ok(Self { network, neighbors: Some(neighbors), ..self })
     }
     /// Runs as `options` say. If only the first of every so many sweeps goes through the network, points of the others take the
     /// votes of those nearby.
@@ -158,8 +175,11 @@ impl SphericalModel {
         let rows = image.rows.next_multiple_of(self.network.spec().multiple_of()[0]);
         let (fold, n_classes, temperature) = (self.settings.fold, self.classes.len(), self.settings.temperature);
         let input = self.network.input(rows, image.columns / fold, |input| write_features(image, input));
-        let logits = self.network.run(&input)?;
-        Arch::new().dispatch(Softmax { image, logits: &logits, fold, n_classes, temperature, votes });
+        let result = self.network.run(&input)?;
+        match &self.neighbors {
+            Some(neighbors) => neighbors.vote(image, &result, votes),
+            None => Arch::new().dispatch(Softmax { image, logits: &result, fold, n_classes, temperature, votes }),
+        }
         Ok(())
     }
 }

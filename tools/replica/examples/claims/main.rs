@@ -7,6 +7,7 @@
 //! | `minimum` | section 5.5.3, figure 5.4 | none |
 //! | `mnist-binary`, `mnist-multiclass` | tables 5.1 and 5.2 | `mnist/` of the real data (`tests/real_data`) |
 //! | `slice-low`, `slice-high` | tables 5.6 and 5.7 | top-down views of simulated towns |
+//! | `transfer` | table 6.6 | sweeps of simulated towns by two sensors |
 //! | `hierarchy` | tables 6.9 and 6.10 | sweeps of simulated towns |
 //! | `specialized` | table 6.8 | the same |
 //! | `color` | table 6.12 | the same |
@@ -32,6 +33,7 @@ fn main() -> anyhow::Result<()> {
         "mnist-multiclass" => mnist::run(false, n_seeds)?,
         "slice-low" => slices::run(slices::LOW, n_seeds)?,
         "slice-high" => slices::run(slices::HIGH, n_seeds)?,
+        "transfer" => streets::transfer::run(n_seeds)?,
         "hierarchy" => streets::hierarchy(n_seeds)?,
         "specialized" => streets::specialized(n_seeds)?,
         "color" => streets::color(n_seeds)?,

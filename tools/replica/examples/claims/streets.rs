@@ -1,7 +1,8 @@
-//! Tables 6.8, 6.9, 6.10 and 6.12 on sweeps of simulated towns: a small U-Net on range images in place of the thesis' `KPConv`.
+//! Tables 6.6, 6.8, 6.9, 6.10 and 6.12 on sweeps of simulated towns: a small U-Net on range images in place of the thesis' `KPConv`.
 
 mod surfaces;
 mod sweeps;
+pub mod transfer;
 
 use crate::training::{Task, mean_and_deviation, range, settings};
 use learning::engine::Border;
@@ -13,7 +14,8 @@ use messages::ClassId::{
     self, Building, Fence, Pedestrian, Pole, Road, RoadLine, Sidewalk, Static, Terrain, TrafficLight, TrafficSign,
     Vegetation, Vehicles, Wall,
 };
-use sweeps::{FOLD, N_INPUTS, N_INPUTS_WITH_COLOR, TownSweep, View};
+use std::ops::RangeInclusive;
+use sweeps::{FOLD, N_INPUTS, N_INPUTS_WITH_COLOR, Scenery, TownSweep, View};
 
 /// All classes of table 6.8 and walls, which towns have more of than Paris.
 const ALL: [ClassId; 14] = [
@@ -47,26 +49,31 @@ struct Data {
 }
 
 impl Data {
-    /// Seeds of 9000 and above are for tests alone.
-    fn cast(with_color: bool) -> anyhow::Result<Self> {
+    /// `n` sweeps of each of some drives to learn from; seeds of 9000 and above are for tests alone.
+    fn cast(scenery: Scenery, seeds: RangeInclusive<u64>, n: usize) -> anyhow::Result<Self> {
         Ok(Self {
-            train: sweeps::cast(501..=520, 4, with_color)?,
-            validation: sweeps::cast(2001..=2006, 2, with_color)?,
-            test: sweeps::cast(9501..=9508, 3, with_color)?,
+            train: sweeps::cast(scenery, seeds, n)?,
+            validation: sweeps::cast(scenery, 2001..=2006, 2)?,
+            test: sweeps::cast(scenery, 9501..=9508, 3)?,
         })
     }
 
-    /// The confusion on the test set by seed.
-    fn confusions(
+    /// The set of tables 6.8 to 6.12.
+    fn urban(with_color: bool) -> anyhow::Result<Self> {
+        Self::cast(Scenery { with_color, ..Scenery::URBAN }, 501..=520, 4)
+    }
+
+    /// Has `f` do something with the task of telling these classes apart in so many passes.
+    fn with_task<T>(
         &self,
         classes: &[ClassId],
         with_color: bool,
-        (loss, hierarchy): (&Loss, bool),
-        n_seeds: u64,
-    ) -> anyhow::Result<Vec<Confusion>> {
+        epochs: usize,
+        f: impl FnOnce(&Task<'_>) -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
         let [train, validation, test] =
             [&self.train, &self.validation, &self.test].map(|sweeps| View::of(sweeps, classes, with_color));
-        let task = Task {
+        f(&Task {
             train: &train,
             validation: &validation,
             test: &test,
@@ -79,9 +86,19 @@ impl Data {
             shape: (classes.len(), FOLD),
             border: Border::Circular,
             tree: Hierarchy::of_classes(classes),
-            settings: TrainSettings { average: 0.95, pixels: 12_000, patience: 100, ..settings(12, 2, 4e-3) },
-        };
-        task.confusions(loss, hierarchy, n_seeds)
+            settings: TrainSettings { average: 0.95, pixels: 12_000, patience: 100, ..settings(epochs, 2, 4e-3) },
+        })
+    }
+
+    /// The confusion on the test set by seed.
+    fn confusions(
+        &self,
+        classes: &[ClassId],
+        with_color: bool,
+        (loss, hierarchy): (&Loss, bool),
+        n_seeds: u64,
+    ) -> anyhow::Result<Vec<Confusion>> {
+        self.with_task(classes, with_color, 12, |task| task.confusions(loss, hierarchy, n_seeds))
     }
 }
 
@@ -124,7 +141,7 @@ fn write_table(columns: &[Column<'_>], shared: &[ClassId]) {
 
 /// Tables 6.9 and 6.10.
 pub fn hierarchy(n_seeds: u64) -> anyhow::Result<()> {
-    let data = Data::cast(false)?;
+    let data = Data::urban(false)?;
     let column = |name, loss, hierarchy| -> anyhow::Result<Column<'_>> {
         Ok((name, &ALL, data.confusions(&ALL, false, (loss, hierarchy), n_seeds)?))
     };
@@ -140,7 +157,7 @@ pub fn hierarchy(n_seeds: u64) -> anyhow::Result<()> {
 
 /// Table 6.8.
 pub fn specialized(n_seeds: u64) -> anyhow::Result<()> {
-    let data = Data::cast(false)?;
+    let data = Data::urban(false)?;
     let column = |name, classes| -> anyhow::Result<Column<'_>> {
         Ok((name, classes, data.confusions(classes, false, (&CE_AND_POWER_2, false), n_seeds)?))
     };
@@ -150,7 +167,7 @@ pub fn specialized(n_seeds: u64) -> anyhow::Result<()> {
 
 /// Table 6.12, column P3, with cross-entropy beside the thesis' Jac. 2: alone that learns too little in trainings this short.
 pub fn color(n_seeds: u64) -> anyhow::Result<()> {
-    let data = Data::cast(true)?;
+    let data = Data::urban(true)?;
     let column = |name, with_color| -> anyhow::Result<Column<'_>> {
         Ok((name, &ALL, data.confusions(&ALL, with_color, (&CE_AND_POWER_2, false), n_seeds)?))
     };

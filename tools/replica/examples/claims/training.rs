@@ -36,15 +36,21 @@ pub fn settings(epochs: usize, batch: usize, learning_rate: f64) -> TrainSetting
 }
 
 impl Task<'_> {
+    /// What training with these settings makes of these variables, those left as they are whose names begin with one of `frozen`.
+    pub fn trained(&self, settings: TrainSettings, variables: Variables, frozen: &[&str]) -> anyhow::Result<Trainer> {
+        let mut trainer = Trainer::new(settings, variables, self.shape, self.border, self.tree.clone())?;
+        trainer.freeze(frozen.iter().map(|&prefix| prefix.to_owned()).collect());
+        while !trainer.is_done() {
+            trainer.epoch(self.train, self.validation, &mut |_, _| {})?;
+        }
+        Ok(trainer)
+    }
+
     /// The confusion on the test set by seed, each of the weights that were best in validation.
     pub fn confusions(&self, loss: &Loss, hierarchy: bool, n_seeds: u64) -> anyhow::Result<Vec<Confusion>> {
         let of_seed = |seed: u64| {
             let settings = TrainSettings { seed, loss: loss.clone(), hierarchy, ..self.settings.clone() };
-            let variables = Variables::random(&self.spec, seed)?;
-            let mut trainer = Trainer::new(settings, variables, self.shape, self.border, self.tree.clone())?;
-            while !trainer.is_done() {
-                trainer.epoch(self.train, self.validation, &mut |_, _| {})?;
-            }
+            let trainer = self.trained(settings, Variables::random(&self.spec, seed)?, &[])?;
             let (_, confusion) = trainer.best_trainer()?.evaluate(self.test)?;
             let percent = 100.0 * confusion.mean_iou().unwrap_or(0.0);
             eprintln!("{loss:?}, seed {seed}: {} epochs, mIoU {percent:.1} %", trainer.curves().epochs.len());

@@ -1,4 +1,4 @@
-//! Single sweeps of an HDL-32E on the rig of the L3D2 vehicle as range images.
+//! Single sweeps as range images.
 
 use super::surfaces;
 use crate::town_sweeps::{Mount, TownDrive};
@@ -34,13 +34,27 @@ pub struct TownSweep {
     colors: Vec<[f32; 3]>,
 }
 
+/// Where drives go, and what is seen of it.
+#[derive(Clone, Copy)]
+pub struct Scenery {
+    pub town: Town,
+    pub mount: Mount,
+    pub with_color: bool,
+}
+
+impl Scenery {
+    /// Urban towns and the HDL-32E of the L3D2 vehicle's rig.
+    pub const URBAN: Self = Self { town: Town::Urban, mount: Mount::Rig, with_color: false };
+}
+
 /// `n` sweeps of each drive of 30 s.
-pub fn cast(seeds: RangeInclusive<u64>, n: usize, with_color: bool) -> anyhow::Result<Vec<TownSweep>> {
+pub fn cast(scenery: Scenery, seeds: RangeInclusive<u64>, n: usize) -> anyhow::Result<Vec<TownSweep>> {
+    let Scenery { town, mount, with_color } = scenery;
     let of_drive = |seed: u64| -> anyhow::Result<Vec<TownSweep>> {
-        let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
+        let drive = TownDrive { town, seed, seconds: 30.0 };
         let simulation = drive.simulation()?;
         let mut of_drive = Vec::new();
-        for submap in &drive.submaps_in(&simulation, n, 1, 1, Mount::Rig)? {
+        for submap in &drive.submaps_in(&simulation, n, 1, 1, mount)? {
             let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
             let heights_m = ground::heights(&cloud)?;
             for sweep in sweeps(&cloud, COLUMNS, &heights_m) {

@@ -1,6 +1,7 @@
 //! `replica evaluate classes`: of label files, of simulated towns, of SemanticKITTI.
 
 pub mod kitti;
+mod knn;
 mod labels;
 mod picture;
 mod reliability;
@@ -48,6 +49,12 @@ pub struct Args {
     /// Corrections of the network's classes by morphology.
     #[arg(long, requires = "model", value_enum, value_delimiter = ',')]
     refine: Vec<Refine>,
+    /// The K nearest examples of the network's features vote on a pixel's class, in place of its last layer.
+    #[arg(long, requires = "examples", value_name = "K", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    knn: Option<u16>,
+    /// Recipe of the model; the examples are of its first drives, one of each kind in its list of towns.
+    #[arg(long, requires = "knn", value_name = "RECIPE")]
+    examples: Option<PathBuf>,
     /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to try the model on.
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
@@ -101,7 +108,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             small_regions: refine(Refine::SmallRegions),
             buildings: refine(Refine::Buildings),
         };
-        let model = learning::load(path, &Options { every: args.every, refinement })?;
+        let options = Options { every: args.every, refinement };
+        let model = match (args.knn, &args.examples) {
+            (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)),
+            _ => learning::load(path, &options)?,
+        };
         table.clouds.extend(towns::confusions(model.as_ref(), args)?);
         if let Some(folder) = &args.semantickitti {
             table.clouds.extend(kitti::confusions(model.as_ref(), folder)?);
