@@ -55,7 +55,7 @@ pub fn at_once<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) 
     let ask = &ask;
     std::thread::scope(|scope| {
         let asked: Vec<_> = questions.iter().map(|question| scope.spawn(move || ask(question))).collect();
-        let answers = asked.into_iter().map(|thread| thread.join());
+        let answers = asked.into_iter().map(std::thread::ScopedJoinHandle::join);
         answers.map(|answer| answer.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     })
 }
