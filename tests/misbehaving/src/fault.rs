@@ -5,6 +5,10 @@ use rustix::process::{Signal, getpid, kill_process};
 use stage::messages::{Class, Message};
 use stage::{Context, Loan, Outputs, StepError};
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Far more than saving takes on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A fault as the settings say.
 ///
@@ -62,6 +66,7 @@ impl Fault {
         if fault == "none" || fault.ends_with("_at_start") || fault == "takes_up_no_state" || !self.is_due(tick)? {
             return Ok(());
         }
+        self.await_barrier(tick);
         match fault {
             "error" => Err(StepError::data(format!("told to fail in tick {tick}"))),
             "exit" => std::process::exit(0),
@@ -88,6 +93,19 @@ impl Fault {
                 outputs.publish(loan, 0)
             }),
             _ => stall(),
+        }
+    }
+
+    /// Waits until the barrier before `tick` is whole, so that it is known where the run goes on. There is one behind every fifth
+    /// tick; where none can be had, patience ends.
+    fn await_barrier(&self, tick: u64) {
+        let barrier = tick.saturating_sub(1) / 5;
+        let states = self.output.join(format!("run/states/{barrier}"));
+        let is_whole =
+            || ["source", "relay", "sink"].iter().all(|stage| states.join(format!("{stage}.state")).is_file());
+        let begun = Instant::now();
+        while barrier > 0 && !is_whole() && begun.elapsed() < PATIENCE {
+            std::thread::park_timeout(Duration::from_millis(1));
         }
     }
 
