@@ -163,7 +163,7 @@ fn square_beyond(outlines: &[&Outline], column: usize, others: &[usize]) -> f32 
     0.0
 }
 
-/// The axis that the edges tell most about, and the one across it if they tell a tenth as much about that.
+/// The axis that the edges tell most about, and the one across it if they tell a fifth as much about that.
 fn axes(outlines: &[&Outline]) -> Vec<Turn> {
     let sum = |value: &dyn Fn(&[f32; 5]) -> f32| outlines.iter().map(|outline| value(&outline.row)).sum::<f32>();
     let (xx, xy, yy) = (sum(&|r| r[0] * r[0]), sum(&|r| r[0] * r[1]), sum(&|r| r[1] * r[1]));

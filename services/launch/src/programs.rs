@@ -54,9 +54,15 @@ pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, Str
 pub fn at_once<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) -> Vec<A> {
     let ask = &ask;
     std::thread::scope(|scope| {
-        let asked: Vec<_> = questions.iter().map(|question| scope.spawn(move || ask(question))).collect();
-        let answers = asked.into_iter().map(std::thread::ScopedJoinHandle::join);
-        answers.map(|answer| answer.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+        let thread = || std::thread::Builder::new().name("question".to_owned());
+        let asked: Vec<_> =
+            questions.iter().map(|question| thread().spawn_scoped(scope, move || ask(question))).collect();
+        let answers = asked.into_iter().zip(questions).map(|(thread, question)| match thread {
+            Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            // Where no thread can be had, one after the other.
+            Err(_) => ask(question),
+        });
+        answers.collect()
     })
 }
 

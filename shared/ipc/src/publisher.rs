@@ -59,7 +59,7 @@ impl LosslessObserver {
         // Also what one that has left said last: until it is taken the connection stays.
         let latest = self.acknowledgement.poll()?;
         if !there {
-            self.taken = None;
+            (self.taken, self.repeats) = (None, 0);
             return Ok(0);
         }
         if let Some(bytes) = latest

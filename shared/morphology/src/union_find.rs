@@ -1,4 +1,4 @@
-//! Disjoint sets of pixels.
+//! Disjoint sets of pixels or of runs of them.
 
 use crate::Labels;
 use ndarray::Array2;

@@ -10,7 +10,8 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     let n_cells = columns * rows;
     check_length("mask", masks.len(), n_cells)?;
     check_length("cube", cube.len(), cube.len() / n_cells.max(1) * n_cells)?;
-    let gaps = gaps(columns, rows, masks);
+    let n_bands = cube.len() / n_cells.max(1);
+    let gaps = gaps(columns, rows, masks, u32::MAX.checked_shr(32 - n_bands.min(32) as u32).unwrap_or(0));
     let mut before = Vec::with_capacity(n_cells);
     let mut sorted = [(); 3].map(|()| vec![0.0; columns]);
     for (band, plane) in cube.chunks_exact_mut(n_cells.max(1)).enumerate() {
@@ -37,15 +38,15 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     Ok(())
 }
 
-/// Cells around which a band is invalid somewhere, bit by bit; those of the rim lack all bands.
-fn gaps(columns: usize, rows: usize, masks: &[u32]) -> Vec<(usize, u32)> {
+/// Cells around which one of `bands` is invalid somewhere, bit by bit; those of the rim lack all.
+fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u32)> {
     let lacking = |cell: usize| {
         let (x, y) = (cell % columns, cell / columns);
         if x == 0 || y == 0 || x + 1 == columns || y + 1 == rows {
-            return u32::MAX;
+            return bands;
         }
         let around = [cell - columns, cell, cell + columns];
-        !around.iter().flat_map(|at| &masks[at - 1..at + 2]).fold(u32::MAX, |all, mask| all & mask)
+        bands & !around.iter().flat_map(|at| &masks[at - 1..at + 2]).fold(u32::MAX, |all, mask| all & mask)
     };
     (0..masks.len()).map(|cell| (cell, lacking(cell))).filter(|(_, lacking)| *lacking != 0).collect()
 }
@@ -135,6 +136,13 @@ mod tests {
         assert_eq!(cube[5..10], [0.1, 0.1, 0.1, 0.9, 0.9]);
         assert_eq!(cube[20..25], [0.1, 0.0, 0.1, 0.9, 0.9]);
         assert!(median_3x3([5, 3], &mut cube[..16], &masks).is_err());
+    }
+
+    #[test]
+    fn where_all_bands_are_valid_only_the_rim_is_looked_at_again() {
+        let looked_at = gaps(5, 4, &[0b11; 20], 0b11);
+        assert_eq!(looked_at.len(), 14);
+        assert!(looked_at.iter().all(|(_, lacking)| *lacking == 0b11));
     }
 
     #[test]

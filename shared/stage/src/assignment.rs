@@ -104,9 +104,6 @@ pub struct Assignment {
 pub struct Restart {
     /// 1, 2, 3 …
     pub epoch: u32,
-    /// Processes started since the last one that was heard of after a tick. Each may have given numbers, from where it began.
-    #[serde(default)]
-    pub unheard: u32,
     /// Ticks as last heard.
     pub ticks: u64,
     /// Inputs as last heard.

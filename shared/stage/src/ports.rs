@@ -92,13 +92,15 @@ pub(crate) struct Clock {
     pub(crate) born_nanos: Cell<u64>,
 }
 
-/// A stage that is started anew in a live run numbers its messages and ticks on from the next multiple of this: far
-/// more than can have been published since the last heartbeat of the process before it.
-pub(crate) const STRIDE: u64 = 1000;
+/// A stage that is started anew in a live run numbers its messages and ticks on from a multiple of this: far more than can have
+/// been published since the last heartbeat of the process before it.
+const STRIDE: u64 = 1000;
 
-/// A number that the process before has surely not given.
-pub(crate) fn beyond(n: u64) -> u64 {
-    (n / STRIDE + 1) * STRIDE
+/// The number with which the process `epoch` (1: the first to follow another) begins, so that it gives none that one before it may
+/// have given. `heard` is behind the last that was heard of; one stride for each process, because any of them may have died before
+/// its first was heard of.
+pub(crate) fn beyond(heard: u64, epoch: u32) -> u64 {
+    (heard / STRIDE + u64::from(epoch)) * STRIDE
 }
 
 /// What all ports of a stage share.
@@ -285,8 +287,7 @@ pub(crate) trait TickedOutput {
     /// Whether consumers have taken everything.
     fn is_drained(&mut self) -> Result<bool, StepError>;
     /// Goes on behind what was published before this process began.
-    /// Goes on behind what was published; in a live run, beyond `passed_over` more numbers that may have been given.
-    fn resume(&mut self, published: Traffic, passed_over: u64);
+    fn resume(&mut self, published: Traffic);
     fn traffic(&self) -> Traffic;
     /// Brings up to date what the heartbeat says of messages that wait for a consumer.
     fn note_waiting(&mut self) -> Result<(), StepError>;
@@ -435,11 +436,11 @@ impl<T: Message> TickedOutput for SharedOutput<T> {
         Ok((self.is_live || self.messages.n_waiting()? == 0) && self.ticks.n_waiting()? == 0)
     }
 
-    fn resume(&mut self, published: Traffic, passed_over: u64) {
+    fn resume(&mut self, published: Traffic) {
         self.next_seq = published.next_seq;
         if published.epoch > 0 {
             self.followed = published.next_seq;
-            self.next_seq = beyond(published.next_seq + passed_over);
+            self.next_seq = beyond(published.next_seq, published.epoch);
         }
         self.traffic = published;
     }
@@ -461,4 +462,25 @@ fn note_waiting<T: Message>(pulse: &Pulse, topic: &str, messages: &mut Publisher
         None => drop(health.waiting.insert(topic.to_owned(), waiting)),
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::beyond;
+
+    #[test]
+    fn no_process_gives_a_number_that_one_before_it_gave() {
+        // Whether a process was heard of after its messages, one bit for each.
+        for heard_of in 0..1_u32 << 8 {
+            let (mut heard, mut given) = (0, 0);
+            for epoch in 1..=8 {
+                let first = beyond(heard, epoch);
+                assert!(first > given, "{first} after {given}, process {epoch} of {heard_of:08b}");
+                given = first + 700;
+                if heard_of >> (epoch - 1) & 1 == 1 {
+                    heard = first + 300;
+                }
+            }
+        }
+    }
 }

@@ -45,8 +45,11 @@ pub(crate) fn run<S: Stage>(
         let connected = runner.connect();
         let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
         runner.report();
-        let settled = runner.settle();
-        ending.and_then(|ending| settled.map(|()| ending))
+        match (ending, runner.settle()) {
+            // A state that could not be saved is told also by one that is stopped.
+            (Ok(_) | Err(StepError::Stopped { .. }), Err(unsaved)) => Err(unsaved),
+            (ending, _) => ending,
+        }
     });
     match &ending {
         Ok(Ending::Done) => pulse.set(Activity::Done),

@@ -65,11 +65,8 @@ impl LiveRestarts {
             }
             later
         };
-        // The first process began with no number that anybody else had.
-        let is_unheard = health.ticks == 0 && stage.total > 1;
         stage.last = Restart {
             epoch: stage.total,
-            unheard: if is_unheard { stage.last.unheard + 1 } else { 0 },
             ticks: health.ticks.max(stage.last.ticks),
             inputs: later(&health.inputs, &stage.last.inputs),
             outputs: later(&health.outputs, &stage.last.outputs),
@@ -107,7 +104,7 @@ impl Supervisor {
             let stage = self.plan.stages.iter().find(|stage| stage.name == process.name);
             let Some(stage) = stage.filter(|stage| self.live.is_due(&stage.name)) else { continue };
             // Its ports are free for the one that follows once the dead process is forgotten.
-            if !node.forget_dead().map_err(|error| error.to_string())? {
+            if !node.forget_dead() {
                 continue;
             }
             *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;

@@ -178,14 +178,14 @@ impl Bank {
 
 /// Puts those of a block of examples in their place that are among the `k` nearest so far.
 fn offer(nearest: &mut Vec<Near>, k: usize, likeness: &Feature, examples: Range<usize>) {
-    let least = if nearest.len() < k { f32::NEG_INFINITY } else { nearest[k - 1].0 };
-    if !likeness.iter().any(|value| *value > least) {
-        return;
-    }
     for (&value, example) in likeness.iter().zip(examples) {
-        let place = nearest.partition_point(|near| near.0 >= value);
-        nearest.insert(place, (value, example));
-        nearest.truncate(k);
+        let least = if nearest.len() < k { f32::NEG_INFINITY } else { nearest[k - 1].0 };
+        // What is no number is like nothing.
+        if value > least {
+            let place = nearest.partition_point(|near| near.0 >= value);
+            nearest.insert(place, (value, example));
+            nearest.truncate(k);
+        }
     }
 }
 

@@ -56,7 +56,7 @@ impl<S: Stage> Runner<'_, S> {
         (self.drive_begin, self.barrier_time) = (state.drive_begin, state.barrier_time);
         for output in Self::ticked_outputs(&mut self.outputs) {
             let traffic = state.outputs.get(output.topic()).cloned().unwrap_or_default();
-            output.resume(traffic, 0);
+            output.resume(traffic);
         }
         for input in &mut self.inputs {
             if let Some(delivered) = state.inputs.get(input.topic()) {

@@ -3,7 +3,7 @@
 use super::Runner;
 use crate::assignment::Restart;
 use crate::health::Activity;
-use crate::ports::{STRIDE, beyond};
+use crate::ports::beyond;
 use crate::process::monotonic_nanos;
 use crate::{Inputs, Stage, StepError};
 use messages::TickRow;
@@ -50,15 +50,14 @@ impl<S: Stage> Runner<'_, S> {
 
     /// Takes the place of a process that has died: counts go on, and no number is given twice.
     pub(super) fn follow(&mut self, restart: &Restart) {
-        let passed_over = u64::from(restart.unheard) * STRIDE;
-        self.tick = beyond(restart.ticks + passed_over);
+        self.tick = beyond(restart.ticks, restart.epoch);
         for input in &mut self.inputs {
             input.resume(restart.inputs.get(input.topic()).cloned().unwrap_or_default());
         }
         for output in Self::ticked_outputs(&mut self.outputs) {
             let mut published = restart.outputs.get(output.topic()).cloned().unwrap_or_default();
             published.epoch = restart.epoch;
-            output.resume(published, passed_over);
+            output.resume(published);
         }
     }
 }

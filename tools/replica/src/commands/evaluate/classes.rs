@@ -50,7 +50,7 @@ pub struct Args {
     #[arg(long, requires = "model", value_enum, value_delimiter = ',')]
     refine: Vec<Refine>,
     /// The K nearest examples of the network's features vote on a pixel's class, in place of its last layer.
-    #[arg(long, requires = "examples", value_name = "K", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, requires_all = ["model", "examples"], value_name = "K", value_parser = clap::value_parser!(u16).range(1..=1000))]
     knn: Option<u16>,
     /// Recipe of the model; the examples are of its first drives, one of each kind in its list of towns.
     #[arg(long, requires = "knn", value_name = "RECIPE")]
