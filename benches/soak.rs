@@ -2,7 +2,7 @@
 //! memory are looked at; then 200 runs that are killed at seeded moments, after which nothing may be left.
 //! `cargo build --release -p launch -p misbehaving && cargo bench --bench soak [-- MESSAGES KILLS SEED]`
 
-use replica_tests::{Launch, Running, domain_of, leftovers, wait_for};
+use replica_tests::{Launch, Random, Running, domain_of, leftovers, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -119,19 +119,6 @@ fn processes_that_name(folder: &Path) -> Vec<String> {
     lines.filter(|line| line.contains(&*folder.to_string_lossy())).collect()
 }
 
-/// `SplitMix64`: the same seed, the same moments.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % n
-    }
-}
-
 /// Kills the supervisor, or a stage whose run must then end well; whether the supervisor was left alive.
 fn strike(running: &Running, random: &mut Random) -> bool {
     std::thread::sleep(Duration::from_millis(random.below(700)));
@@ -154,7 +141,7 @@ fn many_kills(kills: u64, seed: u64) -> bool {
     assert_eq!(undisturbed.start().wait(), Some(0));
     // All into one folder: what a dead run has left is the next one's to clean up.
     let disturbed = launch();
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let (mut survived, mut same) = (0_u64, 0_u64);
     let begun = Instant::now();
     for _ in 0..kills {

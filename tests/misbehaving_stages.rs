@@ -54,6 +54,18 @@ fn a_stage_that_keeps_its_loans_is_told_how_many_it_may_hold() {
 }
 
 #[test]
+fn a_state_that_cannot_be_brought_to_the_disk_counts_for_no_barrier_and_is_told() {
+    // The source ends in the middle of the drive's second barrier: nothing comes any more while the state fails.
+    let launch = Launch::of_misbehaving("restarts = 1", "ticks = 8\npoints = 500", "fault = \"relies_on_nothing\"");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let words = "not_there.ply: No such file or directory";
+    assert_eq!(said(&output).matches(words).count(), 2, "{words:?} twice in:\n{}", said(&output));
+    assert!(!launch.states().join("1/relay.state").exists());
+    assert_eq!(launch.summary()["outcome"], "failed");
+}
+
+#[test]
 fn a_stage_that_floods_its_topic_is_stopped() {
     is_given_up("floods_topic", "class: more than 3 messages in one tick");
 }

@@ -2,8 +2,7 @@
 
 use crate::index::CloudEntry;
 use crate::place::is_placed;
-use formats::atomic_file::{sync, write_atomic};
-use rayon::prelude::*;
+use formats::atomic_file::{sync_all, write_atomic};
 use stage::StepError;
 use std::fs;
 use std::io;
@@ -43,7 +42,7 @@ impl Folder {
     /// Brings clouds to the disk.
     pub(crate) fn sync(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
         let files: Vec<PathBuf> = self.files(clouds).collect();
-        files.par_iter().try_for_each(|path| sync(path).map_err(fault(path, "bring to the disk")))
+        sync_all(&files).map_err(|(path, cause)| fault(&path, "bring to the disk")(cause))
     }
 
     /// Makes the folder hold these clouds and nothing else of ours. Files of others stay.

@@ -1,5 +1,6 @@
 //! Files that are there whole or not at all, whatever happens to the process or the machine.
 
+use rayon::prelude::*;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ impl AtomicFile {
     }
 
     /// Renames the content into place. Whole for every process, but a power cut may take it: before anything relies on it,
-    /// [`sync`].
+    /// [`sync_all`].
     pub fn commit_unsynced(mut self) -> io::Result<()> {
         fs::rename(&self.partial, &self.path)?;
         self.file = None;
@@ -67,9 +68,14 @@ pub fn write_atomic(path: &Path, content: &[u8]) -> io::Result<()> {
 }
 
 /// Brings a file and its name to the disk.
-pub fn sync(path: &Path) -> io::Result<()> {
+fn sync(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()?;
     sync_folder(path)
+}
+
+/// Brings files and their names to the disk, many at a time. The error is of the first that failed.
+pub fn sync_all(paths: &[PathBuf]) -> Result<(), (PathBuf, io::Error)> {
+    paths.par_iter().try_for_each(|path| sync(path).map_err(|cause| (path.clone(), cause)))
 }
 
 /// A rename is durable when its folder is.

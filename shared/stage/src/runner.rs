@@ -2,6 +2,7 @@
 
 mod barrier;
 mod live;
+mod saving;
 
 use crate::assignment::{Assignment, Command, wake_name};
 use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
@@ -11,12 +12,12 @@ use crate::process::{die_with, monotonic_nanos};
 use crate::{Flow, Inputs, Mode, Outputs, Stage, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
 use messages::{NO_DRIVE_TIME, TickRow};
+use saving::Saving;
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::thread::JoinHandle;
 
 /// Of an error, in the heartbeat: it has 64 KiB, which the notes of [`Outputs::note`] need too.
 const MAX_ERROR_CHARS: usize = 2000;
@@ -45,7 +46,7 @@ pub(crate) fn run<S: Stage>(
         let connected = runner.connect();
         let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
         runner.report();
-        match (ending, runner.settle()) {
+        match (ending, runner.saving.settle()) {
             // A state that could not be saved is told also by one that is stopped.
             (Ok(_) | Err(StepError::Stopped { .. }), Err(unsaved)) => Err(unsaved),
             (ending, _) => ending,
@@ -84,7 +85,7 @@ struct Runner<'a, S: Stage> {
     /// Of the last tick.
     last_row: TickRow,
     /// Brings the last barrier's state to the disk.
-    saving: Option<JoinHandle<Result<(), StepError>>>,
+    saving: Saving,
     step_times: Histogram,
     ages: Histogram,
 }
@@ -136,7 +137,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             drive_begin: None,
             barrier_time: None,
             last_row: TickRow::default(),
-            saving: None,
+            saving: Saving::default(),
             step_times: Histogram::default(),
             ages: Histogram::default(),
         };
@@ -268,7 +269,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     /// Waits behind a barrier for the word to go on. `false` if the run is being stopped.
     fn pause(&mut self) -> Result<bool, StepError> {
-        self.settle()?;
+        self.saving.settle()?;
         self.pulse.announce(Activity::Paused);
         let (control, command) = (&self.control, &mut self.command);
         let goes_on = || read_command(control, command).map(|()| !command.pause);
@@ -323,11 +324,14 @@ impl<'a, S: Stage> Runner<'a, S> {
     /// Waits until every input has the whole tick, and checks that they agree on what follows it.
     fn gather(&mut self) -> Result<Option<TickRow>, StepError> {
         let (inputs, outputs, tick) = (&mut self.inputs, &mut self.outputs, self.tick);
+        let saving = &mut self.saving;
         let late = std::cell::RefCell::new(String::new());
         let mut agreed: Option<TickRow> = None;
         let here = self.ports.waiter.wait_until(
             || Activity::Waiting(late.borrow().clone()),
             || {
+                // What could not be saved is told also if nothing comes any more.
+                saving.check()?;
                 agreed = None;
                 for input in inputs.iter_mut() {
                     let Some(row) = input.gather(tick)? else {
@@ -352,7 +356,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     /// What follows a step: the end's rest, the barrier's state, the ticks on all outputs.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
-        self.check_saving()?;
+        self.saving.check()?;
         if row.end != 0 {
             self.stage.finish(&mut self.outputs)?;
         }

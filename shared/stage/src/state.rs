@@ -8,7 +8,7 @@ pub use pieces::{StateBytes, decode_head, next_message};
 use crate::StepError;
 use crate::health::Traffic;
 use checksum::Checksum;
-use formats::atomic_file::{AtomicFile, sync};
+use formats::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -142,7 +142,7 @@ impl WrittenState {
     /// Brings it to the disk, after the files that it relies on; only then has it its name.
     pub(crate) fn commit(self) -> Result<(), StepError> {
         let failed = |path: &Path, cause: &std::io::Error| StepError::Io(format!("{}: {cause}", path.display()));
-        self.relied_on.iter().try_for_each(|path| sync(path).map_err(|cause| failed(path, &cause)))?;
+        sync_all(&self.relied_on).map_err(|(path, cause)| failed(&path, &cause))?;
         let path = self.file.path().to_owned();
         self.file.commit().map_err(|cause| failed(&path, &cause))
     }

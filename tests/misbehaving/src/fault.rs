@@ -27,6 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// | `hangs_at_start`, `stalls_at_start` | as `hang` and `stall`, before it is ready |
 /// | `fails_at_start` | it cannot be made |
 /// | `takes_up_no_state` | it cannot go on from any state |
+/// | `relies_on_nothing` | its states speak of a file that is not there |
 /// | `waits_at_start` | not ready before the file `once` is there |
 pub struct Fault {
     settings: Settings,
@@ -60,10 +61,19 @@ impl Fault {
         if refuses { Err(StepError::data("told to take up no state")) } else { Ok(()) }
     }
 
+    /// Files of which a state speaks.
+    pub fn relied_on(&self) -> Option<PathBuf> {
+        (self.settings.fault == "relies_on_nothing").then(|| self.output.join("not_there.ply"))
+    }
+
     /// Before the step of a tick.
     pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<Class>>, outputs: &mut Outputs) -> Result<(), StepError> {
         let fault = self.settings.fault.as_str();
-        if fault == "none" || fault.ends_with("_at_start") || fault == "takes_up_no_state" || !self.is_due(tick)? {
+        if fault == "none"
+            || fault.ends_with("_at_start")
+            || ["takes_up_no_state", "relies_on_nothing"].contains(&fault)
+            || !self.is_due(tick)?
+        {
             return Ok(());
         }
         self.await_barrier(tick);

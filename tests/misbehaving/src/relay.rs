@@ -3,7 +3,9 @@
 use crate::fault::Fault;
 use crate::mapping::is_shared_memory;
 use stage::messages::{Class, ClassRow, Sweep};
-use stage::{Context, Flow, Inputs, Loan, Outputs, Port, Stage, StepError, any, decode_state, encode_state, one_of};
+use stage::{
+    Context, Flow, Inputs, Loan, Outputs, Port, Stage, StateBytes, StepError, any, decode_state, encode_state, one_of,
+};
 
 stage::settings! {
     /// Settings of the relay.
@@ -12,7 +14,7 @@ stage::settings! {
         pub fault: String = "none".to_owned() => one_of(&[
             "none", "error", "exit", "panic", "hang", "stall", "killed", "bus_error", "exhausts_memory",
             "fills_shared_memory", "leaks_loans", "floods_topic", "hangs_at_start", "stalls_at_start", "waits_at_start",
-            "fails_at_start", "takes_up_no_state",
+            "fails_at_start", "takes_up_no_state", "relies_on_nothing",
         ]);
         /// Tick in which it goes wrong.
         pub at_tick: u64 = 0 => any();
@@ -76,8 +78,10 @@ impl Stage for Relay {
         Ok(Flow::Continue)
     }
 
-    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
-        Ok(encode_state(1, &(self.tick, self.sum))?.into())
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+        let mut state = StateBytes::from(encode_state(1, &(self.tick, self.sum))?);
+        state.rely_on(self.fault.relied_on());
+        Ok(state)
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {

@@ -94,7 +94,7 @@ impl PlyWriter {
         self.finish_by(AtomicFile::commit)
     }
 
-    /// Gives the cloud its name; to bring it to the disk is left to [`crate::atomic_file::sync`].
+    /// Gives the cloud its name; to bring it to the disk is left to [`crate::atomic_file::sync_all`].
     pub fn finish_unsynced(self) -> Result<u64, PlyError> {
         self.finish_by(AtomicFile::commit_unsynced)
     }

@@ -5,12 +5,10 @@ use crate::health::Traffic;
 use crate::state::{RunnerState, load_state, write_state};
 use crate::{Stage, StepError};
 use std::sync::Arc;
-use std::thread::JoinHandle;
 
 impl<S: Stage> Runner<'_, S> {
     /// Writes the state down. A thread brings it to the disk while the stage goes on, and then says so.
     pub(super) fn save(&mut self) -> Result<(), StepError> {
-        self.settle()?;
         let state = RunnerState {
             tick: self.tick,
             barrier: self.barrier,
@@ -22,27 +20,7 @@ impl<S: Stage> Runner<'_, S> {
             notes: self.outputs.notes.clone(),
         };
         let written = write_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)?;
-        let (pulse, barrier) = (Arc::clone(&self.ports.waiter.pulse), self.barrier);
-        let commit = move || {
-            written.commit()?;
-            pulse.update().barrier = barrier;
-            pulse.beat_now();
-            Ok(())
-        };
-        let thread = std::thread::Builder::new().name("saving".to_owned()).spawn(commit);
-        self.saving = Some(thread.map_err(StepError::io)?);
-        Ok(())
-    }
-
-    /// Waits until the last barrier's state is on the disk.
-    pub(super) fn settle(&mut self) -> Result<(), StepError> {
-        let Some(saving) = self.saving.take() else { return Ok(()) };
-        saving.join().unwrap_or_else(|_| Err(StepError::Io("the thread that saves the state panicked".to_owned())))
-    }
-
-    /// The fault of a thread that has come to its end.
-    pub(super) fn check_saving(&mut self) -> Result<(), StepError> {
-        if self.saving.as_ref().is_some_and(JoinHandle::is_finished) { self.settle() } else { Ok(()) }
+        self.saving.begin(written, self.barrier, Arc::clone(&self.ports.waiter.pulse))
     }
 
     pub(super) fn load(&mut self, barrier: u64) -> Result<(), StepError> {

@@ -12,11 +12,12 @@ use std::cell::Cell;
 impl<S: Stage> Runner<'_, S> {
     /// Live: a step over whatever has come, as soon as there is something new.
     pub(super) fn live_tick(&mut self) -> Result<Option<bool>, StepError> {
-        let (inputs, n_ticks) = (&mut self.inputs, self.tick);
+        let (inputs, saving, n_ticks) = (&mut self.inputs, &mut self.saving, self.tick);
         let news = Cell::new(None);
         let here = self.ports.waiter.wait_until(
             || Activity::Waiting("any".to_owned()),
             || {
+                saving.check()?;
                 let mut newest: Option<TickRow> = None;
                 let (mut barrier, mut has_messages, mut all_ended) = (0, false, true);
                 for input in inputs.iter_mut() {
