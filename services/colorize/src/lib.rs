@@ -20,9 +20,8 @@
 //! them; the topic's `BORROWED` bounds their number (`exposures_released_early` counts those beyond).
 //!
 //! # Wide registers
-//! Plain loops that `pulp::Arch` runs take the machine's widest registers, if all that they call is `#[inline(always)]`, their own `call` too, and a loop's arrays are
-//! those of one or two structs, of constant length: only then is it certain at compile time that they do not overlap. Products and sums are not fused, so
-//! that the width does not show in the result.
+//! As in `wide_loops::run`, but the work is a struct with a `call` of its own, and a loop's arrays are those of one or two structs, of
+//! constant length: only then is it certain at compile time that they do not overlap.
 
 #![allow(clippy::needless_bitwise_bool, reason = "conditions without jumps let the loops over a chunk become vectors")]
 

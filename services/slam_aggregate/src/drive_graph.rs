@@ -3,7 +3,7 @@
 use crate::drift::Drift;
 use crate::fixes::Fixes;
 use crate::gravity::Gravity;
-use crate::receiver_errors::refine;
+use crate::receiver_errors::unsmooth_or_doubt;
 use crate::recent_path::RecentPath;
 use geometry::{Geodetic, Isometry3, Point3, Pose};
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow};
@@ -162,7 +162,7 @@ impl DriveGraph {
         let start: Vec<Pose> = self.nodes.iter().map(|node| world_from_odom * node.odom_from_submap).collect();
         // Only with the submaps in place is it known how fixes move.
         let first = graph.solve(&start, gauge)?;
-        refine(self.fixes.settled(), &mut graph.positions, &first.poses);
+        unsmooth_or_doubt(self.fixes.settled(), &mut graph.positions, &first.poses);
         let solution = graph.solve(&first.poses, gauge)?;
         let header = header(&solution, &graph, origin);
         let rows = self.nodes.iter().zip(&solution.poses).zip(&solution.covariances).enumerate();

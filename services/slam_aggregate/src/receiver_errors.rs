@@ -21,7 +21,7 @@ const SMOOTH: f64 = 0.5;
 /// Makes more of the positions, now that it is known where the submaps lie, `world_from_submap` by number. What a smoothing
 /// receiver keeps of the fix before is taken out of places; heights, and places of one that does not smooth, are doubted as
 /// far as they drift.
-pub fn refine(settled: &[Settled], positions: &mut [Position], world_from_submap: &[Pose]) {
+pub fn unsmooth_or_doubt(settled: &[Settled], positions: &mut [Position], world_from_submap: &[Pose]) {
     let off = |p: &Position| p.p_in_world - world_from_submap[p.submap] * p.p_in_submap;
     let stamps = settled.iter().map(|fix| fix.stamp);
     let offs: Vec<(i64, Vector3<f64>)> = stamps.zip(positions.iter().map(off)).collect();
@@ -92,7 +92,7 @@ mod tests {
         let settled =
             |(second, _): &(i64, f64)| Settled { stamp: second * SECOND, hdop: 1.0, antenna_in_odom: at(*second) };
         let settled: Vec<Settled> = fixes.iter().map(settled).collect();
-        refine(&settled, &mut positions, &[world_from_submap()]);
+        unsmooth_or_doubt(&settled, &mut positions, &[world_from_submap()]);
         assert!(positions.iter().all(|p| (p.sigma_above_m / p.sigma_m[2] - 6.0).abs() < 1e-9));
         positions
     }
@@ -127,6 +127,27 @@ mod tests {
             assert!((error - wrong(*second)).abs() < 1e-9, "{second} s: {error} m");
         }
         assert!(refined(&fixes).iter().all(|p| p.sigma_m[..2] == [0.2, 0.2]));
+    }
+
+    #[test]
+    fn a_filter_of_another_pull_and_noise_leave_more_but_less_than_the_filter_does() {
+        let wrong = |second: i64| if (40..80).contains(&second) { 8.0 } else { 0.0 };
+        let noise = |second: i64| ((second * 7919 % 13) as f64 - 6.0) * 0.01;
+        for pull in [0.10, 0.20] {
+            let mut filtered = 0.0;
+            let follow = |second: i64| {
+                filtered += (1.0 - f64::exp(-pull)) * (wrong(second) - filtered);
+                (second, filtered + noise(second))
+            };
+            let fixes: Vec<(i64, f64)> = (0..140).map(follow).collect();
+            let rms = |errors: &[f64]| {
+                let off = errors.iter().zip(&fixes).map(|(error, (second, _))| (error - wrong(*second)).powi(2));
+                (off.sum::<f64>() / errors.len() as f64).sqrt()
+            };
+            let before: Vec<f64> = fixes.iter().map(|(_, error)| *error).collect();
+            let (before, after) = (rms(&before), rms(&errors(&fixes)));
+            assert!(after < 0.6 * before, "pull {pull}: {after} m instead of {before}");
+        }
     }
 
     #[test]
