@@ -325,19 +325,18 @@ fn coming_and_going_leaves_nothing_behind() {
 
 #[test]
 fn an_onlooker_goes_on_with_the_run_after_a_restart() {
-    let fault = "fault = \"error\"\nat_tick = 100\nonce = \"struck\"";
-    let launch = Launch::of_misbehaving("", ENDLESS, fault);
-    let running = launch.start();
-    let mut onlooker = Onlooker::start_early(&launch, &running, &["echo", "class", "--json", "--rows", "0"]);
-    let mut last = 0;
-    let back = wait_for("numbers that begin again at the barrier", || {
-        let seq = json(&onlooker.line())["seq"].as_u64()?;
-        let before = std::mem::replace(&mut last, seq);
-        (seq < before || (before < 100 && seq > 110)).then_some(seq)
-    });
-    assert!(back > 0);
-    let status = json(&looked(&launch, &["status", "--json"]));
-    assert_eq!(status["started_anew"], 1);
+    let (launch, running) = endless();
+    let mut onlooker = Onlooker::start(&launch, &["echo", "class", "--json", "--rows", "0"]);
+    let mut seq = || json(&onlooker.line())["seq"].as_u64().expect("a number");
+    seq();
+    let relay = running.stage("relay");
+    let status = || json(&looked(&launch, &["status", "--json"]));
+    // While it stands still the source has sent all that it can have answered: what has a later number came after the restart.
+    kill_process(relay, Signal::STOP).expect("it lives");
+    let sent = status()["topics"][0]["published"]["next_seq"].as_u64().expect("a number");
+    kill_process(relay, Signal::KILL).expect("it lives");
+    wait_for("messages since the restart", || (seq() > sent).then_some(()));
+    assert_eq!(status()["started_anew"], 1);
     onlooker.signal(Signal::TERM);
     let output = onlooker.finish();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
