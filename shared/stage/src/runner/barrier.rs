@@ -24,10 +24,11 @@ impl<S: Stage> Runner<'_, S> {
     }
 
     pub(super) fn load(&mut self, barrier: u64) -> Result<(), StepError> {
-        let (state, stage) = load_state(&self.assignment.state_file(barrier))?;
+        let path = self.assignment.state_file(barrier);
+        let (state, stage) = load_state(&path)?;
         // Who holds nothing can be followed by any program.
         if !stage.is_empty() {
-            self.stage.load(&stage)?;
+            self.stage.load(&stage).map_err(|error| StepError::data(format!("{}: {error}", path.display())))?;
         }
         (self.tick, self.barrier) = (state.tick, state.barrier);
         self.pulse.update().barrier = state.barrier;
