@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A program that describes itself has this long; it does nothing else.
-const ANSWER_PATIENCE: Duration = Duration::from_secs(10);
+const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
 
 /// The binary of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
 pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, String> {

@@ -18,15 +18,33 @@ pub struct Fault {
     pub may_restart: bool,
 }
 
-/// The first fault in the order of the dataflow: what fails upstream is the cause of what fails downstream.
-pub fn first_fault(processes: &[StageProcess], stages: &[PlannedStage], run: &Run) -> Option<Fault> {
-    let now = Instant::now();
-    let by_stage = processes.iter().zip(stages).find_map(|(process, stage)| fault(process, stage, run, now));
+/// The first fault in the order of the dataflow: what fails upstream is the cause of what fails downstream. `now` is when the
+/// processes began to be observed: what holds the supervisor up since makes nobody look silent.
+pub fn first_fault(processes: &[StageProcess], stages: &[PlannedStage], run: &Run, now: Instant) -> Option<Fault> {
+    let connecting = connecting_since(processes);
+    let of_stage = |(process, stage)| fault(process, stage, run, connecting, now);
+    let by_stage = processes.iter().zip(stages).find_map(of_stage);
     // Live, a street without packets is no fault.
     by_stage.or_else(|| if run.mode == "live" { None } else { standstill(processes, run, now) })
 }
 
-fn fault(process: &StageProcess, stage: &PlannedStage, run: &Run, now: Instant) -> Option<Fault> {
+/// Since when those that connect have only each other to wait for. `None` while one still starts: that one has its own limit.
+fn connecting_since(processes: &[StageProcess]) -> Option<Instant> {
+    let running = || processes.iter().filter(|process| process.status.is_none());
+    if running().any(|process| process.health.activity == Activity::Starting) {
+        return None;
+    }
+    let connecting = running().filter(|process| matches!(process.health.activity, Activity::Connecting(_)));
+    connecting.map(|process| process.last_progress).max()
+}
+
+fn fault(
+    process: &StageProcess,
+    stage: &PlannedStage,
+    run: &Run,
+    connecting: Option<Instant>,
+    now: Instant,
+) -> Option<Fault> {
     if process.is_down {
         return None;
     }
@@ -46,7 +64,9 @@ fn fault(process: &StageProcess, stage: &PlannedStage, run: &Run, now: Instant) 
         return fault(format!("hang: no heartbeat for {:.1} s", silent.as_secs_f64()), true);
     }
     let limit = if stage.table.stall_s > 0.0 { stage.table.stall_s } else { run.stall_s };
-    let stuck = (now - process.last_progress).as_secs_f64();
+    let is_connecting = matches!(process.health.activity, Activity::Connecting(_));
+    let since = if is_connecting { connecting? } else { process.last_progress };
+    let stuck = (now - since).as_secs_f64();
     if stuck > limit {
         let ticks = process.health.ticks;
         match &process.health.activity {
