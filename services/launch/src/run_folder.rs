@@ -29,9 +29,11 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The processes of a killed run have this long to be gone: the kernel ends them at once, but to free gigabytes takes it a
-/// while.
+/// A supervisor that is just ending has this long.
 const LOCK_PATIENCE: Duration = Duration::from_secs(3);
+/// The processes of a supervisor that was killed have this long: the kernel ends them at once, but to free gigabytes takes it a
+/// while, and a busy machine many times as long.
+const DYING_PATIENCE: Duration = Duration::from_mins(1);
 
 /// File of the run's settings as resolved.
 const SETTINGS: &str = "settings.json";
@@ -55,11 +57,13 @@ impl RunFolder {
         std::fs::create_dir_all(&folder).map_err(|error| cannot_write(&folder, &error))?;
         let path = folder.join("lock");
         let lock = File::create(&path).map_err(|error| cannot_write(&path, &error))?;
+        // One folder has one name from here on, however it was given.
+        let output = output.canonicalize().map_err(|error| format!("{}: {error}", output.display()))?;
         let begun = Instant::now();
         loop {
             match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
                 Ok(()) => break,
-                Err(Errno::WOULDBLOCK) if begun.elapsed() < LOCK_PATIENCE => {
+                Err(Errno::WOULDBLOCK) if begun.elapsed() < patience_with(&output) => {
                     std::thread::sleep(Duration::from_millis(10));
                 }
                 Err(Errno::WOULDBLOCK) => return Err(format!("{}: another run is writing here", output.display())),
@@ -67,8 +71,6 @@ impl RunFolder {
             }
         }
         fcntl_setfd(&lock, FdFlags::empty()).map_err(|error| format!("{}: {error}", path.display()))?;
-        // One folder has one name from here on, however it was given.
-        let output = output.canonicalize().map_err(|error| format!("{}: {error}", output.display()))?;
         Ok(Self { folder, output, _lock: lock })
     }
 
@@ -244,6 +246,12 @@ impl RunFolder {
         let entries = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
         entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
     }
+}
+
+/// How long to wait for those who hold the lock of the run into `output`. Without a supervisor they are dying.
+fn patience_with(output: &Path) -> Duration {
+    let is_dying = Wiring::read(output).is_ok_and(|wiring| !wiring.is_alive(output));
+    if is_dying { DYING_PATIENCE } else { LOCK_PATIENCE }
 }
 
 fn remove_file(path: &Path) -> Result<(), String> {

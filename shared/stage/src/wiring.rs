@@ -2,6 +2,7 @@
 
 use crate::Mode;
 use crate::assignment::{PortDescription, TopicChannels};
+use crate::process::open_files;
 use ipc::Channel;
 use messages::ByteTable;
 use serde::{Deserialize, Serialize};
@@ -56,6 +57,13 @@ impl Wiring {
         let bytes = std::fs::read(&path)
             .map_err(|error| format!("no run in {}: {}: {error}", output.display(), path.display()))?;
         serde_json::from_slice(&bytes).map_err(|error| format!("{}: {error}", path.display()))
+    }
+
+    /// Whether the supervisor that wrote it is at work: it has the lock of the run into `output` (absolute, without links)
+    /// open. Another process that got its number has not.
+    pub fn is_alive(&self, output: &Path) -> bool {
+        let lock = output.join("run/lock");
+        open_files(self.supervisor).any(|file| file == lock)
     }
 
     /// All topics in the order of the dataflow, each with its producer.

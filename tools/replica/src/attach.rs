@@ -8,6 +8,7 @@ pub use tap::{Tap, TapEvent};
 use anyhow::{Context, bail};
 use ipc::{Domain, IpcError, Node, Visit};
 use stage::assignment::TopicChannels;
+use stage::process::open_files;
 use stage::wiring::Wiring;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -15,8 +16,9 @@ use std::time::{Duration, Instant};
 
 /// Between two looks at something that may have changed.
 const LOOK: Duration = Duration::from_millis(20);
-/// Places of onlookers that died are free again after a second; a run that refuses for longer is full.
-const ATTACH_PATIENCE: Duration = Duration::from_secs(3);
+/// Places of onlookers that died are free again after a second, and an attempt has all its services a moment after the first; a run
+/// that refuses for longer is full.
+const ATTACH_PATIENCE: Duration = Duration::from_secs(10);
 /// A supervisor that was killed leaves its domain as it is: whether it lives is looked at by itself.
 const LOOK_AT_SUPERVISOR: Duration = Duration::from_millis(500);
 /// A domain that is being wiped fails before it is gone; what fails for longer fails by itself.
@@ -103,12 +105,6 @@ fn alive_outputs() -> Vec<PathBuf> {
     outputs
 }
 
-/// Of a process of this user; of others none can be seen.
-fn open_files(pid: u32) -> impl Iterator<Item = PathBuf> {
-    let descriptors = std::fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten();
-    descriptors.filter_map(|descriptor| std::fs::read_link(descriptor.path()).ok())
-}
-
 /// A run and what its supervisor wrote about it.
 pub struct Run {
     /// Its output folder, absolute.
@@ -127,11 +123,9 @@ impl Run {
         Ok(Self { output, wiring, visited: None, looked_at_supervisor: Instant::now() })
     }
 
-    /// Whether the supervisor that wrote the wiring is at work: it has the run's lock open. Another process that got its
-    /// number has not.
+    /// Whether the supervisor that wrote the wiring is at work.
     pub fn is_alive(&self) -> bool {
-        let lock = self.output.join("run/lock");
-        open_files(self.wiring.supervisor).any(|file| file == lock)
+        self.wiring.is_alive(&self.output)
     }
 
     /// The topic called `name`.
