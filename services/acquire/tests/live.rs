@@ -8,7 +8,7 @@ use formats::pcap::PacketReader;
 use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
 use messages::{Gnss, Sweep, pod};
 use stage::testing::{Bench, context};
-use stage::{Context, Flow, Mode, Stage};
+use stage::{Context, Flow, Mode, Received, Stage};
 use std::fs;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -21,16 +21,16 @@ type Packets = Vec<Vec<u8>>;
 /// One publication: sweep and fixes of a tick, as bytes.
 type Tick = Vec<Vec<u8>>;
 
+/// Far more than anything here takes on a busy machine.
+const PATIENCE: Duration = Duration::from_mins(3);
+
 /// Far more than any test sends.
 const NEVER_BEHIND: u32 = 10_000;
 
-/// A free port: what the kernel gives is not given again soon.
-fn free_address() -> String {
-    UdpSocket::bind("127.0.0.1:0").expect("binds").local_addr().expect("is bound").to_string()
-}
-
+/// Two free ports: what the kernel gives is not given again soon.
 fn settings() -> Settings {
-    let (listen, position_listen) = (free_address(), free_address());
+    let sockets = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("binds"));
+    let [listen, position_listen] = sockets.map(|socket| socket.local_addr().expect("is bound").to_string());
     Settings { listen, position_listen, max_behind: NEVER_BEHIND, ..Settings::default() }
 }
 
@@ -103,7 +103,7 @@ impl Sensor {
 
     /// Until everything is in the file.
     fn wait(&self) {
-        let deadline = Instant::now() + Duration::from_secs(20);
+        let deadline = Instant::now() + PATIENCE;
         while fs::metadata(&self.capture).map_or(0, |metadata| metadata.len()) < self.n_bytes {
             assert!(Instant::now() < deadline, "{} does not reach {} bytes", self.capture.display(), self.n_bytes);
             std::thread::yield_now();
@@ -111,23 +111,45 @@ impl Sensor {
     }
 }
 
-fn take(bench: &mut Bench<Acquire>) -> Tick {
-    let mut tick = Vec::new();
-    for sweep in bench.take::<Sweep>() {
+fn take_sweeps(bench: &mut Bench<Acquire>) -> Vec<Vec<u8>> {
+    let bytes = |sweep: Received<Sweep>| {
         let header = pod::bytes_from_rows(std::slice::from_ref(sweep.header())).to_vec();
         let rows = pod::bytes_from_rows(sweep.rows());
-        tick.push([&sweep.stamp().to_le_bytes()[..], &header, rows].concat());
-    }
+        [&sweep.stamp().to_le_bytes()[..], &header, rows].concat()
+    };
+    bench.take::<Sweep>().into_iter().map(bytes).collect()
+}
+
+fn take(bench: &mut Bench<Acquire>) -> Tick {
+    let mut tick = take_sweeps(bench);
     for fixes in bench.take::<Gnss>() {
         tick.push([&fixes.stamp().to_le_bytes()[..], pod::bytes_from_rows(fixes.rows())].concat());
     }
     tick
 }
 
+/// Ticks until all packets are decoded, and the end as the runner makes it when it is told to drain; those without anything are
+/// left out.
+fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
+    let mut ticks = Vec::new();
+    let deadline = Instant::now() + PATIENCE;
+    let kinds = ["data_packets", "position_packets", "foreign_packets", "short_packets"];
+    let n_decoded = |bench: &Bench<Acquire>| kinds.iter().map(|kind| bench.counter(kind)).sum::<u64>();
+    while n_decoded(bench) < n_packets as u64 {
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+        ticks.push(take(bench));
+        assert!(Instant::now() < deadline, "{} of {n_packets} packets are decoded", n_decoded(bench));
+    }
+    bench.finish().expect("finishes");
+    ticks.push(take(bench));
+    ticks.retain(|tick| !tick.is_empty());
+    ticks
+}
+
 /// Ticks until the run ends; those without anything are left out.
 fn ticks_to_end(bench: &mut Bench<Acquire>) -> Vec<Tick> {
     let mut ticks = Vec::new();
-    let deadline = Instant::now() + Duration::from_mins(1);
+    let deadline = Instant::now() + PATIENCE;
     while bench.tick().expect("steps") == Flow::Continue {
         ticks.push(take(bench));
         assert!(Instant::now() < deadline, "the run does not end");
@@ -144,15 +166,18 @@ fn offline(recording: &Path) -> (Vec<Tick>, Bench<Acquire>) {
     (ticks_to_end(&mut bench), bench)
 }
 
-/// Whether `part` is what is left of `whole` when some of it is taken away.
-fn is_part_of(part: &[Tick], whole: &[Tick]) -> bool {
-    let mut whole = whole.iter();
-    part.iter().all(|tick| whole.any(|other| other == tick))
+/// Whether the sweeps are what is left of the ticks' when some are taken away.
+fn is_part_of(sweeps: &[Vec<u8>], ticks: &[Tick]) -> bool {
+    let mut whole = ticks.iter().map(|tick| &tick[0]);
+    sweeps.iter().all(|sweep| whole.any(|other| other == sweep))
 }
 
-/// Sends everything, piece by piece, with ticks between, and ends by silence.
-fn run_live(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
-    let settings = Settings { quiet_s: 0.3, ..settings() };
+/// How the packets come to a live run, and how it ends: its ticks, and its bench.
+type Play = fn(&Packets, &Path) -> (Vec<Tick>, Bench<Acquire>);
+
+/// Sends everything, piece by piece, with ticks between.
+fn piece_by_piece(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
+    let settings = settings();
     assert_eq!(Acquire::check(&settings, &live(folder)), []);
     let mut bench = Bench::new(&settings, &live(folder)).expect("opens");
     let mut sensor = Sensor::new(&settings, folder.join("recording/lidar/000.pcap"));
@@ -163,13 +188,21 @@ fn run_live(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
         ticks.push(take(&mut bench));
     }
     ticks.retain(|tick| !tick.is_empty());
-    ticks.extend(ticks_to_end(&mut bench));
+    ticks.extend(ticks_to_drain(&mut bench, packets.len()));
     (ticks, bench)
 }
 
+/// Sends everything and then looks, so that nobody takes a machine that is busy elsewhere for a silent sensor.
+fn up_to_silence(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
+    let settings = Settings { quiet_s: 0.3, ..settings() };
+    let mut bench = Bench::new(&settings, &live(folder)).expect("opens");
+    Sensor::new(&settings, folder.join("recording/lidar/000.pcap")).send(packets);
+    (ticks_to_end(&mut bench), bench)
+}
+
 /// Live and offline give the same, and the recording holds what was sent.
-fn assert_same(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
-    let (ticks, bench) = run_live(packets, folder);
+fn assert_same(play: Play, packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) {
+    let (ticks, bench) = play(packets, folder);
     assert!(&packets_of(&folder.join("recording/lidar/000.pcap")) == packets, "the recording is what was sent");
     let (reference, of_recording) = offline(&folder.join("recording"));
     assert_eq!(ticks.len(), reference.len());
@@ -190,7 +223,7 @@ fn assert_same(packets: &Packets, folder: &Path) -> (Vec<Tick>, Bench<Acquire>) 
 fn live_sweeps_and_fixes_are_those_of_the_recording() {
     let folder = tempfile::tempdir().expect("a folder");
     let packets = simulated(folder.path());
-    let (ticks, bench) = assert_same(&packets, folder.path());
+    let (ticks, bench) = assert_same(piece_by_piece, &packets, folder.path());
     // 42 whole turns; the wedge behind them is none.
     assert_eq!((ticks.len(), bench.counter("partial_sweeps")), (42, 1));
     assert_eq!(ticks.iter().filter(|tick| tick.len() == 2).count(), 4, "ticks with fixes");
@@ -205,7 +238,7 @@ fn a_real_sensor_s_packets_come_through() {
         // Others were on the network when it was captured.
         let is_sensor = |packet: &Vec<u8>| [DATA_PACKET_BYTES, POSITION_PACKET_BYTES].contains(&packet.len());
         let packets: Packets = packets_of(&capture).into_iter().filter(is_sensor).collect();
-        let (ticks, _) = assert_same(&packets, folder.path());
+        let (ticks, _) = assert_same(up_to_silence, &packets, folder.path());
         assert!((1..=n_sweeps).contains(&ticks.len()), "{name}: {}", ticks.len());
     }
 }
@@ -220,7 +253,7 @@ fn packets_of_others_are_recorded_and_counted() {
     packets.insert(502, vec![1; 100]);
     packets.insert(503, Vec::new());
     packets.insert(504, vec![1; 1400]);
-    let (_, bench) = assert_same(&packets, folder.path());
+    let (_, bench) = assert_same(piece_by_piece, &packets, folder.path());
     assert_eq!((bench.counter("foreign_packets"), bench.counter("short_packets")), (2, 2));
 }
 
@@ -234,6 +267,13 @@ fn a_step_without_packets_comes_back_empty() {
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         assert!(take(&mut bench).is_empty());
     }
+}
+
+#[test]
+fn silence_ends_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets: Packets = simulated(folder.path()).into_iter().take(1000).collect();
+    assert_same(up_to_silence, &packets, folder.path());
 }
 
 #[test]
@@ -260,44 +300,43 @@ fn what_is_on_the_way_at_the_end_is_published() {
 #[test]
 fn who_falls_behind_goes_on_with_the_newest() {
     let folder = tempfile::tempdir().expect("a folder");
-    let settings = Settings { max_behind: 3, quiet_s: 0.3, ..settings() };
+    let settings = Settings { max_behind: 3, ..settings() };
     let packets = simulated(folder.path());
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     let mut sensor = Sensor::new(&settings, folder.path().join("recording/lidar/000.pcap"));
-    let mut ticks = Vec::new();
+    let mut sweeps = Vec::new();
     // Nobody decodes while the first half comes in.
     sensor.send(&packets[..4000]);
     assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-    ticks.push(take(&mut bench));
+    sweeps.extend(take_sweeps(&mut bench));
     let n_skipped = bench.counter("sweeps_skipped");
     assert!((18..=21).contains(&n_skipped), "{n_skipped} of 22");
     for piece in packets[4000..].chunks(90) {
         sensor.send(piece);
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-        ticks.push(take(&mut bench));
+        sweeps.extend(take_sweeps(&mut bench));
     }
-    ticks.extend(ticks_to_end(&mut bench));
-    ticks.retain(|tick| !tick.is_empty());
+    bench.finish().expect("finishes");
+    sweeps.extend(take_sweeps(&mut bench));
     assert_eq!(bench.counter("sweeps_skipped"), n_skipped, "it keeps up afterwards");
     let (reference, _) = offline(&folder.path().join("recording"));
-    let sweeps = |ticks: &[Tick]| ticks.iter().map(|tick| vec![tick[0].clone()]).collect::<Vec<_>>();
-    assert_eq!(ticks.len() as u64 + n_skipped, reference.len() as u64);
-    assert!(is_part_of(&sweeps(&ticks), &sweeps(&reference)));
+    assert_eq!(sweeps.len() as u64 + n_skipped, reference.len() as u64);
+    assert!(is_part_of(&sweeps, &reference));
 }
 
 #[test]
 fn a_restarted_process_goes_on_in_the_next_capture() {
     let folder = tempfile::tempdir().expect("a folder");
-    let settings = Settings { quiet_s: 0.3, ..settings() };
+    let settings = settings();
     let packets = simulated(folder.path());
     let recording = folder.path().join("recording");
-    let mut ticks = Vec::new();
+    let mut sweeps = Vec::new();
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     let mut sensor = Sensor::new(&settings, recording.join("lidar/000.pcap"));
     for piece in packets[..2060].chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
-        ticks.push(take(&mut bench));
+        sweeps.extend(take_sweeps(&mut bench));
     }
     // The crash: without finish. Half a turn goes by, all of it in one revolution, until the next process listens.
     let state = bench.stage.save().expect("saves").to_vec();
@@ -308,16 +347,15 @@ fn a_restarted_process_goes_on_in_the_next_capture() {
     for piece in packets[2150..].chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
-        ticks.push(take(&mut bench));
+        sweeps.extend(take_sweeps(&mut bench));
     }
-    ticks.extend(ticks_to_end(&mut bench));
-    ticks.retain(|tick| !tick.is_empty());
+    bench.finish().expect("finishes");
+    sweeps.extend(take_sweeps(&mut bench));
     // A crash of the machine may cut a capture within a packet: what is before the cut counts.
     let whole = fs::read(recording.join("lidar/000.pcap")).expect("reads");
     let (reference, of_recording) = offline(&recording);
-    let sweeps = |ticks: &[Tick]| ticks.iter().map(|tick| vec![tick[0].clone()]).collect::<Vec<_>>();
-    assert!(is_part_of(&sweeps(&ticks), &sweeps(&reference)));
-    assert_eq!(reference.len(), ticks.len() + 1, "all but the sweep that was torn");
+    assert!(is_part_of(&sweeps, &reference));
+    assert_eq!(reference.len(), sweeps.len() + 1, "all but the sweep that was torn");
     assert_eq!(
         of_recording.counter("lost_packets"),
         90 - packets[2060..2150].iter().filter(|p| p.len() == 512).count() as u64
