@@ -19,8 +19,7 @@ fn stages_die_with_their_supervisor_and_the_next_start_cleans_up() {
     let launch = Launch::of_misbehaving("", ENDLESS, "");
     let running = launch.start();
     let stages = ["source", "relay", "sink"].map(|stage| running.stage(stage));
-    let states = launch.output().join("run/states");
-    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+    launch.wait_for_barrier(1);
     running.signal(Signal::KILL);
     wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
     let domain = domain_of(&launch.output());
@@ -38,8 +37,7 @@ fn stages_die_with_their_supervisor_and_the_next_start_cleans_up() {
 fn a_closed_terminal_drains_the_run() {
     let launch = Launch::of_misbehaving("", ENDLESS, "");
     let running = launch.start_with_closed_stderr();
-    let states = launch.output().join("run/states");
-    wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
+    launch.wait_for_barrier(1);
     running.signal(Signal::HUP);
     assert_eq!(running.wait(), Some(3));
     assert_eq!(launch.summary()["outcome"], "drained");

@@ -11,17 +11,6 @@ fn live(run: &str) -> Launch {
     Launch::of_misbehaving(&format!("mode = \"live\"\n{run}"), SENSOR, "")
 }
 
-/// Ticks of a stage, from the states that it saves: barriers come twice in a second of the drive, that is every 5 ticks.
-fn wait_for_barrier_of(launch: &Launch, stage: &str, barrier: u64) {
-    let states = launch.states();
-    wait_for(&format!("{stage} at barrier {barrier}"), || {
-        let barriers = std::fs::read_dir(&states).ok()?.flatten();
-        let numbers = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok());
-        let reached = numbers.filter(|number| states.join(format!("{number}/{stage}.state")).is_file()).max()?;
-        (reached >= barrier).then_some(())
-    });
-}
-
 /// Asks for the end and checks it.
 fn end(launch: &Launch, running: Running, code: i32) {
     running.signal(Signal::INT);
@@ -42,17 +31,17 @@ fn rises(seqs: &[u64]) -> bool {
 
 #[test]
 fn a_stage_that_stands_still_holds_nobody_up_and_what_it_misses_is_counted() {
-    let launch = live("hang_s = 600.0");
+    let launch = live("");
     let running = launch.start();
-    wait_for_barrier_of(&launch, "sink", 2);
+    launch.wait_for_barrier_of("sink", 2);
     let relay = running.stage("relay");
     kill_process(relay, Signal::STOP).expect("the stage lives");
     let stopped_at = launch.newest_barrier().unwrap_or_default();
     // Twenty barriers are a hundred sweeps: far more than any queue holds.
-    wait_for_barrier_of(&launch, "source", stopped_at + 20);
+    launch.wait_for_barrier_of("source", stopped_at + 20);
     kill_process(relay, Signal::CONT).expect("the stage lives");
     let after = launch.newest_barrier().unwrap_or_default();
-    wait_for_barrier_of(&launch, "relay", after + 2);
+    launch.wait_for_barrier_of("relay", after + 2);
     end(&launch, running, 3);
 
     let dropped = launch.stage_summary("relay")["inputs"]["sweep"]["dropped"].as_u64().expect("a number");
@@ -70,7 +59,7 @@ fn a_killed_stage_is_started_anew_alone() {
     for stage in ["source", "relay", "sink"] {
         let launch = live("");
         let running = launch.start();
-        wait_for_barrier_of(&launch, "sink", 2);
+        launch.wait_for_barrier_of("sink", 2);
         let before = ["source", "relay", "sink"].map(|name| running.stage(name));
         kill_process(running.stage(stage), Signal::KILL).expect("the stage lives");
         let successor = wait_for("the successor", || running.find_stage(stage).filter(|pid| !before.contains(pid)));
@@ -78,7 +67,7 @@ fn a_killed_stage_is_started_anew_alone() {
             assert!((name == stage) != (running.find_stage(name) == Some(pid)), "{name}: the others go on");
         }
         let barrier = launch.newest_barrier().unwrap_or_default();
-        wait_for_barrier_of(&launch, "sink", barrier + 4);
+        launch.wait_for_barrier_of("sink", barrier + 4);
         assert_eq!(running.find_stage(stage), Some(successor), "{stage}: {}", running.stderr());
         end(&launch, running, 3);
         assert_eq!(launch.summary()["total"]["restarts"], 1, "{stage}");
@@ -117,7 +106,7 @@ fn a_live_run_is_not_resumed() {
 fn a_stage_killed_again_before_its_first_tick_gives_no_number_twice() {
     let launch = live("restarts = 9");
     let running = launch.start();
-    wait_for_barrier_of(&launch, "sink", 2);
+    launch.wait_for_barrier_of("sink", 2);
     let mut killed: Vec<Pid> = Vec::new();
     for _ in 0..4 {
         // At once: the successor has hardly begun.
@@ -127,7 +116,7 @@ fn a_stage_killed_again_before_its_first_tick_gives_no_number_twice() {
     }
     wait_for("the last successor", || running.find_stage("source").filter(|pid| !killed.contains(pid)));
     let barrier = launch.newest_barrier().unwrap_or_default();
-    wait_for_barrier_of(&launch, "sink", barrier + 4);
+    launch.wait_for_barrier_of("sink", barrier + 4);
     end(&launch, running, 3);
     assert!(rises(&seqs(&launch, "sweep")) && rises(&seqs(&launch, "class")));
 }

@@ -124,13 +124,15 @@ fn limp(pid: Pid) {
 #[test]
 fn a_killed_stage_does_not_show_in_the_result() {
     for stage in ["slam_aggregate", "export"] {
-        let launch = launch(&DRIVE, "");
-        let running = launch.start();
-        let states = launch.output().join("run/states");
-        wait_for("the first barrier", || std::fs::read_dir(&states).ok()?.next().map(drop));
-        kill_process(running.stage(stage), Signal::KILL).expect("the stage lives");
-        assert_eq!(running.wait(), Some(0));
-        assert_eq!(launch.stage_summary(stage)["faults"], 1);
+        // On a machine that is busy elsewhere the run may be over before it can be disturbed; another is disturbed, then.
+        let launch = wait_for("a kill in the middle of the drive", || {
+            let launch = launch(&DRIVE, "");
+            let running = launch.start();
+            launch.wait_for_barrier(1);
+            let was_killed = running.find_stage(stage).is_some_and(|pid| kill_process(pid, Signal::KILL).is_ok());
+            assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
+            (was_killed && launch.stage_summary(stage)["faults"] == 1).then_some(launch)
+        });
         assert_same(&UNDISTURBED, &result_files(&launch.output()), stage);
     }
 }

@@ -1,7 +1,7 @@
 //! What recording and replaying a run promise: nothing is missing whatever happens to the processes, nothing of it shows in
 //! the run's result, and a replay gives the result of the run.
 
-use replica_tests::{Launch, Running, binary, result_files, said, wait_for};
+use replica_tests::{Launch, PATIENT, Running, binary, gate, result_files, said, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -73,20 +73,16 @@ fn recorder_of(running: &Running) -> Pid {
     })
 }
 
-fn wait_for_barrier(launch: &Launch, barrier: u64) {
-    let states = launch.output().join("run/states");
-    wait_for(&format!("barrier {barrier}"), || {
-        let barriers = std::fs::read_dir(&states).ok()?.flatten();
-        let newest = barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u64>().ok()).max()?;
-        (newest >= barrier).then_some(())
-    });
-}
-
-fn kill(pid: Option<Pid>) {
-    if let Some(pid) = pid {
-        // It may have ended since; then the result must be the same all the same.
-        let _ = kill_process(pid, Signal::KILL);
+/// Runs a pipeline with a gate; each stage is killed at its barrier.
+fn survives_kills(launch: &Launch, kills: &[(&str, u64)]) {
+    let running = launch.start();
+    for (stage, barrier) in kills {
+        launch.wait_for_barrier(*barrier);
+        running.kill_stage(stage);
     }
+    launch.open_gate();
+    assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
+    assert_eq!(launch.summary()["total"]["restarts"], kills.len(), "{}", launch.stderr());
 }
 
 #[test]
@@ -94,14 +90,8 @@ fn kills_in_the_middle_of_the_drive_leave_the_recording_as_it_is() {
     let source = "ticks = 400\npoints = 20000";
     let (calm, expected) = recorded(Launch::of_misbehaving("", source, ""), "sweep,class");
     succeeded(&calm.run());
-    let (launch, file) = recorded(Launch::of_misbehaving("restarts = 9", source, ""), "sweep,class");
-    let running = launch.start();
-    for (stage, barrier) in [("source", 5), ("relay", 20), ("sink", 40)] {
-        wait_for_barrier(&launch, barrier);
-        kill(running.find_stage(stage));
-    }
-    assert_eq!(running.wait(), Some(0));
-    assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "something was killed");
+    let (launch, file) = recorded(Launch::of_misbehaving("restarts = 9", source, &gate(399)), "sweep,class");
+    survives_kills(&launch, &[("source", 5), ("relay", 20), ("sink", 40)]);
     let compared = replica(&["compare"], &[&expected, &file]);
     assert_eq!(compared.status.code(), Some(0), "{}", String::from_utf8_lossy(&compared.stdout));
 }
@@ -111,12 +101,13 @@ fn a_run_goes_on_without_its_recorder() {
     let source = "ticks = 400\npoints = 20000";
     let plain = Launch::of_misbehaving("", source, "");
     succeeded(&plain.run());
-    let (launch, file) = recorded(Launch::of_misbehaving("", source, ""), "sweep,class");
+    let (launch, file) = recorded(Launch::of_misbehaving("", source, &gate(399)), "sweep,class");
     let running = launch.start();
     let recorder = recorder_of(&running);
-    wait_for_barrier(&launch, 10);
-    kill(Some(recorder));
+    launch.wait_for_barrier(10);
+    kill_process(recorder, Signal::KILL).expect("it lives");
     wait_for("its report", || running.stderr().contains("the run goes on without it").then_some(()));
+    launch.open_gate();
     assert_eq!(running.wait(), Some(3), "done, but the recording is not");
     assert!(launch.read("sink.txt") == plain.read("sink.txt"), "the result shows that the recorder was killed");
     let inspected = replica(&["inspect"], &[&file]);
@@ -155,8 +146,8 @@ fn compare_tells_where_two_recordings_differ() {
 }
 
 /// The recording's sweeps through relay and sink.
-fn replayed(recording: &Path, run: &str) -> Launch {
-    Launch::of_misbehaving(run, SOURCE, "")
+fn replayed(recording: &Path, run: &str, relay: &str) -> Launch {
+    Launch::of_misbehaving(run, SOURCE, relay)
         .with("--source")
         .with("replay")
         .with("--set")
@@ -167,25 +158,14 @@ fn replayed(recording: &Path, run: &str) -> Launch {
 fn a_replay_gives_the_result_of_the_run_also_when_stages_are_killed() {
     let (original, file) = recorded(Launch::of_misbehaving("", "ticks = 400\npoints = 20000", ""), "sweep");
     succeeded(&original.run());
-    let launch = replayed(&file, "");
+    let launch = replayed(&file, "", "");
     let output = launch.run();
     succeeded(&output);
     assert!(said(&output).contains("left out: source"), "{}", said(&output));
     assert!(launch.read("sink.txt") == original.read("sink.txt"), "the result shows that it was replayed");
 
-    let launch = replayed(&file, "restarts = 9");
-    let running = launch.start();
-    for (stage, barrier) in [("relay", 5), ("replay", 20), ("sink", 40)] {
-        wait_for_barrier(&launch, barrier);
-        kill(running.find_stage(stage));
-    }
-    assert_eq!(
-        running.wait(),
-        Some(0),
-        "{}",
-        std::fs::read_to_string(launch.folder().join("stderr.txt")).unwrap_or_default()
-    );
-    assert!(launch.summary()["total"]["restarts"].as_u64() >= Some(1), "something was killed");
+    let launch = replayed(&file, "restarts = 9", &gate(399));
+    survives_kills(&launch, &[("relay", 5), ("replay", 20), ("sink", 40)]);
     assert!(launch.read("sink.txt") == original.read("sink.txt"), "the result shows that stages were killed");
 }
 
@@ -211,7 +191,7 @@ fn the_real_stages_on_a_recording_give_what_they_gave_in_the_run() {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     let file = || {
         Launch::new(&format!(
-            "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n\
+            "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{PATIENT}\n\
              [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\nmodel = '{}'\n\
              [instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
             drive.display(),

@@ -2,8 +2,8 @@
 //! once the cause is gone `--resume` leads to the result of an undisturbed run.
 
 use replica_tests::{
-    Launch, Running, binary, in_own_namespace, mount_tmpfs, pipeline, resize_tmpfs, result_files, said,
-    simulated_drive, wait_for,
+    Launch, Running, binary, gate, in_own_namespace, mount_tmpfs, pipeline, resize_tmpfs, result_files, said,
+    simulated_drive, undisturbed, wait_for,
 };
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -11,12 +11,6 @@ use std::path::Path;
 
 const SOURCE: &str = "ticks = 400\npoints = 5000";
 const SHORT: &str = "ticks = 60\npoints = 500";
-
-fn undisturbed(source: &str) -> Vec<u8> {
-    let launch = Launch::of_misbehaving("", source, "");
-    assert_eq!(launch.run().status.code(), Some(0));
-    launch.read("sink.txt")
-}
 
 /// Waits for the end; exit code and what was said.
 fn end(mut running: Running) -> (Option<i32>, String) {
@@ -28,7 +22,7 @@ fn assert_resumes(launch: &Launch, source: &str) {
     let (code, said) = end(launch.start_again(&["--resume"]));
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("resuming from "), "{said}");
-    assert!(launch.read("sink.txt") == undisturbed(source), "the result shows what was used up: {said}");
+    assert!(launch.read("sink.txt") == undisturbed(source, ""), "the result shows what was used up: {said}");
 }
 
 /// Takes all room of a file system.
@@ -47,11 +41,12 @@ fn a_full_disk_ends_the_run_and_says_so() {
     if !in_own_namespace("a_full_disk_ends_the_run_and_says_so") {
         return;
     }
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::of_misbehaving("", SOURCE, &gate(203));
     mount_tmpfs(&launch.output(), 64 << 20);
     let running = launch.start();
     launch.wait_for_barrier(20);
     let filler = fill(&launch.output());
+    launch.open_gate();
     let (code, said) = end(running);
     assert_eq!(code, Some(1), "{said}");
     // The log is on the same disk: what cannot stand there comes by the heartbeat.
@@ -162,7 +157,7 @@ fn recovers(fault: &str, words: &[&str]) {
     for word in words {
         assert!(said.contains(word), "{word:?} is not in:\n{said}");
     }
-    assert!(launch.read("sink.txt") == undisturbed(SHORT), "the result shows {fault}: {said}");
+    assert!(launch.read("sink.txt") == undisturbed(SHORT, ""), "the result shows {fault}: {said}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! What a swap promises: a stage of a running pipeline is replaced at a barrier, no message is lost or doubled, what does not
 //! fit is refused with its reasons, what fails is undone, and a killed run goes on with what was swapped.
 
-use replica_tests::swaps::{PATIENT, begin_swap, go_on, refused, replica, started, stop, swap, swap_said, swapped};
-use replica_tests::{Launch, Running, binary, leftovers, said, wait_for};
+use replica_tests::swaps::{begin_swap, go_on, refused, replica, started, stop, swap, swap_said, swapped};
+use replica_tests::{Launch, Running, binary, leftovers, said, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
 use serde_json::Value;
 use std::process::{Child, Stdio};
@@ -14,16 +14,18 @@ fn swaps_of(launch: &Launch) -> Vec<Value> {
     launch.summary()["swaps"].as_array().expect("a list").clone()
 }
 
+/// What the sink wrote.
 fn lines(launch: &Launch) -> Vec<String> {
-    String::from_utf8(launch.read("sink.txt")).expect("text").lines().map(str::to_owned).collect()
+    text_lines(launch.read("sink.txt"))
 }
 
-/// An undisturbed run of `n_ticks` ticks.
+fn text_lines(text: Vec<u8>) -> Vec<String> {
+    String::from_utf8(text).expect("text").lines().map(str::to_owned).collect()
+}
+
+/// The same of an undisturbed run of `n_ticks` ticks.
 fn reference(n_ticks: usize, relay: &str) -> Vec<String> {
-    let launch = Launch::of_misbehaving("", &format!("ticks = {n_ticks}\npoints = 1000"), relay);
-    let output = launch.run();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    lines(&launch)
+    text_lines(undisturbed(&format!("ticks = {n_ticks}\npoints = 1000"), relay))
 }
 
 /// The sink's lines must be those of undisturbed runs: from each number of ticks on those of a run with that relay.
@@ -151,7 +153,7 @@ fn begin_stuck_swap(launch: &Launch, running: &Running) -> Child {
 
 #[test]
 fn a_stage_killed_on_the_way_to_the_barrier_delays_the_swap() {
-    let launch = Launch::of_misbehaving(PATIENT, ENDLESS, "");
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let mut child = begin_stuck_swap(&launch, &running);
     kill_process(running.stage("sink"), Signal::KILL).expect("the sink lives");
@@ -236,7 +238,7 @@ fn stop_when_listening(launch: &Launch) {
 
 #[test]
 fn a_swap_is_refused_while_the_run_is_drained_and_while_another_is_under_way() {
-    let launch = Launch::of_misbehaving(PATIENT, ENDLESS, "");
+    let launch = Launch::of_misbehaving("", ENDLESS, "");
     let running = started(&launch);
     let mut child = begin_stuck_swap(&launch, &running);
     refused(&launch, &["relay"], &["a swap of [relay] is under way"]);

@@ -1,8 +1,8 @@
 //! The real stages: another segmenter takes infer's place in the middle of a drive, and hands back.
 
 use formats::ply::Vertices;
-use replica_tests::swaps::{PATIENT, begin_swap, go_on, refused, started, swap_said};
-use replica_tests::{Launch, Running, binary, result_files, said};
+use replica_tests::swaps::{begin_swap, go_on, refused, started, swap_said};
+use replica_tests::{Launch, PATIENT, Running, binary, result_files, said};
 use rustix::process::{Signal, kill_process};
 use std::path::Path;
 use std::process::{Command, Stdio};

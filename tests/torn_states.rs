@@ -1,7 +1,8 @@
 //! State files that a crash, a disk or somebody has damaged: `--resume` says which, goes on from the barrier before, and the
 //! result is that of an undisturbed run.
 
-use replica_tests::Launch;
+use replica_tests::{Launch, gate, is_alive, undisturbed, wait_for};
+use rustix::process::{Signal, kill_process};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
@@ -9,18 +10,17 @@ const SOURCE: &str = "ticks = 400\npoints = 5000";
 const STAGES: [&str; 3] = ["source", "relay", "sink"];
 
 /// `sink.txt` of an undisturbed run.
-static UNDISTURBED: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
-    assert_eq!(launch.run().status.code(), Some(0));
-    launch.read("sink.txt")
-});
+static UNDISTURBED: LazyLock<Vec<u8>> = LazyLock::new(|| undisturbed(SOURCE, ""));
 
 /// A run that was killed with its supervisor in the middle of the drive.
 fn killed() -> Launch {
-    let launch = Launch::of_misbehaving("", SOURCE, "");
+    let launch = Launch::of_misbehaving("", SOURCE, &gate(203));
     let running = launch.start();
     launch.wait_for_barrier(20);
+    let stages = STAGES.map(|stage| running.stage(stage));
     running.kill(true);
+    wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
+    launch.open_gate();
     launch
 }
 
@@ -38,7 +38,7 @@ fn state_file(launch: &Launch, barrier: u64, stage: &str) -> PathBuf {
 /// Resumes and compares; what the supervisor said.
 fn resumed(launch: &Launch) -> String {
     let mut running = launch.start_again(&["--resume"]);
-    let code = replica_tests::wait_for("the end of the run", || running.ended());
+    let code = wait_for("the end of the run", || running.ended());
     assert_eq!(code, Some(0), "{}", running.stderr());
     assert!(launch.read("sink.txt") == *UNDISTURBED, "the result shows the torn state: {}", running.stderr());
     running.stderr()
@@ -109,12 +109,11 @@ fn a_restart_passes_over_a_torn_state_too() {
     let relay = "fault = \"stall\"\nat_tick = 203\nonce = \"struck\"";
     let launch = Launch::of_misbehaving("", SOURCE, relay);
     let mut running = launch.start();
-    replica_tests::wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
-    let newest =
-        replica_tests::wait_for("barrier 40", || complete_barriers(&launch).first().copied().filter(|b| *b == 40));
+    wait_for("the stall", || launch.output().join("struck").exists().then_some(()));
+    let newest = wait_for("barrier 40", || complete_barriers(&launch).first().copied().filter(|b| *b == 40));
     write(&state_file(&launch, newest, "sink"), &[]);
-    rustix::process::kill_process(running.stage("relay"), rustix::process::Signal::KILL).expect("the stage lives");
-    let code = replica_tests::wait_for("the end of the run", || running.ended());
+    kill_process(running.stage("relay"), Signal::KILL).expect("the stage lives");
+    let code = wait_for("the end of the run", || running.ended());
     assert_eq!(code, Some(0), "{}", running.stderr());
     assert!(running.stderr().contains("barrier 40 is passed over: "), "{}", running.stderr());
     assert!(running.stderr().contains("restart 1 of 3 from barrier 39 "), "{}", running.stderr());

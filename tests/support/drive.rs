@@ -1,5 +1,6 @@
 //! The real pipeline and a drive for it.
 
+use crate::launch::patient;
 use crate::{Launch, binary};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -25,10 +26,11 @@ pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     let infer = if infer.is_empty() { format!("model = '{}'", model.display()) } else { infer.to_owned() };
     Launch::new(&format!(
-        "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n\
+        "[run]\ndrive = '{}'\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{}\n\
          [acquire]\n[calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n[colorize]\n[infer]\n{infer}\n\
          [instance]\n\
          things = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
-        drive.display()
+        drive.display(),
+        patient(run)
     ))
 }

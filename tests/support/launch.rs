@@ -23,8 +23,10 @@ impl Launch {
     }
     /// The small pipeline of tests/misbehaving, the relay's table being `relay`.
     pub fn of_misbehaving(run: &str, source: &str, relay: &str) -> Self {
-        let mut text =
-            format!("[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{run}\n");
+        let mut text = format!(
+            "[run]\ndrive = \".\"\noutput = \"out\"\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{}\n",
+            patient(run)
+        );
         for (table, keys) in [("source", source), ("relay", relay), ("sink", "")] {
             let program = binary(&format!("misbehaving-{table}"));
             writeln!(text, "[{table}]\nprogram = '{}'\n{keys}", program.display()).expect("a string takes everything");
@@ -37,6 +39,10 @@ impl Launch {
         self.arguments.push(argument.to_owned());
         self
     }
+    /// Lets the relay of [`gate`] go on, in this attempt and in all that follow.
+    pub fn open_gate(&self) {
+        std::fs::write(self.folder().join("gate"), []).expect("written");
+    }
     /// The folder of launch.toml.
     pub fn folder(&self) -> &Path {
         self.folder.path()
@@ -47,12 +53,22 @@ impl Launch {
     }
     /// The newest barrier for which there is a state.
     pub fn newest_barrier(&self) -> Option<u64> {
-        let barriers = std::fs::read_dir(self.states()).ok()?.flatten();
-        barriers.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).max()
+        self.barriers().max()
     }
-    /// Waits until there is a state of this barrier or of a later one.
+    fn barriers(&self) -> impl Iterator<Item = u64> {
+        let folders = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
+        folders.filter_map(|folder| folder.file_name().to_string_lossy().parse().ok())
+    }
+    /// Waits until there is a state of this barrier or of a later one, be it the source's alone.
     pub fn wait_for_barrier(&self, barrier: u64) {
         wait_for(&format!("barrier {barrier}"), || (self.newest_barrier()? >= barrier).then_some(()));
+    }
+    /// Waits until this stage has saved its state at this barrier or at a later one.
+    pub fn wait_for_barrier_of(&self, stage: &str, barrier: u64) {
+        wait_for(&format!("{stage} at barrier {barrier}"), || {
+            let is_saved = |barrier: &u64| self.states().join(format!("{barrier}/{stage}.state")).is_file();
+            self.barriers().filter(is_saved).any(|saved| saved >= barrier).then_some(())
+        });
     }
     /// Folder of the saved states.
     pub fn states(&self) -> PathBuf {
@@ -128,6 +144,28 @@ impl Drop for Launch {
             let _ = if Path::new(&path).is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         }
     }
+}
+
+/// Keys of the relay that make it stand in the step of this tick until [`Launch::open_gate`]: so far and no further comes the
+/// run, however long a test takes to do something in the middle of it.
+pub fn gate(at_tick: u64) -> String {
+    format!("fault = \"waits\"\nat_tick = {at_tick}\nonce = \"../gate\"\nstall_s = 600.0")
+}
+
+/// What the sink of the small pipeline writes if nothing happens, the source's table being `source` and the relay's `relay`.
+pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
+    let launch = Launch::of_misbehaving("", source, relay);
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    launch.read("sink.txt")
+}
+
+/// Of `[run]`: no machine is so busy that it does not run a process for so long.
+pub const PATIENT: &str = "hang_s = 120.0";
+
+/// Keys of `[run]`, [`PATIENT`] unless they say otherwise.
+pub(crate) fn patient(run: &str) -> String {
+    if run.contains("hang_s") { run.to_owned() } else { format!("{PATIENT}\n{run}") }
 }
 
 /// All files of a result folder except what a run keeps about itself (times differ), by name.

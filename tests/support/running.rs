@@ -32,6 +32,12 @@ impl Running {
             String::from_utf8_lossy(&line).trim_end_matches('\0').ends_with(&assignment)
         })
     }
+    /// Kills a stage, and returns when another process has taken its place: the process.
+    pub fn kill_stage(&self, stage: &str) -> Pid {
+        let killed = self.stage(stage);
+        kill_process(killed, Signal::KILL).expect("the stage lives");
+        wait_for(&format!("another {stage}"), || self.find_stage(stage).filter(|pid| *pid != killed))
+    }
     /// Sends a signal to the supervisor.
     pub fn signal(&self, signal: Signal) {
         kill_process(self.pid(), signal).expect("the supervisor lives");

@@ -3,9 +3,6 @@
 use crate::{Launch, Running, binary, said, wait_for};
 use std::process::{Child, Command, Output, Stdio};
 
-/// For stages that a test holds up on purpose.
-pub const PATIENT: &str = "hang_s = 120.0";
-
 /// A command of `replica` about the run.
 pub fn replica(launch: &Launch, arguments: &[&str]) -> Command {
     let mut command = Command::new(binary("replica"));

@@ -12,7 +12,7 @@ stage::settings! {
     pub struct Settings {
         /// What goes wrong, see `fault.rs`.
         pub fault: String = "none".to_owned() => one_of(&[
-            "none", "error", "exit", "panic", "hang", "stall", "killed", "bus_error", "exhausts_memory",
+            "none", "error", "exit", "panic", "hang", "stall", "waits", "killed", "bus_error", "exhausts_memory",
             "fills_shared_memory", "leaks_loans", "floods_topic", "hangs_at_start", "stalls_at_start", "waits_at_start",
             "fails_at_start", "takes_up_no_state", "relies_on_nothing",
         ]);
@@ -20,7 +20,7 @@ stage::settings! {
         pub at_tick: u64 = 0 => any();
         /// Goes into every row: another salt, other rows.
         pub salt: u64 = 0 => any();
-        /// It goes wrong only if this file is not there yet, and then leaves it. Empty: always. `waits_at_start` waits for it.
+        /// It goes wrong only if this file is not there yet, and then leaves it. Empty: always. `waits` and `waits_at_start` wait for it.
         pub once: String = String::new() => any();
         /// It goes wrong in every tick that is a multiple of this, once in each; 0 = only as `at_tick` says.
         pub every: u64 = 0 => any();
