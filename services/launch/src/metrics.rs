@@ -1,8 +1,10 @@
 //! `--metrics FILE`: the run's figures in Prometheus' text exposition format, for a node exporter's textfile collector.
 
+use formats::atomic_file::AtomicFile;
 use stage::health::{Health, Latency};
 use std::collections::BTreeMap;
-use std::fmt::{Display, Write};
+use std::fmt::{Display, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -51,7 +53,7 @@ impl Metrics {
     /// Writes a first file, so that a path that cannot be written is known before anything starts.
     pub fn new(file: Option<&Path>) -> Result<Self, String> {
         if let Some(file) = file {
-            write_atomically(file, "").map_err(|error| format!("--metrics {error}"))?;
+            write(file, "").map_err(|error| format!("--metrics {error}"))?;
         }
         Ok(Self { file: file.map(Path::to_owned), written: None, failed: false, stages: BTreeMap::new() })
     }
@@ -83,7 +85,7 @@ impl Metrics {
             self.stages.entry((*name).to_owned()).or_default().take_in(health);
         }
         let text = self.text(&stages, shared_memory_bytes, restarts);
-        let error = write_atomically(&file, &text).err()?;
+        let error = write(&file, &text).err()?;
         let first = !std::mem::replace(&mut self.failed, true);
         first.then(|| format!("metrics are not written: {error}"))
     }
@@ -203,13 +205,13 @@ fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }
 
-/// Who collects reads at any moment and finds a whole file.
-fn write_atomically(file: &Path, text: &str) -> Result<(), String> {
-    let mut unfinished = file.as_os_str().to_owned();
-    unfinished.push(".unfinished");
-    std::fs::write(&unfinished, text)
-        .and_then(|()| std::fs::rename(&unfinished, file))
-        .map_err(|error| format!("{}: {error}", file.display()))
+/// Who collects reads at any moment and finds a whole file. It need not come to the disk: the next is a second away.
+fn write(file: &Path, text: &str) -> Result<(), String> {
+    let written = AtomicFile::create(file).and_then(|partial| {
+        partial.file().write_all(text.as_bytes())?;
+        partial.commit_unsynced()
+    });
+    written.map_err(|error| format!("{}: {error}", file.display()))
 }
 
 #[cfg(test)]
