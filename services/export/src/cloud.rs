@@ -3,10 +3,10 @@
 use crate::folder::Folder;
 use crate::index::CloudEntry;
 use crate::join::Joined;
-use crate::place::odometry_frame;
+use crate::place::{self, Place, odometry_frame};
 use crate::sweeps::Placement;
 use crate::{Settings, spectra};
-use formats::ply::{Header, Kind, PlyWriter, Row};
+use formats::ply::{Header, Kind, Row};
 use messages::{
     CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapPoint,
     UNSEEN, class_name,
@@ -26,14 +26,17 @@ pub(crate) struct Cloud<'a> {
     pub(crate) coordinates: Kind,
 }
 
-/// Writes the files of one submap; bringing them to the disk is left to [`Folder::sync`].
-pub(crate) fn write(joined: &Joined, settings: &Settings, folder: &Folder) -> Result<CloudEntry, StepError> {
+/// Writes the files of one submap, in its place if that is known; bringing them to the disk is left to [`Folder::sync`].
+pub(crate) fn write(
+    joined: &Joined,
+    settings: &Settings,
+    folder: &Folder,
+    place: Option<&Place<'_>>,
+) -> Result<CloudEntry, StepError> {
     let cloud = Cloud::new(joined, settings)?;
     let file = format!("clouds/submap_{:04}.ply", cloud.seq);
-    let mut writer =
-        PlyWriter::create(&folder.path(&file), &cloud.header(), cloud.points.len()).map_err(StepError::io)?;
-    writer.write_each(cloud.points.len(), |i, row| cloud.encode(i, row)).map_err(StepError::io)?;
-    let bytes = writer.finish_unsynced().map_err(StepError::io)?;
+    let encode = |i: usize, row: &mut Row<'_>| cloud.encode(i, row);
+    let (bytes, bounds) = place::write(&folder.path(&file), cloud.header(), cloud.points.len(), encode, place)?;
     let header = joined.submap.header();
     let mut entry = CloudEntry {
         seq: cloud.seq,
@@ -42,7 +45,7 @@ pub(crate) fn write(joined: &Joined, settings: &Settings, folder: &Folder) -> Re
         n_points: cloud.points.len() as u64,
         stamp_begin: header.stamp_begin,
         stamp_end: header.stamp_end,
-        bounds: cloud.bounds(),
+        bounds,
         translation: header.world_from_submap.translation,
         rotation: header.world_from_submap.rotation,
         sigma_m: None,
@@ -54,7 +57,10 @@ pub(crate) fn write(joined: &Joined, settings: &Settings, folder: &Folder) -> Re
         lost: joined.lost.clone(),
     };
     if let Some(column) = &joined.spectra {
-        entry.spectra = Some(spectra::write(&cloud, column, folder)?);
+        entry.spectra = Some(spectra::write(&cloud, column, folder, place)?);
+    }
+    if let Some(place) = place {
+        place.enter(&mut entry);
     }
     Ok(entry)
 }
@@ -154,17 +160,6 @@ impl<'a> Cloud<'a> {
             Kind::Double => row.f64(x).f64(y).f64(z),
             _ => row.f32(x as f32).f32(y as f32).f32(z as f32),
         };
-    }
-
-    /// Smallest and largest x y z in the world frame. The smallest of many numbers is the same in any order.
-    fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        let positions = self.points.par_iter().with_min_len(1 << 14).map(|point| {
-            let position: [f64; 3] = self.placement.position(point).coords.into();
-            [position, position]
-        });
-        positions.reduce_with(|[a_min, a_max], [b_min, b_max]| {
-            [std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))]
-        })
     }
 }
 

@@ -39,12 +39,6 @@ impl Folder {
         clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name))
     }
 
-    /// Brings clouds to the disk.
-    pub(crate) fn sync(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
-        let files: Vec<PathBuf> = self.files(clouds).collect();
-        sync_all(&files).map_err(|(path, cause)| fault(&path, "bring to the disk")(cause))
-    }
-
     /// Makes the folder hold these clouds and nothing else of ours. Files of others stay.
     pub(crate) fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
         let folder = self.path("clouds");
@@ -70,6 +64,11 @@ impl Folder {
         }
         Err(StepError::data(format!("{}: {got} bytes, the saved state says {expected}", path.display())))
     }
+}
+
+/// Brings files to the disk.
+pub(crate) fn sync(files: &[PathBuf]) -> Result<(), StepError> {
+    sync_all(files).map_err(|(path, cause)| fault(&path, "bring to the disk")(cause))
 }
 
 /// Whether a file in `clouds/` is one of ours, finished or not.

@@ -83,6 +83,10 @@ impl Index {
 }
 
 impl CloudEntry {
+    /// Whether its files are where they belong.
+    pub(crate) fn is_placed(&self) -> bool {
+        self.sigma_m.is_some()
+    }
     /// Names, sizes and rows of all files.
     pub(crate) fn files(&self) -> impl Iterator<Item = (&str, u64, u64)> {
         let spectra = self.spectra.iter().map(|spectra| (spectra.file.as_str(), spectra.bytes, spectra.n_spectra));

@@ -13,10 +13,11 @@
 //! before a state lists them, and after a restart clouds that are not listed are removed and written again.
 //!
 //! Until the end, clouds are in the frame of the odometry. Topic `placement` then says where each submap lies
-//! (`docs/georeference.md`), and clouds and trajectory are moved there.
+//! (`docs/georeference.md`): clouds and trajectory are moved there, and the last clouds are written there at once.
 
 mod cloud;
 mod columns;
+mod coordinates;
 mod folder;
 mod index;
 mod join;
@@ -29,20 +30,24 @@ mod world;
 pub use index::{CloudEntry, Index, SpectraEntry};
 
 use folder::Folder;
+use formats::ply::PlyWriter;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use join::{Join, Joined, SavedJoin};
 use messages::{Class, Color, Instance, Message, Placement, Spectra, StampedPose, Submap, Trajectory};
+use place::Place;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
     Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
 };
+use std::path::PathBuf;
+use std::sync::mpsc::sync_channel;
 use world::World;
 
 /// Raised when [`State`] changes.
 const STATE_VERSION: u32 = 3;
-/// Clouds that are moved between two signs of progress; while one waits for the disk, threads move others.
+/// Clouds that are moved between two signs of progress, and files of theirs that wait for the disk.
 const CLOUDS_AT_A_TIME: usize = 4;
 
 stage::settings! {
@@ -150,7 +155,7 @@ impl Stage for Export {
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.prepare(outputs)?;
         self.write_complete(true, outputs)?;
-        let world = self.placement.as_ref().map(|placement| World::new(placement, &self.settings)).transpose()?;
+        let world = self.world()?;
         if let Some(world) = &world {
             self.place_clouds(world, outputs)?;
             self.folder.write_text(folder::GEOREFERENCE, &world.to_json())?;
@@ -230,7 +235,12 @@ impl Export {
         Err(StepError::data(format!("trajectory at {stamp}: stamps must not fall")))
     }
 
-    /// Moves the clouds to where they belong.
+    /// Where the submaps lie, once it is known.
+    fn world(&self) -> Result<Option<World>, StepError> {
+        self.placement.as_ref().map(|placement| World::new(placement, &self.settings)).transpose()
+    }
+
+    /// Moves the clouds to where they belong. While some are moved, others are brought to the disk.
     fn place_clouds(&mut self, world: &World, outputs: &mut Outputs) -> Result<(), StepError> {
         if world.lacks_map(&self.settings) {
             outputs.note("nothing says where on the Earth the drive was: coordinates are local, not UTM");
@@ -240,17 +250,38 @@ impl Export {
         if n_without > 0 {
             outputs.count("clouds_without_place", n_without as u64);
         }
-        for clouds in self.clouds.chunks_mut(CLOUDS_AT_A_TIME) {
-            clouds.par_iter_mut().try_for_each(|entry| place::place(entry, &self.folder, world))?;
-            // A long drive has more clouds than a step has time for.
-            outputs.mark_progress();
-        }
-        Ok(())
+        let (folder, clouds, n_synced) = (&self.folder, &mut self.clouds, self.n_synced);
+        let in_place = clouds[n_synced..].iter().filter(|entry| entry.is_placed());
+        let in_place: Vec<PathBuf> = in_place.flat_map(|entry| folder.files(std::slice::from_ref(entry))).collect();
+        std::thread::scope(|scope| {
+            let (moved, to_sync) = sync_channel::<PlyWriter>(CLOUDS_AT_A_TIME);
+            let sync = move || {
+                folder::sync(&in_place)?;
+                to_sync.iter().try_for_each(|cloud| cloud.finish().map(drop).map_err(StepError::io))
+            };
+            let syncing = std::thread::Builder::new().name("syncing".to_owned()).spawn_scoped(scope, sync);
+            let syncing = syncing.map_err(StepError::io)?;
+            let done = |cloud| {
+                moved.send(cloud).map_err(|_| StepError::io("the thread that brings clouds to the disk is gone"))
+            };
+            let placed = clouds.chunks_mut(CLOUDS_AT_A_TIME).try_for_each(|clouds| {
+                clouds.par_iter_mut().try_for_each(|entry| place::place(entry, folder, world, done))?;
+                // A long drive has more clouds than a step has time for.
+                outputs.mark_progress();
+                Ok(())
+            });
+            drop(moved);
+            // Its failure is the cause of the other.
+            syncing
+                .join()
+                .unwrap_or_else(|_| Err(StepError::io("the thread that brings clouds to the disk panicked")))?;
+            placed
+        })
     }
 
     /// Brings to the disk what is not there yet.
     fn sync_clouds(&mut self) -> Result<(), StepError> {
-        self.folder.sync(&self.clouds[self.n_synced..])?;
+        folder::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
         self.n_synced = self.clouds.len();
         Ok(())
     }
@@ -266,7 +297,9 @@ impl Export {
         if self.settings.formats.is_empty() {
             return Ok(());
         }
-        let entry = cloud::write(joined, &self.settings, &self.folder)?;
+        let world = self.world()?;
+        let place = world.as_ref().and_then(|world| Place::of(joined.submap.seq(), world));
+        let entry = cloud::write(joined, &self.settings, &self.folder, place.as_ref())?;
         outputs.count("clouds", 1);
         outputs.count("points", entry.n_points);
         outputs.count("spectra", entry.spectra.as_ref().map_or(0, |spectra| spectra.n_spectra));

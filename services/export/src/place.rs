@@ -1,167 +1,155 @@
-//! A cloud is written while the drive goes on, in the odometry's frame. Where it lies is known at the end: then its coordinates
-//! are moved, in a copy that takes its name when it is whole. A cloud that says in its header where it lies is not moved again,
-//! so a run that dies on the way may begin anew with any of its clouds.
+//! Where a cloud lies is known at the end of the drive. What is written before that is in the odometry's frame; then its
+//! coordinates are moved, in a copy that takes its name when it is whole. A cloud that says in its header where it lies is not
+//! moved again, so a run that dies on the way may begin anew with any of its clouds.
 
+use crate::coordinates::{Bounds, Coordinates, SharedBounds};
 use crate::folder::Folder;
 use crate::index::CloudEntry;
 use crate::world::{PlacedSubmap, World};
-use formats::ply::{Header, Kind, PlyError, PlyRows, PlyWriter};
-use geometry::Point3;
+use formats::ply::{Header, PlyError, PlyRows, PlyWriter, Row};
+use geometry::{Point3, Pose};
 use stage::StepError;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 /// How the header of a cloud begins the line about its frame.
 const FRAME: &str = "frame ";
 /// And the one about its place, once it has one.
 const PLACED: &str = "world_from_submap ";
-/// Coordinates, if they are there.
-const TRIPLES: [&str; 2] = ["x", "x_lidar_position"];
-/// Rows that are looked at at a time: 300 KB of 64 bytes.
-const BLOCK_ROWS: usize = 1 << 12;
-
-/// Smallest and largest x y z. None without points.
-type Bounds = Option<[[f64; 3]; 2]>;
 
 /// The line about the frame, for clouds under way.
 pub(crate) fn odometry_frame() -> String {
     format!("{FRAME}odometry, m")
 }
 
-/// Whether a file is a cloud of so many points that has been moved.
+/// Whether a file is a cloud of so many points that is in its place.
 pub(crate) fn is_placed(path: &Path, n_points: u64) -> bool {
     let is_moved = |cloud: &PlyRows| cloud.header().infos.iter().any(|info| info.starts_with(PLACED));
     PlyRows::open(path).is_ok_and(|cloud| cloud.len() as u64 == n_points && is_moved(&cloud))
 }
 
-/// Moves the files of a submap to their place, if it has one, and brings them to the disk.
-pub(crate) fn place(entry: &mut CloudEntry, folder: &Folder, world: &World) -> Result<(), StepError> {
-    let Some(submap) = world.submap(entry.seq) else { return Ok(()) };
-    (entry.bytes, entry.bounds) = place_file(&folder.path(&entry.file), submap, world)?;
-    if let Some(spectra) = &mut entry.spectra {
-        (spectra.bytes, _) = place_file(&folder.path(&spectra.file), submap, world)?;
+/// Where the clouds of a submap belong.
+pub(crate) struct Place<'a> {
+    world: &'a World,
+    submap: &'a PlacedSubmap,
+    world_from_odom: Pose,
+}
+
+impl<'a> Place<'a> {
+    /// `None` if the world does not know the submap.
+    pub(crate) fn of(seq: u64, world: &'a World) -> Option<Self> {
+        let submap = world.submap(seq)?;
+        Some(Self { world, submap, world_from_odom: submap.world_from_odom() })
     }
-    let pose = submap.world_from_submap;
-    (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
-    (entry.sigma_m, entry.sigma_rad) = (Some(submap.sigma_m), Some(submap.sigma_rad));
+
+    /// What the header says about frame and place.
+    fn lines(&self) -> [String; 2] {
+        let place = self.submap.world_from_submap;
+        let (t, q) = (place.translation.vector, place.rotation.coords);
+        let line = format!("{PLACED}{} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w);
+        [format!("{FRAME}{}", self.world.frame()), line]
+    }
+
+    /// The header of a cloud here, from that in the odometry's frame.
+    fn header(&self, Header { comments, infos, properties }: Header) -> Header {
+        let others = infos.into_iter().filter(|info| *info != odometry_frame());
+        Header { comments, infos: self.lines().into_iter().chain(self.world.crs()).chain(others).collect(), properties }
+    }
+
+    /// Moves rows of the odometry's frame here; the first of them is point `first` of the file.
+    fn take(&self, coordinates: &Coordinates, first: usize, rows: &mut [u8], path: &Path) -> Result<(), PlyError> {
+        let rotation = self.world_from_odom.rotation.to_rotation_matrix();
+        let translation = self.world_from_odom.translation.vector;
+        let moved = |xyz: [f64; 3]| self.world.coordinates(&(rotation * Point3::from(xyz) + translation));
+        coordinates.replace(rows, moved).map_err(|(i, cause)| PlyError::Row {
+            path: path.to_owned(),
+            point: first + i,
+            rule: cause.to_string(),
+        })
+    }
+
+    /// Enters the place into the index.
+    pub(crate) fn enter(&self, entry: &mut CloudEntry) {
+        let pose = self.submap.world_from_submap;
+        (entry.translation, entry.rotation) = (pose.translation.vector.into(), pose.rotation.coords.into());
+        (entry.sigma_m, entry.sigma_rad) = (Some(self.submap.sigma_m), Some(self.submap.sigma_rad));
+    }
+}
+
+/// Writes a cloud, header and rows of which are in the odometry's frame: there, or in its place if that is known. Size and
+/// bounds of the file. Bringing it to the disk is left to others.
+pub(crate) fn write(
+    path: &Path,
+    header: Header,
+    n_points: usize,
+    encode: impl Fn(usize, &mut Row<'_>) + Sync,
+    place: Option<&Place<'_>>,
+) -> Result<(u64, Bounds), StepError> {
+    let coordinates = coordinates(&header, path)?;
+    let header = if let Some(place) = place { place.header(header) } else { header };
+    let mut writer = PlyWriter::create(path, &header, n_points).map_err(StepError::io)?;
+    let bounds = SharedBounds::default();
+    let moved = |first: usize, rows: &mut [u8]| {
+        place.map_or(Ok(()), |place| place.take(&coordinates, first, rows, path))?;
+        bounds.add(coordinates.bounds(rows));
+        Ok(())
+    };
+    writer.write_amended(n_points, encode, moved).map_err(StepError::io)?;
+    Ok((writer.finish_unsynced().map_err(StepError::io)?, bounds.all()))
+}
+
+/// Moves the files of a submap to their place, if it has one. `done` brings them to the disk and gives them their names.
+pub(crate) fn place(
+    entry: &mut CloudEntry,
+    folder: &Folder,
+    world: &World,
+    done: impl Fn(PlyWriter) -> Result<(), StepError>,
+) -> Result<(), StepError> {
+    // Written there at once.
+    if entry.is_placed() {
+        return Ok(());
+    }
+    let Some(place) = Place::of(entry.seq, world) else { return Ok(()) };
+    (entry.bytes, entry.bounds) = place_file(&folder.path(&entry.file), &place, &done)?;
+    if let Some(spectra) = &mut entry.spectra {
+        (spectra.bytes, _) = place_file(&folder.path(&spectra.file), &place, &done)?;
+    }
+    place.enter(entry);
     Ok(())
 }
 
 /// Size and bounds of the file in its place, as they stand there.
-fn place_file(path: &Path, submap: &PlacedSubmap, world: &World) -> Result<(u64, Bounds), StepError> {
+fn place_file(
+    path: &Path,
+    place: &Place<'_>,
+    done: impl Fn(PlyWriter) -> Result<(), StepError>,
+) -> Result<(u64, Bounds), StepError> {
     let cloud = PlyRows::open(path).map_err(StepError::io)?;
-    let Header { comments, infos, properties } = cloud.header().clone();
-    let columns = Columns::of(cloud.header()).ok_or_else(|| fault(path, "has no coordinates x y z of one type"))?;
-    let place = submap.world_from_submap;
-    let (t, q) = (place.translation.vector, place.rotation.coords);
-    let line = format!("{PLACED}{} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w);
-    let frame = format!("{FRAME}{}", world.frame());
-    if infos.contains(&line) && infos.contains(&frame) {
-        return Ok((cloud.n_bytes(), columns.bounds_of_all(&cloud).map_err(StepError::io)?));
+    let header = cloud.header();
+    let coordinates = coordinates(header, path)?;
+    if place.lines().iter().all(|line| header.infos.contains(line)) {
+        return Ok((cloud.n_bytes(), coordinates.bounds_of_all(&cloud).map_err(StepError::io)?));
     }
-    if !infos.contains(&odometry_frame()) {
+    if !header.infos.contains(&odometry_frame()) {
         return Err(fault(path, "is neither in the odometry's frame nor where it belongs"));
     }
-    let others = infos.into_iter().filter(|info| *info != odometry_frame());
-    let infos = [frame, line].into_iter().chain(world.crs()).chain(others).collect();
-    let mut writer =
-        PlyWriter::create(path, &Header { comments, infos, properties }, cloud.len()).map_err(StepError::io)?;
-    let world_from_odom = submap.world_from_odom();
-    let (rotation, translation) = (world_from_odom.rotation.to_rotation_matrix(), world_from_odom.translation.vector);
-    let bounds = Mutex::new(None);
+    let mut writer = PlyWriter::create(path, &place.header(header.clone()), cloud.len()).map_err(StepError::io)?;
+    let bounds = SharedBounds::default();
     let moved = writer.write_blocks(cloud.len(), |first, rows| {
         cloud.read_into(first, rows)?;
-        for (i, row) in rows.chunks_exact_mut(columns.row_size).enumerate() {
-            for at in &columns.triples {
-                let p = rotation * Point3::from(columns.read(row, *at)) + translation;
-                let xyz = world.coordinates(&p).map_err(|cause| PlyError::Row {
-                    path: path.to_owned(),
-                    point: first + i,
-                    rule: cause.to_string(),
-                })?;
-                columns.write(row, *at, xyz);
-            }
-        }
-        let of_block = columns.bounds(rows);
-        let mut bounds = bounds.lock().unwrap_or_else(PoisonError::into_inner);
-        *bounds = joined(*bounds, of_block);
+        place.take(&coordinates, first, rows, path)?;
+        bounds.add(coordinates.bounds(rows));
         Ok(())
     });
-    let n_bytes = moved.and_then(|()| writer.finish()).map_err(StepError::io)?;
-    Ok((n_bytes, bounds.into_inner().unwrap_or_else(PoisonError::into_inner)))
+    moved.map_err(StepError::io)?;
+    let n_bytes = writer.n_bytes();
+    done(writer)?;
+    Ok((n_bytes, bounds.all()))
+}
+
+fn coordinates(header: &Header, path: &Path) -> Result<Coordinates, StepError> {
+    Coordinates::of(header).ok_or_else(|| fault(path, "has no coordinates x y z of one type"))
 }
 
 fn fault(path: &Path, rule: &str) -> StepError {
     StepError::data(format!("{}: {rule}", path.display()))
-}
-
-/// Where the coordinates stand in a row.
-struct Columns {
-    row_size: usize,
-    /// Of the first of each three.
-    triples: Vec<usize>,
-    kind: Kind,
-}
-
-impl Columns {
-    fn of(cloud: &Header) -> Option<Self> {
-        let mut triples = Vec::new();
-        let (mut offset, mut kind) = (0, None);
-        for (k, property) in cloud.properties.iter().enumerate() {
-            if TRIPLES.contains(&property.name.as_str()) {
-                let three = cloud.properties.get(k..k + 3)?;
-                let is_one = three.iter().all(|other| other.kind == property.kind);
-                if !is_one || *kind.get_or_insert(property.kind) != property.kind {
-                    return None;
-                }
-                triples.push(offset);
-            }
-            offset += property.kind.size();
-        }
-        let kind = kind.filter(|kind| matches!(kind, Kind::Float | Kind::Double))?;
-        Some(Self { row_size: offset, triples, kind })
-    }
-
-    fn read(&self, row: &[u8], at: usize) -> [f64; 3] {
-        match self.kind {
-            Kind::Double => fields(row, at).map(f64::from_le_bytes),
-            _ => fields(row, at).map(|bytes| f64::from(f32::from_le_bytes(bytes))),
-        }
-    }
-
-    fn write(&self, row: &mut [u8], at: usize, xyz: [f64; 3]) {
-        match self.kind {
-            Kind::Double => row[at..at + 24].copy_from_slice(xyz.map(f64::to_le_bytes).as_flattened()),
-            _ => row[at..at + 12].copy_from_slice(xyz.map(|value| (value as f32).to_le_bytes()).as_flattened()),
-        }
-    }
-
-    /// The smallest of many numbers is the same in any order.
-    fn bounds(&self, rows: &[u8]) -> Bounds {
-        let of_point = |row| Some([self.read(row, self.triples[0]); 2]);
-        rows.chunks_exact(self.row_size).map(of_point).fold(None, joined)
-    }
-
-    fn bounds_of_all(&self, cloud: &PlyRows) -> Result<Bounds, PlyError> {
-        let (mut bounds, mut block) = (None, Vec::new());
-        for first in (0..cloud.len()).step_by(BLOCK_ROWS) {
-            block.resize(BLOCK_ROWS.min(cloud.len() - first) * self.row_size, 0);
-            cloud.read_into(first, &mut block)?;
-            bounds = joined(bounds, self.bounds(&block));
-        }
-        Ok(bounds)
-    }
-}
-
-/// Three fields of `N` bytes. Panics beyond the end of the row, which [`Columns::of`] has seen to.
-fn fields<const N: usize>(row: &[u8], at: usize) -> [[u8; N]; 3] {
-    std::array::from_fn(|axis| {
-        let from = at + axis * N;
-        row[from..from + N].try_into().expect("N bytes")
-    })
-}
-
-fn joined(a: Bounds, b: Bounds) -> Bounds {
-    let (Some([a_min, a_max]), Some([b_min, b_max])) = (a, b) else { return a.or(b) };
-    Some([std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))])
 }

@@ -3,14 +3,19 @@
 use crate::cloud::Cloud;
 use crate::folder::Folder;
 use crate::index::SpectraEntry;
-use crate::place::odometry_frame;
-use formats::ply::{Header, Kind, PlyWriter, Property};
+use crate::place::{self, Place, odometry_frame};
+use formats::ply::{Header, Kind, Property};
 use messages::{NO_SPECTRUM, Spectra, SpectraHeader, SpectraView};
 use stage::{Received, StepError};
 
 /// Writes the points with a spectrum: position, index in the submap's cloud, reflectance by band. A band that was not
 /// measured is NaN: no reflectance that anybody could average by mistake.
-pub(crate) fn write(cloud: &Cloud<'_>, column: &Received<Spectra>, folder: &Folder) -> Result<SpectraEntry, StepError> {
+pub(crate) fn write(
+    cloud: &Cloud<'_>,
+    column: &Received<Spectra>,
+    folder: &Folder,
+    place: Option<&Place<'_>>,
+) -> Result<SpectraEntry, StepError> {
     let seq = cloud.seq;
     let head = column.header();
     let n = cloud.points.len();
@@ -27,7 +32,6 @@ pub(crate) fn write(cloud: &Cloud<'_>, column: &Received<Spectra>, folder: &Fold
     let wavelengths_nm = head.wavelengths_nm[..head.n_bands as usize].to_vec();
     let file = format!("clouds/submap_{seq:04}_spectra.ply");
     let header = header(cloud, head, &wavelengths_nm);
-    let mut writer = PlyWriter::create(&folder.path(&file), &header, seen.len()).map_err(StepError::io)?;
     let encode = |i: usize, row: &mut formats::ply::Row<'_>| {
         let point_idx = seen[i];
         cloud.coordinates(cloud.placement.position(&cloud.points[point_idx as usize]).coords.into(), row);
@@ -38,8 +42,7 @@ pub(crate) fn write(cloud: &Cloud<'_>, column: &Received<Spectra>, folder: &Fold
             }
         }
     };
-    writer.write_each(seen.len(), encode).map_err(StepError::io)?;
-    let bytes = writer.finish_unsynced().map_err(StepError::io)?;
+    let (bytes, _) = place::write(&folder.path(&file), header, seen.len(), encode, place)?;
     Ok(SpectraEntry { file, bytes, n_spectra: seen.len() as u64, wavelengths_nm })
 }
 

@@ -152,6 +152,35 @@ fn a_run_that_died_while_clouds_were_moved_ends_with_the_same_bytes() {
 }
 
 #[test]
+fn a_cloud_written_when_its_place_is_known_is_the_one_that_would_have_been_moved() {
+    let street = Street::new(2, 2000);
+    let moved = tempfile::tempdir().expect("a folder");
+    driven(&Settings::default(), moved.path(), &street).finish().expect("finishes");
+    let at_once = tempfile::tempdir().expect("a folder");
+    let mut bench = Bench::<Export>::new(&Settings::default(), &context(at_once.path())).expect("starts");
+    for seq in 0..N {
+        street.send_submap(&mut bench, seq);
+        street.send_columns(&mut bench, seq, &COLUMNS);
+        if seq == 0 {
+            bench.tick().expect("steps");
+        }
+    }
+    // The others come together with it.
+    send_placement(&mut bench, &street);
+    bench.tick().expect("steps");
+    let cloud =
+        |folder: &Path, seq: u64| std::fs::read(folder.join(format!("clouds/submap_{seq:04}.ply"))).expect("reads");
+    assert_ne!(cloud(at_once.path(), 0), cloud(moved.path(), 0), "the first is to be moved");
+    assert_eq!(cloud(at_once.path(), 1), cloud(moved.path(), 1), "the second is there");
+    // What has its place keeps it over a restart.
+    let state = bench.stage.save().expect("saves").to_vec();
+    let mut again = Bench::<Export>::new(&Settings::default(), &context(at_once.path())).expect("starts");
+    again.stage.load(&state).expect("loads");
+    again.finish().expect("finishes");
+    assert!(files(at_once.path()) == files(moved.path()), "all files are the same");
+}
+
+#[test]
 fn coordinates_may_be_those_of_a_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let street = Street::new(3, 500);

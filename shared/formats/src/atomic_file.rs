@@ -1,6 +1,5 @@
 //! Files that are there whole or not at all, whatever happens to the process or the machine.
 
-use rayon::prelude::*;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -73,9 +72,10 @@ pub fn sync(path: &Path) -> io::Result<()> {
     sync_folder(path)
 }
 
-/// Brings files and their names to the disk, many at a time. The error is of the first that failed.
+/// Brings files and their names to the disk, one after the other: the disk is busy with each, and threads that compute are not to
+/// wait for it. The error is of the first that failed.
 pub fn sync_all(paths: &[PathBuf]) -> Result<(), (PathBuf, io::Error)> {
-    paths.par_iter().try_for_each(|path| sync(path).map_err(|cause| (path.clone(), cause)))
+    paths.iter().try_for_each(|path| sync(path).map_err(|cause| (path.clone(), cause)))
 }
 
 /// A rename is durable when its folder is.

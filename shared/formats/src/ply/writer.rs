@@ -57,6 +57,16 @@ impl PlyWriter {
     /// Appends `n` rows: `encode` gives the fields of row `i`, 0 to `n - 1`. Rows are encoded by all threads of the
     /// rayon pool; the bytes depend on `encode` alone.
     pub fn write_each(&mut self, n: usize, encode: impl Fn(usize, &mut Row<'_>) + Sync) -> Result<(), PlyError> {
+        self.write_amended(n, encode, |_, _| Ok(()))
+    }
+
+    /// The same, and `amend` gets each block of encoded rows as `fill` of [`PlyWriter::write_blocks`] does, and may change them.
+    pub fn write_amended(
+        &mut self,
+        n: usize,
+        encode: impl Fn(usize, &mut Row<'_>) + Sync,
+        amend: impl Fn(usize, &mut [u8]) -> Result<(), PlyError> + Sync,
+    ) -> Result<(), PlyError> {
         let (path, start) = (self.file.path().to_owned(), self.n_written);
         let (kinds, row_size) = (self.kinds.clone(), self.row_size);
         self.write_blocks(n, |first, block| {
@@ -67,7 +77,7 @@ impl PlyWriter {
                 encode(first + i, &mut row);
                 row.check().map_err(|rule| PlyError::Row { path: path.clone(), point: start + first + i, rule })?;
             }
-            Ok(())
+            amend(first, block)
         })
     }
 
@@ -89,6 +99,11 @@ impl PlyWriter {
         })
     }
 
+    /// Size of the file when all rows are there.
+    pub fn n_bytes(&self) -> u64 {
+        self.offset(self.n_points)
+    }
+
     /// Brings the cloud to the disk and gives it its name. The answer is the file's size in bytes.
     pub fn finish(self) -> Result<u64, PlyError> {
         self.finish_by(AtomicFile::commit)
@@ -104,7 +119,7 @@ impl PlyWriter {
             return Err(self.row_error(self.n_written, format!("the header promises {} points", self.n_points)));
         }
         let path: PathBuf = self.file.path().to_owned();
-        let size = self.offset(self.n_points);
+        let size = self.n_bytes();
         commit(self.file).map_err(PlyError::io(&path, "finish"))?;
         Ok(size)
     }
