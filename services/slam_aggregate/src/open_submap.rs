@@ -1,12 +1,13 @@
 //! The submap that is being written.
 
-use crate::sweeps::Cloud;
+use crate::sweeps::{Cloud, Scene};
 use geometry::{Pose, UnitQuaternion, Vector3};
 use messages::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
     SweepPoint,
 };
-use registration::{DeskewTable, Registered};
+use rayon::prelude::*;
+use registration::{DeskewTable, Registered, Sweep};
 use stage::{Loan, Outputs, StepError};
 
 /// A submap under construction: its rows lie in the slot from which consumers will read them.
@@ -45,12 +46,12 @@ impl OpenSubmap {
     pub fn seconds(&self) -> f64 {
         (self.header.stamp_end - self.header.stamp_begin) as f64 * 1e-9
     }
-    /// Appends the points `kept` of a sweep, in order. `body` is the position of the body at the last shot, world.
+    /// Appends the points of a sweep that are kept, in order. `body` is the position of the body at the last shot, world.
     /// The caller has asked [`OpenSubmap::fits`].
     pub fn append(
         &mut self,
         cloud: &Cloud,
-        kept: &[usize],
+        scene: &Scene,
         registered: &Registered,
         body: Vector3<f64>,
     ) -> Result<(), StepError> {
@@ -59,36 +60,38 @@ impl OpenSubmap {
         let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
         let first_point = self.loan.rows().len() as u32;
         let sweep_idx = self.header.n_sweeps as u16;
-        let capacity = self.loan.capacity();
-        let rows = self.loan.grow(kept.len()).ok_or_else(|| {
+        let (capacity, n_kept) = (self.loan.capacity(), scene.kept.len());
+        let rows = self.loan.grow(n_kept).ok_or_else(|| {
             StepError::data(format!(
-                "sweep {}: {} points do not fit into a submap of {capacity}: raise submap_points_max",
+                "sweep {}: {n_kept} points do not fit into a submap of {capacity}: raise submap_points_max",
                 cloud.received.seq(),
-                kept.len()
             ))
         })?;
-        let bounds = (&mut self.header.min, &mut self.header.max);
-        if first_point == 0 {
-            (*bounds.0, *bounds.1) = ([f32::MAX; 3], [f32::MIN; 3]);
-        }
-        let incidences = cloud.sweep.incidences();
-        // Both lists rise.
-        let mut moving = registered.moving.iter().map(|&idx| idx as usize).peekable();
-        for (row, &point_idx) in rows.iter_mut().zip(kept) {
-            *row = submap_point(cloud, point_idx, &table, sweep_idx, incidences[point_idx]);
-            while moving.next_if(|&idx| idx < point_idx).is_some() {}
-            row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
-            for (axis, value) in [row.x, row.y, row.z].into_iter().enumerate() {
-                bounds.0[axis] = bounds.0[axis].min(value);
-                bounds.1[axis] = bounds.1[axis].max(value);
+        let (raw, sweep, moving) = (cloud.received.rows(), &cloud.sweep, &registered.moving);
+        let fill = |(rows, kept): (&mut [SubmapPoint], &[usize])| {
+            let mut bounds = NO_BOUNDS;
+            // Both lists rise.
+            let first = kept.first().map_or(0, |first| moving.partition_point(|&idx| (idx as usize) < *first));
+            let mut moving = moving[first..].iter().map(|&idx| idx as usize).peekable();
+            for (row, &point_idx) in rows.iter_mut().zip(kept) {
+                let incidence = scene.incidences[point_idx];
+                *row = submap_point(&raw[point_idx], sweep, point_idx, &table, sweep_idx, incidence);
+                while moving.next_if(|&idx| idx < point_idx).is_some() {}
+                row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
+                bounds = joined(bounds, [[row.x, row.y, row.z]; 2]);
             }
-        }
+            bounds
+        };
+        let pieces = rows.par_chunks_mut(PIECE).zip(scene.kept.par_chunks(PIECE));
+        let bounds = pieces.map(fill).reduce(|| NO_BOUNDS, joined);
+        let before = if first_point == 0 { NO_BOUNDS } else { [self.header.min, self.header.max] };
+        [self.header.min, self.header.max] = joined(before, bounds);
         self.header.sweeps[usize::from(sweep_idx)] = SubmapSweep {
             stamp: registered.stamp.0,
             seq: cloud.received.seq(),
             duration_nanos: registered.duration_nanos,
             first_point,
-            n_points: kept.len() as u32,
+            n_points: n_kept as u32,
             reserved: 0,
             submap_from_lidar_begin: pose_numbers(&begin),
             submap_from_lidar_end: pose_numbers(&end),
@@ -114,17 +117,35 @@ impl OpenSubmap {
     }
 }
 
+/// Points that a thread writes at a time.
+const PIECE: usize = 1 << 12;
+/// Smallest and largest x y z of no points.
+const NO_BOUNDS: [[f32; 3]; 2] = [[f32::MAX; 3], [f32::MIN; 3]];
+
+fn joined(a: [[f32; 3]; 2], b: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    // Not `f32::min`, which takes several times as long for the sake of NaN.
+    let least = |axis: usize| if b[0][axis] < a[0][axis] { b[0][axis] } else { a[0][axis] };
+    let most = |axis: usize| if b[1][axis] > a[1][axis] { b[1][axis] } else { a[1][axis] };
+    [std::array::from_fn(least), std::array::from_fn(most)]
+}
+
 /// The part of a rotation that turns about z.
 fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     let forward = rotation * Vector3::x();
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
 }
 
-fn submap_point(cloud: &Cloud, point_idx: usize, table: &DeskewTable, sweep_idx: u16, incidence: f32) -> SubmapPoint {
-    let raw: &SweepPoint = &cloud.received.rows()[point_idx];
-    let timed = &cloud.sweep.points()[point_idx];
+fn submap_point(
+    raw: &SweepPoint,
+    sweep: &Sweep,
+    point_idx: usize,
+    table: &DeskewTable,
+    sweep_idx: u16,
+    incidence: f32,
+) -> SubmapPoint {
+    let timed = &sweep.points()[point_idx];
     let [x, y, z] = table.deskew(timed.position, timed.offset_nanos);
-    let elevation_deg = cloud.sweep.elevation(point_idx).to_degrees();
+    let elevation_deg = sweep.elevation(point_idx).to_degrees();
     SubmapPoint {
         x,
         y,

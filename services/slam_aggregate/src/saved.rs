@@ -9,47 +9,67 @@ use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Raised when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 5;
+pub(crate) const STATE_VERSION: u32 = 6;
 
-/// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), the first
-/// sweep while it waits for the second (about 1.3 MB), the open submap (28 bytes a point), and 70 kB for each submap that is
-/// complete.
+/// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), and 70 kB for
+/// each submap that is complete. Behind it follow, from where they lie, the first sweep while it waits for the second (about
+/// 1.3 MB) and the rows of the open submap (28 bytes a point).
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
     pub odometry: OdometryState,
-    /// See `Received::to_bytes`.
-    pub waiting: Option<Bytes>,
-    pub submap: Option<SavedSubmap>,
+    /// Whether the first sweep waits.
+    pub waits: bool,
+    pub submap: Option<SubmapHead>,
     pub last_row_stamp: Option<i64>,
     pub weak: WeakStretches,
     pub graph: DriveGraph,
 }
 
-/// An [`OpenSubmap`] outside shared memory.
-#[derive(Serialize, Deserialize)]
-pub(crate) struct SavedSubmap {
+/// An [`OpenSubmap`] without its rows.
+#[derive(Clone, Serialize, Deserialize)]
+pub(crate) struct SubmapHead {
     frame: SubmapFrame,
     header: Bytes,
-    rows: Bytes,
+    n_rows: u64,
 }
 
-impl SavedSubmap {
+/// An [`OpenSubmap`] outside shared memory.
+pub(crate) struct SavedSubmap {
+    pub head: SubmapHead,
+    pub rows: Vec<u8>,
+}
+
+impl SubmapHead {
     pub fn of(open: &OpenSubmap) -> Self {
         Self {
             frame: open.frame,
             header: Bytes(pod::bytes_from_rows(std::slice::from_ref(&*open.header)).to_vec()),
-            rows: Bytes(pod::bytes_from_rows(open.loan.rows()).to_vec()),
+            n_rows: open.loan.rows().len() as u64,
         }
     }
+}
+
+impl SavedSubmap {
     /// Into a fresh slot: the only time that rows are copied.
     pub fn reopen(&self, outputs: &mut Outputs, capacity: usize) -> Result<OpenSubmap, StepError> {
         let torn = || StepError::data("the saved submap's header or rows have the wrong length");
-        let header = pod::rows_from_bytes::<SubmapHeader>(&self.header.0).ok_or_else(torn)?;
+        let header = pod::rows_from_bytes::<SubmapHeader>(&self.head.header.0).ok_or_else(torn)?;
         let [header] = header[..] else { return Err(torn()) };
-        let rows = pod::rows_from_bytes::<SubmapPoint>(&self.rows.0).ok_or_else(torn)?;
+        let rows = pod::rows_from_bytes::<SubmapPoint>(&self.rows).ok_or_else(torn)?;
         // A smaller limit than before must not lose what is there.
         let mut loan = outputs.loan::<Submap>(capacity.max(rows.len()))?;
         loan.extend_from_slice(&rows).ok_or_else(torn)?;
-        Ok(OpenSubmap { loan, frame: self.frame, header: Box::new(header) })
+        Ok(OpenSubmap { loan, frame: self.head.frame, header: Box::new(header) })
+    }
+    /// `rows` are all that is left of a state.
+    pub fn load(head: Option<SubmapHead>, rows: &[u8]) -> Result<Option<Self>, StepError> {
+        let n_rows = head.as_ref().map_or(0, |head| head.n_rows);
+        if rows.len() as u64 != n_rows * size_of::<SubmapPoint>() as u64 {
+            let n_bytes = rows.len();
+            return Err(StepError::data(format!(
+                "saved state: {n_bytes} bytes for {n_rows} points of the open submap"
+            )));
+        }
+        Ok(head.map(|head| Self { head, rows: rows.to_vec() }))
     }
 }

@@ -4,15 +4,17 @@ use crate::Settings;
 use crate::drive_graph::{DriveGraph, Placed, Sensors};
 use crate::odometry_settings::odometry_settings;
 use crate::open_submap::OpenSubmap;
-use crate::saved::{STATE_VERSION, Saved, SavedSubmap};
-use crate::sweeps::Cloud;
+use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
+use crate::sweeps::{Cloud, Scene};
 use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
 use formats::manifest::Manifest;
 use geometry::{Geodetic, Isometry3, Point3, Pose, Stamp};
-use messages::{Gnss, GnssRow, Imu, ImuRow, Placement, StampedPose, Submap, Sweep, Trajectory};
+use messages::{Gnss, GnssRow, Imu, ImuRow, Placement, StampedPose, Submap, Sweep, Trajectory, pod};
 use registration::{GroundVelocity, InertialSample, Odometry, Registered, SensorPlaces};
-use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StepError};
+use stage::{
+    Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StateBytes, StepError, decode_head, next_message,
+};
 
 /// See the crate's page.
 pub struct SlamAggregate {
@@ -56,7 +58,7 @@ impl SlamAggregate {
     /// Puts a registered sweep into the open submap, closes the submap where it is full, and appends the poses.
     fn place(
         &mut self,
-        cloud: &Cloud,
+        (cloud, scene): (&Cloud, &Scene),
         registered: &Registered,
         rows: &mut Vec<StampedPose>,
         outputs: &mut Outputs,
@@ -65,8 +67,7 @@ impl SlamAggregate {
         if let Some(text) = self.weak.see(registered) {
             outputs.note(text);
         }
-        let (kept, n_dropped) = cloud.kept(self.settings.min_range_m, self.settings.thin_m);
-        outputs.count("points_out_of_range", n_dropped as u64);
+        outputs.count("points_out_of_range", scene.n_dropped as u64);
         let body_from_lidar = self.body_from_lidar;
         let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
         let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
@@ -80,7 +81,7 @@ impl SlamAggregate {
                 outputs.count("poses_out_of_order", 1);
             }
         }
-        if self.open.as_ref().is_some_and(|open| !open.fits(kept.len())) {
+        if self.open.as_ref().is_some_and(|open| !open.fits(scene.kept.len())) {
             self.close(outputs)?;
         }
         let open = match &mut self.open {
@@ -93,11 +94,17 @@ impl SlamAggregate {
             }
         };
         self.graph.add_sweep(registered, &begin, &end);
-        open.append(cloud, &kept, registered, end.translation.vector)?;
+        open.append(cloud, scene, registered, end.translation.vector)?;
         if open.frame.travelled_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
             self.close(outputs)?;
         }
         Ok(())
+    }
+
+    fn prepared(&self, received: Received<Sweep>) -> (Cloud, Scene) {
+        let cloud = Cloud::new(received, &self.settings);
+        let scene = Scene::of(&cloud.sweep, &self.settings);
+        (cloud, scene)
     }
 
     fn leans_on(&self, name: &str) -> bool {
@@ -163,13 +170,15 @@ impl Stage for SlamAggregate {
         let mut rows = Vec::new();
         for received in inputs.take::<Sweep>() {
             let cloud = Cloud::new(received, &self.settings);
-            let registered = self.odometry.register(&cloud.sweep).map_err(StepError::data)?;
-            let mut clouds =
-                self.waiting.take().map(|received| Cloud::new(received, &self.settings)).into_iter().chain([cloud]);
-            for (registered, cloud) in registered.iter().zip(clouds.by_ref()) {
-                self.place(&cloud, registered, &mut rows, outputs)?;
+            let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &cloud.sweep);
+            let (registered, scene) = rayon::join(|| odometry.register(sweep), || Scene::of(sweep, settings));
+            let registered = registered.map_err(StepError::data)?;
+            let waiting = self.waiting.take().map(|received| self.prepared(received));
+            let mut clouds = waiting.into_iter().chain([(cloud, scene)]);
+            for (registered, (cloud, scene)) in registered.iter().zip(clouds.by_ref()) {
+                self.place((&cloud, &scene), registered, &mut rows, outputs)?;
             }
-            self.waiting = clouds.next().map(|cloud| cloud.received);
+            self.waiting = clouds.next().map(|(cloud, _)| cloud.received);
         }
         self.graph.settle(&self.sensors);
         publish_poses(&rows, outputs)?;
@@ -180,7 +189,8 @@ impl Stage for SlamAggregate {
         self.reopen(outputs)?;
         let mut rows = Vec::new();
         if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
-            self.place(&Cloud::new(received, &self.settings), &registered, &mut rows, outputs)?;
+            let (cloud, scene) = self.prepared(received);
+            self.place((&cloud, &scene), &registered, &mut rows, outputs)?;
         }
         publish_poses(&rows, outputs)?;
         if let Some(text) = self.weak.finish() {
@@ -191,30 +201,35 @@ impl Stage for SlamAggregate {
         self.graph.place(&self.sensors).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
 
-    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
-        let open = self.open.as_ref().map(SavedSubmap::of);
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+        let (submap, rows) = match (&self.open, &self.saved_submap) {
+            (Some(open), _) => (Some(SubmapHead::of(open)), pod::bytes_from_rows(open.loan.rows())),
+            (None, Some(saved)) => (Some(saved.head.clone()), &saved.rows[..]),
+            (None, None) => (None, &[][..]),
+        };
         let saved = Saved {
             odometry: self.odometry.save(),
-            waiting: self.waiting.as_ref().map(Received::to_bytes),
-            submap: open.or_else(|| self.saved_submap.take()),
+            waits: self.waiting.is_some(),
+            submap,
             last_row_stamp: self.last_row_stamp,
             weak: self.weak.clone(),
             graph: self.graph.clone(),
         };
-        let bytes = stage::encode_state(STATE_VERSION, &saved)?;
-        if self.open.is_none() {
-            self.saved_submap = saved.submap;
+        let mut state = StateBytes::with_head(STATE_VERSION, &saved)?;
+        if let Some(waiting) = &self.waiting {
+            state.push(waiting);
         }
-        Ok(bytes.into())
+        state.push_bytes(rows);
+        Ok(state)
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        let saved: Saved = stage::decode_state(STATE_VERSION, state)?;
+        let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
         let places = places(self.body_from_lidar, &self.sensors);
         self.odometry = Odometry::load(odometry_settings(&self.settings, places), saved.odometry);
-        self.waiting = saved.waiting.map(|bytes| Received::from_bytes(&bytes.0)).transpose()?;
+        self.waiting = saved.waits.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
-        self.saved_submap = saved.submap;
+        self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_row_stamp = saved.last_row_stamp;
         self.weak = saved.weak;
         self.graph = saved.graph;

@@ -32,21 +32,34 @@ impl Cloud {
         let sweep = registration::Sweep::new(Stamp(received.stamp()), points, header.n_rings);
         Self { received, sweep }
     }
-    /// Indices of the points that go into the submap, and how many are no returns of the scene: nearer than
-    /// `min_range_m`, or no numbers.
-    pub fn kept(&self, min_range_m: f64, thin_m: f64) -> (Vec<usize>, usize) {
-        let points = self.sweep.points();
+}
+
+/// What goes into the submap of a sweep, whatever its motion.
+pub(crate) struct Scene {
+    /// Indices of the points that are returns of the scene, rising.
+    pub kept: Vec<usize>,
+    /// Points that are not: nearer than `min_range_m`, or no numbers.
+    pub n_dropped: usize,
+    /// See [`registration::Sweep::incidences`].
+    pub incidences: Vec<f32>,
+}
+
+impl Scene {
+    pub fn of(sweep: &registration::Sweep, settings: &Settings) -> Self {
+        let points = sweep.points();
         let is_scene = |idx: &usize| {
             let [x, y, z] = points[*idx].position;
             let squared = x * x + y * y + z * z;
-            squared.is_finite() && squared >= (min_range_m * min_range_m) as f32
+            squared.is_finite() && squared >= (settings.min_range_m * settings.min_range_m) as f32
         };
         let scene: Vec<usize> = (0..points.len()).filter(is_scene).collect();
         let n_dropped = points.len() - scene.len();
-        if thin_m == 0.0 {
-            return (scene, n_dropped);
-        }
-        let firsts = registration::thinned(scene.iter().map(|&idx| points[idx].position), thin_m);
-        (firsts.into_iter().map(|first| scene[first]).collect(), n_dropped)
+        let kept = if settings.thin_m == 0.0 {
+            scene
+        } else {
+            let firsts = registration::thinned(scene.iter().map(|&idx| points[idx].position), settings.thin_m);
+            firsts.into_iter().map(|first| scene[first]).collect()
+        };
+        Self { kept, n_dropped, incidences: sweep.incidences() }
     }
 }

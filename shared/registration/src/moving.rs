@@ -4,6 +4,7 @@ use crate::seen::{PlacedSeen, Seen, Sight};
 use crate::small_objects::SmallObjects;
 use crate::{DeskewTable, Sweep, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, Vector3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -48,6 +49,11 @@ impl Answers {
     }
     fn goes_on(&self) -> bool {
         self.moved >= FREE_ANSWERS && f64::from(self.moved) >= MOVED_SHARE * f64::from(self.all())
+    }
+    fn add(&mut self, other: &Self) {
+        self.free += other.free;
+        self.filled += other.filled;
+        self.moved += other.moved;
     }
     fn all(&self) -> u32 {
         self.free + self.filled + self.moved
@@ -113,8 +119,8 @@ fn answers(
     asked: &[u32],
     middle: &Vector3<f64>,
 ) -> Vec<Answers> {
-    let mut answers = vec![Answers::default(); objects.n];
-    for seen in seen {
+    let of_one = |seen: &PlacedSeen| {
+        let mut answers = vec![Answers::default(); objects.n];
         for &cell in asked {
             let answers = &mut answers[objects.of_cell[cell as usize] as usize];
             match seen.sight(&(Vector3::from(placed[cell as usize]).cast::<f64>() + middle)) {
@@ -124,8 +130,13 @@ fn answers(
                 Sight::Hidden => {}
             }
         }
-    }
-    answers
+        answers
+    };
+    let with = |mut all: Vec<Answers>, others: Vec<Answers>| {
+        all.iter_mut().zip(others).for_each(|(all, other)| all.add(&other));
+        all
+    };
+    seen.par_iter().map(of_one).reduce(|| vec![Answers::default(); objects.n], with)
 }
 
 /// The points of the range image, row by row, deskewed in odom axes, seen from the lidar at the middle of the sweep, m; NaN
@@ -138,13 +149,13 @@ fn upright(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
     let (image, points) = (sweep.image(), sweep.points());
     let mut placed = vec![[f32::NAN; 3]; image.rows() * image.cols()];
-    for (row, cells) in placed.chunks_exact_mut(image.cols()).enumerate() {
+    placed.par_chunks_exact_mut(image.cols()).enumerate().for_each(|(row, cells)| {
         for (col, cell) in cells.iter_mut().enumerate() {
             if let Some(idx) = image.point(row, col) {
                 *cell = table.deskew(points[idx].position, points[idx].offset_nanos);
             }
         }
-    }
+    });
     placed
 }
 

@@ -1,6 +1,7 @@
 //! Things that stand on the ground and are no larger than a lorry: all that may move (Deschaud 2018, III-A).
 
 use crate::ground::GroundField;
+use rayon::prelude::*;
 
 /// Largest box of a small object, m: along, across, up (Deschaud 2018).
 const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];
@@ -37,7 +38,7 @@ impl SmallObjects {
     pub fn found(placed: &[[f32; 3]], cols: usize) -> Self {
         let ground = GroundField::grown(placed);
         let without_ground = |point: &[f32; 3]| if ground.holds(*point) { [f32::NAN; 3] } else { *point };
-        let standing: Vec<[f32; 3]> = placed.iter().map(without_ground).collect();
+        let standing: Vec<[f32; 3]> = placed.par_iter().with_min_len(cols).map(without_ground).collect();
         let mut labels = Labels::default();
         let of_cell = labels.given(&standing, cols);
         labels.numbered(&standing, of_cell)

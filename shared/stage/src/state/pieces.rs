@@ -31,6 +31,10 @@ impl<'a> StateBytes<'a> {
     pub fn push<T: Message>(&mut self, message: &'a Received<T>) {
         self.pieces.extend(message.parts().map(Cow::Borrowed));
     }
+    /// Appends bytes from where they lie.
+    pub fn push_bytes(&mut self, bytes: &'a [u8]) {
+        self.pieces.push(Cow::Borrowed(bytes));
+    }
     /// Files that the state speaks of. They are brought to the disk before it counts as saved.
     pub fn rely_on(&mut self, files: impl IntoIterator<Item = PathBuf>) {
         self.files.extend(files);
