@@ -93,7 +93,7 @@ pub struct Offset {
 /// Fits turns and delay to each camera's profiles.
 pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
     let outlines: Vec<Vec<Outline>> =
-        cameras.iter().map(|profiles| profiles.iter().map(Outline::from).collect()).collect();
+        cameras.par_iter().map(|profiles| profiles.iter().map(Outline::from).collect()).collect();
     let all: Vec<Edges<'_>> = outlines.iter().map(|outlines| Edges::new(outlines.iter())).collect();
     let still = Solution::search(&all, false);
     let moved = Solution::search(&all, true).refined(&all, true);
@@ -111,7 +111,7 @@ pub fn fit(cameras: &[Vec<Profile>]) -> Offset {
         is_turned_about_axis: edges.axes.len() > edges.n_across,
         is_across_alone: edges.n_across < 2,
         n_edges: edges.n_edges(),
-        peak: edges.peak(solution.turns[i], solution.delay_s, false),
+        peak: edges.peak(solution.turns[i], solution.delay_s),
     };
     let n_edges = all.iter().map(Edges::n_edges).sum::<usize>() as f32;
     let steps_per_s = all.iter().map(Edges::delay_square).sum::<f32>().sqrt();
@@ -165,7 +165,7 @@ fn with_turns_about_axes<'a>(
         let parts = parts(std::slice::from_ref(outlines), &freed, &found, false);
         let sigma = deviation(&parts, about_axis).hypot(freed[0].common_deviation(2));
         let [mut edges] = freed;
-        let gain = edges.peak(found.turns[0], delay_s, false).powi(2) - edges.peak(*turn, delay_s, false).powi(2);
+        let gain = edges.peak(found.turns[0], delay_s).powi(2) - edges.peak(*turn, delay_s).powi(2);
         if gain > SIGNIFICANT_DELAY.powi(2) && about_axis(&found).abs() > MIN_DEVIATIONS * sigma {
             *turn = found.turns[0];
         } else {
@@ -184,7 +184,7 @@ pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOf
         profiles.iter().filter(|profile| range_m.contains(&profile.range_m)).map(Outline::from).collect();
     let edges = [Edges::new(outlines.iter())];
     let found = Solution { turns: vec![around.turn], delay_s }.refined(&edges, false);
-    let peak = edges[0].peak(found.turns[0], delay_s, false);
+    let peak = edges[0].peak(found.turns[0], delay_s);
     CameraOffset {
         turn: found.turns[0],
         is_turned_about_axis: around.is_turned_about_axis,

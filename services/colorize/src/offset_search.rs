@@ -32,14 +32,16 @@ impl Solution {
     /// Over all turns about x and y, and all delays if there may be one.
     pub fn search(cameras: &[Edges<'_>], may_be_late: bool) -> Self {
         let n_delays = if may_be_late { (MAX_DELAY_S / DELAY_STEP_S).round() as i32 } else { 0 };
-        let mut best: Option<(f32, Self)> = None;
-        for delay_s in (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S) {
-            let found: Vec<(f32, Turn)> = cameras.par_iter().map(|edges| searched(edges, delay_s)).collect();
+        let delays: Vec<f32> = (-n_delays..=n_delays).map(|i| i as f32 * DELAY_STEP_S).collect();
+        let at_delay = |delay_s: &f32| -> (f32, Self) {
+            let found: Vec<(f32, Turn)> = cameras.par_iter().map(|edges| searched(edges, *delay_s)).collect();
             let score = found.iter().map(|(score, _)| score).sum();
-            if best.as_ref().is_none_or(|(highest, _)| score > *highest) {
-                best = Some((score, Self { turns: found.into_iter().map(|(_, turn)| turn).collect(), delay_s }));
-            }
-        }
+            (score, Self { turns: found.into_iter().map(|(_, turn)| turn).collect(), delay_s: *delay_s })
+        };
+        // Of delays as good as each other the first.
+        let better = |best: (f32, Self), found: (f32, Self)| if found.0 > best.0 { found } else { best };
+        let found: Vec<(f32, Self)> = delays.par_iter().map(at_delay).collect();
+        let best = found.into_iter().reduce(better);
         best.map_or_else(|| Self { turns: vec![[0.0; 3]; cameras.len()], delay_s: 0.0 }, |(_, solution)| solution)
     }
 
@@ -87,13 +89,12 @@ impl Solution {
     }
 
     fn score(&self, cameras: &[Edges<'_>]) -> f32 {
-        cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.score(*turn, self.delay_s, false)).sum()
+        cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.score(*turn, self.delay_s)).sum()
     }
 
     /// Of all cameras together, see [`Edges::peak`].
     pub fn peak(&self, cameras: &[Edges<'_>]) -> f32 {
-        let squares =
-            cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.peak(*turn, self.delay_s, false).powi(2));
+        let squares = cameras.iter().zip(&self.turns).map(|(edges, turn)| edges.peak(*turn, self.delay_s).powi(2));
         squares.sum::<f32>().sqrt()
     }
 }
@@ -105,17 +106,19 @@ pub fn searched(edges: &Edges<'_>, delay_s: f32) -> (f32, Turn) {
         (-n..=n).map(move |i| i as f32 * step)
     };
     let step = |axis: usize| if axis < edges.n_across { TURN_STEP } else { AXIS_STEP };
-    let mut best = (f32::NEG_INFINITY, [0.0; 3]);
+    let mut turns = Vec::new();
     for a in places(0, step(0)) {
         for b in places(1, step(1)) {
             for c in places(2, step(2)) {
                 let axes = edges.axes.iter().zip([a, b, c]);
-                let turn = axes.fold([0.0; 3], |turn, (axis, step)| moved(turn, *axis, step));
-                let score = edges.score(turn, delay_s, true);
-                if score > best.0 {
-                    best = (score, turn);
-                }
+                turns.push(axes.fold([0.0; 3], |turn, (axis, step)| moved(turn, *axis, step)));
             }
+        }
+    }
+    let mut best = (f32::NEG_INFINITY, [0.0; 3]);
+    for (score, turn) in edges.coarse_scores(&turns, delay_s).into_iter().zip(turns) {
+        if score > best.0 {
+            best = (score, turn);
         }
     }
     best
@@ -124,11 +127,11 @@ pub fn searched(edges: &Edges<'_>, delay_s: f32) -> (f32, Turn) {
 /// One step about each axis, where it is better.
 fn climb(edges: &Edges<'_>, turn: &mut Turn, delay_s: f32, step: f32) -> bool {
     let mut is_better = false;
-    let mut score = edges.score(*turn, delay_s, false);
+    let mut score = edges.score(*turn, delay_s);
     for axis in &edges.axes {
         for step in [-step, step] {
             let moved = moved(*turn, *axis, step);
-            let found = edges.score(moved, delay_s, false);
+            let found = edges.score(moved, delay_s);
             if found > score && moved[0].hypot(moved[1]) <= 1.5 * MAX_TURN {
                 (score, *turn, is_better) = (found, moved, true);
                 break;

@@ -95,7 +95,7 @@ pub fn overview_by_range(names: &[String], px_per_rad: &[f32], watch: &Watch, of
         let angle = found.angle();
         if found.is_found() { format!("{:.1}/{:.1}", 1e3 * angle, px_per_rad * angle) } else { "-".to_owned() }
     };
-    let known = (0..offset.cameras.len()).filter(|index| offset.cameras[*index].is_found());
+    let known = (0..offset.cameras.len()).into_par_iter().filter(|index| offset.cameras[*index].is_found());
     let cameras: Vec<String> = known
         .map(|index| {
             let bins: Vec<String> =
