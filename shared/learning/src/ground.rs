@@ -4,14 +4,16 @@
 //! 2. *Zones*: cells are joined to their nearest neighbors in row and column, over gaps too, if the step between them is
 //!    at most that which the model allows for a gap of that length: a kerb or a slope, but not the side of a car.
 //! 3. *Ground zones*: large ones that lie low, i.e. on the morphological opening of the elevation. An opening keeps
-//!    slopes, so the street may climb. Roofs of cars are small, crowns of trees lie high.
+//!    slopes, so the street may climb. Roofs of cars are small, crowns of trees lie high. But where nothing was seen of the
+//!    ground around it, a house's roof is low, too; so zones besides the largest must not lie higher than ground gets that rises
+//!    from there as a steep street does (as in the slope-based filter of Vosselman 2000).
 //! 4. *Terrain*: the elevation of the ground zones with the gaps between them bridged (DEM).
-//! 5. A point is ground if it lies within the tolerance of the terrain; its score falls linearly from 1 on the terrain to
-//!    1/2 at the tolerance. It is no probability.
+//! 5. A point is ground if it lies within the tolerance of the terrain. Above, that is as wide as a kerb within a cell; but where
+//!    something stands in the cell, i.e. has points above the tolerance and below the height of a car, what is low is its
+//!    foot, and only noise is allowed. The score falls linearly from 1 on the terrain to 1/2 at the tolerance. It is no
+//!    probability.
 //!
-//! Heights and scores of the points are candle tensors on the CPU, as a network's would be; zones and openings are no
-//! tensor operations and come from `morphology`. Road, sidewalk and terrain are not told apart: a lowered kerb joins their
-//! zones.
+//! Road, sidewalk and terrain are not told apart: a lowered kerb joins their zones.
 
 mod elevation;
 mod parameters;
@@ -21,7 +23,6 @@ pub use parameters::{Parameters, Settings};
 
 use crate::model_file::ModelFile;
 use crate::{Cloud, LearningError, ModelCard, Report, Segmenter};
-use candle_core::{Device, Tensor};
 use elevation::Elevation;
 use messages::{ClassId, ClassRow, SubmapPoint};
 
@@ -29,11 +30,7 @@ use messages::{ClassId, ClassRow, SubmapPoint};
 pub const ARCHITECTURE: &str = "ground_quasi_flat";
 
 /// Version that this program writes and runs.
-pub const VERSION: u32 = 1;
-
-/// Points for which tensors are made at a time: 64 KiB each, so that a chunk's tensors stay in the cache. Less than the
-/// 65 536 elements from which candle hands an operation to its own threads, which then spin until the next one.
-const CHUNK: usize = 1 << 14;
+pub const VERSION: u32 = 2;
 
 /// The model of this module.
 pub struct GroundQuasiFlat {
@@ -46,55 +43,26 @@ impl GroundQuasiFlat {
         file.expect_version(VERSION)?;
         Ok(Self { card: file.card.clone(), parameters: Parameters::from_file(file)? })
     }
-
-    /// Class and score of some points against the terrain.
-    ///
-    /// `terrain` has one element more than the grid has cells, infinitely high, for the points outside.
-    fn decide(
-        &self,
-        terrain: &Tensor,
-        cells: &[u32],
-        points: &[SubmapPoint],
-        classes: &mut [ClassRow],
-    ) -> Result<(), LearningError> {
-        let [below_m, above_m] = self.parameters.tolerance_m.map(f64::from);
-        let device = Device::Cpu;
-        // A relu turns NaN, also that of infinity minus infinity, into 0: right on the terrain.
-        let finite = |z: f32| if z.is_finite() { z } else { 0.0 };
-        let z = Tensor::from_iter(points.iter().map(|point| finite(point.z)), &device)?;
-        let cells = Tensor::from_slice(cells, cells.len(), &device)?;
-        let height = (z - terrain.index_select(&cells, 0)?)?;
-        // Heights in units of the tolerance of their side.
-        let above = (height.relu()? / above_m)?;
-        let off = (above + (height.neg()?.relu()? / below_m)?)?;
-        let is_ground = off.le(1.0)?.to_vec1::<u8>()?;
-        let scores = off.clamp(0.0, 1.0)?.affine(-127.5, 255.0)?.to_vec1::<f32>()?;
-        for ((row, is_ground), score) in classes.iter_mut().zip(is_ground).zip(scores) {
-            *row = match is_ground {
-                0 => ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 },
-                _ => ClassRow { class_id: ClassId::Ground as u8, score: score.round() as u8 },
-            };
-        }
-        Ok(())
-    }
 }
 
 /// Height of every point above the terrain that the default parameters find, m. Not a number where there is no terrain.
-///
-/// # Errors
-/// If candle fails.
-pub fn heights(cloud: &Cloud<'_>) -> Result<Vec<f32>, LearningError> {
+pub fn heights(cloud: &Cloud<'_>) -> Vec<f32> {
     let parameters = Parameters::default();
-    let unknown = || vec![f32::NAN; cloud.points.len()];
-    let Some(elevation) = Elevation::of(cloud, &parameters.settings) else { return Ok(unknown()) };
-    let Some(terrain) = terrain::terrain(&elevation, &parameters)? else { return Ok(unknown()) };
-    let terrain = terrain.to_vec1::<f32>()?;
+    let elevation = Elevation::of(cloud, &parameters.settings);
+    let heights = elevation.and_then(|elevation| {
+        let terrain = terrain::terrain(&elevation, &parameters)?;
+        Some(heights_above(&terrain, &elevation, cloud.points))
+    });
+    heights.unwrap_or_else(|| vec![f32::NAN; cloud.points.len()])
+}
+
+/// Not a number for points outside the grid, whose terrain is infinitely high.
+fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint]) -> Vec<f32> {
     let height = |(point, &cell): (&SubmapPoint, &u32)| {
-        // Points outside the grid have a terrain of infinite height.
         let height = point.z - terrain[cell as usize];
         if height.is_finite() { height } else { f32::NAN }
     };
-    Ok(cloud.points.iter().zip(&elevation.cells).map(height).collect())
+    points.iter().zip(&elevation.cells).map(height).collect()
 }
 
 impl Segmenter for GroundQuasiFlat {
@@ -109,10 +77,25 @@ impl Segmenter for GroundQuasiFlat {
         let Some(elevation) = Elevation::of(cloud, &self.parameters.settings) else { return Ok(nothing) };
         let coarsened = elevation.coarsened(&self.parameters.settings);
         let report = Report { n_unseen: elevation.n_outside, coarsened };
-        let Some(terrain) = terrain::terrain(&elevation, &self.parameters)? else { return Ok(report) };
-        let chunks = classes.chunks_mut(CHUNK).zip(cloud.points.chunks(CHUNK)).zip(elevation.cells.chunks(CHUNK));
-        for ((classes, points), cells) in chunks {
-            self.decide(&terrain, cells, points, classes)?;
+        let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
+        let heights_m = heights_above(&terrain, &elevation, cloud.points);
+        let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = &self.parameters;
+        let stands = *above_m..settings.standing_m as f32;
+        let mut is_standing = vec![false; terrain.len()];
+        for (height_m, &cell) in heights_m.iter().zip(&elevation.cells) {
+            is_standing[cell as usize] |= stands.contains(height_m);
+        }
+        for ((row, &height_m), &cell) in classes.iter_mut().zip(&heights_m).zip(&elevation.cells) {
+            let tolerance_m = match (height_m < 0.0, is_standing[cell as usize]) {
+                (true, _) => below_m,
+                (false, true) => foot_m,
+                (false, false) => above_m,
+            };
+            let off = height_m.abs() / tolerance_m;
+            if off <= 1.0 {
+                let score = (255.0 - 127.5 * off).round() as u8;
+                *row = ClassRow { class_id: ClassId::Ground as u8, score };
+            }
         }
         Ok(report)
     }

@@ -37,7 +37,7 @@ fn the_shipped_model_is_what_the_program_writes() {
     assert_eq!(bytes, Parameters::default().to_bytes().expect("encodes"));
     assert!(bytes.len() < 10_000);
     let model = learning::load(&shipped_model(), &learning::Options::default()).expect("loads");
-    assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 1));
+    assert_eq!((model.card().architecture.as_str(), model.card().version), ("ground_quasi_flat", 2));
     assert_ne!(model.card().digest, 0);
 }
 
@@ -61,8 +61,8 @@ fn a_file_that_is_cut_anywhere_is_refused() {
 fn foreign_architectures_versions_and_cards_are_refused_by_name() {
     let error = refused(&edited("ground_quasi_flat", "ground_quasi_flax"));
     assert!(matches!(&error, LearningError::Architecture { got, .. } if got == "ground_quasi_flax"), "{error}");
-    let error = refused(&edited("\\\"version\\\":1", "\\\"version\\\":7"));
-    assert!(matches!(error, LearningError::Version { got: 7, expected: 1, .. }), "{error}");
+    let error = refused(&edited("\\\"version\\\":2", "\\\"version\\\":7"));
+    assert!(matches!(error, LearningError::Version { got: 7, expected: 2, .. }), "{error}");
     assert!(matches!(refused(&edited("\"model\"", "\"mudel\"")), LearningError::Card { .. }));
     let error = refused(&edited("low_m", "low_x"));
     assert!(matches!(&error, LearningError::Card { reason, .. } if reason.contains("low_x")), "{error}");

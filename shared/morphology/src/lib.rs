@@ -15,6 +15,7 @@
 //! | `reconstruction` | geodesic reconstruction, filling of basins (Vincent 1993) | near constant |
 //! | `watershed` | basins of markers (Meyer 1991) | constant up to 16 bits, else a radix sort |
 //! | `gaps` | interpolation of missing heights | constant |
+//! | `slope` | the highest image below one that rises slowly enough | constant |
 
 mod area;
 mod blocks;
@@ -37,6 +38,7 @@ mod reconstruction;
 mod rows;
 mod runs;
 mod sliding;
+mod slope;
 mod union_find;
 mod watershed;
 
@@ -51,4 +53,5 @@ pub use geodesic::{geodesic_distances, geodesic_elongations};
 pub use level::Level;
 pub use neighbors::Connectivity;
 pub use reconstruction::{fill_basins, reconstruct_by_dilation, reconstruct_by_erosion};
+pub use slope::limit_rise;
 pub use watershed::watershed;

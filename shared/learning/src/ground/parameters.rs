@@ -22,6 +22,10 @@ pub struct Settings {
     pub window_m: f64,
     /// How far ground may lie above the opening, m, 0.05 to 5.
     pub low_m: f64,
+    /// How fast ground may rise beyond the largest zone, 0 to 2: 0.15 are 15 m in 100 m. Other zones may lie above that by `low_m`.
+    pub slope: f64,
+    /// Up to which height above the terrain a point says that something stands in its cell, m, 0.1 to 10: above are crowns and roofs.
+    pub standing_m: f64,
     /// Least area of a ground zone, square metres of cells with points, 0 to 1000.
     pub min_zone_m2: f64,
 }
@@ -33,19 +37,29 @@ pub struct Parameters {
     pub settings: Settings,
     /// Tensor `steps_m`: the step allowed between ground cells that are 1, 2 … cells apart, m; 1 to 256 elements.
     pub steps_m: Vec<f32>,
-    /// Tensor `tolerance_m`: how far below and above the terrain a point is still ground, m, above 0.
-    pub tolerance_m: [f32; 2],
+    /// Tensor `tolerance_m`: how far below the terrain a point is still ground, how far above, and how far above where something
+    /// stands, m, above 0.
+    pub tolerance_m: [f32; 3],
 }
 
 impl Default for Parameters {
     /// What `models/ground.safetensors` holds. Chosen from the size of kerbs, cars and sensor noise, window and tolerance on four
     /// simulated towns; see the card in models/README.md.
     fn default() -> Self {
-        let settings = Settings { cell_m: 0.2, reach_m: 100.0, window_m: 20.0, low_m: 0.5, min_zone_m2: 2.0 };
+        let settings = Settings {
+            cell_m: 0.2,
+            reach_m: 100.0,
+            window_m: 20.0,
+            low_m: 0.5,
+            slope: 0.15,
+            standing_m: 1.5,
+            min_zone_m2: 2.0,
+        };
         // Noise of 8 cm and a slope of 15 %, over gaps of up to 3 m.
         let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();
-        // Noise, and the fall of a steep street over half a cell.
-        Self { settings, steps_m, tolerance_m: [0.18, 0.18] }
+        // Below, noise and the fall of a steep street over a cell; above, a kerb in the same cell; at a foot, three times the
+        // noise of a lidar alone.
+        Self { settings, steps_m, tolerance_m: [0.18, 0.25, 0.06] }
     }
 }
 
@@ -57,11 +71,11 @@ impl Parameters {
         if let Some(idx) = steps_m.iter().position(|&step| step < 0.0) {
             return Err(file.bad_tensor("steps_m", format!("element {idx} is {}, must be at least 0", steps_m[idx])));
         }
-        let tolerance_m = file.vector("tolerance_m", 2..=2)?;
+        let tolerance_m = file.vector("tolerance_m", 3..=3)?;
         if tolerance_m.iter().any(|&tolerance| tolerance <= 0.0) {
-            return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, both must be above 0")));
+            return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, all must be above 0")));
         }
-        Ok(Self { settings, steps_m, tolerance_m: [tolerance_m[0], tolerance_m[1]] })
+        Ok(Self { settings, steps_m, tolerance_m: std::array::from_fn(|i| tolerance_m[i]) })
     }
 
     /// `steps_m` for cells that are `coarsened` times as large: the same metres, fewer cells. At least one step is left.
@@ -89,6 +103,8 @@ impl Settings {
             ("reach_m", self.reach_m, 5.0, 500.0),
             ("window_m", self.window_m, 1.0, 50.0),
             ("low_m", self.low_m, 0.05, 5.0),
+            ("slope", self.slope, 0.0, 2.0),
+            ("standing_m", self.standing_m, 0.1, 10.0),
             ("min_zone_m2", self.min_zone_m2, 0.0, 1000.0),
         ];
         match rules.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {

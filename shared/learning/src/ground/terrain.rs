@@ -1,11 +1,9 @@
 //! From elevation to terrain: zones, which of them are ground, and the heights between them.
 
-use super::Parameters;
 use super::elevation::Elevation;
-use crate::LearningError;
-use candle_core::{Device, Tensor};
-use morphology::{closing, fill_gaps, opening, quasi_flat_zones_over_gaps};
-use ndarray::{Array2, s};
+use super::{Parameters, Settings};
+use morphology::{closing, fill_gaps, limit_rise, opening, quasi_flat_zones_over_gaps};
+use ndarray::{Array2, Zip, s};
 
 /// Share of a zone's cells that must lie low for it to be ground: most, since a zone's edge may touch what stands on it.
 const MIN_LOW_SHARE: f64 = 0.5;
@@ -15,15 +13,13 @@ const STRAY_CELLS: usize = 1;
 
 /// Height of the ground in every cell, m, in raster order, and one element more: infinite, for points outside the grid.
 /// `None` if there is no ground.
-pub(super) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Result<Option<Tensor>, LearningError> {
+pub(super) fn terrain(elevation: &Elevation, parameters: &Parameters) -> Option<Vec<f32>> {
     let measured = elevation.lowest_m.mapv(f32::is_finite);
-    let Some(low) = low_cells(elevation, &measured, parameters) else { return Ok(None) };
+    let low = low_cells(elevation, &measured, parameters)?;
     let ground = ground_cells(elevation, &measured, &low, parameters);
-    let Some(heights) = fill_gaps(&elevation.lowest_m, &ground) else { return Ok(None) };
-    let (mut heights, _) = heights.into_raw_vec_and_offset();
+    let (mut heights, _) = fill_gaps(&elevation.lowest_m, &ground)?.into_raw_vec_and_offset();
     heights.push(f32::INFINITY);
-    let n = heights.len();
-    Ok(Some(Tensor::from_vec(heights, n, &Device::Cpu)?))
+    Some(heights)
 }
 
 /// Cells whose lowest point is at most `low_m` above the opening of the elevation.
@@ -34,7 +30,7 @@ fn low_cells(elevation: &Elevation, measured: &Array2<bool>, parameters: &Parame
     let opened = opening_beyond_the_edge(&closing(&surface, STRAY_CELLS), radius);
     let low_m = parameters.settings.low_m as f32;
     let is_low = |&surface: &f32, &opened: &f32, &measured: &bool| measured && surface - opened <= low_m;
-    Some(ndarray::Zip::from(&surface).and(&opened).and(measured).map_collect(is_low))
+    Some(Zip::from(&surface).and(&opened).and(measured).map_collect(is_low))
 }
 
 /// An opening whose windows may reach over the image's edge. Clipped ones would lower the upper end of a slope.
@@ -53,17 +49,37 @@ fn ground_cells(
     low: &Array2<bool>,
     parameters: &Parameters,
 ) -> Array2<bool> {
-    let steps_m = parameters.steps_of_cells(elevation.coarsened(&parameters.settings));
+    let settings = &parameters.settings;
+    let steps_m = parameters.steps_of_cells(elevation.coarsened(settings));
     let zones = quasi_flat_zones_over_gaps(&elevation.lowest_m, measured, &steps_m);
-    let mut n_low = vec![0_usize; zones.n() + 1];
-    for (&label, &low) in zones.image.iter().zip(low) {
-        n_low[label as usize] += usize::from(low);
-    }
-    let min_area = parameters.settings.min_zone_m2 / (elevation.grid.cell_m * elevation.grid.cell_m);
-    let is_ground = |label: u32| {
-        let area = zones.area(label) as f64;
-        label != 0 && area >= min_area && n_low[label as usize] as f64 >= MIN_LOW_SHARE * area
+    let cells_of = |is: &Array2<bool>| {
+        let mut n = vec![0_usize; zones.n() + 1];
+        zones.image.iter().zip(is).for_each(|(&zone, &is)| n[zone as usize] += usize::from(is));
+        n
     };
-    let zone_is_ground: Vec<bool> = (0..=zones.n() as u32).map(is_ground).collect();
-    ndarray::Zip::from(&zones.image).and(low).map_collect(|&label, &low| low && zone_is_ground[label as usize])
+    let n_low = cells_of(low);
+    let min_area = settings.min_zone_m2 / (elevation.grid.cell_m * elevation.grid.cell_m);
+    let is_large_and_low = |&zone: &usize| {
+        let area = zones.area(zone as u32) as f64;
+        area >= min_area && n_low[zone] as f64 >= MIN_LOW_SHARE * area
+    };
+    let mut ground: Vec<usize> = (1..=zones.n()).filter(is_large_and_low).collect();
+    if let Some(largest) = ground.iter().copied().max_by_key(|&zone| n_low[zone]) {
+        let largest = Zip::from(&zones.image).and(low).map_collect(|&zone, &low| low && zone as usize == largest);
+        let n_high = cells_of(&high_cells(elevation, low, &largest, settings));
+        ground.retain(|&zone| 2 * n_high[zone] <= n_low[zone]);
+    }
+    let mut is_ground = vec![false; zones.n() + 1];
+    for zone in ground {
+        is_ground[zone] = true;
+    }
+    Zip::from(&zones.image).and(low).map_collect(|&zone, &low| low && is_ground[zone as usize])
+}
+
+/// Low cells that no ground rising from the `largest` zone reaches. A roof is low if nothing was seen of the ground around it.
+fn high_cells(elevation: &Elevation, low: &Array2<bool>, largest: &Array2<bool>, settings: &Settings) -> Array2<bool> {
+    let sure = Zip::from(&elevation.lowest_m).and(largest).map_collect(|&z, &is| if is { z } else { f32::INFINITY });
+    let reached = limit_rise(&sure, (settings.slope * elevation.grid.cell_m) as f32);
+    let low_m = settings.low_m as f32;
+    Zip::from(&elevation.lowest_m).and(&reached).and(low).map_collect(|&z, &reached, &low| low && z - reached > low_m)
 }

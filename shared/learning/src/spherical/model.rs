@@ -191,7 +191,7 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, cloud: &Cloud<'_>, classes: &mut [ClassRow]) -> Result<Report, LearningError> {
         cloud.check(classes)?;
-        let heights_m = ground::heights(cloud)?;
+        let heights_m = ground::heights(cloud);
         let ranges: Vec<_> = point_ranges(cloud).into_iter().step_by(self.options.every).collect();
         let n_pixels = rows_of(cloud.header) * self.settings.columns;
         let mut of_pixels = std::mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));

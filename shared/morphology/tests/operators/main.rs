@@ -5,3 +5,4 @@ mod elements;
 mod extrema_and_basins;
 mod filled_gaps;
 mod frozen;
+mod limited_rise;

@@ -58,9 +58,9 @@ struct Views {
 }
 
 impl View {
-    fn of(submap: &TownSubmap, slice: &Slice) -> anyhow::Result<Self> {
+    fn of(submap: &TownSubmap, slice: &Slice) -> Self {
         let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
-        let heights_m = ground::heights(&cloud)?;
+        let heights_m = ground::heights(&cloud);
         let nothing = Pixel { lowest_m: f32::INFINITY, highest_m: 0.0, counts: [0; 3] };
         let mut pixels = vec![nothing; SIDE * SIDE];
         for ((point, &height_m), &class) in submap.points.iter().zip(&heights_m).zip(&submap.truth) {
@@ -74,7 +74,7 @@ impl View {
             pixel.highest_m = pixel.highest_m.max(height_m);
             pixel.counts[slice.classes.iter().position(|of| *of as u8 == class).map_or(0, |i| i + 1)] += 1;
         }
-        Ok(Self { pixels })
+        Self { pixels }
     }
 }
 
@@ -115,7 +115,7 @@ fn views(seeds: RangeInclusive<u64>, slice: &Slice) -> anyhow::Result<Views> {
     for seed in seeds {
         let drive = TownDrive { town: Town::Urban, seed, seconds: 30.0 };
         let submaps = drive.submaps(3, 3, 5, Mount::Rig)?;
-        views.extend(submaps.iter().map(|submap| View::of(submap, slice)).collect::<anyhow::Result<Vec<_>>>()?);
+        views.extend(submaps.iter().map(|submap| View::of(submap, slice)));
     }
     Ok(Views { views, n_features: slice.n_features })
 }

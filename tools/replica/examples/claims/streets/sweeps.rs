@@ -56,7 +56,7 @@ pub fn cast(scenery: Scenery, seeds: RangeInclusive<u64>, n: usize) -> anyhow::R
         let mut of_drive = Vec::new();
         for submap in &drive.submaps_in(&simulation, n, 1, 1, mount)? {
             let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
-            let heights_m = ground::heights(&cloud)?;
+            let heights_m = ground::heights(&cloud);
             for sweep in sweeps(&cloud, COLUMNS, &heights_m) {
                 let class = |&point: &u32| if point == NO_POINT { UNKNOWN } else { submap.truth[point as usize] };
                 let truth = sweep.image.nearest.iter().map(class).collect();

@@ -2,7 +2,6 @@
 
 use super::recipe::Recipe;
 use crate::town_sweeps::{Mount, TownDrive, TownSubmap};
-use anyhow::Context;
 use geometry::NO_POINT;
 use learning::network::NetworkSpec;
 use learning::spherical::{PolarImage, PolarPixel, Settings, features, sweeps};
@@ -38,10 +37,9 @@ impl Sweeps {
             let town = towns[(*seed % towns.len() as u64) as usize];
             let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
             let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
-            let images = submaps.iter().map(|submap| images_of(submap, &settings));
-            let images = images.collect::<anyhow::Result<Vec<_>>>()?;
+            let images = submaps.iter().flat_map(|submap| images_of(submap, &settings)).collect();
             done(1 + n_done.fetch_add(1, std::sync::atomic::Ordering::Relaxed), seeds.len());
-            Ok(images.into_iter().flatten().collect())
+            Ok(images)
         };
         let drives: Vec<anyhow::Result<Vec<_>>> = seeds.par_iter().map(of_drive).collect();
         let sweeps = drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().collect();
@@ -59,9 +57,9 @@ impl Sweeps {
 }
 
 /// Every sweep of a submap, with the output number of each pixel's class.
-fn images_of(submap: &TownSubmap, settings: &Settings) -> anyhow::Result<Vec<(PolarImage, Vec<u8>)>> {
+fn images_of(submap: &TownSubmap, settings: &Settings) -> Vec<(PolarImage, Vec<u8>)> {
     let cloud = Cloud { header: &submap.header, points: &submap.points, colors: None };
-    let heights_m = ground::heights(&cloud).context("heights above the ground")?;
+    let heights_m = ground::heights(&cloud);
     let output = output_of_class(settings);
     let mut random = Random::new(submap.truth.len() as u64, 0);
     let of_sweep = |sweep: learning::spherical::Sweep| {
@@ -72,7 +70,7 @@ fn images_of(submap: &TownSubmap, settings: &Settings) -> anyhow::Result<Vec<(Po
         let truth: Vec<u8> = sweep.image.nearest.iter().map(class).collect();
         with_rows(&sweep.polar, &truth, ROWS, &mut random)
     };
-    Ok(sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect())
+    sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect()
 }
 
 /// The same image with `rows` rows: filled up below with nothing, or, of a denser sensor, every other row or neighboring rows,
