@@ -93,6 +93,14 @@ pub enum LearningError {
         /// Points of the submap.
         expected: usize,
     },
+    /// An example of a data set does not fit the network that it is for.
+    #[error("example {example} of the data: {reason}")]
+    Example {
+        /// Its place in the data set.
+        example: usize,
+        /// Where, what is wrong, and the rule.
+        reason: String,
+    },
     /// A tensor operation failed.
     #[error("tensor operation: {0}")]
     Compute(#[from] candle_core::Error),

@@ -241,3 +241,28 @@ fn the_nearest_examples_know_what_an_untrained_last_layer_does_not() {
     // Of random ranges an untrained network keeps the laser only in part; a third would be chance.
     assert!(few > 0.5, "{few}");
 }
+
+#[test]
+fn examples_of_classes_that_the_model_has_not_are_refused_by_place_and_value() {
+    let settings = settings();
+    let weights = weights(&settings);
+    let (header, points, _) = submap();
+    let cloud = Cloud { header: &header, points: &points, colors: None };
+    let images = sweeps(&cloud, settings.columns, &ground::heights(&cloud));
+    let refused = |change: &dyn Fn(&mut Vec<u8>)| {
+        let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
+        let mut data = Labelled(known.collect());
+        assert!(Neighbors::draw(&settings, &weights, &data, 10, 1).is_ok());
+        change(&mut data.0[1].1);
+        Neighbors::draw(&settings, &weights, &data, 10, 1).err().expect("is refused").to_string()
+    };
+    let (n_classes, columns) = (settings.classes.len(), settings.columns);
+    assert_eq!(
+        refused(&|truth| truth[2 * columns + 5] = n_classes as u8),
+        format!(
+            "example 1 of the data: row 2, column 5 has class {n_classes}, must be below {n_classes}, or 255 if unknown"
+        )
+    );
+    let too_long = refused(&|truth| truth.resize(truth.len() + columns, 0));
+    assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
+}

@@ -32,7 +32,7 @@ impl Neighbors {
     /// as frequent as in a street, nearly all neighbors would be road. `k` of them vote.
     ///
     /// # Errors
-    /// If weights or data do not fit the settings' network.
+    /// If weights or data do not fit the settings' network, or a class is neither one of the settings' nor [`UNKNOWN`].
     pub fn draw(
         settings: &Settings,
         weights: &Weights,
@@ -47,8 +47,10 @@ impl Neighbors {
         for batch in indexes.chunks(BATCH) {
             let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
             let results: Vec<_> = examples.par_iter().map(|example| network.run(&example.input)).collect();
-            for (features, example) in results.into_iter().zip(&examples) {
+            for ((features, example), &index) in results.into_iter().zip(&examples).zip(batch) {
                 let (features, truth) = (features?, &example.truth);
+                let size = [features.height(), settings.fold * features.width()];
+                check(truth, index, size, settings.classes.len())?;
                 for (at, &class) in truth.iter().enumerate().filter(|(_, class)| **class != UNKNOWN) {
                     let of_class = &mut drawn[at % settings.fold * settings.classes.len() + usize::from(class)];
                     of_class.see(|| features_of(&features, at / settings.fold), per_class, &mut random);
@@ -84,6 +86,22 @@ impl Neighbors {
             }
         }
     }
+}
+
+/// Refuses truth that does not fit an image of so many rows and columns or so many classes. The image may have rows that the
+/// truth has not: it is filled up with empty ones.
+fn check(truth: &[u8], example: usize, [rows, columns]: [usize; 2], n_classes: usize) -> Result<(), LearningError> {
+    let wrong = |reason| Err(LearningError::Example { example, reason });
+    if truth.len() > rows * columns {
+        return wrong(format!("{} pixels have a class, the image has {rows} x {columns}", truth.len()));
+    }
+    let is_wrong = |&class: &u8| class != UNKNOWN && usize::from(class) >= n_classes;
+    truth.iter().position(is_wrong).map_or(Ok(()), |at| {
+        let (row, column, class) = (at / columns, at % columns, truth[at]);
+        wrong(format!(
+            "row {row}, column {column} has class {class}, must be below {n_classes}, or {UNKNOWN} if unknown"
+        ))
+    })
 }
 
 /// A fair draw of what is seen one by one (algorithm R, Vitter 1985).
