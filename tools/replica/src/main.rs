@@ -7,7 +7,6 @@ mod byte_values;
 mod commands;
 mod figures;
 mod terminal;
-mod town_sweeps;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -18,11 +18,6 @@ mod slices;
 mod streets;
 mod training;
 
-// What recipes ask of it and the claims do not is used by the program.
-#[path = "../../src/town_sweeps.rs"]
-#[allow(dead_code, reason = "the program uses all of it")]
-mod town_sweeps;
-
 fn main() -> anyhow::Result<()> {
     let mut args = std::env::args().skip(1);
     let claim = args.next().unwrap_or_default();

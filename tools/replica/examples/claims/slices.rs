@@ -2,7 +2,6 @@
 //! (buildings and vegetation). As in the thesis the ground is taken away first, by our zones, not by truth, and poles count as
 //! background.
 
-use crate::town_sweeps::{Mount, TownDrive, TownSubmap};
 use crate::training::{Task, losses, settings, weights};
 use learning::engine::{Border, Planes};
 use learning::losses::Hierarchy;
@@ -10,6 +9,7 @@ use learning::network::NetworkSpec;
 use learning::training::{Dataset, Example};
 use learning::{Cloud, Random, ground};
 use messages::ClassId;
+use replica::town_sweeps::{Mount, TownDrive, TownSubmap};
 use simulation::Town;
 use std::ops::RangeInclusive;
 

@@ -1,7 +1,6 @@
 //! Single sweeps as range images.
 
 use super::surfaces;
-use crate::town_sweeps::{Mount, TownDrive};
 use geometry::NO_POINT;
 use learning::engine::{BORDER, Border, LANES, Planes};
 use learning::spherical::{N_FEATURES, PolarImage, PolarPixel, features, sweeps};
@@ -9,6 +8,7 @@ use learning::training::{Dataset, Example, UNKNOWN};
 use learning::{Cloud, Random, ground};
 use messages::ClassId;
 use rayon::prelude::*;
+use replica::town_sweeps::{Mount, TownDrive};
 use simulation::Town;
 use std::ops::RangeInclusive;
 

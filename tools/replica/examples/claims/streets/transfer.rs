@@ -2,11 +2,11 @@
 
 use super::sweeps::Scenery;
 use super::{ALL, CE_AND_POWER_2, Column, Data, write_table};
-use crate::town_sweeps::Mount;
 use crate::training::{Task, mean_and_deviation};
 use learning::network::{Variables, Weights};
 use learning::scores::Confusion;
 use learning::training::{TrainSettings, Trainer};
+use replica::town_sweeps::Mount;
 use simulation::Town;
 
 /// An HDL-64E upright on a roof, as KITTI's.

@@ -2,11 +2,11 @@
 
 use super::classes::kitti::{self, LabelledSweep};
 use crate::commands::train::recipe::town_from_name;
-use crate::town_sweeps::{Mount, TownDrive};
 use anyhow::Context;
 use chart::{Axis, COLORS, Chart, Series};
 use geometry::{RangeImage, SphericalGrid};
 use learning::spherical::back_projection::{BackProjection, NO_CLASS, back_project};
+use replica::town_sweeps::{Mount, TownDrive};
 use std::io::Write;
 use std::path::PathBuf;
 

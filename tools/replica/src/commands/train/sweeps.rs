@@ -1,7 +1,6 @@
 //! The data set of a recipe: sweeps of simulated towns, and how each is changed before it is shown.
 
 use super::recipe::Recipe;
-use crate::town_sweeps::{Mount, TownDrive, TownSubmap};
 use geometry::NO_POINT;
 use learning::network::NetworkSpec;
 use learning::spherical::{PolarImage, PolarPixel, Settings, features, sweeps};
@@ -9,6 +8,7 @@ use learning::training::{Dataset, Example, UNKNOWN};
 use learning::{Cloud, Random, ground};
 use messages::ClassId;
 use rayon::prelude::*;
+use replica::town_sweeps::{Mount, TownDrive, TownSubmap};
 
 /// Rows of the images that are learned from: an HDL-32E's. Networks have no rows of their own and take any number later.
 const ROWS: usize = 32;

@@ -3,10 +3,10 @@
 use super::reliability::Reliability;
 use super::{Args, count};
 use crate::commands::train::recipe::town_from_name;
-use crate::town_sweeps::{Mount, TownDrive};
 use learning::scores::Confusion;
 use learning::{Cloud, Segmenter};
 use messages::{ClassId, ClassRow};
+use replica::town_sweeps::{Mount, TownDrive};
 
 /// Truth that no model is asked for: thesis section 6.2 leaves out unlabeled, other, dynamic and sky.
 const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];

@@ -1,0 +1,3 @@
+//! What the program `replica` and its examples share.
+
+pub mod town_sweeps;
