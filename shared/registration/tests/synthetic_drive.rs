@@ -142,8 +142,8 @@ fn sweeps_that_see_nothing_are_bridged_and_said_to_be() {
 #[test]
 fn a_match_that_has_not_come_to_rest_is_none() {
     let mut sweeps = sweeps_of(&STREET, 0..8);
-    // Half a second was lost, and the road winds on.
-    sweeps.extend(sweeps_of(&STREET, 13..14));
+    // 0.7 s were lost, and the road winds on.
+    sweeps.extend(sweeps_of(&STREET, 15..16));
     let last_of = |max_rounds: u32| {
         let settings = MatchSettings { max_rounds, ..MatchSettings::default() };
         let settings = OdometrySettings { matching: settings, ..OdometrySettings::default() };

@@ -114,12 +114,15 @@ fn front(house: i32, side: f64) -> f64 {
     9.0 + 1.2 * noise(house * 2 + i32::from(side > 0.0))
 }
 
-/// The front of a house: 7 m wide, 9 m high, with windows set back and a rough surface.
+/// The front of a house: 7 m wide, 9 m high, with windows set back and a rough surface. Both lie across the front, not along the
+/// ray: a wall that looked different from everywhere turned the vehicle, always the same way.
 fn facade_range(from: &Vector3<f64>, ray: &Vector3<f64>, house: i32, side: f64) -> f64 {
-    let range = (side * front(house, side) - from.y) / ray.y;
+    let front = front(house, side);
+    let range_to = |out: f64| (side * out - from.y) / ray.y;
+    let range = range_to(front);
     let (along, height) = (from.x + range * ray.x, from.z + range * ray.z);
     let inside = along >= f64::from(house) * 7.0 && along < f64::from(house + 1) * 7.0 && height < 9.0;
-    if range > 0.0 && inside { range - relief(along, height, side) } else { f64::MAX }
+    if range > 0.0 && inside { range_to(front - relief(along, height, side)) } else { f64::MAX }
 }
 
 /// The wall across, where a house stands back from the one before.
