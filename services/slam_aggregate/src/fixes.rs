@@ -36,6 +36,7 @@ struct Fix {
     hdop: f64,
     /// At a dilution of 1.
     sigma_m: f64,
+    by_carrier: bool,
 }
 
 /// What is known of a position besides.
@@ -43,6 +44,8 @@ struct Fix {
 pub(crate) struct Settled {
     pub stamp: i64,
     pub hdop: f64,
+    /// By carrier phases: each fix stands for itself.
+    pub by_carrier: bool,
     /// Where the odometry saw the antenna.
     pub antenna_in_odom: Point3<f64>,
 }
@@ -73,7 +76,8 @@ impl Fixes {
         let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m);
         let (Some(place), Some(sigma_m)) = (place, sigma_m(row.quality)) else { return false };
         let hdop = if row.hdop > 0.0 { f64::from(row.hdop) } else { USUAL_HDOP };
-        self.waiting.push(Fix { stamp: row.stamp, place, hdop: hdop.max(0.5), sigma_m });
+        let by_carrier = matches!(row.quality, 4 | 5);
+        self.waiting.push(Fix { stamp: row.stamp, place, hdop: hdop.max(0.5), sigma_m, by_carrier });
         true
     }
     /// Positions of the fixes that the odometry has passed. `submap_at` tells number and `odom_from_submap` of the submap of a
@@ -87,7 +91,7 @@ impl Fixes {
     ) {
         let Some(end) = path.last() else { return };
         let n_passed = self.waiting.iter().take_while(|fix| fix.stamp <= end).count();
-        for Fix { stamp, place, hdop, sigma_m } in self.waiting.drain(..n_passed) {
+        for Fix { stamp, place, hdop, sigma_m, by_carrier } in self.waiting.drain(..n_passed) {
             let pause = self.settled.last().map_or(i64::MAX, |last| stamp.saturating_sub(last.stamp));
             let (Some(pose), Some((submap, odom_from_submap))) = (path.at(stamp), submap_at(stamp)) else { continue };
             if pause < LEAST_PAUSE_NANOS {
@@ -104,7 +108,7 @@ impl Fixes {
                 sigma_above_m: ABOVE * VERTICAL * sigma,
                 share: (pause as f64 * 1e-9 / ERRORS_LAST_S).min(1.0),
             });
-            self.settled.push(Settled { stamp, hdop, antenna_in_odom });
+            self.settled.push(Settled { stamp, hdop, by_carrier, antenna_in_odom });
         }
     }
     /// One for each position.
