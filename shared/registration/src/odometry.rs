@@ -378,7 +378,7 @@ impl Odometry {
         }
         Registered {
             moving: moving.points,
-            covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, |navigation| *navigation.pose()),
+            covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, Navigation::pose),
             lean: foretold.lean,
             ..sweep.registered(motion, matched, map_restarted)
         }
