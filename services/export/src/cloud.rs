@@ -153,7 +153,8 @@ impl<'a> Cloud<'a> {
         }
     }
 
-    #[inline]
+    // Where a row goes through a call, its place in memory is written and read again with every field.
+    #[inline(always)]
     pub(crate) fn coordinates(&self, xyz: [f64; 3], row: &mut Row<'_>) {
         let [x, y, z] = xyz;
         match self.coordinates {

@@ -10,8 +10,11 @@ pub struct Row<'a> {
     at: usize,
     /// What comes next; empty if the kinds are not watched.
     kinds: &'a [Kind],
-    fault: Option<(Kind, Option<Kind>)>,
+    fault: Fault,
 }
+
+/// What was given, and what the header says.
+type Fault = Option<(Kind, Option<Kind>)>;
 
 impl<'a> Row<'a> {
     /// `kinds` are watched if there are any; the number of bytes always is.
@@ -43,40 +46,47 @@ impl<'a> Row<'a> {
     #[inline]
     fn put<const N: usize>(&mut self, kind: Kind, bytes: [u8; N]) -> &mut Self {
         if !self.kinds.is_empty() {
-            self.watch(kind);
+            (self.kinds, self.fault) = watched(self.kinds, self.fault, kind);
         }
         match self.bytes.get_mut(self.at..self.at + N) {
-            Some(field) => {
-                field.copy_from_slice(&bytes);
-                self.at += N;
-            }
+            Some(field) => field.copy_from_slice(&bytes),
             None => self.fault = self.fault.or(Some((kind, None))),
         }
+        // Also beyond the end, so that it is known at compile time.
+        self.at += N;
         self
     }
 
-    // Apart from what happens to every field of every point.
-    #[cold]
-    fn watch(&mut self, kind: Kind) {
-        if let Some((next, later)) = self.kinds.split_first() {
-            if *next != kind {
-                self.fault.get_or_insert((kind, Some(*next)));
-            }
-            self.kinds = later;
+    /// Whether every field was given, none too many and each of its kind.
+    #[inline]
+    pub(super) fn check(&self) -> Result<(), String> {
+        if self.fault.is_none() && self.at == self.bytes.len() {
+            Ok(())
+        } else {
+            Err(rule(self.fault, self.bytes.len() - self.at.min(self.bytes.len())))
         }
     }
+}
 
-    /// Whether every field was given, none too many and each of its kind.
-    pub(super) fn check(&self) -> Result<(), String> {
-        match self.fault {
-            Some((got, Some(expected))) => {
-                Err(format!("a field was given as {}, its property is {}", got.name(), expected.name()))
-            }
-            Some((got, None)) => Err(format!("a {} was given beyond the last property", got.name())),
-            None => match self.bytes.len() - self.at {
-                0 => Ok(()),
-                n => Err(format!("fields for the last {n} bytes are missing")),
-            },
+/// What was wrong with a row.
+#[cold]
+fn rule(fault: Fault, n_missing: usize) -> String {
+    match fault {
+        Some((got, Some(expected))) => {
+            format!("a field was given as {}, its property is {}", got.name(), expected.name())
         }
+        Some((got, None)) => format!("a {} was given beyond the last property", got.name()),
+        None => format!("fields for the last {n_missing} bytes are missing"),
+    }
+}
+
+/// The kinds behind the next one, and the first fault. Apart from what happens to every field of every point, and without the row,
+/// which then need not be in memory.
+#[cold]
+fn watched(kinds: &[Kind], fault: Fault, kind: Kind) -> (&[Kind], Fault) {
+    match kinds.split_first() {
+        Some((next, later)) if *next == kind => (later, fault),
+        Some((next, later)) => (later, fault.or(Some((kind, Some(*next))))),
+        None => (kinds, fault),
     }
 }
