@@ -26,7 +26,7 @@ pub(crate) struct Cloud<'a> {
     pub(crate) coordinates: Kind,
 }
 
-/// Writes the files of one submap, in its place if that is known; bringing them to the disk is left to [`Folder::sync`].
+/// Writes the files of one submap, in its place if that is known; bringing them to the disk is left to [`crate::to_disk`].
 pub(crate) fn write(
     joined: &Joined,
     settings: &Settings,

@@ -2,7 +2,7 @@
 
 use crate::index::CloudEntry;
 use crate::place::is_placed;
-use formats::atomic_file::{sync_all, write_atomic};
+use formats::atomic_file::write_atomic;
 use stage::StepError;
 use std::fs;
 use std::io;
@@ -64,11 +64,6 @@ impl Folder {
         }
         Err(StepError::data(format!("{}: {got} bytes, the saved state says {expected}", path.display())))
     }
-}
-
-/// Brings files to the disk.
-pub(crate) fn sync(files: &[PathBuf]) -> Result<(), StepError> {
-    sync_all(files).map_err(|(path, cause)| fault(&path, "bring to the disk")(cause))
 }
 
 /// Whether a file in `clouds/` is one of ours, finished or not.

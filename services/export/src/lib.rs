@@ -24,13 +24,13 @@ mod join;
 mod place;
 mod spectra;
 mod sweeps;
+mod to_disk;
 mod trajectory;
 mod world;
 
 pub use index::{CloudEntry, Index, SpectraEntry};
 
 use folder::Folder;
-use formats::ply::PlyWriter;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use join::{Join, Joined, SavedJoin};
@@ -42,12 +42,11 @@ use stage::{
     Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
 };
 use std::path::PathBuf;
-use std::sync::mpsc::sync_channel;
 use world::World;
 
 /// Raised when [`State`] changes.
 const STATE_VERSION: u32 = 3;
-/// Clouds that are moved between two signs of progress, and files of theirs that wait for the disk.
+/// Clouds that are moved between two signs of progress.
 const CLOUDS_AT_A_TIME: usize = 4;
 
 stage::settings! {
@@ -253,35 +252,19 @@ impl Export {
         let (folder, clouds, n_synced) = (&self.folder, &mut self.clouds, self.n_synced);
         let in_place = clouds[n_synced..].iter().filter(|entry| entry.is_placed());
         let in_place: Vec<PathBuf> = in_place.flat_map(|entry| folder.files(std::slice::from_ref(entry))).collect();
-        std::thread::scope(|scope| {
-            let (moved, to_sync) = sync_channel::<PlyWriter>(CLOUDS_AT_A_TIME);
-            let sync = move || {
-                folder::sync(&in_place)?;
-                to_sync.iter().try_for_each(|cloud| cloud.finish().map(drop).map_err(StepError::io))
-            };
-            let syncing = std::thread::Builder::new().name("syncing".to_owned()).spawn_scoped(scope, sync);
-            let syncing = syncing.map_err(StepError::io)?;
-            let done = |cloud| {
-                moved.send(cloud).map_err(|_| StepError::io("the thread that brings clouds to the disk is gone"))
-            };
-            let placed = clouds.chunks_mut(CLOUDS_AT_A_TIME).try_for_each(|clouds| {
+        to_disk::meanwhile(&in_place, |done| {
+            clouds.chunks_mut(CLOUDS_AT_A_TIME).try_for_each(|clouds| {
                 clouds.par_iter_mut().try_for_each(|entry| place::place(entry, folder, world, done))?;
                 // A long drive has more clouds than a step has time for.
                 outputs.mark_progress();
                 Ok(())
-            });
-            drop(moved);
-            // Its failure is the cause of the other.
-            syncing
-                .join()
-                .unwrap_or_else(|_| Err(StepError::io("the thread that brings clouds to the disk panicked")))?;
-            placed
+            })
         })
     }
 
     /// Brings to the disk what is not there yet.
     fn sync_clouds(&mut self) -> Result<(), StepError> {
-        folder::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
+        to_disk::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
         self.n_synced = self.clouds.len();
         Ok(())
     }
