@@ -108,6 +108,7 @@ impl StageProcess {
 
     /// Says what is to be done, again and again; wakes it for what is new.
     pub fn tell(&mut self, command: StageCommand) -> Result<(), IpcError> {
+        let command = StageCommand { heard: self.health.beat > 0, ..command };
         let text = serde_json::to_vec(&command).unwrap_or_default();
         self.control.publish(&text)?;
         if command != self.told {

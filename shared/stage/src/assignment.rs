@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Raised when the supervisor and stages of different ages could misunderstand each other.
-pub const CONTRACT_VERSION: u32 = 3;
+pub const CONTRACT_VERSION: u32 = 4;
 
 /// Answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,6 +138,7 @@ pub fn wake_name(stage: &str) -> String {
 
 /// What the supervisor tells a stage, over and over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[allow(clippy::struct_excessive_bools, reason = "each is said for itself; no two make a state together")]
 pub struct Command {
     /// All are ready: sources may begin.
     pub go: bool,
@@ -145,4 +146,6 @@ pub struct Command {
     pub drain: bool,
     /// Sources mark the next tick as a barrier and wait behind it until this is taken back.
     pub pause: bool,
+    /// A heartbeat of this process has been heard, so its last will be: only then may it end.
+    pub heard: bool,
 }

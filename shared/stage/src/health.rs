@@ -199,8 +199,8 @@ impl Pulse {
     }
 }
 
-/// The supervisor looks every 50 ms and connects when it sees the publisher for the first time. What one says that comes and
-/// goes between two looks is never heard, and its end would be taken for a fault.
+/// The supervisor looks every 50 ms and connects when it sees the publisher for the first time. What one says that fails at once, and
+/// is gone by then, is never heard; its log says the same. (Who comes to its end waits until it has been heard.)
 const LEAST_LIFE: Duration = Duration::from_millis(250);
 
 /// Beats until dropped; the last beat carries the final figures.

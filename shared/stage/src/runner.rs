@@ -204,11 +204,14 @@ impl<'a, S: Stage> Runner<'a, S> {
             }
         }
         let (outputs, end) = (&mut self.outputs, self.last_row);
+        let (control, command) = (&self.control, &mut self.command);
         let repeats = self.assignment.context.mode == Mode::Live;
         let taken = self.ports.waiter.wait_until(
             || Activity::Draining,
             || {
-                let mut all = true;
+                read_command(control, command)?;
+                // What one says that comes and goes between two looks of the supervisor would be taken for a fault.
+                let mut all = command.heard;
                 for output in Self::ticked_outputs(outputs) {
                     if !output.is_drained()? {
                         all = false;
