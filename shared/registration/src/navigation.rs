@@ -142,7 +142,7 @@ impl Navigation {
 
     /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the lidar. The ground under the wheels is
     /// measured, and not how high it lies where the way has led: as far as that is not known, the height is not known by the grade
-    /// that a road may have. (On a field a vehicle that seemed to stand stayed at its height within 30 cm, 3 m below the truth.)
+    /// that a road may have. (On a field a vehicle that seemed to stand knew its height within 30 cm and was 3 m off.)
     pub fn pose(&self) -> Matrix6<f64> {
         let mut pose = self.pose;
         pose[(2, 2)] += GRADE * GRADE * (pose[(0, 0)] + pose[(1, 1)]);
