@@ -86,7 +86,7 @@ fn on_bare_ground_samples_and_velocities_tell_the_way() {
     let alone = drive(&PLAIN, 20, &[], &[]);
     let (off, deviation) = error(&PLAIN, &alone);
     assert!(off.norm() > 4.0 && deviation > 5.0, "the ground alone tells nothing: {off}, said to be {deviation}");
-    // 1.3 m: the ground is seen, and a road may climb or fall by a tenth of the 13 m that the way is not known.
+    // 2.9 m: the ground is seen, and a road may climb or fall by a tenth of the 28 m that the way is not known.
     let height = alone.last().unwrap().covariance[(2, 2)].sqrt();
     assert!(height < 0.15 * deviation, "the height is seen: {height} of {deviation}");
     assert!(alone.iter().all(|sweep| !sweep.lean.inertial && !sweep.lean.receiver));
