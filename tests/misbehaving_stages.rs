@@ -1,6 +1,6 @@
 //! Stages that break their contract, one test each: what is said, and that the run ends or recovers as it must.
 
-use replica_tests::{Launch, Running, binary, is_alive, said, undisturbed, wait_for};
+use replica_tests::{Launch, Running, binary, is_alive, said, seconds_told, undisturbed, wait_for};
 use rustix::process::Signal;
 
 const SOURCE: &str = "ticks = 60\npoints = 500";
@@ -21,13 +21,13 @@ fn is_given_up(fault: &str, words: &str) {
     assert_eq!(launch.summary()["outcome"], "failed");
 }
 
-/// A fault that strikes once, before the stage is ready.
-fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str) {
+/// A fault that strikes once, before the stage is ready, and is told with at least so many seconds behind `words`.
+fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str, seconds: f64) {
     let relay = format!("fault = \"{fault}\"\nonce = \"struck\"\n{relay}");
     let launch = Launch::of_misbehaving(run, SOURCE, &relay);
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    assert!(said(&output).contains(words), "{words:?} is not in:\n{}", said(&output));
+    assert!(seconds_told(&said(&output), words) >= seconds, "{}", said(&output));
     assert_eq!(launch.summary()["total"]["restarts"], 1);
     assert!(launch.read("sink.txt") == undisturbed(SOURCE, ""), "the result shows {fault}");
 }
@@ -35,12 +35,12 @@ fn recovers_at_start(run: &str, relay: &str, fault: &str, words: &str) {
 /// Those who cannot connect before it is there have waited for too long, too, and are not to blame: once the first of them was.
 #[test]
 fn a_stage_that_stalls_in_its_start_is_restarted() {
-    recovers_at_start("stall_s = 8.0", "stall_s = 10.0", "stalls_at_start", "[relay] stall: ");
+    recovers_at_start("stall_s = 8.0", "stall_s = 10.0", "stalls_at_start", "[relay] stall: ", 10.0);
 }
 
 #[test]
 fn a_stage_that_hangs_in_its_start_is_restarted() {
-    recovers_at_start("hang_s = 10.0", "", "hangs_at_start", "[relay] hang: no heartbeat for ");
+    recovers_at_start("hang_s = 10.0", "", "hangs_at_start", "[relay] hang: no heartbeat for ", 10.0);
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! What the supervisor promises about stages that fail: exit, hang and stall are told apart and reported with the stage's
 //! last words; the run goes on from the last barrier, within a bound, and its result is that of an undisturbed run.
 
-use replica_tests::{Launch, gate, said, undisturbed, wait_for};
+use replica_tests::{Launch, gate, said, seconds_told, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
 
 const SOURCE: &str = "ticks = 60\npoints = 500";
 
-/// Runs with a fault that strikes once; the result must not show it, and the report must hold `words`.
-fn strikes_once(run: &str, fault: &str, words: &[&str]) {
+/// Runs with a fault that strikes once; the result must not show it, and the report, which it returns, must hold `words`.
+fn strikes_once(run: &str, fault: &str, words: &[&str]) -> String {
     let relay = format!("fault = \"{fault}\"\nat_tick = 23\nonce = \"struck\"");
     let launch = Launch::of_misbehaving(run, SOURCE, &relay);
     let output = launch.run();
@@ -20,6 +20,7 @@ fn strikes_once(run: &str, fault: &str, words: &[&str]) {
     assert_eq!(launch.summary()["total"]["restarts"], 1);
     assert_eq!(launch.stage_summary("relay")["faults"], 1);
     assert!(launch.read("sink.txt") == undisturbed(SOURCE, ""), "the result shows that {fault} has struck");
+    text
 }
 
 #[test]
@@ -39,12 +40,15 @@ fn a_stage_that_leaves_early_is_not_taken_for_done() {
 
 #[test]
 fn a_stage_that_hangs_is_killed_and_restarted() {
-    strikes_once("hang_s = 10.0", "hang", &["[relay] hang: no heartbeat for "]);
+    let words = "[relay] hang: no heartbeat for ";
+    let report = strikes_once("hang_s = 10.0", "hang", &[words]);
+    assert!(seconds_told(&report, words) >= 10.0, "{report}");
 }
 
 #[test]
 fn a_stage_that_stalls_is_told_from_one_that_hangs() {
-    strikes_once("stall_s = 10.0", "stall", &["[relay] stall: ", " s in the step of tick 23"]);
+    let report = strikes_once("stall_s = 10.0", "stall", &[" s in the step of tick 23"]);
+    assert!(seconds_told(&report, "[relay] stall: ") >= 10.0, "{report}");
 }
 
 #[test]
@@ -132,9 +136,7 @@ fn a_stages_own_limit_counts_for_it() {
     let output = launch.run();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     let said = said(&output);
-    let stalled_s =
-        said.split_once("[relay] stall: ").and_then(|(_, rest)| rest.split(' ').next()?.parse::<f64>().ok());
-    assert!(stalled_s >= Some(12.0), "{said}");
+    assert!(seconds_told(&said, "[relay] stall: ") >= 12.0, "{said}");
     assert_eq!(launch.stage_summary("relay")["faults"], 1, "who waits for it is not to blame: {said}");
     assert_eq!(launch.summary()["total"]["restarts"], 1, "{said}");
 }

@@ -160,6 +160,12 @@ pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
     launch.read("sink.txt")
 }
 
+/// The seconds that a report tells behind `words`.
+pub fn seconds_told(report: &str, words: &str) -> f64 {
+    let seconds = report.split_once(words).and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok());
+    seconds.unwrap_or_else(|| panic!("no seconds behind {words:?} in:\n{report}"))
+}
+
 /// Of `[run]`: no machine is so busy that it does not run a process for so long.
 pub const PATIENT: &str = "hang_s = 120.0";
 

@@ -12,7 +12,7 @@ pub mod swaps;
 
 pub use drive::{pipeline, simulated_drive};
 pub use kills::{Kills, run_under_kills};
-pub use launch::{Launch, PATIENT, digest, gate, result_files, said, undisturbed};
+pub use launch::{Launch, PATIENT, digest, gate, result_files, said, seconds_told, undisturbed};
 pub use namespace::{in_own_namespace, mount_tmpfs, resize_tmpfs};
 pub use processes::{domain_of, is_alive, leftovers, processes_of};
 pub use random::Random;

@@ -284,3 +284,29 @@ pub fn domain_of(output: &Path) -> Result<Domain, IpcError> {
     let digest = fingerprint(FINGERPRINT_START, output.as_os_str().as_bytes());
     Domain::new(&format!("{digest:016x}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stage::Mode;
+
+    #[test]
+    fn processes_of_a_dead_supervisor_are_waited_for_longer_than_a_run_that_goes_on() {
+        let output = tempfile::tempdir().expect("a folder");
+        let output = output.path().canonicalize().expect("a path");
+        assert_eq!(patience_with(&output), LOCK_PATIENCE, "nobody has said anything of a run");
+        std::fs::create_dir(output.join("run")).expect("a folder");
+        let wired_by = |supervisor: u32| {
+            let wiring =
+                Wiring { domain: String::new(), supervisor, attempt: 0, mode: Mode::Offline, stages: Vec::new() };
+            std::fs::write(Wiring::file(&output), serde_json::to_vec(&wiring).expect("JSON")).expect("written");
+        };
+        let _lock = File::create(output.join("run/lock")).expect("a file");
+        wired_by(std::process::id());
+        assert_eq!(patience_with(&output), LOCK_PATIENCE, "it has the lock open");
+        let mut dead = std::process::Command::new("true").spawn().expect("starts");
+        dead.wait().expect("ends");
+        wired_by(dead.id());
+        assert_eq!(patience_with(&output), DYING_PATIENCE);
+    }
+}

@@ -15,14 +15,18 @@ const MOST_DRIFT_MPS: f64 = 1.0;
 /// A receiver's filter follows the measured speed, and new positions pull by this share a second at a dilution of 1, less at a
 /// worse one. 0.12 to 0.17 do equally well over the fixes of seeds 21 to 34.
 const PULL: f64 = 0.14;
-/// Error of the measured speed at a dilution of 1, m/s. It goes into the filter, too, and comes out as many times as a change counts:
+/// Error of the measured speed at a dilution of 1, m/s. It goes into the filter, too, and comes out as many times as a change counts.
 const SPEED_MPS: f64 = 0.03;
-/// no more of it than this, m, as much as houses do. From a dilution of 3 on some of what the filter keeps is left in.
+/// A change counts so often at most that no more than this comes out of the speed's error, m: as much as houses do. From a dilution
+/// of 3 on some of what the filter keeps is left in.
 const MOST_NOISE_M: f64 = 2.0;
-/// A receiver smooths if steps from fix to fix are shorter than this share of the errors,
+/// Steps from fix to fix of a receiver that smooths are shorter than this share of the errors.
 const SMOOTH: f64 = 0.5;
-/// and no more than this share of them turn back: of a filter's steps half do, of noise upon an error that stays 0.7.
+/// The steps of a receiver that smooths turn back no more often than in this share: a filter's do in half, those of noise upon an
+/// error that stays in 0.7.
 const TO_AND_FRO: f64 = 0.6;
+/// The told deviations of what a filter keeps hold up to this dilution.
+const HOLDING_HDOP: f64 = 2.0;
 
 /// Makes more of the positions, now that it is known where the submaps lie, `world_from_submap` by number. What a smoothing
 /// receiver keeps of the fix before is taken out of places by code, which are then known the worse the more the speed's errors count
@@ -47,8 +51,8 @@ pub fn unsmooth_or_doubt(settled: &[Settled], positions: &mut [Position], world_
             let onward = (offs[number].1 - offs[before].1) * times;
             position.p_in_world.x += onward.x;
             position.p_in_world.y += onward.y;
-            // The deviations hold up to a dilution of 2, where this is 1.
-            let noise = (0.5 * times * seconds * PULL).max(1.0);
+            // A change counts about as many times as the dilution over the pull.
+            let noise = (times * seconds * PULL / HOLDING_HDOP).max(1.0);
             *east *= noise;
             *north *= noise;
         }
