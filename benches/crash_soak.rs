@@ -1,8 +1,8 @@
-//! Kills without end over the real pipeline: the promise of `tests/crash_recovery.rs`, for as long as one likes.
+//! Kills of the real pipeline, as many as wanted: the promise of `crash_recovery::killed_processes_do_not_change_the_clouds`.
 //! `cargo build --release && cargo bench --bench crash_soak -- --kills 200 --seed 1 [--drive FOLDER]`
 
 use replica_tests::{
-    Random, digest, domain_of, leftovers, pipeline, result_files, run_under_kills, said, simulated_drive,
+    Random, digest, domain_of, leftovers, output_text, pipeline, result_files, run_under_kills, simulated_drive,
 };
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ use std::time::Instant;
 
 const STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
 
-/// Value of an argument; others, as cargo's own `--bench`, are none of ours.
+/// Value of an argument. Others, such as cargo's own `--bench`, are ignored.
 fn argument(name: &str) -> Option<String> {
     std::env::args().skip_while(|argument| argument != name).nth(1)
 }
@@ -23,11 +23,11 @@ fn main() -> ExitCode {
     if drive == sample && !sample.exists() {
         simulated_drive(&sample, 1, 12.0);
     }
-    let drive = drive.canonicalize().expect("the drive is there");
+    let drive = drive.canonicalize().expect("the drive exists");
 
     let undisturbed = pipeline(&drive, "", "");
     let output = undisturbed.run();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     let expected = digest(&result_files(&undisturbed.output()));
     let undisturbed_s = undisturbed.summary()["total"]["wall_s"].as_f64().expect("a number");
 
@@ -45,6 +45,6 @@ fn main() -> ExitCode {
     if got == expected && left.is_empty() {
         return ExitCode::SUCCESS;
     }
-    println!("FAILED: {}", if got == expected { left.join(" ") } else { "the result shows the kills".to_owned() });
+    println!("FAILED: {}", if got == expected { left.join(" ") } else { "the kills changed the result".to_owned() });
     ExitCode::FAILURE
 }

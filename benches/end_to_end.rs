@@ -1,5 +1,5 @@
-//! The whole pipeline on the sample drive, several times: times real time, CPU seconds by stage, memory. The drive is made
-//! if it is not there. `cargo build --release && cargo bench --bench end_to_end [-- RUNS]`
+//! The whole pipeline on the sample drive, several times: speed, CPU seconds by stage, memory. The drive is simulated if it
+//! does not exist. `cargo build --release && cargo bench --bench end_to_end [-- RUNS]`
 
 use serde_json::Value;
 use std::path::Path;
@@ -21,7 +21,7 @@ fn main() {
     let runs = std::env::args().find_map(|argument| argument.parse().ok()).unwrap_or(5);
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = tempfile::tempdir().expect("a folder");
-    run(root, folder.path()); // makes the drive if need be, and warms the caches
+    run(root, folder.path()); // simulates the drive if needed, and warms the caches
     let mut summaries: Vec<Value> = (0..runs).map(|_| run(root, folder.path())).collect();
     let number = |value: &Value| value.as_f64().expect("a number");
     summaries.sort_by(|a, b| number(&a["total"]["wall_s"]).total_cmp(&number(&b["total"]["wall_s"])));

@@ -1,5 +1,5 @@
-//! Does anything leak? A million messages through the pipeline of tests/misbehaving while descriptors, memory and shared
-//! memory are looked at; then 200 runs that are killed at seeded moments, after which nothing may be left.
+//! Searches for leaks: a million messages through the pipeline of tests/misbehaving while descriptors, memory and shared memory
+//! are sampled; then 200 runs that are killed at seeded moments, after which nothing may be left behind.
 //! `cargo build --release -p launch -p misbehaving && cargo bench --bench soak [-- MESSAGES KILLS SEED]`
 
 use replica_tests::{Launch, Random, Running, domain_of, leftovers, wait_for};
@@ -8,28 +8,28 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 const PROCESSES: [&str; 4] = ["supervisor", "source", "relay", "sink"];
-/// Growth of a process that is no leak: pages of stacks and tables that are touched late, bytes.
+/// Growth of a process that is no leak, bytes: pages of stacks and tables that are touched late.
 const SLACK: u64 = 1 << 20;
-/// A heartbeat that is just reading its own figures has a file open.
+/// A heartbeat that reads its own figures has files open for a moment.
 const OPEN_FOR_A_MOMENT: u64 = 2;
 
-/// One look at one process.
+/// The resources of one process.
 #[derive(Clone, Copy, Default)]
-struct Look {
+struct ProcessSample {
     descriptors: u64,
     threads: u64,
-    /// Memory of its own and shared memory that it touched, bytes.
+    /// Its memory and the shared memory that it has touched, bytes.
     resident: u64,
 }
 
-fn look(pid: Pid) -> Option<Look> {
+fn sample_process(pid: Pid) -> Option<ProcessSample> {
     let folder = format!("/proc/{}", pid.as_raw_nonzero());
     let status = std::fs::read_to_string(format!("{folder}/status")).ok()?;
     let number = |key: &str| -> Option<u64> {
         status.lines().find(|line| line.starts_with(key))?.split_whitespace().nth(1)?.parse().ok()
     };
     let descriptors = std::fs::read_dir(format!("{folder}/fd")).ok()?.count() as u64;
-    Some(Look { descriptors, threads: number("Threads:")?, resident: number("VmRSS:")? * 1024 })
+    Some(ProcessSample { descriptors, threads: number("Threads:")?, resident: number("VmRSS:")? * 1024 })
 }
 
 /// Files of the domain in shared memory, and bytes that they use.
@@ -42,21 +42,21 @@ fn shared_memory(domain: &str) -> (u64, u64) {
         .fold((0, 0), |(n, bytes), m| (n + 1, bytes + m.blocks() * 512))
 }
 
-/// All looks of one moment.
+/// All samples of one moment.
 struct Sample {
-    looks: [Look; PROCESSES.len()],
+    processes: [ProcessSample; PROCESSES.len()],
     shared: (u64, u64),
 }
 
 fn sample(pids: [Pid; PROCESSES.len()], domain: &str) -> Option<Sample> {
-    let mut looks = [Look::default(); PROCESSES.len()];
-    for (place, pid) in looks.iter_mut().zip(pids) {
-        *place = look(pid)?;
+    let mut processes = [ProcessSample::default(); PROCESSES.len()];
+    for (process, pid) in processes.iter_mut().zip(pids) {
+        *process = sample_process(pid)?;
     }
-    Some(Sample { looks, shared: shared_memory(domain) })
+    Some(Sample { processes, shared: shared_memory(domain) })
 }
 
-/// Prints a figure at 10 % and 100 % and its largest value between; whether it is flat.
+/// Prints a figure at 10 %, at 100 % and its maximum; whether it does not grow.
 fn print(name: &str, samples: &[Sample], slack: u64, figure: impl Fn(&Sample) -> u64) -> bool {
     let values: Vec<u64> = samples.iter().map(figure).collect();
     let (first, last) = (values[0], values[values.len() - 1]);
@@ -84,16 +84,19 @@ fn many_messages(messages: u64) -> bool {
     let seconds = begun.elapsed().as_secs_f64();
     assert_eq!(running.wait(), Some(0), "the run itself");
     assert_eq!(launch.stage_summary("sink")["inputs"]["class"]["messages"], messages);
-    // The last looks may have seen processes on their way out.
+    // The last samples may be of processes that are ending.
     samples.truncate(samples.len().saturating_sub(3));
     let samples = &samples[samples.len() / 10..];
-    println!("\n{messages} sweeps and as many columns in {seconds:.0} s, {} looks from 10 % to 100 %\n", samples.len());
+    println!(
+        "\n{messages} sweeps and as many columns in {seconds:.0} s, {} samples from 10 % to 100 %\n",
+        samples.len()
+    );
     println!("| figure | at 10 % | at 100 % | largest | |\n|---|---|---|---|---|");
     let mut flat = true;
     for (index, name) in PROCESSES.iter().enumerate() {
-        flat &= print(&format!("{name}: descriptors"), samples, OPEN_FOR_A_MOMENT, |s| s.looks[index].descriptors);
-        flat &= print(&format!("{name}: threads"), samples, 0, |s| s.looks[index].threads);
-        flat &= print(&format!("{name}: resident bytes"), samples, SLACK, |s| s.looks[index].resident);
+        flat &= print(&format!("{name}: descriptors"), samples, OPEN_FOR_A_MOMENT, |s| s.processes[index].descriptors);
+        flat &= print(&format!("{name}: threads"), samples, 0, |s| s.processes[index].threads);
+        flat &= print(&format!("{name}: resident bytes"), samples, SLACK, |s| s.processes[index].resident);
     }
     flat &= print("files in shared memory", samples, 0, |s| s.shared.0);
     flat &= print("bytes of shared memory", samples, SLACK, |s| s.shared.1);
@@ -119,10 +122,10 @@ fn processes_that_name(folder: &Path) -> Vec<String> {
     lines.filter(|line| line.contains(&*folder.to_string_lossy())).collect()
 }
 
-/// Kills the supervisor, or a stage whose run must then end well; whether the supervisor was left alive.
-fn strike(running: &Running, random: &mut Random) -> bool {
-    std::thread::sleep(Duration::from_millis(random.below(700)));
-    let victim = PROCESSES[random.below(PROCESSES.len() as u64) as usize];
+/// Kills the supervisor, or a stage whose run must then succeed; whether the supervisor still runs.
+fn kill_one(running: &Running, random: &mut Random) -> bool {
+    std::thread::sleep(Duration::from_millis(random.index(700) as u64));
+    let victim = PROCESSES[random.index(PROCESSES.len())];
     if victim == "supervisor" {
         running.signal(Signal::KILL);
         return false;
@@ -146,7 +149,7 @@ fn many_kills(kills: u64, seed: u64) -> bool {
     let begun = Instant::now();
     for _ in 0..kills {
         let running = disturbed.start();
-        let lives = strike(&running, &mut random);
+        let lives = kill_one(&running, &mut random);
         let code = running.wait();
         if lives {
             survived += 1;

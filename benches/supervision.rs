@@ -1,5 +1,5 @@
-//! What watching costs and how soon it sees: CPU of the supervisor, and the times from a stage's exit or hang to the report
-//! of it and from a kill to the run being where it was. On the pipeline of tests/misbehaving.
+//! Cost and latency of supervision: CPU time of the supervisor, the time from a stage's exit or hang to its report, and the time
+//! from a kill until the run has passed the lost barrier. With the pipeline of tests/misbehaving.
 //! `cargo build --release -p launch -p misbehaving && cargo bench --bench supervision [-- ROUNDS]`
 
 use replica_tests::{Launch, Running, binary, wait_for};
@@ -7,16 +7,16 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
-/// Long enough for a figure of a tenth of a per cent.
+/// Long enough to measure a tenth of a percent.
 const WATCHED: Duration = Duration::from_secs(10);
 /// Limit after which a silent stage hangs, s.
 const HANG_S: f64 = 1.0;
 
-/// Five times real time: what the project wants of a pipeline on two cores.
+/// Five times real time: the goal for the pipeline on two cores.
 const PACE_MS: u64 = 20;
 
-/// Sweeps of 2000 points without end, one every `pace_ms` or as fast as they are taken (0); a barrier every 50 of them. The
-/// pause before a restart is the default, 0.5 s.
+/// Sweeps of 2000 points without end, one every `pace_ms` or as fast as possible (0), and a barrier every 50 sweeps. The pause
+/// before a restart is the default, 0.5 s.
 fn launch(pace_ms: u64) -> Launch {
     let mut text = format!(
         "[run]\ndrive = '.'\noutput = 'out'\nbarrier_s = 5.0\nrestarts = 1000\nhang_s = {HANG_S:.1}\n\
@@ -44,7 +44,7 @@ fn wait_for_barrier_after(launch: &Launch, seen: u64) {
     wait_for("a further barrier", || (barrier(launch) > seen).then_some(()));
 }
 
-/// Time on a core of all threads of a process, s.
+/// CPU time of all threads of a process, s.
 fn cpu_s(pid: Pid) -> f64 {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", pid.as_raw_nonzero())).expect("it lives").flatten();
     let nanos = tasks.filter_map(|task| {
@@ -54,7 +54,7 @@ fn cpu_s(pid: Pid) -> f64 {
     nanos.sum::<u64>() as f64 * 1e-9
 }
 
-/// Share of a core that the supervisor uses while its run is at work at five times real time, per cent.
+/// CPU of the supervisor at five times real time, percent of a core.
 fn supervisor_share() -> f64 {
     let launch = launch(PACE_MS);
     let running = launch.start();
@@ -64,7 +64,7 @@ fn supervisor_share() -> f64 {
     100.0 * (cpu_s(running.pid()) - before) / begun.elapsed().as_secs_f64()
 }
 
-/// Times of one fault, ms: until it is reported, and until the run is further than it was.
+/// Times of one fault, ms: until it is reported, and until the run has passed the lost barrier.
 struct Reaction {
     seen_ms: f64,
     caught_up_ms: f64,
@@ -86,7 +86,7 @@ fn reaction(launch: &Launch, running: &Running, signal: Signal, words: &str) -> 
 }
 
 fn reactions(rounds: usize, signal: Signal, words: &str) -> Vec<Reaction> {
-    // A run of its own for each: the pause before a restart doubles with every further one.
+    // A run for each: the pause before a restart doubles with each further restart.
     let round = |_| {
         let launch = launch(0);
         let running = launch.start();
@@ -108,7 +108,7 @@ fn main() {
     println!("load before: {}\n", load.trim());
     println!("| figure | median | max | goal | |\n|---|---|---|---|---|");
     print("CPU of the supervisor, % of a core", vec![supervisor_share()], 0.5);
-    let exits = reactions(rounds, Signal::KILL, "[relay] exit: was killed by signal 9");
+    let exits = reactions(rounds, Signal::KILL, "[relay] exit: was killed by SIGKILL");
     print("exit to its report, ms", exits.iter().map(|r| r.seen_ms).collect(), 100.0);
     print("kill to restarted and caught up, ms", exits.iter().map(|r| r.caught_up_ms).collect(), 2000.0);
     let hangs = reactions(rounds.div_ceil(2), Signal::STOP, "[relay] hang: no heartbeat");

@@ -74,7 +74,7 @@ def spread(points, tree, centers):
 
 
 def measures(points):
-    """thickness (median, mean), entropy and number of facades by the definitions of docs/evaluation.md, over all points"""
+    """thickness (median, mean), entropy and number of facades as defined in docs/reference/measures.md, over all points"""
     points = (points - np.round(points[0])).astype(np.float32).astype(float)
     tree = cKDTree(points)
     entropies = [0.5 * np.sum(np.log(2 * np.pi * np.e * (v + 1e-6))) for _, v, _ in spread(points, tree, points)]

@@ -5,7 +5,7 @@
   cargo build --release -p morphology --example operators
   taskset -c 0 benches/peers/morphology.py exact [FOLDER OF IMAGES...]    # random images and real ones
   taskset -c 0 benches/peers/morphology.py time [--size 4096] [--runs 5]
-  benches/peers/morphology.py freeze > shared/morphology/tests/operators/frozen.txt # scikit-image's results for a unit test
+  benches/peers/morphology.py freeze > shared/morphology/tests/suite/scikit_image.txt # scikit-image's results for a unit test
 
 Real images are those of scikit-image, those in the folders, and a sweep of KITTI from above if $REPLICA_DATA (../shared/data) has
 one; of each the middle, 256 pixels square: scikit-image takes minutes for a whole photograph. Exit code 1: a result differs, or a goal is missed (3 times scikit-image, 1 time OpenCV).

@@ -5,7 +5,7 @@
     cargo build --release -p replica
     /tmp/venv/bin/python benches/peers/scores.py
 
-`scores.py frozen` needs no build and writes the figures of the unit test `scores_are_those_of_scikit_learn` in shared/learning.
+`scores.py frozen` needs no build and writes the figures of the unit test `scores_match_scikit_learn` in shared/scores.
 Exit code 1: a figure differs by 1e-12 or more.
 """
 import json, os, subprocess, sys, tempfile
@@ -54,7 +54,7 @@ def compare():
 
 
 def frozen():
-    """The labels of the unit test: SplitMix64 as `learning::Random::new(5, 0)` has it."""
+    """The labels of the unit test: SplitMix64 as `random::Random::of_stream(5, 0)` has it."""
     mask = (1 << 64) - 1
     state = 5
 

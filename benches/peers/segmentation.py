@@ -2,7 +2,7 @@
 """Convolutions and the shipped network beside ONNX Runtime, one thread each, in one run.
 
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install onnxruntime onnx numpy
-    cargo build --release -p learning --examples
+    cargo build --release -p segmentation -p training --examples
     /tmp/venv/bin/python benches/peers/segmentation.py [MODEL]
 
 Times of convolutions are the fastest of several runs, those of networks means of processor time: others use the machine too.

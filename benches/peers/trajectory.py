@@ -103,7 +103,7 @@ def pose(t, w):
 
 
 def frozen():
-    """the trajectories of tools/replica/src/commands/evaluate/trajectory/tests.rs"""
+    """the trajectories of tools/replica/src/lab/evaluate/trajectory/reference_tests.rs"""
     elsewhere, gt, est = pose([100, -20, 3], [0, 0, 0.7]), [], []
     for i in range(300):
         s = i * 1.2

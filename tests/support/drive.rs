@@ -1,15 +1,19 @@
 //! The real pipeline and a drive for it.
 
 use crate::launch::patient;
+use crate::shared::made_once;
 use crate::{Launch, binary};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Makes a simulated drive in `folder`. One that is there already is made again: an older simulator's would test something
-/// else.
+/// The drive of all tests: four seconds of street with all sensors.
+pub fn drive() -> PathBuf {
+    let made = made_once("drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), 5, 4.0));
+    made.join("drive")
+}
+
+/// Simulates a drive in `folder`.
 pub fn simulated_drive(folder: &Path, seed: u64, seconds: f64) {
-    // It need not be there.
-    let _ = std::fs::remove_dir_all(folder);
     let status = Command::new(binary("replica"))
         .args(["simulate", "--seed", &seed.to_string(), "--seconds", &seconds.to_string(), "--out"])
         .arg(folder)
@@ -20,8 +24,8 @@ pub fn simulated_drive(folder: &Path, seed: u64, seconds: f64) {
     assert!(status.success(), "replica simulate: {status}");
 }
 
-/// All stages, with submaps short enough that four seconds from rest have several. `run` are further keys of `[run]`; `infer` those
-/// of `[infer]`, empty for the model of the project.
+/// All stages, with submaps short enough that four seconds from rest have several. `run` are further keys of `[run]`; `infer`
+/// those of `[infer]`, empty for the model of the project.
 pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     let infer = if infer.is_empty() { format!("model = '{}'", model.display()) } else { infer.to_owned() };

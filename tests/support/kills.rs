@@ -1,21 +1,22 @@
 //! SIGKILL at seeded moments: of one stage, of the supervisor, of all processes at once.
 
-use crate::{Launch, Random, Running};
+use crate::{Launch, Running};
+use random::Random;
 use rustix::process::{Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// A moment that has not come after so long never comes; a fault of the test or a run that stands.
-const PATIENCE: Duration = Duration::from_mins(5);
+/// A moment that has not come after this long never comes: a fault of the test, or a run that is stuck.
+const TIMEOUT: Duration = Duration::from_mins(5);
 
-/// What a run had to stand.
+/// The kills of a run.
 #[derive(Debug, Default)]
 pub struct Kills {
     /// By victim: a stage, `supervisor` or `all`.
     pub struck: BTreeMap<String, usize>,
-    /// Times that the run was gone on with by `--resume`.
+    /// How often the run was continued by `--resume`.
     pub resumed: usize,
     /// Restarts that supervisors made.
     pub restarts: usize,
@@ -28,26 +29,26 @@ impl Kills {
     }
 }
 
-/// When a kill strikes.
+/// When a process is killed.
 #[derive(Debug)]
 enum Moment {
-    /// So many looks, a millisecond apart, after the one before: during start-up, connecting, resuming, whatever it hits.
-    Looks(u64),
-    /// So many looks after a process of the victim is there.
+    /// This many polls, a millisecond apart, after the last kill: during start-up, connecting, resuming, any state.
+    Polls(u64),
+    /// This many polls after a process of the victim exists.
     Started(u64),
-    /// When so many more barriers have begun.
+    /// When this many more barriers have begun.
     Barriers(u64),
-    /// When somebody writes a state; so many looks later.
+    /// This many polls after a stage begins to write a state.
     Saving(u64),
 }
 
 impl Moment {
     fn seeded(random: &mut Random) -> Self {
-        match random.below(5) {
-            0 => Self::Looks(random.below(300)),
-            1 => Self::Started(random.below(100)),
-            2 => Self::Saving(random.below(4)),
-            _ => Self::Barriers(1 + random.below(2)),
+        match random.index(5) {
+            0 => Self::Polls(below(random, 300)),
+            1 => Self::Started(below(random, 100)),
+            2 => Self::Saving(below(random, 4)),
+            _ => Self::Barriers(1 + below(random, 2)),
         }
     }
 }
@@ -55,23 +56,23 @@ impl Moment {
 /// Runs `launch` to its end under `n_kills` kills of these stages, of the supervisor and of all at once.
 ///
 /// # Panics
-/// If the run ends otherwise than well; the message tells what was killed when.
+/// If the run fails; the message lists the kills.
 pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random: &mut Random) -> Kills {
     let victims: Vec<&str> = stages.iter().copied().chain(["supervisor", "all"]).collect();
     let mut kills = Kills::default();
     let mut running = launch.start();
     let mut history = String::new();
-    // Every victim in turn, so that none is spared, the rest by chance.
-    let mut queue: Vec<&str> = (0..n_kills).map(|i| *victims.get(i).unwrap_or(random.choose(&victims))).collect();
+    // Every victim once, the rest by chance.
+    let mut queue: Vec<&str> = (0..n_kills).map(|i| *victims.get(i).unwrap_or(random.pick(&victims))).collect();
     let mut soon = false;
     while let Some(victim) = queue.pop() {
-        let moment = if soon { Moment::Started(random.below(150)) } else { Moment::seeded(random) };
+        let moment = if soon { Moment::Started(below(random, 150)) } else { Moment::seeded(random) };
         soon = false;
         write!(history, "{victim} {moment:?}, ").expect("a string takes everything");
         let awaited = await_moment(launch, &mut running, victim, &moment);
         if !awaited {
-            // The run has ended before its time; what follows the last barrier is done again, and can be disturbed again, if
-            // the next kill comes soon.
+            // The run has ended before the kill. Resumed, it repeats what follows the last barrier, which can be disturbed if the
+            // next kill comes soon.
             soon = true;
             kills.restarts += restarts(&running.stderr());
             let code = running.ended();
@@ -105,19 +106,23 @@ pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random:
     kills
 }
 
-fn restarts(said: &str) -> usize {
-    said.lines().filter(|line| line.starts_with("restart ")).count()
+fn below(random: &mut Random, n: usize) -> u64 {
+    random.index(n) as u64
 }
 
-/// Waits for the moment; `false` if the run has ended before.
+fn restarts(output_text: &str) -> usize {
+    output_text.lines().filter(|line| line.starts_with("restart ")).count()
+}
+
+/// Waits for the moment; `false` if the run has ended before it.
 fn await_moment(launch: &Launch, running: &mut Running, victim: &str, moment: &Moment) -> bool {
     let begun = Instant::now();
     let first_barrier = launch.newest_barrier().unwrap_or_default();
-    let mut looks = 0;
+    let mut polls = 0;
     let mut left = None;
     loop {
         let come = match moment {
-            Moment::Looks(n) => looks >= *n,
+            Moment::Polls(n) => polls >= *n,
             Moment::Started(n) => {
                 let is_there = victim == "supervisor" || victim == "all" || running.find_stage(victim).is_some();
                 countdown(&mut left, is_there, *n)
@@ -134,13 +139,13 @@ fn await_moment(launch: &Launch, running: &mut Running, victim: &str, moment: &M
         if running.ended().is_some() {
             return false;
         }
-        assert!(begun.elapsed() < PATIENCE, "waited in vain for {moment:?} of {victim}: {}", running.stderr());
-        looks += 1;
+        assert!(begun.elapsed() < TIMEOUT, "no {moment:?} of {victim}: {}", running.stderr());
+        polls += 1;
         std::thread::park_timeout(Duration::from_millis(1));
     }
 }
 
-/// Counts `n` looks down from the first at which `begun` holds.
+/// Counts `n` polls down from the first at which `begun` holds.
 fn countdown(left: &mut Option<u64>, begun: bool, n: u64) -> bool {
     match left {
         None if begun => *left = Some(n),

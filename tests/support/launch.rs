@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// A folder with a launch.toml in it. Dropping it removes the folder, and what killed runs have left in shared memory: with
-/// the folder goes the only one who could start there again and clean up.
+/// A folder with a launch.toml in it. Dropping it removes the folder and what killed runs have left in shared memory: no later
+/// run into this folder could remove it.
 pub struct Launch {
     folder: tempfile::TempDir,
     arguments: Vec<String>,
@@ -39,7 +39,7 @@ impl Launch {
         self.arguments.push(argument.to_owned());
         self
     }
-    /// Lets the relay of [`gate`] go on, in this attempt and in all that follow.
+    /// Lets the relay of [`gate`] continue, in this attempt and in all later ones.
     pub fn open_gate(&self) {
         std::fs::write(self.folder().join("gate"), []).expect("written");
     }
@@ -99,24 +99,23 @@ impl Launch {
             command.args(arguments).stdout(Stdio::null()).stderr(errors).spawn().expect("replica-launch starts");
         Running::new(child, self.folder())
     }
-    /// As [`Launch::start`] by another user, whom the folder then belongs to. `None` where that is not allowed, or where that
-    /// user may not read the programs.
-    pub fn start_as(&self, user: u32) -> Option<Running> {
+    /// As [`Launch::start`] by another user, who then owns the folder. Only the superuser may do so.
+    pub fn start_as(&self, user: u32) -> Running {
         use std::os::unix::process::CommandExt;
-        std::os::unix::fs::chown(self.folder(), Some(user), Some(user)).ok()?;
+        std::os::unix::fs::chown(self.folder(), Some(user), Some(user)).expect("the superuser may give files away");
         let errors = std::fs::File::create(self.folder().join("stderr.txt")).expect("created");
         let mut command = self.command();
-        let child = command.uid(user).gid(user).stdout(Stdio::null()).stderr(errors).spawn().ok()?;
-        Some(Running::new(child, self.folder()))
+        let child = command.uid(user).gid(user).stdout(Stdio::null()).stderr(errors).spawn();
+        Running::new(child.expect("the superuser may start processes of others"), self.folder())
     }
-    /// As [`Launch::start`], with nobody reading what it says.
+    /// As [`Launch::start`], with its stderr closed.
     pub fn start_with_closed_stderr(&self) -> Running {
         let mut child =
             self.command().stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("replica-launch starts");
         drop(child.stderr.take());
         Running::new(child, self.folder())
     }
-    /// What the last supervisor that was started here has said.
+    /// The messages of the last supervisor that was started here.
     pub fn stderr(&self) -> String {
         std::fs::read_to_string(self.folder().join("stderr.txt")).unwrap_or_default()
     }
@@ -140,33 +139,25 @@ impl Launch {
 impl Drop for Launch {
     fn drop(&mut self) {
         for path in find_domain(&self.output()).iter().flat_map(|domain| leftovers(domain)) {
-            // Whoever still dies may have removed it first.
+            // A process that is just ending may have removed it first.
             let _ = if Path::new(&path).is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         }
     }
 }
 
-/// Keys of the relay that make it stand in the step of this tick until [`Launch::open_gate`]: so far and no further comes the
-/// run, however long a test takes to do something in the middle of it.
+/// Keys of the relay that make it wait in the step of this tick until [`Launch::open_gate`]: the run does not pass it, however
+/// long a test takes to do something in the middle of it.
 pub fn gate(at_tick: u64) -> String {
     format!("fault = \"waits\"\nat_tick = {at_tick}\nonce = \"../gate\"\nstall_s = 600.0")
 }
 
-/// What the sink of the small pipeline writes if nothing happens, the source's table being `source` and the relay's `relay`.
-pub fn undisturbed(source: &str, relay: &str) -> Vec<u8> {
-    let launch = Launch::of_misbehaving("", source, relay);
-    let output = launch.run();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    launch.read("sink.txt")
-}
-
-/// The seconds that a report tells behind `words`.
-pub fn seconds_told(report: &str, words: &str) -> f64 {
+/// The seconds behind `words` in a report.
+pub fn reported_seconds(report: &str, words: &str) -> f64 {
     let seconds = report.split_once(words).and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok());
     seconds.unwrap_or_else(|| panic!("no seconds behind {words:?} in:\n{report}"))
 }
 
-/// Of `[run]`: no machine is so busy that it does not run a process for so long.
+/// Of `[run]`: no machine is so busy that it does not run a process for this long.
 pub const PATIENT: &str = "hang_s = 120.0";
 
 /// Keys of `[run]`, [`PATIENT`] unless they say otherwise.
@@ -174,7 +165,7 @@ pub(crate) fn patient(run: &str) -> String {
     if run.contains("hang_s") { run.to_owned() } else { format!("{PATIENT}\n{run}") }
 }
 
-/// All files of a result folder except what a run keeps about itself (times differ), by name.
+/// All files of a result folder by name, except those that a run keeps about itself (they contain times).
 pub fn result_files(output: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for folder in [output.to_owned(), output.join("clouds")] {
@@ -195,7 +186,7 @@ pub fn digest(files: &BTreeMap<String, Vec<u8>>) -> u64 {
     bytes.fold(0xcbf2_9ce4_8422_2325, |digest, byte| (digest ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// What a run said, for assertion messages.
-pub fn said(output: &Output) -> String {
+/// Status and messages of a run, for assertions.
+pub fn output_text(output: &Output) -> String {
     format!("{}\n{}", output.status, String::from_utf8_lossy(&output.stderr))
 }

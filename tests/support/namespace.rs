@@ -1,39 +1,50 @@
-//! Mounts that nobody else sees: a test runs itself again in a mount namespace of its own.
+//! Mounts that no other process sees: a test runs itself again in a mount namespace of its own.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Says to the test that it is the one inside.
+/// Set for the test inside the namespace.
 const INSIDE: &str = "REPLICA_TEST_IN_NAMESPACE";
 
-/// Whether the test `name` (as `cargo test` calls it) runs in a mount namespace of its own, where it may mount what it
-/// likes. If not, it is run again in one, and there is nothing left to do here. Where the system allows no namespace the
-/// test is skipped, and says so.
-pub fn in_own_namespace(name: &str) -> bool {
+/// Whether the calling test runs in a mount namespace of its own, where it may mount what it likes. If not, it is run again
+/// in one, and the caller returns. Use [`crate::in_own_namespace!`].
+///
+/// # Panics
+/// If no namespace can be made here, or if the test fails in it.
+pub fn runs_in_own_namespace(test: &str) -> bool {
     if std::env::var_os(INSIDE).is_some() {
         return true;
     }
-    // As root without more; as somebody else as the root of a user namespace.
+    // The test harness names a test without the crate.
+    let test = test.split_once("::").map_or(test, |(_, test)| test);
+    // As the superuser; or as the root of a user namespace.
     let kinds = ["-m", "-rm"];
     let allowed = |kind: &&&str| {
         let mount = format!("mount -t tmpfs none '{}'", std::env::temp_dir().display());
         let tried = Command::new("unshare").args([kind, "sh", "-c", &mount]).stderr(Stdio::null()).status();
         tried.is_ok_and(|status| status.success())
     };
-    let Some(kind) = kinds.iter().find(allowed) else {
-        println!("skipped {name}: no mount namespace can be made here (unshare)");
-        return false;
-    };
+    let kind = kinds.iter().find(allowed).expect("no mount namespace can be made here (unshare)");
     let own = std::env::current_exe().expect("a test has a path");
-    let status = Command::new("unshare")
+    let output = Command::new("unshare")
         .arg(kind)
         .arg(own)
-        .args(["--exact", name, "--nocapture"])
+        .args(["--exact", test, "--nocapture", "--include-ignored"])
         .env(INSIDE, "1")
-        .status()
+        .output()
         .expect("unshare starts");
-    assert!(status.success(), "{name} has failed in its namespace");
+    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{test} has failed in its namespace:\n{stdout}{stderr}");
+    assert!(stdout.contains("1 passed"), "the test binary has no test {test}:\n{stdout}");
     false
+}
+
+/// See [`runs_in_own_namespace`]; takes the name of the calling test.
+#[macro_export]
+macro_rules! in_own_namespace {
+    ($test:literal) => {
+        $crate::runs_in_own_namespace(concat!(module_path!(), "::", $test))
+    };
 }
 
 /// Mounts an empty file system of this size on a folder, which is made.

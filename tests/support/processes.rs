@@ -37,12 +37,12 @@ pub fn leftovers(domain: &str) -> Vec<String> {
     found
 }
 
-/// The domain of a run, from what its stages were told.
+/// The domain of a run, from the assignments of its stages.
 pub fn domain_of(output: &Path) -> String {
     wait_for("an assignment", || find_domain(output))
 }
 
-/// The same if its stages have been told yet.
+/// The same, if a stage has an assignment yet.
 pub(crate) fn find_domain(output: &Path) -> Option<String> {
     let files = std::fs::read_dir(output.join("run")).ok()?.flatten();
     let assignments = files.filter_map(|file| serde_json::from_slice(&std::fs::read(file.path()).ok()?).ok());

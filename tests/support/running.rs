@@ -5,7 +5,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
 use std::process::Child;
 
-/// A supervisor at work. Killed when dropped.
+/// A running supervisor. Killed when dropped.
 pub struct Running {
     child: Child,
     folder: PathBuf,
@@ -20,11 +20,11 @@ impl Running {
     pub fn pid(&self) -> Pid {
         Pid::from_child(&self.child)
     }
-    /// The process of a stage, as soon as there is one.
+    /// The process of a stage, as soon as it exists.
     pub fn stage(&self, stage: &str) -> Pid {
         wait_for(&format!("a process of stage {stage}"), || self.find_stage(stage))
     }
-    /// The process of a stage if it lives: the child of the supervisor that was given the stage's assignment.
+    /// The process of a stage if it runs: the child of the supervisor with the stage's assignment.
     pub fn find_stage(&self, stage: &str) -> Option<Pid> {
         let assignment = format!("/run/{stage}.json");
         processes_of(self.child.id()).into_iter().find(|pid| {
@@ -32,7 +32,7 @@ impl Running {
             String::from_utf8_lossy(&line).trim_end_matches('\0').ends_with(&assignment)
         })
     }
-    /// Kills a stage, and returns when another process has taken its place: the process.
+    /// Kills a stage and waits for its next process, which it returns.
     pub fn kill_stage(&self, stage: &str) -> Pid {
         let killed = self.stage(stage);
         kill_process(killed, Signal::KILL).expect("the stage lives");
@@ -42,7 +42,7 @@ impl Running {
     pub fn signal(&self, signal: Signal) {
         kill_process(self.pid(), signal).expect("the supervisor lives");
     }
-    /// Kills the supervisor and, if `all`, every process that it has started, and does not wait for the latter to be gone.
+    /// Kills the supervisor and, if `all`, every process that it has started. Does not wait for the end of the latter.
     pub fn kill(mut self, all: bool) {
         let stages = if all { processes_of(self.child.id()) } else { Vec::new() };
         self.child.kill().expect("a child can be killed");
@@ -61,7 +61,7 @@ impl Running {
         let status = wait_for("the end of the run", || self.child.try_wait().expect("waits"));
         status.code()
     }
-    /// What it has said so far.
+    /// Its messages so far.
     pub fn stderr(&self) -> String {
         std::fs::read_to_string(self.folder.join("stderr.txt")).unwrap_or_default()
     }

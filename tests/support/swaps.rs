@@ -1,6 +1,6 @@
 //! What the tests of swaps share: `replica swap` and `replica stop` against a run.
 
-use crate::{Launch, Running, binary, said, wait_for};
+use crate::{Launch, Running, binary, output_text, wait_for};
 use std::process::{Child, Command, Output, Stdio};
 
 /// A command of `replica` about the run.
@@ -15,51 +15,51 @@ pub fn swap(launch: &Launch, arguments: &[&str]) -> Output {
     replica(launch, &[&["swap"], arguments].concat()).output().expect("replica starts")
 }
 
-/// A swap that must succeed; what it says.
+/// A swap that must succeed; what it prints.
 pub fn swapped(launch: &Launch, arguments: &[&str]) -> String {
     let output = swap(launch, arguments);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", output_text(&output));
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// A swap that must be refused for reasons that hold `words`.
+/// A swap that must be refused with reasons that contain `words`.
 pub fn refused(launch: &Launch, arguments: &[&str], words: &[&str]) {
     let output = swap(launch, arguments);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", output_text(&output));
     for word in words.iter().chain(&["nothing was changed"]) {
-        assert!(said(&output).contains(word), "{arguments:?}: {word:?} is not in:\n{}", said(&output));
+        assert!(output_text(&output).contains(word), "{arguments:?}: {word:?} is not in:\n{}", output_text(&output));
     }
 }
 
-/// Drains the run; what `replica stop` says.
+/// Drains the run; what `replica stop` prints.
 pub fn stop(launch: &Launch) -> String {
     let output = replica(launch, &["stop"]).output().expect("replica starts");
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", output_text(&output));
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// A run that has come to its first barrier.
+/// A run that has reached its first barrier.
 pub fn started(launch: &Launch) -> Running {
     let running = launch.start();
     launch.wait_for_barrier(1);
     running
 }
 
-/// Lets the run come two barriers further: ticks after the swap have then surely reached the sink.
-pub fn go_on(launch: &Launch) {
+/// Waits for two more barriers: ticks after the swap have then surely reached the sink.
+pub fn wait_for_two_barriers(launch: &Launch) {
     launch.wait_for_barrier(launch.newest_barrier().expect("it runs") + 2);
 }
 
-/// Begins a swap, and returns when it has been found to fit.
+/// Begins a swap, and returns when it has passed its check.
 pub fn begin_swap(launch: &Launch, arguments: &[&str]) -> Child {
     let mut command = replica(launch, &[&["swap"], arguments].concat());
-    let said = std::fs::File::create(launch.folder().join("swap.txt")).expect("created");
-    let child = command.stdout(Stdio::piped()).stderr(said).spawn().expect("replica starts");
-    wait_for("the drain", || swap_said(launch).contains("draining to a barrier").then_some(()));
+    let output_text = std::fs::File::create(launch.folder().join("swap.txt")).expect("created");
+    let child = command.stdout(Stdio::piped()).stderr(output_text).spawn().expect("replica starts");
+    wait_for("the drain", || swap_output(launch).contains("draining to a barrier").then_some(()));
     child
 }
 
-/// What the swap of [`begin_swap`] has said so far.
-pub fn swap_said(launch: &Launch) -> String {
+/// Messages of the swap of [`begin_swap`] so far.
+pub fn swap_output(launch: &Launch) -> String {
     std::fs::read_to_string(launch.folder().join("swap.txt")).unwrap_or_default()
 }

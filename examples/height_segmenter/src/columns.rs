@@ -7,23 +7,23 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(crate) type Key = (i32, i32);
 
 const SIDE_M: f32 = 0.5;
-/// Points farther out are not looked at; keys stay far within their type.
+/// Points farther out are skipped; keys stay far within their type.
 const MAX_COORDINATE_M: f32 = 1e6;
 /// The ground rises by at most 15 %, m per column.
 const RISE_M: f32 = 0.15 * SIDE_M;
-/// Columns in which the ground is looked for: more than half the width of a truck, 2 m.
+/// Radius in columns of the search for the ground: more than half the width of a truck, 2 m.
 const REACH: i32 = 4;
-/// Heights between knee and head, m: where a wall has returns and a crown has none.
+/// Heights at which a wall has returns and the crown of a tree has none, m.
 const MIDDLE_M: std::ops::Range<f32> = 0.6..2.0;
 
-/// What stands on half a metre of street.
+/// The points above a square of half a metre.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     lowest_m: f32,
     highest_m: f32,
     /// Height of the ground, m.
     pub(crate) ground_m: f32,
-    /// Whether there are returns between knee and head.
+    /// Whether there are returns in `MIDDLE_M`.
     pub(crate) has_middle: bool,
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn center(key: Key) -> (f32, f32) {
     ((key.0 as f32 + 0.5) * SIDE_M, (key.1 as f32 + 0.5) * SIDE_M)
 }
 
-/// The lowest that the ground can be, going by the lowest points around and how fast it may rise.
+/// The lowest possible ground, from the lowest points around and the steepest slope.
 fn ground_at(columns: &BTreeMap<Key, Column>, key: Key) -> f32 {
     let from = |other: Key| {
         let distance = (other.0 - key.0).abs().max((other.1 - key.1).abs());

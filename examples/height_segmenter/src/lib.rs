@@ -1,15 +1,15 @@
-//! A segmenter that somebody else wrote: it needs the `stage` crate and nothing else of the project, and takes the
-//! place of infer because it reads and writes the same topics.
+//! An example of a user's own segmenter. It depends on the `stage` crate alone, and can replace infer because it reads and
+//! writes the same topics.
 //!
 //! Classes come from heights alone, in columns of half a metre: what is low is ground, a compact heap of the height of a
 //! car near the vehicle's path is a car, what is tall is a building if it has returns between knee and head, otherwise
-//! the crown of a tree. Good enough to see a swap, and something for instance to work on.
+//! the crown of a tree. That is enough to show a swap, and to give `instance` something to segment.
 
 mod columns;
 
 use columns::{Column, ColumnMap, Key};
 use stage::messages::pod::{FINGERPRINT_START, fingerprint};
-use stage::messages::{CLASS_TABLE_VERSION, Class, ClassHeader, ClassId, ClassRow, Submap, SubmapHeader};
+use stage::messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, SubmapHeader, SubmapTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 use std::collections::BTreeSet;
 
@@ -25,11 +25,11 @@ stage::settings! {
     }
 }
 
-/// A heap that is longer than this is no car but a hedge or a wall.
+/// A longer heap is a hedge or a wall, not a car.
 const VEHICLE_LENGTH_COLUMNS: i32 = 14;
-/// And one that covers less is a post or a person.
+/// A smaller heap is a post or a person.
 const VEHICLE_MIN_COLUMNS: usize = 6;
-/// All scores: a rule of thumb knows no better.
+/// The score of every point: the rules have no confidence of their own.
 const SCORE: u8 = 128;
 
 /// The stage.
@@ -47,7 +47,7 @@ impl HeightSegmenter {
         }
     }
 
-    /// Columns of the heaps that are as high and as large as a vehicle and stand in the street.
+    /// Columns of the heaps in the street that have the height and the size of a vehicle.
     fn vehicles(&self, map: &ColumnMap, header: &SubmapHeader) -> BTreeSet<Key> {
         let is_heap =
             |column: &Column| column.top_m() > self.settings.ground_m && column.top_m() <= self.settings.vehicle_m;
@@ -63,7 +63,7 @@ impl HeightSegmenter {
         compact.flatten().collect()
     }
 
-    /// Whether the sensor came near; `true` if the submap does not say where it was.
+    /// Whether the sensor passed nearby; `true` if the submap has no sensor positions.
     fn in_street(&self, key: Key, header: &SubmapHeader) -> bool {
         let (x, y) = columns::center(key);
         let sweeps = header.sweeps.get(..header.n_sweeps as usize).unwrap_or_default();
@@ -71,7 +71,7 @@ impl HeightSegmenter {
         sweeps.is_empty() || sweeps.iter().any(|sweep| is_near(sweep.submap_from_lidar_begin))
     }
 
-    fn label(&self, submap: &Received<Submap>, rows: &mut [ClassRow]) {
+    fn label(&self, submap: &Received<SubmapTopic>, rows: &mut [ClassRow]) {
         let map = ColumnMap::of(submap.rows());
         let vehicles = self.vehicles(&map, submap.header());
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
@@ -91,11 +91,11 @@ impl Stage for HeightSegmenter {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Submap>()]
+        vec![Port::of::<SubmapTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Class>()]
+        vec![Port::of::<ClassTopic>()]
     }
 
     fn new(settings: &Settings, _context: &Context) -> Result<Self, StepError> {
@@ -103,12 +103,12 @@ impl Stage for HeightSegmenter {
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for submap in inputs.take::<Submap>() {
+        for submap in inputs.take::<SubmapTopic>() {
             let n_points = submap.rows().len();
-            let mut loan = outputs.loan::<Class>(n_points)?;
+            let mut loan = outputs.loan::<ClassTopic>(n_points)?;
             let model_digest = fingerprint(FINGERPRINT_START, b"height_segmenter 1");
             *loan.header_mut() = ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest };
-            let rows = loan.grow(n_points).ok_or_else(|| StepError::data("the class column has no room"))?;
+            let rows = loan.grow(n_points)?;
             self.label(&submap, rows);
             outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         }

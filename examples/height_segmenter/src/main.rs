@@ -1,4 +1,4 @@
-//! A process that takes the place of infer: `[infer] program = "…/height-segmenter"` in launch.toml.
+//! A program that replaces infer: `[infer] program = "…/height-segmenter"` in launch.toml.
 fn main() -> std::process::ExitCode {
     stage::run::<height_segmenter::HeightSegmenter>()
 }

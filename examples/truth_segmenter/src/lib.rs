@@ -1,14 +1,14 @@
-//! The true classes of a simulated drive, in the place of infer: what the stages behind it can reach at best.
+//! The true classes of a simulated drive, in place of infer: an upper bound for the results of the stages after it.
 //!
 //! ```sh
 //! replica-launch launch.toml --set infer.program=target/release/truth-segmenter
 //! ```
 //!
-//! The drive's labels are those of its returns; a point is found among them by the time of its shot and its ring.
+//! The labels of a drive belong to its returns; a point is matched by the time of its shot and its ring.
 
 use formats::drive::{Drive, TrueLabels};
 use stage::messages::pod::{FINGERPRINT_START, fingerprint};
-use stage::messages::{CLASS_TABLE_VERSION, Class, ClassHeader, ClassId, ClassRow, Submap};
+use stage::messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, SubmapTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
 stage::settings! {
@@ -23,7 +23,7 @@ pub struct TruthSegmenter {
 
 impl TruthSegmenter {
     /// Classes of a submap's points; how many have no label.
-    fn label(&self, submap: &Received<Submap>, rows: &mut [ClassRow]) -> u64 {
+    fn label(&self, submap: &Received<SubmapTopic>, rows: &mut [ClassRow]) -> u64 {
         let header = submap.header();
         let mut n_unknown = 0;
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
@@ -43,25 +43,26 @@ impl Stage for TruthSegmenter {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Submap>()]
+        vec![Port::of::<SubmapTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Class>()]
+        vec![Port::of::<ClassTopic>()]
     }
 
     fn new(_settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let drive = Drive::open(&context.drive).map_err(StepError::data)?;
-        Ok(Self { labels: drive.true_labels().map_err(StepError::data)? })
+        let labels = drive.true_labels().map_err(|problem| StepError::data(problem.to_string()))?;
+        Ok(Self { labels })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for submap in inputs.take::<Submap>() {
+        for submap in inputs.take::<SubmapTopic>() {
             let n_points = submap.rows().len();
-            let mut loan = outputs.loan::<Class>(n_points)?;
+            let mut loan = outputs.loan::<ClassTopic>(n_points)?;
             let model_digest = fingerprint(FINGERPRINT_START, b"truth_segmenter 1");
             *loan.header_mut() = ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest };
-            let rows = loan.grow(n_points).ok_or_else(|| StepError::data("the class column has no room"))?;
+            let rows = loan.grow(n_points)?;
             outputs.count("points_without_label", self.label(&submap, rows));
             outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         }

@@ -1,14 +1,14 @@
-//! Receives a sensor until it falls silent and says what that cost:
+//! Receives a sensor until it is silent and prints the load:
 //! `cargo run --release -p acquire --example live_load -- OUTPUT [PORT]`, then `replica send CAPTURE --to 127.0.0.1:PORT`
 //! in another terminal. Position packets are expected at 8308.
 
 use acquire::{Acquire, Settings};
-use messages::{Gnss, Sweep};
+use messages::{GnssTopic, SweepTopic};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Mode};
 use std::path::Path;
 
-/// CPU time of the thread of that name, s: the kernel counts it in hundredths.
+/// CPU time of the thread of that name, s; the kernel counts in hundredths of a second.
 fn cpu_s(name: &str) -> Option<f64> {
     for task in std::fs::read_dir("/proc/self/task").ok()?.flatten() {
         let stat = std::fs::read_to_string(task.path().join("stat")).ok()?;
@@ -31,11 +31,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut bench = Bench::<Acquire>::new(&settings, &context)?;
     let (mut n_sweeps, mut n_points, mut n_fixes, mut of_thread) = (0, 0, 0, 0.0);
     while bench.tick()? == Flow::Continue {
-        for sweep in bench.take::<Sweep>() {
+        for sweep in bench.take::<SweepTopic>() {
             n_sweeps += 1;
             n_points += sweep.rows().len();
         }
-        n_fixes += bench.take::<Gnss>().iter().map(|message| message.rows().len()).sum::<usize>();
+        n_fixes += bench.take::<GnssTopic>().iter().map(|message| message.rows().len()).sum::<usize>();
         of_thread = cpu_s("receiver").unwrap_or(of_thread);
     }
     println!("{n_sweeps} sweeps, {n_points} points, {n_fixes} fixes; receiving thread {of_thread:.2} s of CPU");

@@ -3,10 +3,10 @@
 use crate::Settings;
 use crate::live::Live;
 use crate::recorded::Recorded;
-use messages::{Gnss, Image, Imu, Mosaic, Sweep};
+use messages::{GnssTopic, ImageTopic, ImuTopic, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Stage, StepError};
 
-/// The stage.
+/// The stage; see the crate's page.
 pub struct Acquire(Source);
 
 enum Source {
@@ -23,7 +23,13 @@ impl Stage for Acquire {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Sweep>(), Port::of::<Image>(), Port::of::<Mosaic>(), Port::of::<Gnss>(), Port::of::<Imu>()]
+        vec![
+            Port::of::<SweepTopic>(),
+            Port::of::<ImageTopic>(),
+            Port::of::<MosaicTopic>(),
+            Port::of::<GnssTopic>(),
+            Port::of::<ImuTopic>(),
+        ]
     }
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {

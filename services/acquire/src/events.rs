@@ -1,6 +1,6 @@
-//! Things with a stamp, handed out tick by tick.
+//! Stamped items, taken tick by tick.
 
-/// A list in order of time and how far it has been read.
+/// A list in order of time, and the read position.
 #[derive(Debug)]
 pub(crate) struct Events<T> {
     events: Vec<T>,
@@ -9,30 +9,30 @@ pub(crate) struct Events<T> {
 }
 
 impl<T> Events<T> {
-    /// `events` are in order of their stamps.
+    /// `events` must be sorted by stamp.
     pub(crate) fn new(events: Vec<T>, stamp_of: fn(&T) -> i64) -> Self {
         Self { events, stamp_of, next: 0 }
     }
 
-    /// Number of the next event, for the saved state.
+    /// Index of the next event, for the saved state.
     pub(crate) fn position(&self) -> u64 {
         self.next as u64
     }
 
-    /// `false` if the list is shorter.
+    /// Continues at a saved position. `false` if the list is shorter.
     pub(crate) fn resume(&mut self, position: u64) -> bool {
         self.next = position as usize;
         self.next <= self.events.len()
     }
 
-    /// Passes over what was before the drive (or its part that is read) began, and says how many.
+    /// Skips the events before `begin` and returns their number.
     pub(crate) fn skip_before(&mut self, begin: i64) -> u64 {
         let first = self.next;
         self.next = self.next.max(self.events.partition_point(|event| (self.stamp_of)(event) < begin));
         (self.next - first) as u64
     }
 
-    /// The events before `end` that no earlier call gave, at most `limit` of them; the others stay for the next call.
+    /// Takes the next events before `end`, at most `limit` of them; the others stay for the next call.
     pub(crate) fn take_before(&mut self, end: i64, limit: usize) -> &[T] {
         let first = self.next;
         let due = self.events.partition_point(|event| (self.stamp_of)(event) < end);

@@ -1,33 +1,50 @@
-//! Camera files into messages, decoded into the slots from which they are read.
+//! Publishes camera files, decoded directly into shared memory.
 
 use formats::drive::Frame;
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::pgm::Pgm;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
-use messages::{Image, ImageHeader, Mosaic, MosaicHeader};
+use messages::{ImageHeader, ImageTopic, MosaicHeader, MosaicTopic};
 use stage::{Loan, Outputs, StepError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Why a frame gives no message.
-pub(crate) enum Fault {
-    /// The file; it is left out.
-    File(String),
-    /// The pipeline; the run fails.
-    Step(StepError),
+/// Why a frame is not published.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum FrameError {
+    /// The file is damaged; it is skipped.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: FileFault,
+    },
+    /// The pipeline failed; the run ends.
+    #[error(transparent)]
+    Step(#[from] StepError),
 }
 
-impl From<StepError> for Fault {
-    fn from(error: StepError) -> Self {
-        Fault::Step(error)
-    }
+/// What is wrong with a camera file.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum FileFault {
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    #[error(transparent)]
+    Image(#[from] image::ImageError),
+    #[error(transparent)]
+    Pgm(#[from] formats::pgm::PgmError),
+    #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
+    Size { found: [u32; 2], expected: [u32; 2] },
+    #[error("samples up to {max}, must be up to {limit} for a bit depth of {bit_depth}")]
+    Depth { max: u32, limit: u32, bit_depth: u32 },
 }
 
-fn file_fault(path: &Path, rule: impl std::fmt::Display) -> Fault {
-    Fault::File(format!("{}: {rule}", path.display()))
+fn file_fault(path: &Path, source: impl Into<FileFault>) -> FrameError {
+    FrameError::File { path: path.to_owned(), source: source.into() }
 }
 
 /// Publishes a color image.
-pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Outputs) -> Result<(), Fault> {
+pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Outputs) -> Result<(), FrameError> {
     let fault = |error: image::ImageError| file_fault(&frame.path, error);
     let io_fault = |error: std::io::Error| file_fault(&frame.path, error);
     let (width, height) = entry.model.size();
@@ -35,9 +52,9 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     let decoder = reader.into_decoder().map_err(fault)?;
     check_size(&frame.path, decoder.dimensions(), (width, height))?;
     let n_bytes = width as usize * height as usize * 3;
-    let mut loan: Loan<Image> = outputs.loan(n_bytes)?;
+    let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
     let pixels = room(&mut loan, n_bytes)?;
-    // A decoder may leave the rows of a damaged file as they are.
+    // The decoder of a damaged file may leave rows unwritten.
     pixels.fill(0);
     if decoder.color_type() == ColorType::Rgb8 {
         decoder.read_image(pixels).map_err(fault)?;
@@ -50,17 +67,17 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
 }
 
 /// Publishes a raw mosaic.
-pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut Outputs) -> Result<(), Fault> {
+pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut Outputs) -> Result<(), FrameError> {
     let bytes = std::fs::read(&frame.path).map_err(|error| file_fault(&frame.path, error))?;
     let pgm = Pgm::parse(&bytes).map_err(|error| file_fault(&frame.path, error))?;
     let (width, height) = entry.model.size();
     check_size(&frame.path, (pgm.width, pgm.height), (width, height))?;
     let limit = (1_u32 << entry.bit_depth.min(16)) - 1;
     if pgm.max > limit {
-        let rule = format!("samples up to {}, must be up to {limit} for a bit depth of {}", pgm.max, entry.bit_depth);
-        return Err(file_fault(&frame.path, rule));
+        let fault = FileFault::Depth { max: pgm.max, limit, bit_depth: entry.bit_depth };
+        return Err(file_fault(&frame.path, fault));
     }
-    let mut loan: Loan<Mosaic> = outputs.loan(pgm.n_samples())?;
+    let mut loan: Loan<MosaicTopic> = outputs.loan(pgm.n_samples())?;
     pgm.samples_into(room(&mut loan, pgm.n_samples())?);
     *loan.header_mut() = MosaicHeader {
         camera: frame.camera as u32,
@@ -72,18 +89,15 @@ pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut O
     Ok(outputs.publish(loan, frame.stamp.0)?)
 }
 
-/// The camera's size is known from the manifest, so no header makes us take more memory than that.
-fn check_size(path: &Path, got: (u32, u32), expected: (u32, u32)) -> Result<(), Fault> {
-    if got == expected {
+/// The manifest has the camera's size, so the header of a file cannot make the stage allocate more.
+fn check_size(path: &Path, found: (u32, u32), expected: (u32, u32)) -> Result<(), FrameError> {
+    if found == expected {
         return Ok(());
     }
-    Err(file_fault(path, format!("{} x {} px, the camera has {} x {}", got.0, got.1, expected.0, expected.1)))
+    Err(file_fault(path, FileFault::Size { found: found.into(), expected: expected.into() }))
 }
 
-/// Rows for the caller to write, every one.
+/// Appends `n_rows` rows, all of which the caller must write.
 pub(crate) fn room<T: messages::Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
-    let capacity = loan.capacity();
-    loan.grow_unset(n_rows).ok_or_else(|| {
-        StepError::Contract(format!("a slot of {} for {capacity} rows has no room for {n_rows}", T::TOPIC))
-    })
+    Ok(loan.grow_unset(n_rows)?)
 }

@@ -1,35 +1,35 @@
-//! Inertial samples as a stream: hours of them stay on disk.
+//! Inertial samples, read as a stream so that hours of them stay on disk.
 
 use formats::imu::{ImuError, ImuReader, ImuSample};
 use messages::ImuRow;
 use std::fs::File;
 use std::io::BufReader;
 
-/// A tick has 20 samples at 200 Hz; after a gap in the sweeps there may be more, which come with the next ticks.
+/// Samples per tick at most. A tick has 20 at 200 Hz; after a gap in the sweeps the rest follow in the next ticks.
 const MAX_ROWS: usize = 10_000;
 
-/// The log with one sample in hand.
+/// The log with a look-ahead of one sample.
 pub(crate) struct Inertial {
     reader: Option<ImuReader<BufReader<File>>>,
     ahead: Option<ImuSample>,
     n_bad: u64,
-    fault: Option<String>,
+    error: Option<ImuError>,
 }
 
 impl Inertial {
     /// `None`: the drive has no such sensor.
     pub(crate) fn new(reader: Option<ImuReader<BufReader<File>>>) -> Self {
-        let mut inertial = Self { reader, ahead: None, n_bad: 0, fault: None };
+        let mut inertial = Self { reader, ahead: None, n_bad: 0, error: None };
         inertial.advance();
         inertial
     }
 
-    /// Passes over samples before `begin`, with the bad lines among them, which were counted when they were first read.
+    /// Skips samples before `begin` and the bad lines among them, which were counted when they were first read.
     pub(crate) fn skip_before(&mut self, begin: i64) {
         while self.ahead.is_some_and(|sample| sample.stamp.0 < begin) {
             self.advance();
         }
-        (self.n_bad, self.fault) = (0, None);
+        (self.n_bad, self.error) = (0, None);
     }
 
     /// The samples before `end`.
@@ -44,12 +44,12 @@ impl Inertial {
         rows
     }
 
-    /// Bad lines since the last call, and what is wrong with the first of them.
-    pub(crate) fn take_faults(&mut self) -> (u64, Option<String>) {
-        (std::mem::take(&mut self.n_bad), self.fault.take())
+    /// Number of bad lines since the last call, and the error of the first one.
+    pub(crate) fn take_errors(&mut self) -> (u64, Option<ImuError>) {
+        (std::mem::take(&mut self.n_bad), self.error.take())
     }
 
-    /// Stamp of the sample in hand: everything before it has been taken.
+    /// Stamp of the next sample.
     pub(crate) fn position(&self) -> i64 {
         self.ahead.map_or(i64::MAX, |sample| sample.stamp.0)
     }
@@ -64,7 +64,7 @@ impl Inertial {
                 }
                 Err(error @ (ImuError::Line { .. } | ImuError::Io(_))) => {
                     self.n_bad += 1;
-                    self.fault.get_or_insert(error.to_string());
+                    self.error.get_or_insert(error);
                 }
             }
         }

@@ -1,17 +1,17 @@
-//! acquire: a recorded drive, or a live LiDAR, as messages (thesis 2.5.1).
+//! Stage `acquire`: publishes a recorded drive, or a live LiDAR, as messages (thesis 2.5.1).
 //!
-//! The source of the pipeline. A tick is one LiDAR sweep, decoded straight into the slot from which it is read, and with it
-//! everything that the other sensors measured before that sweep ended: camera images, raw mosaics, position fixes, inertial
-//! samples, each kind in the order of its stamps. The recording is read as it is needed; nothing but lists of file names and
-//! position fixes is held.
+//! The source of the pipeline. Each tick publishes one LiDAR sweep, decoded directly into shared memory, and the measurements of
+//! the other sensors up to its end: camera images, raw mosaics, position fixes, inertial samples, each kind in the order of its
+//! stamps. The recording is read as needed; only lists of file names and position fixes are kept in memory.
 //!
-//! In live mode the packets of a LiDAR on the network are recorded first and decoded from the recording as it grows
-//! (`docs/live.md`).
+//! In live mode the packets of a LiDAR on the network are first recorded, then decoded from the growing recording
+//! (`docs/guide/live.md`).
 //!
-//! What is damaged costs itself alone: a broken image, cloud, packet or line is counted, said once, and left out.
+//! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data.
 
 mod acquire;
 mod drops;
+mod error;
 mod events;
 mod frames;
 mod inertial;
@@ -29,30 +29,30 @@ pub use acquire::Acquire;
 stage::settings! {
     /// Settings of acquire.
     pub struct Settings {
-        /// Start of the part that is read, s after the first sweep.
+        /// Begin of the part to read, s after the first sweep.
         pub start_s: f64 = 0.0 => stage::at_least(0.0);
-        /// End of the part that is read, s after the first sweep; 0 = the end of the drive.
+        /// End of the part to read, s after the first sweep; 0 = the end of the drive.
         pub end_s: f64 = 0.0 => stage::at_least(0.0);
-        /// Exposures of a camera that follow faster are left out, Hz; 0 = none.
+        /// Largest rate of a camera, Hz; exposures that follow faster are skipped. 0 = no limit.
         pub trigger_hz: f64 = 1.0 => stage::within(0.0, 1000.0);
-        /// Exposures of a camera that has moved less since the last one are left out, m; 0 = none.
+        /// Least distance between exposures of a camera, m; nearer exposures are skipped. 0 = no limit.
         pub trigger_m: f64 = 1.0 => stage::within(0.0, 1000.0);
-        /// Sweeps that cover a smaller share of a turn, as at either end of a recording, are left out, 0 to 1.
+        /// Least share of a revolution, 0 to 1. Smaller sweeps, as at both ends of a recording, are skipped.
         pub min_turn: f64 = 0.25 => stage::within(0.0, 1.0);
-        /// Live: IPv4 address and UDP port for the LiDAR's data packets; a sensor that broadcasts needs 0.0.0.0:2368.
+        /// Live: IPv4 address and UDP port of the LiDAR's data packets; 0.0.0.0:2368 for a sensor that broadcasts.
         pub listen: String = "127.0.0.1:2368".to_owned() => stage::any();
-        /// Live: IPv4 address and UDP port for the LiDAR's position packets.
+        /// Live: IPv4 address and UDP port of the LiDAR's position packets.
         pub position_listen: String = "127.0.0.1:8308".to_owned() => stage::any();
-        /// Live: the LiDAR; empty = that of the rig or, without one, the one that the packets name.
+        /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets.
         pub model: String = String::new() => stage::one_of(&["", "hdl32e", "vlp16", "hdl64e"]);
-        /// Live: drive.toml whose LiDAR's mounting the recording takes over; empty = the one in the drive's folder or, without
-        /// one, body and lidar frame are one.
+        /// Live: drive.toml with the mounting of the LiDAR; empty = the one in the drive's folder. Without any, body and LiDAR frame are
+        /// the same.
         pub rig: String = String::new() => stage::any();
-        /// Live: folder of the raw recording in the output folder; it must not hold an earlier one.
+        /// Live: folder of the raw recording inside the output folder; it must not contain an earlier recording.
         pub recording: String = "recording".to_owned() => stage::any();
-        /// Live: the run ends when no packet has come for so long after the first one, s; 0 = never.
+        /// Live: time without packets after which the run ends, s; 0 = never.
         pub quiet_s: f64 = 0.0 => stage::within(0.0, 86_400.0);
-        /// Live: when decoding is more revolutions behind, it goes on with the newest whole one.
+        /// Live: largest backlog of revolutions; with a larger one decoding continues at the newest complete revolution.
         pub max_behind: u32 = 5 => stage::within(2, 100_000);
     }
 }

@@ -1,37 +1,38 @@
-//! A sensor on the network: its packets go to the disk first, and are decoded from there.
+//! A sensor on the network: its packets are first recorded, then decoded from the recording.
 //!
-//! The receiving thread writes a capture; the step reads it as it grows, with the code that reads recorded drives. So the
-//! recording is what was received, whatever becomes of the decoding, and a run over it gives the same sweeps. A process that
-//! is started again begins the next capture and decodes that; its saved state is therefore empty.
+//! The receiving thread writes a capture. The step reads the growing capture with the code that reads recorded drives. So the
+//! recording contains all received packets even if decoding fails, and a run on the recording gives the same sweeps. A restarted
+//! process begins the next capture and decodes that one, so its saved state is empty.
 
 use crate::Settings;
-use crate::publish::{Told, publish_fixes, publish_sweep};
+use crate::error::LiveError;
+use crate::publish::{ReportedCounts, publish_fixes, publish_sweep};
 use crate::receiver::{Receiver, Sockets, bind};
 use crate::recording::{self, Recording};
 use crate::sweep;
-use formats::drive::{Drive, DriveSweep, read_manifest};
+use formats::drive::{Drive, read_manifest};
 use formats::manifest::{Manifest, PoseEntry};
 use formats::velodyne::{DATA_PACKET_BYTES, Model, SweepError, SweepInfo, SweepPoll, SweepReader};
-use messages::{Message, Sweep};
+use messages::{Message, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Kept apart from the states of recorded drives.
+/// Differs from the versions of recorded drives.
 const STATE_VERSION: u32 = 1001;
-/// A step takes no longer when nothing comes, so that commands are heard.
-const PATIENCE: Duration = Duration::from_millis(50);
-/// A packet's record in a capture: its own header, Ethernet, IP and UDP.
+/// Longest time of a step without packets, so that commands are handled.
+const STEP_TIMEOUT: Duration = Duration::from_millis(50);
+/// Size of a packet's record in a capture: record header, Ethernet, IP, UDP and data.
 const RECORD_BYTES: u64 = 16 + 42 + DATA_PACKET_BYTES as u64;
-/// Of a sensor at 10 Hz, until its revolutions have been seen.
+/// Revolution of a sensor at 10 Hz, until one has been measured.
 const TURN_NANOS: u64 = 100_000_000;
-/// Below this share of a turn a sweep says nothing about the size of a revolution.
-const WHOLE: f64 = 0.9;
-/// With less in its buffer a stalled disk costs packets soon: an HDL-32E fills 4 MiB a second, bookkeeping included.
-const GOOD_BUFFER: usize = 4 << 20;
+/// Least share of a revolution that measures the size of a revolution.
+const COMPLETE: f64 = 0.9;
+/// With a smaller buffer a stall of the disk soon drops packets: an HDL-32E fills 4 MiB per second, with bookkeeping.
+const RECOMMENDED_BUFFER: usize = 4 << 20;
 
-/// The sensor, its recording, and how far that has been decoded.
+/// The sensor, its recording, and the state of the decoder.
 pub(crate) struct Live {
     settings: Settings,
     receiver: Receiver,
@@ -39,26 +40,26 @@ pub(crate) struct Live {
     model: Option<Model>,
     body_from_lidar: PoseEntry,
     reader: Option<SweepReader>,
-    /// The recording's beginning was looked at up to here.
-    surveyed_bytes: u64,
+    /// Size of the capture at the last attempt to find the sensor.
+    examined_bytes: u64,
     has_no_sensor: bool,
-    under_way: UnderWay,
-    /// Where the sweep under way begins in the capture.
+    current: CurrentSweep,
+    /// Where the current sweep begins in the capture.
     begin_bytes: u64,
     revolution_bytes: u64,
-    told: Told,
+    reported: ReportedCounts,
     n_packets: u64,
 }
 
-/// The sweep whose packets are coming in.
-enum UnderWay {
-    Nothing,
-    Points(Loan<Sweep>),
-    /// It will not be published.
+/// The sweep whose packets are arriving.
+enum CurrentSweep {
+    None,
+    Points(Loan<SweepTopic>),
+    /// The sweep will not be published.
     Discarded,
 }
 
-/// How far a step got.
+/// Result of [`Live::advance`].
 enum Advance {
     Published,
     Waiting,
@@ -66,7 +67,7 @@ enum Advance {
 }
 
 impl Live {
-    /// What cannot be received, recorded or mounted as the settings say.
+    /// Settings that prevent receiving or recording.
     pub(crate) fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let mut problems = Vec::new();
         for (key, value) in [("start_s", settings.start_s), ("end_s", settings.end_s)] {
@@ -81,41 +82,37 @@ impl Live {
         for (key, value) in [("listen", &settings.listen), ("position_listen", &settings.position_listen)] {
             match address(value).and_then(bind) {
                 Ok(socket) => bound.push(socket),
-                Err(text) => problems.push(Problem::of_key(key, text)),
+                Err(error) => problems.push(Problem::of_key(key, error.to_string())),
             }
         }
-        if let Err((key, text)) = mounting(settings, context) {
-            problems.push(Problem::of_key(key, text));
+        if let Err(error) = mounting(settings, context) {
+            problems.push(Problem::of_key(error.key(), error.to_string()));
         }
         let folder = folder(settings, context);
         match recording::captures(&folder) {
             Ok(captures) if captures.is_empty() => {}
             Ok(captures) => {
-                let n = captures.len();
-                let text = format!("{} holds {n} captures of an earlier run; must be another folder", folder.display());
-                problems.push(Problem::of_key("recording", text));
+                let error = LiveError::Used { n: captures.len(), folder };
+                problems.push(Problem::of_key(error.key(), error.to_string()));
             }
             Err(error) => problems.push(Problem::of_key("recording", format!("{}: {error}", folder.display()))),
         }
         problems
     }
 
-    /// Begins to record.
+    /// Starts the recording.
     pub(crate) fn open(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let addresses = [address(&settings.listen), address(&settings.position_listen)];
-        let [Ok(data), Ok(position)] = addresses else {
-            let faults = addresses.into_iter().filter_map(Result::err).collect::<Vec<_>>();
-            return Err(StepError::data(faults.join("; ")));
-        };
-        let (model, body_from_lidar) = mounting(settings, context).map_err(|(_, text)| StepError::Data(text))?;
-        let sockets = Sockets::bind([data, position]).map_err(StepError::Io)?;
-        let (recording, recorder) = Recording::begin(folder(settings, context)).map_err(StepError::Io)?;
+        let data = address(&settings.listen).map_err(StepError::data)?;
+        let position = address(&settings.position_listen).map_err(StepError::data)?;
+        let (model, body_from_lidar) = mounting(settings, context).map_err(StepError::data)?;
+        let sockets = Sockets::bind([data, position]).map_err(StepError::io)?;
+        let (recording, recorder) = Recording::begin(folder(settings, context)).map_err(StepError::io)?;
         let receiver = Receiver::start(sockets, recorder).map_err(StepError::io)?;
         if let Some(model) = model {
-            recording.describe(model, body_from_lidar).map_err(StepError::Io)?;
+            recording.describe(model, body_from_lidar).map_err(StepError::io)?;
         }
-        // The process before this one was torn away from a sweep: the rest of that is no sweep that the recording gives.
-        let under_way = if recording.is_continued() { UnderWay::Discarded } else { UnderWay::Nothing };
+        // The previous process ended within a sweep. A run on the recording does not publish the rest of it either.
+        let current = if recording.is_continued() { CurrentSweep::Discarded } else { CurrentSweep::None };
         Ok(Self {
             settings: settings.clone(),
             receiver,
@@ -123,22 +120,22 @@ impl Live {
             model,
             body_from_lidar,
             reader: None,
-            surveyed_bytes: 0,
+            examined_bytes: 0,
             has_no_sensor: false,
-            under_way,
+            current,
             begin_bytes: 0,
             revolution_bytes: 0,
-            told: Told::default(),
+            reported: ReportedCounts::default(),
             n_packets: 0,
         })
     }
 
-    /// Publishes the next sweep, or nothing if none is complete within [`PATIENCE`].
+    /// Publishes the next sweep, or nothing if none is complete within [`STEP_TIMEOUT`].
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + STEP_TIMEOUT;
         let flow = loop {
-            if let Some(text) = self.receiver.fault() {
-                return Err(StepError::Io(format!("{}: {text}", self.capture().display())));
+            if let Some(source) = self.receiver.take_error() {
+                return Err(StepError::io(LiveError::File { path: self.capture(), source }));
             }
             if self.settings.quiet_s > 0.0 && self.receiver.silent_s() >= self.settings.quiet_s {
                 self.receiver.close();
@@ -149,26 +146,26 @@ impl Live {
                 Advance::Ended => break Flow::End,
             }
         };
-        self.tell(outputs);
+        self.report_counts(outputs);
         Ok(flow)
     }
 
-    /// Ends the recording and publishes its last sweeps, as many as a tick may have; the others are counted.
+    /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.receiver.close();
-        // The tick may have a sweep already.
-        for _ in 1..Sweep::QUEUE {
+        // The tick may already have one sweep.
+        for _ in 1..SweepTopic::QUEUE {
             if !matches!(self.advance(outputs)?, Advance::Published) {
                 break;
             }
         }
-        self.under_way = UnderWay::Discarded;
+        self.current = CurrentSweep::Discarded;
         if let Some(reader) = &mut self.reader {
             while let SweepPoll::Sweep(info) = reader.poll_sweep(|_| {}).map_err(StepError::data)? {
                 count_discarded(&self.settings, &info, outputs);
             }
         }
-        self.tell(outputs);
+        self.report_counts(outputs);
         Ok(())
     }
 
@@ -184,23 +181,23 @@ impl Live {
         self.recording.captures().last().cloned().unwrap_or_default()
     }
 
-    /// Reads on in the capture until a sweep is complete or there is no more.
+    /// Reads the capture until a sweep is complete or the capture ends.
     fn advance(&mut self, outputs: &mut Outputs) -> Result<Advance, StepError> {
         let is_closed = self.receiver.frontier().is_closed();
         if self.reader.is_none() && !self.open_reader(outputs)? {
             return Ok(if is_closed { Advance::Ended } else { Advance::Waiting });
         }
         loop {
-            if matches!(self.under_way, UnderWay::Nothing) {
+            if matches!(self.current, CurrentSweep::None) {
                 self.catch_up(outputs)?;
             }
             let Some(reader) = &mut self.reader else { return Ok(Advance::Waiting) };
-            if matches!(self.under_way, UnderWay::Nothing) {
-                self.under_way = UnderWay::Points(sweep::loan(outputs)?);
+            if matches!(self.current, CurrentSweep::None) {
+                self.current = CurrentSweep::Points(sweep::loan(outputs)?);
             }
-            let polled = match &mut self.under_way {
-                UnderWay::Points(loan) => sweep::poll(reader, loan)?,
-                UnderWay::Discarded | UnderWay::Nothing => reader.poll_sweep(|_| {}).map_err(StepError::data)?,
+            let polled = match &mut self.current {
+                CurrentSweep::Points(loan) => sweep::poll(reader, loan)?,
+                CurrentSweep::Discarded | CurrentSweep::None => reader.poll_sweep(|_| {}).map_err(StepError::data)?,
             };
             let info = match polled {
                 SweepPoll::Sweep(info) => info,
@@ -208,50 +205,50 @@ impl Live {
                 SweepPoll::End => return Ok(Advance::Ended),
             };
             let place = reader.place().1;
-            match std::mem::replace(&mut self.under_way, UnderWay::Nothing) {
-                UnderWay::Points(loan) if info.turn >= self.settings.min_turn => {
-                    publish_sweep(loan, &DriveSweep::from(info), reader.model(), outputs)?;
+            match std::mem::replace(&mut self.current, CurrentSweep::None) {
+                CurrentSweep::Points(loan) if info.turn >= self.settings.min_turn => {
+                    publish_sweep(loan, &info, reader.model(), outputs)?;
                     publish_fixes(&reader.take_fixes(), outputs)?;
                     outputs.set_drive_time(info.stamp.0);
                     self.measure(&info, place);
                     return Ok(Advance::Published);
                 }
-                // Its fixes come with the next one, as offline.
+                // Its fixes are published with the next sweep, as offline.
                 _ => count_discarded(&self.settings, &info, outputs),
             }
             self.measure(&info, place);
         }
     }
 
-    /// Looks at the recording's beginning. `false` while that does not say enough.
+    /// Finds the sensor in the begin of the recording. `false` while there are too few packets.
     fn open_reader(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
         let frontier = self.receiver.frontier();
-        // A look that the close could change is worth its time.
+        // After the close the last packets count, too.
         let whole_bytes = frontier.whole_bytes() + u64::from(frontier.is_closed());
-        if self.has_no_sensor || whole_bytes == self.surveyed_bytes {
+        if self.has_no_sensor || whole_bytes == self.examined_bytes {
             return Ok(false);
         }
-        self.surveyed_bytes = whole_bytes;
+        self.examined_bytes = whole_bytes;
         match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.model) {
             Ok(None) => Ok(false),
             Ok(Some(reader)) => {
                 let model = reader.model();
-                self.recording.describe(model, self.body_from_lidar).map_err(StepError::Io)?;
+                self.recording.describe(model, self.body_from_lidar).map_err(StepError::io)?;
                 self.revolution_bytes = TURN_NANOS / u64::from(model.packet_nanos()) * RECORD_BYTES;
                 self.reader = Some(reader);
                 Ok(true)
             }
             Err(error @ SweepError::NoSensor { .. }) => {
                 self.has_no_sensor = true;
-                outputs.note(format!("{error}; what comes is recorded and not decoded"));
+                outputs.note(format!("{error}; packets are recorded but not decoded"));
                 Ok(false)
             }
             Err(error) => Err(StepError::data(error)),
         }
     }
 
-    /// If decoding is too far behind, passes over all but the newest whole revolution. They are decoded for their time and
-    /// their cut points, which costs a hundredth of the time that they took, and published by nobody.
+    /// If the backlog is too large, skips all but the newest complete revolution. Skipped revolutions are decoded for their times and
+    /// boundaries, which takes a hundredth of their duration, and not published.
     fn catch_up(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let Some(reader) = &mut self.reader else { return Ok(()) };
         let frontier = self.receiver.frontier();
@@ -263,7 +260,7 @@ impl Live {
             match reader.poll_sweep(|_| {}).map_err(StepError::data)? {
                 SweepPoll::Sweep(info) => count_discarded(&self.settings, &info, outputs),
                 SweepPoll::Pending => {
-                    self.under_way = UnderWay::Discarded;
+                    self.current = CurrentSweep::Discarded;
                     break;
                 }
                 SweepPoll::End => break,
@@ -273,18 +270,18 @@ impl Live {
         Ok(())
     }
 
-    /// Learns how much of the capture a revolution takes.
+    /// Measures the size of a revolution in the capture.
     fn measure(&mut self, info: &SweepInfo, end_bytes: u64) {
-        if info.turn > WHOLE && end_bytes > self.begin_bytes && self.begin_bytes > 0 {
+        if info.turn > COMPLETE && end_bytes > self.begin_bytes && self.begin_bytes > 0 {
             self.revolution_bytes = end_bytes - self.begin_bytes;
         }
         self.begin_bytes = end_bytes;
     }
 
-    /// Brings the counters up to date.
-    fn tell(&mut self, outputs: &mut Outputs) {
+    /// Updates the counters of the run summary.
+    fn report_counts(&mut self, outputs: &mut Outputs) {
         if self.n_packets == 0 && self.receiver.n_packets() > 0 {
-            self.say_first_words(outputs);
+            self.note_begin(outputs);
         }
         let n_packets = self.receiver.n_packets();
         for (name, n) in
@@ -296,17 +293,17 @@ impl Live {
         }
         self.n_packets = n_packets;
         if let Some(reader) = &self.reader {
-            self.told.tell(reader.stats(), reader.log_stats(), outputs);
+            self.reported.report(reader.stats(), reader.log_stats(), outputs);
         }
     }
 
-    fn say_first_words(&self, outputs: &mut Outputs) {
+    fn note_begin(&self, outputs: &mut Outputs) {
         outputs.note(format!("recording to {}", self.capture().display()));
         let n_bytes = self.receiver.buffer_bytes();
-        if n_bytes < GOOD_BUFFER {
+        if n_bytes < RECOMMENDED_BUFFER {
             outputs.note(format!(
-                "the kernel holds {n_bytes} bytes of unread packets; raise net.core.rmem_max to {GOOD_BUFFER} so that a stalled \
-                 disk costs none"
+                "the kernel's receive buffer has {n_bytes} bytes; set net.core.rmem_max to {RECOMMENDED_BUFFER} to avoid dropped packets \
+                 when the disk stalls"
             ));
         }
     }
@@ -316,29 +313,28 @@ fn count_discarded(settings: &Settings, info: &SweepInfo, outputs: &mut Outputs)
     outputs.count(if info.turn >= settings.min_turn { "sweeps_skipped" } else { "partial_sweeps" }, 1);
 }
 
-/// Where the recording goes.
+/// Folder of the recording.
 fn folder(settings: &Settings, context: &Context) -> PathBuf {
     context.output.join(&settings.recording)
 }
 
-fn address(text: &str) -> Result<SocketAddrV4, String> {
-    text.parse().map_err(|_| format!("value {text:?} must be an IPv4 address and a port, as 127.0.0.1:2368"))
+fn address(text: &str) -> Result<SocketAddrV4, LiveError> {
+    text.parse().map_err(|_| LiveError::Address(text.to_owned()))
 }
 
-/// Sensor (if the settings or the rig name it) and mounting; the error has the key that it is about.
-fn mounting(settings: &Settings, context: &Context) -> Result<(Option<Model>, PoseEntry), (&'static str, String)> {
+/// Model (if the settings or the rig name it) and mounting of the sensor.
+fn mounting(settings: &Settings, context: &Context) -> Result<(Option<Model>, PoseEntry), LiveError> {
     let manifest: Option<Manifest> = if settings.rig.is_empty() {
-        Drive::rig_alone(&context.drive).map_err(|error| ("rig", error.to_string()))?
+        Drive::rig_alone(&context.drive)?
     } else {
         let path = context.resolve(Path::new(&settings.rig));
-        Some(read_manifest(&path).map_err(|error| ("rig", error.to_string()))?)
+        Some(read_manifest(&path)?)
     };
     let wanted = Model::from_name(&settings.model);
     let Some(manifest) = manifest else { return Ok((wanted, PoseEntry::IDENTITY)) };
     let of_rig = Model::from_name(&manifest.lidar.model);
     if wanted.is_some() && wanted != of_rig {
-        let text = format!("value {:?} must be that of the rig, {:?}, or empty", settings.model, manifest.lidar.model);
-        return Err(("model", text));
+        return Err(LiveError::Model { setting: settings.model.clone(), rig: manifest.lidar.model });
     }
     Ok((of_rig, manifest.lidar.body_from_lidar))
 }

@@ -1,15 +1,15 @@
-//! How far the vehicle went between two moments, by its position fixes.
+//! Path length between two times, by position fixes.
 
 use formats::nmea::Fix;
 use geometry::Stamp;
 
-/// Over a longer gap between fixes nothing is said.
+/// Over a longer gap between fixes the path length is unknown.
 const MAX_GAP_S: f64 = 5.0;
 /// Mean radius of the earth, m; good to 0.5 % for distances.
 const EARTH_M: f64 = 6_371_000.0;
 
-/// The way along the fixes. Receivers measure speed by Doppler shift to centimetres a second, while positions a second apart
-/// jitter by decimetres; so the way is the integral of the speed, and positions count where there is no speed.
+/// The path length along the fixes: the integral of the speed, or the distance of positions without a speed. Receivers measure
+/// speed by Doppler shift to centimetres per second, while positions jitter by decimetres.
 #[derive(Debug)]
 pub(crate) struct Odometer {
     marks: Vec<Mark>,
@@ -18,21 +18,21 @@ pub(crate) struct Odometer {
 #[derive(Clone, Copy, Debug)]
 struct Mark {
     stamp: Stamp,
-    /// Since the first fix.
-    way_m: f64,
-    /// From here to the next mark at this speed at first, with this acceleration.
+    /// Path length since the first fix.
+    path_m: f64,
+    /// Speed here, and acceleration until the next mark.
     speed_mps: f64,
     acceleration: f64,
-    /// Whether the next mark is near enough.
+    /// Whether the next mark follows without a gap.
     is_followed: bool,
 }
 
 impl Odometer {
     pub(crate) fn new(fixes: &[Fix]) -> Self {
         let mut marks: Vec<Mark> = Vec::with_capacity(fixes.len());
-        let mut way_m = 0.0;
+        let mut path_m = 0.0;
         for (index, fix) in fixes.iter().enumerate() {
-            let mut mark = Mark { stamp: fix.stamp, way_m, speed_mps: 0.0, acceleration: 0.0, is_followed: false };
+            let mut mark = Mark { stamp: fix.stamp, path_m, speed_mps: 0.0, acceleration: 0.0, is_followed: false };
             if let Some(next) = fixes.get(index + 1) {
                 let seconds = next.stamp.seconds_since(fix.stamp);
                 (mark.speed_mps, mark.acceleration) = match (fix.speed_mps, next.speed_mps) {
@@ -40,43 +40,43 @@ impl Odometer {
                     _ => (distance_m(fix.position_deg, next.position_deg) / seconds, 0.0),
                 };
                 mark.is_followed = seconds <= MAX_GAP_S;
-                way_m += mark.way_after(seconds);
+                path_m += mark.path_after(seconds);
             }
             marks.push(mark);
         }
         Self { marks }
     }
 
-    /// m, if there are fixes around both moments and no long gap between them.
+    /// Path length between two times, m; `None` outside of the fixes and over gaps.
     pub(crate) fn between(&self, from: Stamp, to: Stamp) -> Option<f64> {
         let (first, last) = (self.mark_before(from)?, self.mark_before(to)?);
         let known = self.marks[first..=last].iter().all(|mark| mark.is_followed || mark.stamp == to);
-        known.then(|| self.way_at(last, to) - self.way_at(first, from))
+        known.then(|| self.path_at(last, to) - self.path_at(first, from))
     }
 
-    /// Index of the last mark at or before a moment, unless the fixes end before it.
+    /// Index of the last mark at or before a time; `None` after the last fix.
     fn mark_before(&self, stamp: Stamp) -> Option<usize> {
         let after = self.marks.partition_point(|mark| mark.stamp <= stamp);
         let index = after.checked_sub(1)?;
         (after < self.marks.len() || self.marks[index].stamp == stamp).then_some(index)
     }
 
-    fn way_at(&self, index: usize, stamp: Stamp) -> f64 {
+    fn path_at(&self, index: usize, stamp: Stamp) -> f64 {
         let mark = &self.marks[index];
-        mark.way_m + mark.way_after(stamp.seconds_since(mark.stamp))
+        mark.path_m + mark.path_after(stamp.seconds_since(mark.stamp))
     }
 }
 
 impl Mark {
-    fn way_after(&self, seconds: f64) -> f64 {
+    fn path_after(&self, seconds: f64) -> f64 {
         seconds * (self.speed_mps + 0.5 * self.acceleration * seconds)
     }
 }
 
-/// On a sphere; for a few metres the flat formula is exact.
+/// On a sphere, with the formula for short distances.
 fn distance_m(from: [f64; 2], to: [f64; 2]) -> f64 {
     let north = (to[0] - from[0]).to_radians();
-    // The short way around, also over the date line.
+    // Also across the date line.
     let east = ((to[1] - from[1] + 540.0).rem_euclid(360.0) - 180.0).to_radians() * from[0].to_radians().cos();
     EARTH_M * north.hypot(east)
 }
@@ -85,12 +85,12 @@ fn distance_m(from: [f64; 2], to: [f64; 2]) -> f64 {
 pub(crate) mod tests {
     use super::*;
 
-    /// A vehicle that goes east, at these speeds second by second.
+    /// A vehicle that drives east with these speeds at whole seconds.
     pub(crate) fn fixes(speeds: &[f64]) -> Vec<Fix> {
-        let mut way_m = 0.0;
+        let mut path_m = 0.0;
         let mut fix = |(second, speed): (usize, &f64)| {
-            let longitude = 2.0 + (way_m / (EARTH_M * 48_f64.to_radians().cos())).to_degrees();
-            way_m += 0.5 * (speed + speeds.get(second + 1).unwrap_or(speed));
+            let longitude = 2.0 + (path_m / (EARTH_M * 48_f64.to_radians().cos())).to_degrees();
+            path_m += 0.5 * (speed + speeds.get(second + 1).unwrap_or(speed));
             Fix {
                 stamp: Stamp(second as i64 * 1_000_000_000),
                 position_deg: [48.0, longitude],
@@ -110,31 +110,31 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_way_follows_from_speeds_and_equally_from_positions() {
+    fn path_by_speeds_equals_path_by_positions() {
         let fixes = fixes(&[0.0, 2.0, 4.0, 4.0, 4.0, 0.0]);
         let by_speed = Odometer::new(&fixes);
         let stripped: Vec<Fix> = fixes.iter().map(|fix| Fix { speed_mps: None, ..*fix }).collect();
         let by_position = Odometer::new(&stripped);
-        for (from, to, way_m) in [(0.0, 5.0, 14.0), (1.0, 2.0, 3.0), (3.0, 3.0, 0.0), (2.5, 3.25, 3.0)] {
-            let way = by_speed.between(at(from), at(to)).expect("known");
-            assert!((way - way_m).abs() < 1e-9, "{from} to {to}: {way}");
-            let way = by_position.between(at(from), at(to)).expect("known");
-            assert!((way - way_m).abs() < 1e-3, "{from} to {to}: {way}");
+        for (from, to, path_m) in [(0.0, 5.0, 14.0), (1.0, 2.0, 3.0), (3.0, 3.0, 0.0), (2.5, 3.25, 3.0)] {
+            let path = by_speed.between(at(from), at(to)).expect("known");
+            assert!((path - path_m).abs() < 1e-9, "{from} to {to}: {path}");
+            let path = by_position.between(at(from), at(to)).expect("known");
+            assert!((path - path_m).abs() < 1e-3, "{from} to {to}: {path}");
         }
-        // A quarter of a second into the first: at^2/2.
+        // After a quarter of the first second: at^2/2.
         assert!((by_speed.between(at(0.0), at(0.25)).expect("known") - 0.0625).abs() < 1e-9);
     }
 
     #[test]
-    fn nothing_is_said_outside_the_fixes_and_over_gaps() {
+    fn path_is_unknown_outside_the_fixes_and_over_gaps() {
         let mut fixes = fixes(&[3.0; 12]);
         let whole = Odometer::new(&fixes);
         assert_eq!(whole.between(at(-0.1), at(1.0)), None);
         assert_eq!(whole.between(at(1.0), at(11.1)), None);
         fixes.drain(3..9);
-        let torn = Odometer::new(&fixes);
-        assert_eq!(torn.between(at(1.0), at(10.0)), None);
-        assert!((torn.between(at(0.5), at(2.0)).expect("known") - 4.5).abs() < 1e-9);
+        let with_gap = Odometer::new(&fixes);
+        assert_eq!(with_gap.between(at(1.0), at(10.0)), None);
+        assert!((with_gap.between(at(0.5), at(2.0)).expect("known") - 4.5).abs() < 1e-9);
         assert_eq!(Odometer::new(&[]).between(at(0.0), at(1.0)), None);
     }
 }

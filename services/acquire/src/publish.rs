@@ -1,16 +1,16 @@
-//! What a recorded drive and a live sensor publish alike.
+//! Publishing shared by recorded drives and live sensors.
 
 use crate::frames::room;
-use formats::drive::DriveSweep;
+use formats::drive::SweepInfo;
 use formats::nmea::{Fix, LogStats};
 use formats::velodyne::{LidarStats, Model};
-use messages::{Gnss, GnssRow, Message, Sweep};
+use messages::{GnssRow, GnssTopic, Message, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
 /// Publishes a sweep whose points are in the loan.
 pub(crate) fn publish_sweep(
-    mut loan: Loan<Sweep>,
-    sweep: &DriveSweep,
+    mut loan: Loan<SweepTopic>,
+    sweep: &SweepInfo,
     model: Model,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
@@ -29,10 +29,10 @@ pub(crate) fn publish_fixes(fixes: &[Fix], outputs: &mut Outputs) -> Result<(), 
     if n_without_height > 0 {
         outputs.count("gnss_without_height", n_without_height as u64);
     }
-    publish_rows::<Gnss>(&rows, rows.first().map(|row| row.stamp), outputs)
+    publish_rows::<GnssTopic>(&rows, rows.first().map(|row| row.stamp), outputs)
 }
 
-/// One message with the rows of a tick; none without rows.
+/// Publishes one message with the rows of a tick; none without rows.
 pub(crate) fn publish_rows<T: Message>(
     rows: &[T::Row],
     stamp: Option<i64>,
@@ -60,32 +60,32 @@ fn gnss_row(fix: &Fix) -> Option<GnssRow> {
     })
 }
 
-/// What of the stream's counts is in the run summary already.
+/// The counts that are already in the run summary.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Told {
+pub(crate) struct ReportedCounts {
     lidar: LidarStats,
     log: LogStats,
 }
 
-impl Told {
-    /// Everything so far.
+impl ReportedCounts {
+    /// All counts so far.
     pub(crate) fn up_to(lidar: LidarStats, log: LogStats) -> Self {
         Self { lidar, log }
     }
 
-    /// Adds what has come, been lost or damaged since the last call.
-    pub(crate) fn tell(&mut self, lidar: LidarStats, log: LogStats, outputs: &mut Outputs) {
-        let mut grown = |name, now: u64, before: u64| {
+    /// Adds the packets received, lost or damaged since the last call to the run summary.
+    pub(crate) fn report(&mut self, lidar: LidarStats, log: LogStats, outputs: &mut Outputs) {
+        let mut add = |name, now: u64, before: u64| {
             if now > before {
                 outputs.count(name, now - before);
             }
         };
         for ((name, now), (_, before)) in lidar.counts().into_iter().zip(self.lidar.counts()) {
-            grown(name, now, before);
+            add(name, now, before);
         }
-        grown("bad_nmea_lines", log.bad_lines, self.log.bad_lines);
-        grown("gnss_without_fix", log.without_fix, self.log.without_fix);
-        grown("gnss_out_of_order", log.out_of_order, self.log.out_of_order);
+        add("bad_nmea_lines", log.bad_lines, self.log.bad_lines);
+        add("gnss_without_fix", log.without_fix, self.log.without_fix);
+        add("gnss_out_of_order", log.out_of_order, self.log.out_of_order);
         (self.lidar, self.log) = (lidar, log);
     }
 }

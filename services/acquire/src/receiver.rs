@@ -1,8 +1,9 @@
-//! The thread that receives: from the sockets into the capture, and nothing else.
+//! The receiving thread: from the sockets into the capture.
 //!
-//! It waits for nobody but the sensor and the disk's cache. Whoever decodes reads the capture behind it.
+//! It waits only for the sensor and the disk. The decoder reads the capture.
 
 use crate::drops::dropped;
+use crate::error::LiveError;
 use formats::pcap::{Frontier, Recorder};
 use geometry::Stamp;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -14,15 +15,17 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
-/// What the kernel is asked to hold while the disk stalls: some four seconds of an HDL-32E.
+/// Requested size of the kernel's receive buffer, for stalls of the disk: about four seconds of an HDL-32E.
 const BUFFER: usize = 8 << 20;
-/// Packets are in the file, for the decoder and for a crash, after this long. Less would only cost system calls.
+/// Interval at which packets are written to the file, where the decoder reads them and a crash does not lose them. Shorter intervals
+/// only cost system calls.
 const FLUSH: Duration = Duration::from_millis(5);
-/// How soon the thread sees that it is to stop.
+/// Interval at which the thread checks whether to stop.
 const IDLE: Duration = Duration::from_millis(50);
-/// Packets taken from one socket before the other has its turn.
+/// Packets taken from one socket before the other one is read.
 const BURST: usize = 64;
-/// Packets that a full buffer of [`BUFFER`] may hold, and reserve: at the end no more are taken, however fast the sensor sends.
+/// Packets that a full buffer of [`BUFFER`] may hold, with a margin. It limits what is read at the end, however fast the sensor
+/// sends.
 const MAX_HELD: usize = 16_384;
 /// The largest UDP packet.
 const MAX_PACKET: usize = 65_536;
@@ -33,41 +36,41 @@ pub(crate) struct Sockets([(UdpSocket, SocketAddrV4); 2]);
 
 impl Sockets {
     /// Binds data and position socket.
-    pub(crate) fn bind(addresses: [SocketAddrV4; 2]) -> Result<Self, String> {
+    pub(crate) fn bind(addresses: [SocketAddrV4; 2]) -> Result<Self, LiveError> {
         let [data, position] = addresses;
         Ok(Self([bind(data)?, bind(position)?]))
     }
 
-    /// Bytes that the kernel holds of the data socket; its bookkeeping counts too.
+    /// Size of the kernel's receive buffer of the data socket, with bookkeeping.
     pub(crate) fn buffer_bytes(&self) -> usize {
         socket_recv_buffer_size(&self.0[0].0).unwrap_or_default()
     }
 }
 
-/// Binds a socket that does not block.
-pub(crate) fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), String> {
+/// Binds a non-blocking socket.
+pub(crate) fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), LiveError> {
     let bound = || -> io::Result<(UdpSocket, SocketAddrV4)> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;
-        // The first needs a privilege, the second is held to net.core.rmem_max; with less the sensor is still received.
+        // The first call needs a privilege; the second is limited by net.core.rmem_max. A smaller buffer works, too.
         if set_socket_recv_buffer_size_force(&socket, BUFFER).is_err() {
             let _ = set_socket_recv_buffer_size(&socket, BUFFER);
         }
         Ok((socket, address))
     };
-    bound().map_err(|error| format!("{address} cannot be bound: {error}"))
+    bound().map_err(|source| LiveError::Bind { address, source })
 }
 
-/// The thread and what it has to say.
+/// Handle of the thread.
 pub(crate) struct Receiver {
-    /// None after the end.
+    /// `None` after the end.
     sockets: Option<Arc<Sockets>>,
     frontier: Frontier,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
-    /// What the kernel had dropped at the last look, and what of that has been told.
+    /// Packets dropped by the kernel so far, and how many of them have been reported.
     n_dropped: u64,
-    n_dropped_told: u64,
+    n_dropped_reported: u64,
 }
 
 #[derive(Default)]
@@ -75,87 +78,86 @@ struct Shared {
     stop: AtomicBool,
     n_packets: AtomicU64,
     silent_millis: AtomicU64,
-    fault: Mutex<Option<String>>,
-    /// Rung when there is more in the file. The thread never takes the lock, so a ring may be missed; waits are short.
-    bell: Condvar,
-    bell_lock: Mutex<()>,
+    error: Mutex<Option<io::Error>>,
+    /// Notified when the file has grown. The thread never takes the lock, so a notification may be missed; waits are short.
+    has_grown: Condvar,
+    has_grown_lock: Mutex<()>,
 }
 
 impl Receiver {
-    /// Begins to receive.
+    /// Starts the thread.
     pub(crate) fn start(sockets: Sockets, recorder: Recorder) -> io::Result<Self> {
         let (sockets, shared, frontier) = (Arc::new(sockets), Arc::new(Shared::default()), recorder.frontier());
         let thread = std::thread::Builder::new().name("receiver".to_owned());
         let (of_thread, sockets_of_thread) = (Arc::clone(&shared), Arc::clone(&sockets));
         let thread = thread.spawn(move || {
             if let Err(error) = receive(&sockets_of_thread, recorder, &of_thread) {
-                *of_thread.fault.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+                *of_thread.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
             }
-            of_thread.bell.notify_all();
+            of_thread.has_grown.notify_all();
         })?;
-        Ok(Self { sockets: Some(sockets), frontier, shared, thread: Some(thread), n_dropped: 0, n_dropped_told: 0 })
+        Ok(Self { sockets: Some(sockets), frontier, shared, thread: Some(thread), n_dropped: 0, n_dropped_reported: 0 })
     }
 
-    /// Bytes that the kernel holds of packets that nobody has taken.
+    /// Size of the kernel's receive buffer, bytes.
     pub(crate) fn buffer_bytes(&self) -> usize {
         self.sockets.as_ref().map_or(0, |sockets| sockets.buffer_bytes())
     }
 
-    /// How far the capture can be read.
+    /// How far the capture is written.
     pub(crate) fn frontier(&self) -> &Frontier {
         &self.frontier
     }
 
-    /// Packets received so far, of whomever.
+    /// Packets received so far from any sender.
     pub(crate) fn n_packets(&self) -> u64 {
         self.shared.n_packets.load(Ordering::Relaxed)
     }
 
-    /// Why the thread has ended, if nobody asked it to.
-    pub(crate) fn fault(&self) -> Option<String> {
+    /// The error that ended the thread, if it ended by itself.
+    pub(crate) fn take_error(&self) -> Option<io::Error> {
         let has_ended = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
-        let text = self.shared.fault.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        has_ended.then(|| text.unwrap_or_else(|| "the receiving thread has panicked".to_owned()))
+        let error = self.shared.error.lock().unwrap_or_else(PoisonError::into_inner).take();
+        has_ended.then(|| error.unwrap_or_else(|| io::Error::other("the receiving thread panicked")))
     }
 
-    /// For how long there has been nothing to receive, s; 0 before the first packet. A thread that waits for the disk does not
-    /// know, and so says nothing new.
+    /// Time since the last packet, s; 0 before the first one. It does not grow while the thread waits for the disk.
     pub(crate) fn silent_s(&self) -> f64 {
         self.shared.silent_millis.load(Ordering::Relaxed) as f64 * 1e-3
     }
 
-    /// Packets lost by the kernel since the last call.
+    /// Packets dropped by the kernel since the last call.
     pub(crate) fn take_dropped(&mut self) -> u64 {
-        self.look_for_drops();
-        let before = std::mem::replace(&mut self.n_dropped_told, self.n_dropped);
+        self.update_dropped();
+        let before = std::mem::replace(&mut self.n_dropped_reported, self.n_dropped);
         self.n_dropped.saturating_sub(before)
     }
 
-    fn look_for_drops(&mut self) {
+    fn update_dropped(&mut self) {
         if let Some(sockets) = &self.sockets {
             self.n_dropped = sockets.0.iter().filter_map(|(socket, _)| dropped(socket)).sum();
         }
     }
 
-    /// Waits for more in the file, a little while. `false` once it is `until`.
+    /// Waits a short time for the file to grow. `false` from `until` on.
     pub(crate) fn wait(&self, until: Instant) -> bool {
         let left = until.saturating_duration_since(Instant::now()).min(2 * FLUSH);
         if left.is_zero() {
             return false;
         }
-        let lock = self.shared.bell_lock.lock().unwrap_or_else(PoisonError::into_inner);
-        drop(self.shared.bell.wait_timeout(lock, left));
+        let lock = self.shared.has_grown_lock.lock().unwrap_or_else(PoisonError::into_inner);
+        drop(self.shared.has_grown.wait_timeout(lock, left));
         true
     }
 
-    /// Ends the thread, which takes what the kernel still holds; the capture is complete after it.
+    /// Ends the thread, which first reads the kernel's receive buffer. Then the capture is complete.
     pub(crate) fn close(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Its panic has been told on stderr.
+            // Its panic is on stderr.
             let _ = thread.join();
         }
-        self.look_for_drops();
+        self.update_dropped();
         self.sockets = None;
     }
 }
@@ -169,25 +171,25 @@ impl Drop for Receiver {
 fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Result<()> {
     let mut packet = vec![0; MAX_PACKET];
     let mut flushed = Instant::now();
-    let mut heard = None;
+    let mut last_packet = None;
     while !shared.stop.load(Ordering::Relaxed) {
-        let patience = if recorder.has_unwritten() { FLUSH } else { IDLE };
+        let timeout = if recorder.has_unwritten() { FLUSH } else { IDLE };
         let mut n_packets = 0;
-        for (is_ready, (socket, address)) in wait_for_packets(sockets, patience)?.into_iter().zip(&sockets.0) {
+        for (is_ready, (socket, address)) in wait_for_packets(sockets, timeout)?.into_iter().zip(&sockets.0) {
             if is_ready {
                 n_packets += take_burst(socket, *address, BURST, &mut packet, &mut recorder)?;
             }
         }
         shared.n_packets.fetch_add(n_packets, Ordering::Relaxed);
         if n_packets > 0 {
-            heard = Some(Instant::now());
+            last_packet = Some(Instant::now());
         }
-        let silent = heard.map_or(Duration::ZERO, |heard| heard.elapsed());
+        let silent = last_packet.map_or(Duration::ZERO, |last: Instant| last.elapsed());
         shared.silent_millis.store(silent.as_millis() as u64, Ordering::Relaxed);
         if recorder.has_unwritten() && flushed.elapsed() >= FLUSH {
             recorder.flush()?;
             flushed = Instant::now();
-            shared.bell.notify_all();
+            shared.has_grown.notify_all();
         }
     }
     for (socket, address) in &sockets.0 {
@@ -197,11 +199,11 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
     recorder.flush()
 }
 
-/// Which sockets have something.
-fn wait_for_packets(sockets: &Sockets, patience: Duration) -> io::Result<[bool; 2]> {
+/// Waits for packets. Returns which sockets have some.
+fn wait_for_packets(sockets: &Sockets, timeout: Duration) -> io::Result<[bool; 2]> {
     let [(data, _), (position, _)] = &sockets.0;
     let mut descriptors = [PollFd::new(data, PollFlags::IN), PollFd::new(position, PollFlags::IN)];
-    let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(patience.subsec_nanos()) };
+    let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(timeout.subsec_nanos()) };
     match poll(&mut descriptors, Some(&timeout)) {
         Ok(_) => Ok(descriptors.map(|descriptor| !descriptor.revents().is_empty())),
         Err(rustix::io::Errno::INTR) => Ok([false; 2]),
@@ -209,7 +211,7 @@ fn wait_for_packets(sockets: &Sockets, patience: Duration) -> io::Result<[bool; 
     }
 }
 
-/// Takes what is there, up to so many packets, and says how many that were.
+/// Records the waiting packets, at most `limit`. Returns their number.
 fn take_burst(
     socket: &UdpSocket,
     address: SocketAddrV4,
@@ -230,7 +232,7 @@ fn take_burst(
     Ok(limit as u64)
 }
 
-/// The wall clock: captures carry its stamps, and so tell the hour that the sensor does not.
+/// The wall clock: the stamps of captures contain the date and hour, which the sensor's packets do not.
 fn now() -> Stamp {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     Stamp(since.as_nanos() as i64)

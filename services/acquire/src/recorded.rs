@@ -1,27 +1,27 @@
-//! Sweep by sweep through a recorded drive.
+//! Publishes a recorded drive sweep by sweep.
 
 use crate::Settings;
 use crate::events::Events;
-use crate::frames::{Fault, publish_image, publish_mosaic};
+use crate::frames::{FrameError, publish_image, publish_mosaic};
 use crate::inertial::Inertial;
 use crate::odometer::Odometer;
-use crate::publish::{Told, publish_fixes, publish_rows, publish_sweep};
+use crate::publish::{ReportedCounts, publish_fixes, publish_rows, publish_sweep};
 use crate::sweep;
 use crate::trigger::Trigger;
-use formats::drive::{Drive, DriveSweep, Frame, SourcePosition, SweepSource};
+use formats::drive::{Drive, Frame, SourcePosition, SweepInfo, SweepSource};
 use formats::nmea::{Fix, LogStats};
-use messages::{Image, Imu, Message, Mosaic, Sweep};
+use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use serde::{Deserialize, Serialize};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
-/// Raised when the saved state changes its meaning.
+/// Incremented when the saved state changes its meaning.
 const STATE_VERSION: u32 = 2;
-/// Damaged files that are named one by one; the counters have them all.
-const MAX_NAMED: usize = 10;
-/// Receivers speak up to 20 times a second, so this is 200 s after a gap in the sweeps.
+/// Damaged files that are reported one by one; the counters include all of them.
+const MAX_REPORTED: usize = 10;
+/// Fixes per tick at most: 200 s of a receiver at 20 Hz, after a gap in the sweeps.
 const MAX_FIXES: usize = 4096;
 
-/// A drive and how far it has been published.
+/// A drive and the position up to which it has been published.
 pub(crate) struct Recorded {
     settings: Settings,
     drive: Drive,
@@ -30,17 +30,17 @@ pub(crate) struct Recorded {
     mosaics: Events<Frame>,
     fixes: Events<Fix>,
     inertial: Inertial,
-    /// What the first tick has to say.
-    first_words: FirstWords,
+    /// Counts for the first tick.
+    initial: InitialCounts,
     at: Position,
-    /// Damaged files named so far.
-    n_named: usize,
-    n_damage_named: usize,
-    told: Told,
+    /// Damaged files reported so far.
+    n_reported: usize,
+    n_damage_reported: usize,
+    reported: ReportedCounts,
     n_bad_clouds: u64,
 }
 
-/// Where the next tick begins, beside the source's own place.
+/// Where the next tick begins, in addition to the source's own position.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Position {
     /// Stamp of the first sweep of the drive.
@@ -60,7 +60,7 @@ struct SavedState {
 }
 
 /// Counts that are known before the first tick.
-struct FirstWords {
+struct InitialCounts {
     skipped_images: u64,
     skipped_mosaics: u64,
     strange_files: u64,
@@ -69,17 +69,17 @@ struct FirstWords {
 }
 
 impl Recorded {
-    /// Everything of the other sensors up to the end of the sweep.
+    /// Publishes the measurements of the other sensors up to the end of the sweep.
     fn publish_others(&mut self, end: i64, outputs: &mut Outputs) -> Result<(), StepError> {
         let manifest = self.drive.manifest();
-        let mut faults = Vec::new();
-        for frame in self.images.take_before(end, Image::QUEUE) {
+        let mut errors = Vec::new();
+        for frame in self.images.take_before(end, ImageTopic::QUEUE) {
             let Some(entry) = manifest.cameras.get(frame.camera) else { continue };
-            keep_file_fault(publish_image(frame, entry, outputs), "bad_images", &mut faults)?;
+            keep_file_error(publish_image(frame, entry, outputs), "bad_images", &mut errors)?;
         }
-        for frame in self.mosaics.take_before(end, Mosaic::QUEUE) {
+        for frame in self.mosaics.take_before(end, MosaicTopic::QUEUE) {
             let Some(entry) = manifest.mosaics.get(frame.camera) else { continue };
-            keep_file_fault(publish_mosaic(frame, entry, outputs), "bad_mosaics", &mut faults)?;
+            keep_file_error(publish_mosaic(frame, entry, outputs), "bad_mosaics", &mut errors)?;
         }
         let of_packets = self.source.take_fixes();
         if manifest.gnss.is_some() {
@@ -88,41 +88,41 @@ impl Recorded {
             publish_fixes(&of_packets, outputs)?;
         }
         let samples = self.inertial.take_before(end);
-        publish_rows::<Imu>(&samples, samples.first().map(|row| row.stamp), outputs)?;
-        let (n_bad, fault) = self.inertial.take_faults();
+        publish_rows::<ImuTopic>(&samples, samples.first().map(|row| row.stamp), outputs)?;
+        let (n_bad, error) = self.inertial.take_errors();
         if n_bad > 0 {
             outputs.count("bad_imu_lines", n_bad);
         }
-        for (counter, text) in faults {
+        for (counter, error) in errors {
             outputs.count(counter, 1);
-            self.name(text, outputs);
+            self.report(error.to_string(), outputs);
         }
-        if let Some(text) = fault {
-            self.name(format!("imu: {text}"), outputs);
+        if let Some(error) = error {
+            self.report(format!("imu: {error}"), outputs);
         }
         Ok(())
     }
 
-    /// Tells the operator of a damaged file, unless there are too many.
-    fn name(&mut self, text: String, outputs: &mut Outputs) {
-        match self.n_named {
-            n if n < MAX_NAMED => outputs.note(text),
-            MAX_NAMED => outputs.note("more files are damaged; the counters have them all"),
+    /// Reports a damaged file to the operator, unless there were too many.
+    fn report(&mut self, text: String, outputs: &mut Outputs) {
+        match self.n_reported {
+            n if n < MAX_REPORTED => outputs.note(text),
+            MAX_REPORTED => outputs.note("more files are damaged; see the counters"),
             _ => {}
         }
-        self.n_named += 1;
+        self.n_reported += 1;
     }
 
-    fn say_first_words(&mut self, outputs: &mut Outputs) {
-        let words = &self.first_words;
+    fn report_initial(&mut self, outputs: &mut Outputs) {
+        let initial = &self.initial;
         for (name, n) in [
-            ("images_skipped_by_trigger", words.skipped_images),
-            ("mosaics_skipped_by_trigger", words.skipped_mosaics),
-            ("strange_files", words.strange_files),
-            ("bad_nmea_lines", words.log.bad_lines),
-            ("gnss_without_fix", words.log.without_fix),
-            ("gnss_out_of_order", words.log.out_of_order),
-            ("gnss_without_height", words.without_height),
+            ("images_skipped_by_trigger", initial.skipped_images),
+            ("mosaics_skipped_by_trigger", initial.skipped_mosaics),
+            ("strange_files", initial.strange_files),
+            ("bad_nmea_lines", initial.log.bad_lines),
+            ("gnss_without_fix", initial.log.without_fix),
+            ("gnss_out_of_order", initial.log.out_of_order),
+            ("gnss_without_height", initial.without_height),
         ] {
             if n > 0 {
                 outputs.count(name, n);
@@ -131,33 +131,33 @@ impl Recorded {
         if self.drive.is_inferred() {
             let (model, format) = (self.drive.model().name(), &self.drive.manifest().lidar.format);
             outputs.note(format!(
-                "the drive has no drive.toml: taken as {format} sweeps of one {model} without other sensors"
+                "no drive.toml: reading the folder as {format} sweeps of one {model} without other sensors"
             ));
         }
         if let Some(path) = self.drive.strange_files().first() {
-            outputs.note(format!("{}: the name is no stamp in ns; such files are left out", path.display()));
+            outputs.note(format!("{}: the file name is not a stamp in ns; such files are skipped", path.display()));
         }
     }
 
-    /// Adds what has been lost or damaged since the last call.
+    /// Adds packets and files lost or damaged since the last call to the run summary.
     fn count_losses(&mut self, outputs: &mut Outputs) {
-        // Where the drive has a log of its own, the packets' sentences are not used.
+        // If the drive has a log of a receiver, the sentences in the packets are not used.
         let log = if self.drive.manifest().gnss.is_some() { LogStats::default() } else { self.source.log_stats() };
-        self.told.tell(self.source.lidar_stats(), log, outputs);
+        self.reported.report(self.source.lidar_stats(), log, outputs);
         let n_bad = self.source.n_bad_clouds();
         if n_bad > self.n_bad_clouds {
             outputs.count("bad_sweeps", n_bad - self.n_bad_clouds);
             self.n_bad_clouds = n_bad;
         }
-        let new: Vec<String> = self.source.damage().iter().skip(self.n_damage_named).cloned().collect();
-        self.n_damage_named += new.len();
+        let new: Vec<String> = self.source.damage().iter().skip(self.n_damage_reported).cloned().collect();
+        self.n_damage_reported += new.len();
         for text in new {
-            self.name(text, outputs);
+            self.report(text, outputs);
         }
     }
 
-    /// The next sweep that is to be published; `None` at the end of the drive or of its part.
-    fn next_sweep(&mut self, outputs: &mut Outputs) -> Result<Option<(Loan<Sweep>, DriveSweep)>, StepError> {
+    /// The next sweep to publish; `None` at the end of the drive or of the part to read.
+    fn next_sweep(&mut self, outputs: &mut Outputs) -> Result<Option<(Loan<SweepTopic>, SweepInfo)>, StepError> {
         while let Some((loan, sweep)) = sweep::next(&mut self.source, outputs)? {
             let first = *self.at.first.get_or_insert(sweep.stamp.0);
             let seconds = (sweep.stamp.0 - first) as f64 * 1e-9;
@@ -177,12 +177,12 @@ impl Recorded {
         Ok(None)
     }
 
-    /// Other sensors may have run before; what they measured then belongs to no sweep.
+    /// Skips measurements of other sensors before the first sweep.
     fn begin(&mut self, begin: i64, outputs: &mut Outputs) {
         self.at.has_begun = true;
         let n_early = self.images.skip_before(begin) + self.mosaics.skip_before(begin);
         self.fixes.skip_before(begin);
-        let before = self.inertial.take_faults();
+        let before = self.inertial.take_errors();
         self.inertial.skip_before(begin);
         if n_early > 0 {
             outputs.count("frames_before_sweeps", n_early);
@@ -192,14 +192,14 @@ impl Recorded {
         }
     }
 
-    /// What the drive and the part of it that is read have wrong.
+    /// Problems of the drive and of the settings.
     pub(crate) fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let mut problems = Vec::new();
         if settings.end_s > 0.0 && settings.end_s <= settings.start_s {
             let text = format!("value {} must be after start_s = {}, or 0", settings.end_s, settings.start_s);
             problems.push(Problem::of_key("end_s", text));
         }
-        // A drive that is not there yet may be about to be made; whether it will be is the supervisor's to say.
+        // A missing drive may be simulated first; the supervisor checks that.
         if context.drive.exists()
             && let Err(error) = Drive::open(&context.drive)
         {
@@ -226,17 +226,17 @@ impl Recorded {
             mosaics: Events::new(mosaics, |frame| frame.stamp.0),
             fixes: Events::new(fixes, |fix| fix.stamp.0),
             inertial,
-            first_words: FirstWords { skipped_images, skipped_mosaics, strange_files, log, without_height },
+            initial: InitialCounts { skipped_images, skipped_mosaics, strange_files, log, without_height },
             at: Position::default(),
-            n_named: 0,
-            n_damage_named: 0,
-            told: Told::default(),
+            n_reported: 0,
+            n_damage_reported: 0,
+            reported: ReportedCounts::default(),
             n_bad_clouds: 0,
             drive,
         })
     }
 
-    /// The next tick.
+    /// Publishes the next tick.
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let next = self.next_sweep(outputs)?;
         self.count_losses(outputs);
@@ -249,7 +249,7 @@ impl Recorded {
             return Ok(Flow::End);
         };
         if !self.at.has_begun {
-            self.say_first_words(outputs);
+            self.report_initial(outputs);
             self.begin(sweep.stamp.0, outputs);
         }
         publish_sweep(loan, &sweep, self.drive.model(), outputs)?;
@@ -279,29 +279,29 @@ impl Recorded {
             & self.mosaics.resume(state.mosaics)
             & self.fixes.resume(state.fixes);
         if !in_drive {
-            return Err(StepError::data("the saved state is of another drive"));
+            return Err(StepError::data("the saved state belongs to another drive"));
         }
         self.at = state.at;
         self.inertial.skip_before(state.inertial);
         let log = if self.drive.manifest().gnss.is_some() { LogStats::default() } else { self.source.log_stats() };
-        self.told = Told::up_to(self.source.lidar_stats(), log);
+        self.reported = ReportedCounts::up_to(self.source.lidar_stats(), log);
         self.n_bad_clouds = self.source.n_bad_clouds();
         Ok(())
     }
 }
 
-/// Puts a damaged file beside; other faults end the step.
-fn keep_file_fault(
-    done: Result<(), Fault>,
+/// Collects errors of damaged files; other errors end the step.
+fn keep_file_error(
+    result: Result<(), FrameError>,
     counter: &'static str,
-    faults: &mut Vec<(&'static str, String)>,
+    errors: &mut Vec<(&'static str, FrameError)>,
 ) -> Result<(), StepError> {
-    match done {
+    match result {
         Ok(()) => Ok(()),
-        Err(Fault::File(text)) => {
-            faults.push((counter, text));
+        Err(FrameError::Step(error)) => Err(error),
+        Err(error) => {
+            errors.push((counter, error));
             Ok(())
         }
-        Err(Fault::Step(error)) => Err(error),
     }
 }

@@ -1,5 +1,6 @@
-//! The raw recording of a live run: a drive folder that grows.
+//! The raw recording of a live run: a growing drive folder.
 
+use crate::error::LiveError;
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
 use formats::manifest::{LidarEntry, Manifest, PoseEntry};
@@ -11,17 +12,17 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the captures in the recording.
 const LIDAR: &str = "lidar";
-/// Names have three digits, so that their order is that of the numbers.
+/// Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
 
-/// The folder and its captures, the last of which is being written.
+/// The folder and its captures; the last one is being written.
 #[derive(Debug)]
 pub(crate) struct Recording {
     folder: PathBuf,
     captures: Vec<PathBuf>,
 }
 
-/// Captures in a recording's folder, by name; none if there is no folder.
+/// Captures in a recording's folder, sorted by name; none without the folder.
 pub(crate) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let entries = match fs::read_dir(folder.join(LIDAR)) {
         Ok(entries) => entries,
@@ -36,35 +37,35 @@ pub(crate) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
 }
 
 impl Recording {
-    /// Begins the next capture: `000.pcap`, or what follows the captures that are there. None is ever written over.
-    pub(crate) fn begin(folder: PathBuf) -> Result<(Self, Recorder), String> {
-        let fault = |error: io::Error| format!("{}: {error}", folder.display());
+    /// Begins the next capture: `000.pcap`, or the number after the existing captures, which are never overwritten.
+    pub(crate) fn begin(folder: PathBuf) -> Result<(Self, Recorder), LiveError> {
+        let fault = |source: io::Error| LiveError::File { path: folder.clone(), source };
         fs::create_dir_all(folder.join(LIDAR)).map_err(fault)?;
         let mut captures = captures(&folder).map_err(fault)?;
         let number =
             |path: &PathBuf| path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
         let next = captures.iter().filter_map(number).max().map_or(0, |last: u32| last.saturating_add(1));
         if next >= MAX_CAPTURES {
-            return Err(format!("{}: holds {MAX_CAPTURES} captures already", folder.display()));
+            return Err(LiveError::Full { folder, max: MAX_CAPTURES });
         }
         let path = folder.join(LIDAR).join(format!("{next:03}.pcap"));
-        let recorder = Recorder::create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let recorder = Recorder::create(&path).map_err(|source| LiveError::File { path: path.clone(), source })?;
         captures.push(path);
         Ok((Self { folder, captures }, recorder))
     }
 
-    /// All captures; the last is being written.
+    /// All captures; the last one is being written.
     pub(crate) fn captures(&self) -> &[PathBuf] {
         &self.captures
     }
 
-    /// Whether an earlier process of the run has begun it.
+    /// Whether an earlier process of the run began it.
     pub(crate) fn is_continued(&self) -> bool {
         self.captures.len() > 1
     }
 
-    /// Says what the recording holds, so that it is a drive; once.
-    pub(crate) fn describe(&self, model: Model, body_from_lidar: PoseEntry) -> Result<(), String> {
+    /// Writes the manifest if it is absent, so that the recording is a drive.
+    pub(crate) fn describe(&self, model: Model, body_from_lidar: PoseEntry) -> Result<(), LiveError> {
         let path = self.folder.join(MANIFEST_FILE);
         if path.exists() {
             return Ok(());
@@ -78,9 +79,8 @@ impl Recording {
                 body_from_lidar,
             },
         );
-        let fault = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-        let text = toml::to_string(&manifest).map_err(|error| fault(&error))?;
-        write_atomic(&path, text.as_bytes()).map_err(|error| fault(&error))
+        let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
+        write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
     }
 }
 
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn captures_are_numbered_on_and_never_written_over() {
+    fn captures_get_the_next_number_and_are_never_overwritten() {
         let folder = tempfile::tempdir().expect("a folder");
         let recording = folder.path().join("recording");
         for name in ["000.pcap", "001.pcap", "002.pcap"] {
@@ -99,6 +99,6 @@ mod tests {
             drop(recorder);
         }
         fs::write(recording.join("lidar/999.pcap"), b"").expect("writes");
-        assert!(Recording::begin(recording).expect_err("is full").contains("1000 captures"));
+        assert!(Recording::begin(recording).expect_err("is full").to_string().contains("1000 captures"));
     }
 }

@@ -1,34 +1,34 @@
-//! Sweeps into the slots from which they are read.
+//! Decodes sweeps directly into shared memory.
 
 use crate::frames::room;
-use formats::drive::{DriveSweep, SweepSource};
+use formats::drive::{SweepInfo, SweepSource};
 use formats::velodyne::{LidarReturn, SweepError, SweepPoll, SweepReader};
-use messages::{Sweep, SweepPoint};
+use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
-/// A slot for any sweep.
-pub(crate) fn loan(outputs: &mut Outputs) -> Result<Loan<Sweep>, StepError> {
-    outputs.loan::<Sweep>(SweepReader::MAX_RETURNS)
+/// A loan that any sweep fits into.
+pub(crate) fn loan(outputs: &mut Outputs) -> Result<Loan<SweepTopic>, StepError> {
+    outputs.loan::<SweepTopic>(SweepReader::MAX_RETURNS)
 }
 
-/// The next sweep in its slot; `None` at the end of the drive.
+/// The next sweep in a loan; `None` at the end of the drive.
 pub(crate) fn next(
     source: &mut SweepSource,
     outputs: &mut Outputs,
-) -> Result<Option<(Loan<Sweep>, DriveSweep)>, StepError> {
+) -> Result<Option<(Loan<SweepTopic>, SweepInfo)>, StepError> {
     let mut loan = loan(outputs)?;
     let found = fill(&mut loan, |sink| source.next_sweep(sink))?;
     Ok(found.map(|sweep| (loan, sweep)))
 }
 
-/// What has come of the sweep under way, into its slot.
-pub(crate) fn poll(reader: &mut SweepReader, loan: &mut Loan<Sweep>) -> Result<SweepPoll, StepError> {
+/// Appends the new points of the incomplete sweep to its loan.
+pub(crate) fn poll(reader: &mut SweepReader, loan: &mut Loan<SweepTopic>) -> Result<SweepPoll, StepError> {
     fill(loan, |sink| reader.poll_sweep(sink))
 }
 
-/// Appends what `read` hands over.
+/// Appends the points that `read` passes on.
 fn fill<T>(
-    loan: &mut Loan<Sweep>,
+    loan: &mut Loan<SweepTopic>,
     read: impl FnOnce(&mut dyn FnMut(&[LidarReturn])) -> Result<T, SweepError>,
 ) -> Result<T, StepError> {
     let mut full = None;

@@ -1,33 +1,33 @@
-//! The rule by which the vehicle's cameras fire: once a second, and only after a metre of way (thesis 2.5.1).
+//! The trigger rule of the vehicle's cameras: once a second, and only after one metre of path (thesis 2.5.1).
 //!
-//! A recording of free-running cameras is thinned out by it; one that was triggered already passes unchanged, for which the
-//! rule is a little lenient: triggers jitter, and the way between two exposures is only known from fixes.
+//! The rule thins out recordings of free-running cameras. Recordings that were triggered pass unchanged: the limits are a little
+//! lower, because triggers jitter and the distance between exposures follows from fixes.
 
 use crate::odometer::Odometer;
 use formats::drive::Frame;
 use geometry::Stamp;
 use std::collections::BTreeMap;
 
-/// How much of the period must have passed: a camera of 10 Hz is still thinned out to 1 Hz.
+/// Share of the period that must have passed: a camera at 10 Hz is still thinned out to 1 Hz.
 const PERIOD_SHARE: f64 = 0.95;
-/// How much of the way must have passed.
-const WAY_SHARE: f64 = 0.9;
+/// Share of the distance that must have passed.
+const DISTANCE_SHARE: f64 = 0.9;
 
-/// The rule with its numbers.
+/// Limits of the rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Trigger {
     /// Between exposures, s; 0 = any.
     pub(crate) period_s: f64,
     /// Between exposures, m; 0 = any.
-    pub(crate) way_m: f64,
+    pub(crate) distance_m: f64,
 }
 
 impl Trigger {
-    pub(crate) fn new(hz: f64, way_m: f64) -> Self {
-        Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, way_m }
+    pub(crate) fn new(hz: f64, distance_m: f64) -> Self {
+        Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, distance_m }
     }
 
-    /// The exposures that the rule lets pass, of every camera by itself, and how many it does not.
+    /// The exposures that pass the rule, for each camera separately, and the number of those that do not.
     pub(crate) fn thin_out(&self, frames: &[Frame], odometer: &Odometer) -> (Vec<Frame>, u64) {
         let mut last_of: BTreeMap<usize, Stamp> = BTreeMap::new();
         let passes = |frame: &&Frame| {
@@ -45,7 +45,7 @@ impl Trigger {
     fn is_due(&self, last: Stamp, stamp: Stamp, odometer: &Odometer) -> bool {
         let in_time = stamp.seconds_since(last) >= PERIOD_SHARE * self.period_s;
         // Without a fix the vehicle may have moved.
-        in_time && odometer.between(last, stamp).is_none_or(|way_m| way_m >= WAY_SHARE * self.way_m)
+        in_time && odometer.between(last, stamp).is_none_or(|distance_m| distance_m >= DISTANCE_SHARE * self.distance_m)
     }
 }
 
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triggered_recording_passes_unchanged() {
+    fn triggered_recording_passes_unchanged() {
         let odometer = Odometer::new(&fixes(&[1.0; 12]));
         let mut triggered = frames(1, 1, 10);
         for (i, frame) in triggered.iter_mut().enumerate() {
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn without_fixes_only_time_counts_and_zero_turns_a_part_off() {
+    fn trigger_without_fixes_uses_time_only_and_zero_disables_a_limit() {
         let none = Odometer::new(&[]);
         let still = Odometer::new(&fixes(&[0.0; 12]));
         let all = frames(1, 10, 10);

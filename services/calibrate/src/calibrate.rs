@@ -1,28 +1,32 @@
 //! The stage.
 
 use crate::Settings;
-use crate::references::Camera;
+use crate::references::{CubeCamera, CubeCameraError};
 use formats::drive::Drive;
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
-use messages::{Cube, Mosaic, MosaicHeader, pod::cast_slice_mut};
+use messages::{CubeTopic, MosaicHeader, MosaicTopic, pod::cast_slice_mut};
 use rayon::prelude::*;
 use spectral::{Demosaicing, median_3x3};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
 
-/// The stage.
+/// The stage; see the crate's page.
 pub struct Calibrate {
-    /// By index; the error says why a camera gives no reflectance.
-    cameras: Vec<Result<Camera, String>>,
+    /// By index; the error is why a camera gives no cubes.
+    cameras: Vec<Result<CubeCamera, CubeCameraError>>,
     median: bool,
 }
 
-/// Why a frame gives no cube: a counter of the summary and a line for the operator.
+/// Why a frame is skipped: a counter of the run summary and a line for the operator.
 struct Skip(&'static str, String);
 
 impl Calibrate {
-    /// The outer error ends the run, the inner one concerns this frame alone.
-    fn publish_cube(&mut self, frame: &Received<Mosaic>, outputs: &mut Outputs) -> Result<Result<(), Skip>, StepError> {
+    /// The outer error ends the run; the inner one skips this frame only.
+    fn publish_cube(
+        &mut self,
+        frame: &Received<MosaicTopic>,
+        outputs: &mut Outputs,
+    ) -> Result<Result<(), Skip>, StepError> {
         let header = frame.header();
         let camera = match camera(&mut self.cameras, header) {
             Ok(camera) => camera,
@@ -33,12 +37,10 @@ impl Calibrate {
         let n_cells = cube.width as usize * cube.height as usize;
         let n_values = n_cells * cube.n_bands as usize;
         let n_rows = n_values + n_cells;
-        let mut loan = outputs.loan::<Cube>(n_rows)?;
+        let mut loan = outputs.loan::<CubeTopic>(n_rows)?;
         *loan.header_mut() = cube;
-        // Every value and every mask is written, or the loan is not published.
-        let rows = loan.grow_unset(n_rows).ok_or_else(|| {
-            StepError::Contract(format!("cube: the loan does not hold the {n_rows} rows that were asked for"))
-        })?;
+        // All values and masks are written before the loan is published.
+        let rows = loan.grow_unset(n_rows)?;
         let (reflectances, masks) = rows.split_at_mut(n_values);
         let reflectances = cast_slice_mut(reflectances);
         let counts = camera.cube_into(frame.rows(), header.exposure_nanos, reflectances, masks);
@@ -62,20 +64,23 @@ impl Calibrate {
     }
 }
 
-/// The camera that the frame is of.
-fn camera<'a>(cameras: &'a mut [Result<Camera, String>], frame: &MosaicHeader) -> Result<&'a mut Camera, Skip> {
+/// The camera of a frame.
+fn camera<'a>(
+    cameras: &'a mut [Result<CubeCamera, CubeCameraError>],
+    frame: &MosaicHeader,
+) -> Result<&'a mut CubeCamera, Skip> {
     let (index, n_cameras) = (frame.camera, cameras.len());
     let camera = match cameras.get_mut(index as usize) {
         Some(Ok(camera)) => camera,
-        Some(Err(reason)) => return Err(Skip("frames_without_reference", reason.clone())),
+        Some(Err(error)) => return Err(Skip("frames_without_reference", error.to_string())),
         None => {
-            let text = format!("mosaic camera {index} is not among the {n_cameras} of this drive");
+            let text = format!("mosaic camera {index}: the drive has {n_cameras} mosaic cameras");
             return Err(Skip("frames_unusable", text));
         }
     };
     if !camera.fits(frame) {
         let text = format!(
-            "mosaic camera {index}: {}x{} px of {} bit do not fit it",
+            "mosaic camera {index}: a frame of {}x{} px and {} bit does not fit the camera",
             frame.width, frame.height, frame.bit_depth
         );
         return Err(Skip("frames_unusable", text));
@@ -88,26 +93,26 @@ impl Stage for Calibrate {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::optional::<Mosaic>()]
+        vec![Port::optional::<MosaicTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Cube>()]
+        vec![Port::of::<CubeTopic>()]
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let drive = Drive::open(&context.drive).map_err(StepError::io)?;
-        // The run waits until all stages are ready.
+        // In parallel, because the run begins when all stages are ready.
         let cameras = drive.manifest().mosaics.par_iter().zip(drive.sensors()).enumerate();
         let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
             let sensor = sensor.as_ref().filter(|_| settings.correction);
-            Camera::read(drive.folder(), index, entry, sensor, Demosaicing::named(&settings.demosaic))
+            CubeCamera::read(drive.folder(), index, entry, sensor, Demosaicing::named(&settings.demosaic))
         };
         Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for frame in inputs.take::<Mosaic>() {
+        for frame in inputs.take::<MosaicTopic>() {
             if let Err(Skip(counter, text)) = self.publish_cube(&frame, outputs)? {
                 outputs.count(counter, 1);
                 outputs.note(text);

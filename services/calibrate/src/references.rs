@@ -1,47 +1,57 @@
-//! The cameras of a drive, and the headers of their cubes.
+//! The mosaic cameras of a drive, ready to make cubes.
 
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
-use messages::{Cube, CubeHeader, MAX_CUBE_BANDS, Message, MosaicHeader};
-use spectral::{Demosaicing, FrameCounts, FullResolution, SpectralError};
+use messages::{CubeHeader, CubeTopic, MAX_CUBE_BANDS, Message, MosaicHeader};
+use spectral::{CameraError, Demosaicing, FrameCounts, FullResolution, SpectralError};
 use std::path::Path;
 
-/// A mosaic camera with its references.
-pub struct Camera {
-    /// Ready for frames.
+/// Why a camera gives no cubes.
+#[derive(Debug, thiserror::Error)]
+pub enum CubeCameraError {
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    #[error("{camera}: {source}")]
+    Demosaicing { camera: String, source: SpectralError },
+    #[error("{camera}: a cube has {n_rows} words; at most {max} are allowed: set calibrate.demosaic = \"bin\"")]
+    Size { camera: String, n_rows: usize, max: usize },
+}
+
+/// A mosaic camera with its references, and the layout of its cubes.
+pub struct CubeCamera {
+    /// References and correction.
     pub spectral: spectral::Camera,
     header: CubeHeader,
     full: Option<FullResolution>,
 }
 
-impl Camera {
-    /// Reads the references of the drive's mosaic camera `index`; its cubes are corrected with the matrix of `sensor`, and
-    /// have full resolution if there is a method for it. The
-    /// error is one line for the operator.
+impl CubeCamera {
+    /// Reads the references of the drive's mosaic camera `index`. Its cubes are corrected by the matrix of `sensor`, and have full
+    /// resolution with a demosaicing method.
     pub fn read(
         drive: &Path,
         index: usize,
         entry: &MosaicEntry,
         sensor: Option<&SensorCalibration>,
         demosaicing: Option<Demosaicing>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, CubeCameraError> {
         let spectral = spectral::Camera::read(drive, entry, sensor)?;
         let full = demosaicing.map(|method| FullResolution::new(&spectral, method));
-        let full = full.transpose().map_err(|error| format!("{}: {error}", entry.name))?;
+        let camera = || entry.name.clone();
+        let full = full.transpose().map_err(|source| CubeCameraError::Demosaicing { camera: camera(), source })?;
         let mut header = cube_header(index, &spectral);
         if full.is_some() {
             (header.width, header.height) = (header.width * header.pattern, header.height * header.pattern);
             header.pattern = 1;
         }
         let n_rows = (header.n_bands as usize + 1) * header.width as usize * header.height as usize;
-        if n_rows > Cube::MAX_ROWS {
-            let max = Cube::MAX_ROWS;
-            return Err(format!("{}: a cube of {n_rows} words; must have {max} at most", entry.name));
+        if n_rows > CubeTopic::MAX_ROWS {
+            return Err(CubeCameraError::Size { camera: camera(), n_rows, max: CubeTopic::MAX_ROWS });
         }
         Ok(Self { spectral, header, full })
     }
 
-    /// One raw frame into a cube of [`Self::cube_header`]'s size.
+    /// Turns one raw frame into a cube of the size in [`Self::cube_header`].
     pub fn cube_into(
         &mut self,
         raw: &[u16],
@@ -55,12 +65,12 @@ impl Camera {
         }
     }
 
-    /// The header of this camera's cubes; the exposure time is the frame's.
+    /// The header of this camera's cubes, with the exposure time of the frame.
     pub fn cube_header(&self, frame: &MosaicHeader) -> CubeHeader {
         CubeHeader { exposure_nanos: frame.exposure_nanos, ..self.header }
     }
 
-    /// Whether the frame is one of this camera.
+    /// Whether the frame fits this camera.
     pub fn fits(&self, frame: &MosaicHeader) -> bool {
         let mosaic = self.spectral.mosaic();
         mosaic.size() == [frame.width, frame.height] && mosaic.bit_depth() == frame.bit_depth

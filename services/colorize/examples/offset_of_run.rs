@@ -1,26 +1,23 @@
-//! The offset between points and images of a run, with planted errors:
+//! Measures the offset between points and images of a run, with planted errors:
 //! `cargo run --release -p colorize --example offset_of_run -- DRIVE RECORDING [turn X Y Z] [delay MS]`.
 //!
-//! RECORDING has the topics submap, trajectory and image. `turn` turns every camera of the rig about its own axes, degrees, before
-//! anything is projected; `delay` moves the stamps of all images back, ms. What is found should be the opposite turn, and that delay.
+//! RECORDING contains the topics submap, trajectory and image. `turn` rotates every camera of the rig about its own axes, degrees;
+//! `delay` makes the stamps of all images earlier, ms. The expected result is the opposite rotation, and that delay.
 
 #[path = "common/recorded.rs"]
 mod recorded;
 
-use colorize::cloud::{Cloud, Memory};
-use colorize::color::Picture;
-use colorize::occlusion::sights;
-use colorize::offset::Look;
-use colorize::offset_watch::{Watch, look, sentence};
-use colorize::views::Camera;
+use camera_alignment::report::camera_line;
+use camera_alignment::{AlignmentExposure, OffsetMonitor, profiles_by_camera};
+use coloring::{ColorImage, PointBuffers, ProjectionCamera, SubmapPoints, visibility_maps};
 use formats::drive::Drive;
 use geometry::{RigCamera, Stamp, UnitQuaternion, Vector3};
 use recorded::Recorded;
 use std::error::Error;
 use std::path::Path;
 
-/// Times beside an exposure at which its delay is tried, ns.
-const BESIDE_NANOS: i64 = 20_000_000;
+/// Time before and after an exposure at which its pose is evaluated, ns.
+const SHIFT_NANOS: i64 = 20_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -35,65 +32,71 @@ fn main() -> Result<(), Box<dyn Error>> {
     let delay_nanos = (number("delay", 1) * 1e6) as i64;
 
     let drive = Drive::open(Path::new(drive))?;
-    let cameras: Vec<Camera> = (drive.rig().cameras.iter())
+    let cameras: Vec<ProjectionCamera> = (drive.rig().cameras.iter())
         .map(|camera| {
-            let told = UnitQuaternion::from_scaled_axis(turn);
-            Camera::from(&RigCamera { body_from_camera: camera.body_from_camera * told, model: camera.model.clone() })
+            let planted = UnitQuaternion::from_scaled_axis(turn);
+            let body_from_camera = camera.body_from_camera * planted;
+            ProjectionCamera::from(&RigCamera { body_from_camera, model: camera.model.clone() })
         })
         .collect();
     let Recorded { submaps, images, trajectory, .. } = Recorded::open(Path::new(recording), false)?;
-    let mut watch = Watch::default();
+    let mut monitor = OffsetMonitor::default();
     for submap in &submaps {
         let header = submap.header();
-        let world_from_submap = header.world_from_submap.to_pose().ok_or("no pose")?;
-        let (mut views, mut beside, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
+        let world_from_submap =
+            header.world_from_submap.to_pose().ok_or("submap: world_from_submap is not a valid pose")?;
+        let (mut exposures, mut shifted, mut pixels) = (Vec::new(), Vec::new(), Vec::new());
         for image in &images {
             let stamp = image.stamp() - delay_nanos;
             if !(header.stamp_begin..header.stamp_end).contains(&stamp) {
                 continue;
             }
             let index = image.header().camera as usize;
-            let view = |stamp: i64| Some(cameras[index].view(stamp, &trajectory.at(Stamp(stamp))?, &world_from_submap));
-            let Some(((view, before), after)) =
-                view(stamp).zip(view(stamp - BESIDE_NANOS)).zip(view(stamp + BESIDE_NANOS))
+            let at =
+                |stamp: i64| Some(cameras[index].exposure(stamp, &trajectory.at(Stamp(stamp))?, &world_from_submap));
+            let Some(((exposure, before), after)) = at(stamp).zip(at(stamp - SHIFT_NANOS)).zip(at(stamp + SHIFT_NANOS))
             else {
                 continue;
             };
-            let Some(picture) = Picture::new(index as u8, image.header().width, image.header().height, image.rows())
+            let Some(image) = ColorImage::new(index as u8, image.header().width, image.header().height, image.rows())
             else {
                 continue;
             };
-            views.push(view);
-            beside.push([before, after]);
-            pictures.push((index, picture));
+            exposures.push(exposure);
+            shifted.push([before, after]);
+            pixels.push((index, image));
         }
-        let mut memory = Memory::default();
+        let mut buffers = PointBuffers::default();
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut memory);
-        let sights = sights(&cloud, &views);
-        let looks: Vec<(usize, Look<'_>)> = (0..views.len())
+        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut buffers);
+        let visibility = visibility_maps(&points, &exposures);
+        let monitored: Vec<(usize, AlignmentExposure<'_>)> = (0..exposures.len())
             .map(|i| {
-                let beside_s = 2e-9 * BESIDE_NANOS as f32;
-                (
-                    pictures[i].0,
-                    Look { view: views[i], beside: beside[i], beside_s, sight: &sights[i], picture: pictures[i].1 },
-                )
+                let shift_s = 2e-9 * SHIFT_NANOS as f32;
+                let (camera, image) = pixels[i];
+                let (exposure, shifted, visibility) = (exposures[i], shifted[i], &visibility[i]);
+                (camera, AlignmentExposure { exposure, shifted, shift_s, visibility, image })
             })
             .collect();
-        watch.keep(look(&cloud, &looks));
+        monitor.add(profiles_by_camera(&points, &monitored));
     }
     let start = std::time::Instant::now();
-    let offset = watch.offset();
+    let offset = monitor.offset();
     println!(
         "delay {:?} s, {}; fitted in {:.2} s",
         offset.delay_s,
-        if offset.tells_delay { "observable" } else { "not observable" },
+        if offset.is_delay_observable { "observable" } else { "not observable" },
         start.elapsed().as_secs_f64()
     );
     for (i, found) in offset.cameras.iter().enumerate() {
         println!(
             "{}",
-            sentence(&drive.manifest().cameras[i].name, cameras[i].px_per_rad(), found, &watch.by_range(i, &offset))
+            camera_line(
+                &drive.manifest().cameras[i].name,
+                cameras[i].px_per_rad(),
+                found,
+                &monitor.by_range(i, &offset)
+            )
         );
     }
     Ok(())

@@ -1,49 +1,47 @@
-//! The stage: what is held, what is due, and what is said at the end.
+//! The stage: when a submap is due, when exposures are released, and the report at the end.
 
 mod columns;
 mod intake;
 
 use crate::Settings;
-use crate::choose::Limits;
-use crate::cloud::Memory;
-use crate::offset_watch::{overview, overview_by_range, sentence};
 use crate::saved::{self, Held};
-use crate::spectra::Bands;
-use crate::views::Camera;
-use crate::window::{Exposure, Window};
+use crate::window::{ExposureTopic, Window};
+use camera_alignment::report;
+use coloring::{AgeLimits, Bands, PointBuffers, ProjectionCamera};
 use formats::drive::Drive;
 use geometry::Stamp;
-use intake::{expected_nm, too_many_bands};
-use messages::{Color, Cube, Image, Spectra, Submap, Trajectory, UNSEEN};
+use intake::expected_nm;
+use messages::{ColorTopic, CubeTopic, ImageTopic, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StateBytes, StepError};
 
-/// Submaps between two ticks; see the crate's documentation.
+/// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;
 
-/// An exposure may come this much later than the poses around it, ns. Far above a revolution of any LiDAR.
+/// Largest time that an exposure may arrive after the poses around it, ns. Much more than a revolution of any LiDAR.
 const MAX_LATENESS_NANOS: i64 = 2_000_000_000;
 
 /// The stage.
 pub struct Colorize {
     max_age_nanos: i64,
-    limits: Limits,
-    cameras: Vec<Camera>,
-    mosaics: Vec<Camera>,
-    /// Of each mosaic camera the side of its filter pattern, px, and the bands that its cubes are expected to have.
+    limits: AgeLimits,
+    cameras: Vec<ProjectionCamera>,
+    mosaics: Vec<ProjectionCamera>,
+    /// Side of the filter pattern of each mosaic camera, px.
     patterns: Vec<u32>,
+    /// Expected band centers of each mosaic camera, nm.
     expected_nm: Vec<Vec<f32>>,
-    /// What the bands really are: as expected, until a camera's first cube says otherwise.
+    /// Bands of all mosaic cameras: as expected, until the first cube of a camera arrives.
     bands: Bands,
-    /// Whether exposures may come at all; if not, submaps need not wait for them.
-    sees: bool,
+    /// Whether exposures can arrive at all. If not, submaps do not wait for them.
+    has_exposures: bool,
     remark: Option<&'static str>,
-    /// Of the cameras.
+    /// Names of the cameras.
     names: Vec<String>,
     level_exposures: bool,
     max_offset_rad: f32,
     max_delay_s: f32,
     held: Held,
-    memory: Memory,
+    buffers: PointBuffers,
 }
 
 impl Colorize {
@@ -51,7 +49,9 @@ impl Colorize {
         let (rig, manifest) = (drive.rig(), drive.manifest());
         let (n_cameras, n_mosaics) = (rig.cameras.len(), rig.mosaics.len());
         if n_cameras.max(n_mosaics) > usize::from(UNSEEN) {
-            let text = format!("{n_cameras} cameras and {n_mosaics} mosaic cameras; must be {UNSEEN} of each at most");
+            let text = format!(
+                "drive.toml: {n_cameras} cameras and {n_mosaics} mosaic cameras; the limit is {UNSEEN} of each"
+            );
             return Err(StepError::data(text));
         }
         let expected_nm: Vec<Vec<f32>> = manifest
@@ -60,23 +60,23 @@ impl Colorize {
             .zip(drive.sensors())
             .map(|(entry, sensor)| expected_nm(entry, sensor.as_ref()))
             .collect();
-        let bands = Bands::new(&expected_nm).ok_or_else(|| too_many_bands(&expected_nm))?;
-        let (images, cubes) = (context.is_connected::<Image>(), context.is_connected::<Cube>());
+        let bands = Bands::new(&expected_nm).map_err(StepError::data)?;
+        let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
-            limits: Limits {
+            limits: AgeLimits {
                 max_age_s: settings.max_age_s as f32,
                 max_moving_age_s: settings.max_moving_age_s.min(settings.max_age_s) as f32,
             },
-            cameras: rig.cameras.iter().map(Camera::from).collect(),
-            mosaics: rig.mosaics.iter().map(Camera::from).collect(),
+            cameras: rig.cameras.iter().map(ProjectionCamera::from).collect(),
+            mosaics: rig.mosaics.iter().map(ProjectionCamera::from).collect(),
             patterns: manifest.mosaics.iter().map(|entry| entry.pattern).collect(),
             expected_nm,
             bands,
-            sees: (images && n_cameras > 0) || (cubes && n_mosaics > 0),
+            has_exposures: (images && n_cameras > 0) || (cubes && n_mosaics > 0),
             remark: match (n_cameras, images) {
                 (0, _) => Some("no cameras in this drive: points stay without color"),
-                (_, false) => Some("nobody publishes images: points stay without color"),
+                (_, false) => Some("no stage publishes images: points stay without color"),
                 _ => None,
             },
             names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
@@ -84,19 +84,19 @@ impl Colorize {
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
             held: Held::default(),
-            memory: Memory::default(),
+            buffers: PointBuffers::default(),
         })
     }
 
-    /// Whether all exposures that the submap may need have come.
-    fn is_complete(&self, submap: &Received<Submap>) -> bool {
+    /// Whether all exposures that the submap may need have arrived.
+    fn is_complete(&self, submap: &Received<SubmapTopic>) -> bool {
         let newest_pose = self.held.trajectory.poses().last();
         let until = submap.header().stamp_end.saturating_add(self.max_age_nanos);
-        !self.sees || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
+        !self.has_exposures || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
     }
 
-    /// The oldest submap, if its time has come.
-    fn next_due(&mut self, outputs: &mut Outputs) -> Option<Received<Submap>> {
+    /// The oldest submap, if it is due.
+    fn next_due(&mut self, outputs: &mut Outputs) -> Option<Received<SubmapTopic>> {
         let is_complete = self.is_complete(self.held.submaps.front()?);
         if !is_complete {
             if self.held.submaps.len() <= MAX_HELD {
@@ -107,41 +107,27 @@ impl Colorize {
         self.held.submaps.pop_front()
     }
 
-    /// Says how far points and images are apart: once for all cameras, and once more for each that is too far off.
+    /// Reports the offset between points and images, and counts the cameras with a large one.
     fn report_offset(&self, outputs: &mut Outputs) {
-        if self.held.watch.is_empty() {
+        if self.held.monitor.is_empty() {
             return;
         }
-        let offset = self.held.watch.offset();
-        outputs.note(overview(&self.names, &offset));
-        let px_per_rad: Vec<f32> = self.cameras.iter().map(Camera::px_per_rad).collect();
-        if let Some(line) = overview_by_range(&self.names, &px_per_rad, &self.held.watch, &offset) {
+        let offset = self.held.monitor.offset();
+        let px_per_rad: Vec<f32> = self.cameras.iter().map(ProjectionCamera::px_per_rad).collect();
+        let limits = [self.max_offset_rad, self.max_delay_s];
+        for line in report::lines(&self.held.monitor, &offset, &self.names, &px_per_rad, limits) {
             outputs.note(line);
         }
-        for (index, found) in offset.cameras.iter().enumerate().filter(|(_, found)| found.is_found()) {
+        for found in offset.cameras.iter().filter(|found| found.is_observable()) {
             outputs.count("cameras_with_known_offset", 1);
-            let is_far = found.exceeds(self.max_offset_rad);
-            outputs.count("cameras_with_large_offset", u64::from(is_far));
-            if is_far {
-                let by_range = self.held.watch.by_range(index, &offset);
-                outputs.note(sentence(&self.names[index], self.cameras[index].px_per_rad(), found, &by_range));
-            }
-        }
-        if let Some([delay_s, deviation_s]) =
-            offset.delay_s.filter(|[delay_s, sigma_s]| delay_s.abs() - 3.0 * sigma_s > self.max_delay_s)
-        {
-            outputs.note(format!(
-                "images were taken {:.1} +- {:.1} ms after their stamps",
-                1e3 * delay_s,
-                1e3 * deviation_s
-            ));
+            outputs.count("cameras_with_large_offset", u64::from(found.exceeds(self.max_offset_rad)));
         }
     }
 
-    /// Lets go of what no held or future submap needs.
+    /// Releases exposures and poses that no held or future submap needs.
     fn release(&mut self, outputs: &mut Outputs) {
         let held = &mut self.held;
-        // The points of future submaps come after those of the newest.
+        // The points of future submaps are later than those of the newest.
         let oldest = held.submaps.front().map(|submap| submap.header().stamp_begin);
         if let Some(needed_from) = oldest.min(held.submaps_until).or(held.submaps_until) {
             let needed_from = needed_from.saturating_sub(self.max_age_nanos);
@@ -159,7 +145,7 @@ impl Colorize {
     }
 }
 
-fn oldest_stamp<T: Exposure>(window: &Window<T>) -> Option<i64> {
+fn oldest_stamp<T: ExposureTopic>(window: &Window<T>) -> Option<i64> {
     window.exposures().first().map(Received::stamp)
 }
 
@@ -168,11 +154,16 @@ impl Stage for Colorize {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Submap>(), Port::of::<Trajectory>(), Port::optional::<Image>(), Port::optional::<Cube>()]
+        vec![
+            Port::of::<SubmapTopic>(),
+            Port::of::<TrajectoryTopic>(),
+            Port::optional::<ImageTopic>(),
+            Port::optional::<CubeTopic>(),
+        ]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Color>(), Port::of::<Spectra>()]
+        vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()]
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
@@ -183,7 +174,7 @@ impl Stage for Colorize {
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.take_poses(inputs)?;
         self.take_exposures(inputs, outputs);
-        for submap in inputs.take::<Submap>() {
+        for submap in inputs.take::<SubmapTopic>() {
             self.held.submaps_until = self.held.submaps_until.max(Some(submap.header().stamp_end));
             self.held.submaps.push_back(submap);
         }
@@ -208,7 +199,7 @@ impl Stage for Colorize {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         self.held = saved::load(state)?;
-        self.bands = self.known_bands()?;
+        self.bands = Bands::of_first_cubes(&self.expected_nm, &self.held.bands_nm).map_err(StepError::data)?;
         Ok(())
     }
 }

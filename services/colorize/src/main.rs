@@ -1,4 +1,4 @@
-//! Process of the stage.
+//! The process of the stage colorize.
 fn main() -> std::process::ExitCode {
     stage::run::<colorize::Colorize>()
 }

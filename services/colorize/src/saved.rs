@@ -1,48 +1,48 @@
-//! What the next tick depends on, as bytes.
+//! The saved state of the stage.
 
-use crate::offset_watch::Watch;
 use crate::window::Window;
+use camera_alignment::OffsetMonitor;
 use geometry::{Stamp, Trajectory};
-use messages::{Cube, Image, PoseRow, Submap};
+use messages::{CubeTopic, ImageTopic, PoseRow, SubmapTopic};
 use serde::{Deserialize, Serialize};
 use stage::{Received, StateBytes, StepError, decode_head, next_message};
 use std::collections::{BTreeMap, VecDeque};
 
-/// Raised with every change of the layout.
+/// Version of the layout. Incremented with every change.
 const VERSION: u32 = 5;
 
-/// Everything that is held from tick to tick.
+/// The state between ticks.
 #[derive(Default)]
 pub struct Held {
     /// `world_from_body`, as far back as exposures may need it.
     pub trajectory: Trajectory,
-    /// Not yet colored, oldest first.
-    pub submaps: VecDeque<Received<Submap>>,
+    /// Submaps that are not yet colored, oldest first.
+    pub submaps: VecDeque<Received<SubmapTopic>>,
     /// Color exposures.
-    pub images: Window<Image>,
+    pub images: Window<ImageTopic>,
     /// Spectral exposures.
-    pub cubes: Window<Cube>,
-    /// Wavelengths of each mosaic camera whose first cube has come, nm.
+    pub cubes: Window<CubeTopic>,
+    /// Wavelengths of each mosaic camera whose first cube has arrived, nm.
     pub bands_nm: BTreeMap<u32, Vec<f32>>,
     /// Last shot of the newest submap.
     pub submaps_until: Option<i64>,
-    /// What the images show where the points have edges.
-    pub watch: Watch,
+    /// Alignment of points and images.
+    pub monitor: OffsetMonitor,
 }
 
-/// All but the messages, which follow it: submaps, images, cubes.
+/// Everything except the messages, which follow it: submaps, images, cubes.
 #[derive(Serialize, Deserialize)]
 struct Head {
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
     bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
-    watch: Watch,
+    monitor: OffsetMonitor,
     n_submaps: u64,
     n_images: u64,
     n_cubes: u64,
 }
 
-/// Head and messages.
+/// The saved state: head and messages.
 pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
     let pose = |(stamp, pose): &(Stamp, _)| {
         let row = PoseRow::from(*pose);
@@ -53,7 +53,7 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
         poses: held.trajectory.poses().iter().map(pose).collect(),
         bands_nm: held.bands_nm.clone(),
         submaps_until: held.submaps_until,
-        watch: held.watch.clone(),
+        monitor: held.monitor.clone(),
         n_submaps: held.submaps.len() as u64,
         n_images: images.len() as u64,
         n_cubes: cubes.len() as u64,
@@ -75,11 +75,11 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
 pub fn load(state: &[u8]) -> Result<Held, StepError> {
     let (head, mut rest): (Head, _) = decode_head(VERSION, state)?;
     let mut held =
-        Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, watch: head.watch, ..Held::default() };
+        Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, monitor: head.monitor, ..Held::default() };
     for (stamp, translation, rotation) in head.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {
-            return Err(StepError::data(format!("saved trajectory: pose at {stamp} ns is no pose or out of order")));
+            return Err(StepError::data(format!("saved trajectory: pose at {stamp} ns is invalid or out of order")));
         }
     }
     for _ in 0..head.n_submaps {
@@ -92,7 +92,7 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
         held.cubes.add(next_message(&mut rest)?);
     }
     if !rest.is_empty() {
-        return Err(StepError::data(format!("saved state: {} bytes more than its head says", rest.len())));
+        return Err(StepError::data(format!("saved state: {} bytes after the last message", rest.len())));
     }
     Ok(held)
 }

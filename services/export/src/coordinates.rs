@@ -1,26 +1,26 @@
-//! Coordinates in the rows of a cloud.
+//! Reading and changing coordinates in encoded rows.
 
 use formats::ply::{Header, Kind, PlyError, PlyRows};
 use std::sync::{Mutex, PoisonError};
 
-/// Names of the first of each three, if they are there.
+/// Names of the first coordinate of each optional triple.
 const TRIPLES: [&str; 2] = ["x", "x_lidar_position"];
-/// Rows that are looked at at a time: 300 KB of 64 bytes.
+/// Rows per block: 300 KB at 64 bytes a row.
 const BLOCK_ROWS: usize = 1 << 12;
 
-/// Smallest and largest x y z. None without points.
+/// Smallest and largest x y z. `None` without points.
 pub(crate) type Bounds = Option<[[f64; 3]; 2]>;
 
-/// Where the coordinates stand in a row.
+/// Positions of coordinates in a row.
 pub(crate) struct Coordinates {
     row_size: usize,
-    /// Of the first of each three.
+    /// Offsets of the triples.
     triples: Vec<usize>,
     kind: Kind,
 }
 
 impl Coordinates {
-    /// `None` if there are none, or of several types.
+    /// The coordinates of a cloud. `None` if it has none, or of different types.
     pub(crate) fn of(cloud: &Header) -> Option<Self> {
         let mut triples = Vec::new();
         let (mut offset, mut kind) = (0, None);
@@ -39,15 +39,15 @@ impl Coordinates {
         Some(Self { row_size: offset, triples, kind })
     }
 
-    /// Puts what `moved` makes of them in their place, all threes of all rows. The error is the first, with the number of its row.
+    /// Replaces all triples of all rows by their transforms. The error comes with the index of its row.
     pub(crate) fn replace<E>(
         &self,
         rows: &mut [u8],
-        moved: impl Fn([f64; 3]) -> Result<[f64; 3], E>,
+        transform: impl Fn([f64; 3]) -> Result<[f64; 3], E>,
     ) -> Result<(), (usize, E)> {
         for (i, row) in rows.chunks_exact_mut(self.row_size).enumerate() {
             for at in &self.triples {
-                let xyz = moved(self.read(row, *at)).map_err(|cause| (i, cause))?;
+                let xyz = transform(self.read(row, *at)).map_err(|cause| (i, cause))?;
                 self.write(row, *at, xyz);
             }
         }
@@ -68,13 +68,13 @@ impl Coordinates {
         }
     }
 
-    /// Of the points themselves.
+    /// Bounds of the points.
     pub(crate) fn bounds(&self, rows: &[u8]) -> Bounds {
         let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for row in rows.chunks_exact(self.row_size) {
             let xyz = self.read(row, self.triples[0]);
             for k in 0..3 {
-                // Not `f64::min`, which takes several times as long for the sake of NaN.
+                // `f64::min` is several times slower because of NaN.
                 min[k] = if xyz[k] < min[k] { xyz[k] } else { min[k] };
                 max[k] = if xyz[k] > max[k] { xyz[k] } else { max[k] };
             }
@@ -82,38 +82,38 @@ impl Coordinates {
         (!rows.is_empty()).then_some([min, max])
     }
 
-    /// The same of a whole file.
+    /// Bounds of all points of a file.
     pub(crate) fn bounds_of_all(&self, cloud: &PlyRows) -> Result<Bounds, PlyError> {
         let (mut bounds, mut block) = (None, Vec::new());
         for first in (0..cloud.len()).step_by(BLOCK_ROWS) {
             block.resize(BLOCK_ROWS.min(cloud.len() - first) * self.row_size, 0);
             cloud.read_into(first, &mut block)?;
-            bounds = joined(bounds, self.bounds(&block));
+            bounds = union(bounds, self.bounds(&block));
         }
         Ok(bounds)
     }
 }
 
-/// Bounds to which many threads add. The smallest of many numbers is the same in any order.
+/// Bounds that several threads extend. The result does not depend on their order.
 #[derive(Default)]
 pub(crate) struct SharedBounds(Mutex<Bounds>);
 
 impl SharedBounds {
     pub(crate) fn add(&self, other: Bounds) {
         let mut bounds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        *bounds = joined(*bounds, other);
+        *bounds = union(*bounds, other);
     }
     pub(crate) fn all(self) -> Bounds {
         self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-fn joined(a: Bounds, b: Bounds) -> Bounds {
+fn union(a: Bounds, b: Bounds) -> Bounds {
     let (Some([a_min, a_max]), Some([b_min, b_max])) = (a, b) else { return a.or(b) };
     Some([std::array::from_fn(|k| a_min[k].min(b_min[k])), std::array::from_fn(|k| a_max[k].max(b_max[k]))])
 }
 
-/// Three fields of `N` bytes. Panics beyond the end of the row, which [`Coordinates::of`] has seen to.
+/// Three fields of `N` bytes. They lie inside the row by construction of [`Coordinates::of`].
 fn fields<const N: usize>(row: &[u8], at: usize) -> [[u8; N]; 3] {
     std::array::from_fn(|axis| {
         let from = at + axis * N;

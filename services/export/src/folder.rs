@@ -1,22 +1,24 @@
-//! Where the results lie.
+//! The output folder.
 
+#![allow(clippy::disallowed_methods, reason = "the files are what export is for")]
+
+use crate::frame::is_placed;
 use crate::index::CloudEntry;
-use crate::place::is_placed;
 use formats::atomic_file::write_atomic;
 use stage::StepError;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list of clouds.
+/// File with the list of clouds.
 pub(crate) const INDEX: &str = "clouds/index.json";
-/// The frame of the results.
+/// File that describes the frame of the results.
 pub(crate) const GEOREFERENCE: &str = "georeference.json";
 
-/// Files that [`crate::Export`] writes once, at the end.
-const AT_THE_END: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
+/// Files that [`crate::Export`] writes at the end of the run.
+const FINAL_FILES: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
 
-/// The run's output folder.
+/// The output folder of the run.
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {
@@ -24,7 +26,7 @@ impl Folder {
         Self(output.to_owned())
     }
 
-    /// A file of ours; `name` is relative to the output folder.
+    /// Path of a file. `name` is relative to the output folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
@@ -34,12 +36,12 @@ impl Folder {
         write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
     }
 
-    /// Where these clouds lie.
+    /// Paths of all files of these clouds.
     pub(crate) fn files<'a>(&'a self, clouds: &'a [CloudEntry]) -> impl Iterator<Item = PathBuf> + 'a {
         clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name))
     }
 
-    /// Makes the folder hold these clouds and nothing else of ours. Files of others stay.
+    /// Removes all files that export writes, except these clouds, which must exist. Other files are kept.
     pub(crate) fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
         let folder = self.path("clouds");
         fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
@@ -51,22 +53,26 @@ impl Folder {
                 remove(&folder.join(&*name))?;
             }
         }
-        AT_THE_END.iter().try_for_each(|name| remove(&self.path(name)))?;
+        FINAL_FILES.iter().try_for_each(|name| remove(&self.path(name)))?;
         kept.iter().try_for_each(|(name, size, n_points)| self.check_cloud(name, *size, *n_points))
     }
 
-    /// Whether a file is the one that was listed, or that one in its place: the run may have died while it moved them.
+    /// Checks that a file is the cloud of the saved state, or this cloud in its final frame: the run may have crashed while it moved
+    /// clouds.
     fn check_cloud(&self, name: &str, expected: u64, n_points: u64) -> Result<(), StepError> {
         let path = self.path(name);
-        let got = fs::metadata(&path).map_err(fault(&path, "look at"))?.len();
+        let got = fs::metadata(&path).map_err(fault(&path, "get the size"))?.len();
         if got == expected || is_placed(&path, n_points) {
             return Ok(());
         }
-        Err(StepError::data(format!("{}: {got} bytes, the saved state says {expected}", path.display())))
+        Err(StepError::data(format!(
+            "{}: {got} bytes, the saved state says {expected}; was the file changed after the state was saved?",
+            path.display()
+        )))
     }
 }
 
-/// Whether a file in `clouds/` is one of ours, finished or not.
+/// Whether the name of a file in `clouds/` is one that export writes, complete or partial.
 fn is_cloud(name: &str) -> bool {
     let finished = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial")).unwrap_or(name);
     let seq = finished.strip_prefix("submap_").and_then(|name| name.strip_suffix(".ply"));
@@ -90,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_our_own_files_are_ours() {
+    fn only_names_that_export_writes_are_clouds() {
         for name in ["submap_0000.ply", "submap_12345.ply", "submap_0003_spectra.ply", ".submap_0000.ply.partial"] {
             assert!(is_cloud(name), "{name}");
         }

@@ -1,4 +1,4 @@
-//! What is in the clouds, for programs that do not want to open them all.
+//! The index of clouds: metadata for programs that do not open every cloud.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -6,63 +6,63 @@ use std::collections::BTreeMap;
 /// `clouds/index.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Index {
-    /// Of this layout.
+    /// Version of this file format.
     pub version: u32,
-    /// Frame of the clouds' coordinates.
+    /// Frame of the coordinates of the clouds.
     pub frame: String,
-    /// Points of all clouds.
+    /// Number of points of all clouds.
     pub n_points: u64,
-    /// In the order of the drive.
+    /// Clouds in the order of the drive.
     pub clouds: Vec<CloudEntry>,
 }
 
-/// One submap's files.
+/// The files of one submap.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CloudEntry {
     /// Number of the submap.
     pub seq: u64,
-    /// Relative to the output folder.
+    /// Path relative to the output folder.
     pub file: String,
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// Rows of the file.
+    /// Number of points.
     pub n_points: u64,
-    /// ns since the Unix epoch, first shot.
+    /// Time of the first shot, ns since the Unix epoch.
     pub stamp_begin: i64,
-    /// ns since the Unix epoch, last shot.
+    /// Time of the last shot, ns since the Unix epoch.
     pub stamp_end: i64,
     /// Smallest and largest x y z, m. None without points.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// Translation of `world_from_submap`, m; always local, also where coordinates are those of a map.
+    /// Translation of `world_from_submap`, m, in the local frame, also if coordinates are UTM.
     pub translation: [f64; 3],
     /// Rotation of `world_from_submap`, unit quaternion x y z w.
     pub rotation: [f64; 4],
-    /// Standard deviation of that position along the submap's axes, m. None if nobody placed it.
+    /// Standard deviation of the position along the axes of the submap, m. None without placement.
     pub sigma_m: Option<[f32; 3]>,
-    /// Standard deviation of that rotation about the submap's axes, rad. None if nobody placed it.
+    /// Standard deviation of the rotation about the axes of the submap, rad. None without placement.
     pub sigma_rad: Option<[f32; 3]>,
-    /// Points with a color. None if there is no color column.
+    /// Number of points with a color. None without color column.
     pub n_colored: Option<u64>,
-    /// Points by class. None if there is no class column.
+    /// Number of points by class. None without class column.
     pub classes: Option<BTreeMap<String, u64>>,
-    /// Different instances. None if there is no instance column.
+    /// Number of instances. None without instance column.
     pub n_instances: Option<u64>,
-    /// The cloud of spectra, if there is a spectra column.
+    /// The cloud of spectra. None without spectra column.
     pub spectra: Option<SpectraEntry>,
-    /// Live mode: columns that were published and never arrived.
+    /// Live mode: columns that were lost.
     pub lost: Vec<String>,
 }
 
-/// The points that a mosaic camera saw.
+/// The cloud of points that a mosaic camera saw.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpectraEntry {
-    /// Relative to the output folder.
+    /// Path relative to the output folder.
     pub file: String,
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub bytes: u64,
-    /// Rows of the file.
+    /// Number of spectra.
     pub n_spectra: u64,
-    /// Center of each band, nm, in the order of the columns.
+    /// Center of each band in the order of the columns, nm.
     pub wavelengths_nm: Vec<f32>,
 }
 
@@ -83,11 +83,11 @@ impl Index {
 }
 
 impl CloudEntry {
-    /// Whether its files are where they belong.
+    /// Whether its files are in the final frame.
     pub(crate) fn is_placed(&self) -> bool {
         self.sigma_m.is_some()
     }
-    /// Names, sizes and rows of all files.
+    /// Names, sizes and numbers of rows of all files.
     pub(crate) fn files(&self) -> impl Iterator<Item = (&str, u64, u64)> {
         let spectra = self.spectra.iter().map(|spectra| (spectra.file.as_str(), spectra.bytes, spectra.n_spectra));
         std::iter::once((self.file.as_str(), self.bytes, self.n_points)).chain(spectra)

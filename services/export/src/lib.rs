@@ -1,94 +1,93 @@
-//! export: joins the columns of each submap and writes files.
+//! export: joins the columns of each submap and writes the result files.
 //!
 //! | file | content |
 //! |---|---|
 //! | `clouds/submap_0003.ply` | all points of submap 3 with their columns, world frame (local east-north-up, m) |
 //! | `clouds/submap_0003_spectra.ply` | the points that a mosaic camera saw, one float per band |
-//! | `clouds/index.json` | per cloud: file, points, stamps, bounds, pose, classes, instances |
-//! | `trajectory.txt` | `world_from_body` at both ends of every sweep, TUM format (by setting also `trajectory_kitti.txt`, `trajectory.csv`) |
-//! | `georeference.json` | what the world frame is: its origin on the Earth, UTM zone, what placed the submaps |
+//! | `clouds/index.json` | for each cloud: file, points, stamps, bounds, pose, classes, instances |
+//! | `trajectory.txt` | `world_from_body` at both ends of every sweep in TUM format (optionally `trajectory_kitti.txt`, `trajectory.csv`) |
+//! | `georeference.json` | the world frame: its origin on the Earth, UTM zone, and the measurements that placed the submaps |
 //!
-//! A cloud is written as soon as the last of its expected columns is there; which are expected is fixed before the start
-//! (`Context::connected`), so a file never depends on timing. Whatever is in the state is on the disk: clouds are synced
-//! before a state lists them, and after a restart clouds that are not listed are removed and written again.
+//! `export` writes a cloud when its last expected column has arrived. The expected columns are fixed before the start
+//! (`Context::connected`), so files do not depend on timing. Clouds are synced to the disk before a state lists them. After a
+//! restart, clouds that the state does not list are removed and written again.
 //!
-//! Until the end, clouds are in the frame of the odometry. Topic `placement` then says where each submap lies
-//! (`docs/georeference.md`): clouds and trajectory are moved there, and the last clouds are written there at once.
+//! During the drive, clouds are in the frame of the odometry. At the end, topic `placement` contains the final pose of each submap
+//! (`docs/explanation/georeferencing.md`): clouds and trajectory are moved to the final frame, and the last clouds are written
+//! in it directly.
 
-mod cloud;
-mod columns;
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
 mod coordinates;
+mod corrected;
+mod disk_sync;
 mod folder;
+mod frame;
 mod index;
-mod join;
 mod place;
+mod settings;
 mod spectra;
-mod sweeps;
-mod to_disk;
-mod trajectory;
+mod submap_cloud;
+mod submap_files;
+mod submap_geometry;
 mod world;
 
 pub use index::{CloudEntry, Index, SpectraEntry};
+pub use settings::Settings;
 
+use corrected::corrected;
 use folder::Folder;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
-use join::{Join, Joined, SavedJoin};
-use messages::{Class, Color, Instance, Message, Placement, Spectra, StampedPose, Submap, Trajectory};
+use messages::{
+    ClassTopic, ColorTopic, InstanceTopic, PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic,
+};
 use place::Place;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
-    Bytes, Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
+    Bytes, Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes,
+    StepError, SubmapJoin, decode_head,
 };
 use std::path::PathBuf;
 use world::World;
 
-/// Raised when [`State`] changes.
+/// Increased when [`State`] changes.
 const STATE_VERSION: u32 = 3;
-/// Clouds that are moved between two signs of progress.
+/// Clouds that are moved between two progress reports.
 const CLOUDS_AT_A_TIME: usize = 4;
-
-stage::settings! {
-    /// Settings of export.
-    pub struct Settings {
-        /// What to write of each submap.
-        pub formats: Vec<String> = vec!["ply".to_owned()] => stage::each_one_of(&["ply"]);
-        /// Frame of the clouds: world (local, east-north-up where there is GNSS, corrected at the end of the drive), odom (as
-        /// the odometry saw it, never moved), utm (easting and northing on the map; needs coordinates = "double").
-        pub frame: String = "world".to_owned() => stage::one_of(&["world", "odom", "utm"]);
-        /// Type of the coordinates in a cloud: float keeps 1 mm up to 8 km from the origin.
-        pub coordinates: String = "float".to_owned() => stage::one_of(&["float", "double"]);
-        /// Whether spectra get a cloud of their own.
-        pub spectra: bool = true => stage::any();
-        /// How to write the trajectory.
-        pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti", "csv"]);
-    }
-}
+/// Topics of the join: submap, color, spectra, class, instance.
+const N_JOINED: usize = 5;
 
 /// The sink of the pipeline.
 pub struct Export {
     settings: Settings,
     folder: Folder,
-    /// Inputs without a producer.
+    /// Topics without a publisher.
     absent: Vec<&'static str>,
-    join: Join,
+    join: SubmapJoin,
     clouds: Vec<CloudEntry>,
-    /// Of `clouds`, the first so many are known to be on the disk.
+    /// The first clouds, which are synced to the disk.
     n_synced: usize,
     trajectory: geometry::Trajectory,
-    /// Where the submaps lie, once it is known.
-    placement: Option<Received<Placement>>,
-    /// Whether the folder holds what is in `clouds` and nothing else of ours.
+    /// Final poses of the submaps, when they are known.
+    placed: Option<PlacedDrive>,
+    /// Whether the folder contains the clouds of `clouds` and no other files of export.
     is_folder_clean: bool,
 }
 
-/// All but the messages that wait, which follow it.
+/// The received placement, and the final frame that follows from it.
+struct PlacedDrive {
+    placement: Received<PlacementTopic>,
+    world: World,
+}
+
+/// Saved state without the waiting messages, which follow it.
 #[derive(Serialize, Deserialize)]
 struct State {
     clouds: Vec<CloudEntry>,
-    join: SavedJoin,
-    /// Rows of the trajectory.
+    join: [SavedColumn; N_JOINED],
+    /// Poses of the trajectory.
     poses: Vec<(i64, [f64; 3], [f64; 4])>,
     placement: Option<Bytes>,
 }
@@ -99,13 +98,13 @@ impl Stage for Export {
 
     fn inputs() -> Vec<Port> {
         vec![
-            Port::of::<Submap>(),
-            Port::of::<Trajectory>(),
-            Port::optional::<Placement>(),
-            Port::optional::<Color>(),
-            Port::optional::<Spectra>(),
-            Port::optional::<Class>(),
-            Port::optional::<Instance>(),
+            Port::of::<SubmapTopic>(),
+            Port::of::<TrajectoryTopic>(),
+            Port::optional::<PlacementTopic>(),
+            Port::optional::<ColorTopic>(),
+            Port::optional::<SpectraTopic>(),
+            Port::optional::<ClassTopic>(),
+            Port::optional::<InstanceTopic>(),
         ]
     }
 
@@ -114,36 +113,39 @@ impl Stage for Export {
     }
 
     fn check(settings: &Settings, _: &Context) -> Vec<Problem> {
-        // Northings of millions of metres leave half a metre to a float.
+        // Northings have millions of metres, where f32 resolves half a metre.
         let is_coarse = settings.frame == "utm" && settings.coordinates != "double";
-        let text = "must not be \"utm\" unless coordinates is \"double\": floats keep half a metre there";
+        let text = "must not be \"utm\" unless coordinates is \"double\": float resolves only half a metre there";
         is_coarse.then(|| Problem::of_key("frame", text)).into_iter().collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
-        let is_wanted = |topic: &str| topic != Spectra::TOPIC || settings.spectra;
         let ports = Self::inputs();
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
             absent: ports.iter().map(Port::topic).filter(|topic| !is_connected(topic)).collect(),
-            join: Join::new(|topic| is_connected(topic) && is_wanted(topic), context.mode == Mode::Live),
+            join: SubmapJoin::new(context.mode)
+                .column::<ColorTopic>(context.is_connected::<ColorTopic>())
+                .column::<SpectraTopic>(context.is_connected::<SpectraTopic>() && settings.spectra)
+                .column::<ClassTopic>(context.is_connected::<ClassTopic>())
+                .column::<InstanceTopic>(context.is_connected::<InstanceTopic>()),
             clouds: Vec::new(),
             n_synced: 0,
             trajectory: geometry::Trajectory::default(),
-            placement: None,
+            placed: None,
             is_folder_clean: false,
         })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.prepare(outputs)?;
-        for message in inputs.take::<Trajectory>() {
+        for message in inputs.take::<TrajectoryTopic>() {
             message.rows().iter().try_for_each(|row| self.push_pose(row))?;
         }
-        if let Some(last) = inputs.take::<Placement>().into_iter().next_back() {
-            self.placement = Some(last).filter(|_| self.settings.frame != "odom");
+        if let Some(last) = inputs.take::<PlacementTopic>().into_iter().next_back() {
+            self.set_placement(last)?;
         }
         self.join.take(inputs)?;
         self.write_complete(false, outputs)?;
@@ -154,13 +156,13 @@ impl Stage for Export {
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.prepare(outputs)?;
         self.write_complete(true, outputs)?;
-        let world = self.world()?;
-        if let Some(world) = &world {
-            self.place_clouds(world, outputs)?;
+        self.move_clouds(outputs)?;
+        if let Some(PlacedDrive { world, .. }) = &self.placed {
             self.folder.write_text(folder::GEOREFERENCE, &world.to_json())?;
         }
         self.sync_clouds()?;
-        let trajectory = world.as_ref().map(|world| world.trajectory(&self.trajectory));
+        let world = self.placed.as_ref().map(|placed| &placed.world);
+        let trajectory = world.map(|world| corrected(&self.trajectory, world.submaps()));
         let trajectory = trajectory.as_ref().unwrap_or(&self.trajectory);
         for format in &self.settings.trajectory {
             let (name, text) = match format.as_str() {
@@ -170,7 +172,7 @@ impl Stage for Export {
             };
             self.folder.write_text(name, &text)?;
         }
-        let frame = world.as_ref().map_or("odometry, m", World::frame);
+        let frame = world.map_or("odometry, m", World::frame);
         self.folder.write_text(folder::INDEX, &Index::new(&self.clouds, frame).to_json())?;
         self.join.check_empty()
     }
@@ -179,11 +181,15 @@ impl Stage for Export {
         let poses = self.trajectory.poses().iter();
         let head = State {
             clouds: self.clouds.clone(),
-            join: self.join.save(),
+            join: self
+                .join
+                .save()
+                .try_into()
+                .map_err(|_| StepError::contract("the join has another number of topics"))?,
             poses: poses
                 .map(|(stamp, pose)| (stamp.0, pose.translation.vector.into(), pose.rotation.coords.into()))
                 .collect(),
-            placement: self.placement.as_ref().map(Received::to_bytes),
+            placement: self.placed.as_ref().map(|placed| Bytes(placed.placement.to_bytes())),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &head)?;
         self.join.save_messages(&mut state);
@@ -199,7 +205,10 @@ impl Stage for Export {
             let world_from_body = messages::PoseRow { translation, rotation };
             self.push_pose(&StampedPose { stamp, world_from_body })?;
         }
-        self.placement = state.placement.map(|bytes| Received::from_bytes(&bytes)).transpose()?;
+        self.placed = None;
+        if let Some(bytes) = state.placement {
+            self.set_placement(Received::from_bytes(&bytes)?)?;
+        }
         self.join.load(&state.join, messages)?;
         self.clouds = state.clouds;
         self.n_synced = self.clouds.len();
@@ -210,13 +219,13 @@ impl Stage for Export {
 }
 
 impl Export {
-    /// Before the first tick of a fresh run: clouds of an earlier run in the same folder go.
+    /// Before the first tick of a new run: removes files of an earlier run from the folder.
     fn prepare(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if self.is_folder_clean {
             return Ok(());
         }
         for topic in &self.absent {
-            outputs.note(format!("nobody publishes {topic}: the clouds are written without it"));
+            outputs.note(format!("topic {topic} has no publisher: clouds are written without it"));
         }
         self.folder.keep_only(&self.clouds)?;
         self.is_folder_clean = true;
@@ -225,64 +234,75 @@ impl Export {
 
     fn push_pose(&mut self, row: &StampedPose) -> Result<(), StepError> {
         let stamp = Stamp(row.stamp);
-        let pose = row.world_from_body.to_pose().ok_or_else(|| {
-            StepError::data(format!("trajectory at {stamp}: {:?} is no rigid transform", row.world_from_body))
-        })?;
+        let place = || format!("trajectory at {stamp}");
+        let pose = row.world_from_body.checked().map_err(|error| StepError::data(error).at(place()))?;
         if self.trajectory.push(stamp, pose) {
             return Ok(());
         }
-        Err(StepError::data(format!("trajectory at {stamp}: stamps must not fall")))
+        Err(StepError::data(format!("trajectory at {stamp}: the stamp is before the previous one")))
     }
 
-    /// Where the submaps lie, once it is known.
-    fn world(&self) -> Result<Option<World>, StepError> {
-        self.placement.as_ref().map(|placement| World::new(placement, &self.settings)).transpose()
+    /// Uses the placement unless the clouds remain in the frame of the odometry.
+    fn set_placement(&mut self, placement: Received<PlacementTopic>) -> Result<(), StepError> {
+        self.placed = if self.settings.frame == "odom" {
+            None
+        } else {
+            let world = World::new(&placement, &self.settings)?;
+            Some(PlacedDrive { placement, world })
+        };
+        Ok(())
     }
 
-    /// Moves the clouds to where they belong. While some are moved, others are brought to the disk.
-    fn place_clouds(&mut self, world: &World, outputs: &mut Outputs) -> Result<(), StepError> {
-        if world.lacks_map(&self.settings) {
-            outputs.note("nothing says where on the Earth the drive was: coordinates are local, not UTM");
+    /// Moves the clouds to the final frame. While some are moved, others are synced to the disk.
+    fn move_clouds(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        let Self { settings, folder, clouds, placed, n_synced, .. } = self;
+        let Some(PlacedDrive { world, .. }) = placed else { return Ok(()) };
+        if world.lacks_utm(settings) {
+            outputs.note("the drive is not georeferenced: coordinates are local, not UTM");
         }
-        // Live, a stage that was started anew may have forgotten the beginning.
-        let n_without = self.clouds.iter().filter(|entry| world.submap(entry.seq).is_none()).count();
+        // In live mode, a restarted producer may lack the submaps of the beginning.
+        let n_without = clouds.iter().filter(|entry| world.submap(entry.seq).is_none()).count();
         if n_without > 0 {
             outputs.count("clouds_without_place", n_without as u64);
         }
-        let (folder, clouds, n_synced) = (&self.folder, &mut self.clouds, self.n_synced);
-        let in_place = clouds[n_synced..].iter().filter(|entry| entry.is_placed());
-        let in_place: Vec<PathBuf> = in_place.flat_map(|entry| folder.files(std::slice::from_ref(entry))).collect();
-        to_disk::meanwhile(&in_place, |done| {
+        let unsynced = clouds[*n_synced..].iter().filter(|entry| entry.is_placed());
+        let unsynced: Vec<PathBuf> = unsynced.flat_map(|entry| folder.files(std::slice::from_ref(entry))).collect();
+        disk_sync::sync_in_background(&unsynced, |finish| {
             clouds.chunks_mut(CLOUDS_AT_A_TIME).try_for_each(|clouds| {
-                clouds.par_iter_mut().try_for_each(|entry| place::place(entry, folder, world, done))?;
-                // A long drive has more clouds than a step has time for.
+                clouds.par_iter_mut().try_for_each(|entry| place::move_clouds(entry, folder, world, finish))?;
+                // Moving the clouds of a long drive takes longer than a step may take without progress.
                 outputs.mark_progress();
                 Ok(())
             })
         })
     }
 
-    /// Brings to the disk what is not there yet.
+    /// Syncs all clouds to the disk that are not synced yet.
     fn sync_clouds(&mut self) -> Result<(), StepError> {
-        to_disk::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
+        disk_sync::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
         self.n_synced = self.clouds.len();
         Ok(())
     }
 
     fn write_complete(&mut self, is_end: bool, outputs: &mut Outputs) -> Result<(), StepError> {
-        while let Some(joined) = self.join.next_complete(is_end) {
+        while let Some(joined) = self.next_joined(is_end) {
             self.write(&joined, outputs)?;
         }
         Ok(())
     }
 
-    fn write(&mut self, joined: &Joined, outputs: &mut Outputs) -> Result<(), StepError> {
+    /// The next submap whose columns are complete. At the end of a live run, missing columns are lost.
+    fn next_joined(&mut self, is_end: bool) -> Option<JoinedSubmap> {
+        if is_end && self.join.is_live() { self.join.take_oldest() } else { self.join.next_complete() }
+    }
+
+    fn write(&mut self, joined: &JoinedSubmap, outputs: &mut Outputs) -> Result<(), StepError> {
         if self.settings.formats.is_empty() {
             return Ok(());
         }
-        let world = self.world()?;
-        let place = world.as_ref().and_then(|world| Place::of(joined.submap.seq(), world));
-        let entry = cloud::write(joined, &self.settings, &self.folder, place.as_ref())?;
+        let placed = self.placed.as_ref();
+        let place = placed.and_then(|placed| Place::of(joined.submap.seq(), &placed.world));
+        let entry = submap_files::write(joined, &self.settings, &self.folder, place.as_ref())?;
         outputs.count("clouds", 1);
         outputs.count("points", entry.n_points);
         outputs.count("spectra", entry.spectra.as_ref().map_or(0, |spectra| spectra.n_spectra));

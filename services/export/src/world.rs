@@ -1,28 +1,27 @@
-//! The frame of the results: what the end of the drive says about where its submaps lie.
+//! The final frame of the results, from the placement of the submaps at the end of the drive.
 
-use crate::Settings;
-use crate::trajectory::corrected;
-use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Trajectory, Utm};
-use messages::{FRAME_EAST_NORTH_UP, Placement, PlacementRow};
+use crate::settings::Settings;
+use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
+use messages::{FRAME_EAST_NORTH_UP, PlacementRow, PlacementTopic};
 use serde::Serialize;
 use stage::{Received, StepError};
 
-/// Submaps in the frame that the settings ask for.
+/// Poses of all submaps, and the frame of the clouds by the settings.
 pub(crate) struct World {
     submaps: Vec<PlacedSubmap>,
     georeference: Georeference,
     local: Option<LocalFrame>,
-    /// If coordinates are to be those of a map.
+    /// Projection of the coordinates, if the frame is UTM.
     utm: Option<Utm>,
 }
 
-/// A submap where the drive began to see it, and where it lies.
+/// Pose of a submap before and after the correction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlacedSubmap {
     pub stamp: Stamp,
     pub odom_from_submap: Pose,
     pub world_from_submap: Pose,
-    /// Standard deviations along and about the submap's axes, m and rad.
+    /// Standard deviations along and about the axes of the submap, m and rad.
     pub sigma_m: [f32; 3],
     pub sigma_rad: [f32; 3],
 }
@@ -30,29 +29,29 @@ pub(crate) struct PlacedSubmap {
 /// `georeference.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Georeference {
-    /// Of this layout.
+    /// Version of this file format.
     version: u32,
-    /// Of clouds.
+    /// Frame of the clouds.
     frame: String,
-    /// Of trajectories.
+    /// Frame of the trajectory.
     trajectory_frame: String,
-    /// WGS84, of the local frame.
+    /// Origin of the local frame (WGS84).
     origin: Option<Geodetic>,
-    /// Where the origin lies on the map.
-    utm: Option<UtmPlace>,
+    /// UTM coordinates of the origin.
+    utm: Option<UtmOrigin>,
     closed_loops: Uses,
     fixes: Uses,
-    /// Submaps in which gravity was measured.
+    /// Number of submaps with a gravity measurement.
     uprights: u32,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
-struct UtmPlace {
+struct UtmOrigin {
     epsg: u32,
     zone: String,
     easting_m: f64,
     northing_m: f64,
-    /// From grid north to the y axis, clockwise, deg: what a cloud in the local frame is to be turned by on a map.
+    /// Meridian convergence: angle from grid north to the y axis of the local frame, clockwise, deg.
     convergence_deg: f64,
 }
 
@@ -63,20 +62,23 @@ struct Uses {
 }
 
 impl World {
-    pub fn new(placement: &Received<Placement>, settings: &Settings) -> Result<Self, StepError> {
+    pub fn new(placement: &Received<PlacementTopic>, settings: &Settings) -> Result<Self, StepError> {
         let header = placement.header();
         let submaps = placement.rows().iter().map(PlacedSubmap::new).collect::<Result<Vec<_>, _>>()?;
         let is_on_earth = header.frame == FRAME_EAST_NORTH_UP;
         let origin = is_on_earth.then(|| {
             Geodetic::new(header.latitude_deg, header.longitude_deg, header.altitude_m).ok_or_else(|| {
                 let [lat, lon] = [header.latitude_deg, header.longitude_deg];
-                StepError::data(format!("placement: origin {lat} {lon} {} is no place", header.altitude_m))
+                StepError::data(format!(
+                    "placement: origin {lat} {lon} {} is not a position on the Earth",
+                    header.altitude_m
+                ))
             })
         });
         let origin = origin.transpose()?;
         let local = origin.map(LocalFrame::new);
         let map = origin.as_ref().map(Utm::of).transpose().map_err(StepError::data)?;
-        let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmPlace::of(local, utm)).transpose()?;
+        let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
         let utm = map.filter(|_| settings.frame == "utm");
         let local_name = match origin {
             Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) => {
@@ -86,7 +88,7 @@ impl World {
         };
         let georeference = Georeference {
             version: 1,
-            frame: utm.as_ref().map_or_else(|| local_name.clone(), frame_on_map),
+            frame: utm.as_ref().map_or_else(|| local_name.clone(), utm_frame),
             trajectory_frame: local_name,
             origin,
             utm: place,
@@ -96,31 +98,31 @@ impl World {
         };
         Ok(Self { submaps, georeference, local, utm })
     }
-    /// Of the clouds, in words.
+    /// Description of the frame of the clouds.
     pub fn frame(&self) -> &str {
         &self.georeference.frame
     }
-    /// The line of PLY headers that GIS software looks for.
+    /// Header line with the coordinate reference system, which GIS software reads.
     pub fn crs(&self) -> Option<String> {
         self.utm.as_ref().map(|utm| format!("crs EPSG:{}", utm.epsg()))
     }
-    /// Whether the settings ask for a map and there is none.
-    pub fn lacks_map(&self, settings: &Settings) -> bool {
+    /// Whether the settings require UTM but the drive is not georeferenced.
+    pub fn lacks_utm(&self, settings: &Settings) -> bool {
         settings.frame == "utm" && self.utm.is_none()
     }
     pub fn submap(&self, seq: u64) -> Option<&PlacedSubmap> {
         self.submaps.get(usize::try_from(seq).ok()?)
     }
-    /// Coordinates of a point of the world (local, m).
-    pub fn coordinates(&self, p: &Point3<f64>) -> Result<[f64; 3], StepError> {
+    /// Coordinates in the frame of the clouds of a point in the local frame, m.
+    pub fn coordinates(&self, p: &Point3<f64>) -> Result<[f64; 3], UtmError> {
         match (&self.utm, &self.local) {
-            (Some(utm), Some(local)) => utm.project(&local.geodetic_from_world(p)).map_err(StepError::data),
+            (Some(utm), Some(local)) => utm.project(&local.geodetic_from_world(p)),
             _ => Ok(p.coords.into()),
         }
     }
-    /// `world_from_body`, of `odom_from_body`.
-    pub fn trajectory(&self, odometry: &Trajectory) -> Trajectory {
-        corrected(odometry, &self.submaps)
+    /// All submaps by number.
+    pub fn submaps(&self) -> &[PlacedSubmap] {
+        &self.submaps
     }
     pub fn to_json(&self) -> String {
         let text =
@@ -132,23 +134,24 @@ impl World {
 impl PlacedSubmap {
     fn new(row: &PlacementRow) -> Result<Self, StepError> {
         let poses = row.world_from_submap.to_pose().zip(row.odom_from_submap.to_pose());
-        let (world_from_submap, odom_from_submap) =
-            poses.ok_or_else(|| StepError::data(format!("placement of submap {}: {row:?} is no place", row.submap)))?;
+        let (world_from_submap, odom_from_submap) = poses.ok_or_else(|| {
+            StepError::data(format!("placement of submap {}: {row:?} has no valid poses", row.submap))
+        })?;
         let (stamp, sigma_m, sigma_rad) = (Stamp(row.stamp), row.sigma_m, row.sigma_rad);
         Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad })
     }
-    /// What moves a pose or a point near the submap from the odometry's frame to the world.
+    /// Correction of poses and points near the submap.
     pub fn world_from_odom(&self) -> Pose {
         self.world_from_submap * self.odom_from_submap.inverse()
     }
 }
 
-fn frame_on_map(utm: &Utm) -> String {
+fn utm_frame(utm: &Utm) -> String {
     let (zone, hemisphere, epsg) = (utm.zone(), utm.hemisphere(), utm.epsg());
     format!("UTM {zone}{hemisphere} (EPSG:{epsg}) easting northing, height above the WGS84 ellipsoid, m")
 }
 
-impl UtmPlace {
+impl UtmOrigin {
     fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, StepError> {
         let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(StepError::data);
         let [easting_m, northing_m, _] = project(Point3::origin())?;

@@ -1,19 +1,20 @@
-//! infer: a class for every point of a submap, by the model that the settings name.
+//! `infer`: gives every point of a submap a class, with the model file of the settings.
 //!
-//! What kind of model it is, the model file says (see `learning`). The stage keeps nothing from one submap to the next.
+//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps.
 
-use learning::{Cloud, Options, Report, Segmenter};
-use messages::{CLASS_TABLE_VERSION, Class, ClassHeader, Color, Submap};
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SubmapTopic};
+use segmentation::{ModelInput, Options, Report, Segmenter};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
 use std::path::Path;
 
 stage::settings! {
     /// Settings of infer.
     pub struct Settings {
-        /// Model file; a relative path starts at the folder of launch.toml.
+        /// Model file. A relative path is relative to the folder of launch.toml.
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
-        /// The first of every so many sweeps of a submap goes through the network; points of the others take the votes of those
-        /// nearby. 1 to 16; 1 is all.
+        /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
     }
 }
@@ -25,18 +26,16 @@ pub struct Infer {
 
 impl Infer {
     /// Publishes the class column of one submap.
-    fn label(&self, submap: &Received<Submap>, outputs: &mut Outputs) -> Result<(), StepError> {
-        let cloud = Cloud { header: submap.header(), points: submap.rows(), colors: None };
-        let n_points = cloud.points.len();
-        let mut loan = outputs.loan::<Class>(n_points)?;
+    fn label(&self, submap: &Received<SubmapTopic>, outputs: &mut Outputs) -> Result<(), StepError> {
+        let input = ModelInput { header: submap.header(), points: submap.rows(), colors: None };
+        let n_points = input.points.len();
+        let mut loan = outputs.loan::<ClassTopic>(n_points)?;
         *loan.header_mut() =
             ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest: self.model.card().digest };
-        let classes = loan.grow(n_points).ok_or_else(|| {
-            StepError::data(format!("the class column of submap {} has no room for {n_points} points", submap.seq()))
-        })?;
-        let report = self.model.segment(&cloud, classes).map_err(StepError::data)?;
+        let classes = loan.grow(n_points)?;
+        let report = self.model.segment(&input, classes).map_err(StepError::data)?;
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
-        tell(report, outputs);
+        count(report, outputs);
         Ok(())
     }
 }
@@ -45,11 +44,14 @@ fn options(settings: &Settings) -> Options {
     Options { every: settings.every as usize, ..Options::default() }
 }
 
-fn tell(report: Report, outputs: &mut Outputs) {
+fn count(report: Report, outputs: &mut Outputs) {
     outputs.count("points_unseen", report.n_unseen as u64);
     if report.coarsened > 1 {
         outputs.count("submaps_coarsened", 1);
-        outputs.note(format!("the model's grid was made {} times coarser: the submap is too wide", report.coarsened));
+        outputs.note(format!(
+            "grid cells of the model enlarged by a factor of {}: the submap is too wide",
+            report.coarsened
+        ));
     }
 }
 
@@ -58,17 +60,17 @@ impl Stage for Infer {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        // No architecture reads colors yet; the topic is wired so that one that does needs no other diagram.
-        vec![Port::of::<Submap>(), Port::optional::<Color>()]
+        // No architecture reads colors yet. The port exists so that one that does needs no other wiring.
+        vec![Port::of::<SubmapTopic>(), Port::optional::<ColorTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Class>()]
+        vec![Port::of::<ClassTopic>()]
     }
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let path = context.resolve(Path::new(&settings.model));
-        learning::load(&path, &options(settings))
+        segmentation::load(&path, &options(settings))
             .err()
             .map(|error| Problem::of_key("model", error.to_string()))
             .into_iter()
@@ -77,11 +79,11 @@ impl Stage for Infer {
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let path = context.resolve(Path::new(&settings.model));
-        Ok(Self { model: learning::load(&path, &options(settings)).map_err(StepError::io)? })
+        Ok(Self { model: segmentation::load(&path, &options(settings)).map_err(StepError::io)? })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for submap in inputs.take::<Submap>() {
+        for submap in inputs.take::<SubmapTopic>() {
             self.label(&submap, outputs)?;
         }
         Ok(Flow::Continue)

@@ -1,4 +1,4 @@
-//! Process of the stage.
+//! The process of the stage infer.
 fn main() -> std::process::ExitCode {
     stage::run::<infer::Infer>()
 }

@@ -1,8 +1,10 @@
-//! CPU time of instance extraction on a made-up submap of two million points:
+//! Measures CPU time of instance extraction with a generated submap of two million points:
 //! `cargo run --release -p instance --example bench_instance`.
 
 use instance::{InstanceStage, Settings};
-use messages::{Class, ClassHeader, ClassId, ClassRow, Instance, PoseRow, Submap, SubmapHeader, SubmapPoint};
+use messages::{
+    ClassHeader, ClassId, ClassRow, ClassTopic, InstanceTopic, PoseRow, SubmapHeader, SubmapPoint, SubmapTopic,
+};
 use rustix::time::{ClockId, clock_gettime};
 use stage::testing::{Bench, context};
 use std::path::Path;
@@ -11,12 +13,12 @@ const N_POINTS: u32 = 2_000_000;
 const N_RUNS: usize = 9;
 const N_CARS: u32 = 40;
 
-/// Numbers in 0 to 1 that fill the square evenly (the additive recurrences of Roberts).
+/// Low-discrepancy numbers from 0 to 1 (additive recurrences of Roberts).
 fn even(i: u32, step: f64) -> f32 {
     (f64::from(i) * step).fract() as f32
 }
 
-/// A street 160 m long and 60 m wide, two thirds ground, one sixth fronts, one sixth 40 parked cars in two rows.
+/// A street 160 m long and 60 m wide: two thirds of the points are ground, one sixth facades, one sixth 40 parked cars in two rows.
 fn submap() -> (Vec<SubmapPoint>, Vec<ClassRow>) {
     let point = |i: u32| {
         let (u, v, w) = (even(i, 0.819_172_513_396), even(i, 0.671_043_606_703), even(i, 0.549_700_477_901));
@@ -35,7 +37,7 @@ fn submap() -> (Vec<SubmapPoint>, Vec<ClassRow>) {
     (0..N_POINTS).map(point).unzip()
 }
 
-/// Of this process; other programs may run.
+/// CPU time of this process, independent of other programs.
 fn cpu_nanos() -> i64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec * 1_000_000_000 + time.tv_nsec
@@ -49,12 +51,12 @@ fn main() {
         let mut bench = stage.expect("the stage reads no files");
         let world_from_submap = PoseRow { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
         let header = SubmapHeader { world_from_submap, ..SubmapHeader::default() };
-        bench.send::<Submap>(0, header, points.clone());
-        bench.send::<Class>(0, ClassHeader::default(), classes.clone());
+        bench.send::<SubmapTopic>(0, header, points.clone());
+        bench.send::<ClassTopic>(0, ClassHeader::default(), classes.clone());
         let begin = cpu_nanos();
         bench.tick().expect("the submap is sound");
         nanos.push(cpu_nanos() - begin);
-        let columns = bench.take::<Instance>();
+        let columns = bench.take::<InstanceTopic>();
         assert_eq!(columns[0].header().n_instances, N_CARS, "cars found");
     }
     nanos.sort_unstable();

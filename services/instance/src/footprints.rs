@@ -1,4 +1,4 @@
-//! Where the points of one class lie in the top-down view, joined and parted by morphology.
+//! Footprints of one class in the top-down view, by morphological operators.
 
 use crate::settings::{Kind, Settings};
 use crate::top_view::{Cell, TopView};
@@ -6,10 +6,10 @@ use messages::SubmapPoint;
 use morphology::{Connectivity, area_closing, connected_components, dilate, h_maxima, watershed};
 use ndarray::Array2;
 
-/// Width of the ring around a thing in which ground is looked for, m: past the sill of a car, before the next parked one.
+/// Width of the ring around a component in which ground is expected, m: beyond the sill of a car, before the next parked car.
 const RING_M: f64 = 0.5;
 
-/// A point below the class' height limit.
+/// A point below the height limit of the class.
 #[derive(Clone, Copy)]
 pub(crate) struct Candidate {
     pub(crate) point_idx: u32,
@@ -19,23 +19,23 @@ pub(crate) struct Candidate {
 /// Footprints of a class.
 pub(crate) struct Footprints {
     pub(crate) candidates: Vec<Candidate>,
-    /// Part of each cell, from 1; 0 = none.
+    /// Label of the part of each cell, from 1; 0 = none.
     pub(crate) parts: Array2<u32>,
-    /// How many parts.
+    /// Number of parts.
     pub(crate) n: usize,
-    /// By part: share of the cells with points around its component that have ground. `None` where nothing was seen around
-    /// it, or the view has no ground at all.
+    /// For each part: fraction of the observed cells around its component that have ground. `None` if no cell around it was observed, or
+    /// the view has no ground.
     pub(crate) ground_around: Vec<Option<f64>>,
 }
 
 impl Footprints {
-    /// Occupancy, dilation, closing by area, components (thesis section 6.5.2); then a part for each peak of the elevation, if the
-    /// class is parted.
+    /// Occupancy, dilation, area closing and components (thesis section 6.5.2). If the class has `peak_m`, components are split into one
+    /// part for each peak of the elevation.
     pub(crate) fn of(view: &TopView, points: &[SubmapPoint], class: &[bool], kind: &Kind, settings: &Settings) -> Self {
         let mut occupied = Array2::from_elem(view.seen.dim(), false);
-        let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, NOTHING_M);
+        let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, EMPTY_M);
         let mut candidates = Vec::new();
-        for (&(point_idx, cell), _) in view.of_things.iter().zip(class).filter(|(_, is_class)| **is_class) {
+        for (&(point_idx, cell), _) in view.thing_points.iter().zip(class).filter(|(_, is_class)| **is_class) {
             let above_m = view.above_ground(&points[point_idx as usize], cell);
             if view.terrain_m.is_some() && above_m > kind.max_height_m {
                 continue;
@@ -47,14 +47,14 @@ impl Footprints {
             candidates.push(Candidate { point_idx, cell });
         }
         let grown = dilate(&occupied, view.in_cells(settings.dilation_m));
-        // A hole between eight-connected cells is four-connected, so it never joins two components.
+        // Holes of eight-connected components are four-connected, so filling them never joins two components.
         let closed = area_closing(&grown, settings.hole_cells as usize, Connectivity::Four);
         let components = connected_components(&closed, Connectivity::Eight);
         let shares = ground_shares(&components.image, components.n(), view);
         if kind.peak_m == 0.0 {
             return Self { candidates, n: components.n(), parts: components.image, ground_around: shares };
         }
-        let parts = part_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
+        let parts = split_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
         let mut ground_around = vec![None; parts.iter().max().map_or(0, |&n| n as usize) + 1];
         for (&part, &component) in parts.iter().zip(&components.image) {
             ground_around[part as usize] = shares[component as usize];
@@ -63,18 +63,18 @@ impl Footprints {
     }
 }
 
-/// Elevation of cells without a point: deeper than any peak is high.
-const NOTHING_M: f32 = -1000.0;
+/// Elevation of cells without a point: deeper than the height of any peak.
+const EMPTY_M: f32 = -1000.0;
 
-/// Basins of the elevation turned upside down: two roofs are parted where it is lowest between them, if each stands out by
-/// `peak_m` at least.
-fn part_by_peaks(elevation_m: &Array2<f32>, footprint: &Array2<bool>, peak_m: f64, radius: usize) -> Array2<u32> {
-    // Cells between those that were hit are as high as their neighbors.
+/// Watershed of the negated elevation. Two roofs are separated along the lowest line between them, if each stands out by at least
+/// `peak_m`.
+fn split_by_peaks(elevation_m: &Array2<f32>, footprint: &Array2<bool>, peak_m: f64, radius: usize) -> Array2<u32> {
+    // Cells between occupied cells get the height of their neighbors.
     let smooth_m = dilate(elevation_m, radius);
     let mut peaks = h_maxima(&smooth_m, peak_m as f32, Connectivity::Eight);
     peaks.zip_mut_with(footprint, |peak, &inside| *peak &= inside);
     let markers = connected_components(&peaks, Connectivity::Eight);
-    // Cells without a point are flooded last, so that each outline goes to the roof it belongs to before the gap is crossed.
+    // Empty cells are flooded last, so each outline is assigned to its roof before the flood crosses a gap.
     watershed(&elevation_m.mapv(|z| -z), &markers.image, footprint, Connectivity::Eight)
 }
 
@@ -82,7 +82,7 @@ fn ground_shares(components: &Array2<u32>, n: usize, view: &TopView) -> Vec<Opti
     let mut n_seen = vec![0_u32; n + 1];
     let mut n_ground = n_seen.clone();
     if view.terrain_m.is_some() {
-        // Where two rings cross, the later component has the cell.
+        // Where two rings overlap, the cell belongs to the later component.
         let around = dilate(components, view.in_cells(RING_M));
         for ((&label, &inside), (&seen, &ground)) in
             around.iter().zip(components).zip(view.seen.iter().zip(&view.ground))

@@ -1,25 +1,25 @@
-//! Things of one class: parts of the footprint, told apart by time, joined where they belong together.
+//! Objects of one class: parts of the footprint, separated by time and joined if they are near.
 
 use crate::footprints::Footprints;
 use crate::settings::{Kind, Settings};
 use crate::top_view::{Cell, TopView};
-use crate::visits::{GLIMPSE_NANOS, Sets, Visits};
+use crate::visits::{END_WINDOW_NANOS, Sets, Visits};
 use geometry::OrientedRectangle;
 use messages::SubmapPoint;
 
-/// A thing of this submap.
+/// An object of the submap.
 pub(crate) struct Object {
-    /// Indices of its points, rising.
+    /// Indices of its points, increasing.
     pub(crate) points: Vec<u32>,
-    /// Its cells, those of its first and those of its last half second, sorted.
+    /// All cells, cells of its first and cells of its last half second, sorted.
     pub(crate) cells: [Vec<Cell>; 3],
     /// Times of its first and last point, ns since the Unix epoch.
     pub(crate) span: (i64, i64),
-    /// Whether there is ground around it; `true` if that cannot be told.
+    /// Whether there is ground around it; `true` if unknown.
     pub(crate) is_grounded: bool,
 }
 
-/// All things of one class in the view, in the order of their first points.
+/// All objects of one class in the view, in the order of their first points.
 pub(crate) fn find(
     view: &TopView,
     points: &[SubmapPoint],
@@ -37,14 +37,14 @@ pub(crate) fn find(
     let apart_nanos = if is_timed { (settings.apart_s * 1e9) as i64 } else { i64::MAX };
     let visits = Visits::of(&footprints, times, apart_nanos);
     let (numbers, n) = if is_timed {
-        // The squares around two cells touch if they are that near.
+        // Dilated cells touch up to this distance.
         visits.groups(&footprints, apart_nanos, 2 * view.in_cells(settings.dilation_m) + 1)
     } else {
         (visits.all.iter().map(|visit| footprints.parts[visit.cell] - 1).collect(), footprints.n)
     };
-    let nothing =
+    let empty =
         || Object { points: Vec::new(), cells: Default::default(), span: (i64::MAX, i64::MIN), is_grounded: false };
-    let mut objects: Vec<Object> = (0..n).map(|_| nothing()).collect();
+    let mut objects: Vec<Object> = (0..n).map(|_| empty()).collect();
     for (visit, &number) in visits.all.iter().zip(&numbers) {
         let span = &mut objects[number as usize].span;
         *span = (span.0.min(visit.begin), span.1.max(visit.end));
@@ -52,10 +52,10 @@ pub(crate) fn find(
     for (visit, &number) in visits.all.iter().zip(&numbers) {
         let object = &mut objects[number as usize];
         object.cells[0].push(visit.cell);
-        if visit.begin <= object.span.0.saturating_add(GLIMPSE_NANOS) {
+        if visit.begin <= object.span.0.saturating_add(END_WINDOW_NANOS) {
             object.cells[1].push(visit.cell);
         }
-        if visit.end >= object.span.1.saturating_sub(GLIMPSE_NANOS) {
+        if visit.end >= object.span.1.saturating_sub(END_WINDOW_NANOS) {
             object.cells[2].push(visit.cell);
         }
         let around = footprints.ground_around[footprints.parts[visit.cell] as usize];
@@ -78,7 +78,7 @@ impl Object {
         }
     }
 
-    fn absorb(&mut self, mut other: Self) {
+    fn append(&mut self, mut other: Self) {
         self.points.append(&mut other.points);
         for (cells, others) in self.cells.iter_mut().zip(&mut other.cells) {
             cells.append(others);
@@ -88,7 +88,7 @@ impl Object {
     }
 }
 
-/// Joins parts that are near and together no longer than a thing of the class, the nearest first.
+/// Joins nearby parts, the nearest first, if the result is not longer than an object of the class.
 fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Object> {
     let mut pairs: Vec<(u64, usize, usize)> = Vec::new();
     let limit = (kind.join_m / view.grid.cell_m).ceil() as usize;
@@ -122,7 +122,7 @@ fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Object> {
     let mut joined: Vec<Option<Object>> = (0..n).map(|_| None).collect();
     for (object, &number) in objects.into_iter().zip(&numbers) {
         match &mut joined[number as usize] {
-            Some(whole) => whole.absorb(object),
+            Some(whole) => whole.append(object),
             empty => *empty = Some(object),
         }
     }
@@ -131,14 +131,14 @@ fn join(objects: Vec<Object>, view: &TopView, kind: &Kind) -> Vec<Object> {
     joined
 }
 
-/// Least and greatest row, least and greatest column.
+/// Smallest and largest row, smallest and largest column.
 fn bounds(cells: &[Cell]) -> [usize; 4] {
     cells.iter().fold([usize::MAX, 0, usize::MAX, 0], |[a, b, c, d], &(row, col)| {
         [a.min(row), b.max(row), c.min(col), d.max(col)]
     })
 }
 
-/// Least squared distance of two cells.
+/// Smallest squared distance between cells of two objects.
 fn gap(a: &[Cell], b: &[Cell]) -> f64 {
     let squared = |p: &Cell, q: &Cell| (p.0.abs_diff(q.0).pow(2) + p.1.abs_diff(q.1).pow(2)) as f64;
     a.iter().flat_map(|p| b.iter().map(move |q| squared(p, q))).fold(f64::INFINITY, f64::min)

@@ -1,59 +1,58 @@
-//! What counts as a thing.
+//! Settings of instance.
 
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 use stage::Rule;
 
 stage::settings! {
-    /// Settings of instance. Cells, dilation, holes, heights and points are those of thesis section 6.5.2.
+    /// Settings of instance. Defaults of cells, dilation, holes, heights and points are those of thesis section 6.5.2.
     pub struct Settings {
-        /// Side of a cell of the top-down view, m.
+        /// Cell size of the top-down view, m.
         pub cell_m: f64 = 0.1 => stage::within(0.02, 1.0);
-        /// How far the cells of a thing are grown to join its parts, m.
+        /// Dilation that joins the parts of an object, m.
         pub dilation_m: f64 = 0.2 => stage::within(0.0, 2.0);
-        /// Holes of fewer cells than this belong to the thing around them.
+        /// Holes with fewer cells than this are filled.
         pub hole_cells: u32 = 10 => stage::within(0, 10_000);
-        /// Share of the cells around a thing, of those with points, that must have ground; 0 = not asked.
+        /// Minimum fraction of the observed cells around an object that must have ground; 0 disables the filter.
         pub min_ground_around: f64 = 0.1 => stage::within(0.0, 1.0);
-        /// What passes through a cell at different times is not one thing: apart by at least this long, s; 0 = times are not
-        /// looked at.
+        /// Points of a cell that are separated by at least this time belong to different objects, s; 0 ignores times.
         pub apart_s: f64 = 0.6 => stage::within(0.0, 60.0);
-        /// Share of the smaller of two footprints that must overlap for a thing to be that of an earlier submap.
+        /// Minimum overlap, as a fraction of the smaller footprint, for an object to be associated with an object of an earlier submap.
         pub min_overlap: f64 = 0.2 => stage::within(0.0, 1.0);
-        /// For how many submaps a thing that is not seen is remembered; 0 = every submap has things of its own.
+        /// Number of submaps for which an unobserved object keeps its id; 0 disables tracking over submaps.
         pub remembered_submaps: u32 = 3 => stage::within(0, 100);
-        /// Classes whose members are told apart, in the order in which their ids are given.
-        pub things: Vec<Thing> = Thing::defaults() => EachThingIsSound;
+        /// Classes with instances, in the order in which ids are assigned.
+        pub things: Vec<Thing> = Thing::defaults() => EachThingIsValid;
     }
 }
 
-/// One class whose members are told apart, an entry of `things`.
+/// A class with instances, an entry of `things`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thing {
-    /// Its name in the class table.
+    /// Name in the class table.
     pub class: String,
-    /// Height above the ground up to which points belong to a thing, m.
+    /// Maximum height of points above the ground, m.
     pub max_height_m: f64,
-    /// Points of a thing in a submap at least.
+    /// Minimum number of points of an instance in a submap.
     pub min_points: u32,
-    /// Mean score of its points at least, 0 to 1: how sure the model is of its class.
+    /// Minimum mean class score of the points, 0 to 1.
     #[serde(default)]
     pub min_score: f64,
-    /// Two peaks of the elevation that each stand out by this much are two things, m: roofs of cars bumper to bumper, heads of
-    /// people in a group. 0 = nothing is parted.
+    /// Two elevation peaks that each stand out by at least this height are two instances, m: roofs of cars bumper to bumper, heads of
+    /// people in a group. 0 disables splitting.
     #[serde(default)]
     pub peak_m: f64,
-    /// Parts that are up to this far apart are one thing if it is no longer than `max_length_m`, m; 0 = parts are not joined.
+    /// Parts up to this distance are joined if the result is not longer than `max_length_m`, m; 0 disables joining.
     #[serde(default)]
     pub join_m: f64,
-    /// Length of the longest thing that is joined of parts, m.
+    /// Maximum length of an instance that is joined of parts, m.
     #[serde(default)]
     pub max_length_m: f64,
 }
 
 impl Thing {
-    /// Heights and points of the thesis; roofs that touch and heads in a group are parted, and people must be more likely than not.
+    /// Heights and points of the thesis. Touching roofs and heads are split, and pedestrians need a mean score of 0.5.
     fn defaults() -> Vec<Self> {
         let thing = |class: ClassId, max_height_m: f64, min_points: u32, min_score: f64, peak_m: f64| Self {
             class: class.name().to_owned(),
@@ -68,12 +67,12 @@ impl Thing {
     }
 }
 
-/// Every entry names a class that no other names, and its numbers are in their ranges.
-struct EachThingIsSound;
+/// Every entry names a different class, and its numbers are in range.
+struct EachThingIsValid;
 
-impl Rule<Vec<Thing>> for EachThingIsSound {
+impl Rule<Vec<Thing>> for EachThingIsValid {
     fn allows(&self, things: &Vec<Thing>) -> bool {
-        let is_sound = |(idx, thing): (usize, &Thing)| {
+        let is_valid = |(idx, thing): (usize, &Thing)| {
             let is_known = ClassId::from_name(&thing.class).is_some_and(|class| class != ClassId::Unlabeled);
             is_known
                 && things[..idx].iter().all(|other| other.class != thing.class)
@@ -83,7 +82,7 @@ impl Rule<Vec<Thing>> for EachThingIsSound {
                 && [thing.peak_m, thing.join_m].iter().all(|length| (0.0..=5.0).contains(length))
                 && (0.0..=50.0).contains(&thing.max_length_m)
         };
-        things.iter().enumerate().all(is_sound)
+        things.iter().enumerate().all(is_valid)
     }
     fn text(&self) -> String {
         "must be a list of { class, max_height_m, min_points, min_score, peak_m, join_m, max_length_m }: each class of the class table but \
@@ -92,7 +91,7 @@ impl Rule<Vec<Thing>> for EachThingIsSound {
     }
 }
 
-/// An entry as the algorithm wants it.
+/// An entry of `things` with resolved class.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Kind {
     pub(crate) class: ClassId,
@@ -105,7 +104,7 @@ pub(crate) struct Kind {
 }
 
 impl Settings {
-    /// In the order in which ids are given. Entries of unknown classes have been refused before.
+    /// The entries in the order in which ids are assigned. Unknown classes were refused before.
     pub(crate) fn kinds(&self) -> Vec<Kind> {
         let kind = |thing: &Thing| {
             Some(Kind {

@@ -1,32 +1,33 @@
-//! What was where when: a car that drives through leaves the same cells behind as a parked one, but not all at once.
+//! Separates objects that occupied the same cells at different times: a passing car covers the same cells as a parked car, but not
+//! all at the same time.
 //!
-//! A *visit* is a stay of points in one cell without a pause of `apart_s`. Visits of cells that are as near as the dilation joins them
-//! hang together if no such pause lies between them; a *group* is what hangs together. A parked thing that was hidden for a
-//! while has several groups in one place, which are joined again; so has a lane through which several things drove, and these
-//! are not: a group that is *moving* lies at its end elsewhere than at its beginning.
+//! A *visit* is an interval in which a cell has points without a gap of `apart_s`. Visits of neighboring cells are connected if no
+//! such gap lies between them. A *group* is a connected set of visits. A parked object that was occluded for a while has several
+//! groups in one place, which are joined. A lane with several passing objects also has several groups, which are not joined because
+//! they are *moving*: the first and the last footprint of a moving group are in different places.
 
 use crate::footprints::Footprints;
 use crate::top_view::Cell;
 use ndarray::Array2;
 use std::collections::BTreeMap;
 
-/// How long the first and the last footprint of a group take, ns: five sweeps, so that rings that miss do not matter.
-pub(crate) const GLIMPSE_NANOS: i64 = 500_000_000;
+/// Duration of the first and of the last footprint of a group, ns: five sweeps, so that missing rings have no effect.
+pub(crate) const END_WINDOW_NANOS: i64 = 500_000_000;
 
-/// Footprints that share less than this part of the smaller one are in different places.
+/// A group moves if its first and its last footprint overlap by less than this fraction of the smaller one.
 const SAME_PLACE: f64 = 0.2;
 
-/// Groups of a standing thing share at least this part of the smaller one.
-const SAME_THING: f64 = 0.5;
+/// Groups of a standing object overlap by at least this fraction of the smaller one.
+const SAME_OBJECT: f64 = 0.5;
 
 const NONE: u32 = u32::MAX;
 
-/// A stay in a cell.
+/// An interval in which a cell has points.
 pub(crate) struct Visit {
     pub(crate) cell: Cell,
     pub(crate) begin: i64,
     pub(crate) end: i64,
-    /// The visit of the same cell before this one.
+    /// Previous visit of the same cell.
     before: u32,
 }
 
@@ -35,11 +36,12 @@ pub(crate) struct Visits {
     pub(crate) all: Vec<Visit>,
     /// Visit of each candidate.
     pub(crate) of_candidate: Vec<u32>,
+    /// Latest visit of each cell.
     latest: Array2<u32>,
 }
 
 impl Visits {
-    /// `times` are those of the candidates, ns; candidates are in their order but for the shots of one sweep.
+    /// `times` are the times of the candidates, ns. Candidates are sorted by time except within a sweep.
     pub(crate) fn of(footprints: &Footprints, times: impl Iterator<Item = i64>, apart_nanos: i64) -> Self {
         let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
         let mut all: Vec<Visit> = Vec::new();
@@ -60,7 +62,7 @@ impl Visits {
         Self { all, of_candidate, latest }
     }
 
-    /// Group of each visit, from 0, and how many groups. Cells hang together up to `reach` cells apart.
+    /// Group of each visit, from 0, and the number of groups. Cells up to `reach` cells apart are neighbors.
     pub(crate) fn groups(&self, footprints: &Footprints, apart_nanos: i64, reach: usize) -> (Vec<u32>, usize) {
         let mut sets = Sets::new(self.all.len());
         link_neighbors(&self.all, &self.latest, &footprints.parts, apart_nanos, reach, &mut sets);
@@ -82,7 +84,7 @@ fn link_neighbors(
         let (row, col) = visit.cell;
         let part = parts[visit.cell];
         let mut first = sets.find(idx);
-        // Half of the neighbors; the other half finds this one.
+        // Only half of the neighbors: the other half is visited from their side.
         for other_row in row..=(row + reach).min(latest.nrows() - 1) {
             let begin = if other_row == row { col + 1 } else { col.saturating_sub(reach) };
             for other_col in begin..=(col + reach).min(latest.ncols() - 1) {
@@ -93,7 +95,7 @@ fn link_neighbors(
                 while other != NONE {
                     let visit_there = &visits[other as usize];
                     let pause = (visit_there.begin - visit.end).max(visit.begin - visit_there.end);
-                    // Most neighbors are in the set already, by another neighbor.
+                    // Most neighbors are in the set already.
                     if pause <= apart_nanos && sets.0[other as usize] as usize != first {
                         first = sets.union_firsts(first, other as usize);
                     }
@@ -104,23 +106,23 @@ fn link_neighbors(
     }
 }
 
-/// Joins groups of one part that stand in the same place. How many groups are left.
+/// Joins standing groups of one part that are in the same place. Returns the number of remaining groups.
 fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footprints: &Footprints) -> usize {
     let mut spans = vec![(i64::MAX, i64::MIN); n];
     for (visit, &group) in visits.iter().zip(&*group_of_visit) {
         let (begin, end) = &mut spans[group as usize];
         (*begin, *end) = ((*begin).min(visit.begin), (*end).max(visit.end));
     }
-    // By group: cells, those of its beginning, those of its end.
+    // For each group: all cells, first cells, last cells.
     let mut cells: Vec<[Vec<Cell>; 3]> = vec![Default::default(); n];
     for (visit, &group) in visits.iter().zip(&*group_of_visit) {
         let (begin, end) = spans[group as usize];
         let [all, first, last] = &mut cells[group as usize];
         all.push(visit.cell);
-        if visit.begin <= begin + GLIMPSE_NANOS {
+        if visit.begin <= begin + END_WINDOW_NANOS {
             first.push(visit.cell);
         }
-        if visit.end >= end - GLIMPSE_NANOS {
+        if visit.end >= end - END_WINDOW_NANOS {
             last.push(visit.cell);
         }
     }
@@ -140,7 +142,7 @@ fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footpri
     for groups in by_part.values() {
         for (i, &a) in groups.iter().enumerate() {
             for &b in &groups[i + 1..] {
-                if overlap(&cells[a][0], &cells[b][0]) >= SAME_THING {
+                if overlap(&cells[a][0], &cells[b][0]) >= SAME_OBJECT {
                     sets.union(a, b);
                 }
             }
@@ -153,7 +155,7 @@ fn join_standing(visits: &[Visit], group_of_visit: &mut [u32], n: usize, footpri
     n
 }
 
-/// Share of the smaller of two sorted sets that the other has, too; 0 if one is empty.
+/// Overlap of two sorted sets as a fraction of the smaller one; 0 if one is empty.
 pub(crate) fn overlap<T: Ord>(a: &[T], b: &[T]) -> f64 {
     let (small, large) = if a.len() <= b.len() { (a, b) } else { (b, a) };
     let n_both = small.iter().filter(|member| large.binary_search(member).is_ok()).count();
@@ -179,14 +181,14 @@ impl Sets {
         let a = self.find(a);
         self.union_firsts(a, b);
     }
-    /// The union of the set of that first member and the set of any member; its first member.
+    /// Joins the set with first member `first` and the set of `member`. Returns the first member of the union.
     fn union_firsts(&mut self, first: usize, member: usize) -> usize {
         let other = self.find(member);
         let before = first.min(other);
         self.0[first.max(other)] = before as u32;
         before
     }
-    /// Number of each member's set in the order of the first members, and how many sets.
+    /// Number of the set of each member, in the order of first members, and the number of sets.
     pub(crate) fn numbers(&mut self) -> (Vec<u32>, usize) {
         let mut numbers = vec![0; self.0.len()];
         let mut n = 0;

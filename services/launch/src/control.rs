@@ -1,7 +1,7 @@
-//! The supervisor's ear: requests from other terminals, and the answers to them. See [`stage::control`].
+//! Requests from other terminals, such as `replica swap` and `replica stop`, and the answers to them. See [`run::control`].
 
 use ipc::Domain;
-use stage::control::{Answer, MAX_REQUEST, Request, socket_of};
+use run::control::{Answer, MAX_REQUEST, Request, socket_of};
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
@@ -9,150 +9,175 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Those who ask at a time: people at terminals.
-const MAX_ASKERS: usize = 8;
-/// Who connects has this long to say what for.
-const REQUEST_PATIENCE: Duration = Duration::from_secs(5);
-/// How often those who wait hear that they are not forgotten; they give up after ten seconds.
-const SPEAK_EVERY: Duration = Duration::from_secs(1);
+/// Clients at a time: people at terminals.
+const MAX_CLIENTS: usize = 8;
+/// From the connection to the complete request.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
+/// How often a waiting client gets an answer; it gives up after ten seconds without one.
+const ANSWER_EVERY: Duration = Duration::from_secs(1);
 
-/// Names one who asked.
-pub type AskerId = u64;
+/// Identifies a client.
+pub type ClientId = u64;
 
-/// Listens as long as it lives.
+/// Why the supervisor cannot listen.
+#[derive(Debug, thiserror::Error)]
+pub enum ControlError {
+    /// The socket cannot be made.
+    #[error("{socket}: {source}")]
+    Socket {
+        /// The socket.
+        socket: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// Other users could connect.
+    #[error("{folder}: the folder is accessible to other users")]
+    Accessible {
+        /// The folder of the socket.
+        folder: PathBuf,
+    },
+}
+
+/// Listens until it is dropped.
 pub struct Control {
     listener: UnixListener,
     folder: PathBuf,
-    askers: BTreeMap<AskerId, Asker>,
-    next_id: AskerId,
+    clients: BTreeMap<ClientId, Client>,
+    next_id: ClientId,
 }
 
-struct Asker {
+struct Client {
     stream: UnixStream,
     connected: Instant,
-    /// What has been read of the request. `None`: it has been handed over.
+    /// The part of the request that was received. `None`: the request was returned by [`Control::requests`].
     request: Option<Vec<u8>>,
-    /// What is being done for them.
-    doing: String,
-    spoken: Instant,
+    /// The last intermediate answer.
+    working: String,
+    answered: Instant,
 }
 
 impl Control {
-    /// Listens for the run of `domain`. What a dead supervisor of the same run left is replaced.
-    pub fn open(domain: &Domain) -> Result<Self, String> {
+    /// Listens for the run of `domain`. The socket of a killed supervisor of the same run is replaced.
+    pub fn open(domain: &Domain) -> Result<Self, ControlError> {
         let socket = socket_of(domain.name());
         let folder = socket.parent().unwrap_or(Path::new("/tmp")).to_owned();
-        let failed = |error: std::io::Error| format!("{}: {error}", socket.display());
+        let failed = |source: std::io::Error| ControlError::Socket { socket: socket.clone(), source };
         ignore_absent(std::fs::remove_dir_all(&folder)).map_err(failed)?;
-        // Another user's folder of this name cannot be removed, and this one's is nobody else's.
+        // A folder of another user cannot be removed, so creating it fails; the new one belongs to this user.
         std::fs::DirBuilder::new().mode(0o700).create(&folder).map_err(failed)?;
         if std::fs::metadata(&folder).map_err(failed)?.mode() & 0o077 != 0 {
-            return Err(format!("{} is open to other users", folder.display()));
+            return Err(ControlError::Accessible { folder });
         }
         let listener = UnixListener::bind(&socket).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
-        Ok(Self { listener, folder, askers: BTreeMap::new(), next_id: 0 })
+        Ok(Self { listener, folder, clients: BTreeMap::new(), next_id: 0 })
     }
 
-    /// What has been asked for since the last call. Never waits.
-    pub fn requests(&mut self) -> Vec<(AskerId, Request)> {
+    /// The requests since the last call. Never waits.
+    pub fn requests(&mut self) -> Vec<(ClientId, Request)> {
         while let Ok((stream, _)) = self.listener.accept() {
-            if self.askers.len() < MAX_ASKERS && stream.set_nonblocking(true).is_ok() {
+            if self.clients.len() < MAX_CLIENTS && stream.set_nonblocking(true).is_ok() {
                 let now = Instant::now();
                 let request = Some(Vec::new());
-                let asker = Asker { stream, connected: now, request, doing: String::new(), spoken: now };
-                self.askers.insert(self.next_id, asker);
+                let client = Client { stream, connected: now, request, working: String::new(), answered: now };
+                self.clients.insert(self.next_id, client);
                 self.next_id += 1;
             }
         }
         let mut requests = Vec::new();
-        self.askers.retain(|id, asker| match asker.read_request() {
-            Reading::Request(request) => {
+        self.clients.retain(|id, client| match client.read_request() {
+            Received::Request(request) => {
                 requests.push((*id, request));
                 true
             }
-            Reading::Wait => asker.speak_if_due(),
-            Reading::Gone => false,
+            Received::Incomplete => client.answer_if_due(),
+            Received::Disconnected => false,
         });
         requests
     }
 
-    /// Says what is being done for the one who asked, now and every second.
-    pub fn working(&mut self, id: AskerId, text: &str) {
-        if let Some(asker) = self.askers.get_mut(&id) {
-            text.clone_into(&mut asker.doing);
-            if !asker.say(&Answer::Working(text.to_owned())) {
-                self.askers.remove(&id);
+    /// Tells the client what is being done for it, now and every second.
+    pub fn working(&mut self, id: ClientId, text: &str) {
+        if let Some(client) = self.clients.get_mut(&id) {
+            text.clone_into(&mut client.working);
+            if !client.send(&Answer::Working(text.to_owned())) {
+                self.clients.remove(&id);
             }
         }
     }
 
-    /// The last word. Who has left does not hear it.
-    pub fn answer(&mut self, id: AskerId, answer: &Answer) {
-        if let Some(mut asker) = self.askers.remove(&id) {
-            asker.say(answer);
+    /// Sends the final answer, if the client is still connected.
+    pub fn answer(&mut self, id: ClientId, answer: &Answer) {
+        if let Some(mut client) = self.clients.remove(&id) {
+            client.send(answer);
         }
     }
 
-    /// The last word to all who still wait.
+    /// Tells all waiting clients that the run has ended.
     pub fn end(&mut self, outcome: &str) {
-        for (_, mut asker) in std::mem::take(&mut self.askers) {
-            asker.say(&Answer::Ended(outcome.to_owned()));
+        for (_, mut client) in std::mem::take(&mut self.clients) {
+            client.send(&Answer::Ended(outcome.to_owned()));
         }
     }
 }
 
 impl Drop for Control {
     fn drop(&mut self) {
-        // What cannot be removed is replaced by the next run.
+        // The next run replaces a folder that cannot be removed.
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
 
-enum Reading {
+enum Received {
     Request(Request),
-    Wait,
-    Gone,
+    Incomplete,
+    Disconnected,
 }
 
-impl Asker {
-    fn read_request(&mut self) -> Reading {
-        let Some(text) = &mut self.request else { return Reading::Wait };
+impl Client {
+    fn read_request(&mut self) -> Received {
+        let Some(text) = &mut self.request else { return Received::Incomplete };
         let mut bytes = [0; 4096];
         loop {
             match self.stream.read(&mut bytes) {
-                Ok(0) => return Reading::Gone,
+                Ok(0) => return Received::Disconnected,
                 Ok(n) => text.extend_from_slice(&bytes[..n]),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(_) => return Reading::Gone,
+                Err(_) => return Received::Disconnected,
             }
             if text.len() > MAX_REQUEST {
-                return Reading::Gone;
+                return Received::Disconnected;
             }
         }
         let Some(end) = text.iter().position(|byte| *byte == b'\n') else {
-            return if self.connected.elapsed() < REQUEST_PATIENCE { Reading::Wait } else { Reading::Gone };
+            return if self.connected.elapsed() < REQUEST_TIMEOUT {
+                Received::Incomplete
+            } else {
+                Received::Disconnected
+            };
         };
         match serde_json::from_slice(&text[..end]) {
             Ok(request) => {
                 self.request = None;
-                Reading::Request(request)
+                Received::Request(request)
             }
             Err(error) => {
-                self.say(&Answer::Refused(vec![format!("a request that this supervisor does not know: {error}")]));
-                Reading::Gone
+                self.send(&Answer::Refused(vec![format!("unknown request: {error}")]));
+                Received::Disconnected
             }
         }
     }
 
-    /// `false` if nobody is there any more.
-    fn speak_if_due(&mut self) -> bool {
-        self.request.is_some() || self.spoken.elapsed() < SPEAK_EVERY || self.say(&Answer::Working(self.doing.clone()))
+    /// `false` if the client is gone.
+    fn answer_if_due(&mut self) -> bool {
+        self.request.is_some()
+            || self.answered.elapsed() < ANSWER_EVERY
+            || self.send(&Answer::Working(self.working.clone()))
     }
 
-    /// One line; it is small enough for the socket's buffer, or the reader is stuck.
-    fn say(&mut self, answer: &Answer) -> bool {
-        self.spoken = Instant::now();
+    /// Sends one line. It fits into the socket's buffer unless the client has stopped reading.
+    fn send(&mut self, answer: &Answer) -> bool {
+        self.answered = Instant::now();
         let mut text = serde_json::to_vec(answer).unwrap_or_default();
         text.push(b'\n');
         self.stream.write_all(&text).is_ok()

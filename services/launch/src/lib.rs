@@ -1,41 +1,48 @@
-//! The supervisor: checks a launch.toml and everything that it names, starts its stages as processes, watches them, and
-//! sums up. It knows stages only by what they say of themselves (`--describe`), and never touches a point.
+//! The supervisor: checks a launch.toml and everything that it names, starts its stages as processes, observes them, and
+//! writes a summary. It knows a stage only by its description (`--describe`), and never touches a point.
+//!
+//! | module | idea |
+//! |---|---|
+//! | `check` | launch file to `plan`: tables (`manifest`), programs, dataflow |
+//! | `supervise` | the life of a run: attempts, processes, restarts |
+//! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
+//! | `swap` | replacing a stage of a running pipeline |
+//! | `log` | events on stderr, as text or as JSON |
 
+mod active_run;
 mod check;
-mod child;
 mod control;
 mod costs;
-mod events;
-mod exhausted;
-mod fit;
-mod graph;
+mod decision;
+mod log;
 mod manifest;
 mod metrics;
 mod plan;
 mod programs;
+mod progress;
 mod recorder;
+mod resources;
 mod run_folder;
-mod screen;
-mod sourced;
+mod stage_figures;
+mod stage_process;
 mod supervise;
 mod swap;
 mod swap_record;
-mod watch;
 
 use clap::Parser;
-use events::{Log, json_line};
+use log::LogFormat;
 use plan::Selection;
-use stage::exit;
+use run::exit;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use supervise::Asides;
+use supervise::Options;
 
 /// Runs the stages of a launch file, each as its own process.
 #[derive(Parser)]
 #[command(
     name = "replica-launch",
     version,
-    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but not complete, 78 bad configuration"
+    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but not complete, 78 wrong configuration"
 )]
 struct Arguments {
     /// The launch file
@@ -44,8 +51,8 @@ struct Arguments {
     /// Replace a setting, e.g. --set run.drive=drives/monday (may be repeated)
     #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
     overrides: Vec<String>,
-    /// The table of the run's source, e.g. replay: stages are left out that produce what it produces, that then lack an
-    /// input, or whose results then nobody reads
+    /// The table of the run's source, e.g. replay. It replaces the stages that produce its topics. Stages that then lack an
+    /// input, or whose topics no stage reads any more, are left out
     #[arg(long, value_name = "TABLE")]
     source: Option<String>,
     /// Leave a stage out (may be repeated)
@@ -57,53 +64,46 @@ struct Arguments {
     /// Topics to record, e.g. submap,color
     #[arg(long, value_delimiter = ',', requires = "record")]
     topics: Vec<String>,
-    /// Go on from the last barrier of a run into the same output that was killed or given up
+    /// Continue a killed or failed run into the same output from its last barrier
     #[arg(long)]
     resume: bool,
-    /// Report every fault of the launch file and of what it names, and start nothing
+    /// Report all problems of the launch file and of everything that it names; start nothing
     #[arg(long)]
     check: bool,
-    /// Print the stages and topics as a Mermaid diagram, and start nothing
+    /// Print the stages and topics as a Mermaid diagram; start nothing
     #[arg(long)]
     graph: bool,
     /// Write the run's figures into this file about once a second, in Prometheus' text format
     #[arg(long, value_name = "FILE")]
     metrics: Option<PathBuf>,
-    /// How the run speaks on stderr, and its stages in their logs
-    #[arg(long, value_enum, default_value_t = Log::Text)]
-    log: Log,
+    /// Format of the messages on stderr and of the stages' logs
+    #[arg(long, value_enum, default_value_t = LogFormat::Text)]
+    log: LogFormat,
 }
 
 /// The whole program.
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    arguments.log.install();
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
     let plan = match check::plan(&arguments.launch_file, &arguments.overrides, &selection) {
         Ok(plan) => plan,
-        Err(faults) => {
-            for fault in &faults {
-                say(arguments.log, "problem", fault);
+        Err(problems) => {
+            for problem in &problems {
+                tracing::error!(kind = "problem", "{problem}");
             }
-            let (file, plural) = (arguments.launch_file.display(), if faults.len() == 1 { "" } else { "s" });
-            say(arguments.log, "said", &format!("{file}: {} fault{plural}", faults.len()));
+            let (file, plural) = (arguments.launch_file.display(), if problems.len() == 1 { "" } else { "s" });
+            tracing::error!("{file}: {} problem{plural}", problems.len());
             return ExitCode::from(exit::CONFIGURATION);
         }
     };
     if arguments.graph {
-        print!("{}", graph::mermaid(&plan.stages));
+        print!("{}", check::dataflow::mermaid(&plan.stages));
     } else if arguments.check {
-        println!("{}: {} stages, no faults", arguments.launch_file.display(), plan.stages.len());
+        println!("{}: {} stages, no problems", arguments.launch_file.display(), plan.stages.len());
     } else {
         let Arguments { resume, log, metrics, record, .. } = arguments;
-        return ExitCode::from(supervise::run(plan, resume, Asides { log, metrics, record }));
+        return ExitCode::from(supervise::run(plan, resume, Options { log, metrics, record }));
     }
     ExitCode::from(exit::DONE)
-}
-
-/// Before there is a screen.
-fn say(log: Log, kind: &str, message: &str) {
-    match log {
-        Log::Text => eprintln!("{message}"),
-        Log::Json => eprint!("{}", json_line(kind, message, serde_json::Value::Null)),
-    }
 }

@@ -1,26 +1,36 @@
 //! `--metrics FILE`: the run's figures in Prometheus' text exposition format, for a node exporter's textfile collector.
 
+mod page;
+
 use formats::atomic_file::AtomicFile;
-use stage::health::{Health, Latency};
+use page::Page;
+use run::health::Health;
 use std::collections::BTreeMap;
-use std::fmt::{Display, Write as _};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Who collects looks every few seconds at most.
+/// Collectors read every few seconds at most.
 const WRITE_EVERY: Duration = Duration::from_secs(1);
+
+/// Why the first file cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("--metrics {file}: cannot be written: {source}")]
+pub struct MetricsError {
+    file: PathBuf,
+    source: std::io::Error,
+}
 
 /// Writes the file, about once a second and at the end.
 pub struct Metrics {
     file: Option<PathBuf>,
     written: Option<Instant>,
-    failed: bool,
+    has_failed: bool,
     stages: BTreeMap<String, Totals>,
 }
 
-/// What only rises over the whole run, though a restart sets a stage back to its last barrier: work done again is not
-/// counted twice.
+/// Totals that only rise over the whole run, although a restart sets a stage back to its last barrier: repeated work counts
+/// once.
 #[derive(Default)]
 struct Totals {
     ticks: u64,
@@ -34,14 +44,14 @@ struct Totals {
 }
 
 impl Totals {
-    fn take_in(&mut self, health: &Health) {
+    fn add(&mut self, health: &Health) {
         self.ticks = self.ticks.max(health.ticks);
         self.points = self.points.max(health.points);
         for (topic, traffic) in &health.outputs {
             let (messages, bytes) = self.published.entry(topic.clone()).or_default();
             (*messages, *bytes) = ((*messages).max(traffic.messages), (*bytes).max(traffic.bytes));
         }
-        // A process' CPU time only rises: less is that of a new one.
+        // The CPU time of a process only rises: a lower one is that of a new process.
         if health.cpu_s < self.cpu_s {
             self.cpu_before_s += self.cpu_s;
         }
@@ -50,44 +60,45 @@ impl Totals {
 }
 
 impl Metrics {
-    /// Writes a first file, so that a path that cannot be written is known before anything starts.
-    pub fn new(file: Option<&Path>) -> Result<Self, String> {
+    /// Writes a first file, so that a path that cannot be written is reported before anything starts.
+    pub fn new(file: Option<&Path>) -> Result<Self, MetricsError> {
         if let Some(file) = file {
-            write(file, "").map_err(|error| format!("--metrics {error}"))?;
+            write(file, "").map_err(|source| MetricsError { file: file.to_owned(), source })?;
         }
-        Ok(Self { file: file.map(Path::to_owned), written: None, failed: false, stages: BTreeMap::new() })
+        Ok(Self { file: file.map(Path::to_owned), written: None, has_failed: false, stages: BTreeMap::new() })
     }
 
-    /// Writes the file if it is time to. What is to be said to the operator, once, if it cannot be written.
+    /// Writes the file if it is time to.
     pub fn update<'a>(
         &mut self,
         stages: impl Iterator<Item = (&'a str, &'a Health)>,
         shared_memory_bytes: impl Fn() -> u64,
         restarts: u32,
-    ) -> Option<String> {
-        if self.file.is_none() || self.written.is_some_and(|written| written.elapsed() < WRITE_EVERY) {
-            return None;
+    ) {
+        if self.file.is_some() && self.written.is_none_or(|written| written.elapsed() >= WRITE_EVERY) {
+            self.write(stages, shared_memory_bytes(), restarts);
         }
-        self.write(stages, shared_memory_bytes(), restarts)
     }
 
-    /// As [`Metrics::update`], whether or not it is time to.
+    /// Writes the file. If it cannot be written, the first failure is logged.
     pub fn write<'a>(
         &mut self,
         stages: impl Iterator<Item = (&'a str, &'a Health)>,
         shared_memory_bytes: u64,
         restarts: u32,
-    ) -> Option<String> {
-        let file = self.file.clone()?;
+    ) {
+        let Some(file) = self.file.clone() else { return };
         self.written = Some(Instant::now());
         let stages: Vec<(&str, &Health)> = stages.collect();
         for (name, health) in &stages {
-            self.stages.entry((*name).to_owned()).or_default().take_in(health);
+            self.stages.entry((*name).to_owned()).or_default().add(health);
         }
         let text = self.text(&stages, shared_memory_bytes, restarts);
-        let error = write(&file, &text).err()?;
-        let first = !std::mem::replace(&mut self.failed, true);
-        first.then(|| format!("metrics are not written: {error}"))
+        if let Err(error) = write(&file, &text)
+            && !std::mem::replace(&mut self.has_failed, true)
+        {
+            tracing::warn!("metrics cannot be written: {}: {error}", file.display());
+        }
     }
 
     fn text(&self, stages: &[(&str, &Health)], shared_memory_bytes: u64, restarts: u32) -> String {
@@ -171,53 +182,18 @@ impl Metrics {
     }
 }
 
-/// Text in the exposition format, version 0.0.4.
-#[derive(Default)]
-struct Page {
-    text: String,
-    family: &'static str,
-}
-
-impl Page {
-    /// Begins a family; the samples that follow are its.
-    fn family(&mut self, name: &'static str, kind: &str, help: &str) {
-        self.family = name;
-        // Writing to a string cannot fail.
-        let _ = writeln!(self.text, "# HELP {name} {help}\n# TYPE {name} {kind}");
-    }
-
-    fn sample(&mut self, suffix: &str, labels: &[(&str, &str)], value: impl Display) {
-        let labels: Vec<String> = labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value))).collect();
-        let labels = if labels.is_empty() { String::new() } else { format!("{{{}}}", labels.join(",")) };
-        let _ = writeln!(self.text, "{}{suffix}{labels} {value}", self.family);
-    }
-
-    fn summary(&mut self, labels: &[(&str, &str)], latency: &Latency) {
-        for (quantile, ms) in [("0.5", latency.p50_ms), ("0.99", latency.p99_ms), ("1", latency.max_ms)] {
-            self.sample("", &[labels, &[("quantile", quantile)]].concat(), ms * 1e-3);
-        }
-        self.sample("_sum", labels, latency.mean_ms * latency.count as f64 * 1e-3);
-        self.sample("_count", labels, latency.count);
-    }
-}
-
-fn escaped(value: &str) -> String {
-    value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
-}
-
-/// Who collects reads at any moment and finds a whole file. It need not come to the disk: the next is a second away.
-fn write(file: &Path, text: &str) -> Result<(), String> {
-    let written = AtomicFile::create(file).and_then(|partial| {
-        partial.file().write_all(text.as_bytes())?;
-        partial.commit_unsynced()
-    });
-    written.map_err(|error| format!("{}: {error}", file.display()))
+/// Collectors may read at any moment, so the file is complete at any moment. It need not reach the disk: the next one follows
+/// in a second.
+fn write(file: &Path, text: &str) -> std::io::Result<()> {
+    let partial = AtomicFile::create(file)?;
+    partial.file().write_all(text.as_bytes())?;
+    partial.commit_unsynced()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stage::health::{Arrivals, Traffic};
+    use run::health::{Arrivals, Latency, Traffic};
     use std::collections::BTreeSet;
 
     fn health(ticks: u64, cpu_s: f64) -> Health {
@@ -238,15 +214,15 @@ mod tests {
     }
 
     fn written(metrics: &mut Metrics, stages: &[(&str, Health)]) -> String {
-        let said = metrics.write(stages.iter().map(|(name, health)| (*name, health)), 4096, 1);
-        assert_eq!(said, None);
+        metrics.write(stages.iter().map(|(name, health)| (*name, health)), 4096, 1);
+        assert!(!metrics.has_failed);
         std::fs::read_to_string(metrics.file.as_ref().expect("a file")).expect("written")
     }
 
     /// The rules of the format: names, one HELP and one TYPE before a family's samples, each family in one piece, no sample
     /// twice, counters ending in `_total`.
     #[test]
-    fn the_page_keeps_the_rules_of_the_format() {
+    fn page_keeps_the_rules_of_the_format() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut metrics = Metrics::new(Some(&folder.path().join("replica.prom"))).expect("can be written");
         let text = written(&mut metrics, &[("re\"l\\ay\n", health(10, 1.0)), ("source", health(12, 1.0))]);
@@ -280,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_restart_sets_back_does_not_fall() {
+    fn totals_do_not_fall_at_a_restart() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut metrics = Metrics::new(Some(&folder.path().join("replica.prom"))).expect("can be written");
         for (ticks, cpu_s) in [(10, 2.0), (0, 0.0), (4, 0.5)] {
@@ -298,14 +274,14 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_written_is_known_at_once_and_said_once() {
+    fn unwritable_file_is_refused_at_the_start_and_tolerated_later() {
         let folder = tempfile::tempdir().expect("a folder");
         let inside = folder.path().join("inside");
         assert!(Metrics::new(Some(&inside.join("replica.prom"))).is_err());
         std::fs::create_dir(&inside).expect("made");
         let mut metrics = Metrics::new(Some(&inside.join("replica.prom"))).expect("can be written");
         std::fs::remove_dir_all(&inside).expect("removed");
-        assert!(metrics.write(std::iter::empty(), 0, 0).expect("is said").contains("replica.prom"));
-        assert_eq!(metrics.write(std::iter::empty(), 0, 0), None);
+        metrics.write(std::iter::empty(), 0, 0);
+        assert!(metrics.has_failed);
     }
 }

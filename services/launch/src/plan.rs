@@ -1,16 +1,16 @@
-//! What a checked launch file comes to.
+//! A checked launch file: everything that a run needs to know.
 
 use crate::manifest::{Run, Simulate, StageTable};
 use ipc::Domain;
-use stage::Context;
-use stage::assignment::{Description, TopicChannels};
-use stage::wiring::{WiredStage, WiredTopic, Wiring};
+use run::Context;
+use run::assignment::{Description, TopicChannels};
+use run::wiring::{WiredStage, WiredTopic, Wiring};
 use std::path::PathBuf;
 
 /// Which of the launch file's stages run, and what is recorded.
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
-    /// The source's table; the stages whose place it takes are left out.
+    /// The source's table; the stages that it replaces are left out.
     pub source: Option<String>,
     /// Tables left out.
     pub without: Vec<String>,
@@ -18,7 +18,7 @@ pub struct Selection {
     pub recorded: Vec<String>,
 }
 
-/// Everything that a run needs to know; nothing in it is in doubt any more.
+/// Everything that a run needs to know, checked.
 pub struct Plan {
     /// The launch file, absolute.
     pub launch_file: PathBuf,
@@ -26,20 +26,20 @@ pub struct Plan {
     pub overrides: Vec<String>,
     /// `[run]`.
     pub run: Run,
-    /// `[simulate]`, if the drive has to be made.
+    /// `[simulate]`, if the drive must be simulated.
     pub simulate: Option<Simulate>,
     /// Handed to every stage.
     pub context: Context,
-    /// The stages in the order of the dataflow.
+    /// The stages in dataflow order.
     pub stages: Vec<PlannedStage>,
     /// What the command line selected.
     pub selection: Selection,
-    /// What the operator should know of the selection.
+    /// A remark for the operator about the selection.
     pub remark: Option<String>,
 }
 
 impl Plan {
-    /// The plan as those see it who look on.
+    /// The plan as observers see it.
     pub fn wiring(&self, domain: &Domain, attempt: u32) -> Wiring {
         let stages = self.stages.iter().map(PlannedStage::wired).collect();
         let supervisor = std::process::id();
@@ -58,7 +58,7 @@ pub struct PlannedStage {
     pub program: PathBuf,
     /// The supervisor's keys of its table.
     pub table: StageTable,
-    /// What it says of itself.
+    /// Its topics and settings.
     pub description: Description,
     /// Topics that it reads and that have a producer.
     pub inputs: Vec<TopicChannels>,

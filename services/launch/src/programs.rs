@@ -1,29 +1,100 @@
-//! The stages' binaries: where they are and what they say.
+//! The stages' programs: where they are, how they describe themselves, and what is wrong with their settings.
 
 use crate::manifest::Simulate;
+use run::assignment::Description;
+use run::process::{ProgramMissing, own_folder, sibling};
+use run::{CheckRequest, DescribeRequest, Problem, nearest_key};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use stage::assignment::Description;
-use stage::process::{own_folder, sibling};
-use stage::{CheckRequest, DescribeRequest, Problem, nearest_key};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A program that describes itself has this long; it does nothing else.
-const ANSWER_PATIENCE: Duration = Duration::from_secs(30);
+/// A program that describes itself does nothing else in the meantime.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The binary of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
-pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, String> {
+/// Why a program cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ProgramError {
+    /// `program` names no file.
+    #[error("program {program} does not exist")]
+    Absent {
+        /// The path.
+        program: PathBuf,
+    },
+    /// There is no stage of the table's name.
+    #[error("{hint} ({absent}, and the table has no `program`)")]
+    UnknownStage {
+        /// The closest names.
+        hint: String,
+        /// The program that was expected.
+        absent: ProgramMissing,
+    },
+    /// A program of the project is not beside this one.
+    #[error(transparent)]
+    NotBesideThis(#[from] ProgramMissing),
+    /// The program cannot be started.
+    #[error("{program}: cannot be started: {source}")]
+    Start {
+        /// The program.
+        program: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// The program cannot be waited for or read.
+    #[error("{program} {question}: {source}")]
+    Read {
+        /// The program.
+        program: PathBuf,
+        /// Its first argument.
+        question: String,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// No answer in time.
+    #[error("{program} {question}: no answer within {} s", ANSWER_TIMEOUT.as_secs())]
+    Timeout {
+        /// The program.
+        program: PathBuf,
+        /// Its first argument.
+        question: String,
+    },
+    /// The program failed.
+    #[error("{program} {question}: {status}: {stderr}")]
+    Failed {
+        /// The program.
+        program: PathBuf,
+        /// Its first argument.
+        question: String,
+        /// How it ended.
+        status: ExitStatus,
+        /// What it wrote to stderr.
+        stderr: String,
+    },
+    /// The answer cannot be read.
+    #[error("{program} {question}: invalid answer; is it a stage of this version? {source}")]
+    Answer {
+        /// The program.
+        program: PathBuf,
+        /// Its first argument.
+        question: String,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+}
+
+/// The program of a table: `program`, relative to the launch file, or `replica-<table>` beside this one.
+pub fn find(table: &str, program: &str, launch_folder: &Path) -> Result<PathBuf, ProgramError> {
     if !program.is_empty() {
-        let path = launch_folder.join(program);
-        return if path.is_file() { Ok(path) } else { Err(format!("program {} is not there", path.display())) };
+        let program = launch_folder.join(program);
+        return if program.is_file() { Ok(program) } else { Err(ProgramError::Absent { program }) };
     }
     sibling(&format!("replica-{table}")).map_err(|absent| {
         let known = known_stages();
         let hint = nearest_key(table, known.iter().map(String::as_str)).replace("unknown key", "no such stage");
-        format!("{hint} ({absent}, and no `program` is given)")
+        ProgramError::UnknownStage { hint, absent }
     })
 }
 
@@ -38,20 +109,18 @@ fn known_stages() -> Vec<String> {
     names
 }
 
-/// Asks a program what it is with the settings of its table.
-pub fn describe(program: &Path, request: &DescribeRequest) -> Result<Description, String> {
-    let request = serde_json::to_string(request).map_err(|error| error.to_string())?;
-    ask(program, &["--describe", &request])
+/// Topics and settings of a program, with the settings of its table.
+pub fn describe(program: &Path, request: &DescribeRequest) -> Result<Description, ProgramError> {
+    ask(program, "--describe", request)
 }
 
-/// Asks a program what is wrong with its table.
-pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, String> {
-    let request = serde_json::to_string(request).map_err(|error| error.to_string())?;
-    ask(program, &["--check", &request])
+/// The problems of a program's table.
+pub fn check(program: &Path, request: &CheckRequest) -> Result<Vec<Problem>, ProgramError> {
+    ask(program, "--check", request)
 }
 
-/// Puts a question to many programs at the same time, because each takes some ms to start. The answers have the questions' order.
-pub fn at_once<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) -> Vec<A> {
+/// Asks many programs at the same time, because each takes some ms to start. The answers have the order of the questions.
+pub fn ask_all<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) -> Vec<A> {
     let ask = &ask;
     std::thread::scope(|scope| {
         let thread = || std::thread::Builder::new().name("question".to_owned());
@@ -66,16 +135,17 @@ pub fn at_once<Q: Sync, A: Send>(questions: &[Q], ask: impl Fn(&Q) -> A + Sync) 
     })
 }
 
-fn ask<T: DeserializeOwned>(program: &Path, arguments: &[&str]) -> Result<T, String> {
-    let name = program.display();
-    let failed = |error: std::io::Error| format!("{name} {}: {error}", arguments[0]);
+fn ask<T: DeserializeOwned>(program: &Path, question: &str, request: &impl Serialize) -> Result<T, ProgramError> {
+    let (program_path, question_text) = (|| program.to_owned(), || question.to_owned());
+    let failed = |source| ProgramError::Read { program: program_path(), question: question_text(), source };
+    let invalid = |source| ProgramError::Answer { program: program_path(), question: question_text(), source };
     let mut child = Command::new(program)
-        .args(arguments)
+        .args([question, &serde_json::to_string(request).map_err(invalid)?])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .map_err(|error| format!("{name} cannot be started: {error}"))?;
+        .map_err(|source| ProgramError::Start { program: program_path(), source })?;
     let stdout = read_in_background(child.stdout.take()).map_err(failed)?;
     let stderr = read_in_background(child.stderr.take()).map_err(failed)?;
     let begun = Instant::now();
@@ -83,22 +153,22 @@ fn ask<T: DeserializeOwned>(program: &Path, arguments: &[&str]) -> Result<T, Str
         if let Some(status) = child.try_wait().map_err(failed)? {
             break status;
         }
-        if begun.elapsed() > ANSWER_PATIENCE {
+        if begun.elapsed() > ANSWER_TIMEOUT {
             // Whether or not it can be killed, there is no answer.
             let _ = child.kill().and_then(|()| child.wait());
-            return Err(format!("{name} {}: no answer within {} s", arguments[0], ANSWER_PATIENCE.as_secs()));
+            return Err(ProgramError::Timeout { program: program_path(), question: question_text() });
         }
         std::thread::sleep(Duration::from_millis(1));
     };
-    let (answer, words) = (stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default());
+    let (answer, stderr) = (stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default());
     if !status.success() {
-        return Err(format!("{name} {}: {status}: {}", arguments[0], String::from_utf8_lossy(&words).trim()));
+        let stderr = String::from_utf8_lossy(&stderr).trim().to_owned();
+        return Err(ProgramError::Failed { program: program_path(), question: question_text(), status, stderr });
     }
-    serde_json::from_slice(&answer)
-        .map_err(|error| format!("{name} {}: the answer is none of a stage of this version: {error}", arguments[0]))
+    serde_json::from_slice(&answer).map_err(invalid)
 }
 
-/// Reads to the end, so that a program with much to say is not held up.
+/// Reads to the end, so that a full pipe does not block the program.
 fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Result<JoinHandle<Vec<u8>>> {
     std::thread::Builder::new().name("answer".to_owned()).spawn(move || {
         let mut bytes = Vec::new();
@@ -110,8 +180,8 @@ fn read_in_background(pipe: Option<impl Read + Send + 'static>) -> std::io::Resu
     })
 }
 
-/// Makes the drive with the `replica` that lies beside this program; a rig file's path is seen from the launch file's `folder`.
-pub fn simulate(simulate: &Simulate, folder: &Path, drive: &Path) -> Result<(), String> {
+/// Simulates the drive with the `replica` beside this program. The path of a rig file is relative to `folder`.
+pub fn simulate(simulate: &Simulate, folder: &Path, drive: &Path) -> Result<(), ProgramError> {
     let program = sibling("replica")?;
     let status = Command::new(&program)
         .args(simulate.arguments())
@@ -120,6 +190,14 @@ pub fn simulate(simulate: &Simulate, folder: &Path, drive: &Path) -> Result<(), 
         .arg(drive)
         .stdin(Stdio::null())
         .status()
-        .map_err(|error| format!("{} cannot be started: {error}", program.display()))?;
-    if status.success() { Ok(()) } else { Err(format!("{} simulate: {status}", program.display())) }
+        .map_err(|source| ProgramError::Start { program: program.clone(), source })?;
+    if status.success() {
+        return Ok(());
+    }
+    Err(ProgramError::Failed {
+        program,
+        question: "simulate".to_owned(),
+        status,
+        stderr: "see the messages above".to_owned(),
+    })
 }

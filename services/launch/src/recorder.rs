@@ -1,9 +1,9 @@
 //! `replica record` beside the run.
 
 use crate::plan::Plan;
+use run::exit;
+use run::process::{ProgramMissing, sibling};
 use rustix::process::{Pid, Signal, kill_process};
-use stage::exit;
-use stage::process::sibling;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -12,27 +12,64 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What the run has published is on its way to the disk when the run ends; a slow disk takes its time for a queue's
-/// length of the largest messages and an index.
-const FINISH_PATIENCE: Duration = Duration::from_mins(1);
+/// When the run ends, the recorder still writes a queue of messages and an index, which takes long on a slow disk.
+const FINISH_TIMEOUT: Duration = Duration::from_mins(1);
 
-/// The recorder's process. If it dies, the run goes on without it.
+/// Why a recording was not begun or is not complete.
+#[derive(Debug, thiserror::Error)]
+pub enum RecorderError {
+    /// The program is not beside this one.
+    #[error(transparent)]
+    Program(#[from] ProgramMissing),
+    /// The program cannot be started.
+    #[error("{program} record: cannot be started: {source}")]
+    Start {
+        /// The program.
+        program: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// It ended well, but messages are missing.
+    #[error("the recording {file} is not complete; the run is {outcome}")]
+    Incomplete {
+        /// The recording.
+        file: PathBuf,
+        /// How the run ended.
+        outcome: &'static str,
+    },
+    /// It ended with an error.
+    #[error("the recording {file} failed: {status}")]
+    Failed {
+        /// The recording.
+        file: PathBuf,
+        /// How the recorder ended.
+        status: ExitStatus,
+    },
+    /// It did not end.
+    #[error("the recorder of {file} did not finish within {} s", FINISH_TIMEOUT.as_secs())]
+    Timeout {
+        /// The recording.
+        file: PathBuf,
+    },
+}
+
+/// The recorder's process. If it dies, the run continues without it.
 pub struct Recorder {
     output: PathBuf,
     file: PathBuf,
     topics: String,
     child: Option<Child>,
-    /// Attempts for which it has said that it is attached.
+    /// Attempts to which it has attached.
     ready: Arc<AtomicU64>,
     /// Attempts that were started.
     attempts: u64,
-    gone: Option<ExitStatus>,
-    reported: bool,
+    ended: Option<ExitStatus>,
+    is_reported: bool,
 }
 
 impl Recorder {
     /// For the plan's run; nothing is started yet.
-    pub fn of(plan: &Plan, file: PathBuf) -> Self {
+    pub fn new(plan: &Plan, file: PathBuf) -> Self {
         Self {
             output: plan.context.output.clone(),
             file,
@@ -40,19 +77,19 @@ impl Recorder {
             child: None,
             ready: Arc::default(),
             attempts: 0,
-            gone: None,
-            reported: false,
+            ended: None,
+            is_reported: false,
         }
     }
 
-    /// A new attempt of the run has been wired. The recorder is started with the first; later ones it finds by itself.
-    pub fn start(&mut self, attempt: u32) -> Result<(), String> {
+    /// A new attempt of the run has been wired. The recorder is started with the first one and finds later ones by itself.
+    pub fn start(&mut self, attempt: u32) -> Result<(), RecorderError> {
         self.attempts = u64::from(attempt) + 1;
         if self.child.is_some() {
             return Ok(());
         }
         let program = sibling("replica")?;
-        let failed = |error: std::io::Error| format!("{} record: {error}", program.display());
+        let failed = |source: std::io::Error| RecorderError::Start { program: program.clone(), source };
         let mut child = Command::new(&program)
             .arg("record")
             .arg(&self.output)
@@ -76,46 +113,52 @@ impl Recorder {
         std::thread::Builder::new().name("recorder".to_owned()).spawn(listen).map(drop).map_err(failed)
     }
 
-    /// Whether sources may begin: it is attached, or nobody need wait for it any more.
-    pub fn is_ready(&mut self) -> bool {
+    /// Reads its exit status.
+    pub fn observe(&mut self) {
         if let Some(child) = &mut self.child
-            && self.gone.is_none()
+            && self.ended.is_none()
         {
-            self.gone = child.try_wait().ok().flatten();
+            self.ended = child.try_wait().ok().flatten();
         }
-        self.gone.is_some() || self.ready.load(Ordering::Acquire) >= self.attempts
     }
 
-    /// Once, if it has ended in the middle of the run: what is to be said.
-    pub fn last_words(&mut self) -> Option<String> {
-        let status = self.gone.filter(|status| !status.success() && !self.reported)?;
-        self.reported = true;
-        Some(format!("the recorder of {} ended ({status}); the run goes on without it", self.file.display()))
+    /// Whether sources may start: the recorder is attached, or it has ended.
+    pub fn is_ready(&self) -> bool {
+        self.ended.is_some() || self.ready.load(Ordering::Acquire) >= self.attempts
     }
 
-    /// Waits until it has written everything. `Err`: what is wrong with the recording.
-    pub fn finish(mut self, outcome: &str) -> Result<(), String> {
+    /// Logs once that the recorder has ended in the middle of the run.
+    pub fn report_end(&mut self) {
+        if let Some(status) = self.ended.filter(|status| !status.success() && !self.is_reported) {
+            self.is_reported = true;
+            let file = self.file.display();
+            tracing::warn!("the recorder of {file} ended ({status}); the run continues without it");
+        }
+    }
+
+    /// Waits until it has written everything.
+    pub fn finish(mut self, outcome: &'static str) -> Result<(), RecorderError> {
         let Some(child) = &mut self.child else { return Ok(()) };
         if matches!(outcome, "failed" | "stopped") {
-            // The last tick never comes; it writes what has come, as after Ctrl-C. Without a process there is none to tell.
+            // The last tick never comes; the recorder writes what it has, as after Ctrl-C. It may have ended already.
             let _ = kill_process(Pid::from_child(child), Signal::TERM);
         }
         let begun = Instant::now();
-        while self.gone.is_none() && begun.elapsed() < FINISH_PATIENCE {
-            self.gone = child.try_wait().ok().flatten();
+        while self.ended.is_none() && begun.elapsed() < FINISH_TIMEOUT {
+            self.ended = child.try_wait().ok().flatten();
             std::thread::sleep(Duration::from_millis(5));
         }
-        let file = self.file.display();
-        match self.gone {
+        let file = self.file;
+        match self.ended {
             Some(status) if status.success() => Ok(()),
             Some(status) if status.code() == Some(i32::from(exit::INCOMPLETE)) => {
-                Err(format!("the recording {file} is not complete; the run is {outcome}"))
+                Err(RecorderError::Incomplete { file, outcome })
             }
-            Some(status) => Err(format!("the recording {file} failed: {status}")),
+            Some(status) => Err(RecorderError::Failed { file, status }),
             None => {
-                // Whether or not it can be killed, there is no end of it to wait for.
+                // Whether or not it can be killed, there is no end to wait for.
                 let _ = child.kill().and_then(|()| child.wait());
-                Err(format!("the recorder of {file} did not finish within {} s", FINISH_PATIENCE.as_secs()))
+                Err(RecorderError::Timeout { file })
             }
         }
     }

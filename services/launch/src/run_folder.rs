@@ -1,101 +1,144 @@
-//! `<output>/run/`: what a run keeps about itself.
+//! `<output>/run/`: the files that a run keeps about itself.
 //!
 //! | file | content |
 //! |---|---|
-//! | `lock` | held by the supervisor of the run |
-//! | `launch.toml`, `settings.json` | what was asked for, what it came to |
-//! | `wiring.json` | what those who look on need to know ([`Wiring`]) |
-//! | `<stage>.json` | what the stage was told |
-//! | `logs/<stage>.log` | what it said |
-//! | `costs.csv` | what each stage had done and cost by then, a line a second; not live ([`crate::costs`]) |
-//! | `swaps.json` | what was swapped since ([`SwapRecord`]) |
-//! | `states/<barrier>/<stage>.state` | what it needs to go on from there |
+//! | `lock` | held by the supervisor of the run and by all processes that it starts |
+//! | `launch.toml`, `settings.json` | the launch file, and the settings resolved from it |
+//! | `wiring.json` | what observers need to know ([`Wiring`]) |
+//! | `<stage>.json` | the assignment of the stage |
+//! | `logs/<stage>.log` | its log |
+//! | `costs.csv` | work and cost of each stage over time, a line a second; not live ([`crate::costs`]) |
+//! | `swaps.json` | the swaps of the run ([`SwapRecord`]) |
+//! | `states/<barrier>/<stage>.state` | the stage's state at the barrier |
 //!
-//! A kill at any moment leaves a folder from which `--resume` goes on: `settings.json` is the last file of a beginning and the
-//! first to go with the next, and every file that is read again is there whole or not at all.
+//! After a kill at any moment, `--resume` continues from this folder: `settings.json` is the last file that a new run writes
+//! and the first that the next one removes, and every file that is read again is complete or absent.
+
+mod lock;
+mod states;
 
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
 use formats::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
 use messages::pod::{FINGERPRINT_START, fingerprint};
-use rustix::fs::{FlockOperation, flock};
-use rustix::io::{Errno, FdFlags, fcntl_setfd};
-use stage::assignment::{Assignment, Restart, state_file};
-use stage::verify_state;
-use stage::wiring::Wiring;
+use run::assignment::{Assignment, Restart};
+use run::wiring::Wiring;
+use serde::Serialize;
+use states::States;
 use std::fs::File;
+use std::io::{Error, ErrorKind};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
-/// A supervisor that is just ending has this long.
-const LOCK_PATIENCE: Duration = Duration::from_secs(3);
-/// The processes of a supervisor that was killed have this long: the kernel ends them at once, but to free gigabytes takes it a
-/// while, and a busy machine many times as long.
-const DYING_PATIENCE: Duration = Duration::from_mins(1);
-
-/// File of the run's settings as resolved.
+/// The resolved settings of the run.
 const SETTINGS: &str = "settings.json";
 /// Copy of the launch file.
 const LAUNCH_FILE: &str = "launch.toml";
-/// File of the run's swaps.
+/// The swaps of the run.
 const SWAPS: &str = "swaps.json";
 
-/// The folder, locked for this supervisor alone.
+/// Why the run folder cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFolderError {
+    /// A file or folder cannot be written.
+    #[error("{file}: cannot be written: {source}; check [run] output")]
+    Write {
+        /// The file or folder.
+        file: PathBuf,
+        /// The operating system's error.
+        source: Error,
+    },
+    /// A file cannot be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's error.
+        source: Error,
+    },
+    /// A file of the run does not have its format.
+    #[error("{file}: invalid content: {source}")]
+    Content {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        source: serde_json::Error,
+    },
+    /// The lock cannot be taken for another reason than another run.
+    #[error("{file}: cannot be locked: {source}")]
+    Lock {
+        /// The lock.
+        file: PathBuf,
+        /// The operating system's error.
+        source: Error,
+    },
+    /// Another run holds the lock.
+    #[error(
+        "{output}: another run is writing here; set another run.output, or end it with `replica stop --run {output}`"
+    )]
+    InUse {
+        /// Folder of the results.
+        output: PathBuf,
+    },
+    /// `--resume` with other settings than the run had.
+    #[error(
+        "{output}: the run here was started with other settings or programs; resume it with those, or start a new run"
+    )]
+    OtherSettings {
+        /// Folder of the results.
+        output: PathBuf,
+    },
+    /// The run has no name in shared memory.
+    #[error(transparent)]
+    Domain(#[from] IpcError),
+}
+
+/// The folder, locked for this supervisor.
 pub struct RunFolder {
     folder: PathBuf,
     output: PathBuf,
+    states: States,
     _lock: File,
 }
 
 impl RunFolder {
-    /// Creates and locks the folder under `output`. Whatever this process starts inherits the lock: it is free only when a
-    /// run's last process is gone, so that none of them writes into the next run.
-    pub fn lock(output: &Path) -> Result<Self, String> {
+    /// Creates and locks the folder under `output`. Every process that this one starts inherits the lock: it is free only when
+    /// the last process of a run is gone, so that none of them writes into the next run.
+    pub fn lock(output: &Path) -> Result<Self, RunFolderError> {
         let folder = output.join("run");
-        std::fs::create_dir_all(&folder).map_err(|error| cannot_write(&folder, &error))?;
-        let path = folder.join("lock");
-        let lock = File::create(&path).map_err(|error| cannot_write(&path, &error))?;
-        // One folder has one name from here on, however it was given.
-        let output = output.canonicalize().map_err(|error| format!("{}: {error}", output.display()))?;
-        let begun = Instant::now();
-        loop {
-            match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
-                Ok(()) => break,
-                Err(Errno::WOULDBLOCK) if begun.elapsed() < patience_with(&output) => {
-                    std::thread::sleep(Duration::from_millis(10));
-                }
-                Err(Errno::WOULDBLOCK) => return Err(format!("{}: another run is writing here", output.display())),
-                Err(other) => return Err(format!("{}: cannot be locked: {other}", path.display())),
-            }
-        }
-        fcntl_setfd(&lock, FdFlags::empty()).map_err(|error| format!("{}: {error}", path.display()))?;
-        Ok(Self { folder, output, _lock: lock })
+        std::fs::create_dir_all(&folder).map_err(|source| cannot_write(&folder, source))?;
+        // One folder has one name from here on, whatever links lead to it.
+        let output = canonical(output)?;
+        let lock = lock::take(&folder.join("lock"), &output)?;
+        Ok(Self { states: States::new(folder.join("states")), folder, output, _lock: lock })
     }
 
-    /// The run's own world in shared memory.
-    pub fn domain(&self) -> Result<Domain, String> {
-        domain_of(&self.output).map_err(|error| error.to_string())
+    /// The name of the run in shared memory.
+    pub fn domain(&self) -> Result<Domain, RunFolderError> {
+        Ok(domain_of(&self.output)?)
     }
 
-    /// Forgets the states and logs of an earlier run.
-    pub fn begin(&self, plan: &Plan) -> Result<(), String> {
+    /// The saved states.
+    pub fn states(&self) -> &States {
+        &self.states
+    }
+
+    /// Begins a new run: removes states and logs of an earlier one.
+    pub fn begin(&self, plan: &Plan) -> Result<(), RunFolderError> {
         remove_file(&self.folder.join(SETTINGS))?;
         let logs = self.folder.join("logs");
-        for folder in [&self.states(), &logs] {
+        for folder in [self.states.folder(), &logs] {
             if folder.exists() {
-                std::fs::remove_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+                std::fs::remove_dir_all(folder).map_err(|source| cannot_write(folder, source))?;
             }
         }
-        std::fs::create_dir(&logs).map_err(|error| cannot_write(&logs, &error))?;
-        self.forget_summary()?;
+        std::fs::create_dir(&logs).map_err(|source| cannot_write(&logs, source))?;
+        self.remove_summary()?;
         remove_file(&self.costs())?;
         self.write_swaps(&SwapRecord::default())?;
-        let launch_file =
-            std::fs::read(&plan.launch_file).map_err(|error| format!("{}: {error}", plan.launch_file.display()))?;
-        self.write(LAUNCH_FILE, &launch_file)?;
-        self.write(SETTINGS, settings(plan).to_string().as_bytes())
+        self.write(LAUNCH_FILE, &read(&plan.launch_file)?)?;
+        self.write_json(SETTINGS, &settings(plan))
     }
 
     /// Whether a run was begun here; if not, there is nothing to resume.
@@ -103,28 +146,22 @@ impl RunFolder {
         self.folder.join(SETTINGS).exists()
     }
 
-    /// Makes sure that `plan` is that of the run that was begun here: another would not go on with its bytes.
-    pub fn resume(&self, plan: &Plan) -> Result<(), String> {
-        let path = self.folder.join(SETTINGS);
-        let begun = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let begun: serde_json::Value =
-            serde_json::from_slice(&begun).map_err(|error| format!("{}: {error}", path.display()))?;
+    /// Makes sure that `plan` is the plan of the run that was begun here: another one would not give the same results.
+    pub fn resume(&self, plan: &Plan) -> Result<(), RunFolderError> {
+        let begun: serde_json::Value = self.read_json(SETTINGS)?;
         let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
         if !same_file || begun != settings(plan) {
-            return Err(format!(
-                "the run in {} was begun with other settings or programs: it cannot be resumed with these",
-                self.output.display()
-            ));
+            return Err(RunFolderError::OtherSettings { output: self.output.clone() });
         }
-        self.forget_summary()
+        self.remove_summary()
     }
 
-    /// A summary is that of a finished run; until then there is none.
-    fn forget_summary(&self) -> Result<(), String> {
+    /// Only a finished run has a summary.
+    fn remove_summary(&self) -> Result<(), RunFolderError> {
         remove_file(&self.output.join("summary.json"))
     }
 
-    /// What the stages read, so that an edit during the run does not show in it.
+    /// The launch file that the stages read: edits of the original during the run have no effect.
     pub fn launch_copy(&self) -> PathBuf {
         self.folder.join(LAUNCH_FILE)
     }
@@ -134,16 +171,12 @@ impl RunFolder {
         self.folder.join("costs.csv")
     }
 
-    fn states(&self) -> PathBuf {
-        self.folder.join("states")
-    }
-
     /// The stage's log. Every attempt appends to it.
     pub fn log(&self, stage: &str) -> PathBuf {
         self.folder.join("logs").join(format!("{stage}.log"))
     }
 
-    /// Writes what the stage is told; returns the file.
+    /// Writes the assignment of a stage; returns the file.
     pub fn assign(
         &self,
         plan: &Plan,
@@ -151,7 +184,7 @@ impl RunFolder {
         domain: &Domain,
         resume: Option<u64>,
         restart: Option<Restart>,
-    ) -> Result<PathBuf, String> {
+    ) -> Result<PathBuf, RunFolderError> {
         let assignment = Assignment {
             stage: stage.name.clone(),
             domain: domain.name().to_owned(),
@@ -162,110 +195,68 @@ impl RunFolder {
             inputs: stage.inputs.clone(),
             outputs: stage.outputs.clone(),
             barrier_s: plan.run.barrier_s,
-            states: self.states(),
+            states: self.states.folder().to_owned(),
             resume,
             restart,
         };
-        let text = serde_json::to_vec_pretty(&assignment).map_err(|error| error.to_string())?;
         let name = format!("{}.json", stage.name);
-        self.write(&name, &text)?;
+        self.write_json(&name, &assignment)?;
         Ok(self.folder.join(name))
     }
 
-    /// Writes what those who look on need to know. Whole or not at all: they read at any moment.
-    pub fn write_wiring(&self, wiring: &Wiring) -> Result<(), String> {
-        let text = serde_json::to_vec_pretty(wiring).map_err(|error| error.to_string())?;
-        self.write("wiring.json", &text)
+    /// Writes what observers need to know. They may read at any moment, so the file is complete or absent.
+    pub fn write_wiring(&self, wiring: &Wiring) -> Result<(), RunFolderError> {
+        self.write_json("wiring.json", wiring)
     }
 
-    /// Writes which swaps hold. On the disk when it returns: what the stages do next depends on it.
-    pub fn write_swaps(&self, record: &SwapRecord) -> Result<(), String> {
-        let text = serde_json::to_vec_pretty(record).map_err(|error| error.to_string())?;
-        self.write(SWAPS, &text)
+    /// Writes the swaps of the run. On the disk when it returns: the stages' next steps depend on it.
+    pub fn write_swaps(&self, record: &SwapRecord) -> Result<(), RunFolderError> {
+        self.write_json(SWAPS, record)
     }
 
-    /// What [`RunFolder::write_swaps`] wrote last.
-    pub fn read_swaps(&self) -> Result<SwapRecord, String> {
-        let path = self.folder.join(SWAPS);
-        let text = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        serde_json::from_slice(&text).map_err(|error| format!("{}: {error}", path.display()))
+    /// The swaps that [`RunFolder::write_swaps`] wrote last.
+    pub fn read_swaps(&self) -> Result<SwapRecord, RunFolderError> {
+        self.read_json(SWAPS)
     }
 
-    /// Bytes that the stage itself saved at the barrier; 0 if they cannot be counted.
-    pub fn state_bytes(&self, barrier: u64, stage: &str) -> u64 {
-        stage::saved_bytes(&state_file(&self.states(), barrier, stage)).unwrap_or_default()
+    fn write_json(&self, name: &str, value: &impl Serialize) -> Result<(), RunFolderError> {
+        let text = serde_json::to_vec_pretty(value)
+            .map_err(|source| RunFolderError::Content { file: self.folder.join(name), source })?;
+        self.write(name, &text)
     }
 
-    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), String> {
+    fn read_json<T: serde::de::DeserializeOwned>(&self, name: &str) -> Result<T, RunFolderError> {
+        let file = self.folder.join(name);
+        serde_json::from_slice(&read(&file)?).map_err(|source| RunFolderError::Content { file, source })
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunFolderError> {
         let path = self.folder.join(name);
-        write_atomic(&path, bytes).map_err(|error| cannot_write(&path, &error))
-    }
-
-    /// The last barrier of which every stage has its state on disk, whole. A barrier that is passed over is said, with its
-    /// first file that is not whole.
-    pub fn last_whole_barrier(&self, stages: &[PlannedStage], mut say: impl FnMut(&str)) -> Option<u64> {
-        let mut barriers = self.barriers();
-        barriers.sort_unstable();
-        barriers.into_iter().rev().find(|barrier| {
-            let torn = stages.iter().find_map(|stage| {
-                let path = state_file(&self.states(), *barrier, &stage.name);
-                verify_state(&path).err().map(|error| format!("{}: {error}", path.display()))
-            });
-            if let Some(torn) = &torn {
-                say(&format!("barrier {barrier} is passed over: {torn}"));
-            }
-            torn.is_none()
-        })
-    }
-
-    /// The last barrier of which this stage has its state on disk, whole.
-    pub fn last_barrier_of(&self, stage: &str) -> Option<u64> {
-        let is_whole = |barrier: &u64| verify_state(&state_file(&self.states(), *barrier, stage)).is_ok();
-        self.barriers().into_iter().filter(is_whole).max()
-    }
-
-    /// Removes the states of all barriers before this one.
-    pub fn forget_before(&self, barrier: u64) {
-        for old in self.barriers().into_iter().filter(|old| *old < barrier) {
-            // What cannot be removed now is removed with the next barrier or the next run.
-            let _ = std::fs::remove_dir_all(self.states().join(old.to_string()));
-        }
-    }
-
-    /// Removes states behind `barrier` (None: all). They are of an attempt that did not come to its next complete barrier, or
-    /// of a swap that was undone, and must not be mixed with those that will be saved under the same numbers.
-    pub fn forget_after(&self, barrier: Option<u64>) -> Result<(), String> {
-        for late in self.barriers().into_iter().filter(|late| barrier.is_none_or(|barrier| *late > barrier)) {
-            let folder = self.states().join(late.to_string());
-            std::fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        }
-        Ok(())
-    }
-
-    fn barriers(&self) -> Vec<u64> {
-        let entries = std::fs::read_dir(self.states()).into_iter().flatten().flatten();
-        entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
+        write_atomic(&path, bytes).map_err(|source| cannot_write(&path, source))
     }
 }
 
-/// How long to wait for those who hold the lock of the run into `output`. Without a supervisor they are dying.
-fn patience_with(output: &Path) -> Duration {
-    let is_dying = Wiring::read(output).is_ok_and(|wiring| !wiring.is_alive(output));
-    if is_dying { DYING_PATIENCE } else { LOCK_PATIENCE }
+/// The path without links.
+pub fn canonical(path: &Path) -> Result<PathBuf, RunFolderError> {
+    path.canonicalize().map_err(|source| RunFolderError::Read { file: path.to_owned(), source })
 }
 
-fn remove_file(path: &Path) -> Result<(), String> {
+fn read(file: &Path) -> Result<Vec<u8>, RunFolderError> {
+    std::fs::read(file).map_err(|source| RunFolderError::Read { file: file.to_owned(), source })
+}
+
+fn remove_file(path: &Path) -> Result<(), RunFolderError> {
     match std::fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(cannot_write(path, &error)),
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(cannot_write(path, error)),
         _ => Ok(()),
     }
 }
 
-fn cannot_write(path: &Path, error: &std::io::Error) -> String {
-    format!("{}: {error}: cannot be written; is [run] output right?", path.display())
+fn cannot_write(path: &Path, source: Error) -> RunFolderError {
+    RunFolderError::Write { file: path.to_owned(), source }
 }
 
-/// What the launch file and the command line came to.
+/// Launch file, command line and the settings that they resolve to.
 fn settings(plan: &Plan) -> serde_json::Value {
     serde_json::json!({
         "launch_file": plan.launch_file,
@@ -278,35 +269,9 @@ fn settings(plan: &Plan) -> serde_json::Value {
     })
 }
 
-/// The domain of runs into `output` (absolute, links resolved). The same output has the same, so the next run finds what a
-/// dead one left.
+/// The name in shared memory of runs into `output` (absolute, without links). Runs into the same output have the same, so the
+/// next run finds what a killed one left behind.
 pub fn domain_of(output: &Path) -> Result<Domain, IpcError> {
     let digest = fingerprint(FINGERPRINT_START, output.as_os_str().as_bytes());
     Domain::new(&format!("{digest:016x}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use stage::Mode;
-
-    #[test]
-    fn processes_of_a_dead_supervisor_are_waited_for_longer_than_a_run_that_goes_on() {
-        let output = tempfile::tempdir().expect("a folder");
-        let output = output.path().canonicalize().expect("a path");
-        assert_eq!(patience_with(&output), LOCK_PATIENCE, "nobody has said anything of a run");
-        std::fs::create_dir(output.join("run")).expect("a folder");
-        let wired_by = |supervisor: u32| {
-            let wiring =
-                Wiring { domain: String::new(), supervisor, attempt: 0, mode: Mode::Offline, stages: Vec::new() };
-            std::fs::write(Wiring::file(&output), serde_json::to_vec(&wiring).expect("JSON")).expect("written");
-        };
-        let _lock = File::create(output.join("run/lock")).expect("a file");
-        wired_by(std::process::id());
-        assert_eq!(patience_with(&output), LOCK_PATIENCE, "it has the lock open");
-        let mut dead = std::process::Command::new("true").spawn().expect("starts");
-        dead.wait().expect("ends");
-        wired_by(dead.id());
-        assert_eq!(patience_with(&output), DYING_PATIENCE);
-    }
 }

@@ -1,265 +1,273 @@
-//! The life of a run: make the drive, start the stages, watch, restart from the last barrier, sum up.
+//! The life of a run: simulate the drive, start the stages, observe them, restart from the last barrier, write the summary.
+//!
+//! | file | idea |
+//! |---|---|
+//! | `attempt` | one attempt: start, observe, decide, end all processes |
+//! | `services` | the IPC services that the stages open |
+//! | `processes` | the processes of an attempt |
+//! | `stage_restarts` | live: which stages are down, and how often each was restarted |
+//! | `operator` | signals and requests |
+//! | `observers` | recorder, metrics, costs, progress |
+//! | `account` | faults, CPU time and last heartbeats, for the summary |
+//!
+//! What is decided, and why, stands in [`crate::decision`].
 
+mod account;
 mod attempt;
-mod conclusion;
-mod live;
+mod error;
+mod observers;
+mod operator;
+mod processes;
+mod services;
+mod stage_restarts;
 
+use crate::active_run::ActiveRun;
 use crate::control::Control;
-use crate::costs::Costs;
-use crate::events::Log;
-use crate::exhausted::{Means, lacks_shared_memory};
-use crate::metrics::Metrics;
+use crate::decision::{Decision, Fault, GiveUp, Observation, Policy, RestartBudget, decide};
+use crate::log::LogFormat;
 use crate::plan::Plan;
 use crate::programs;
-use crate::recorder::Recorder;
-use crate::run_folder::RunFolder;
-use crate::screen::Screen;
-use crate::swap::Swap;
-use crate::swap_record::SwapRecord;
-use crate::watch::Fault;
-use ipc::Domain;
-use live::LiveRestarts;
-use serde_json::json;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
-use signal_hook::iterator::Signals;
-use stage::health::Health;
-use stage::{Mode, exit};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use crate::resources::{Resources, lacks_shared_memory};
+use crate::run_folder::{RunFolder, canonical};
+use crate::swap::Swaps;
+use account::Account;
+use attempt::Ending;
+use error::SuperviseError;
+use observers::Observers;
+use operator::Operator;
+use run::{Mode, exit};
+use stage_restarts::StageRestarts;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// How often the supervisor looks: a twentieth of a second is soon enough for people.
-const LOOK: Duration = Duration::from_millis(50);
-/// The longest pause before a restart.
-const MAX_DELAY: Duration = Duration::from_secs(30);
+/// Time between two observations: a twentieth of a second is soon enough for people.
+const POLL: Duration = Duration::from_millis(50);
 
-/// The pause before restart number `n`, counted from 0.
-fn backoff(first_delay_s: f64, n: u32) -> Duration {
-    let factor = 1_u32.checked_shl(n).unwrap_or(u32::MAX);
-    Duration::from_millis((first_delay_s * 1000.0) as u64).saturating_mul(factor).min(MAX_DELAY)
-}
-
-/// How an attempt ended.
-pub(crate) enum Ending {
-    Done,
-    Stopped,
-    Failed(Fault, Vec<String>),
-    /// All have come to this barrier, for a stage to be replaced.
-    Swap(u64),
-}
-
-/// What the supervisor does beside running the plan.
-pub struct Asides {
-    /// How it speaks.
-    pub log: Log,
-    /// File of the figures in Prometheus' format.
+/// Options of the command line beside the plan.
+pub struct Options {
+    /// Format of the supervisor's events and of the stages' logs.
+    pub log: LogFormat,
+    /// File of the metrics in Prometheus' format.
     pub metrics: Option<PathBuf>,
     /// Recording of the plan's recorded topics.
     pub record: Option<PathBuf>,
 }
 
 /// Runs the plan to its end; the exit code.
-pub fn run(plan: Plan, resume: bool, asides: Asides) -> u8 {
-    let log = asides.log;
-    match Supervisor::new(plan, asides).and_then(|supervisor| supervisor.run(resume)) {
+pub fn run(plan: Plan, resume: bool, options: Options) -> u8 {
+    let _span = tracing::info_span!("run", output = %plan.context.output.display()).entered();
+    match Supervisor::new(plan, options).and_then(|supervisor| supervisor.run(resume)) {
         Ok(code) => code,
         Err(error) => {
-            Screen::new(log).say(&format!("replica-launch: {error}"));
+            tracing::error!("replica-launch: {error}");
             exit::FAILED
         }
     }
 }
 
-pub(crate) struct Supervisor {
-    pub(crate) plan: Plan,
-    pub(crate) folder: RunFolder,
-    domain: Domain,
-    means: Means,
-    pub(crate) screen: Screen,
-    metrics: Metrics,
-    /// `None` live: a run that never ends would fill the disk.
-    costs: Option<Costs>,
-    signals: Signals,
-    recorder: Option<Recorder>,
-    pub(crate) control: Control,
-    /// Signals so far: the first drains, the second stops.
-    pub(crate) n_signals: u32,
-    /// The swap under way.
-    pub(crate) swap: Option<Swap>,
-    pub(crate) record: SwapRecord,
-    faults: Vec<Fault>,
-    /// CPU time of all processes so far, by stage.
-    cpu_s: BTreeMap<String, f64>,
-    /// Each stage's last heartbeat of the last attempt.
-    pub(crate) health: BTreeMap<String, Health>,
-    begun: Instant,
-    /// CPU time of this process at `begun`, s.
-    own_cpu_s: f64,
-    restarts: u32,
-    /// Restarts since a barrier was reached for the first time.
-    restarts_in_place: u32,
-    live: LiveRestarts,
-    /// How often the processes have been started.
+struct Supervisor {
+    run: ActiveRun,
+    format: LogFormat,
+    operator: Operator,
+    observers: Observers,
+    resources: Resources,
+    account: Account,
+    swaps: Swaps,
+    stage_restarts: StageRestarts,
+    /// How often the processes were started.
     attempts: u32,
-    peak_shared_memory: u64,
+    /// All observed times count from here.
+    origin: Instant,
 }
 
 impl Supervisor {
-    fn new(mut plan: Plan, asides: Asides) -> Result<Self, String> {
-        let metrics = Metrics::new(asides.metrics.as_deref())?;
-        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP, SIGQUIT]).map_err(|error| error.to_string())?;
+    fn new(mut plan: Plan, options: Options) -> Result<Self, SuperviseError> {
+        let Options { log: format, metrics, record } = options;
+        let signals = operator::signals()?;
+        let metrics = observers::metrics(metrics.as_deref())?;
         let folder = RunFolder::lock(&plan.context.output)?;
-        let absolute = |path: &Path| path.canonicalize().map_err(|error| format!("{}: {error}", path.display()));
-        plan.context.output = absolute(&plan.context.output)?;
-        let mut screen = Screen::new(asides.log);
+        plan.context.output = canonical(&plan.context.output)?;
         if let Some(remark) = &plan.remark {
-            screen.say(remark);
+            tracing::info!("{remark}");
         }
         if let Some(simulate) = plan.simulate.take() {
-            screen.say(&format!("{} is not there: simulating it", plan.context.drive.display()));
+            tracing::info!("{} does not exist: simulating it", plan.context.drive.display());
             programs::simulate(&simulate, &plan.context.launch_folder, &plan.context.drive)?;
         }
         if plan.context.mode == Mode::Offline {
-            plan.context.drive = absolute(&plan.context.drive)?;
+            plan.context.drive = canonical(&plan.context.drive)?;
         }
         let domain = folder.domain()?;
         Ok(Self {
-            control: Control::open(&domain)?,
-            means: Means::new(&domain, &plan.context.output),
-            domain,
-            recorder: asides.record.map(|file| Recorder::of(&plan, file)),
-            costs: (plan.context.mode == Mode::Offline).then(|| Costs::new(folder.costs())),
-            plan,
-            folder,
-            screen,
-            metrics,
-            signals,
-            n_signals: 0,
-            swap: None,
-            record: SwapRecord::default(),
-            faults: Vec::new(),
-            cpu_s: BTreeMap::new(),
-            health: BTreeMap::new(),
-            begun: Instant::now(),
-            own_cpu_s: 0.0,
-            restarts: 0,
-            restarts_in_place: 0,
-            live: LiveRestarts::default(),
+            format,
+            operator: Operator::new(signals, Control::open(&domain)?),
+            observers: Observers::new(format, metrics, record, &plan, &folder),
+            resources: Resources::new(&domain, &plan.context.output),
+            account: Account::new(),
+            swaps: Swaps::default(),
+            stage_restarts: StageRestarts::default(),
             attempts: 0,
-            peak_shared_memory: 0,
+            origin: Instant::now(),
+            run: ActiveRun { plan, folder, domain },
         })
     }
 
-    fn run(mut self, resume: bool) -> Result<u8, String> {
-        if resume && self.is_live() {
-            return Err("a live run cannot be resumed: what came meanwhile is gone; begin a new one".to_owned());
-        }
-        let mut resume = if resume && self.folder.has_begun() {
-            self.folder.resume(&self.plan)?;
-            self.take_up_swaps()?;
-            let barrier = self.last_barrier()?;
-            if barrier.is_some() && self.recorder.is_some() {
-                return Err("a recording begins with its run: leave --record out, or begin anew".to_owned());
-            }
-            self.screen.say(&format!("resuming from {}", place(barrier)));
-            barrier
-        } else {
-            if resume {
-                self.screen.say("no run was begun here: beginning");
-            }
-            self.folder.begin(&self.plan)?;
-            None
-        };
-        let mut furthest = resume;
+    fn run(mut self, resume: bool) -> Result<u8, SuperviseError> {
+        let mut from = self.begin(resume)?;
+        let mut budget = RestartBudget { barrier: from, used: 0 };
         let outcome = loop {
-            // What a killed run left of this domain goes first; nobody of it is alive while we hold the lock.
-            self.domain.wipe().map_err(|error| error.to_string())?;
-            self.folder.forget_after(resume)?;
-            let ending = self.attempt(resume);
-            self.domain.wipe().map_err(|error| error.to_string())?;
-            if let Some(barrier) = self.undo_swap(&ending)? {
-                resume = Some(barrier);
+            // The lock is ours, so no process of this run is alive: what a killed one left in shared memory is removed.
+            self.run.domain.wipe()?;
+            self.run.folder.states().remove_after(from)?;
+            let ending = self.attempt(from);
+            self.run.domain.wipe()?;
+            if let Some(reason) = failure(&ending)
+                && let Some(barrier) = self.swaps.undo(reason, &mut self.run, &mut self.operator.control)?
+            {
+                from = Some(barrier);
                 continue;
             }
             match ending? {
-                // A source that was at its end anyway has nothing left out, and a live one ends when it is asked to.
-                Ending::Done if self.was_cut_short() && !self.is_live() => break "drained",
-                Ending::Done => break "done",
+                Ending::Done => break self.outcome_of_finished_run(),
                 Ending::Stopped => break "stopped",
                 Ending::Swap(barrier) => {
-                    resume = self.exchange(barrier)?;
+                    let health = &self.account.health;
+                    from = self.swaps.exchange(barrier, health, &mut self.run, &mut self.operator.control)?;
                 }
-                Ending::Failed(fault, _) if self.is_live() => {
-                    self.faults.push(fault);
+                Ending::Failed { fault, .. } if self.run.is_live() => {
+                    self.account.faults.push(fault);
                     break "failed";
                 }
-                Ending::Failed(fault, _) => {
-                    resume = self.last_barrier()?;
-                    if resume > furthest {
-                        furthest = resume;
-                        self.restarts_in_place = 0;
+                Ending::Failed { fault, .. } => {
+                    from = self.swaps.last_barrier(&self.run)?;
+                    match self.restart_run(fault, from, budget) {
+                        Ok(restarted) => budget = restarted,
+                        Err(outcome) => break outcome,
                     }
-                    let may_restart = fault.may_restart && self.restarts_in_place < self.plan.run.restarts;
-                    self.faults.push(fault);
-                    if self.n_signals > 0 {
-                        break "failed";
-                    }
-                    let lack = lacks_shared_memory(None);
-                    if !may_restart || lack.is_some() {
-                        if let Some(lack) = lack {
-                            self.screen.say(&lack);
-                        }
-                        self.screen.say(&format!("given up; --resume would go on from {}", place(resume)));
-                        break "failed";
-                    }
-                    self.pause_before_restart(resume);
-                    if self.n_signals > 0 {
-                        break "stopped";
-                    }
-                    self.restarts += 1;
-                    self.restarts_in_place += 1;
                 }
             }
         };
         self.finish(outcome)
     }
 
-    /// The last barrier that is whole. What went before a swap is the old plan's, and no place to go on from.
-    pub(crate) fn last_barrier(&mut self) -> Result<Option<u64>, String> {
-        let screen = &mut self.screen;
-        let barrier = self.folder.last_whole_barrier(&self.plan.stages, |text| screen.say(text));
-        let swapped = self.record.swaps.iter().rfind(|swap| swap.undone.is_none());
-        match swapped {
-            Some(swap) if barrier < Some(swap.barrier) => Err(format!(
-                "no barrier since {} was swapped at barrier {} is whole: the run has to be begun anew",
-                swap.stage, swap.barrier
-            )),
-            _ => Ok(barrier),
+    /// Begins a new run or resumes the one in the output; the barrier to start from.
+    fn begin(&mut self, resume: bool) -> Result<Option<u64>, SuperviseError> {
+        if resume && self.run.is_live() {
+            return Err(SuperviseError::LiveResume);
+        }
+        if !resume || !self.run.folder.has_begun() {
+            if resume {
+                tracing::info!("no run to resume in this output: starting a new one");
+            }
+            self.run.folder.begin(&self.run.plan)?;
+            return Ok(None);
+        }
+        self.run.folder.resume(&self.run.plan)?;
+        self.swaps.restore(&mut self.run)?;
+        let barrier = self.swaps.last_barrier(&self.run)?;
+        if barrier.is_some() && self.observers.is_recording() {
+            return Err(SuperviseError::RecordingResume);
+        }
+        tracing::info!(barrier, "resuming from {}", place(barrier));
+        Ok(barrier)
+    }
+
+    /// Waits for the restart of the run that [`decide`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.
+    fn restart_run(
+        &mut self,
+        fault: Fault,
+        barrier: Option<u64>,
+        budget: RestartBudget,
+    ) -> Result<RestartBudget, &'static str> {
+        let lack = lacks_shared_memory(None);
+        let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
+        let decision = decide(
+            Observation::FailedAttempt {
+                fault: &fault,
+                is_ending: self.operator.is_ending(),
+                barrier,
+                budget,
+                is_memory_low: lack.is_some(),
+            },
+            &policy,
+        );
+        self.account.faults.push(fault);
+        match decision {
+            Decision::RestartRun { delay, budget } => {
+                self.pause_before_restart(delay, budget.used, barrier);
+                if self.operator.is_ending() {
+                    return Err("stopped");
+                }
+                self.account.restarts += 1;
+                Ok(budget)
+            }
+            Decision::GiveUp(GiveUp::EndRequested) => Err("failed"),
+            Decision::GiveUp(reason) => {
+                if let Some(lack) = lack {
+                    tracing::error!("{lack}");
+                }
+                tracing::error!(barrier, "giving up: {reason}; --resume would continue from {}", place(barrier));
+                Err("failed")
+            }
+            other => unreachable!("no decision about a failed attempt: {other:?}"),
         }
     }
 
-    fn report(&mut self, fault: &Fault, last_words: &[String]) {
-        self.screen.fault(fault, last_words, &self.folder.log(&fault.stage));
-    }
-
-    fn pause_before_restart(&mut self, resume: Option<u64>) {
-        let delay = backoff(self.plan.run.restart_delay_s, self.restarts_in_place);
-        let from = place(resume);
-        let allowed = self.plan.run.restarts;
-        let restart = self.restarts_in_place + 1;
-        let text = format!("restart {restart} of {allowed} from {from} in {:.1} s", delay.as_secs_f64());
-        let fields = json!({"restart": restart, "allowed": allowed, "barrier": resume, "delay_s": delay.as_secs_f64()});
-        self.screen.tell("restart", &text, fields);
+    fn pause_before_restart(&mut self, delay: Duration, restart: u32, barrier: Option<u64>) {
+        let (allowed, delay_s) = (self.run.plan.run.restarts, delay.as_secs_f64());
+        tracing::warn!(
+            kind = "restart",
+            restart,
+            allowed,
+            barrier,
+            delay_s,
+            "restart {restart} of {allowed} from {} in {delay_s:.1} s",
+            place(barrier)
+        );
         let begun = Instant::now();
-        while begun.elapsed() < delay && self.n_signals == 0 {
-            std::thread::sleep(LOOK.min(delay));
-            self.n_signals += self.signals.pending().count() as u32;
-            self.look_at_requests();
+        while begun.elapsed() < delay && !self.operator.is_ending() {
+            std::thread::sleep(POLL.min(delay));
+            self.operator.poll(&mut self.swaps, &self.run);
         }
+    }
+
+    /// An offline source that was asked to end has left out the rest of its drive; a live one ends only on request.
+    fn outcome_of_finished_run(&self) -> &'static str {
+        let source = self.run.plan.stages.first().and_then(|source| self.account.health.get(&source.name));
+        let is_cut_short = source.is_some_and(|health| health.drained);
+        if is_cut_short && !self.run.is_live() { "drained" } else { "done" }
+    }
+
+    /// Writes the summary and ends the observers; the exit code.
+    fn finish(mut self, outcome: &'static str) -> Result<u8, SuperviseError> {
+        let wall_s = self.account.wall_s();
+        self.observers.write_last(&self.account.health, &self.run.domain, self.account.restarts);
+        self.swaps.close(&mut self.operator.control);
+        let swaps = self.swaps.take_all();
+        let summary = self.account.summary(&self.run.plan, outcome, swaps, wall_s);
+        let output = &self.run.plan.context.output;
+        summary.write(output)?;
+        // The recorder learns from the summary that the run was cut short, so it ends only now.
+        let is_recorded = self.observers.finish_recording(outcome);
+        self.operator.control.end(outcome);
+        account::report(&summary, output);
+        Ok(account::exit_code(&summary, self.run.is_live(), is_recorded))
     }
 }
 
-/// Where a run goes on, in words.
+/// Why an attempt failed, for the answer to the client that requested a swap.
+fn failure(ending: &Result<Ending, SuperviseError>) -> Option<String> {
+    match ending {
+        Ok(Ending::Failed { fault, log_lines }) => {
+            let lines = log_lines.iter().map(|line| format!("[{}] | {line}", fault.stage));
+            Some(std::iter::once(fault.to_string()).chain(lines).collect::<Vec<_>>().join("\n"))
+        }
+        Err(error) => Some(error.to_string()),
+        Ok(_) => None,
+    }
+}
+
+/// Where a run continues.
 fn place(barrier: Option<u64>) -> String {
     barrier.map_or("the beginning".to_owned(), |barrier| format!("barrier {barrier}"))
 }

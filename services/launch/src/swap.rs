@@ -1,170 +1,194 @@
-//! Replacing a stage of a running pipeline: check, drain to a barrier, try, and hold or undo. The reasons stand in
-//! docs/swap.md.
+//! Replacing a stage of a running pipeline: check, drain to a barrier, try, then complete or undo. The reasons stand in the
+//! documentation of swaps.
 
+mod compatibility;
+mod refusal;
+
+pub use refusal::SwapRefusal;
+
+use crate::active_run::ActiveRun;
 use crate::check;
-use crate::child::StageProcess;
-use crate::control::AskerId;
-use crate::fit::misfits;
+use crate::control::{ClientId, Control};
 use crate::plan::Plan;
-use crate::supervise::{Ending, Supervisor};
-use crate::swap_record::{Trying, changes};
-use stage::assignment::Command;
-use stage::control::{Answer, Request, SwapRequest, Swapped};
-use stage::health::{Activity, Health};
-use stage::{Mode, nearest_key};
+use crate::run_folder::RunFolderError;
+use crate::stage_process::StageProcess;
+use crate::swap_record::{SwapRecord, Trial, changes};
+use compatibility::incompatibilities;
+use run::control::{Answer, SwapRequest, Swapped};
+use run::health::{Activity, Health};
+use run::nearest_key;
+use std::collections::BTreeMap;
 use std::thread::JoinHandle;
 
-/// A swap under way.
-pub struct Swap {
-    asker: AskerId,
+/// Why a run with swaps cannot continue.
+#[derive(Debug, thiserror::Error)]
+pub enum SwapError {
+    /// States or the record of swaps.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// The states before a swap are of the old plan, so the run cannot continue from them.
+    #[error("no complete barrier since the swap of {stage} at barrier {barrier}; start a new run")]
+    NoBarrierSince {
+        /// Table of the swapped stage.
+        stage: String,
+        /// Where it was swapped.
+        barrier: u64,
+    },
+    /// A resumed run whose swapped programs or settings have changed since.
+    #[error("the swaps of this run are not valid any more:\n{0}")]
+    NoLongerValid(String),
+}
+
+/// The swaps of a run.
+#[derive(Default)]
+pub struct Swaps {
+    under_way: Option<Swap>,
+    record: SwapRecord,
+}
+
+struct Swap {
+    client: ClientId,
     request: SwapRequest,
     phase: Phase,
 }
 
 enum Phase {
-    /// Everything that can be known before is being looked at, aside: the run must not wait for it.
+    /// A thread checks the new plan; the run does not wait for it.
     Checking(JoinHandle<Result<Plan, Vec<String>>>),
-    /// The source is to pause behind a barrier, and all others to come there.
+    /// The source pauses behind a barrier, and all other stages come there.
     Draining(Box<Plan>),
-    /// All have been started anew from there, and the sink has not finished a tick yet.
-    Settling {
-        /// What held before; `None` if it holds again.
+    /// All stages were restarted from there, and the sink has not finished a tick yet.
+    Trying {
+        /// The plan before the swap; `None` if the run is back at it.
         old: Option<Box<Plan>>,
         swapped: Box<Swapped>,
-        /// Last tick of the sink before.
+        /// Last tick of the sink before the swap.
         last_tick_nanos: Option<u64>,
     },
 }
 
-impl Supervisor {
-    /// Takes in what others ask for.
-    pub(crate) fn look_at_requests(&mut self) {
-        for (asker, request) in self.control.requests() {
-            match request {
-                Request::Stop { now } => {
-                    self.n_signals = self.n_signals.max(if now { 2 } else { 1 });
-                    self.control
-                        .working(asker, if now { "stopping" } else { "draining: what is on the way is finished" });
-                }
-                Request::Swap(request) => {
-                    if let Err(reason) = self.begin_swap(asker, request) {
-                        self.control.answer(asker, &Answer::Refused(vec![reason]));
-                    }
-                }
-            }
+impl Swaps {
+    /// Starts to check a requested swap.
+    pub fn begin(
+        &mut self,
+        client: ClientId,
+        request: SwapRequest,
+        run: &ActiveRun,
+        is_ending: bool,
+    ) -> Result<(), SwapRefusal> {
+        if is_ending {
+            return Err(SwapRefusal::Draining);
         }
-    }
-
-    fn begin_swap(&mut self, asker: AskerId, request: SwapRequest) -> Result<(), String> {
-        if self.n_signals > 0 {
-            return Err("the run is being drained".to_owned());
+        if let Some(other) = &self.under_way {
+            return Err(SwapRefusal::UnderWay { stage: other.request.stage.clone() });
         }
-        if let Some(other) = &self.swap {
-            return Err(format!("a swap of [{}] is under way", other.request.stage));
+        if run.is_live() {
+            return Err(SwapRefusal::Live);
         }
-        if self.plan.context.mode == Mode::Live {
-            return Err("a live run does not wait: nothing can be swapped in it without loss".to_owned());
+        let plan = &run.plan;
+        if !plan.selection.recorded.is_empty() {
+            return Err(SwapRefusal::Recorded);
         }
-        if !self.plan.selection.recorded.is_empty() {
-            return Err("the run is recorded: ticks of a swap that is undone could not be taken back".to_owned());
-        }
-        let names = self.plan.stages.iter().map(|stage| stage.name.as_str());
+        let names = plan.stages.iter().map(|stage| stage.name.as_str());
         if names.clone().all(|name| name != request.stage) {
             let hint = nearest_key(&request.stage, names).replace("unknown key", "no such stage in this run");
-            return Err(format!("[{}]: {hint}", request.stage));
+            return Err(SwapRefusal::UnknownStage { stage: request.stage, hint });
         }
-        let overrides = self.overrides_with(&self.record.overrides_with(&request));
-        let (copy, launch_file) = (self.folder.launch_copy(), self.plan.launch_file.clone());
-        let selection = self.plan.selection.clone();
+        let overrides = self.overrides_with(plan, &self.record.overrides_with(&request));
+        let (copy, launch_file) = (run.folder.launch_copy(), plan.launch_file.clone());
+        let selection = plan.selection.clone();
         let thread = std::thread::Builder::new().name("check".to_owned());
         let checking = thread.spawn(move || check::plan_as(&copy, &launch_file, &overrides, &selection));
-        let checking = checking.map_err(|error| format!("the check cannot be begun: {error}"))?;
-        self.control.working(asker, "checking");
-        self.swap = Some(Swap { asker, request, phase: Phase::Checking(checking) });
+        let phase = Phase::Checking(checking.map_err(SwapRefusal::Thread)?);
+        self.under_way = Some(Swap { client, request, phase });
         Ok(())
     }
 
-    /// The command line's overrides with others than those of swaps behind them.
-    fn overrides_with(&self, swapped: &[String]) -> Vec<String> {
-        let n_asked = self.plan.overrides.len().saturating_sub(self.record.overrides.len());
-        [&self.plan.overrides[..n_asked], swapped].concat()
+    /// The overrides of the command line, followed by `swapped` instead of those of completed swaps.
+    fn overrides_with(&self, plan: &Plan, swapped: &[String]) -> Vec<String> {
+        let n_of_command_line = plan.overrides.len().saturating_sub(self.record.overrides.len());
+        [&plan.overrides[..n_of_command_line], swapped].concat()
     }
 
-    /// Whether a swap waits for the processes: then it is worth looking more often.
-    pub(crate) fn is_swapping(&self) -> bool {
-        self.swap.as_ref().is_some_and(|swap| !matches!(swap.phase, Phase::Checking(_)))
+    /// Whether the pipeline waits for a swap, so that polling faster shortens its pause.
+    pub fn is_waited_for(&self) -> bool {
+        self.under_way.as_ref().is_some_and(|swap| !matches!(swap.phase, Phase::Checking(_)))
     }
 
-    /// Brings the swap under way one step further, if it is time to.
-    pub(crate) fn advance_swap(
+    /// Whether the source is to pause behind its next barrier.
+    pub fn is_draining(&self) -> bool {
+        self.under_way.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Draining(_)))
+    }
+
+    /// Brings the swap under way one phase further, if it is time to. Returns the barrier at which all stages have arrived for
+    /// the swap.
+    pub fn advance(
         &mut self,
         processes: &[StageProcess],
-        command: &mut Command,
-    ) -> Result<Option<Ending>, String> {
-        let Some(Swap { asker, request, phase }) = self.swap.take() else { return Ok(None) };
-        let mut ending = None;
+        run: &ActiveRun,
+        control: &mut Control,
+        is_ending: bool,
+    ) -> Result<Option<u64>, SwapError> {
+        let Some(Swap { client, request, phase }) = self.under_way.take() else { return Ok(None) };
+        let mut arrived = None;
         let phase = match phase {
             Phase::Checking(thread) if !thread.is_finished() => Some(Phase::Checking(thread)),
             Phase::Checking(thread) => {
                 let checked = thread.join().unwrap_or_else(|_| Err(vec!["the check panicked".to_owned()]));
-                match checked.and_then(|plan| self.fitting(plan, &request.stage)) {
+                match checked.and_then(|plan| compatible(plan, &run.plan, &request.stage)) {
                     Ok(plan) => {
-                        self.control.working(asker, "draining to a barrier");
+                        control.working(client, "draining to a barrier");
                         Some(Phase::Draining(Box::new(plan)))
                     }
                     Err(reasons) => {
-                        self.control.answer(asker, &Answer::Refused(reasons));
+                        control.answer(client, &Answer::Refused(reasons));
                         None
                     }
                 }
             }
-            Phase::Draining(_) if self.n_signals > 0 => {
-                command.pause = false;
-                self.control.answer(asker, &Answer::Refused(vec!["the run is being drained".to_owned()]));
+            Phase::Draining(_) if is_ending => {
+                control.answer(client, &Answer::Refused(vec![SwapRefusal::Draining.to_string()]));
                 None
             }
             Phase::Draining(plan) => {
-                command.pause = true;
-                ending = paused_at(processes).map(Ending::Swap);
+                arrived = paused_at(processes);
                 Some(Phase::Draining(plan))
             }
-            Phase::Settling { old, mut swapped, last_tick_nanos } => {
+            Phase::Trying { old, mut swapped, last_tick_nanos } => {
                 match processes.last().and_then(|sink| sink.health.first_tick_nanos) {
-                    None => Some(Phase::Settling { old, swapped, last_tick_nanos }),
+                    None => Some(Phase::Trying { old, swapped, last_tick_nanos }),
                     Some(first) => {
                         swapped.seconds_without_output =
                             last_tick_nanos.map(|last| first.saturating_sub(last) as f64 * 1e-9);
-                        self.settle_swap(asker, *swapped)?;
+                        self.complete(client, *swapped, run, control)?;
                         None
                     }
                 }
             }
         };
-        self.swap = phase.map(|phase| Swap { asker, request, phase });
-        Ok(ending)
+        self.under_way = phase.map(|phase| Swap { client, request, phase });
+        Ok(arrived)
     }
 
-    /// The plan if it is that of this run but for the stage.
-    fn fitting(&self, mut plan: Plan, stage: &str) -> Result<Plan, Vec<String>> {
-        plan.context = self.plan.context.clone();
-        let misfits = misfits(&self.plan.stages, &plan.stages, stage);
-        if misfits.is_empty() { Ok(plan) } else { Err(misfits) }
-    }
-
-    /// All processes have come to the barrier and are gone: from here on the new plan.
-    /// Returns the barrier to go on from.
-    pub(crate) fn exchange(&mut self, barrier: u64) -> Result<Option<u64>, String> {
-        let Some(Swap { asker, request, phase: Phase::Draining(plan) }) = self.swap.take() else {
+    /// All processes have reached the barrier and ended: from here on the new plan. Returns the barrier to continue from.
+    pub fn exchange(
+        &mut self,
+        barrier: u64,
+        health: &BTreeMap<String, Health>,
+        run: &mut ActiveRun,
+        control: &mut Control,
+    ) -> Result<Option<u64>, SwapError> {
+        let Some(Swap { client, request, phase: Phase::Draining(plan) }) = self.under_way.take() else {
             return Ok(Some(barrier));
         };
-        let whole = self.last_barrier()?;
-        if whole != Some(barrier) {
-            self.control.answer(asker, &Answer::Refused(vec![format!("a state of barrier {barrier} is torn")]));
-            return Ok(whole);
+        let complete = self.last_barrier(run)?;
+        if complete != Some(barrier) {
+            control.answer(client, &Answer::Refused(vec![format!("a state of barrier {barrier} is damaged")]));
+            return Ok(complete);
         }
-        let of = |name: Option<&str>| name.and_then(|name| self.health.get(name)).cloned().unwrap_or_default();
-        let source: Health = of(self.plan.stages.first().map(|stage| &*stage.name));
-        let sink: Health = of(self.plan.stages.last().map(|stage| &*stage.name));
+        let of = |name: Option<&str>| name.and_then(|name| health.get(name)).cloned().unwrap_or_default();
+        let source: Health = of(run.plan.stages.first().map(|stage| &*stage.name));
+        let sink: Health = of(run.plan.stages.last().map(|stage| &*stage.name));
         let drive_time = source.drive_time.unwrap_or_default();
         let back = request.back.then(|| format!("{} back to the launch file", request.stage));
         let swapped = Swapped {
@@ -174,90 +198,118 @@ impl Supervisor {
             drive_time,
             drive_s: drive_time.saturating_sub(source.drive_begin.unwrap_or(drive_time)) as f64 * 1e-9,
             changes: back.into_iter().chain(changes(&request)).collect(),
-            state_bytes: self.folder.state_bytes(barrier, &request.stage),
+            state_bytes: run.folder.states().bytes(barrier, &request.stage),
             seconds_without_output: None,
             undone: None,
         };
-        // Written before anything is started: a successor must know that states behind the barrier are not to be trusted.
-        self.record.trying = Some(Trying { barrier, overrides: self.record.overrides_with(&request) });
-        self.folder.write_swaps(&self.record)?;
-        // What lies before the barrier is the old plan's: a fall back to it would do it again with the new one.
-        self.folder.forget_before(barrier);
-        let old = Some(Box::new(std::mem::replace(&mut self.plan, *plan)));
-        self.control.working(asker, "starting from the barrier");
-        let phase = Phase::Settling { old, swapped: Box::new(swapped), last_tick_nanos: sink.last_tick_nanos };
-        self.swap = Some(Swap { asker, request, phase });
+        // Written before any process starts: a later supervisor must know that states behind the barrier are on trial.
+        self.record.trial = Some(Trial { barrier, overrides: self.record.overrides_with(&request) });
+        run.folder.write_swaps(&self.record)?;
+        // States before the barrier are of the old plan: the run must not fall back to them with the new one.
+        run.folder.states().remove_before(barrier);
+        let old = Some(Box::new(std::mem::replace(&mut run.plan, *plan)));
+        control.working(client, "starting from the barrier");
+        let phase = Phase::Trying { old, swapped: Box::new(swapped), last_tick_nanos: sink.last_tick_nanos };
+        self.under_way = Some(Swap { client, request, phase });
         Ok(Some(barrier))
     }
 
-    /// If the attempt to swap has failed: the barrier from which the run goes on as before it.
-    pub(crate) fn undo_swap(&mut self, ending: &Result<Ending, String>) -> Result<Option<u64>, String> {
-        let Some(Swap { asker, phase: Phase::Settling { old, swapped, .. }, .. }) = &mut self.swap else {
+    /// The attempt failed for this reason. If it was the trial of a swap, the old plan is back; returns the barrier to
+    /// continue from.
+    pub fn undo(
+        &mut self,
+        reason: String,
+        run: &mut ActiveRun,
+        control: &mut Control,
+    ) -> Result<Option<u64>, SwapError> {
+        let Some(Swap { client, phase: Phase::Trying { old, swapped, .. }, .. }) = &mut self.under_way else {
             return Ok(None);
         };
-        let reason = match ending {
-            Ok(Ending::Failed(fault, last_words)) => {
-                let head = format!("[{}] {}", fault.stage, fault.text);
-                let words = last_words.iter().map(|line| format!("[{}] | {line}", fault.stage));
-                std::iter::once(head).chain(words).collect::<Vec<_>>().join("\n")
-            }
-            Err(text) => text.clone(),
-            Ok(_) => return Ok(None),
-        };
         let Some(old) = old.take() else { return Ok(None) };
-        self.screen.say(&format!("the swap of [{}] is undone: {reason}", swapped.stage));
-        self.control.working(*asker, "undoing the swap");
+        tracing::warn!(stage = swapped.stage, "the swap of [{}] is undone: {reason}", swapped.stage);
+        control.working(*client, "undoing the swap");
         swapped.undone = Some(reason);
-        self.plan = *old;
-        self.record.trying = None;
-        self.folder.write_swaps(&self.record)?;
+        run.plan = *old;
+        self.record.trial = None;
+        run.folder.write_swaps(&self.record)?;
         Ok(Some(swapped.barrier))
     }
 
-    fn settle_swap(&mut self, asker: AskerId, swapped: Swapped) -> Result<(), String> {
-        self.record.settle(swapped.clone());
-        self.folder.write_swaps(&self.record)?;
+    /// The sink has finished a tick: the swap is completed, or the run is back at the old plan.
+    fn complete(
+        &mut self,
+        client: ClientId,
+        swapped: Swapped,
+        run: &ActiveRun,
+        control: &mut Control,
+    ) -> Result<(), SwapError> {
+        self.record.complete(swapped.clone());
+        run.folder.write_swaps(&self.record)?;
         match (&swapped.undone, swapped.seconds_without_output) {
-            (Some(_), Some(seconds)) => self.screen.say(&format!("as before the swap: {seconds:.2} s without output")),
+            (Some(_), Some(seconds)) => {
+                tracing::info!("the run is as before the swap, after {seconds:.2} s without output");
+            }
             (Some(_), None) => {}
-            (None, _) => self.screen.say(&swapped.to_string()),
+            (None, _) => tracing::info!(stage = swapped.stage, "{swapped}"),
         }
-        self.control.answer(asker, &Answer::Swapped(swapped));
+        control.answer(client, &Answer::Swapped(swapped));
         Ok(())
     }
 
-    /// The run is over: what is still in the air did not come to be. `run/swaps.json` keeps saying that it is being tried, so
-    /// that who resumes the run goes back to its barrier.
-    pub(crate) fn close_swap(&mut self) {
-        if let Some(Swap { asker, phase: Phase::Settling { mut swapped, .. }, .. }) = self.swap.take() {
+    /// The run ends: a swap on trial is not completed. `run/swaps.json` keeps the trial, so that a resumed run goes back to its
+    /// barrier.
+    pub fn close(&mut self, control: &mut Control) {
+        if let Some(Swap { client, phase: Phase::Trying { mut swapped, .. }, .. }) = self.under_way.take() {
             swapped.undone.get_or_insert_with(|| "the run ended before the first tick with it".to_owned());
             self.record.swaps.push((*swapped).clone());
-            self.control.answer(asker, &Answer::Swapped(*swapped));
+            control.answer(client, &Answer::Swapped(*swapped));
         }
     }
 
-    /// What earlier supervisors of this run have swapped holds; what they were at is undone.
-    pub(crate) fn take_up_swaps(&mut self) -> Result<(), String> {
-        self.record = self.folder.read_swaps()?;
-        if let Some(trying) = self.record.trying.take() {
-            self.folder.forget_after(Some(trying.barrier))?;
-            self.folder.write_swaps(&self.record)?;
+    /// A resumed run: completed swaps of earlier supervisors remain, a swap on trial is undone.
+    pub fn restore(&mut self, run: &mut ActiveRun) -> Result<(), SwapError> {
+        self.record = run.folder.read_swaps()?;
+        if let Some(trial) = self.record.trial.take() {
+            run.folder.states().remove_after(Some(trial.barrier))?;
+            run.folder.write_swaps(&self.record)?;
         }
         if self.record.overrides.is_empty() {
             return Ok(());
         }
-        let overrides = [&self.plan.overrides[..], &self.record.overrides].concat();
-        let (copy, selection) = (self.folder.launch_copy(), self.plan.selection.clone());
-        let plan = check::plan_as(&copy, &self.plan.launch_file, &overrides, &selection).map_err(|faults| {
-            format!("the run was swapped, and what was swapped in does not fit any more:\n{}", faults.join("\n"))
-        })?;
-        let context = std::mem::replace(&mut self.plan, plan).context;
-        self.plan.context = context;
+        let overrides = [&run.plan.overrides[..], &self.record.overrides].concat();
+        let (copy, selection) = (run.folder.launch_copy(), run.plan.selection.clone());
+        let plan = check::plan_as(&copy, &run.plan.launch_file, &overrides, &selection)
+            .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
+        let context = std::mem::replace(&mut run.plan, plan).context;
+        run.plan.context = context;
         Ok(())
+    }
+
+    /// The last complete barrier. States before a completed swap are of the old plan, so the run cannot continue from them.
+    pub fn last_barrier(&self, run: &ActiveRun) -> Result<Option<u64>, SwapError> {
+        let barrier = run.folder.states().last_complete_barrier(&run.plan.stages);
+        match self.record.swaps.iter().rfind(|swap| swap.undone.is_none()) {
+            Some(swap) if barrier < Some(swap.barrier) => {
+                Err(SwapError::NoBarrierSince { stage: swap.stage.clone(), barrier: swap.barrier })
+            }
+            _ => Ok(barrier),
+        }
+    }
+
+    /// All swaps of the run in their order, for its summary.
+    pub fn take_all(&mut self) -> Vec<Swapped> {
+        std::mem::take(&mut self.record.swaps)
     }
 }
 
-/// The barrier behind which the source pauses, once all have saved their states there: then nothing is on the way.
+/// The plan, if it is the plan of this run except for the stage.
+fn compatible(mut plan: Plan, running: &Plan, stage: &str) -> Result<Plan, Vec<String>> {
+    plan.context = running.context.clone();
+    let reasons = incompatibilities(&running.stages, &plan.stages, stage);
+    if reasons.is_empty() { Ok(plan) } else { Err(reasons) }
+}
+
+/// The barrier behind which the source pauses, once all stages have saved their states there: no data is in flight.
 fn paused_at(processes: &[StageProcess]) -> Option<u64> {
     let source = processes.first().filter(|source| source.health.activity == Activity::Paused)?;
     let barrier = source.health.barrier;

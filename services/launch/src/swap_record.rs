@@ -1,25 +1,26 @@
-//! `run/swaps.json`: which swaps hold in a run, so that a killed supervisor's successor goes on with them.
+//! `run/swaps.json`: the swaps of a run. A resumed run continues with the completed ones.
 
+use run::control::{SwapRequest, Swapped};
 use serde::{Deserialize, Serialize};
-use stage::control::{SwapRequest, Swapped};
 
 /// All swaps of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SwapRecord {
-    /// What holds beyond the launch file and the command line, in the form of `--set`.
+    /// Settings of completed swaps, in the form of `--set`.
     pub overrides: Vec<String>,
-    /// A swap that has been begun. Until it holds, the run goes back to its barrier and to what held before.
-    pub trying: Option<Trying>,
+    /// A swap that is not completed. If the run ends, it continues at the swap's barrier with the old settings.
+    #[serde(rename = "trying")]
+    pub trial: Option<Trial>,
     /// All swaps in their order, undone ones too.
     pub swaps: Vec<Swapped>,
 }
 
-/// A swap of which it is not known yet whether the run goes on with it.
+/// A swap whose new program has not finished a tick yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Trying {
-    /// Where it changes.
+pub struct Trial {
+    /// Where the stage is replaced.
     pub barrier: u64,
-    /// [`SwapRecord::overrides`] from then on.
+    /// [`SwapRecord::overrides`] once it is completed.
     pub overrides: Vec<String>,
 }
 
@@ -34,18 +35,18 @@ impl SwapRecord {
         overrides
     }
 
-    /// The swap that is being tried holds, or is undone.
-    pub fn settle(&mut self, swapped: Swapped) {
-        if let Some(trying) = self.trying.take()
+    /// The swap on trial is completed or undone.
+    pub fn complete(&mut self, swapped: Swapped) {
+        if let Some(trial) = self.trial.take()
             && swapped.undone.is_none()
         {
-            self.overrides = trying.overrides;
+            self.overrides = trial.overrides;
         }
         self.swaps.push(swapped);
     }
 }
 
-/// What the request itself brings, in the form of `--set`.
+/// The changes of the request, in the form of `--set`.
 pub fn changes(request: &SwapRequest) -> Vec<String> {
     let SwapRequest { stage, program, unset, set, .. } = request;
     let unset = unset.iter().map(|key| format!("!{stage}.{key}"));
@@ -63,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn swaps_add_up_and_going_back_forgets_those_of_one_stage() {
+    fn back_removes_the_swaps_of_one_stage() {
         let mut record = SwapRecord::default();
         let unset = vec!["model".to_owned()];
         let program = Some("/p".into());
@@ -74,8 +75,8 @@ mod tests {
     }
 
     #[test]
-    fn a_swap_that_is_undone_changes_nothing() {
-        let trying = Some(Trying { barrier: 3, overrides: vec!["a.b=1".to_owned()] });
+    fn undone_swap_changes_no_settings() {
+        let trial = Some(Trial { barrier: 3, overrides: vec!["a.b=1".to_owned()] });
         let swapped = Swapped {
             stage: "a".to_owned(),
             barrier: 3,
@@ -87,11 +88,11 @@ mod tests {
             seconds_without_output: None,
             undone: Some("it fails".to_owned()),
         };
-        let mut record = SwapRecord { trying, ..SwapRecord::default() };
-        let mut holds = record.clone();
-        record.settle(swapped.clone());
-        assert_eq!((record.overrides.len(), record.trying, record.swaps.len()), (0, None, 1));
-        holds.settle(Swapped { undone: None, ..swapped });
-        assert_eq!(holds.overrides, ["a.b=1"]);
+        let mut record = SwapRecord { trial, ..SwapRecord::default() };
+        let mut completed = record.clone();
+        record.complete(swapped.clone());
+        assert_eq!((record.overrides.len(), record.trial, record.swaps.len()), (0, None, 1));
+        completed.complete(Swapped { undone: None, ..swapped });
+        assert_eq!(completed.overrides, ["a.b=1"]);
     }
 }

@@ -1,5 +1,4 @@
-//! replay: a source that publishes the messages and ticks of a recording, in the place of the stages that it was
-//! recorded from.
+//! replay: a source that publishes the messages and ticks of a recording. It replaces the stages that published them.
 
 mod pace;
 mod topics;
@@ -17,8 +16,8 @@ stage::settings! {
         pub recording: String = String::new() => any();
         /// Topics to publish; empty = all that are recorded.
         pub topics: Vec<String> = Vec::new() => any();
-        /// Drive time per time, by the ticks' drive times; 1 = as it was, 0 = as fast as its consumers take it. A pause
-        /// longer than 5 s is cut short to that.
+        /// Playback speed: drive time per wall-clock time; 1 = real time, 0 = as fast as the consumers allow. Pauses longer
+        /// than 5 s are shortened to 5 s.
         pub speed: f64 = 0.0 => within(0.0, 1000.0);
     }
 }
@@ -29,7 +28,7 @@ pub struct Replay {
     topics: Vec<&'static Replayed>,
     pace: Pace,
     n_ticks: u64,
-    /// The tick after the one published last: whether there is one must be known before that one is said to be the last.
+    /// The tick after the last published one: a tick is the last one if there is no further tick.
     next: Option<RecordedTick>,
 }
 
@@ -47,7 +46,9 @@ fn recorded(path: &Path, settings: &Settings) -> Result<Vec<&'static Replayed>, 
         let file = path.display();
         let name = &topic.name;
         let Some(known) = TOPICS.iter().find(|known| known.topic == name.as_str()) else {
-            return Err(StepError::data(format!("{file}: topic {name} is none that can be replayed")));
+            return Err(StepError::data(format!(
+                "{file}: topic {name} cannot be replayed: this program does not know its type"
+            )));
         };
         let (version, layout) = (known.version, known.layout);
         if (topic.table.version, topic.table.layout) != (version, layout) {
@@ -134,12 +135,12 @@ impl Stage for Replay {
 }
 
 impl Replay {
-    /// The next tick; a recording that ends before its run does is replayed as far as it goes, and that is said.
+    /// The next tick. A recording that ends before its run is replayed to its end, and reported.
     fn read(&mut self, outputs: &mut Outputs) -> Result<Option<RecordedTick>, StepError> {
         match self.ticks.next() {
             Ok(None) if !self.ticks.ended() => {
                 let path = self.ticks.recording().path().display();
-                outputs.note(format!("{path}: the recording ends before its run does"));
+                outputs.note(format!("{path}: the recording ends before the end of its run"));
                 outputs.count("recordings_not_complete", 1);
                 Ok(None)
             }

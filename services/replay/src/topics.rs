@@ -1,7 +1,8 @@
-//! The topics that can be replayed: those of this project.
+//! The topics that can be replayed: all topics of this project.
 
 use messages::{
-    Class, Color, Cube, Gnss, Image, Imu, Instance, Message, Mosaic, Placement, Spectra, Submap, Sweep, Trajectory,
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImageTopic, ImuTopic, InstanceTopic, Message, MosaicTopic,
+    PlacementTopic, SpectraTopic, SubmapTopic, SweepTopic, TrajectoryTopic,
 };
 use stage::{Outputs, Port, Received, StepError};
 use std::sync::LazyLock;
@@ -20,22 +21,22 @@ pub struct Replayed {
     pub publish: fn(&mut Outputs, &[u8]) -> Result<(), StepError>,
 }
 
-/// All of them.
+/// All topics.
 pub static TOPICS: LazyLock<Vec<Replayed>> = LazyLock::new(|| {
     vec![
-        of::<Sweep>(),
-        of::<Image>(),
-        of::<Mosaic>(),
-        of::<Gnss>(),
-        of::<Imu>(),
-        of::<Cube>(),
-        of::<Submap>(),
-        of::<Trajectory>(),
-        of::<Placement>(),
-        of::<Color>(),
-        of::<Spectra>(),
-        of::<Class>(),
-        of::<Instance>(),
+        of::<SweepTopic>(),
+        of::<ImageTopic>(),
+        of::<MosaicTopic>(),
+        of::<GnssTopic>(),
+        of::<ImuTopic>(),
+        of::<CubeTopic>(),
+        of::<SubmapTopic>(),
+        of::<TrajectoryTopic>(),
+        of::<PlacementTopic>(),
+        of::<ColorTopic>(),
+        of::<SpectraTopic>(),
+        of::<ClassTopic>(),
+        of::<InstanceTopic>(),
     ]
 });
 
@@ -47,6 +48,6 @@ fn publish<T: Message>(outputs: &mut Outputs, bytes: &[u8]) -> Result<(), StepEr
     let message = Received::<T>::from_bytes(bytes)?;
     let mut loan = outputs.loan::<T>(message.rows().len())?;
     *loan.header_mut() = *message.header();
-    loan.extend_from_slice(message.rows()).ok_or_else(|| StepError::data("the loan is too small"))?;
+    loan.extend_from_slice(message.rows())?;
     outputs.publish(loan, message.stamp())
 }

@@ -1,43 +1,43 @@
-//! The submap that is being written.
+//! The submap that is being filled.
 
-use crate::sweeps::{Cloud, Scene};
+use crate::incoming::{IncomingSweep, KeptPoints};
 use geometry::{Pose, UnitQuaternion, Vector3};
 use messages::{
-    MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
+    MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic,
     SweepPoint,
 };
 use rayon::prelude::*;
 use registration::{DeskewTable, Registered, Sweep};
 use stage::{Loan, Outputs, StepError};
 
-/// A submap under construction: its rows lie in the slot from which consumers will read them.
+/// A submap under construction. Its rows are in the loan from which consumers will read them.
 pub(crate) struct OpenSubmap {
-    pub loan: Loan<Submap>,
+    pub loan: Loan<SubmapTopic>,
     pub frame: SubmapFrame,
     pub header: Box<SubmapHeader>,
 }
 
-/// What decides when a submap is full.
+/// Pose of a submap, and the path so far, by which it is full.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct SubmapFrame {
     pub world_from_submap: Pose,
-    /// Path of the body since the first shot, m.
-    pub travelled_m: f64,
-    /// Where the body was last, world, m.
+    /// Path length of the body since the first shot, m.
+    pub path_m: f64,
+    /// Last position of the body, world, m.
     pub body: Vector3<f64>,
 }
 
 impl OpenSubmap {
-    /// Begins at the place and heading of the body.
-    pub fn new(loan: Loan<Submap>, world_from_body: &Pose, n_rings: u32) -> Self {
+    /// Begins at the position and heading of the body.
+    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose, n_rings: u32) -> Self {
         let world_from_submap = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
         let mut header = Box::new(SubmapHeader::default());
         header.world_from_submap = world_from_submap.into();
         header.n_rings = n_rings;
         let body = world_from_body.translation.vector;
-        Self { loan, frame: SubmapFrame { world_from_submap, travelled_m: 0.0, body }, header }
+        Self { loan, frame: SubmapFrame { world_from_submap, path_m: 0.0, body }, header }
     }
-    /// Whether a sweep of `n_points` has room.
+    /// Whether a sweep of `n_points` fits.
     pub fn fits(&self, n_points: usize) -> bool {
         (self.header.n_sweeps as usize) < MAX_SWEEPS_PER_SUBMAP
             && n_points <= self.loan.capacity() - self.loan.rows().len()
@@ -46,12 +46,12 @@ impl OpenSubmap {
     pub fn seconds(&self) -> f64 {
         (self.header.stamp_end - self.header.stamp_begin) as f64 * 1e-9
     }
-    /// Appends the points of a sweep that are kept, in order. `body` is the position of the body at the last shot, world.
-    /// The caller has asked [`OpenSubmap::fits`].
+    /// Appends the kept points of a sweep in order. `body` is the position of the body at the last shot, world. The caller has
+    /// checked [`OpenSubmap::fits`].
     pub fn append(
         &mut self,
-        cloud: &Cloud,
-        scene: &Scene,
+        incoming: &IncomingSweep,
+        kept: &KeptPoints,
         registered: &Registered,
         body: Vector3<f64>,
     ) -> Result<(), StepError> {
@@ -60,21 +60,21 @@ impl OpenSubmap {
         let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
         let first_point = self.loan.rows().len() as u32;
         let sweep_idx = self.header.n_sweeps as u16;
-        let (capacity, n_kept) = (self.loan.capacity(), scene.kept.len());
-        let rows = self.loan.grow(n_kept).ok_or_else(|| {
+        let (capacity, n_kept) = (self.loan.capacity(), kept.indices.len());
+        let rows = self.loan.grow(n_kept).map_err(|_full| {
             StepError::data(format!(
-                "sweep {}: {n_kept} points do not fit into a submap of {capacity}: raise submap_points_max",
-                cloud.received.seq(),
+                "sweep {}: {n_kept} points exceed a submap of {capacity}; increase submap_points_max",
+                incoming.received.seq(),
             ))
         })?;
-        let (raw, sweep, moving) = (cloud.received.rows(), &cloud.sweep, &registered.moving);
-        let fill = |(rows, kept): (&mut [SubmapPoint], &[usize])| {
+        let (raw, sweep, moving) = (incoming.received.rows(), &incoming.sweep, &registered.moving);
+        let fill = |(rows, indices): (&mut [SubmapPoint], &[usize])| {
             let mut bounds = NO_BOUNDS;
-            // Both lists rise.
-            let first = kept.first().map_or(0, |first| moving.partition_point(|&idx| (idx as usize) < *first));
+            // Both lists are ascending.
+            let first = indices.first().map_or(0, |first| moving.partition_point(|&idx| (idx as usize) < *first));
             let mut moving = moving[first..].iter().map(|&idx| idx as usize).peekable();
-            for (row, &point_idx) in rows.iter_mut().zip(kept) {
-                let incidence = scene.incidences[point_idx];
+            for (row, &point_idx) in rows.iter_mut().zip(indices) {
+                let incidence = kept.incidences[point_idx];
                 *row = submap_point(&raw[point_idx], sweep, point_idx, &table, sweep_idx, incidence);
                 while moving.next_if(|&idx| idx < point_idx).is_some() {}
                 row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
@@ -82,13 +82,13 @@ impl OpenSubmap {
             }
             bounds
         };
-        let pieces = rows.par_chunks_mut(PIECE).zip(scene.kept.par_chunks(PIECE));
+        let pieces = rows.par_chunks_mut(PIECE).zip(kept.indices.par_chunks(PIECE));
         let bounds = pieces.map(fill).reduce(|| NO_BOUNDS, joined);
         let before = if first_point == 0 { NO_BOUNDS } else { [self.header.min, self.header.max] };
         [self.header.min, self.header.max] = joined(before, bounds);
         self.header.sweeps[usize::from(sweep_idx)] = SubmapSweep {
             stamp: registered.stamp.0,
-            seq: cloud.received.seq(),
+            seq: incoming.received.seq(),
             duration_nanos: registered.duration_nanos,
             first_point,
             n_points: n_kept as u32,
@@ -101,14 +101,14 @@ impl OpenSubmap {
         }
         self.header.stamp_end = registered.stamp.0 + i64::from(registered.duration_nanos);
         self.header.n_sweeps += 1;
-        self.frame.travelled_m += (body - self.frame.body).norm();
+        self.frame.path_m += (body - self.frame.body).norm();
         self.frame.body = body;
         Ok(())
     }
-    /// Hands the submap to its consumers.
+    /// Publishes the submap.
     pub fn publish(mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if self.loan.rows().is_empty() {
-            // Bounds of nothing would be infinite.
+            // The bounds of an empty submap would be infinite.
             (self.header.min, self.header.max) = ([0.0; 3], [0.0; 3]);
         }
         let stamp = self.header.stamp_begin;
@@ -117,19 +117,19 @@ impl OpenSubmap {
     }
 }
 
-/// Points that a thread writes at a time.
+/// Points of one parallel task.
 const PIECE: usize = 1 << 12;
-/// Smallest and largest x y z of no points.
+/// Smallest and largest x y z of an empty set.
 const NO_BOUNDS: [[f32; 3]; 2] = [[f32::MAX; 3], [f32::MIN; 3]];
 
 fn joined(a: [[f32; 3]; 2], b: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
-    // Not `f32::min`, which takes several times as long for the sake of NaN.
-    let least = |axis: usize| if b[0][axis] < a[0][axis] { b[0][axis] } else { a[0][axis] };
-    let most = |axis: usize| if b[1][axis] > a[1][axis] { b[1][axis] } else { a[1][axis] };
-    [std::array::from_fn(least), std::array::from_fn(most)]
+    // Not `f32::min`, which is several times slower because it handles NaN.
+    let min = |axis: usize| if b[0][axis] < a[0][axis] { b[0][axis] } else { a[0][axis] };
+    let max = |axis: usize| if b[1][axis] > a[1][axis] { b[1][axis] } else { a[1][axis] };
+    [std::array::from_fn(min), std::array::from_fn(max)]
 }
 
-/// The part of a rotation that turns about z.
+/// The rotation about z that has the same forward direction.
 fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     let forward = rotation * Vector3::x();
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
@@ -162,7 +162,7 @@ fn submap_point(
     }
 }
 
-/// `value.round()` for values of at most 2^23, without the call of a function that processors before SSE 4.1 need.
+/// `value.round()` for values of at most 2^23, without the function call that processors before SSE 4.1 need.
 #[inline]
 fn rounded(value: f32) -> i32 {
     let towards_zero = value as i32;

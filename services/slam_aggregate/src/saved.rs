@@ -1,28 +1,27 @@
-//! The stage's state, to the bit.
+//! The saved state of the stage.
 
-use crate::drive_graph::DriveGraph;
 use crate::open_submap::{OpenSubmap, SubmapFrame};
-use crate::weak_stretches::WeakStretches;
-use messages::{Submap, SubmapHeader, SubmapPoint, pod};
-use registration::OdometryState;
+use georeference::Georeferencer;
+use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
+use registration::{DegenerateStretches, OdometryState};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
-/// Raised when the layout of [`Saved`] or the meaning of a field changes.
+/// Incremented when the layout of [`Saved`] or the meaning of a field changes.
 pub(crate) const STATE_VERSION: u32 = 6;
 
-/// Everything that the next tick depends on: the odometry's state (at most 4.3 MB with default settings and 32 rings), and 70 kB for
-/// each submap that is complete. Behind it follow, from where they lie, the first sweep while it waits for the second (about
-/// 1.3 MB) and the rows of the open submap (28 bytes a point).
+/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings) and 70 kB for
+/// each complete submap. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
+/// rows of the open submap (28 bytes a point).
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved {
     pub odometry: OdometryState,
-    /// Whether the first sweep waits.
-    pub waits: bool,
+    /// Whether the first sweep is waiting for the second.
+    pub is_waiting: bool,
     pub submap: Option<SubmapHead>,
-    pub last_row_stamp: Option<i64>,
-    pub weak: WeakStretches,
-    pub graph: DriveGraph,
+    pub last_pose_stamp: Option<i64>,
+    pub degenerate: DegenerateStretches,
+    pub georeferencer: Georeferencer,
 }
 
 /// An [`OpenSubmap`] without its rows.
@@ -50,24 +49,24 @@ impl SubmapHead {
 }
 
 impl SavedSubmap {
-    /// Into a fresh slot: the only time that rows are copied.
+    /// Copies the rows into a new loan.
     pub fn reopen(&self, outputs: &mut Outputs, capacity: usize) -> Result<OpenSubmap, StepError> {
-        let torn = || StepError::data("the saved submap's header or rows have the wrong length");
+        let torn = || StepError::data("saved state: header or rows of the open submap have the wrong length");
         let header = pod::rows_from_bytes::<SubmapHeader>(&self.head.header.0).ok_or_else(torn)?;
         let [header] = header[..] else { return Err(torn()) };
         let rows = pod::rows_from_bytes::<SubmapPoint>(&self.rows).ok_or_else(torn)?;
-        // A smaller limit than before must not lose what is there.
-        let mut loan = outputs.loan::<Submap>(capacity.max(rows.len()))?;
-        loan.extend_from_slice(&rows).ok_or_else(torn)?;
+        // Points saved under a larger limit must not be lost.
+        let mut loan = outputs.loan::<SubmapTopic>(capacity.max(rows.len()))?;
+        loan.extend_from_slice(&rows)?;
         Ok(OpenSubmap { loan, frame: self.head.frame, header: Box::new(header) })
     }
-    /// `rows` are all that is left of a state.
+    /// `rows` is the rest of a state.
     pub fn load(head: Option<SubmapHead>, rows: &[u8]) -> Result<Option<Self>, StepError> {
         let n_rows = head.as_ref().map_or(0, |head| head.n_rows);
         if rows.len() as u64 != n_rows * size_of::<SubmapPoint>() as u64 {
             let n_bytes = rows.len();
             return Err(StepError::data(format!(
-                "saved state: {n_bytes} bytes for {n_rows} points of the open submap"
+                "saved state: {n_bytes} bytes for the {n_rows} points of the open submap"
             )));
         }
         Ok(head.map(|head| Self { head, rows: rows.to_vec() }))

@@ -1,44 +1,90 @@
-//! What can be set, and why the defaults are what they are.
+//! Settings of the stage, and the settings of its libraries that follow from them.
+
+use formats::manifest::Manifest;
+use geometry::{Geodetic, Point3};
+use georeference::GeoreferenceSettings;
+use registration::{OdometrySettings, Sampling, SensorMounting};
 
 stage::settings! {
     /// Settings of slam_aggregate.
     pub struct Settings {
-        /// Length of a submap along the path, m: about two house fronts, a few million points at walking pace.
+        /// Length of a submap along the path, m. 20 m are about two house fronts and a few million points at walking pace.
         pub submap_m: f64 = 20.0 => stage::within(1.0, 1000.0);
-        /// Longest time of a submap, s: bounds the wait for results when the vehicle stands. Consumers keep the images
-        /// of two such times, hence the upper limit.
+        /// Longest time of a submap, s. It bounds the latency while the vehicle stands. Consumers keep the images of two such
+        /// times, hence the upper limit.
         pub submap_s: f64 = 5.0 => stage::within(0.2, 10.0);
-        /// Points of a submap at most; it is closed before the sweep that would not fit. 4 million are 112 MB and five
-        /// seconds of 70 000 points at 10 Hz with a margin of 10 %.
+        /// Largest number of points of a submap. The submap is closed before the sweep that does not fit. 4 million are 112 MB
+        /// and five seconds of 70 000 points at 10 Hz with a margin of 10 %.
         pub submap_points_max: u32 = 4_000_000 => stage::within(1_000, 20_000_000);
-        /// Side of the cubes of which one point per sweep is kept, m; 0 keeps every return.
+        /// Side of the voxels in which one point per sweep is kept, m; 0 keeps every return.
         pub thin_m: f64 = 0.0 => stage::within(0.0, 1.0);
-        /// Nearer returns come from the vehicle itself or from drops and dust, m; they are dropped and counted.
+        /// Nearer returns are dropped and counted, m: they come from the vehicle itself, rain or dust.
         pub min_range_m: f64 = 1.0 => stage::within(0.0, 10.0);
-        /// Farther points are kept but not used for registration, m. An HDL-32E reaches 100 m; on country roads what is far
-        /// tells the way.
+        /// Farther points are kept but not used for registration, m. 100 m is the range of an HDL-32E; on country roads the far
+        /// points determine the position along the road.
         pub max_range_m: f64 = 100.0 => stage::within(10.0, 250.0);
-        /// Sweeps after which a point leaves the local map. 60 are 60 m at 10 m/s and 10 Hz, as far as surfaces are hit
-        /// densely; more makes the map larger, less makes it forget a crossing while the vehicle turns.
+        /// Sweeps after which a point is dropped from the local map. 60 are 60 m at 10 m/s and 10 Hz, the range of dense returns.
+        /// A larger map costs memory and time; a smaller one loses the surroundings while the vehicle turns at a crossing.
         pub map_sweeps: u32 = 60 => stage::within(5, 1000);
-        /// Points of the local map at most, the oldest leave first: bounds memory and saved state at 40 bytes each.
+        /// Largest number of points in the local map; the oldest are dropped first. It bounds memory and saved state at 40 bytes
+        /// a point.
         pub map_points_max: u32 = 80_000 => stage::within(5_000, 1_000_000);
-        /// Spacing of the local map's points, m: ten times the range noise. The search reaches 1.5 times as far, at
-        /// most 0.5 m, hence the upper limit.
+        /// Spacing of the local map's points, m: ten times the range noise. The search radius is 1.5 times as large and at most
+        /// 0.5 m, hence the upper limit.
         pub map_spacing_m: f64 = 0.2 => stage::within(0.05, 0.33);
-        /// What to make of sweeps without point times: "none" takes them as rigid, as those are whose motion has been
-        /// compensated; "clockwise" and "counterclockwise" (seen from the sensor's top) give each point the time at which a
-        /// sensor that turns evenly from behind to behind fires there.
+        /// Point times of sweeps that have none. "none": the sweeps are rigid, for recordings that are already deskewed.
+        /// "clockwise" and "counterclockwise" (seen from above): times of a sensor that spins evenly from rear to rear.
         pub untimed_turn: String = "none".to_owned() => stage::one_of(&["none", "clockwise", "counterclockwise"]);
-        /// Time of such a turn, s.
+        /// Time of one revolution of such a sensor, s.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
-        /// What foretells the motion from sweep to sweep, and is the motion where the scene does not determine it: inertial samples,
-        /// speeds of a receiver. Without any the last motion goes on.
+        /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
+        /// prediction is used as is. Without sensors the previous motion continues.
         pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
-        /// What the submaps' poses are corrected by at the end: fixes of a receiver, gravity as an inertial unit feels it, places
-        /// that were passed twice. Without any the odometry stands as it is.
+        /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
+        /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
-        /// Planar points that are matched per sweep at most: 2000 average 3 cm of noise below 1 mm.
+        /// Invert the smoothing filter of the GNSS receiver where its fixes show one. Only the simulated receiver is known to have
+        /// such a filter; set it when the log of a real receiver shows one, too.
+        pub unsmooth_fixes: bool = false => stage::any();
+        /// Largest number of planar points that are matched per sweep: 2000 average 3 cm of noise below 1 mm.
         pub matches_max: u32 = 2_000 => stage::within(200, 50_000);
+    }
+}
+
+impl Settings {
+    /// Whether a sensor predicts the motion.
+    pub(crate) fn predicts_by(&self, name: &str) -> bool {
+        self.motion.iter().any(|sensor| sensor == name)
+    }
+
+    pub(crate) fn odometry(&self, mounting: SensorMounting) -> OdometrySettings {
+        let mut odometry = OdometrySettings { mounting, ..OdometrySettings::default() };
+        odometry.features.min_range_m = odometry.features.min_range_m.max(self.min_range_m as f32);
+        odometry.features.max_range_m = self.max_range_m as f32;
+        odometry.features.spacing_m = self.map_spacing_m;
+        odometry.map.spacing_m = self.map_spacing_m;
+        odometry.map.batches = self.map_sweeps;
+        odometry.map.max_points = self.map_points_max as usize;
+        if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {
+            *max_features = self.matches_max as usize;
+        }
+        odometry.matching.fine.0 = 1.5 * self.map_spacing_m;
+        odometry
+    }
+
+    /// Without a manifest, antenna and inertial unit are at the body's origin.
+    pub(crate) fn georeference(&self, manifest: Option<&Manifest>) -> GeoreferenceSettings {
+        let uses = |name: &str| self.correct.iter().any(|measurement| measurement == name);
+        let gnss = manifest.and_then(|manifest| manifest.gnss.as_ref());
+        let imu = manifest.and_then(|manifest| manifest.imu.as_ref());
+        GeoreferenceSettings {
+            gnss: uses("gnss"),
+            imu: uses("imu"),
+            loops: uses("loops"),
+            unsmooth_fixes: self.unsmooth_fixes,
+            antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
+            imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
+            origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),
+        }
     }
 }

@@ -1,124 +1,124 @@
 //! The stage.
 
 use crate::Settings;
-use crate::drive_graph::{DriveGraph, Placed, Sensors};
-use crate::odometry_settings::odometry_settings;
+use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
-use crate::sweeps::{Cloud, Scene};
-use crate::weak_stretches::WeakStretches;
 use formats::drive::Drive;
-use formats::manifest::Manifest;
-use geometry::{Geodetic, Isometry3, Point3, Pose, Stamp};
-use messages::{Gnss, GnssRow, Imu, ImuRow, Placement, StampedPose, Submap, Sweep, Trajectory, pod};
-use registration::{GroundVelocity, InertialSample, Odometry, Registered, SensorPlaces};
+use geometry::{Isometry3, Pose, Stamp};
+use georeference::{GeoreferenceSettings, Georeferencer, Placed};
+use messages::{
+    GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
+};
+use registration::{DegenerateStretches, GroundVelocity, InertialSample, Odometry, Registered, SensorMounting};
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StateBytes, StepError, decode_head, next_message,
 };
 
-/// See the crate's page.
+/// The stage; see the crate's page.
 pub struct SlamAggregate {
     settings: Settings,
-    body_from_lidar: Pose,
-    sensors: Sensors,
+    mounting: SensorMounting,
+    georeference: GeoreferenceSettings,
     odometry: Odometry,
-    /// The first sweep, until the second comes.
-    waiting: Option<Received<Sweep>>,
+    /// The first sweep, until the second arrives.
+    waiting: Option<Received<SweepTopic>>,
     open: Option<OpenSubmap>,
-    /// Loaded, and not yet in a slot.
+    /// From a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
-    last_row_stamp: Option<i64>,
-    weak: WeakStretches,
-    graph: DriveGraph,
+    last_pose_stamp: Option<i64>,
+    degenerate: DegenerateStretches,
+    georeferencer: Georeferencer,
 }
 
 impl SlamAggregate {
-    /// With a known mounting of the lidar; antenna and inertial unit at the body's origin.
+    /// With a known mounting of the LiDAR; antenna and inertial unit are at the body's origin.
     pub fn with_mounting(settings: &Settings, body_from_lidar: Pose) -> Self {
-        Self::with_sensors(settings, body_from_lidar, sensors(settings, None))
+        Self::with_sensors(settings, body_from_lidar, settings.georeference(None))
     }
 
-    fn with_sensors(settings: &Settings, body_from_lidar: Pose, sensors: Sensors) -> Self {
-        let places = places(body_from_lidar, &sensors);
+    fn with_sensors(settings: &Settings, body_from_lidar: Pose, georeference: GeoreferenceSettings) -> Self {
+        let mounting = SensorMounting {
+            body_from_lidar,
+            imu_in_body: georeference.imu_in_body,
+            antenna_in_body: georeference.antenna_in_body,
+        };
         Self {
             settings: settings.clone(),
-            body_from_lidar,
-            graph: DriveGraph::new(&sensors),
-            sensors,
+            mounting,
+            georeferencer: Georeferencer::new(&georeference),
+            georeference,
             // The body frame at the first shot is the world.
-            odometry: Odometry::new(odometry_settings(settings, places), body_from_lidar),
+            odometry: Odometry::new(settings.odometry(mounting), body_from_lidar),
             waiting: None,
             open: None,
             saved_submap: None,
-            last_row_stamp: None,
-            weak: WeakStretches::default(),
+            last_pose_stamp: None,
+            degenerate: DegenerateStretches::default(),
         }
     }
 
-    /// Puts a registered sweep into the open submap, closes the submap where it is full, and appends the poses.
-    fn place(
+    /// Adds a registered sweep to the open submap, publishes the submap if it is full, and appends the poses.
+    fn add_sweep(
         &mut self,
-        (cloud, scene): (&Cloud, &Scene),
+        (incoming, kept): (&IncomingSweep, &KeptPoints),
         registered: &Registered,
-        rows: &mut Vec<StampedPose>,
+        poses: &mut Vec<StampedPose>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         count(registered, outputs);
-        if let Some(text) = self.weak.see(registered) {
+        if let Some(text) = self.degenerate.add(registered) {
             outputs.note(text);
         }
-        outputs.count("points_out_of_range", scene.n_dropped as u64);
-        let body_from_lidar = self.body_from_lidar;
+        outputs.count("points_out_of_range", kept.n_dropped as u64);
+        let body_from_lidar = self.mounting.body_from_lidar;
         let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
         let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
         let end_stamp = registered.stamp.0 + i64::from(registered.duration_nanos);
         for (stamp, pose) in [(registered.stamp.0, begin), (end_stamp, end)] {
-            // Stamps on the topic never fall, whatever the recording's do.
-            if self.last_row_stamp.is_none_or(|last| last <= stamp) {
-                rows.push(StampedPose { stamp, world_from_body: pose.into() });
-                self.last_row_stamp = Some(stamp);
+            // Stamps on the topic never decrease, even if those of the recording do.
+            if self.last_pose_stamp.is_none_or(|last| last <= stamp) {
+                poses.push(StampedPose { stamp, world_from_body: pose.into() });
+                self.last_pose_stamp = Some(stamp);
             } else {
                 outputs.count("poses_out_of_order", 1);
             }
         }
-        if self.open.as_ref().is_some_and(|open| !open.fits(scene.kept.len())) {
-            self.close(outputs)?;
+        if self.open.as_ref().is_some_and(|open| !open.fits(kept.indices.len())) {
+            self.close_submap(outputs)?;
         }
         let open = match &mut self.open {
             Some(open) => open,
             empty => {
-                let loan = outputs.loan::<Submap>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(OpenSubmap::new(loan, &begin, cloud.received.header().n_rings));
-                self.graph.begin_submap(open.frame.world_from_submap, registered.stamp.0);
+                let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
+                let open = empty.insert(OpenSubmap::new(loan, &begin, incoming.received.header().n_rings));
+                self.georeferencer.begin_submap(open.frame.world_from_submap, registered.stamp.0);
                 open
             }
         };
-        self.graph.add_sweep(registered, &begin, &end);
-        open.append(cloud, scene, registered, end.translation.vector)?;
-        if open.frame.travelled_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
-            self.close(outputs)?;
+        self.georeferencer.add_sweep(registered, &begin, &end);
+        open.append(incoming, kept, registered, end.translation.vector)?;
+        if open.frame.path_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
+            self.close_submap(outputs)?;
         }
         Ok(())
     }
 
-    fn prepared(&self, received: Received<Sweep>) -> (Cloud, Scene) {
-        let cloud = Cloud::new(received, &self.settings);
-        let scene = Scene::of(&cloud.sweep, &self.settings);
-        (cloud, scene)
+    fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
+        let incoming = IncomingSweep::new(received, &self.settings);
+        let kept = KeptPoints::of(&incoming.sweep, &self.settings);
+        (incoming, kept)
     }
 
-    fn leans_on(&self, name: &str) -> bool {
-        self.settings.motion.iter().any(|wanted| wanted == name)
-    }
-
-    fn close(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+    fn close_submap(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         let Some(open) = self.open.take() else { return Ok(()) };
-        let is_loop = self.graph.end_submap(&self.sensors, self.odometry.map());
+        let is_loop = self.georeferencer.end_submap(&self.georeference, self.odometry.map());
         outputs.count("loops_found", u64::from(is_loop));
         open.publish(outputs)
     }
 
-    fn reopen(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+    /// Moves the open submap of a loaded state into a loan.
+    fn reopen_submap(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         if let Some(saved) = self.saved_submap.take() {
             self.open = Some(saved.reopen(outputs, self.settings.submap_points_max as usize)?);
         }
@@ -131,74 +131,74 @@ impl Stage for SlamAggregate {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Sweep>(), Port::optional::<Gnss>(), Port::optional::<Imu>()]
+        vec![Port::of::<SweepTopic>(), Port::optional::<GnssTopic>(), Port::optional::<ImuTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Submap>(), Port::of::<Trajectory>(), Port::of::<Placement>()]
+        vec![Port::of::<SubmapTopic>(), Port::of::<TrajectoryTopic>(), Port::of::<PlacementTopic>()]
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let manifest = match context.mode {
             Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
-            // The recording has only begun; where the vehicle's folder does not say otherwise, the frames are one.
+            // The recording has only begun. Without a rig in the vehicle's folder, body and LiDAR frame are the same.
             Mode::Live => Drive::rig_alone(&context.drive).map_err(StepError::io)?,
         };
         let body_from_lidar = match &manifest {
-            Some(manifest) => manifest.rig().map_err(StepError::Data)?.body_from_lidar,
+            Some(manifest) => manifest.rig().map_err(StepError::data)?.body_from_lidar,
             None => Isometry3::identity(),
         };
-        Ok(Self::with_sensors(settings, body_from_lidar, sensors(settings, manifest.as_ref())))
+        Ok(Self::with_sensors(settings, body_from_lidar, settings.georeference(manifest.as_ref())))
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        self.reopen(outputs)?;
-        for message in inputs.take::<Imu>() {
-            self.graph.push_inertial(message.rows());
-            if self.leans_on("imu") {
-                message.rows().iter().for_each(|row| self.odometry.feel(inertial_sample(row)));
+        self.reopen_submap(outputs)?;
+        for message in inputs.take::<ImuTopic>() {
+            self.georeferencer.add_imu(message.rows());
+            if self.settings.predicts_by("imu") {
+                message.rows().iter().for_each(|row| self.odometry.add_imu(inertial_sample(row)));
             }
         }
-        for message in inputs.take::<Gnss>() {
-            let n_taken = self.graph.push_fixes(message.rows());
-            outputs.count("fixes_without_position", (message.rows().len() - n_taken) as u64);
-            if self.leans_on("gnss") {
+        for message in inputs.take::<GnssTopic>() {
+            let n_valid = self.georeferencer.add_gnss(message.rows());
+            outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
+            if self.settings.predicts_by("gnss") {
                 let velocities = message.rows().iter().filter_map(ground_velocity);
-                velocities.for_each(|velocity| self.odometry.hear(velocity));
+                velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }
         }
-        let mut rows = Vec::new();
-        for received in inputs.take::<Sweep>() {
-            let cloud = Cloud::new(received, &self.settings);
-            let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &cloud.sweep);
-            let (registered, scene) = rayon::join(|| odometry.register(sweep), || Scene::of(sweep, settings));
+        let mut poses = Vec::new();
+        for received in inputs.take::<SweepTopic>() {
+            let incoming = IncomingSweep::new(received, &self.settings);
+            let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
+            let (registered, kept) = rayon::join(|| odometry.register(sweep), || KeptPoints::of(sweep, settings));
             let registered = registered.map_err(StepError::data)?;
-            let waiting = self.waiting.take().map(|received| self.prepared(received));
-            let mut clouds = waiting.into_iter().chain([(cloud, scene)]);
-            for (registered, (cloud, scene)) in registered.iter().zip(clouds.by_ref()) {
-                self.place((&cloud, &scene), registered, &mut rows, outputs)?;
+            let waiting = self.waiting.take().map(|received| self.prepare(received));
+            let mut prepared = waiting.into_iter().chain([(incoming, kept)]);
+            for (registered, (incoming, kept)) in registered.iter().zip(prepared.by_ref()) {
+                self.add_sweep((&incoming, &kept), registered, &mut poses, outputs)?;
             }
-            self.waiting = clouds.next().map(|(cloud, _)| cloud.received);
+            self.waiting = prepared.next().map(|(incoming, _)| incoming.received);
         }
-        self.graph.settle(&self.sensors);
-        publish_poses(&rows, outputs)?;
+        self.georeferencer.update(&self.georeference);
+        publish_poses(&poses, outputs)?;
         Ok(Flow::Continue)
     }
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
-        self.reopen(outputs)?;
-        let mut rows = Vec::new();
+        self.reopen_submap(outputs)?;
+        let mut poses = Vec::new();
         if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
-            let (cloud, scene) = self.prepared(received);
-            self.place((&cloud, &scene), &registered, &mut rows, outputs)?;
+            let (incoming, kept) = self.prepare(received);
+            self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
         }
-        publish_poses(&rows, outputs)?;
-        if let Some(text) = self.weak.finish() {
+        publish_poses(&poses, outputs)?;
+        if let Some(text) = self.degenerate.finish() {
             outputs.note(text);
         }
-        self.close(outputs)?;
-        self.graph.settle(&self.sensors);
-        self.graph.place(&self.sensors).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
+        self.close_submap(outputs)?;
+        self.georeferencer.update(&self.georeference);
+        self.georeferencer.solve(&self.georeference).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
@@ -209,11 +209,11 @@ impl Stage for SlamAggregate {
         };
         let saved = Saved {
             odometry: self.odometry.save(),
-            waits: self.waiting.is_some(),
+            is_waiting: self.waiting.is_some(),
             submap,
-            last_row_stamp: self.last_row_stamp,
-            weak: self.weak.clone(),
-            graph: self.graph.clone(),
+            last_pose_stamp: self.last_pose_stamp,
+            degenerate: self.degenerate.clone(),
+            georeferencer: self.georeferencer.clone(),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saved)?;
         if let Some(waiting) = &self.waiting {
@@ -225,69 +225,47 @@ impl Stage for SlamAggregate {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
-        let places = places(self.body_from_lidar, &self.sensors);
-        self.odometry = Odometry::load(odometry_settings(&self.settings, places), saved.odometry);
-        self.waiting = saved.waits.then(|| next_message(&mut rest)).transpose()?;
+        self.odometry = Odometry::load(self.settings.odometry(self.mounting), saved.odometry);
+        self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
-        self.last_row_stamp = saved.last_row_stamp;
-        self.weak = saved.weak;
-        self.graph = saved.graph;
+        self.last_pose_stamp = saved.last_pose_stamp;
+        self.degenerate = saved.degenerate;
+        self.georeferencer = saved.georeferencer;
         Ok(())
     }
 }
 
 fn count(registered: &Registered, outputs: &mut Outputs) {
-    let weak = registered.matched.as_ref().is_some_and(|matched| matched.n_weak_directions > 0);
+    let is_degenerate = registered.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
     outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
-    outputs.count("degenerate_sweeps", u64::from(weak));
+    outputs.count("degenerate_sweeps", u64::from(is_degenerate));
     outputs.count("maps_restarted", u64::from(registered.map_restarted));
     outputs.count("points_moving", registered.moving.len() as u64);
 }
 
-fn publish_poses(rows: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {
-    let Some(first) = rows.first() else { return Ok(()) };
-    let mut loan = outputs.loan::<Trajectory>(rows.len())?;
-    let too_small = || StepError::Contract(format!("a loan for {} poses does not hold them", rows.len()));
-    loan.extend_from_slice(rows).ok_or_else(too_small)?;
+fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {
+    let Some(first) = poses.first() else { return Ok(()) };
+    let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
+    loan.extend_from_slice(poses)?;
     outputs.publish(loan, first.stamp)
-}
-
-fn places(body_from_lidar: Pose, sensors: &Sensors) -> SensorPlaces {
-    SensorPlaces { body_from_lidar, imu_in_body: sensors.imu_in_body, antenna_in_body: sensors.antenna_in_body }
 }
 
 fn inertial_sample(row: &ImuRow) -> InertialSample {
     InertialSample { stamp: Stamp(row.stamp), force: row.acceleration.into(), rate: row.angular_rate.into() }
 }
 
-/// `None` where the receiver does not tell how fast it moves.
+/// `None` if the receiver reports no velocity.
 fn ground_velocity(row: &GnssRow) -> Option<GroundVelocity> {
-    let told = |value: f64| (value >= 0.0).then_some(value);
+    let reported = |value: f64| (value >= 0.0).then_some(value);
     let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
-    GroundVelocity::new(Stamp(row.stamp), told(row.speed_mps)?, told(row.course_deg), hdop)
-}
-
-/// What the settings want of what a drive has.
-fn sensors(settings: &Settings, manifest: Option<&Manifest>) -> Sensors {
-    let is_wanted = |name: &str| settings.correct.iter().any(|wanted| wanted == name);
-    let gnss = manifest.and_then(|manifest| manifest.gnss.as_ref());
-    let imu = manifest.and_then(|manifest| manifest.imu.as_ref());
-    Sensors {
-        gnss: is_wanted("gnss"),
-        imu: is_wanted("imu"),
-        loops: is_wanted("loops"),
-        antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
-        imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
-        origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),
-    }
+    GroundVelocity::new(Stamp(row.stamp), reported(row.speed_mps)?, reported(row.course_deg), hdop)
 }
 
 fn publish_placement(placed: &Placed, outputs: &mut Outputs) -> Result<(), StepError> {
-    outputs.note(&placed.words);
-    let mut loan = outputs.loan::<Placement>(placed.rows.len())?;
+    outputs.note(&placed.summary);
+    let mut loan = outputs.loan::<PlacementTopic>(placed.rows.len())?;
     *loan.header_mut() = placed.header;
-    let too_small = || StepError::Contract(format!("a loan for {} submaps does not hold them", placed.rows.len()));
-    loan.extend_from_slice(&placed.rows).ok_or_else(too_small)?;
+    loan.extend_from_slice(&placed.rows)?;
     outputs.publish(loan, placed.rows.first().map_or(0, |row| row.stamp))
 }

@@ -1,30 +1,30 @@
-//! A chart's elements.
+//! SVG elements of a chart.
 
 use crate::{Chart, Mark, Series};
 use std::fmt::Write;
 
-/// Around the plane, px.
+/// Margins around the plot area, px.
 pub const LEFT: f64 = 60.0;
 const RIGHT: f64 = 20.0;
 const BOTTOM: f64 = 48.0;
-/// px that a letter takes on the average, for the legend.
+/// Average width of a letter in the legend, px.
 const LETTER: f64 = 7.7;
-/// Of a line of text, px.
+/// Height of a line of text, px.
 const LINE: f64 = 18.0;
 
-/// Width and height with everything around it, px.
+/// Width and height of a chart with margins, px.
 pub fn outer(chart: &Chart) -> [f64; 2] {
     [LEFT + chart.size[0] + RIGHT, top(chart) + chart.size[1] + BOTTOM]
 }
 
-/// Where the plane begins: below title, legend and the name of the y axis, as far as there are any.
+/// Top of the plot area: below title, legend and y-axis label, where present.
 pub fn top(chart: &Chart) -> f64 {
     let n_lines = [&chart.title, &chart.y.label].iter().filter(|text| !text.is_empty()).count();
     let n_rows = legend(chart).iter().map(|entry| entry.row + 1).max().unwrap_or(0);
     12.0 + LINE * (n_lines + n_rows) as f64
 }
 
-/// All of a chart, its outer corner at 0 0.
+/// All elements of a chart, its upper left corner at 0 0.
 pub fn chart(chart: &Chart) -> String {
     let [width, height] = chart.size;
     let top = top(chart);
@@ -101,7 +101,7 @@ fn draw_series(
     }
 }
 
-/// A name of the legend, and where it stands.
+/// An entry of the legend and its position.
 struct Entry<'a> {
     name: &'a str,
     color: &'a str,
@@ -109,7 +109,8 @@ struct Entry<'a> {
     row: usize,
 }
 
-/// Above the plane, so that it never lies on the data; as many rows as it takes, at the right if one is enough.
+/// Entries of the legend. It is drawn above the plot area, so it never covers data: in as many rows as needed, right-aligned if
+/// one row is enough.
 fn legend(chart: &Chart) -> Vec<Entry<'_>> {
     let right = LEFT + chart.size[0];
     let width = |name: &str| 30.0 + LETTER * name.chars().count() as f64;

@@ -1,4 +1,8 @@
-//! Charts as SVG: lines and bars over two axes, alone or several on a sheet. Same data, same bytes.
+//! SVG charts: lines, bars and dots over two axes, one chart or several on a sheet. Equal data gives equal bytes.
+//!
+//! Written here, not taken from a plotting crate: 400 lines without fonts or rasterizer give reproducible bytes.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod axis;
 mod draw;
@@ -7,50 +11,51 @@ pub use axis::Axis;
 
 use std::fmt::Write;
 
-/// Told apart by people with any kind of color vision (Okabe and Ito).
+/// Colors distinguishable with any kind of color vision (Okabe and Ito).
 pub const COLORS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#555555", "#56b4e9", "#999999"];
 
-/// Size of a chart's plane unless it says otherwise, px.
+/// Default size of the plot area, px.
 pub const SIZE: [f64; 2] = [640.0, 360.0];
 
-/// A map's plane at most, px, and its sides at least.
+/// Largest plot area of a map, px.
 const MAP_SIZE: [f64; 2] = [800.0, 640.0];
+/// Smallest side of a map, px.
 const MIN_MAP_SIDE: f64 = 240.0;
 
-/// What is drawn through the points of a series, x and y in the units of the axes.
+/// How the points of a series are drawn. x and y are in the units of the axes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
-    /// Straight from point to point.
+    /// Straight lines between consecutive points.
     Line {
-        /// In order.
+        /// Vertices in order.
         points: Vec<[f64; 2]>,
         /// Width of the stroke, px.
         width: f64,
     },
-    /// From the bottom up to each point, `width` wide in units of x.
+    /// A bar from the bottom to each point.
     Bars {
-        /// Middle of the top of each.
+        /// Middle of the top of each bar.
         points: Vec<[f64; 2]>,
-        /// Along x.
+        /// Width in units of x.
         width: f64,
     },
     /// A disk at each point.
     Dots {
-        /// Their centers.
+        /// Centers.
         points: Vec<[f64; 2]>,
-        /// px.
+        /// Radius, px.
         radius: f64,
     },
 }
 
-/// Data of one kind.
+/// A data series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// In the legend; series of the same name have one entry, those without a name none.
+    /// Name in the legend. Series of equal name and color share an entry; an empty name has none.
     pub name: String,
-    /// As SVG has it.
+    /// SVG color.
     pub color: &'static str,
-    /// What is drawn.
+    /// Points and how they are drawn.
     pub mark: Mark,
 }
 
@@ -59,7 +64,7 @@ impl Series {
     pub fn line(name: impl Into<String>, color: &'static str, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), color, mark: Mark::Line { points, width: 1.6 } }
     }
-    /// A line 1.0 px thin, for where there are many.
+    /// A line 1 px wide, for charts with many lines.
     pub fn thin_line(name: impl Into<String>, color: &'static str, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), color, mark: Mark::Line { points, width: 1.0 } }
     }
@@ -67,11 +72,11 @@ impl Series {
     pub fn bars(name: impl Into<String>, color: &'static str, points: Vec<[f64; 2]>, width: f64) -> Self {
         Self { name: name.into(), color, mark: Mark::Bars { points, width } }
     }
-    /// Disks.
+    /// Dots of 3 px radius.
     pub fn dots(name: impl Into<String>, color: &'static str, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), color, mark: Mark::Dots { points, radius: 3.0 } }
     }
-    /// The data.
+    /// The points of the series.
     pub fn points(&self) -> &[[f64; 2]] {
         match &self.mark {
             Mark::Line { points, .. } | Mark::Bars { points, .. } | Mark::Dots { points, .. } => points,
@@ -79,32 +84,32 @@ impl Series {
     }
 }
 
-/// One plane with its axes.
+/// One plot area with its axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// Above it.
+    /// Title above the plot area.
     pub title: String,
-    /// Below.
+    /// Horizontal axis.
     pub x: Axis,
-    /// At the left.
+    /// Vertical axis.
     pub y: Axis,
-    /// Drawn in this order.
+    /// Series in drawing order.
     pub series: Vec<Series>,
-    /// Of the plane, px.
+    /// Size of the plot area, px.
     pub size: [f64; 2],
 }
 
 impl Chart {
-    /// Of the usual size.
+    /// A chart of the default size.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Self {
         Self { title: title.into(), x, y, series, size: SIZE }
     }
 
-    /// A map: a meter is as long on both axes, and all points fit in.
+    /// A map: both axes have the same scale and all points are visible.
     pub fn map(title: impl Into<String>, axes: [&str; 2], series: Vec<Series>) -> Self {
         let [x, y] = [0, 1].map(|k| axis::range(series.iter().flat_map(Series::points).map(|point| point[k])));
         let [width, height] = [x, y].map(|[low, high]| high - low);
-        // A narrow map still has room for its legend and its numbers.
+        // A narrow map still needs room for legend and numbers.
         let px_per_unit = (MAP_SIZE[0] / width).min(MAP_SIZE[1] / height);
         let size = [width, height].map(|side| (side * px_per_unit).max(MIN_MAP_SIDE).round());
         let widened = |[low, high]: [f64; 2], side: f64| {
@@ -115,20 +120,20 @@ impl Chart {
         Self { title: title.into(), x, y, series, size }
     }
 
-    /// The file's text.
+    /// Content of an SVG file.
     pub fn svg(&self) -> String {
         sheet(std::slice::from_ref(self), 1)
     }
 }
 
-/// Several charts, so many in a row; the file's text.
+/// Content of an SVG file with several charts, `columns` in a row.
 pub fn sheet(charts: &[Chart], columns: usize) -> String {
     let rows: Vec<&[Chart]> = charts.chunks(columns.max(1)).collect();
     let width_of = |row: &[Chart]| row.iter().map(|chart| draw::outer(chart)[0]).sum::<f64>();
     let height_of = |row: &[Chart]| row.iter().map(|chart| draw::outer(chart)[1]).fold(0.0, f64::max);
     let width = rows.iter().map(|row| width_of(row)).fold(0.0, f64::max);
     let height: f64 = rows.iter().map(|row| height_of(row)).sum();
-    // A size beside the view box: viewers that do not scale need one.
+    // Viewers that do not scale need a size beside the view box.
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
@@ -161,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn points_fall_where_they_belong() {
+    fn points_are_drawn_at_their_positions() {
         let svg = chart().svg();
         let [left, top] = [draw::LEFT, draw::top(&chart())];
         let line = format!("points=\"{:.1},{:.1} {:.1},{:.1}\"", left, top + 40.0, left + 100.0, top);
@@ -171,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_has_one_scale() {
+    fn map_has_equal_scales() {
         let line = vec![[0.0, 0.0], [400.0, 10.0]];
         let map = Chart::map("", ["east, m", "north, m"], vec![Series::line("", COLORS[0], line)]);
         let scale = |axis: &Axis, side: f64| side / (axis.range[1] - axis.range[0]);
@@ -180,14 +185,14 @@ mod tests {
     }
 
     #[test]
-    fn names_are_escaped_and_stand_in_the_legend_once() {
+    fn names_are_escaped_and_listed_once() {
         let svg = chart().svg();
         assert_eq!(svg.matches("a &lt; b").count(), 1, "{svg}");
         assert!(svg.contains("T &amp; U") && !svg.contains("NaN"), "{svg}");
     }
 
     #[test]
-    fn a_sheet_has_all_its_charts_side_by_side() {
+    fn sheet_places_charts_in_a_grid() {
         let svg = sheet(&[chart(), chart(), chart()], 2);
         let [width, height] = draw::outer(&chart());
         for place in ["0 0".to_owned(), format!("{width} 0"), format!("0 {height}")] {

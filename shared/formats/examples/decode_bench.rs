@@ -1,6 +1,6 @@
-//! Points per second of the packet decoder on one core: `cargo run --release -p formats --example decode_bench -- CAPTURE`.
+//! Measures points per second of the packet decoder on one core: `cargo run --release -p formats --example decode_bench -- CAPTURE`.
 //!
-//! `decode` is the decoder alone, over packets in memory; `file to sweeps` is everything from the file to whole sweeps.
+//! `decode` measures the decoder with packets in memory, `file to sweeps` reading from the file to complete sweeps.
 
 use formats::pcap::PacketReader;
 use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, LidarReturn, SweepReader};
@@ -10,7 +10,7 @@ use std::time::Instant;
 const ROUNDS: usize = 200;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = PathBuf::from(std::env::args().nth(1).ok_or("which capture?")?);
+    let path = PathBuf::from(std::env::args().nth(1).ok_or("usage: decode_bench CAPTURE")?);
     let model = SweepReader::open(vec![path.clone()], None)?.model();
     let mut packets: Vec<[u8; DATA_PACKET_BYTES]> = Vec::new();
     let mut reader = PacketReader::open(&path)?;

@@ -1,11 +1,11 @@
-//! Files that are there whole or not at all, whatever happens to the process or the machine.
+//! Files that are either complete or absent, even after a crash of the process or a power failure.
 
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A file under construction beside its place: `.<name>.partial` until [`AtomicFile::commit`] renames it. Dropped
-/// before that, it is removed; left by a crash, the next writer of the same name takes it over.
+/// A file that is written as `.<name>.partial` until [`AtomicFile::commit`] renames it. Without a commit it is removed on drop. A
+/// partial file left by a crash is overwritten by the next writer of the same name.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -16,13 +16,13 @@ pub struct AtomicFile {
 impl AtomicFile {
     /// Opens the partial file for writing. The folder must exist.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
+        let name = path.file_name().ok_or_else(|| io::Error::other("the path has no file name"))?;
         let partial = path.with_file_name(format!(".{}.partial", name.to_string_lossy()));
         let file = Some(File::create(&partial)?);
         Ok(Self { path: path.to_owned(), partial, file })
     }
 
-    /// Where the file will be.
+    /// Final path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -32,17 +32,17 @@ impl AtomicFile {
         self.file.as_ref().expect("taken when committed, which consumes self")
     }
 
-    /// Brings the content to the disk, then renames it into place and brings the name to the disk.
+    /// Syncs the content, renames the file to its final name and syncs the folder.
     pub fn commit(self) -> io::Result<()> {
-        // Without this order a power cut could leave the new name with an empty file behind it.
+        // In another order, a power failure could leave an empty file with the final name.
         self.file().sync_all()?;
         let path = self.path.clone();
         self.commit_unsynced()?;
         sync_folder(&path)
     }
 
-    /// Renames the content into place. Whole for every process, but a power cut may take it: before anything relies on it,
-    /// [`sync_all`].
+    /// Renames the file to its final name without syncing. Other processes see a complete file, but it may be lost in a power
+    /// failure. Call [`sync_all`] before anything relies on it.
     pub fn commit_unsynced(mut self) -> io::Result<()> {
         fs::rename(&self.partial, &self.path)?;
         self.file = None;
@@ -53,32 +53,32 @@ impl AtomicFile {
 impl Drop for AtomicFile {
     fn drop(&mut self) {
         if self.file.take().is_some() {
-            // Nobody is left to hear of a failure, and the next writer takes the file over.
+            // A failure cannot be reported here, and the next writer overwrites the file.
             let _ = fs::remove_file(&self.partial);
         }
     }
 }
 
-/// Writes a whole small file at once.
+/// Writes a small file.
 pub fn write_atomic(path: &Path, content: &[u8]) -> io::Result<()> {
     let file = AtomicFile::create(path)?;
     io::Write::write_all(&mut file.file(), content)?;
     file.commit()
 }
 
-/// Brings a file and its name to the disk.
+/// Syncs a file and its folder to the disk.
 pub fn sync(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()?;
     sync_folder(path)
 }
 
-/// Brings files and their names to the disk, one after the other: the disk is busy with each, and threads that compute are not to
-/// wait for it. The error is of the first that failed.
+/// Syncs files and their folders to the disk, one after the other. Syncing on several threads would not be faster and would block
+/// threads that compute. The error is that of the first file that failed.
 pub fn sync_all(paths: &[PathBuf]) -> Result<(), (PathBuf, io::Error)> {
     paths.iter().try_for_each(|path| sync(path).map_err(|cause| (path.clone(), cause)))
 }
 
-/// A rename is durable when its folder is.
+/// A rename is durable when the folder is synced.
 fn sync_folder(path: &Path) -> io::Result<()> {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => File::open(folder)?.sync_all(),
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_is_not_committed_leaves_nothing_and_spares_the_old_one() {
+    fn uncommitted_file_is_removed_and_keeps_the_old_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("cloud.ply");
         write_atomic(&path, b"old").expect("writes");

@@ -1,9 +1,9 @@
-//! Dates to days and back (H. Hinnant, "chrono-compatible low-level date algorithms"; eras of 400 years from 1 March).
+//! Conversion between dates and days since 1970 (H. Hinnant, "chrono-compatible low-level date algorithms"; eras of 400 years from 1 March).
 
-/// ns of a day.
+/// Nanoseconds of a day.
 pub const DAY_NANOS: i64 = 86_400_000_000_000;
 
-/// Days since 1970-01-01; `None` if there is no such date.
+/// Days since 1970-01-01; `None` for dates that do not exist.
 pub fn days_from_date(year: i64, month: i64, day: i64) -> Option<i64> {
     if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
         return None;
@@ -14,11 +14,11 @@ pub fn days_from_date(year: i64, month: i64, day: i64) -> Option<i64> {
     let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
     let day_of_era = year_of_era * 365 + year_of_era / 4 - year_of_era / 100 + day_of_year;
     let days = era * 146_097 + day_of_era - 719_468;
-    // 31 April comes back as 1 May.
+    // 31 April would convert back to 1 May.
     (date_from_days(days) == (year, month, day)).then_some(days)
 }
 
-/// Year, month and day.
+/// Year, month and day of a number of days since 1970-01-01.
 pub fn date_from_days(days: i64) -> (i64, i64, i64) {
     let z = days + 719_468;
     let (era, day_of_era) = (z.div_euclid(146_097), z.rem_euclid(146_097));
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_day_of_two_centuries_has_its_date() {
+    fn every_day_of_two_centuries_converts_both_ways() {
         let mut expected = (1970, 1, 1);
         for days in 0..73_000 {
             assert_eq!(date_from_days(days), expected);

@@ -1,14 +1,14 @@
-//! One point of a cloud file that knows no firing times: PCD, KITTI.
+//! Points of cloud files without firing times: PCD, KITTI.
 
-/// x y z and intensity as the file has them.
+/// x, y, z and intensity as stored in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CloudPoint {
-    /// m.
+    /// x, m.
     pub x: f32,
-    /// m.
+    /// y, m.
     pub y: f32,
-    /// m.
+    /// z, m.
     pub z: f32,
-    /// 0 if the file has none.
+    /// Intensity, 0 if the file has none.
     pub intensity: f32,
 }

@@ -1,7 +1,7 @@
-//! The drive folder: everything that a vehicle recorded on one drive (`docs/drive.md`).
+//! The drive folder: all recordings of one drive (`docs/reference/drive_folder.md`).
 //!
-//! A folder with a `drive.toml` says what it holds. A bare folder of `*.pcd`, `*.bin` or `*.pcap` files is taken as a LiDAR
-//! recording without other sensors, see [`Drive::open`].
+//! `drive.toml` describes the folder. A folder of `*.pcd`, `*.bin` or `*.pcap` files without it is read as a LiDAR recording, see
+//! [`Drive::open`].
 
 mod check;
 mod clouds;
@@ -11,10 +11,11 @@ mod listing;
 mod read;
 mod sweeps;
 
+pub use crate::velodyne::SweepInfo;
 pub use clouds::returns_from_cloud;
 pub use labels::{TrueLabel, TrueLabels};
 pub use listing::Frame;
-pub use sweeps::{DriveSweep, SourcePosition, SweepSource};
+pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
 use crate::manifest::Manifest;
@@ -28,12 +29,12 @@ use std::fs::{self, File};
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 
-/// Name of the manifest.
+/// Name of the manifest file.
 pub const MANIFEST_FILE: &str = "drive.toml";
-/// Stamps of the sweeps of a drive of clouds: in the LiDAR's folder, one a line, ns since the Unix epoch.
+/// Stamps of cloud files: in the LiDAR folder, one per line, ns since the Unix epoch.
 pub const TIMES_FILE: &str = "times.txt";
 
-/// A drive folder whose manifest has been checked against what is there.
+/// A drive folder whose manifest was checked against its files.
 #[derive(Clone, Debug)]
 pub struct Drive {
     folder: PathBuf,
@@ -42,57 +43,57 @@ pub struct Drive {
     model: Model,
     is_inferred: bool,
     sweep_files: Vec<PathBuf>,
-    /// Of sweeps that are one file each; empty for captures.
+    /// Stamps of cloud files; empty for captures.
     sweep_stamps: Vec<Stamp>,
     camera_frames: Vec<Frame>,
     mosaic_frames: Vec<Frame>,
     sensors: Vec<Option<SensorCalibration>>,
-    strange_files: Vec<PathBuf>,
+    unnamed_files: Vec<PathBuf>,
 }
 
 impl Drive {
-    /// Reads the manifest and looks at every file name. The error has all problems at once.
+    /// Reads the manifest and lists all files. The error contains all problems.
     ///
-    /// Without `drive.toml`, the folder must hold clouds or captures. Clouds are taken for an HDL-64E's at 10 Hz, as KITTI
-    /// has them: sweep k is at k times 0.1 s, points have no times, body and lidar frame are one, no cameras. Captures
-    /// name their sensor themselves.
+    /// Without `drive.toml`, the folder must contain clouds or captures. Clouds are read as those of an HDL-64E at 10 Hz, as in
+    /// KITTI: sweep k has the time k times 0.1 s, points have no times, and the body frame is the lidar frame. The sensor of captures
+    /// is detected from their packets.
     pub fn open(folder: &Path) -> Result<Self, FileError> {
         if !folder.is_dir() {
-            return Err(FileProblem::of_file(folder, "is no folder").into());
+            return Err(FileProblem::of_file(folder, "not a folder").into());
         }
         let path = folder.join(MANIFEST_FILE);
         let (read, is_inferred) = match fs::read_to_string(&path) {
             Ok(text) => (read::Read::of_text(&path, text), false),
             Err(error) if error.kind() == io::ErrorKind::NotFound => (infer::read(folder)?, true),
-            Err(error) => return Err(FileProblem::of_file(&path, format!("cannot be read: {error}")).into()),
+            Err(error) => return Err(FileProblem::of_file(&path, format!("cannot read the file: {error}")).into()),
         };
         check::drive(folder, read, is_inferred)
     }
 
-    /// The manifest alone, without a look at the files it names: the rig of a vehicle before its recording is there. `None` if
-    /// the folder has no `drive.toml`.
+    /// The manifest without a check of the files it names, for example before a recording. `None` if the folder has no
+    /// `drive.toml`.
     pub fn rig_alone(folder: &Path) -> Result<Option<Manifest>, FileError> {
         let path = folder.join(MANIFEST_FILE);
         if path.exists() { read_manifest(&path).map(Some) } else { Ok(None) }
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
-    /// What it says of itself.
+    /// The manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
-    /// How the sensors are mounted.
+    /// Mounting of the sensors.
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
-    /// The LiDAR.
+    /// Model of the LiDAR.
     pub fn model(&self) -> Model {
         self.model
     }
-    /// Whether there is no `drive.toml`, so that the manifest is an assumption.
+    /// Whether the folder has no `drive.toml` and the manifest was inferred.
     pub fn is_inferred(&self) -> bool {
         self.is_inferred
     }
@@ -108,21 +109,21 @@ impl Drive {
     pub fn mosaic_frames(&self) -> &[Frame] {
         &self.mosaic_frames
     }
-    /// The maker's calibration of each mosaic camera, where the manifest names one.
+    /// Manufacturer's calibration of each mosaic camera, if the manifest names one.
     pub fn sensors(&self) -> &[Option<SensorCalibration>] {
         &self.sensors
     }
-    /// Files in the cameras' folders whose names are no stamps.
+    /// Files in camera folders whose names are not stamps.
     pub fn strange_files(&self) -> &[PathBuf] {
-        &self.strange_files
+        &self.unnamed_files
     }
 
-    /// The sweeps, from the first.
+    /// A reader of the sweeps, at the first.
     pub fn sweeps(&self) -> Result<SweepSource, SweepError> {
         SweepSource::open(self)
     }
 
-    /// All position fixes; none if the drive has no receiver.
+    /// All position fixes; empty if the drive has no GNSS receiver.
     pub fn fixes(&self) -> io::Result<(Vec<Fix>, LogStats)> {
         match &self.manifest.gnss {
             Some(entry) => Ok(nmea::fixes(&fs::read(self.folder.join(&entry.file))?)),
@@ -130,13 +131,13 @@ impl Drive {
         }
     }
 
-    /// The inertial samples, if there are any.
+    /// A reader of the IMU samples, if the drive has an IMU.
     pub fn imu(&self) -> io::Result<Option<ImuReader<BufReader<File>>>> {
         let open = |file: &String| Ok(ImuReader::new(BufReader::new(File::open(self.folder.join(file))?)));
         self.manifest.imu.as_ref().map(|entry| open(&entry.file)).transpose()
     }
 
-    /// True poses, if they are known.
+    /// Ground-truth trajectory, if the drive has one.
     pub fn true_trajectory(&self) -> Option<Result<Trajectory, FileProblem>> {
         let path = self.folder.join(&self.manifest.truth.as_ref()?.trajectory);
         let text = fs::read_to_string(&path).map_err(|error| FileProblem::of_file(&path, error.to_string()));
@@ -146,10 +147,9 @@ impl Drive {
     }
 }
 
-/// Reads a `drive.toml`, wherever it is, and checks its LiDAR and its poses but not the files that it names. The error has all
-/// problems at once.
+/// Reads a `drive.toml` in any folder. LiDAR and poses are checked, files are not. The error contains all problems.
 pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
     let text = fs::read_to_string(path);
-    let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot be read: {error}")))?;
+    let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))?;
     check::manifest(read::Read::of_text(path, text))
 }

@@ -1,18 +1,18 @@
-//! Spectra of the ECOSTRESS library: a text of `Key: value` lines and two columns.
+//! Spectra of the ECOSTRESS library: text with `Key: value` lines, then two columns.
 
 use crate::envi::LibrarySpectrum;
 
-/// Why a text is no spectrum.
+/// A text that is not a spectrum.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("line {line}: {rule}")]
 pub struct EcostressError {
     /// From 1.
     pub line: usize,
-    /// What was found and what must be there.
+    /// What was found and what was expected.
     pub rule: String,
 }
 
-/// Reads one file. Wavelengths in micrometres or nm, reflectances as fractions or per cent, as its head says.
+/// Reads one file. Its header selects wavelengths in µm or nm and reflectances as fractions or per cent.
 pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
     let mut spectrum = LibrarySpectrum { name: String::new(), wavelengths_nm: Vec::new(), reflectances: Vec::new() };
     let (mut to_nm, mut full_scale) = (None, None);
@@ -25,10 +25,10 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
                 "name" => spectrum.name = value.split_whitespace().collect::<Vec<_>>().join(" "),
                 "x units" if lower.contains("micromet") || lower.contains("microns") => to_nm = Some(1000.0),
                 "x units" if lower.contains("nanomet") => to_nm = Some(1.0),
-                "x units" => return Err(error("must be micrometers or nanometers")),
+                "x units" => return Err(error("expected micrometers or nanometers")),
                 "y units" if lower.contains("percent") => full_scale = Some(100.0),
                 "y units" if lower.contains("reflectance") => full_scale = Some(1.0),
-                "y units" => return Err(error("must be reflectance")),
+                "y units" => return Err(error("expected reflectance")),
                 _ => {}
             }
             continue;
@@ -37,16 +37,16 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
             continue;
         }
         let (Some(to_nm), Some(full_scale)) = (to_nm, full_scale) else {
-            return Err(error("must come after X Units and Y Units"));
+            return Err(error("values must follow X Units and Y Units"));
         };
         let columns: Vec<f32> = line.split_whitespace().map_while(|text| text.parse().ok()).collect();
-        let [wavelength, reflectance] = columns[..] else { return Err(error("must be two numbers")) };
+        let [wavelength, reflectance] = columns[..] else { return Err(error("expected two numbers")) };
         spectrum.wavelengths_nm.push(wavelength * to_nm);
         spectrum.reflectances.push(reflectance / full_scale);
     }
     let line = text.lines().count().max(1);
     if spectrum.wavelengths_nm.is_empty() {
-        return Err(EcostressError { line, rule: "no spectrum before the end".to_owned() });
+        return Err(EcostressError { line, rule: "the file ends before the first value".to_owned() });
     }
     Ok(spectrum)
 }

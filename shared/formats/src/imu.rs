@@ -1,43 +1,72 @@
-//! Inertial samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, along the
-//! body's axes.
+//! IMU samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, along the body axes.
 
 use geometry::Stamp;
 use std::fmt::Write;
 use std::io::{self, BufRead, Read};
 
-/// First line of a log.
+/// First line of a file.
 pub const HEADER: &str = "stamp,ax,ay,az,wx,wy,wz";
-/// Seven numbers have less than 200 bytes; what is longer is no line of a log.
+/// Longest line that is read, bytes. Seven numbers need less than 200.
 const MAX_LINE: u64 = 1024;
 
 /// One sample in the body frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuSample {
-    /// When.
+    /// Time of the measurement.
     pub stamp: Stamp,
-    /// Specific force, m/s^2; at rest about (0, 0, 9.81).
+    /// Specific force, m/s^2; about (0, 0, 9.81) at rest.
     pub acceleration: [f64; 3],
-    /// rad/s.
+    /// Angular rate, rad/s.
     pub angular_rate: [f64; 3],
 }
 
-/// A line that is no sample.
+/// A sample that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ImuError {
-    /// It does not read, or is not after its predecessor.
-    #[error("line {line}: {rule}")]
+    /// A line is invalid. Reading continues with the next line.
+    #[error("line {line}: {fault}")]
     Line {
         /// Counted from 1.
         line: u64,
-        /// What was found and what must be there.
-        rule: String,
+        /// What is wrong.
+        fault: ImuFault,
     },
-    /// The operating system; nothing follows.
+    /// The operating system reported an error. Reading stops.
     #[error(transparent)]
     Io(#[from] io::Error),
 }
 
-/// Reads a log line by line. After a bad line it goes on with the next one.
+/// What is wrong with a line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImuFault {
+    /// It is not UTF-8.
+    #[error("the line is not text")]
+    NotText,
+    /// The stamp is not an integer.
+    #[error("stamp {0:?} is not an integer number of ns")]
+    Stamp(String),
+    /// A column is missing.
+    #[error("{0} is missing; expected columns {HEADER}")]
+    MissingColumn(&'static str),
+    /// A column is not a finite number.
+    #[error("{column} {found:?} is not a finite number")]
+    Number {
+        /// Name of the column.
+        column: &'static str,
+        /// Text found.
+        found: String,
+    },
+    /// The stamp is not after the previous one.
+    #[error("stamp {stamp} is not after the previous stamp {previous}")]
+    NotRising {
+        /// Stamp of this line.
+        stamp: Stamp,
+        /// Stamp of the last valid line.
+        previous: Stamp,
+    },
+}
+
+/// Reads a file line by line.
 #[derive(Debug)]
 pub struct ImuReader<R> {
     lines: R,
@@ -47,12 +76,12 @@ pub struct ImuReader<R> {
 }
 
 impl<R: BufRead> ImuReader<R> {
-    /// At the beginning of a log.
+    /// A reader at the beginning of a file.
     pub fn new(lines: R) -> Self {
         Self { lines, line: 0, last: None, failed: false }
     }
 
-    /// The next line without its end; `None` at the end of the log.
+    /// The next line; `None` at the end of the file.
     fn next_line(&mut self) -> io::Result<Option<Vec<u8>>> {
         let mut line = Vec::new();
         if self.lines.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
@@ -65,19 +94,19 @@ impl<R: BufRead> ImuReader<R> {
         Ok(Some(line))
     }
 
-    fn sample(&mut self, line: &[u8]) -> Result<ImuSample, String> {
-        let text = std::str::from_utf8(line).map_err(|_| "is no text".to_owned())?;
+    fn sample(&mut self, line: &[u8]) -> Result<ImuSample, ImuFault> {
+        let text = std::str::from_utf8(line).map_err(|_| ImuFault::NotText)?;
         let mut fields = text.trim().split(',').map(str::trim);
         let stamp = fields.next().unwrap_or_default();
-        let stamp = Stamp(stamp.parse().map_err(|_| format!("stamp {stamp:?} must be whole ns"))?);
+        let stamp = Stamp(stamp.parse().map_err(|_| ImuFault::Stamp(stamp.to_owned()))?);
         let mut numbers = [0.0; 6];
         for (number, name) in numbers.iter_mut().zip(HEADER.split(',').skip(1)) {
-            let field = fields.next().ok_or_else(|| format!("{name} is missing; a line is {HEADER}"))?;
+            let field = fields.next().ok_or(ImuFault::MissingColumn(name))?;
             let value = field.parse().ok().filter(|value: &f64| value.is_finite());
-            *number = value.ok_or_else(|| format!("{name} {field:?} is no number"))?;
+            *number = value.ok_or_else(|| ImuFault::Number { column: name, found: field.to_owned() })?;
         }
-        if let Some(last) = self.last.filter(|last| *last >= stamp) {
-            return Err(format!("stamp {stamp} is not after {last} above"));
+        if let Some(previous) = self.last.filter(|last| *last >= stamp) {
+            return Err(ImuFault::NotRising { stamp, previous });
         }
         self.last = Some(stamp);
         let [ax, ay, az, wx, wy, wz] = numbers;
@@ -102,13 +131,13 @@ impl<R: BufRead> Iterator for ImuReader<R> {
                 continue;
             }
             let number = self.line;
-            return Some(self.sample(&line).map_err(|rule| ImuError::Line { line: number, rule }));
+            return Some(self.sample(&line).map_err(|fault| ImuError::Line { line: number, fault }));
         }
         None
     }
 }
 
-/// Reads to the end of the line in bounded memory.
+/// Skips to the end of the line in bounded memory.
 fn skip_line(lines: &mut impl BufRead) -> io::Result<()> {
     loop {
         let buffer = lines.fill_buf()?;
@@ -126,7 +155,7 @@ fn skip_line(lines: &mut impl BufRead) -> io::Result<()> {
     }
 }
 
-/// A whole log. Numbers have as many digits as it takes to read the same bits back.
+/// Content of a file. Numbers are written with as many digits as reading back the same bits needs.
 pub fn csv_from_samples(samples: &[ImuSample]) -> String {
     let mut text = format!("{HEADER}\n");
     for sample in samples {
@@ -151,14 +180,14 @@ mod tests {
     }
 
     #[test]
-    fn samples_come_back_to_the_bit() {
+    fn samples_survive_round_trip_bit_for_bit() {
         let text = csv_from_samples(&samples());
         let back: Vec<_> = ImuReader::new(text.as_bytes()).map(|sample| sample.expect("reads")).collect();
         assert_eq!(back, samples());
     }
 
     #[test]
-    fn bad_lines_are_named_and_cost_no_other() {
+    fn bad_lines_are_reported_and_affect_no_other_line() {
         let mut lines: Vec<String> = csv_from_samples(&samples()).lines().map(str::to_owned).collect();
         lines[5] = lines[4].clone();
         lines[7] = lines[7].replace("9.81", "fast");

@@ -1,17 +1,17 @@
-//! KITTI (Geiger et al., CVPR 2012) and SemanticKITTI (Behley et al., ICCV 2019): bare little-endian rows.
+//! KITTI (Geiger et al., CVPR 2012) and SemanticKITTI (Behley et al., ICCV 2019): little-endian rows without header.
 //!
-//! A sweep `.bin` is x y z remission as f32, 16 bytes a point, lidar frame x forward, y left, z up, remission 0 to 1.
-//! A `.label` is one u32 a point: class in the low, instance in the high 16 bits.
+//! A sweep `.bin` has x y z remission as f32, 16 bytes per point, in the lidar frame (x forward, y left, z up), remission 0 to 1.
+//! A `.label` has one u32 per point: class in the low, instance in the high 16 bits.
 
 use crate::cloud::CloudPoint;
 
-/// Bytes that are no whole rows.
+/// Bytes that are not whole rows.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("{n_bytes} bytes are no multiple of the {row} bytes of a row")]
+#[error("{n_bytes} bytes are not a multiple of the row size, {row} bytes")]
 pub struct KittiError {
-    /// Length of the file.
+    /// Size of the file.
     pub n_bytes: usize,
-    /// Length of a row.
+    /// Size of a row.
     pub row: usize,
 }
 
@@ -43,12 +43,12 @@ pub fn bytes_from_labels(labels: &[Label]) -> Vec<u8> {
     labels.iter().flat_map(|label| [label.class, label.instance]).flat_map(u16::to_le_bytes).collect()
 }
 
-/// What a point belongs to.
+/// Class and instance of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Label {
-    /// In the data set's own numbering.
+    /// Class in the numbering of the data set.
     pub class: u16,
-    /// 0 = none.
+    /// Instance, 0 = none.
     pub instance: u16,
 }
 
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_come_back() {
+    fn rows_survive_round_trip() {
         let points: Vec<CloudPoint> =
             (0..9).map(|i| CloudPoint { x: i as f32, y: -0.5, z: 1e-9, intensity: 0.25 * i as f32 }).collect();
         let bytes = bin_from_points(&points);
@@ -73,13 +73,13 @@ mod tests {
         assert_eq!(labels_from_bytes(&bytes_from_labels(&labels)).as_deref(), Ok(&labels[..]));
     }
 
-    #[test]
-    fn a_real_sweep_reads() {
-        let Some(path) = real_data::real_data("kitti00/000094.bin") else { return };
+    #[real_data::test("kitti00/000094.bin")]
+    fn real_sweep_is_read() {
+        let path = real_data::path("kitti00/000094.bin");
         let points = points_from_bin(&std::fs::read(path).expect("reads")).expect("decodes");
         assert_eq!(points.len(), 121_618);
         assert!(points.iter().all(|p| p.x.hypot(p.y) < 100.0 && (0.0..=1.0).contains(&p.intensity)));
-        // The car stands on a road 1.7 m below the sensor.
+        // The road lies 1.7 m below the sensor.
         let n_road = points.iter().filter(|p| p.x.abs() < 15.0 && p.y.abs() < 4.0 && (p.z + 1.7).abs() < 0.3).count();
         assert!(n_road > 20_000, "{n_road}");
     }

@@ -1,12 +1,13 @@
-//! The calibration file of a Ladybug, as its maker delivers it with every serial number (`.cal`, text): how its cameras sit in its
-//! housing, and each lens as two splines from an ideal (*rectified*) image to the sensor (*distorted*). The splines back, the sphere of
-//! the panorama and the falloff of the light are skipped: inverses are computed here, and panoramas are not made.
+//! Calibration files of Ladybug panoramic cameras (`.cal`, text), delivered by the manufacturer for each serial number. A file
+//! contains the poses of the cameras in the housing, and for each lens two splines from an ideal (*rectified*) image to the sensor
+//! (*distorted*). Inverse splines, panorama sphere and vignetting are skipped: inverses are computed numerically, and no panoramas
+//! are made.
 
 use geometry::{Isometry3, Pose, SplineSurface, SplineWarp, Translation3, UnitQuaternion};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// The whole file.
+/// Content of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadybugCalibration {
     /// Serial number.
@@ -15,28 +16,28 @@ pub struct LadybugCalibration {
     pub cameras: Vec<LadybugCamera>,
 }
 
-/// One of its cameras.
+/// One camera of the panoramic camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LadybugCamera {
-    /// Mounting in the housing: x forward through camera 0, z up, m.
+    /// Pose in the housing: x forward through camera 0, z up, m.
     pub ladybug_from_camera: Pose,
     /// Lens.
     pub lens: SplineWarp,
-    /// Places in the housing's frame, m, with where they are in the lens' ideal image, px: five of them, for checks.
+    /// Five reference points for checks: position in the frame of the housing, m, and pixel in the ideal image.
     pub pairs: Vec<([f64; 3], [f64; 2])>,
 }
 
-/// What is wrong, and where.
+/// An invalid line of a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {rule}")]
 pub struct LadybugError {
     /// From 1.
     pub line: usize,
-    /// What was found and what must be there.
+    /// What was found and what was expected.
     pub rule: String,
 }
 
-/// A camera's block, before its splines are known.
+/// Entries of a camera, before its splines are known.
 struct Block {
     line: usize,
     entries: BTreeMap<String, (usize, Vec<f64>)>,
@@ -64,12 +65,12 @@ impl FromStr for LadybugCalibration {
                 _ => {}
             }
         }
-        let [width, height] = resolution.ok_or_else(|| error(1, "no Resolution: no calibration of a Ladybug"))?;
+        let [width, height] = resolution.ok_or_else(|| error(1, "not a Ladybug calibration: no Resolution"))?;
         if !(1.0..=32_768.0).contains(&width) || !(1.0..=32_768.0).contains(&height) {
             return Err(error(1, format!("Resolution {width} {height} must be 1 to 32768 px a side")));
         }
         if blocks.is_empty() {
-            return Err(error(1, "no camera"));
+            return Err(error(1, "the file has no camera"));
         }
         let cameras = blocks.iter().map(|block| block.camera([width, height], &warps)).collect::<Result<_, _>>()?;
         Ok(Self { serial, cameras })
@@ -85,8 +86,8 @@ impl Block {
             warp.and_then(Clone::clone)
                 .ok_or_else(|| error(self.line, format!("spline {id} is missing or not a surface with even knots")))
         };
-        // Shares of the image from its rim become px, the upper left pixel's center 0.
-        let px = |share: [f64; 2]| [0, 1].map(|axis| share[axis] * size[axis] - 0.5);
+        // Positions are fractions of the image size from its edge; the center of the upper left pixel is 0.
+        let px = |fraction: [f64; 2]| [0, 1].map(|axis| fraction[axis] * size[axis] - 0.5);
         let pair = |name: &&str| {
             let [x, y, z, u, v] = self.get(name)?;
             Ok(([x, y, z], px([u, v])))
@@ -112,17 +113,18 @@ impl Block {
     }
 
     fn get<const N: usize>(&self, key: &str) -> Result<[f64; N], LadybugError> {
-        let (line, values) = self.entries.get(key).ok_or_else(|| error(self.line, format!("camera without {key}")))?;
+        let (line, values) =
+            self.entries.get(key).ok_or_else(|| error(self.line, format!("the camera has no {key}")))?;
         of_length(*line, key, values)
     }
 }
 
-/// Of the map from ideal to real image, where it is one that this program has.
+/// A spline of the map from ideal to real image. `None` for splines with uneven knots, which are not supported.
 type Warp = Option<SplineSurface>;
 
-/// A spline, and its number. Those with uneven knots are none that cameras here need, until a camera does.
+/// Number and surface of a spline. Splines that no camera uses may have uneven knots.
 fn warp(line: usize, entries: &BTreeMap<String, (usize, Vec<f64>)>) -> Result<(usize, Warp), LadybugError> {
-    let get = |key: &str| entries.get(key).ok_or_else(|| error(line, format!("spline without {key}")));
+    let get = |key: &str| entries.get(key).ok_or_else(|| error(line, format!("the spline has no {key}")));
     let (at, id) = get("Id")?;
     let [id] = of_length(*at, "Id", id)?;
     let (at, counts) = get("NumberCoefs")?;
@@ -130,20 +132,20 @@ fn warp(line: usize, entries: &BTreeMap<String, (usize, Vec<f64>)>) -> Result<(u
     let (at, coefficients) = get("Coefs")?;
     let [n_rows, n_columns] = counts.map(|n| n as usize);
     if n_rows.checked_mul(n_columns) != Some(coefficients.len()) || n_columns == 0 {
-        return Err(error(*at, format!("{} coefficients; must be {n_rows} times {n_columns}", coefficients.len())));
+        return Err(error(*at, format!("{} coefficients; expected {n_rows} times {n_columns}", coefficients.len())));
     }
     let is_even = is_even(&get("KnotsX")?.1, n_rows) && is_even(&get("KnotsY")?.1, n_columns);
     let rows: Vec<Vec<f64>> = coefficients.chunks_exact(n_columns).map(<[f64]>::to_vec).collect();
     Ok((id as usize, SplineSurface::try_from(rows).ok().filter(|_| is_even)))
 }
 
-/// Whether the knots are 0 four times, even steps, 1 four times, to the file's six digits.
+/// Whether the knots are four times 0, even steps, four times 1, within the precision of the file (six digits).
 fn is_even(knots: &[f64], n: usize) -> bool {
     let knot = |i: usize| (i.max(3) - 3).min(n.saturating_sub(3)) as f64 / n.saturating_sub(3).max(1) as f64;
     knots.len() == n + 4 && knots.iter().enumerate().all(|(i, found)| (found - knot(i)).abs() < 2e-6)
 }
 
-/// Everything up to `end`: keys with their lines and numbers; numbers on lines of their own belong to the key before.
+/// Entries up to `end`: keys with their lines and numbers. Numbers on separate lines belong to the previous key.
 fn entries<'a>(
     begin: usize,
     lines: &mut impl Iterator<Item = (usize, &'a str)>,
@@ -171,19 +173,19 @@ fn entries<'a>(
         let values = numbers(line, values)?;
         entries.entry(key.clone()).or_insert((line, Vec::new())).1.extend(values);
     }
-    Err(error(begin, format!("no {end} to the end of the file")))
+    Err(error(begin, format!("no {end} up to the end of the file")))
 }
 
 fn numbers(line: usize, words: &str) -> Result<Vec<f64>, LadybugError> {
     let number = |word: &str| {
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-        value.ok_or_else(|| error(line, format!("{word:?} must be a number")))
+        value.ok_or_else(|| error(line, format!("{word:?} is not a number")))
     };
     words.split_whitespace().map(number).collect()
 }
 
 fn of_length<const N: usize>(line: usize, key: &str, values: &[f64]) -> Result<[f64; N], LadybugError> {
-    values.try_into().map_err(|_| error(line, format!("{key} has {} numbers; must be {N}", values.len())))
+    values.try_into().map_err(|_| error(line, format!("{key} has {} numbers; expected {N}", values.len())))
 }
 
 fn error(line: usize, rule: impl Into<String>) -> LadybugError {

@@ -1,4 +1,4 @@
-//! Files and packets of the field: bytes in, values out, and back.
+//! File and packet formats of sensors and of mapping software: decoding and encoding.
 
 pub mod atomic_file;
 pub mod calendar;

@@ -1,4 +1,4 @@
-//! `drive.toml`: what a drive folder holds and how its sensors are mounted (`docs/drive.md`).
+//! `drive.toml`: contents of a drive folder and mounting of its sensors (`docs/reference/drive_folder.md`).
 
 mod calibration;
 pub mod rules;
@@ -8,30 +8,30 @@ pub use calibration::{Calibration, MountingEntry};
 use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
-/// The version that this crate writes.
+/// Version of the format that this crate reads and writes.
 pub(crate) const MANIFEST_VERSION: u32 = 1;
 
-/// The whole file. Paths are relative to the drive folder.
+/// Content of the file. Paths are relative to the drive folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// Of the format; [`Manifest::of_lidar`] writes the current one.
+    /// Version of the format.
     pub version: u32,
-    /// For people.
+    /// Name of the drive, for people.
     pub name: String,
     /// The LiDAR.
     pub lidar: LidarEntry,
-    /// Color cameras by index.
+    /// Color cameras.
     #[serde(default, rename = "camera")]
     pub cameras: Vec<CameraEntry>,
-    /// Mosaic cameras by index.
+    /// Mosaic cameras.
     #[serde(default, rename = "mosaic")]
     pub mosaics: Vec<MosaicEntry>,
-    /// Position fixes.
+    /// GNSS receiver.
     pub gnss: Option<GnssEntry>,
-    /// Inertial samples.
+    /// IMU.
     pub imu: Option<ImuEntry>,
-    /// Ground truth, of simulated and annotated drives.
+    /// Ground truth of simulated and annotated drives.
     pub truth: Option<TruthEntry>,
 }
 
@@ -51,20 +51,19 @@ pub struct PoseEntry {
 pub struct LidarEntry {
     /// `hdl32e`, `vlp16` or `hdl64e`.
     pub model: String,
-    /// `pcap`: packet captures. `pcd` or `bin`: one file per sweep, 10 sweeps per second unless `times.txt` in the folder
-    /// says otherwise.
+    /// `pcap`: packet captures. `pcd` or `bin`: one file per sweep, 10 sweeps per second unless the folder has a `times.txt`.
     pub format: String,
-    /// Folder of the files; they are read in the order of their names.
+    /// Folder of the files, which are read in the order of their names.
     pub folder: String,
     /// Mounting.
     pub body_from_lidar: PoseEntry,
 }
 
-/// A color camera's recording: `<folder>/<stamp in ns>.jpg` or `.png`, the stamp is the middle of the exposure.
+/// A color camera's recording: `<folder>/<stamp in ns>.jpg` or `.png`. The stamp is the middle of the exposure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraEntry {
-    /// For people.
+    /// Name of the camera, for people.
     pub name: String,
     /// Folder of the images.
     pub folder: String,
@@ -80,11 +79,11 @@ pub struct CameraEntry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MosaicEntry {
-    /// `hs02` or `hs03`, for people.
+    /// Name of the camera, for example `hs02`, for people.
     pub name: String,
     /// Folder of the raw images.
     pub folder: String,
-    /// The maker's calibration file ([`crate::sensor_calibration`]); it must agree with what stands here.
+    /// Calibration file of the manufacturer ([`crate::sensor_calibration`]). It must agree with the values in this file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensor: Option<String>,
     /// Exposure time, ns.
@@ -103,20 +102,20 @@ pub struct MosaicEntry {
     pub active_area: [u32; 4],
     /// Center of each band, nm, row-major in the pattern.
     pub wavelengths_nm: Vec<f64>,
-    /// What the white reference shows, if not a target of `white_reflectance` all over the image.
+    /// Region and reflectances of the white reference. Without this entry the target covers the image and has `white_reflectance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white_panel: Option<WhitePanelEntry>,
     /// Mounting.
     pub body_from_camera: PoseEntry,
-    /// Lens, for the raw image.
+    /// Lens model of the raw image.
     pub model: CameraModel,
 }
 
-/// A white panel in a part of the image, or with a reflectance for each band.
+/// A white panel that covers a part of the image, or has a reflectance for each band.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WhitePanelEntry {
-    /// One for each cell of the pattern, row by row, above 0 up to 1; else `white_reflectance` holds for all.
+    /// Reflectance for each cell of the pattern, row by row, above 0 up to 1. Without this entry all have `white_reflectance`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflectances: Option<Vec<f64>>,
     /// Left column, top row, width and height of the panel in the white frames, px; inside the active area.
@@ -124,11 +123,11 @@ pub struct WhitePanelEntry {
     pub region: Option<[u32; 4]>,
 }
 
-/// NMEA sentences.
+/// A log of NMEA sentences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GnssEntry {
-    /// The log.
+    /// Name of the log file.
     pub file: String,
     /// Latitude (deg), longitude (deg) and height (m) of the world frame's origin, WGS84.
     pub origin: [f64; 3],
@@ -136,30 +135,30 @@ pub struct GnssEntry {
     pub antenna_in_body: [f64; 3],
 }
 
-/// Inertial samples: CSV with the header `stamp,ax,ay,az,wx,wy,wz` (ns, m/s^2, rad/s).
+/// IMU samples: CSV with the header `stamp,ax,ay,az,wx,wy,wz` (ns, m/s^2, rad/s).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImuEntry {
-    /// The log.
+    /// Name of the log file.
     pub file: String,
-    /// Where acceleration is felt, in the body frame, m. The axes are the body's.
+    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame.
     #[serde(default)]
     pub position_in_body: [f64; 3],
 }
 
-/// What is known to be true.
+/// Ground truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TruthEntry {
     /// `world_from_body` in TUM format, one line every 10 ms.
     pub trajectory: String,
-    /// Folder with one file per sweep, `<seq, 6 digits>.label`, as SemanticKITTI: u32 per return in the order of firing,
-    /// low 16 bits class, high 16 bits instance.
+    /// Folder with one SemanticKITTI file per sweep, `<seq, 6 digits>.label`: a u32 per return in firing order, low 16 bits class,
+    /// high 16 bits instance.
     pub labels: String,
-    /// True mountings ([`Calibration`]); those of this manifest are what the vehicle's maker measured.
+    /// File with the true mountings ([`Calibration`]). The mountings in the manifest have measurement errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
-    /// What the receiver went through: CSV, one line per second with the satellites in sight and the error of the fix.
+    /// CSV with the satellites in view and the error of the fix, one line per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gnss: Option<String>,
 }
@@ -168,12 +167,12 @@ impl PoseEntry {
     /// The identity.
     pub const IDENTITY: Self = Self { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
 
-    /// `None` unless finite and the quaternion's norm is 1 within 1e-3; it is normalized.
+    /// The transform, with a normalized quaternion. `None` unless all numbers are finite and the norm is 1 within 1e-3.
     pub fn to_pose(&self) -> Option<Pose> {
         let [x, y, z, w] = self.rotation;
         let quaternion = Quaternion::new(w, x, y, z);
-        let sound = self.translation.iter().all(|v| v.is_finite()) && (quaternion.norm() - 1.0).abs() < 1e-3;
-        sound.then(|| {
+        let is_rigid = self.translation.iter().all(|v| v.is_finite()) && (quaternion.norm() - 1.0).abs() < 1e-3;
+        is_rigid.then(|| {
             Isometry3::from_parts(Translation3::from(self.translation), UnitQuaternion::from_quaternion(quaternion))
         })
     }
@@ -186,8 +185,18 @@ impl From<Pose> for PoseEntry {
     }
 }
 
+/// An entry of a manifest whose pose is not a rigid transform.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{entry}: {pose:?} is not a rigid transform; expected finite numbers and a unit quaternion x y z w")]
+pub struct RigError {
+    /// Name of the sensor.
+    pub entry: String,
+    /// The pose found.
+    pub pose: PoseEntry,
+}
+
 impl Manifest {
-    /// Of a drive that has a LiDAR alone.
+    /// The manifest of a drive with a LiDAR only.
     pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {
         Self {
             version: MANIFEST_VERSION,
@@ -200,15 +209,13 @@ impl Manifest {
             truth: None,
         }
     }
-    /// The mounting of all sensors. The error names the entry whose pose is no rigid transform.
-    pub fn rig(&self) -> Result<Rig, String> {
-        let pose = |name: &str, entry: &PoseEntry| {
-            entry
-                .to_pose()
-                .ok_or_else(|| format!("{name}: {entry:?} is no rigid transform (finite, unit quaternion x y z w)"))
+    /// Mounting of all sensors.
+    pub fn rig(&self) -> Result<Rig, RigError> {
+        let pose = |name: &str, pose: &PoseEntry| {
+            pose.to_pose().ok_or_else(|| RigError { entry: name.to_owned(), pose: *pose })
         };
         let camera = |name: &str, entry: &PoseEntry, model: &CameraModel| {
-            Ok::<_, String>(RigCamera { body_from_camera: pose(name, entry)?, model: model.clone() })
+            Ok(RigCamera { body_from_camera: pose(name, entry)?, model: model.clone() })
         };
         Ok(Rig {
             body_from_lidar: pose("lidar.body_from_lidar", &self.lidar.body_from_lidar)?,

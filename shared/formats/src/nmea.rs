@@ -1,7 +1,9 @@
 //! Position fixes as NMEA 0183 sentences: GGA (position, height, quality) and RMC (date, speed, course).
 //!
-//! A log is a text of lines; lines that are no sentence, or whose checksum is wrong, are counted and passed over. NMEA
-//! heights are above the geoid; [`Fix::altitude_m`] is above the WGS84 ellipsoid (height + geoid separation).
+//! In a log, lines that are not sentences or have a wrong checksum are counted and skipped. NMEA heights are above the geoid;
+//! [`Fix::altitude_m`] is above the WGS84 ellipsoid (height + geoid separation).
+//!
+//! Written here: the crate `nmea` 0.8 stores heights, speeds and courses as f32, rounds times through f64 and refuses leap seconds.
 
 mod encode;
 mod log;

@@ -1,9 +1,12 @@
-//! Packet captures: classic pcap (libpcap) and pcapng (IETF draft-ietf-opsawg-pcapng), as far as sensors need them.
+//! Packet captures: classic pcap (libpcap) and pcapng (IETF draft-ietf-opsawg-pcapng), limited to what sensors send.
 //!
-//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 over Ethernet (with VLAN tags), Linux cooked,
-//! loopback and raw IP. Everything else on the network is counted as foreign.
-//! Written: classic pcap, microseconds, little-endian, as a sensor's broadcast looks on the wire. A capture can be read
-//! while it is being written, see [`Recorder`].
+//! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 over Ethernet (with VLAN tags), Linux cooked, loopback
+//! and raw IP. Other packets are counted as foreign.
+//! Written: classic pcap, microseconds, little-endian, with the headers of a sensor broadcast. A capture can be read while it is
+//! being written, see [`Recorder`].
+//!
+//! Written here: reading resumes at a saved byte offset after a crash and follows a file that is still being written. Existing crates
+//! do neither.
 
 mod blocks;
 mod link;
@@ -17,25 +20,25 @@ pub use writer::Writer;
 
 use std::path::PathBuf;
 
-/// Why a capture cannot be read on.
+/// A capture that cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum PcapError {
-    /// The operating system.
+    /// The operating system reported an error.
     #[error("{path}: {cause}", path = path.display())]
     Io {
         /// The capture.
         path: PathBuf,
-        /// What it says. Not named `source`: the text holds it, and a chain of causes would say it twice.
+        /// Error of the operating system. Not named `source`, because the message contains it already.
         cause: std::io::Error,
     },
-    /// Bytes that are no capture.
+    /// The capture is damaged.
     #[error("{path}, byte {offset}: {rule}", path = path.display())]
     Damaged {
         /// The capture.
         path: PathBuf,
-        /// Where.
+        /// Offset of the damage.
         offset: u64,
-        /// What was found and what must be there.
+        /// What was found and what was expected.
         rule: String,
     },
 }

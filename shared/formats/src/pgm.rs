@@ -1,36 +1,36 @@
-//! Raw images as binary PGM (Netpbm `P5`): 16 bits, high byte first, or 8 bits if the largest value is below 256.
+//! Raw images as binary PGM (Netpbm `P5`): 16 bits big-endian, or 8 bits if the largest value is below 256.
 
-/// Why bytes are no image.
+/// Bytes that are not an image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("byte {offset}: {rule}")]
 pub struct PgmError {
-    /// Where.
+    /// Offset of the fault.
     pub offset: usize,
-    /// What was found and what must be there.
+    /// What was found and what was expected.
     pub rule: String,
 }
 
-/// No camera here has longer sides.
+/// Longest side of an image, px. No supported camera has longer sides.
 const MAX_SIDE: u32 = 32_768;
 
-/// An image in the file's bytes.
+/// An image that borrows the bytes of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pgm<'a> {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Largest value that a sample may have, 1 to 65535.
+    /// Largest possible value of a sample, 1 to 65535.
     pub max: u32,
     samples: &'a [u8],
 }
 
 impl<'a> Pgm<'a> {
-    /// Reads the header and makes sure that all samples are there.
+    /// Reads the header and checks that all samples are present.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PgmError> {
         let mut at = 2;
         if bytes.get(..2) != Some(b"P5") {
-            return Err(PgmError { offset: 0, rule: "must begin with P5 (binary PGM)".into() });
+            return Err(PgmError { offset: 0, rule: "the file does not begin with P5 (binary PGM)".into() });
         }
         let mut number = |name: &str, limit: u32| {
             at = skip_blanks(bytes, at);
@@ -44,13 +44,13 @@ impl<'a> Pgm<'a> {
         let (width, height, max) =
             (number("width", MAX_SIDE)?, number("height", MAX_SIDE)?, number("maximum", 65_535)?);
         if !bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
-            return Err(PgmError { offset: at, rule: "one blank must follow the header".into() });
+            return Err(PgmError { offset: at, rule: "expected one blank after the header".into() });
         }
         let sample = if max > 255 { 2 } else { 1 };
         let n_bytes = width as usize * height as usize * sample;
         let Some(samples) = bytes.get(at + 1..at + 1 + n_bytes) else {
             let rule = format!(
-                "{width} x {height} samples of {sample} bytes are promised, {} bytes follow",
+                "{width} x {height} samples of {sample} bytes are declared, {} bytes follow",
                 bytes.len() - at - 1
             );
             return Err(PgmError { offset: at + 1, rule });
@@ -58,12 +58,12 @@ impl<'a> Pgm<'a> {
         Ok(Self { width, height, max, samples })
     }
 
-    /// Samples of the image.
+    /// Number of samples.
     pub fn n_samples(&self) -> usize {
         self.width as usize * self.height as usize
     }
 
-    /// Writes the samples, row-major from the top left, into `out`, which is as long as [`Pgm::n_samples`].
+    /// Writes the samples to `out`, row-major from the top left. `out` must have [`Pgm::n_samples`] entries.
     pub fn samples_into(&self, out: &mut [u16]) {
         if self.max > 255 {
             for (out, pair) in out.iter_mut().zip(self.samples.chunks_exact(2)) {
@@ -76,7 +76,7 @@ impl<'a> Pgm<'a> {
         }
     }
 
-    /// The samples.
+    /// The samples, row-major from the top left.
     pub fn samples(&self) -> Vec<u16> {
         let mut samples = vec![0; self.n_samples()];
         self.samples_into(&mut samples);
@@ -84,8 +84,8 @@ impl<'a> Pgm<'a> {
     }
 }
 
-/// The file of an image; `max` (1 to 65535) is the largest value that a sample may have. Too few samples are filled up with
-/// zeros, more are left out.
+/// Content of a file. `max` (1 to 65535) is the largest possible value of a sample. Missing samples are zero, extra samples are
+/// ignored.
 pub fn pgm_from_samples(width: u32, height: u32, max: u16, samples: &[u16]) -> Vec<u8> {
     let n_samples = width as usize * height as usize;
     let mut bytes = format!("P5\n{width} {height}\n{}\n", max.max(1)).into_bytes();
@@ -98,7 +98,7 @@ pub fn pgm_from_samples(width: u32, height: u32, max: u16, samples: &[u16]) -> V
     bytes
 }
 
-/// Blanks and comments.
+/// Offset after blanks and comments.
 fn skip_blanks(bytes: &[u8], mut at: usize) -> usize {
     while let Some(byte) = bytes.get(at) {
         match byte {
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_of_both_depths_come_back() {
+    fn images_of_both_depths_survive_round_trip() {
         let samples: Vec<u16> = (0..15).map(|i| i * 70).collect();
         let deep = pgm_from_samples(5, 3, 1023, &samples);
         assert_eq!(deep.len(), 12 + 30);
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_named() {
+    fn faults_are_reported_with_their_offset() {
         for (bytes, offset, rule) in [
             (&b"P2\n2 2\n255\n"[..], 0, "P5"),
             (b"P5", 2, "width"),

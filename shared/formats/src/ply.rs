@@ -1,19 +1,24 @@
 //! PLY point clouds (Turk 1994): a text header, then one row per point.
 //!
-//! Written: binary little-endian, one `vertex` element, scalars only. `Open3D` skips `char short ushort uint` and `KPConv`'s
-//! reader trips over the words of the header's grammar inside comments, so [`Header`] allows neither.
-//! Read: every scalar type in ASCII and both byte orders; other elements and lists are passed over.
+//! Written: binary little-endian, one `vertex` element, scalars only. `Open3D` skips `char short ushort uint`, and the reader of
+//! `KPConv` fails on keywords inside comments, so [`Header`] allows neither.
+//! Read: every scalar type in ASCII and both byte orders. Other elements and lists are skipped.
+//!
+//! ply-rs reads and writes all headers and decodes all files but plain binary ones. Rows of plain binary files are encoded and
+//! decoded here: ply-rs builds a map of values for each row.
 
 mod error;
 mod header;
-mod odd;
+mod kind;
+mod packed;
 mod reader;
 mod row;
 mod rows;
 mod writer;
 
-pub use error::PlyError;
-pub use header::{Header, Kind, Property};
+pub use error::{PlyError, RowMismatch, UnwritableHeader};
+pub use header::{Header, Property};
+pub use kind::Kind;
 pub use reader::Vertices;
 pub use row::Row;
 pub use rows::PlyRows;

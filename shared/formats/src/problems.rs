@@ -1,30 +1,30 @@
-//! What can be wrong with a file that people write, such as `drive.toml`: all faults at once, each with its place.
+//! Problems of hand-written files such as `drive.toml`. All problems are reported at once, each with its position.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// One fault.
+/// One problem.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileProblem {
-    /// The file it is about.
+    /// The file.
     pub file: PathBuf,
-    /// Line in it, from 1, if the fault has one.
+    /// Line, from 1, if the problem has one.
     pub line: Option<usize>,
-    /// Key, as `camera[2].model.fx`; empty if it is about the whole file.
+    /// Key, for example `camera[2].model.fx`; empty for problems of the whole file.
     pub key: String,
-    /// What was found and what must be there.
+    /// What was found and what was expected.
     pub rule: String,
 }
 
-/// All faults of a file, or of a folder and the file that describes it; at least one.
+/// All problems of a file, or of a folder and the file that describes it. At least one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct FileError {
-    /// In the order in which they were found.
+    /// Problems in the order in which they were found.
     pub problems: Vec<FileProblem>,
 }
 
 impl FileProblem {
-    /// A fault of a whole file.
+    /// A problem of a whole file.
     pub fn of_file(file: &Path, rule: impl Into<String>) -> Self {
         Self { file: file.to_owned(), line: None, key: String::new(), rule: rule.into() }
     }

@@ -1,75 +1,98 @@
-//! A raw frame of a mosaic camera out of a file: PGM, or TIFF of one sample a pixel; a TIFF of one sample for each band, as
-//! cameras' programs write it after binning, is put back into its mosaic.
+//! Raw frames of mosaic cameras from PGM or TIFF files. A TIFF with one sample per band, as camera programs write it after binning,
+//! is converted back to a mosaic.
 
-use crate::pgm::Pgm;
-use crate::tiff::Tiff;
+use crate::pgm::{Pgm, PgmError};
+use crate::tiff::{Tiff, TiffError};
+use ndarray::ArrayView4;
 use std::path::{Path, PathBuf};
 
-/// Why a file is no raw frame.
+/// A file that is not a raw frame.
 #[derive(Debug, thiserror::Error)]
-#[error("{path}: {rule}", path = path.display())]
+#[error("{path}: {fault}", path = path.display())]
 pub struct RawMosaicError {
     /// The file.
     pub path: PathBuf,
-    /// What was found and what must be there.
-    pub rule: String,
+    /// What is wrong.
+    pub fault: RawMosaicFault,
 }
 
-/// A frame.
+/// What is wrong with a raw frame.
+#[derive(Debug, thiserror::Error)]
+pub enum RawMosaicFault {
+    /// The operating system reported an error.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The file is neither PGM nor TIFF.
+    #[error("the file begins with bytes {0:02x?}; expected P5 (binary PGM), or II or MM (TIFF)")]
+    Magic(Vec<u8>),
+    /// The PGM file is invalid.
+    #[error(transparent)]
+    Pgm(#[from] PgmError),
+    /// The TIFF file is invalid or not supported.
+    #[error(transparent)]
+    Tiff(#[from] TiffError),
+    /// The number of bands is not that of a square pattern.
+    #[error("{0} samples per pixel; expected 1, or one for each cell of a square pattern (4, 9, 16, 25, …)")]
+    Bands(usize),
+}
+
+/// A raw frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMosaic {
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Bits that hold the largest value that the file's samples may have, 1 to 16. The camera may use fewer.
+    /// Bits of the largest value that a sample of the file may have, 1 to 16. The camera may use fewer.
     pub bit_depth: u32,
-    /// If the file tells, ns.
+    /// Exposure time, ns, if the file has it.
     pub exposure_nanos: Option<u64>,
     /// Row-major from the top left.
     pub samples: Vec<u16>,
 }
 
 impl RawMosaic {
-    /// Reads a file whose first bytes say which kind it is.
+    /// Reads a file. Its first bytes determine the format.
     pub fn read(path: &Path) -> Result<Self, RawMosaicError> {
-        let refuse = |rule: String| RawMosaicError { path: path.to_owned(), rule };
-        let bytes = std::fs::read(path).map_err(|error| refuse(error.to_string()))?;
-        Self::parse(&bytes).map_err(refuse)
+        let error = |fault: RawMosaicFault| RawMosaicError { path: path.to_owned(), fault };
+        let bytes = std::fs::read(path).map_err(|cause| error(cause.into()))?;
+        Self::parse(&bytes).map_err(error)
     }
 
-    /// The same out of a file's bytes. The error is the rule that they break.
-    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+    /// Reads the bytes of a file.
+    pub fn parse(bytes: &[u8]) -> Result<Self, RawMosaicFault> {
         match bytes.get(..2) {
             Some(b"P5") => {
-                let pgm = Pgm::parse(bytes).map_err(|error| error.to_string())?;
+                let pgm = Pgm::parse(bytes)?;
                 let (width, height, bit_depth) = (pgm.width, pgm.height, u32::BITS - pgm.max.leading_zeros());
                 Ok(Self { width, height, bit_depth, exposure_nanos: None, samples: pgm.samples() })
             }
-            Some(b"II" | b"MM") => Self::of_tiff(Tiff::parse(bytes).map_err(|error| error.to_string())?),
-            _ => Err("must begin with P5 (binary PGM), or with II or MM (TIFF)".to_owned()),
+            Some(b"II" | b"MM") => Self::from_tiff(Tiff::parse(bytes)?),
+            _ => Err(RawMosaicFault::Magic(bytes[..bytes.len().min(2)].to_vec())),
         }
     }
 
-    fn of_tiff(tiff: Tiff) -> Result<Self, String> {
+    fn from_tiff(tiff: Tiff) -> Result<Self, RawMosaicFault> {
         let Tiff { width, height, n_bands, bit_depth, exposure_nanos, samples } = tiff;
         let pattern = n_bands.isqrt();
         if pattern * pattern != n_bands {
-            return Err(format!("{n_bands} samples a pixel; must be one, or one for each cell of a square pattern"));
+            return Err(RawMosaicFault::Bands(n_bands as usize));
         }
-        let samples = if n_bands == 1 { samples } else { mosaic_of(&samples, width as usize, pattern as usize) };
+        let samples = if n_bands == 1 {
+            samples
+        } else {
+            mosaic_from_cube(&samples, [height, width, pattern].map(|n| n as usize))
+        };
         Ok(Self { width: width * pattern, height: height * pattern, bit_depth, exposure_nanos, samples })
     }
 }
 
-/// The mosaic of a binned cube whose bands stand side by side in the pattern's order.
-fn mosaic_of(cube: &[u16], columns: usize, pattern: usize) -> Vec<u16> {
+/// The mosaic of a binned cube. The bands of a pixel are interleaved, in the order of the pattern.
+fn mosaic_from_cube(cube: &[u16], [rows, columns, pattern]: [usize; 3]) -> Vec<u16> {
+    let cube = ArrayView4::from_shape((rows, columns, pattern, pattern), cube).expect("one sample per pixel and band");
     let mut mosaic = Vec::with_capacity(cube.len());
-    for cells in cube.chunks_exact(columns * pattern * pattern) {
-        for dy in 0..pattern {
-            let cells = cells.chunks_exact(pattern * pattern);
-            mosaic.extend(cells.flat_map(|bands| &bands[dy * pattern..][..pattern]));
-        }
-    }
+    // Rows of a cell lie below each other, its columns beside each other.
+    // `iter` keeps the order of the axes; `for_each` visits the samples in the order of memory.
+    mosaic.extend(cube.permuted_axes([0, 2, 1, 3]).iter());
     mosaic
 }

@@ -1,25 +1,50 @@
-//! Images of measurements as TIFF (TIFF 6.0): unsigned samples of 8 or 16 bits in strips, not compressed, one or many for each
-//! pixel, side by side or plane after plane, either byte order. That is what programs of mosaic cameras write: raw mosaics of
-//! one sample, and binned cubes of one sample for each band.
+//! Measurement images as TIFF: unsigned samples of 8 or 16 bits, uncompressed, one or many per pixel, interleaved or in planes, in
+//! either byte order. Programs of mosaic cameras write raw mosaics (one sample per pixel) and binned cubes (one sample per band).
+//!
+//! The crate tiff decodes the files. Compressed images and other sample types are refused: they are pictures, not measurements.
 
-mod directory;
+use ndarray::ArrayView2;
+use std::fmt::Display;
+use std::io::Cursor;
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::tags::{CompressionMethod, IfdPointer, PhotometricInterpretation, PlanarConfiguration, SampleFormat, Tag};
 
-use directory::{Directory, Fields};
-
-/// Why bytes are no such image.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("byte {offset}: {rule}")]
-pub struct TiffError {
-    /// Where.
-    pub offset: usize,
-    /// What was found and what must be there.
-    pub rule: String,
+/// A file that is not a supported image.
+#[derive(Debug, thiserror::Error)]
+pub enum TiffError {
+    /// The file is damaged.
+    #[error("TIFF: {0}")]
+    Decode(#[from] tiff::TiffError),
+    /// A tag has an unsupported value.
+    #[error("TIFF tag {tag:?} is {found}; expected {expected}")]
+    Tag {
+        /// The tag.
+        tag: Tag,
+        /// Its value.
+        found: String,
+        /// Supported values.
+        expected: String,
+    },
+    /// The strips have another size than the image.
+    #[error("TIFF strips hold {found} bytes, the image of {width} x {height} pixels needs {expected}")]
+    Strips {
+        /// Bytes of the strips.
+        found: u64,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes of the image.
+        expected: u64,
+    },
 }
 
-/// No camera here has longer sides, px.
+/// Longest side of an image, px. No supported camera has longer sides.
 const MAX_SIDE: u32 = 32_768;
-/// The largest cube has 16 x 16 bands.
+/// Most samples per pixel: a pattern of 16 x 16 bands.
 const MAX_BANDS: u32 = 256;
+/// Longest exposure time that is believed: 1000 s.
+const MAX_EXPOSURE_NANOS: u64 = 1_000_000_000_000;
 
 /// The first image of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,110 +53,118 @@ pub struct Tiff {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Samples of a pixel.
+    /// Samples per pixel.
     pub n_bands: u32,
     /// 8 or 16.
     pub bit_depth: u32,
-    /// The exposure time that Exif tells, ns.
+    /// Exposure time of the Exif directory, ns.
     pub exposure_nanos: Option<u64>,
-    /// Row-major from the top left, the bands of a pixel side by side.
+    /// Row-major from the top left, the bands of a pixel interleaved.
     pub samples: Vec<u16>,
-}
-
-mod tag {
-    pub const WIDTH: u16 = 256;
-    pub const HEIGHT: u16 = 257;
-    pub const BITS: u16 = 258;
-    pub const COMPRESSION: u16 = 259;
-    pub const STRIP_OFFSETS: u16 = 273;
-    pub const BANDS: u16 = 277;
-    pub const STRIP_BYTES: u16 = 279;
-    pub const PLANAR: u16 = 284;
-    pub const SAMPLE_FORMAT: u16 = 339;
-    pub const EXIF: u16 = 34_665;
-    pub const EXPOSURE: u16 = 33_434;
 }
 
 impl Tiff {
     /// Reads the first image.
     pub fn parse(bytes: &[u8]) -> Result<Self, TiffError> {
-        let (fields, directory) = Directory::first(bytes)?;
-        let refuse = |tag: u16, rule: String| Err(TiffError { offset: directory.offset(tag), rule });
-        let one = |tag: u16, limit: u32| {
-            let value = directory.numbers(&fields, tag)?.first().copied();
-            let value = value.filter(|value| (1..=limit).contains(value));
-            value.ok_or_else(|| TiffError {
-                offset: directory.offset(tag),
-                rule: format!("tag {tag} must be there, with a value of 1 to {limit}"),
-            })
+        let mut limits = Limits::default();
+        // A decoded image is as large as its strips.
+        limits.decoding_buffer_size = bytes.len();
+        let mut decoder = Decoder::new(Cursor::new(bytes))?.with_limits(limits);
+        let layout = Layout::of(&mut decoder)?;
+        let Layout { width, height, n_bands, bit_depth, .. } = layout;
+        let mut decoded = DecodingResult::U8(Vec::new());
+        decoder.read_image_to_buffer(&mut decoded)?;
+        let mut samples: Vec<u16> = match decoded {
+            DecodingResult::U8(samples) => samples.into_iter().map(u16::from).collect(),
+            DecodingResult::U16(samples) => samples,
+            _ => return Err(refuse(Tag::SampleFormat, &"not unsigned", "unsigned integers")),
         };
-        let (width, height) = (one(tag::WIDTH, MAX_SIDE)?, one(tag::HEIGHT, MAX_SIDE)?);
-        let n_bands = if directory.has(tag::BANDS) { one(tag::BANDS, MAX_BANDS)? } else { 1 };
-        let bits = directory.numbers(&fields, tag::BITS)?;
-        let bit_depth = match bits.first() {
-            Some(depth @ (8 | 16)) if bits.iter().all(|bits| bits == depth) => *depth,
-            _ => return refuse(tag::BITS, format!("{bits:?} bits a sample; must be 8 or 16, the same for all")),
-        };
-        let must_be_one = [(tag::COMPRESSION, "compression"), (tag::SAMPLE_FORMAT, "sample format")];
-        for (tag, name) in must_be_one {
-            let values = directory.numbers(&fields, tag)?;
-            if values.iter().any(|value| *value != 1) {
-                return refuse(tag, format!("{name} {values:?}; must be 1: whole numbers without compression"));
+        if layout.is_inverted {
+            // The decoder inverts such images; measurements are used as stored.
+            let max = u16::MAX >> (16 - bit_depth);
+            for sample in &mut samples {
+                *sample = max - *sample;
             }
         }
-        let planes = match directory.numbers(&fields, tag::PLANAR)?.first() {
-            None | Some(1) => false,
-            Some(2) => true,
-            Some(other) => return refuse(tag::PLANAR, format!("planar configuration {other}; must be 1 or 2")),
-        };
-        let n_samples = width as usize * height as usize * n_bands as usize;
-        let data = strips(bytes, &fields, &directory, n_samples * bit_depth as usize / 8)?;
-        let samples: Vec<u16> = match bit_depth {
-            8 => data.into_iter().map(u16::from).collect(),
-            _ => data.as_chunks().0.iter().map(|pair| fields.u16_of(*pair)).collect(),
-        };
-        let samples = if planes { side_by_side(&samples, n_bands as usize) } else { samples };
-        let exposure_nanos = exposure_nanos(&fields, &directory);
+        if layout.is_planar {
+            samples = interleaved(&samples, n_bands as usize);
+        }
+        let exposure_nanos = exposure_nanos(&mut decoder);
         Ok(Self { width, height, n_bands, bit_depth, exposure_nanos, samples })
     }
 }
 
-/// All strips' bytes, one after the other.
-fn strips(bytes: &[u8], fields: &Fields<'_>, directory: &Directory, n_bytes: usize) -> Result<Vec<u8>, TiffError> {
-    let offsets = directory.numbers(fields, tag::STRIP_OFFSETS)?;
-    let lengths = directory.numbers(fields, tag::STRIP_BYTES)?;
-    let refuse = |offset: usize, rule: String| Err(TiffError { offset, rule });
-    if offsets.len() != lengths.len() {
-        let rule = format!("{} strip lengths for {} strips; must be one for each", lengths.len(), offsets.len());
-        return refuse(directory.offset(tag::STRIP_BYTES), rule);
-    }
-    let mut data = Vec::new();
-    for (offset, length) in offsets.into_iter().zip(lengths) {
-        let (offset, length) = (offset as usize, length as usize);
-        match bytes.get(offset..).and_then(|rest| rest.get(..length)) {
-            // Strips may share bytes: what they say must not grow beyond the image.
-            Some(strip) if data.len() + length <= n_bytes => data.extend_from_slice(strip),
-            Some(_) => return refuse(offset, format!("the strips hold more than the image's {n_bytes} bytes")),
-            None => return refuse(offset, format!("a strip of {length} bytes; the file has {}", bytes.len())),
+/// Checked properties of an image.
+struct Layout {
+    width: u32,
+    height: u32,
+    n_bands: u32,
+    bit_depth: u32,
+    is_planar: bool,
+    is_inverted: bool,
+}
+
+impl Layout {
+    fn of(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<Self, TiffError> {
+        let mut number = |tag: Tag, default: u32, allowed: std::ops::RangeInclusive<u32>| {
+            let found = decoder.find_tag_unsigned(tag)?.unwrap_or(default);
+            if allowed.contains(&found) {
+                return Ok(found);
+            }
+            Err(refuse(tag, &found, format!("{} to {}", allowed.start(), allowed.end())))
+        };
+        let (width, height) = (number(Tag::ImageWidth, 0, 1..=MAX_SIDE)?, number(Tag::ImageLength, 0, 1..=MAX_SIDE)?);
+        let n_bands = number(Tag::SamplesPerPixel, 1, 1..=MAX_BANDS)?;
+        let bits: Vec<u32> = decoder.find_tag_unsigned_vec(Tag::BitsPerSample)?.unwrap_or_default();
+        let bit_depth = match bits.first() {
+            Some(depth @ (8 | 16)) if bits.iter().all(|bits| bits == depth) => *depth,
+            _ => return Err(refuse(Tag::BitsPerSample, &format!("{bits:?}"), "8 or 16, equal for all samples")),
+        };
+        let compression = decoder.find_tag_unsigned(Tag::Compression)?.unwrap_or(1_u16);
+        if compression != CompressionMethod::None.to_u16() {
+            return Err(refuse(Tag::Compression, &compression, "1: uncompressed"));
         }
+        let formats: Vec<u16> = decoder.find_tag_unsigned_vec(Tag::SampleFormat)?.unwrap_or_default();
+        if formats.iter().any(|format| *format != SampleFormat::Uint.to_u16()) {
+            return Err(refuse(Tag::SampleFormat, &format!("{formats:?}"), "1: unsigned integers"));
+        }
+        let strips: Vec<u64> = decoder.find_tag_unsigned_vec(Tag::StripByteCounts)?.unwrap_or_default();
+        let found = strips.iter().fold(0, |sum: u64, n_bytes| sum.saturating_add(*n_bytes));
+        let expected = u64::from(width) * u64::from(height) * u64::from(n_bands) * u64::from(bit_depth / 8);
+        if found != expected {
+            return Err(TiffError::Strips { found, width, height, expected });
+        }
+        let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation)?;
+        let planar: Option<u16> = decoder.find_tag_unsigned(Tag::PlanarConfiguration)?;
+        let is_inverted = photometric == Some(PhotometricInterpretation::WhiteIsZero.to_u16());
+        let is_planar = n_bands > 1 && planar == Some(PlanarConfiguration::Planar.to_u16());
+        Ok(Self { width, height, n_bands, bit_depth, is_planar, is_inverted })
     }
-    if data.len() != n_bytes {
-        let rule = format!("the strips hold {} bytes; the image has {n_bytes}", data.len());
-        return refuse(directory.offset(tag::STRIP_OFFSETS), rule);
-    }
-    Ok(data)
 }
 
-fn side_by_side(planes: &[u16], n_bands: usize) -> Vec<u16> {
+fn refuse(tag: Tag, found: &dyn Display, expected: impl Into<String>) -> TiffError {
+    TiffError::Tag { tag, found: found.to_string(), expected: expected.into() }
+}
+
+/// Samples of planes as interleaved bands.
+fn interleaved(planes: &[u16], n_bands: usize) -> Vec<u16> {
     let n_pixels = planes.len() / n_bands;
-    (0..n_pixels).flat_map(|pixel| (0..n_bands).map(move |band| planes[band * n_pixels + pixel])).collect()
+    let planes = ArrayView2::from_shape((n_bands, n_pixels), planes).expect("one plane for each band");
+    let mut samples = Vec::with_capacity(planes.len());
+    // `iter` keeps the order of the axes; `for_each` visits the samples in the order of memory.
+    samples.extend(planes.t().iter());
+    samples
 }
 
-/// Exif's exposure time, if the file has one that means something: up to 1000 s.
-fn exposure_nanos(fields: &Fields<'_>, directory: &Directory) -> Option<u64> {
-    let at = *directory.numbers(fields, tag::EXIF).ok()?.first()?;
-    let exif = Directory::at(fields, at as usize).ok()?;
-    let [numerator, denominator] = exif.rational(fields, tag::EXPOSURE)?;
+/// Exposure time of the Exif directory, if present and plausible.
+fn exposure_nanos(decoder: &mut Decoder<Cursor<&[u8]>>) -> Option<u64> {
+    let pointer: u64 = decoder.find_tag_unsigned(Tag::ExifDirectory).ok()??;
+    let exif = decoder.read_directory(IfdPointer(pointer)).ok()?;
+    let fraction = decoder.read_directory_tags(&exif).find_tag(Tag::from_u16_exhaustive(EXPOSURE_TIME)).ok()??;
+    let tiff::decoder::ifd::Value::Rational(numerator, denominator) = fraction else { return None };
     let nanos = (u64::from(numerator) * 1_000_000_000).checked_div(u64::from(denominator))?;
-    (1..=1_000_000_000_000).contains(&nanos).then_some(nanos)
+    (1..=MAX_EXPOSURE_NANOS).contains(&nanos).then_some(nanos)
 }
+
+/// Exif tag `ExposureTime`.
+const EXPOSURE_TIME: u16 = 33_434;

@@ -1,4 +1,4 @@
-//! A TOML file that people write, from text to values: every entry is read on its own, so that one fault hides no other.
+//! Parser of hand-written TOML files. Every entry is read separately, so that all problems are reported at once.
 
 use crate::problems::{FileError, FileProblem};
 use serde::de::{DeserializeOwned, IntoDeserializer};
@@ -6,18 +6,18 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A file with what was wrong with it so far.
+/// A file with the problems found so far.
 #[derive(Clone, Debug)]
 pub struct TomlFile {
     path: PathBuf,
-    /// Empty if it was no TOML.
+    /// Empty if the text is not TOML.
     text: String,
     is_toml: bool,
     problems: Vec<FileProblem>,
 }
 
 impl TomlFile {
-    /// A text of the given name, whose top-level keys must be among `known`. A text that is no TOML has this fault alone.
+    /// Parses a text. Its top-level keys must be among `known`. If the text is not TOML, this is the only problem.
     pub fn new(path: &Path, text: impl Into<String>, known: &[&str]) -> Self {
         let mut file = Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new() };
         let text = std::mem::take(&mut file.text);
@@ -25,7 +25,7 @@ impl TomlFile {
             Ok(table) => {
                 for (key, _) in table.get_ref().iter().filter(|(key, _)| !known.contains(&key.get_ref().as_ref())) {
                     let line = Some(line_of(&text, key.span().start));
-                    file.problem(line, key.get_ref(), format!("unknown key; known are {}", known.join(", ")));
+                    file.problem(line, key.get_ref(), format!("unknown key; known keys are {}", known.join(", ")));
                 }
                 file.text = text;
             }
@@ -38,7 +38,7 @@ impl TomlFile {
         file
     }
 
-    /// An entry that must be there.
+    /// A required entry.
     pub fn required<T: DeserializeOwned>(&mut self, key: &str) -> Option<T> {
         let is_there = self.with_table(|_, table| table.contains_key(key));
         if self.is_toml && !is_there {
@@ -47,13 +47,13 @@ impl TomlFile {
         self.optional(key)
     }
 
-    /// An entry that may be there.
+    /// An optional entry.
     pub fn optional<T: DeserializeOwned>(&mut self, key: &str) -> Option<T> {
         let read = self.with_table(|text, table| Some(value(text, table.get(key)?)))?;
         read.map_err(|(line, rule)| self.problem(Some(line), key, rule)).ok()
     }
 
-    /// All tables `[[key]]`; those that cannot be read are left out.
+    /// All tables `[[key]]` that can be read.
     pub fn list<T: DeserializeOwned>(&mut self, key: &str) -> Vec<T> {
         let read = self.with_table(|text, table| {
             let list = table.get(key)?;
@@ -65,52 +65,52 @@ impl TomlFile {
         match read {
             None => Vec::new(),
             Some(Err(line)) => {
-                self.problem(Some(line), key, format!("must be tables [[{key}]]"));
+                self.problem(Some(line), key, format!("expected tables [[{key}]]"));
                 Vec::new()
             }
             Some(Ok(items)) => {
-                let mut sound = Vec::new();
+                let mut valid = Vec::new();
                 for (index, item) in items.into_iter().enumerate() {
                     match item {
-                        Ok(item) => sound.push(item),
+                        Ok(item) => valid.push(item),
                         Err((line, rule)) => self.problem(Some(line), &format!("{key}[{index}]"), rule),
                     }
                 }
-                sound
+                valid
             }
         }
     }
 
-    /// Takes down a fault of a value that reads but cannot be; `key` as `camera[2].model.fx`. The line is that of the value, or
-    /// of its nearest parent.
+    /// Records a problem with a value, for example of key `camera[2].model.fx`. The line is that of the value or of its nearest
+    /// parent.
     pub fn fault(&mut self, key: &str, rule: impl Into<String>) {
         let line = self.with_table(|text, table| line_of_key(text, table, key));
         self.problem(line, key, rule);
     }
 
-    /// Takes down a fault unless the rule holds.
+    /// Records a problem unless the rule holds.
     pub fn rule(&mut self, key: &str, holds: bool, rule: impl FnOnce() -> String) {
         if !holds {
             self.fault(key, rule());
         }
     }
 
-    /// Whether nothing was wrong so far.
+    /// Whether no problem was found so far.
     pub fn is_sound(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// Everything that was wrong, if anything was.
+    /// An error with all problems, if there are any.
     pub fn finish(self) -> Result<(), FileError> {
         if self.problems.is_empty() { Ok(()) } else { Err(self.into_error()) }
     }
 
-    /// Everything that was wrong.
+    /// An error with all problems.
     pub fn into_error(self) -> FileError {
         FileError { problems: self.problems }
     }
 
-    /// The text was parsed before; it is parsed anew for each entry, because a table borrows from its text.
+    /// Parses the text again for each entry, because a table borrows from its text.
     fn with_table<T: Default>(&self, read: impl FnOnce(&str, &DeTable<'_>) -> T) -> T {
         DeTable::parse(&self.text).map(|table| read(&self.text, table.get_ref())).unwrap_or_default()
     }
@@ -120,7 +120,7 @@ impl TomlFile {
     }
 }
 
-/// The value, or line and reason why it cannot be read.
+/// The value, or line and message of the parser.
 fn value<T: DeserializeOwned>(text: &str, value: &Spanned<DeValue<'_>>) -> Result<T, (usize, String)> {
     T::deserialize(value.clone().into_deserializer()).map_err(|error| {
         let span = error.span().unwrap_or(value.span());
@@ -132,7 +132,7 @@ fn line_of(text: &str, at: usize) -> usize {
     text.as_bytes().iter().take(at).filter(|byte| **byte == b'\n').count() + 1
 }
 
-/// Follows `a[2].b.c` as far as it goes.
+/// Line of the deepest existing entry on the path `a[2].b.c`.
 fn line_of_key(text: &str, table: &DeTable<'_>, key: &str) -> Option<usize> {
     let mut table = table;
     let mut line = None;

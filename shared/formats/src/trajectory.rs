@@ -1,38 +1,32 @@
 //! Trajectories as text: TUM, KITTI and CSV.
 //!
-//! Numbers are written with as many digits as it takes to read the same bits back. What is read must hold to these rules, and a
-//! line that does not is named with what stands there: numbers are finite; stamps do not fall, and of equal ones the last
-//! counts; a quaternion's norm, and a matrix times its transpose, are 1 to 0.001 and made exact. Empty lines and lines that
-//! start with `#` are passed over.
+//! Numbers are written with as many digits as reading back the same bits needs. Input must satisfy these rules:
+//! - Numbers are finite.
+//! - Stamps do not decrease. Of equal stamps the last pose is used.
+//! - Quaternions have norm 1, and rotation matrices are orthogonal, within 0.001. They are normalized.
+//!
+//! Empty lines and lines that start with `#` are skipped.
 
 mod csv;
+mod error;
 mod file;
 mod kitti;
 mod line;
 mod tum;
 
 pub use csv::{csv_from_trajectory, trajectory_from_csv};
+pub use error::{PoseFault, TrajectoryError};
 pub use file::{TrajectoryFile, numbered};
 pub use kitti::{kitti_from_trajectory, poses_from_kitti, times_from_kitti, times_from_trajectory};
 pub use tum::{trajectory_from_tum, tum_from_trajectory};
 
 use geometry::{Pose, Stamp, Trajectory};
 
-/// A line that is no pose.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("line {line}: {rule}")]
-pub struct TrajectoryError {
-    /// Counted from 1.
-    pub line: usize,
-    /// What was found and what is allowed.
-    pub rule: String,
-}
-
 fn push(trajectory: &mut Trajectory, line: usize, stamp: Stamp, pose: Pose) -> Result<(), TrajectoryError> {
     if trajectory.push(stamp, pose) {
         return Ok(());
     }
-    Err(TrajectoryError { line, rule: format!("time {stamp} is before that of the line above") })
+    Err(TrajectoryError { line, fault: PoseFault::TimeDecreases { stamp } })
 }
 
 #[cfg(test)]
@@ -40,7 +34,7 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
 
-    /// A bent path with stamps that f64 seconds cannot hold.
+    /// A curved path with stamps that f64 seconds cannot represent.
     fn path() -> Trajectory {
         let mut trajectory = Trajectory::default();
         for i in 0..200_i64 {
@@ -52,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn tum_and_csv_come_back_to_the_bit() {
+    fn tum_and_csv_survive_round_trip_bit_for_bit() {
         let text = tum_from_trajectory(&path());
         assert!(text.starts_with("1700000000.000000001 "), "{}", &text[..40]);
         let back = trajectory_from_tum(&text).expect("parses");
@@ -65,7 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn kitti_comes_back() {
+    fn kitti_survives_round_trip() {
         let back = poses_from_kitti(&kitti_from_trajectory(&path())).expect("parses");
         assert_eq!(back.len(), 200);
         for ((_, pose), pose_back) in path().poses().iter().zip(&back) {
@@ -75,27 +69,26 @@ mod tests {
     }
 
     #[test]
-    fn broken_lines_are_named() {
+    fn invalid_lines_are_reported() {
         for (text, line, rule) in [
-            ("# comment\n\n1 0 0 0 0 0 0\n", 3, "6 numbers, must be 7"),
-            ("1 0 0 0 0 0 0 1\n2 0 0 x 0 0 0 1\n", 2, "\"x\" is no number"),
-            ("1 0 0 0 0 0 0 1 9\n", 1, "follows after 7"),
-            ("1 0 0 0 0 0 0 2\n", 1, "has norm 2, must be 1"),
-            ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", 2, "before that of the line above"),
-            ("now 0 0 0 0 0 0 1\n", 1, "no time in seconds"),
-            ("1 0 0 inf 0 0 0 1\n", 1, "no number"),
+            ("# comment\n\n1 0 0 0 0 0 0\n", 3, "6 numbers, expected 7"),
+            ("1 0 0 0 0 0 0 1\n2 0 0 x 0 0 0 1\n", 2, "\"x\" is not a finite number"),
+            ("1 0 0 0 0 0 0 1 9\n", 1, "unexpected \"9\" after 7 numbers"),
+            ("1 0 0 0 0 0 0 2\n", 1, "has norm 2, expected 1"),
+            ("2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", 2, "before the time of the previous line"),
+            ("now 0 0 0 0 0 0 1\n", 1, "not a time in seconds"),
+            ("1 0 0 inf 0 0 0 1\n", 1, "not a finite number"),
         ] {
             let error = trajectory_from_tum(text).expect_err(text);
             assert_eq!(error.line, line, "{text:?}");
-            assert!(error.rule.contains(rule), "{error}");
+            assert!(error.to_string().contains(rule), "{error}");
         }
     }
 
-    #[test]
-    fn the_reference_trajectories_of_a_real_drive_read() {
-        // Path lengths as the data's notes give them.
+    #[real_data::test("kitti_raw_0048/ref_traj_kiss_icp_1.3.0.txt", "kitti_raw_0048/ref_traj_small_gicp_f2f.txt")]
+    fn reference_trajectories_of_real_drive_have_their_documented_lengths() {
         for (name, length_m) in [("kiss_icp_1.3.0", 16.91), ("small_gicp_f2f", 16.90)] {
-            let Some(path) = real_data::real_data(&format!("kitti_raw_0048/ref_traj_{name}.txt")) else { return };
+            let path = real_data::path(&format!("kitti_raw_0048/ref_traj_{name}.txt"));
             let poses = poses_from_kitti(&std::fs::read_to_string(path).expect("reads")).expect("parses");
             let step = |pair: &[Pose]| (pair[1].translation.vector - pair[0].translation.vector).norm();
             let length: f64 = poses.windows(2).map(step).sum();

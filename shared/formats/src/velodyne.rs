@@ -1,4 +1,4 @@
-//! Velodyne packets: returns in, bytes out, and back.
+//! Velodyne packets: decoding, encoding, and sweeps from captures.
 //!
 //! A data packet is 1206 bytes, little-endian (HDL-32E manual 63-9113, VLP-16 manual 63-9243, HDL-64E manual 63-HDL64ES3):
 //!
@@ -11,24 +11,24 @@
 //! | 1204 | 1 | return mode: `37` strongest, `38` last, `39` both |
 //! | 1205 | 1 | product: `21` HDL-32E, `22` VLP-16 |
 //!
-//! A position packet is 512 bytes: µs past the hour at 198, the state of the pulse per second at 202 (0 none, 1 synchronizing, 2 locked, 3
-//! error), an NMEA sentence `$GPRMC` from 206 on.
+//! A position packet is 512 bytes: µs past the hour at 198, state of the pulse per second at 202 (0 none, 1 synchronizing, 2 locked,
+//! 3 error), an NMEA sentence `$GPRMC` from 206 on.
 //!
-//! **Frame.** The encoder counts from the sensor's front: a beam at angle 0 looks along +x, one at 90 deg to the right,
-//! along -y. With elevation e and azimuth a, x = r cos e cos a, y = -r cos e sin a, z = r sin e. (The maker's manuals and
-//! its viewer call the same axes y, -x and z.)
+//! **Frame.** Encoder angles are measured from the front of the sensor: a beam at angle 0 looks along +x, a beam at 90 deg to the
+//! right, along -y. With elevation e and azimuth a, x = r cos e cos a, y = -r cos e sin a, z = r sin e. (Manuals and viewer of the
+//! manufacturer call the same axes y, -x and z.)
 
 mod capture;
 mod clock;
 mod decode;
+mod detect;
 mod encode;
 mod model;
 mod packet;
 mod position;
+mod receiver;
 mod revolutions;
-mod sentences;
 mod stats;
-mod survey;
 mod sweeps;
 mod tables;
 

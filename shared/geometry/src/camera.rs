@@ -1,19 +1,19 @@
-//! Camera models: where a point of the camera frame (x right, y down, z forward, m) falls on the image (u right, v down,
-//! px, pixel centers at integers), and back.
+//! Camera models: projection of points in the camera frame (x right, y down, z forward, m) to image pixels (u right, v down, px,
+//! pixel centers at integers), and back.
 
 use crate::SplineWarp;
 use nalgebra::{Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Intrinsics of one camera. `K` and `D` in the literature.
+/// Intrinsics of one camera (`K` and `D` in the literature).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum CameraModel {
-    /// Narrow lens.
+    /// Perspective lens.
     Pinhole(Pinhole),
-    /// Wide-angle lens.
+    /// Fisheye lens.
     KannalaBrandt(KannalaBrandt),
-    /// Lens of a panoramic camera.
+    /// Lens of a Ladybug panoramic camera.
     SplineWarp(SplineWarp),
 }
 
@@ -70,7 +70,7 @@ impl CameraModel {
         }
     }
 
-    /// Where the camera sees the point; `None` behind it or outside the image.
+    /// Pixel of a point; `None` behind the camera or outside the image.
     pub fn pixel_from_camera(&self, p_in_camera: &Point3<f64>) -> Option<Vector2<f64>> {
         let pixel = match self {
             CameraModel::Pinhole(m) => m.project(p_in_camera)?,
@@ -83,7 +83,7 @@ impl CameraModel {
         inside.then_some(pixel)
     }
 
-    /// Unit direction in which the camera looks through the pixel; `None` where the lens has none.
+    /// Unit direction of a pixel in the camera frame; `None` outside the range of the lens model.
     pub fn ray_from_pixel(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         match self {
             CameraModel::Pinhole(m) => m.unproject(pixel),
@@ -103,12 +103,12 @@ impl Pinhole {
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         )
     }
-    /// Whether the radial distortion is monotone from the axis to the squared radius `r2` (of x/z, y/z). Beyond the first
-    /// turning point the polynomial folds far-off directions back into the image, where the real lens sees nothing.
+    /// Whether the radial distortion is monotone from the optical axis to the squared radius `r2` (of x/z, y/z). Beyond the
+    /// first extremum the polynomial folds off-axis directions back into the image, where a real lens sees nothing.
     pub fn is_monotone_to(&self, r2: f64) -> bool {
         let [k1, k2, _, _, k3] = self.distortion;
         let slope = |s: f64| 1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * 7.0 * k3));
-        // A cubic is positive on [0, r2] if it is so at the ends and at its turning points inside.
+        // A cubic is positive on [0, r2] if it is positive at the ends and at its extrema inside.
         let (a, b, c) = (21.0 * k3, 10.0 * k2, 3.0 * k1);
         let discriminant = b * b - 4.0 * a * c;
         let turning_points = if discriminant < 0.0 {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_leads_to_a_ray_and_back() {
+    fn pixel_maps_to_ray_and_back() {
         for model in models() {
             let (width, height) = model.size();
             for u in (5..width).step_by(37) {
@@ -228,7 +228,7 @@ mod tests {
 
     /// With k1 = -0.3 the bare polynomial puts a point 61 degrees off the axis 25 px from the image center.
     #[test]
-    fn directions_beyond_the_turn_of_the_distortion_are_not_seen() {
+    fn directions_beyond_the_extremum_of_the_distortion_are_not_projected() {
         let barrel = Pinhole {
             width: 640,
             height: 480,
@@ -250,10 +250,10 @@ mod tests {
         assert!(wavy.is_monotone_to(0.5) && !wavy.is_monotone_to(0.7) && !wavy.is_monotone_to(2.0));
     }
 
-    /// The layout of a panorama as a cube: six images of 90 degrees. Pixels reach half a pixel beyond their centers, so that no direction falls
+    /// Cube layout of a panorama: six images of 90 degrees. Pixels reach half a pixel beyond their centers, so no direction falls
     /// between two faces.
     #[test]
-    fn six_cameras_of_a_cube_see_every_direction_once() {
+    fn six_cameras_of_a_cube_project_every_direction_once() {
         let (side, half) = (256, 127.5);
         let (width, height, fx, fy, cx, cy) = (side, side, 128.0, 128.0, half, half);
         let face = CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] });
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn points_behind_the_camera_are_not_seen() {
+    fn points_behind_the_camera_are_not_projected() {
         for model in models() {
             assert_eq!(model.pixel_from_camera(&Point3::new(0.0, 0.0, -3.0)), None);
             assert!(model.pixel_from_camera(&Point3::new(0.0, 0.0, 3.0)).is_some());

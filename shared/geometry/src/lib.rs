@@ -1,4 +1,7 @@
-//! Stamps, poses, places on the Earth, rigs, camera models and top-down grids, range images. Frames, axes and units: `docs/conventions.md`.
+//! Stamps, poses, geodetic positions, rigs, camera models, top-down grids and range images. Frames, axes and units follow
+//! `docs/reference/conventions.md`.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod bev;
 mod camera;
@@ -19,6 +22,6 @@ pub use pose::{Pose, Trajectory, interpolate};
 pub use range_image::{NO_POINT, RangeImage, SphericalGrid, column_angle, column_of_azimuth};
 pub use rectangle::OrientedRectangle;
 pub use rig::{Rig, RigCamera};
-pub use spline_warp::{SplineSurface, SplineWarp};
+pub use spline_warp::{SplineSurface, SplineSurfaceError, SplineWarp};
 pub use stamp::Stamp;
 pub use utm::{Utm, UtmError};

@@ -3,10 +3,10 @@
 use crate::Stamp;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-/// A rigid transform, named by its direction: `world_from_body`.
+/// A rigid transform. Variables are named by its direction: `world_from_body`.
 pub type Pose = Isometry3<f64>;
 
-/// From `a` (share 0) to `b` (share 1): translation linearly, rotation along the shorter arc. Shares outside 0 to 1
+/// Interpolates from `a` (share 0) to `b` (share 1): translation linearly, rotation along the shorter arc. Shares outside 0 to 1
 /// extrapolate.
 pub fn interpolate(a: &Pose, b: &Pose, share: f64) -> Pose {
     let translation = a.translation.vector.lerp(&b.translation.vector, share);
@@ -22,7 +22,8 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Appends a pose. `false`, and nothing is kept, if its stamp is before the last one; an equal stamp replaces it.
+    /// Appends a pose. A stamp equal to the last one replaces the last pose. A stamp before the last one is rejected: the result
+    /// is `false`.
     pub fn push(&mut self, stamp: Stamp, world_from_body: Pose) -> bool {
         match self.poses.last_mut() {
             Some((last, _)) if stamp < *last => return false,
@@ -35,7 +36,7 @@ impl Trajectory {
     pub fn poses(&self) -> &[(Stamp, Pose)] {
         &self.poses
     }
-    /// Forgets poses that no stamp at or after `stamp` needs.
+    /// Removes poses that interpolation at or after `stamp` does not need.
     pub fn forget_before(&mut self, stamp: Stamp) {
         let keep_from = self.poses.partition_point(|(s, _)| *s <= stamp).saturating_sub(1);
         self.poses.drain(..keep_from);
@@ -66,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_between_are_interpolated_and_none_is_invented_outside() {
+    fn poses_are_interpolated_inside_and_absent_outside() {
         let mut trajectory = Trajectory::default();
         assert!(trajectory.push(Stamp(0), pose(0.0, 0.0)));
         assert!(trajectory.push(Stamp(100), pose(2.0, 0.4)));

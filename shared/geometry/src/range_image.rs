@@ -1,17 +1,17 @@
-//! Range images: what a turning lidar sees, row by elevation, column by azimuth (thesis section 2.4.3).
+//! Range images of a rotating lidar: rows by elevation, columns by azimuth (thesis section 2.4.3).
 
 use std::f32::consts::{PI, TAU};
 
 /// Index of a pixel without a point, and pixel of a point outside the image.
 pub const NO_POINT: u32 = u32::MAX;
 
-/// Where points lie in a range image by the formula: eq. (2.2) to (2.8), with (2.7) as
+/// Spherical projection of points to pixels: eq. (2.2) to (2.8), with (2.7) as
 /// row = H (1 - (theta + |down|) / (|up| + |down|)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphericalGrid {
     /// Rows; row 0 is the highest.
     pub rows: usize,
-    /// Columns of the full turn; the middle one looks along x, to the left of it is the right side of the sensor (-y).
+    /// Columns of a full revolution. The middle column looks along x; columns left of it show the right side of the sensor (-y).
     pub columns: usize,
     /// Elevation of the upper edge, rad.
     pub up: f32,
@@ -20,8 +20,7 @@ pub struct SphericalGrid {
 }
 
 impl SphericalGrid {
-    /// Row and column of a point in the sensor's frame; `None` outside the elevations, at the origin and for what is no
-    /// number.
+    /// Row and column of a point in the sensor frame; `None` outside the elevation range, at the origin and for NaN.
     pub fn pixel(&self, [x, y, z]: [f32; 3]) -> Option<(usize, usize)> {
         let range = (x * x + y * y + z * z).sqrt();
         let theta = (z / range).asin();
@@ -30,7 +29,7 @@ impl SphericalGrid {
         if !(row >= 0.0 && row < self.rows as f32 && column.is_finite()) {
             return None;
         }
-        // atan2 may give pi itself: the last column's far edge is the first one's near edge.
+        // atan2 may return exactly pi, which is the far edge of the last column and the near edge of the first.
         Some((row as usize, column as usize % self.columns))
     }
 }
@@ -40,23 +39,24 @@ pub fn column_of_azimuth(azimuth: u16, columns: usize) -> usize {
     (usize::from(azimuth) * columns / 36_000).min(columns - 1)
 }
 
-/// Which point each pixel shows: the nearest of those that fall into it.
+/// Nearest point of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RangeImage {
     /// Rows.
     pub rows: usize,
-    /// Columns; the last one's neighbor is the first.
+    /// Columns. The last column is a neighbor of the first.
     pub columns: usize,
-    /// Index of the nearest point of each pixel in raster order, [`NO_POINT`] where there is none.
+    /// Index of the nearest point of each pixel in raster order, [`NO_POINT`] for empty pixels.
     pub nearest: Vec<u32>,
-    /// Pixel of each point in raster order, [`NO_POINT`] outside.
+    /// Pixel index of each point, [`NO_POINT`] for points outside the image.
     pub pixel_of_point: Vec<u32>,
     /// Range of each point, m.
     pub range_m: Vec<f32>,
 }
 
 impl RangeImage {
-    /// From row and column (or none) and range in m of each point. Of points at one range the first is shown.
+    /// Builds the image from row and column (`None` outside) and range in m of each point. Of points with equal range the first
+    /// is kept.
     pub fn new(rows: usize, columns: usize, points: impl IntoIterator<Item = (Option<(usize, usize)>, f32)>) -> Self {
         let mut image = Self {
             rows,
@@ -81,19 +81,19 @@ impl RangeImage {
         }
         image
     }
-    /// Share of the points in the image that fell into a pixel that another had taken before (figure 6.5), 0 to 1.
+    /// Fraction of the points in the image that share a pixel with an earlier point (figure 6.5), 0 to 1.
     pub fn collision_rate(&self) -> f64 {
         let n_inside = self.pixel_of_point.iter().filter(|&&pixel| pixel != NO_POINT).count();
         let n_pixels = self.nearest.iter().filter(|&&point| point != NO_POINT).count();
         (n_inside - n_pixels) as f64 / n_inside.max(1) as f64
     }
-    /// Whether a point is the one that its pixel shows.
+    /// Whether a point is the nearest of its pixel.
     pub fn is_shown(&self, point: usize) -> bool {
         let pixel = self.pixel_of_point[point];
         pixel != NO_POINT && self.nearest[pixel as usize] as usize == point
     }
-    /// Points of the pixels within `reach` rows and columns of a point's own pixel, columns around the turn, with their
-    /// distance in pixels (row, column). None for a point outside.
+    /// Points of the pixels within `reach` rows and columns of the pixel of a point, with their offsets in pixels (row, column).
+    /// Columns wrap around. Empty for a point outside the image.
     pub fn window(&self, point: usize, reach: usize) -> impl Iterator<Item = (usize, [isize; 2])> {
         let pixel = self.pixel_of_point[point] as usize;
         let (row, column) = (pixel / self.columns, pixel % self.columns);
@@ -120,9 +120,9 @@ mod tests {
     const GRID: SphericalGrid = SphericalGrid { rows: 64, columns: 1024, up: 0.05, down: -0.43 };
 
     #[test]
-    fn directions_fall_where_the_formula_says() {
+    fn pixels_follow_the_projection_formula() {
         assert_eq!(GRID.pixel([10.0, 0.0, 0.0]), Some((6, 512)));
-        // Left is beyond the middle, right before it, and behind is the seam.
+        // Left is past the middle column, right is before it, and the seam is behind the sensor.
         assert_eq!(GRID.pixel([0.0, 5.0, 0.0]).map(|p| p.1), Some(768));
         assert_eq!(GRID.pixel([0.0, -5.0, 0.0]).map(|p| p.1), Some(256));
         assert_eq!(GRID.pixel([-5.0, 0.0, 0.0]).map(|p| p.1), Some(0));
@@ -130,7 +130,7 @@ mod tests {
         for outside in [[1.0, 0.0, 0.2], [1.0, 0.0, -0.9], [0.0, 0.0, 0.0], [f32::NAN, 1.0, 0.0]] {
             assert_eq!(GRID.pixel(outside), None, "{outside:?}");
         }
-        // Every pixel's center comes back.
+        // The center of every pixel maps to that pixel.
         for row in 0..64 {
             for column in (0..1024).step_by(7) {
                 let theta = GRID.down + (1.0 - (row as f32 + 0.5) / 64.0) * (GRID.up - GRID.down);
@@ -142,13 +142,13 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_point_of_a_pixel_is_shown() {
+    fn pixel_keeps_its_nearest_point() {
         let points = [(Some((0, 3)), 5.0), (Some((0, 3)), 2.0), (Some((0, 3)), 2.0), (None, 1.0), (Some((1, 0)), 9.0)];
         let image = RangeImage::new(2, 4, points);
         assert_eq!(image.nearest, [NO_POINT, NO_POINT, NO_POINT, 1, 4, NO_POINT, NO_POINT, NO_POINT]);
         assert_eq!((0..5).map(|i| image.is_shown(i)).collect::<Vec<_>>(), [false, true, false, false, true]);
         assert_eq!(image.collision_rate(), 0.5);
-        // Around the turn, column 3 and column 0 are neighbors.
+        // Columns wrap around: column 3 and column 0 are neighbors.
         let found: Vec<_> = image.window(0, 1).collect();
         assert_eq!(found, [(1, [0, 0]), (4, [1, 1])]);
         assert_eq!(image.window(3, 1).count(), 0);

@@ -1,6 +1,6 @@
-//! The smallest rectangle around points of the plane.
+//! Minimum-area bounding rectangle of 2-D points.
 
-/// A rectangle that may be turned.
+/// A rectangle of any orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OrientedRectangle {
     /// x and y of its center, m.
@@ -9,15 +9,15 @@ pub struct OrientedRectangle {
     pub length_m: f64,
     /// Shorter side, m.
     pub width_m: f64,
-    /// From x to the longer side, counter-clockwise, rad, -pi/2 to pi/2.
+    /// Angle from the x axis to the longer side, counter-clockwise, rad, -pi/2 to pi/2.
     pub heading: f64,
 }
 
-/// Directions that are tried: a quarter turn in degrees. An error of half a degree makes a car 5 m long 2 cm wider.
+/// Orientations tried: a quarter turn in steps of one degree. An error of half a degree makes a 5 m long car 2 cm wider.
 const N_DIRECTIONS: u32 = 90;
 
 impl OrientedRectangle {
-    /// The one of least area among those turned by whole degrees. `None` without points.
+    /// Rectangle of least area among orientations of whole degrees. `None` without points.
     pub fn around(points: &[[f64; 2]]) -> Option<Self> {
         let turned = |degrees: u32| {
             let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
@@ -32,7 +32,7 @@ impl OrientedRectangle {
             if u1 - u0 >= v1 - v0 {
                 Self { center, length_m: u1 - u0, width_m: v1 - v0, heading }
             } else {
-                // The longer side is the other one, a quarter turn back.
+                // The longer side is perpendicular.
                 let heading = heading - std::f64::consts::FRAC_PI_2;
                 Self { center, length_m: v1 - v0, width_m: u1 - u0, heading }
             }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turned_car_is_found_as_it_stands() {
+    fn rectangle_of_rotated_car_has_its_pose_and_size() {
         for degrees in [-89, -30, 0, 17, 45, 90] {
             let turn = f64::from(degrees).to_radians();
             let corners = [[-2.1, -0.9], [2.1, -0.9], [2.1, 0.9], [-2.1, 0.9], [1.0, 0.3]];

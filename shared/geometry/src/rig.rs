@@ -1,20 +1,20 @@
-//! How the sensors are mounted.
+//! Extrinsics of all sensors.
 
 use crate::{CameraModel, Pose};
 
-/// Mounting of all sensors, everything relative to the body frame (`T_body_lidar` and `T_body_camera` in the literature).
+/// Mounting of all sensors relative to the body frame (`T_body_lidar` and `T_body_camera` in the literature).
 /// `camera_from_lidar` is derived, never stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     /// Lidar mounting.
     pub body_from_lidar: Pose,
-    /// Color cameras by index.
+    /// Color cameras.
     pub cameras: Vec<RigCamera>,
-    /// Mosaic cameras by index. Their model is that of the raw image.
+    /// Mosaic cameras. Their model describes the raw image.
     pub mosaics: Vec<RigCamera>,
 }
 
-/// One camera.
+/// Mounting and lens of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigCamera {
     /// Camera mounting.

@@ -1,10 +1,10 @@
-//! A lens given by splines: the image of a pinhole camera, warped onto the sensor. Panoramic cameras are calibrated so (Point Grey,
-//! "Geometric Vision using Ladybug cameras").
+//! A lens described by splines: a pinhole image is warped onto the sensor. Ladybug panoramic cameras are calibrated this way
+//! (Point Grey, "Geometric Vision using Ladybug cameras").
 
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A pinhole image of the sensor's size, and where the sensor has each of its places.
+/// A pinhole image of the size of the sensor, and the map from its pixels to sensor pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SplineWarp {
@@ -20,29 +20,54 @@ pub struct SplineWarp {
     pub cx: f64,
     /// Principal point of the pinhole image, px.
     pub cy: f64,
-    /// u on the sensor over the pinhole image's (u, v), all as shares of the image from its left and upper rim.
+    /// u on the sensor as a function of (u, v) in the pinhole image. All values are fractions of the image size, measured
+    /// from the left and upper edge.
     pub warp_u: SplineSurface,
-    /// v on the sensor.
+    /// v on the sensor, like [`SplineWarp::warp_u`].
     pub warp_v: SplineSurface,
 }
 
-/// A cubic B-spline over the unit square with evenly spaced knots, the outermost ones fourfold: so many rows of coefficients along the first
-/// axis, so many columns along the second, 4 to 256 each.
+/// A cubic B-spline surface over the unit square. Knots are evenly spaced, the outermost have multiplicity four. Coefficients
+/// have 4 to 256 rows (first axis) and 4 to 256 columns (second axis).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Vec<f64>>", into = "Vec<Vec<f64>>")]
 pub struct SplineSurface(Vec<Vec<f64>>);
 
-impl TryFrom<Vec<Vec<f64>>> for SplineSurface {
-    type Error = String;
+/// Coefficients that do not form a spline surface.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SplineSurfaceError {
+    /// The coefficients are not a grid of a supported size.
+    #[error("{rows} rows, the first with {columns} coefficients; expected 4 to 256 rows of equal length, 4 to 256")]
+    Shape {
+        /// Rows found.
+        rows: usize,
+        /// Coefficients of the first row.
+        columns: usize,
+    },
+    /// A coefficient is infinite or NaN.
+    #[error("coefficient {column} of row {row} is {value}; expected a finite number")]
+    NotFinite {
+        /// Counted from 0.
+        row: usize,
+        /// Counted from 0.
+        column: usize,
+        /// The coefficient.
+        value: f64,
+    },
+}
 
-    fn try_from(rows: Vec<Vec<f64>>) -> Result<Self, String> {
-        let n_columns = rows.first().map_or(0, Vec::len);
+impl TryFrom<Vec<Vec<f64>>> for SplineSurface {
+    type Error = SplineSurfaceError;
+
+    fn try_from(rows: Vec<Vec<f64>>) -> Result<Self, SplineSurfaceError> {
+        let columns = rows.first().map_or(0, Vec::len);
         let is_sized = |n: usize| (4..=256).contains(&n);
-        if !is_sized(rows.len()) || !is_sized(n_columns) || rows.iter().any(|row| row.len() != n_columns) {
-            return Err(format!("{} rows of {n_columns} coefficients; must be 4 to 256 of equal length", rows.len()));
+        if !is_sized(rows.len()) || !is_sized(columns) || rows.iter().any(|row| row.len() != columns) {
+            return Err(SplineSurfaceError::Shape { rows: rows.len(), columns });
         }
-        if rows.iter().flatten().any(|value| !value.is_finite()) {
-            return Err("coefficients must be numbers".to_owned());
+        if let Some(idx) = rows.iter().flatten().position(|value| !value.is_finite()) {
+            let (row, column) = (idx / columns, idx % columns);
+            return Err(SplineSurfaceError::NotFinite { row, column, value: rows[row][column] });
         }
         Ok(Self(rows))
     }
@@ -55,7 +80,7 @@ impl From<SplineSurface> for Vec<Vec<f64>> {
 }
 
 impl SplineSurface {
-    /// The value at (x, y) and its slopes along both. Outside of the unit square the outermost patch goes on.
+    /// Value at (x, y) and its partial derivatives. Outside the unit square the outermost patch is extrapolated.
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let (row, across, across_slopes) = basis(x, self.0.len());
         let (column, along, along_slopes) = basis(y, self.0[0].len());
@@ -72,13 +97,13 @@ impl SplineSurface {
     }
 }
 
-/// The first of the four coefficients that count at `x`, their weights and the weights' slopes (de Boor, A Practical Guide to Splines, 1978, chapter
-/// X).
+/// Index of the first of the four coefficients with influence at `x`, their weights and the derivatives of the weights (de Boor,
+/// A Practical Guide to Splines, 1978, chapter X).
 fn basis(x: f64, n: usize) -> (usize, [f64; 4], [f64; 4]) {
     let n_spans = (n - 3) as f64;
     let at = x * n_spans;
     let span = at.floor().clamp(0.0, n_spans - 1.0);
-    // In units of spans the knots around are whole numbers, those beyond the ends moved onto them.
+    // In units of spans, knots are whole numbers. Knots beyond the ends coincide with the ends.
     let knot = |offset: i32| (span + f64::from(offset)).clamp(0.0, n_spans);
     let (mut weights, mut slopes) = ([1.0, 0.0, 0.0, 0.0], [0.0; 4]);
     for degree in 1..4_i32 {
@@ -98,8 +123,8 @@ fn basis(x: f64, n: usize) -> (usize, [f64; 4], [f64; 4]) {
 }
 
 impl SplineWarp {
-    /// Where the sensor sees the point (camera frame, m), px, inside the image or not. `None` where the pinhole image ends, or farther than
-    /// `beyond` of its size from there.
+    /// Sensor pixel of a point (camera frame, m), inside the image or not. `None` if the point lies outside the pinhole image by
+    /// more than the fraction `beyond` of its size.
     pub fn project(&self, p: &Point3<f64>, beyond: f64) -> Option<Vector2<f64>> {
         // Closer than a nanometre in front of the lens is as good as behind it.
         let [u, v] = if p.z > 1e-9 { self.share(p.x / p.z, p.y / p.z) } else { return None };
@@ -107,12 +132,12 @@ impl SplineWarp {
         (is_known(u) && is_known(v)).then(|| self.warped(u, v).0)
     }
 
-    /// The unit direction that falls on the pixel.
+    /// Unit direction whose projection is the pixel.
     pub fn unproject(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
         let [u, v] = self.share(0.0, 0.0);
         let (center, slopes) = self.warped(u, v);
-        // As if it were equidistant; Newton's method does the rest.
+        // The initial guess assumes an equidistant lens; Newton's method refines it.
         let shift = slopes.try_inverse()? * (pixel - center);
         let angles = Vector2::new(shift.x * size_u / self.fx, shift.y * size_v / self.fy);
         let angle = angles.norm().min(1.5);
@@ -134,14 +159,14 @@ impl SplineWarp {
         is_there.then(|| Vector3::new(x, y, 1.0).normalize())
     }
 
-    /// Pixels per rad on the axis, along u and v.
+    /// Pixels per rad on the optical axis, along u and v.
     pub fn px_per_rad(&self) -> [f64; 2] {
         let [u, v] = self.share(0.0, 0.0);
         let slopes = self.warped(u, v).1;
         [slopes[(0, 0)] * self.fx / f64::from(self.width), slopes[(1, 1)] * self.fy / f64::from(self.height)]
     }
 
-    /// Slopes against the axis where the pinhole image ends: left, right, top, bottom.
+    /// Tangents of the angles to the optical axis at the left, right, top and bottom edge of the pinhole image.
     pub fn ends(&self) -> [f64; 4] {
         let end = |px: f64, center: f64, focal: f64| (px - 0.5 - center) / focal;
         let (right, bottom) = (f64::from(self.width), f64::from(self.height));
@@ -153,13 +178,13 @@ impl SplineWarp {
         ]
     }
 
-    /// The place in the pinhole image, as shares of its sides.
+    /// Position in the pinhole image, as fractions of its size.
     fn share(&self, x: f64, y: f64) -> [f64; 2] {
         let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
         [(self.fx * x + self.cx + 0.5) / size_u, (self.fy * y + self.cy + 0.5) / size_v]
     }
 
-    /// Where it is on the sensor, px, and how that moves, px per share.
+    /// Position on the sensor, px, and its derivatives, px per fraction.
     fn warped(&self, u: f64, v: f64) -> (Vector2<f64>, Matrix2<f64>) {
         let (size_u, size_v) = (f64::from(self.width), f64::from(self.height));
         let (at_u, [uu, uv]) = self.warp_u.at(u, v);
@@ -174,12 +199,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_surface_of_greville_abscissae_is_a_plane() {
+    fn surface_of_greville_abscissae_is_a_plane() {
         // Coefficients that are the means of three knots give back the axis itself.
         let n = 9;
         let greville = |i: usize| (0..3).map(|k| (i + k + 1).clamp(3, n) as f64 - 3.0).sum::<f64>() / 18.0;
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| greville(i) + 3.0 * greville(j)).collect()).collect();
-        let surface = SplineSurface::try_from(rows).expect("sound");
+        let surface = SplineSurface::try_from(rows).expect("valid");
         for (x, y) in [(0.0, 0.0), (0.1, 0.77), (0.5, 0.5), (1.0, 1.0), (-0.1, 1.2)] {
             let (value, [along_x, along_y]) = surface.at(x, y);
             assert!((value - x - 3.0 * y).abs() < 1e-12, "{value} at {x}, {y}");
@@ -188,10 +213,10 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_those_of_the_values() {
+    fn derivatives_match_finite_differences() {
         let rows: Vec<Vec<f64>> =
             (0..6).map(|i| (0..8).map(|j| f64::from(i * i) * 0.1 - f64::from(i * j) * 0.07).collect()).collect();
-        let surface = SplineSurface::try_from(rows).expect("sound");
+        let surface = SplineSurface::try_from(rows).expect("valid");
         for (x, y) in [(0.02, 0.97), (0.3, 0.4), (0.66, 0.61), (0.99, 0.01)] {
             let step = 1e-6;
             let (_, [along_x, along_y]) = surface.at(x, y);
@@ -202,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_that_are_no_grid_are_refused() {
+    fn invalid_coefficients_are_refused() {
         for rows in [Vec::new(), vec![vec![0.0; 4]; 3], vec![vec![0.0; 4], vec![0.0; 5], vec![], vec![0.0; 4]]] {
             assert!(SplineSurface::try_from(rows).is_err());
         }

@@ -1,4 +1,4 @@
-//! Time.
+//! Time stamps.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -8,7 +8,7 @@ use std::fmt;
 pub struct Stamp(pub i64);
 
 impl Stamp {
-    /// `seconds` since the epoch; exact to about 0.2 µs for dates of this century.
+    /// `seconds` since the epoch. Exact to about 0.2 µs for dates of this century.
     pub fn from_seconds(seconds: f64) -> Self {
         Stamp((seconds * 1e9).round() as i64)
     }
@@ -24,7 +24,7 @@ impl Stamp {
 }
 
 impl fmt::Display for Stamp {
-    /// Seconds with nine decimals, all of them exact.
+    /// Seconds with nine exact decimals.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}.{:09}", self.0.div_euclid(1_000_000_000), self.0.rem_euclid(1_000_000_000))
     }

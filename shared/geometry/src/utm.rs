@@ -4,7 +4,7 @@ use crate::Geodetic;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
-/// A UTM zone on WGS84, and the projection onto it.
+/// A UTM zone on WGS84 with its projection.
 #[derive(Debug)]
 pub struct Utm {
     zone: u32,
@@ -13,24 +13,24 @@ pub struct Utm {
     projected: Proj,
 }
 
-/// Why a place has no UTM coordinates.
+/// A position without UTM coordinates.
 #[derive(Debug, thiserror::Error)]
 pub enum UtmError {
-    /// Maps of the poles are other maps.
-    #[error("latitude {0} degrees: UTM is for -80 to 84")]
+    /// UTM does not cover the poles.
+    #[error("latitude {0} degrees is outside UTM; expected -80 to 84")]
     Latitude(f64),
-    /// The projection library refused.
+    /// The projection library failed.
     #[error("UTM zone {zone}: {cause}")]
     Projection {
         /// 1 to 60.
         zone: u32,
-        /// What it said.
+        /// Its message.
         cause: String,
     },
 }
 
 impl Utm {
-    /// The zone of a place between latitudes -80 and 84 degrees: 6 degrees of longitude, with the exceptions of Norway and
+    /// The zone of a position between latitudes -80 and 84 degrees. A zone covers 6 degrees of longitude, except in Norway and
     /// Svalbard (DMA TM 8358.2, chapter 1).
     pub fn of(place: &Geodetic) -> Result<Self, UtmError> {
         let (lat, lon) = (place.latitude_deg, place.longitude_deg);
@@ -55,19 +55,19 @@ impl Utm {
             projected: make(&format!("+proj=utm +zone={zone}{south} +datum=WGS84 +units=m +no_defs"))?,
         })
     }
-    /// 1 to 60.
+    /// Number of the zone, 1 to 60.
     pub const fn zone(&self) -> u32 {
         self.zone
     }
-    /// `N` or `S`.
+    /// Hemisphere: `N` or `S`.
     pub const fn hemisphere(&self) -> char {
         if self.is_north { 'N' } else { 'S' }
     }
-    /// Code of the EPSG register: 32601 to 32660 in the north, 32701 to 32760 in the south.
+    /// EPSG code: 32601 to 32660 in the north, 32701 to 32760 in the south.
     pub const fn epsg(&self) -> u32 {
         (if self.is_north { 32_600 } else { 32_700 }) + self.zone
     }
-    /// Easting, northing (m, within 0.1 mm) and height above the ellipsoid (m) of a place in the zone or near it.
+    /// Easting, northing (m, within 0.1 mm) and height above the ellipsoid (m) of a position in or near the zone.
     pub fn project(&self, place: &Geodetic) -> Result<[f64; 3], UtmError> {
         let mut point = (place.longitude_deg.to_radians(), place.latitude_deg.to_radians(), place.altitude_m);
         transform(&self.geodetic, &self.projected, &mut point)
@@ -80,9 +80,9 @@ impl Utm {
 mod tests {
     use super::*;
 
-    /// By pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`, and the zones by the map of the reference.
+    /// Reference coordinates by pyproj 3.7.2 (PROJ 9.5.1), `Transformer.from_crs(4979, EPSG)`; zones by the map of the reference.
     #[test]
-    fn known_places_are_where_proj_says() {
+    fn coordinates_and_zones_equal_proj() {
         for (lat, lon, epsg, expected) in [
             (48.846_222, 2.346_414, 32_631, [452_048.210_3, 5_410_567.173_6]),
             (-33.856_8, 151.215_3, 32_756, [334_900.569_7, 6_252_288.752_9]),
@@ -92,7 +92,7 @@ mod tests {
             (-0.01, 179.99, 32_760, [832_864.270_0, 9_998_893.182_6]),
             (83.9, 33.5, 32_637, [434_846.693_5, 9_320_042.026_1]),
         ] {
-            let place = Geodetic::new(lat, lon, 12.5).expect("a place");
+            let place = Geodetic::new(lat, lon, 12.5).expect("a position");
             let utm = Utm::of(&place).expect("a zone");
             assert_eq!(utm.epsg(), epsg, "{lat} {lon}");
             let [east, north, height] = utm.project(&place).expect("coordinates");
@@ -102,9 +102,9 @@ mod tests {
     }
 
     #[test]
-    fn the_poles_have_no_zone() {
+    fn poles_have_no_zone() {
         for lat in [84.5, -80.5] {
-            assert!(matches!(Utm::of(&Geodetic::new(lat, 0.0, 0.0).expect("a place")), Err(UtmError::Latitude(_))));
+            assert!(matches!(Utm::of(&Geodetic::new(lat, 0.0, 0.0).expect("a position")), Err(UtmError::Latitude(_))));
         }
     }
 }

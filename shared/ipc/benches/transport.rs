@@ -7,8 +7,8 @@
 //! `cargo bench -p ipc --bench transport [-- --load]`; `--load` keeps every core busy with a process of its own meanwhile.
 //! The consumer is this program again, started with `CONSUMER` set; it answers each message on a channel back.
 
-use ipc::{Channel, Domain, Keeper, Node, Publisher, Subscriber, Wake};
-use messages::{Envelope, Message, NoHeader, Pod};
+use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Wake};
+use messages::{Envelope, Message, NoHeader};
 use rustix::process::{Signal, set_parent_process_death_signal};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::{Read, Write};
@@ -98,7 +98,7 @@ impl End {
         let mut loan = self.out.loan(n).expect("loan");
         loan.grow_with(if kind == Kind::Touched { n } else { 1 }, |_| first).expect("fits");
         let sent_nanos = now_nanos();
-        self.out.send(loan, Envelope { sent_nanos, ..Envelope::zeroed() }).expect("sent");
+        self.out.send(loan, Envelope { sent_nanos, ..Envelope::default() }).expect("sent");
     }
     /// Nanoseconds since the message was sent, and what all its words come to.
     fn receive(&mut self, kind: Kind) -> (u64, u64) {
@@ -245,11 +245,11 @@ fn main() {
     let name = format!("bench{}", std::process::id());
     let domain = Domain::new(&name).expect("name");
     let supervisor = domain.node("supervisor").expect("node");
-    let mut keeper = Keeper::default();
+    let mut services = ServiceHandles::default();
     let [there, back] = channels();
     for channel in [&there, &back] {
-        keeper.create_channel(&supervisor, channel).expect("created");
-        keeper.create_wake(&supervisor, &channel.producer, 2).expect("created");
+        services.create_channel(&supervisor, channel).expect("created");
+        services.create_wake(&supervisor, &channel.producer, 2).expect("created");
     }
     let socket = domain.root().join("bench.socket");
     let listener = UnixListener::bind(&socket).expect("binds");
@@ -302,6 +302,6 @@ fn main() {
         process.wait().expect("ends");
     }
     assert!(consumer.wait().expect("ends").success());
-    drop((end, keeper, supervisor));
+    drop((end, services, supervisor));
     domain.wipe().expect("wiped");
 }

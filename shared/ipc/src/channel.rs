@@ -1,17 +1,17 @@
 //! A channel: one producer, its consumers, and the bounds between them.
 
 use crate::domain::service_name;
-use crate::loan::{CacheLine, WireEnvelope};
+use crate::message_type::MessageType;
+use crate::opaque::Opaque;
+use crate::slot::{CacheLine, WireEnvelope};
 use crate::{Iox, IpcError, Node};
 use iceoryx2::prelude::*;
-use iceoryx2::service::port_factory::{event, publish_subscribe};
+use iceoryx2::service::port_factory::publish_subscribe;
 use messages::Message;
 use serde::{Deserialize, Serialize};
 
 /// A port factory of messages.
 pub(crate) type MessageService = publish_subscribe::PortFactory<Iox, [CacheLine], WireEnvelope>;
-/// A port factory of latest values.
-pub(crate) type LatestService = publish_subscribe::PortFactory<Iox, [u8], ()>;
 
 /// How the messages of a channel travel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,11 +23,12 @@ pub enum Transport {
     /// Through a socket to each consumer, into memory of its own. For comparison only.
     Copying,
 }
-/// Processes that may look on at a topic beside its consumers ([`crate::Observer`]); three terminals at a time.
+
+/// Observers of a topic at a time ([`crate::Observer`]): three terminals.
 pub(crate) const MAX_OBSERVERS: usize = 3;
 
 /// What producer and consumers of a topic must agree on. Needs no types, so that the supervisor can create the services
-/// of topics that only somebody else's stages know.
+/// of topics that only a user's own stages know.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channel {
     /// Name of the service.
@@ -42,7 +43,7 @@ pub struct Channel {
     pub row_bytes: usize,
     /// [`Message::MAX_ROWS`].
     pub max_rows: usize,
-    /// Nobody waits for room: where a queue is full, its oldest message makes way for the newest.
+    /// The producer never waits for room: in a full queue, the newest message replaces the oldest.
     pub drops_oldest: bool,
     /// [`Message::QUEUE`].
     pub queue: usize,
@@ -50,7 +51,7 @@ pub struct Channel {
     pub borrowed: usize,
     /// Wake of the producer, notified when a slot is free again.
     pub producer: String,
-    /// Wakes of the consumers, notified when there is something to take.
+    /// Wakes of the consumers, notified when there is a message to take.
     pub consumers: Vec<String>,
     /// How the messages travel.
     #[serde(default)]
@@ -76,21 +77,21 @@ impl Channel {
         }
     }
 
-    fn attributes(&self) -> [(&'static str, String); 2] {
+    pub(crate) fn attributes(&self) -> [(&'static str, String); 2] {
         [("version", self.version.to_string()), ("layout", format!("{:016x}", self.layout))]
     }
 
-    /// Service on which consumer `index` says how much it has taken.
+    /// Service on which consumer `index` acknowledges what it has taken.
     pub(crate) fn acknowledgement(&self, index: usize) -> String {
         format!("{}.taken.{index}", self.name)
     }
 
-    /// Service on which a lossless observer says what it has taken.
+    /// Service on which a lossless observer acknowledges what it has taken.
     pub(crate) fn observer_acknowledgement(&self) -> String {
         format!("{}.taken.observer", self.name)
     }
 
-    fn builder(
+    pub(crate) fn builder(
         &self,
         node: &Node,
     ) -> Result<iceoryx2::service::builder::publish_subscribe::Builder<[CacheLine], WireEnvelope, Iox>, IpcError> {
@@ -101,28 +102,32 @@ impl Channel {
             .user_header::<WireEnvelope>()
             .max_publishers(1)
             .max_subscribers(self.consumers.len() + MAX_OBSERVERS)
-            // Producer, consumers, observers and the supervisor that keeps the service.
+            // Producer, consumers, observers and the supervisor, which holds the service open.
             .max_nodes(self.consumers.len() + MAX_OBSERVERS + 2)
             .subscriber_max_buffer_size(self.queue)
-            // What waits for its tick to be complete counts as borrowed, beside what the stage holds.
+            // Messages that wait for their tick to be complete count as borrowed, beside those that the stage holds.
             .subscriber_max_borrowed_samples(self.queue + self.borrowed)
             .history_size(0)
             .enable_safe_overflow(self.drops_oldest))
     }
 
-    /// Refuses if the run's idea of the topic is not that of `T`: the channel was drawn up from what a program said of
-    /// itself, which need not be what it is.
-    pub(crate) fn open_as<T: Message>(&self, node: &Node) -> Result<MessageService, IpcError> {
-        if (self.version, self.layout) != (T::VERSION, T::LAYOUT) {
-            let ours = format!("this program has version {}, layout {:016x}", T::VERSION, T::LAYOUT);
-            let theirs = format!("the run version {}, layout {:016x}", self.version, self.layout);
-            return Err(IpcError::transport(format!("opening topic {}", self.name), format_args!("{ours}; {theirs}")));
+    /// Fails if the run's description of the topic is not that of `message`: a program describes itself, and may be wrong.
+    pub(crate) fn check_type(&self, message: &MessageType) -> Result<(), IpcError> {
+        if (self.version, self.layout) == (message.version, message.layout) {
+            return Ok(());
         }
-        self.open(node)
+        let ours = format!("this program has version {}, layout {:016x}", message.version, message.layout);
+        let theirs = format!("the run version {}, layout {:016x}", self.version, self.layout);
+        Err(IpcError::transport(format!("opening topic {}", self.name), format_args!("{ours}; {theirs}")))
     }
 
-    /// For those who know the topic by its channel alone.
-    pub(crate) fn open(&self, node: &Node) -> Result<MessageService, IpcError> {
+    /// A loan of another transport.
+    pub(crate) fn foreign_loan(&self, seq: u64) -> IpcError {
+        IpcError::transport(format!("publishing {} {seq}", self.name), "a loan of another transport")
+    }
+
+    /// Opens the service of the messages. Needs no type.
+    pub(crate) fn open(&self, node: &Node) -> Result<Opaque<MessageService>, IpcError> {
         let mut verifier = AttributeVerifier::new();
         for (key, value) in self.attributes() {
             verifier = verifier
@@ -131,76 +136,15 @@ impl Channel {
         }
         self.builder(node)?
             .open_with_attributes(&verifier)
+            .map(Opaque::new)
             .map_err(|cause| IpcError::transport(format!("opening topic {}", self.name), cause))
     }
 }
 
-fn attribute<T>(text: &str) -> Result<T, IpcError>
+pub(crate) fn attribute<T>(text: &str) -> Result<T, IpcError>
 where
     T: for<'a> TryFrom<&'a str>,
     for<'a> <T as TryFrom<&'a str>>::Error: std::fmt::Debug,
 {
     T::try_from(text).map_err(|cause| IpcError::transport(format!("service attribute {text:?}"), cause))
-}
-
-/// Holds the services of a run open, so that they outlive any stage. Kept by the supervisor.
-#[derive(Default)]
-pub struct Keeper {
-    messages: Vec<MessageService>,
-    latest: Vec<LatestService>,
-    wakes: Vec<event::PortFactory<Iox>>,
-}
-
-impl Keeper {
-    /// Creates a topic's service and its acknowledgements.
-    pub fn create_channel(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
-        // A socket is its producer's to make.
-        if channel.transport == Transport::Shared {
-            self.create_messages(node, channel)?;
-        }
-        for index in 0..channel.consumers.len() {
-            self.create_latest(node, &channel.acknowledgement(index))?;
-        }
-        self.create_latest(node, &channel.observer_acknowledgement())
-    }
-
-    fn create_messages(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
-        let mut specifier = AttributeSpecifier::new();
-        for (key, value) in channel.attributes() {
-            specifier = specifier
-                .define(&attribute(key)?, &attribute(&value)?)
-                .map_err(|cause| IpcError::transport(format!("service attribute {key}"), cause))?;
-        }
-        let service = channel
-            .builder(node)?
-            .create_with_attributes(&specifier)
-            .map_err(|cause| IpcError::transport(format!("creating topic {}", channel.name), cause))?;
-        self.messages.push(service);
-        Ok(())
-    }
-
-    /// Creates the service of a latest value.
-    pub fn create_latest(&mut self, node: &Node, name: &str) -> Result<(), IpcError> {
-        let service = crate::latest::builder(node, name)?
-            .create()
-            .map_err(|cause| IpcError::transport(format!("creating {name}"), cause))?;
-        self.latest.push(service);
-        Ok(())
-    }
-
-    /// Creates the service of a wake that at most `max_wakers` others ring.
-    pub fn create_wake(&mut self, node: &Node, name: &str, max_wakers: usize) -> Result<(), IpcError> {
-        let service = node
-            .0
-            .service_builder(&service_name(name)?)
-            .event()
-            .max_listeners(1)
-            .max_notifiers(max_wakers + MAX_OBSERVERS)
-            // The one who waits, those who ring, observers, and the supervisor.
-            .max_nodes(max_wakers + MAX_OBSERVERS + 2)
-            .create()
-            .map_err(|cause| IpcError::transport(format!("creating wake {name}"), cause))?;
-        self.wakes.push(service);
-        Ok(())
-    }
 }

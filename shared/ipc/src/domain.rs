@@ -1,18 +1,19 @@
-//! One run's own world: its services and memory carry a prefix and lie under a folder that no other run has.
+//! The domain of one run: its services and its memory have a prefix and a folder that no other run uses.
 
+use crate::opaque::Opaque;
 use crate::{Iox, IpcError};
 use iceoryx2::prelude::*;
 use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path as StdPath, PathBuf};
 use std::time::Duration;
 
-/// Where POSIX shared memory lies on Linux.
+/// Folder of POSIX shared memory on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Between the making of a file and its length lie microseconds, on a busy machine some tens of milliseconds.
-const LONGEST_MAKING: Duration = Duration::from_secs(1);
+/// A new file gets its length within microseconds, on a busy machine within some tens of milliseconds.
+const MAX_CREATION: Duration = Duration::from_secs(1);
 
-/// Attempts to remove a folder in which somebody who looks on is just making a file of its own.
+/// Attempts to remove a folder in which an observer may be creating a file at the same time.
 const MAX_REMOVALS: usize = 20;
 
 /// Names a run's services. Two domains never meet.
@@ -22,7 +23,7 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// `name`: lower-case letters and digits, at most 32. Runs choose one that says which run it is.
+    /// `name`: lower-case letters and digits, at most 32. Every run has its own.
     pub fn new(name: &str) -> Result<Self, IpcError> {
         let fits = (1..=32).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit());
         if fits {
@@ -47,7 +48,7 @@ impl Domain {
         PathBuf::from(format!("{SHARED_MEMORY}/replica_{}", self.name))
     }
 
-    /// Removes everything of this domain: only when none of its processes lives.
+    /// Removes all files of this domain. Call it only when none of its processes is running.
     pub fn wipe(&self) -> Result<(), IpcError> {
         let root = self.root();
         let mut removed = std::fs::remove_dir_all(&root);
@@ -77,20 +78,20 @@ impl Domain {
         Ok(files)
     }
 
-    /// Whether a file in shared memory has no length yet. Who opens such a file waits for its length, without end if its maker
-    /// was killed between the two calls (iceoryx2 0.10): those that nobody can be making any more are removed. One whose maker is killed
-    /// after this look and before it is used stays a danger.
+    /// Whether a file in shared memory has no length yet. A process that opens such a file waits for its length, forever if the
+    /// creating process was killed between the two calls (iceoryx2 0.10). Files too old to be in creation are removed. A file whose
+    /// creator is killed after this check and before its use remains a risk.
     fn has_unfinished_files(&self) -> Result<bool, IpcError> {
         let mut unfinished = false;
         for file in self.files()? {
-            // What is gone by now is not in the way.
+            // A file that is gone by now does not matter.
             let Ok(metadata) = std::fs::metadata(&file) else { continue };
             if !metadata.is_file() || metadata.len() > 0 {
                 continue;
             }
-            // A clock that was set back tells no age.
-            let age = metadata.modified().ok().and_then(|made| made.elapsed().ok()).unwrap_or(LONGEST_MAKING);
-            if age < LONGEST_MAKING {
+            // After the clock was set back, the age is unknown.
+            let age = metadata.modified().ok().and_then(|made| made.elapsed().ok()).unwrap_or(MAX_CREATION);
+            if age < MAX_CREATION {
                 unfinished = true;
             } else {
                 ignore_absent("removing", &file, std::fs::remove_file(&file))?;
@@ -99,17 +100,17 @@ impl Domain {
         Ok(unfinished)
     }
 
-    /// iceoryx2 makes its node counter readable and writable by everybody; a run is its owner's alone.
+    /// iceoryx2 makes its node counter readable and writable by all users; a run is private to its owner.
     fn close_to_others(&self) -> Result<(), IpcError> {
         for file in self.files()?.iter().filter(|file| file.extension().is_some_and(|e| e == "global_mgmt")) {
-            // The file of a node that has just left is gone: nothing to close.
+            // The file of a node that has just ended is gone.
             let closed = std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600));
             ignore_absent("closing", file, closed)?;
         }
         Ok(())
     }
 
-    /// Bytes of shared memory that the domain really uses.
+    /// Bytes of shared memory in use by the domain.
     pub fn used_bytes(&self) -> u64 {
         use std::os::unix::fs::MetadataExt;
         let files = self.files().unwrap_or_default();
@@ -117,9 +118,9 @@ impl Domain {
         files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.blocks() * 512).sum()
     }
 
-    /// A participant of the domain. Its ports belong to the calling thread.
+    /// A node of the domain. Its ports belong to the calling thread.
     pub fn node(&self, name: &str) -> Result<Node, IpcError> {
-        // Problems come back as errors; iceoryx2's own log, by IOX2_LOG_LEVEL, is for those who look into the transport.
+        // Problems are returned as errors; IOX2_LOG_LEVEL shows iceoryx2's own log for debugging.
         set_log_level_from_env_or(LogLevel::Fatal);
         let root = self.root();
         std::fs::DirBuilder::new()
@@ -137,7 +138,7 @@ impl Domain {
         let root: Path =
             root.to_string_lossy().as_ref().try_into().map_err(|cause| IpcError::transport(what(), cause))?;
         config.global.set_root_path(&root);
-        // Cleaning up after the dead is the supervisor's task: it wipes the whole domain.
+        // The supervisor cleans up after killed processes: it wipes the whole domain.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
@@ -149,7 +150,7 @@ impl Domain {
             .create::<Iox>()
             .map_err(|cause| IpcError::transport(what(), cause))?;
         self.close_to_others()?;
-        Ok(Node(node, self.clone()))
+        Ok(Node(Opaque::new(node), self.clone()))
     }
 }
 
@@ -162,17 +163,17 @@ fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Res
     }
 }
 
-/// A participant of a domain: makes ports.
-pub struct Node(pub(crate) iceoryx2::prelude::Node<Iox>, pub(crate) Domain);
+/// A node of a domain: creates ports.
+pub struct Node(pub(crate) Opaque<iceoryx2::prelude::Node<Iox>>, pub(crate) Domain);
 
 impl Node {
-    /// Removes the ports of processes that have died, so that nobody waits for what they would have taken. `false`: not yet,
-    /// because somebody is just making a port or has died while he did, or because shared memory cannot be looked at.
-    pub fn forget_dead(&self) -> bool {
+    /// Removes the ports of processes that have ended, so that no producer waits for their acknowledgements. `false`: not yet,
+    /// because a process is creating a port or was killed while it did, or because shared memory cannot be read.
+    pub fn remove_dead_ports(&self) -> bool {
         if self.1.has_unfinished_files().unwrap_or(true) {
             return false;
         }
-        // What another process is cleaning up already, or cannot be cleaned yet, is left to the next call.
+        // Nodes that another process is cleaning up, or that cannot be cleaned yet, are left to the next call.
         let _state = self.0.try_cleanup_dead_nodes();
         true
     }

@@ -1,4 +1,4 @@
-//! What can go wrong between processes.
+//! Errors of the transport.
 
 use std::fmt::Debug;
 
@@ -25,7 +25,7 @@ pub enum IpcError {
         /// Consumers that should have.
         expected: usize,
     },
-    /// A message that does not fit its own envelope or its type.
+    /// A message that does not match its own envelope or its type.
     #[error("{service}: message of {bytes} bytes cannot hold {len} rows of {row_bytes} bytes")]
     Torn {
         /// Service.
@@ -37,7 +37,7 @@ pub enum IpcError {
         /// Size of a row.
         row_bytes: usize,
     },
-    /// The consumer holds on to more messages than the topic allows.
+    /// The consumer keeps more messages than the topic allows.
     #[error("{service}: more than {allowed} messages are held beyond their step")]
     HeldTooMany {
         /// Service.
@@ -51,8 +51,23 @@ pub enum IpcError {
         /// Operation and path.
         what: String,
         /// Why.
+        #[source]
         cause: std::io::Error,
     },
+}
+
+/// More rows than a loan has room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{topic}: {requested} more rows do not fit a loan of {capacity} rows with {used} written")]
+pub struct LoanFull {
+    /// Topic of the loan.
+    pub topic: &'static str,
+    /// Rows of the loan.
+    pub capacity: usize,
+    /// Rows written before.
+    pub used: usize,
+    /// Rows that were to follow.
+    pub requested: usize,
 }
 
 impl IpcError {

@@ -1,12 +1,16 @@
-//! A value of which only the latest counts: heartbeats, commands, acknowledgements. A reader sees what is published after
-//! it has connected; who writes repeats itself.
+//! A value of which only the latest counts: heartbeats, commands, acknowledgements. A reader receives values that are
+//! published after it has connected, so writers publish repeatedly.
 
-use crate::channel::LatestService;
 use crate::domain::service_name;
+use crate::opaque::Opaque;
 use crate::{Iox, IpcError, Node};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{publisher, subscriber};
 use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::publish_subscribe;
+
+/// A port factory of latest values.
+pub(crate) type LatestService = publish_subscribe::PortFactory<Iox, [u8], ()>;
 
 /// Bytes of a value at most. A health report has about 2 KiB and at most some tens of KiB of notes.
 const MAX_BYTES: usize = 64 << 10;
@@ -20,7 +24,7 @@ pub(crate) fn builder(
         .service_builder(&service_name(name)?)
         .publish_subscribe::<[u8]>()
         .max_publishers(1)
-        // The reader that the run is built on, and three that look on.
+        // The reader that the run depends on, and three observers.
         .max_subscribers(4)
         .max_nodes(6)
         .history_size(0)
@@ -29,19 +33,19 @@ pub(crate) fn builder(
         .enable_safe_overflow(true))
 }
 
-fn open(node: &Node, name: &str) -> Result<LatestService, IpcError> {
-    builder(node, name)?.open().map_err(|cause| IpcError::transport(format!("opening {name}"), cause))
+fn open(node: &Node, name: &str) -> Result<Opaque<LatestService>, IpcError> {
+    builder(node, name)?.open().map(Opaque::new).map_err(|cause| IpcError::transport(format!("opening {name}"), cause))
 }
 
 /// Writes a latest value.
 pub struct LatestPublisher {
     name: String,
-    service: LatestService,
-    publisher: publisher::Publisher<Iox, [u8], ()>,
+    service: Opaque<LatestService>,
+    publisher: Opaque<publisher::Publisher<Iox, [u8], ()>>,
 }
 
 impl LatestPublisher {
-    /// Opens the service that the [`crate::Keeper`] made.
+    /// Opens the service that the [`crate::ServiceHandles`] created.
     pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
         let service = open(node, name)?;
         let publisher = service
@@ -50,6 +54,7 @@ impl LatestPublisher {
             .initial_max_slice_len(MAX_BYTES)
             .allocation_strategy(AllocationStrategy::Static)
             .create()
+            .map(Opaque::new)
             .map_err(|cause| IpcError::transport(format!("publisher of {name}"), cause))?;
         Ok(Self { name: name.to_owned(), service, publisher })
     }
@@ -65,7 +70,7 @@ impl LatestPublisher {
             .map(drop)
             .map_err(|cause| IpcError::transport(format!("publishing {}", self.name), cause))
     }
-    /// Whether somebody reads.
+    /// Whether there is a reader.
     pub fn has_reader(&self) -> bool {
         self.service.dynamic_config().number_of_subscribers() > 0
     }
@@ -74,17 +79,18 @@ impl LatestPublisher {
 /// Reads a latest value.
 pub struct LatestSubscriber {
     name: String,
-    service: LatestService,
-    subscriber: subscriber::Subscriber<Iox, [u8], ()>,
+    service: Opaque<LatestService>,
+    subscriber: Opaque<subscriber::Subscriber<Iox, [u8], ()>>,
 }
 
 impl LatestSubscriber {
-    /// Opens the service that the [`crate::Keeper`] made.
+    /// Opens the service that the [`crate::ServiceHandles`] created.
     pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
         let service = open(node, name)?;
         let subscriber = service
             .subscriber_builder()
             .create()
+            .map(Opaque::new)
             .map_err(|cause| IpcError::transport(format!("subscriber of {name}"), cause))?;
         Ok(Self { name: name.to_owned(), service, subscriber })
     }

@@ -1,34 +1,48 @@
 //! Topics over iceoryx2: loan, publish, receive. The only crate that names it.
 //!
-//! A [`Domain`] is one run's own world in shared memory. In it the supervisor creates every service and keeps it
-//! ([`Keeper`]); stages open them. Lossless by credits: a consumer acknowledges what it took, a producer sends only what
-//! fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
+//! A [`Domain`] holds the services and the shared memory of one run. The supervisor creates every service and holds it open
+//! ([`ServiceHandles`]); stages open them. No message is lost, by credits: a consumer acknowledges what it has taken, a
+//! producer sends only what fits the slowest consumer's queue, and both sleep on a [`Wake`] in between.
 //!
-//! The same ends can send through sockets and copy instead ([`Transport::Copying`]), to see what that would cost.
+//! The same publishers and subscribers can send through sockets and copy instead ([`Transport::Copying`]), to measure what
+//! copying costs.
 
+mod attached;
 mod channel;
-mod copying;
 mod domain;
 mod error;
 mod latest;
-mod loan;
-mod memory;
+mod message;
+mod message_type;
 mod observer;
+mod opaque;
+mod open_transport;
+mod own_memory;
 mod publisher;
+mod service_handles;
+mod shared_memory;
+mod slot;
+mod socket;
 mod subscriber;
-mod visit;
+mod transport;
+mod untyped_publisher;
+mod untyped_subscriber;
 mod wake;
 
-pub use channel::{Channel, Keeper, Transport};
+pub use attached::Attached;
+pub use channel::{Channel, Transport};
 pub use domain::{Domain, Node};
-pub use error::IpcError;
+pub use error::{IpcError, LoanFull};
 pub use latest::{LatestPublisher, LatestSubscriber};
-pub use memory::{Loan, Received};
-pub use observer::{Looking, Observed, Observer};
+pub use message::{Loan, Received, SavedMessageError};
+pub use observer::{Observed, Observer, ObserverMode};
 pub use publisher::Publisher;
+pub use service_handles::ServiceHandles;
 pub use subscriber::Subscriber;
-pub use visit::Visit;
 pub use wake::{Wake, Waker};
 
-/// The kind of service: processes on one machine, ports used by the thread that made them.
+/// The kind of service: processes on one machine, ports used by the thread that created them.
 type Iox = iceoryx2::prelude::ipc::Service;
+
+/// What a lossless observer acknowledges before its first message.
+const NOTHING_TAKEN: u64 = u64::MAX;

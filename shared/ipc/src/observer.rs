@@ -1,68 +1,68 @@
-//! Looking on at a topic without knowing its type, and without being one of its consumers.
+//! Observing a topic without knowing its type and without being one of its consumers.
 
 use crate::channel::MessageService;
-use crate::loan::{CacheLine, LINE, WireEnvelope, bytes_of_lines};
-use crate::publisher::NOTHING_TAKEN;
-use crate::{Channel, Iox, IpcError, LatestPublisher, Node, Waker};
+use crate::opaque::Opaque;
+use crate::slot::{CacheLine, LINE, ReceivedSlot, WireEnvelope, bytes_of_lines};
+use crate::{Channel, Iox, IpcError, LatestPublisher, NOTHING_TAKEN, Node, Waker};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{DegradationAction, subscriber};
 use iceoryx2::prelude::*;
-use iceoryx2::sample::Sample;
 use messages::Envelope;
 
 /// Whether the producer waits for the observer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Looking {
-    /// Never: what does not fit the observer's queue passes it by. Gaps in `seq` tell.
+pub enum ObserverMode {
+    /// Never: a message that does not fit the observer's queue is dropped. Gaps in `seq` show it.
     Dropping,
-    /// As for a consumer: from the first message that it takes on, it misses none. One such observer at a time.
+    /// As for a consumer: from its first message on, the observer receives every message. One such observer at a time.
     Lossless,
 }
 
-/// Sees the messages of a topic as bytes.
+/// Receives the messages of a topic as bytes.
 pub struct Observer {
     channel: Channel,
-    service: MessageService,
-    subscriber: subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>,
+    service: Opaque<MessageService>,
+    subscriber: Opaque<subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>>,
     lossless: Option<Acknowledging>,
 }
 
-/// How a lossless observer keeps the producer informed.
+/// How a lossless observer informs the producer.
 struct Acknowledging {
     acknowledgement: LatestPublisher,
     producer: Waker,
     taken: u64,
-    /// Whether its queue was empty since the producer has known of it. What is sent before may overrun the queue, so none
-    /// of that is taken on.
+    /// Whether its queue was empty since the producer has known of it. Messages sent before may overrun the queue, so all of
+    /// them are dropped.
     settled: bool,
 }
 
 impl Acknowledging {
-    fn say(&self) -> Result<(), IpcError> {
+    fn publish(&self) -> Result<(), IpcError> {
         self.acknowledgement.publish(&self.taken.to_le_bytes())
     }
 
     fn take(&mut self, seq: u64) -> Result<(), IpcError> {
         self.taken = seq + 1;
-        self.say()?;
-        self.producer.ring();
+        self.publish()?;
+        self.producer.wake();
         Ok(())
     }
 }
 
 impl Observer {
-    /// Attaches to a topic of a run. Fails if the run is not there or too many look on already.
-    pub fn open(node: &Node, channel: &Channel, looking: Looking) -> Result<Self, IpcError> {
+    /// Attaches to a topic of a run. Fails if the run is not there or has too many observers already.
+    pub fn open(node: &Node, channel: &Channel, mode: ObserverMode) -> Result<Self, IpcError> {
         let service = channel.open(node)?;
         let subscriber = service
             .subscriber_builder()
             .buffer_size(channel.queue)
             .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
+            .map(Opaque::new)
             .map_err(|cause| IpcError::transport(format!("observer of {}", channel.name), cause))?;
-        let lossless = match looking {
-            Looking::Dropping => None,
-            Looking::Lossless => Some(Acknowledging {
+        let lossless = match mode {
+            ObserverMode::Dropping => None,
+            ObserverMode::Lossless => Some(Acknowledging {
                 acknowledgement: LatestPublisher::open(node, &channel.observer_acknowledgement())?,
                 producer: Waker::open(node, &channel.producer)?,
                 taken: NOTHING_TAKEN,
@@ -85,20 +85,20 @@ impl Observer {
         self.subscriber
             .update_connections()
             .map_err(|cause| IpcError::transport(format!("connecting to {}", self.channel.name), cause))?;
-        let mut there = self.service.dynamic_config().number_of_publishers() > 0;
+        let mut is_there = self.service.dynamic_config().number_of_publishers() > 0;
         if let Some(lossless) = &mut self.lossless {
-            // A latest value reaches only those who were there: it is said again until they are.
-            lossless.say()?;
-            there &= lossless.acknowledgement.has_reader();
-            if there && !lossless.settled {
+            // A latest value reaches only readers that are connected: it is published again until the producer is.
+            lossless.publish()?;
+            is_there &= lossless.acknowledgement.has_reader();
+            if is_there && !lossless.settled {
                 while take(&self.channel, &self.subscriber)?.is_some() {
-                    lossless.say()?;
-                    lossless.producer.ring();
+                    lossless.publish()?;
+                    lossless.producer.wake();
                 }
                 lossless.settled = true;
             }
         }
-        Ok(there)
+        Ok(is_there)
     }
 
     /// The next message, if there is one.
@@ -106,17 +106,17 @@ impl Observer {
         if self.lossless.as_ref().is_some_and(|lossless| !lossless.settled) && !self.connect()? {
             return Ok(None);
         }
-        let Some(sample) = take(&self.channel, &self.subscriber)? else {
+        let Some(slot) = take(&self.channel, &self.subscriber)? else {
             if let Some(lossless) = &self.lossless {
-                lossless.say()?;
+                lossless.publish()?;
             }
             return Ok(None);
         };
         if let Some(lossless) = &mut self.lossless {
-            lossless.take(sample.user_header().0.seq)?;
+            lossless.take(slot.envelope().seq)?;
         }
-        let observed = Observed { header_bytes: self.channel.header_bytes, row_bytes: self.channel.row_bytes, sample };
-        let (bytes, len) = (size_of_val(observed.sample.payload()), observed.envelope().len as usize);
+        let observed = Observed { header_bytes: self.channel.header_bytes, row_bytes: self.channel.row_bytes, slot };
+        let (bytes, len) = (size_of_val(observed.slot.lines()), observed.envelope().len as usize);
         if observed.rows_at() + len * observed.row_bytes > bytes {
             let service = self.channel.name.clone();
             return Err(IpcError::Torn { service, bytes, len, row_bytes: observed.row_bytes });
@@ -125,18 +125,18 @@ impl Observer {
     }
 }
 
-type MessageSample = Sample<Iox, [CacheLine], WireEnvelope>;
-
 fn take(
     channel: &Channel,
     subscriber: &subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>,
-) -> Result<Option<MessageSample>, IpcError> {
-    subscriber.receive().map_err(|cause| IpcError::transport(format!("observing {}", channel.name), cause))
+) -> Result<Option<ReceivedSlot>, IpcError> {
+    let sample = subscriber.receive();
+    let sample = sample.map_err(|cause| IpcError::transport(format!("observing {}", channel.name), cause))?;
+    Ok(sample.map(ReceivedSlot::new))
 }
 
 /// A message as bytes, in shared memory.
 pub struct Observed {
-    sample: MessageSample,
+    slot: ReceivedSlot,
     header_bytes: usize,
     row_bytes: usize,
 }
@@ -144,18 +144,18 @@ pub struct Observed {
 impl Observed {
     /// The envelope.
     pub fn envelope(&self) -> &Envelope {
-        &self.sample.user_header().0
+        self.slot.envelope()
     }
     fn rows_at(&self) -> usize {
         self.header_bytes.next_multiple_of(LINE)
     }
     /// Bytes of the fixed part.
     pub fn header(&self) -> &[u8] {
-        &bytes_of_lines(self.sample.payload())[..self.header_bytes]
+        &bytes_of_lines(self.slot.lines())[..self.header_bytes]
     }
     /// Bytes of the rows.
     pub fn rows(&self) -> &[u8] {
         let rows_at = self.rows_at();
-        &bytes_of_lines(self.sample.payload())[rows_at..rows_at + self.envelope().len as usize * self.row_bytes]
+        &bytes_of_lines(self.slot.lines())[rows_at..rows_at + self.envelope().len as usize * self.row_bytes]
     }
 }

@@ -1,5 +1,4 @@
-//! A message type told byte by byte, for those who read it without knowing the type: observers, recordings, other
-//! languages.
+//! The layout of a message type, for readers that do not have the type: observers, recordings, other languages.
 
 use crate::{Envelope, Message, Pod};
 use serde::{Deserialize, Serialize};
@@ -66,11 +65,11 @@ fn fields_of<P: Pod>() -> Vec<ByteField> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Submap, Tick};
+    use crate::{SubmapTopic, TickTopic};
 
     #[test]
-    fn the_tables_fields_cover_every_byte_once() {
-        for table in [ByteTable::of::<Submap>(), ByteTable::of::<Tick>()] {
+    fn fields_cover_every_byte_once() {
+        for table in [ByteTable::of::<SubmapTopic>(), ByteTable::of::<TickTopic>()] {
             for (fields, bytes) in [
                 (&table.envelope, size_of::<Envelope>()),
                 (&table.header, table.header_bytes),
@@ -88,8 +87,8 @@ mod tests {
     }
 
     #[test]
-    fn nested_fields_and_arrays_have_speaking_names() {
-        let table = ByteTable::of::<Tick>();
+    fn nested_fields_and_arrays_have_full_names() {
+        let table = ByteTable::of::<TickTopic>();
         let barrier = table.row.iter().find(|field| field.name == "barrier").expect("there");
         assert_eq!((barrier.offset, barrier.kind.as_str(), barrier.count), (16, "u64", 1));
         let reserved = table.envelope.iter().find(|field| field.name == "reserved").expect("there");

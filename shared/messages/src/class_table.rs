@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ids_and_names_lead_to_each_other() {
+    fn ids_and_names_convert_both_ways() {
         assert_eq!(ClassId::ALL.len(), 23);
         for (id, &class) in ClassId::ALL.iter().enumerate() {
             assert_eq!(class as usize, id);

@@ -1,10 +1,10 @@
 //! Topics `color`, `spectra`, `class` and `instance`: columns of a submap. Same length and order as its points; the
 //! envelope's seq is the submap's.
 
-use crate::{Message, Submap, pod, pod::cast_slice};
+use crate::{Message, SubmapTopic, pod, pod::cast_slice};
 
-/// Columns that may be due in one tick: in the last one, for the submap that a stage still held and for those that come.
-const COLUMN_QUEUE: usize = Submap::QUEUE + 1;
+/// Columns that may be published in one tick: the last tick has those of the held submap and of the submaps that arrive.
+const COLUMN_QUEUE: usize = SubmapTopic::QUEUE + 1;
 
 /// [`ColorRow::camera`] of a point that no exposure saw.
 pub const UNSEEN: u8 = 255;
@@ -18,7 +18,7 @@ pod! {
         pub g: u8,
         /// sRGB blue.
         pub b: u8,
-        /// Camera of the rig that saw it, [`UNSEEN`] if none did; then r g b are 0.
+        /// Camera of the rig that saw the point; [`UNSEEN`] if none did, then r g b are 0.
         pub camera: u8,
     }
 }
@@ -29,13 +29,13 @@ pod! {
 }
 
 /// Color of every point.
-pub struct Color;
-impl Message for Color {
+pub struct ColorTopic;
+impl Message for ColorTopic {
     const TOPIC: &'static str = "color";
     const VERSION: u32 = 1;
     const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
-    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
+    const MAX_ROWS: usize = crate::SubmapTopic::MAX_ROWS;
     type Header = ColorHeader;
     type Row = ColorRow;
 }
@@ -47,7 +47,7 @@ pub const MAX_BANDS: usize = 64;
 pub const NO_SPECTRUM: u32 = u32::MAX;
 
 pod! {
-    /// What the bands are.
+    /// The bands of the spectra.
     pub struct SpectraHeader {
         /// Points of the submap.
         pub n_points: u32,
@@ -67,8 +67,8 @@ pod! {
 /// Spectra of the points that a mosaic camera saw: most points have none, so the column is an index and a table.
 /// Rows are 4-byte words: `n_points` indices into the table ([`NO_SPECTRUM`] = unseen), then per spectrum
 /// two words of validity (bit b of the 64: band b was measured) and `n_bands` reflectances (f32). See [`SpectraView`].
-pub struct Spectra;
-impl Message for Spectra {
+pub struct SpectraTopic;
+impl Message for SpectraTopic {
     const TOPIC: &'static str = "spectra";
     const VERSION: u32 = 1;
     const QUEUE: usize = COLUMN_QUEUE;
@@ -119,7 +119,7 @@ pod! {
     }
 }
 pod! {
-    /// Who said so.
+    /// Source of the classes.
     pub struct ClassHeader {
         /// [`crate::CLASS_TABLE_VERSION`].
         pub class_table_version: u64,
@@ -129,19 +129,19 @@ pod! {
 }
 
 /// Class of every point.
-pub struct Class;
-impl Message for Class {
+pub struct ClassTopic;
+impl Message for ClassTopic {
     const TOPIC: &'static str = "class";
     const VERSION: u32 = 1;
     const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
-    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
+    const MAX_ROWS: usize = crate::SubmapTopic::MAX_ROWS;
     type Header = ClassHeader;
     type Row = ClassRow;
 }
 
 pod! {
-    /// What was found.
+    /// Number of instances.
     pub struct InstanceHeader {
         /// Instances with at least one point in this submap.
         pub n_instances: u32,
@@ -151,13 +151,13 @@ pod! {
 }
 
 /// Instance of every point: 0 = none; an id names the same object in every submap.
-pub struct Instance;
-impl Message for Instance {
+pub struct InstanceTopic;
+impl Message for InstanceTopic {
     const TOPIC: &'static str = "instance";
     const VERSION: u32 = 1;
     const QUEUE: usize = COLUMN_QUEUE;
     const BORROWED: usize = 2;
-    const MAX_ROWS: usize = crate::Submap::MAX_ROWS;
+    const MAX_ROWS: usize = crate::SubmapTopic::MAX_ROWS;
     type Header = InstanceHeader;
     type Row = u32;
 }

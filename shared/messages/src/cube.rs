@@ -6,7 +6,7 @@ use crate::{Message, pod, pod::cast_slice};
 pub const MAX_CUBE_BANDS: usize = 32;
 
 pod! {
-    /// What holds for the whole cube.
+    /// Data of the whole cube.
     pub struct CubeHeader {
         /// Index into the rig's mosaic cameras.
         pub camera: u32,
@@ -33,14 +33,14 @@ pod! {
 
 /// A reflectance cube. Rows are 4-byte words: `n_bands * height * width` reflectances (f32, band-sequential), then
 /// `height * width` masks (bit b set: band b was measured here, neither saturated nor dead). See [`CubeView`].
-pub struct Cube;
-impl Message for Cube {
+pub struct CubeTopic;
+impl Message for CubeTopic {
     const TOPIC: &'static str = "cube";
     const VERSION: u32 = 1;
     const QUEUE: usize = 4;
     // As `image`, by two cameras.
     const BORROWED: usize = 32;
-    // 2045 x 1085 px of 25 bands and a mask, demosaiced: 57.7 million. What is not written takes no memory.
+    // 2045 x 1085 px of 25 bands and a mask, demosaiced: 57.7 million. Unwritten rows take no memory.
     const MAX_ROWS: usize = 1 << 26;
     type Header = CubeHeader;
     type Row = u32;

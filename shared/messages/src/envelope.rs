@@ -1,4 +1,4 @@
-//! What every message carries, whatever its topic.
+//! The envelope of every message, and what a topic is.
 
 use crate::{Pod, pod};
 
@@ -13,7 +13,7 @@ pod! {
     /// | 24 | `born_nanos` | monotonic clock when the source began the tick |
     /// | 32 | `sent_nanos` | monotonic clock when this message was published |
     /// | 40 | `len` | rows in use; the slot may be longer |
-    /// | 44 | `epoch` | live: how often the producer had been started anew; offline zero |
+    /// | 44 | `epoch` | live: number of restarts of the producer; offline zero |
     /// | 48 | `reserved` | zero |
     pub struct Envelope {
         /// 0, 1, 2 … per topic.
@@ -28,25 +28,25 @@ pod! {
         pub sent_nanos: u64,
         /// Rows in use.
         pub len: u32,
-        /// Live: how often the producer had been started anew; its `seq` jumped then. Offline zero.
+        /// Live: number of restarts of the producer; its `seq` jumps at each. Offline zero.
         pub epoch: u32,
         /// Zero.
         pub reserved: [u32; 4],
     }
 }
 
-/// A topic's type: name, version, header, row and how much of it may be under way.
+/// A topic's type: name, version, header, row and queue lengths.
 pub trait Message: Send + Sync + 'static {
     /// The topic's name.
     const TOPIC: &'static str;
-    /// Raised with every change of meaning; a change of layout is seen by [`Pod::LAYOUT`] anyway.
+    /// Raised with every change of meaning. [`Pod::LAYOUT`] shows a change of layout.
     const VERSION: u32;
     /// Messages that may wait at each consumer. Bounds the memory and how far a producer may run ahead; a stage may not
     /// publish more than this in one tick.
     const QUEUE: usize;
-    /// Messages that a consumer may hold on to after its step.
+    /// Messages that a consumer may keep after its step.
     const BORROWED: usize;
-    /// Rows of one message at most. Every slot is so long; memory that is never written is never used.
+    /// Largest number of rows of a message. Every slot has this size; memory that is never written is never used.
     const MAX_ROWS: usize;
     /// Fixed part.
     type Header: Pod + Default;

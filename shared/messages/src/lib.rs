@@ -1,7 +1,9 @@
-//! What stages say to each other: one file per topic, each with the byte table of its row and header.
+//! The messages of all topics: one file per topic, each with the byte table of its row and header.
 //!
 //! A message is an [`Envelope`], a fixed header and a slice of rows, all plain `repr(C)` data that is written once into
-//! shared memory and read in place. Frames, units and axes follow `docs/conventions.md`.
+//! shared memory and read in place. Frames, units and axes follow `docs/reference/conventions.md`.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod byte_table;
 mod class_table;
@@ -19,17 +21,19 @@ mod trajectory;
 pub use byte_table::{ByteField, ByteTable};
 pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, class_name};
 pub use columns::{
-    Class, ClassHeader, ClassRow, Color, ColorHeader, ColorRow, Instance, InstanceHeader, MAX_BANDS, NO_SPECTRUM,
-    Spectra, SpectraHeader, SpectraView, UNSEEN,
+    ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, InstanceHeader, InstanceTopic, MAX_BANDS,
+    NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView, UNSEEN,
 };
-pub use cube::{Cube, CubeHeader, CubeView, MAX_CUBE_BANDS};
+pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};
-pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, Placement, PlacementHeader, PlacementRow};
+pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic};
 pub use pod::Pod;
-pub use raw::{Gnss, GnssRow, Image, ImageHeader, Imu, ImuRow, Mosaic, MosaicHeader, NoHeader};
+pub(crate) use pod::pod;
+pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};
 pub use submap::{
-    MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, Submap, SubmapHeader, SubmapPoint, SubmapSweep,
+    CheckedSubmap, MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapError, SubmapHeader,
+    SubmapPoint, SubmapSweep, SubmapTopic,
 };
-pub use sweep::{Sweep, SweepHeader, SweepPoint};
-pub use tick::{NO_DRIVE_TIME, Tick, TickRow};
-pub use trajectory::{PoseRow, StampedPose, Trajectory};
+pub use sweep::{SweepHeader, SweepPoint, SweepTopic};
+pub use tick::{NO_DRIVE_TIME, TickRow, TickTopic};
+pub use trajectory::{PoseError, PoseRow, StampedPose, TrajectoryTopic};

@@ -1,27 +1,16 @@
-//! Plain data: types whose bytes may be shared between processes.
-
-#![allow(unsafe_code, reason = "the one place that turns rows into bytes and back; each block states why it may")]
+//! Types whose bytes may be shared between processes.
 
 use crate::ByteField;
 
-/// A type that is nothing but its bytes: `repr(C)`, no padding, no pointers, every bit pattern valid.
-///
-/// # Safety
-/// The implementor has a defined layout without padding bytes, and any bytes of its size are a valid value.
-/// [`pod!`](crate::pod!) proves the layout at compile time; implement it by that macro only.
-pub unsafe trait Pod: Copy + Send + Sync + 'static {
-    /// Fingerprint of the field names and types in order. Two processes that differ in it must not talk.
+/// A type that is nothing but its bytes: `repr(C)`, no padding, no pointers, every bit pattern valid. `bytemuck` proves it
+/// at compile time. The `pod!` macro of this crate adds the fields.
+pub trait Pod: bytemuck::Pod + Send + Sync {
+    /// Fingerprint of the field names and types in order. Two processes that differ in it must not exchange messages.
     const LAYOUT: u64;
 
     /// Appends the fields of a value called `name` that begins at byte `offset` to `fields`. A number is one field, and
-    /// so is an array of numbers; the fields of a struct are told one by one.
+    /// so is an array of numbers; the fields of a struct are listed one by one.
     fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>);
-
-    /// The value whose bytes are all zero.
-    fn zeroed() -> Self {
-        // SAFETY: every bit pattern is a valid value of a `Pod`, all zeros too.
-        unsafe { std::mem::zeroed() }
-    }
 }
 
 /// FNV-1a over `bytes`, continued from `state`.
@@ -39,8 +28,7 @@ pub const FINGERPRINT_START: u64 = 0xcbf2_9ce4_8422_2325;
 
 macro_rules! pod_number {
     ($($t:ty),*) => {$(
-        // SAFETY: a primitive number has no padding and every bit pattern is a value.
-        unsafe impl Pod for $t {
+        impl Pod for $t {
             const LAYOUT: u64 = fingerprint(FINGERPRINT_START, stringify!($t).as_bytes());
             fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>) {
                 fields.push(ByteField { name: name.to_owned(), offset, kind: stringify!($t).to_owned(), count: 1 });
@@ -50,8 +38,10 @@ macro_rules! pod_number {
 }
 pod_number!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
 
-// SAFETY: an array of `Pod` has no padding between its elements and none of its own.
-unsafe impl<T: Pod, const N: usize> Pod for [T; N] {
+impl<T: Pod, const N: usize> Pod for [T; N]
+where
+    [T; N]: bytemuck::Pod,
+{
     const LAYOUT: u64 = fingerprint(T::LAYOUT, &(N as u64).to_le_bytes());
     fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>) {
         let mut first = Vec::new();
@@ -66,23 +56,15 @@ unsafe impl<T: Pod, const N: usize> Pod for [T; N] {
     }
 }
 
-/// Declares a `repr(C)` struct and proves at compile time that it is [`Pod`]: every field is, and no padding is left.
-#[macro_export]
+/// Declares a `repr(C)` struct that is [`Pod`]. The derive fails to compile if a field is not, or if padding is left.
 macro_rules! pod {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* pub $field:ident: $kind:ty),* $(,)? }) => {
         $(#[$meta])*
         #[repr(C)]
-        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         pub struct $name { $($(#[$field_meta])* pub $field: $kind),* }
 
-        const _: () = assert!(
-            size_of::<$name>() == 0 $(+ size_of::<$kind>())*,
-            concat!(stringify!($name), " has padding: order its fields by size or name the padding")
-        );
-
-        #[allow(unsafe_code, reason = "the layout is proved right here")]
-        // SAFETY: `repr(C)`, every field is `Pod` (bound below), and the assertion above excludes padding.
-        unsafe impl $crate::Pod for $name where $($kind: $crate::Pod),* {
+        impl $crate::Pod for $name {
             const LAYOUT: u64 = {
                 let state = $crate::pod::FINGERPRINT_START;
                 $(
@@ -91,12 +73,12 @@ macro_rules! pod {
                 )*
                 state
             };
-            #[allow(unused_variables, unused_mut, unused_assignments, reason = "a struct without fields uses none of them")]
+            #[allow(unused_assignments, reason = "no field follows the last one")]
             fn describe(name: &str, mut offset: usize, fields: &mut Vec<$crate::ByteField>) {
                 let prefix = if name.is_empty() { String::new() } else { format!("{name}.") };
                 $(
                     <$kind as $crate::Pod>::describe(&format!("{prefix}{}", stringify!($field)), offset, fields);
-                    // No padding (asserted above): the next field follows at once.
+                    // There is no padding: the next field follows at once.
                     offset += size_of::<$kind>();
                 )*
             }
@@ -104,41 +86,28 @@ macro_rules! pod {
 
         impl Default for $name {
             fn default() -> Self {
-                $crate::Pod::zeroed()
+                bytemuck::Zeroable::zeroed()
             }
         }
     };
 }
 
+pub(crate) use pod;
+
 /// The bytes of `rows`, in place.
 pub fn bytes_from_rows<T: Pod>(rows: &[T]) -> &[u8] {
-    // SAFETY: a `Pod` has no padding, so each of the `size_of_val` bytes is initialised; u8 has no alignment; the
-    // lifetime is that of `rows`.
-    unsafe { std::slice::from_raw_parts(rows.as_ptr().cast(), size_of_val(rows)) }
+    bytemuck::cast_slice(rows)
 }
 
 /// The bytes of `rows`, in place, for writing.
 pub fn bytes_from_rows_mut<T: Pod>(rows: &mut [T]) -> &mut [u8] {
-    // SAFETY: as `bytes_from_rows`; the exclusive borrow passes on, and any bytes written are a valid `T`.
-    unsafe { std::slice::from_raw_parts_mut(rows.as_mut_ptr().cast(), size_of_val(rows)) }
+    bytemuck::cast_slice_mut(rows)
 }
 
 /// `n` rows whose bytes are all zero. Memory of this size comes from the operating system as zeros, so that rows that are
 /// never written cost nothing.
 pub fn zeroed_rows<T: Pod>(n: usize) -> Vec<T> {
-    const { assert!(size_of::<T>() > 0) };
-    let layout = std::alloc::Layout::array::<T>(n).expect("fits the address space");
-    if n == 0 {
-        return Vec::new();
-    }
-    // SAFETY: the layout has a size (`n` and the size of `T` are above 0).
-    let memory = unsafe { std::alloc::alloc_zeroed(layout) };
-    if memory.is_null() {
-        std::alloc::handle_alloc_error(layout);
-    }
-    // SAFETY: allocated just now by the global allocator with the layout of `n` values of `T`, of which all-zero bytes
-    // are valid ones.
-    unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(memory.cast::<T>(), n)) }.into_vec()
+    bytemuck::zeroed_vec(n)
 }
 
 /// Copies `bytes` into rows. `None` if the length is no multiple of the row's size.
@@ -146,24 +115,21 @@ pub fn rows_from_bytes<T: Pod>(bytes: &[u8]) -> Option<Vec<T>> {
     if size_of::<T>() == 0 || !bytes.len().is_multiple_of(size_of::<T>()) {
         return None;
     }
-    let mut rows = vec![T::zeroed(); bytes.len() / size_of::<T>()];
-    // SAFETY: both regions are `bytes.len()` long and distinct; every bit pattern is a valid `T`.
-    unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), rows.as_mut_ptr().cast(), bytes.len()) };
+    let mut rows = zeroed_rows::<T>(bytes.len() / size_of::<T>());
+    bytes_from_rows_mut(&mut rows).copy_from_slice(bytes);
     Some(rows)
 }
 
 /// The same memory read as rows of another type of the same size and alignment, e.g. `u32` words as `f32`.
 pub fn cast_slice<T: Pod, U: Pod>(rows: &[T]) -> &[U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
-    // SAFETY: same size and alignment (asserted at compile time), and every bit pattern is a valid `U`.
-    unsafe { std::slice::from_raw_parts(rows.as_ptr().cast(), rows.len()) }
+    bytemuck::cast_slice(rows)
 }
 
 /// [`cast_slice`] for writing.
 pub fn cast_slice_mut<T: Pod, U: Pod>(rows: &mut [T]) -> &mut [U] {
     const { assert!(size_of::<T>() == size_of::<U>() && align_of::<T>() == align_of::<U>()) };
-    // SAFETY: as `cast_slice`; the exclusive borrow passes on, and every bit pattern written is a valid `T`.
-    unsafe { std::slice::from_raw_parts_mut(rows.as_mut_ptr().cast(), rows.len()) }
+    bytemuck::cast_slice_mut(rows)
 }
 
 #[cfg(test)]
@@ -184,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_survive_the_way_through_bytes() {
+    fn rows_through_bytes_are_unchanged() {
         let rows = [Pair { a: 7, b: 0.5 }, Pair { a: u32::MAX, b: -1.0 }];
         let bytes = bytes_from_rows(&rows);
         assert_eq!(bytes.len(), 16);
@@ -193,24 +159,24 @@ mod tests {
     }
 
     #[test]
-    fn zeroed_rows_are_filled_in_place() {
+    fn zeroed_rows_can_be_written_as_bytes() {
         assert_eq!(zeroed_rows::<Pair>(0), []);
         let mut rows = zeroed_rows::<Pair>(3);
-        assert_eq!(rows, [Pair::zeroed(); 3]);
+        assert_eq!(rows, [Pair::default(); 3]);
         let source = [Pair { a: 1, b: 2.0 }, Pair { a: 3, b: 4.0 }, Pair { a: 5, b: 6.0 }];
         bytes_from_rows_mut(&mut rows).copy_from_slice(bytes_from_rows(&source));
         assert_eq!(rows, source);
     }
 
     #[test]
-    fn words_read_as_floats_keep_their_bits() {
+    fn words_cast_to_floats_keep_their_bits() {
         let mut words = [1.5_f32.to_bits(), (-2.0_f32).to_bits()];
         cast_slice_mut::<u32, f32>(&mut words)[0] = 4.0;
         assert_eq!(cast_slice::<u32, f32>(&words), [4.0, -2.0]);
     }
 
     #[test]
-    fn a_renamed_field_changes_the_layout() {
+    fn layout_of_renamed_field_differs() {
         assert_ne!(Pair::LAYOUT, Swapped::LAYOUT);
         assert_ne!(<[f32; 3]>::LAYOUT, <[f32; 4]>::LAYOUT);
     }

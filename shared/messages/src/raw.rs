@@ -1,4 +1,4 @@
-//! Topics `image`, `mosaic`, `gnss` and `imu`: what the other sensors recorded.
+//! Topics `image`, `mosaic`, `gnss` and `imu`: raw data of the other sensors.
 
 use crate::{Message, pod};
 
@@ -25,8 +25,8 @@ pod! {
 }
 
 /// A color image.
-pub struct Image;
-impl Message for Image {
+pub struct ImageTopic;
+impl Message for ImageTopic {
     const TOPIC: &'static str = "image";
     const VERSION: u32 = 1;
     // Six cameras fire in one tick.
@@ -56,8 +56,8 @@ pod! {
 }
 
 /// A raw mosaic image.
-pub struct Mosaic;
-impl Message for Mosaic {
+pub struct MosaicTopic;
+impl Message for MosaicTopic {
     const TOPIC: &'static str = "mosaic";
     const VERSION: u32 = 1;
     // Two cameras fire in one tick; two such bursts may wait.
@@ -96,8 +96,8 @@ pod! {
 }
 
 /// The fixes of one tick.
-pub struct Gnss;
-impl Message for Gnss {
+pub struct GnssTopic;
+impl Message for GnssTopic {
     const TOPIC: &'static str = "gnss";
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;
@@ -121,8 +121,8 @@ pod! {
 }
 
 /// The inertial samples of one tick.
-pub struct Imu;
-impl Message for Imu {
+pub struct ImuTopic;
+impl Message for ImuTopic {
     const TOPIC: &'static str = "imu";
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;

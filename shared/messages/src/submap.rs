@@ -1,7 +1,8 @@
 //! Topic `submap`: the registered, deskewed points of the next stretch of street. Written once; later stages publish
 //! columns for it.
 
-use crate::{Message, PoseRow, pod};
+use crate::{Message, PoseError, PoseRow, pod};
+use geometry::Pose;
 
 /// Sweeps of one submap at most: 5 s at 20 Hz is 100; the table below is in every header, so it stays short.
 pub const MAX_SWEEPS_PER_SUBMAP: usize = 256;
@@ -78,13 +79,13 @@ pod! {
 }
 
 pod! {
-    /// What holds for the whole submap. The envelope's seq is the submap's number, its stamp that of the first shot.
+    /// Data of the whole submap. The envelope's seq is the submap's number, its stamp that of the first shot.
     pub struct SubmapHeader {
         /// ns since the Unix epoch, first shot.
         pub stamp_begin: i64,
         /// ns since the Unix epoch, last shot.
         pub stamp_end: i64,
-        /// Where the submap lies: local east-north-up, m.
+        /// Pose of the submap: local east-north-up, m.
         pub world_from_submap: PoseRow,
         /// Smallest x y z, m, submap frame.
         pub min: [f32; 3],
@@ -99,9 +100,74 @@ pod! {
     }
 }
 
+/// A submap whose content breaks a rule of the topic.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SubmapError {
+    /// [`SubmapHeader::world_from_submap`].
+    #[error("submap {seq}: world_from_submap: {source}")]
+    Pose {
+        /// Number of the submap.
+        seq: u64,
+        /// Its numbers.
+        source: PoseError,
+    },
+    /// [`SubmapHeader::n_sweeps`].
+    #[error("submap {seq}: {n_sweeps} sweeps; at most {MAX_SWEEPS_PER_SUBMAP} are allowed")]
+    Sweeps {
+        /// Number of the submap.
+        seq: u64,
+        /// As found.
+        n_sweeps: u32,
+    },
+    /// [`SubmapPoint::sweep_idx`].
+    #[error("submap {seq}: point {point} is of sweep {sweep_idx}; the header has {n_sweeps}")]
+    Point {
+        /// Number of the submap.
+        seq: u64,
+        /// Index of the point.
+        point: usize,
+        /// As found.
+        sweep_idx: u16,
+        /// Sweeps of the submap.
+        n_sweeps: usize,
+    },
+}
+
+/// A [`SubmapHeader`] that has been checked.
+#[derive(Clone, Copy, Debug)]
+pub struct CheckedSubmap<'a> {
+    /// Number of the submap.
+    pub seq: u64,
+    /// Pose of the submap.
+    pub world_from_submap: Pose,
+    /// The sweeps in use.
+    pub sweeps: &'a [SubmapSweep],
+}
+
+impl SubmapHeader {
+    /// Checks pose and number of sweeps. `seq` is the submap's number, for the error.
+    pub fn checked(&self, seq: u64) -> Result<CheckedSubmap<'_>, SubmapError> {
+        let world_from_submap = self.world_from_submap.checked().map_err(|source| SubmapError::Pose { seq, source })?;
+        let sweeps = self.sweeps.get(..self.n_sweeps as usize);
+        let sweeps = sweeps.ok_or(SubmapError::Sweeps { seq, n_sweeps: self.n_sweeps })?;
+        Ok(CheckedSubmap { seq, world_from_submap, sweeps })
+    }
+}
+
+impl CheckedSubmap<'_> {
+    /// Checks that every point belongs to a sweep of the header.
+    pub fn check_points(&self, points: &[SubmapPoint]) -> Result<(), SubmapError> {
+        let (seq, n_sweeps) = (self.seq, self.sweeps.len());
+        match points.iter().position(|point| usize::from(point.sweep_idx) >= n_sweeps) {
+            None => Ok(()),
+            Some(point) => Err(SubmapError::Point { seq, point, sweep_idx: points[point].sweep_idx, n_sweeps }),
+        }
+    }
+}
+
 /// A finished stretch of street in its own frame.
-pub struct Submap;
-impl Message for Submap {
+pub struct SubmapTopic;
+impl Message for SubmapTopic {
     const TOPIC: &'static str = "submap";
     const VERSION: u32 = 1;
     // One in work at the consumer and one waiting keep both sides busy; each is tens of MB.
@@ -112,4 +178,39 @@ impl Message for Submap {
     const MAX_ROWS: usize = 1 << 23;
     type Header = SubmapHeader;
     type Row = SubmapPoint;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(n_sweeps: u32) -> SubmapHeader {
+        let world_from_submap = PoseRow { translation: [1.0, 2.0, 3.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+        SubmapHeader { world_from_submap, n_sweeps, ..SubmapHeader::default() }
+    }
+
+    #[test]
+    fn checked_header_returns_pose_and_sweeps_in_use() {
+        let header = header(3);
+        let checked = header.checked(7).expect("is sound");
+        assert_eq!((checked.sweeps.len(), checked.world_from_submap.translation.z), (3, 3.0));
+        let mut points = vec![SubmapPoint { sweep_idx: 2, ..SubmapPoint::default() }; 5];
+        assert_eq!(checked.check_points(&points), Ok(()));
+        points[4].sweep_idx = 3;
+        let error = checked.check_points(&points).expect_err("there is no sweep 3");
+        assert_eq!(error.to_string(), "submap 7: point 4 is of sweep 3; the header has 3");
+    }
+
+    #[test]
+    fn checked_header_with_bad_pose_or_too_many_sweeps_is_refused() {
+        let mut bent = header(3);
+        bent.world_from_submap.rotation[3] = 2.0;
+        let error = bent.checked(7).expect_err("the quaternion's norm is 2").to_string();
+        assert!(
+            error.starts_with("submap 7: world_from_submap: ") && error.contains("is not a rigid transform"),
+            "{error}"
+        );
+        let error = header(257).checked(7).expect_err("the table has 256 rows");
+        assert_eq!(error.to_string(), "submap 7: 257 sweeps; at most 256 are allowed");
+    }
 }

@@ -31,7 +31,7 @@ pod! {
 }
 
 pod! {
-    /// What holds for the whole sweep.
+    /// Data of the whole sweep.
     pub struct SweepHeader {
         /// ns from the sweep's stamp to the end of the revolution.
         pub duration_nanos: u32,
@@ -45,8 +45,8 @@ pod! {
 }
 
 /// One revolution. Its stamp is that of its first shot.
-pub struct Sweep;
-impl Message for Sweep {
+pub struct SweepTopic;
+impl Message for SweepTopic {
     const TOPIC: &'static str = "sweep";
     const VERSION: u32 = 1;
     const QUEUE: usize = 4;

@@ -1,4 +1,4 @@
-//! Beside every topic runs its tick channel: it says when a tick is complete, where a barrier is and where the end.
+//! Every topic has a tick channel. It reports complete ticks, barriers and the end of the stream.
 
 use crate::{Message, NoHeader, pod};
 
@@ -36,8 +36,8 @@ pod! {
 pub const NO_DRIVE_TIME: i64 = i64::MIN;
 
 /// The tick channel of a topic.
-pub struct Tick;
-impl Message for Tick {
+pub struct TickTopic;
+impl Message for TickTopic {
     const TOPIC: &'static str = "tick";
     const VERSION: u32 = 1;
     // A topic without messages lets its producer run ahead by this many ticks: 1.6 s of drive at 10 Hz.

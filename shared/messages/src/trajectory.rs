@@ -1,4 +1,4 @@
-//! Topic `trajectory`: where the vehicle was.
+//! Topic `trajectory`: the poses of the vehicle.
 
 use crate::{Message, pod, raw::NoHeader};
 use geometry::{Isometry3, Pose, Quaternion, Translation3, UnitQuaternion};
@@ -20,7 +20,25 @@ impl From<Pose> for PoseRow {
     }
 }
 
+/// A pose that is not a rigid transform.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "translation {translation:?}, rotation {rotation:?} is not a rigid transform: all numbers must be finite and the quaternion (x y z w) of norm 1"
+)]
+pub struct PoseError {
+    /// As found, m.
+    pub translation: [f64; 3],
+    /// As found, x y z w.
+    pub rotation: [f64; 4],
+}
+
 impl PoseRow {
+    /// As [`PoseRow::to_pose`]; the error shows the numbers.
+    pub fn checked(&self) -> Result<Pose, PoseError> {
+        let Self { translation, rotation } = *self;
+        self.to_pose().ok_or(PoseError { translation, rotation })
+    }
+
     /// `None` unless all numbers are finite and the quaternion's norm is 1 within 1e-6. The bits are kept as they are.
     pub fn to_pose(&self) -> Option<Pose> {
         let [x, y, z, w] = self.rotation;
@@ -44,8 +62,8 @@ pod! {
 
 /// The poses of the sweeps registered in the tick: for each the one at its first and at its last shot. Stamps never fall.
 /// The first sweep's poses come with the second's, because a speed needs two.
-pub struct Trajectory;
-impl Message for Trajectory {
+pub struct TrajectoryTopic;
+impl Message for TrajectoryTopic {
     const TOPIC: &'static str = "trajectory";
     const VERSION: u32 = 1;
     const QUEUE: usize = 8;

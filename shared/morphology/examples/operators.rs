@@ -1,8 +1,8 @@
-//! Operators on raw images, timed: what `benches/peers/morphology.py` holds against other libraries.
+//! Runs and times operators on raw images, for the comparison with other libraries in `benches/peers/morphology.py`.
 //!
-//! Each line of stdin is a job: `OPERATOR TYPE ROWS COLS CONNECTIVITY ARGUMENT OUTPUT INPUT...`, files in row order and native
-//! bytes, connectivity 4 or 8. Each line `run` after it runs it once, and is answered by a line with the CPU time, ns; another line
-//! has the result written and is answered by `done`.
+//! A line of stdin is a job: `OPERATOR TYPE ROWS COLS CONNECTIVITY ARGUMENT OUTPUT INPUT...`. Files are in row order and native byte order,
+//! connectivity is 4 or 8. Each following line `run` runs the job once and prints the CPU time, ns. Any other line writes the result and
+//! prints `done`.
 
 use morphology::{Connectivity, Element, Height, Level};
 use ndarray::Array2;
@@ -61,7 +61,7 @@ impl Job<'_> {
         };
         let mut result = None;
         while read_line().is_some_and(|line| line == "run") {
-            // As in the peers, the result of the run before is given back first.
+            // As in the other libraries, the previous result is freed first.
             drop(result.take());
             let begun = cpu_nanos();
             result = Some(work());

@@ -1,30 +1,31 @@
-//! Opening and closing by area: peaks and pits of fewer than `area` pixels are levelled, all else keeps its exact shape.
+//! Area opening and closing: peaks and pits of fewer than `area` pixels are removed, everything else keeps its exact shape.
 
 use crate::components::runs_of;
+use crate::level::Level;
+use crate::neighbors::Connectivity;
 use crate::order::sorted_by;
 use crate::padded::Padded;
-use crate::{Connectivity, Level};
 use ndarray::Array2;
 
-/// The greatest level at which the pixel belongs to a component of `{image >= level}` with at least `area` pixels; the
-/// image's least value if the whole image has fewer. On a binary image: components of fewer than `area` pixels go.
+/// For each pixel, the highest level at which it belongs to a component of `{image >= level}` with at least `area` pixels, or the
+/// minimum of the image if the whole image has fewer. On a binary image, components of fewer than `area` pixels are removed.
 pub fn area_opening<T: Level>(image: &Array2<T>, area: usize, connectivity: Connectivity) -> Array2<T> {
     match two_levels(image) {
         Some(levels) => open_binary(image, levels, area, connectivity),
-        None => level_peaks(image, area, connectivity, |value| value),
+        None => remove_peaks(image, area, connectivity, |value| value),
     }
 }
 
-/// The dual of [`area_opening`]. On a binary image: holes and bays of fewer than `area` pixels are filled. The
-/// connectivity is that of the pits; components with eight neighbors have holes with four.
+/// The dual of [`area_opening`]. On a binary image, holes of fewer than `area` pixels are filled. The connectivity is that of the
+/// holes: components with eight neighbors have holes with four.
 pub fn area_closing<T: Level>(image: &Array2<T>, area: usize, connectivity: Connectivity) -> Array2<T> {
     match two_levels(image) {
         Some([low, high]) => open_binary(image, [high, low], area, connectivity),
-        None => level_peaks(image, area, connectivity, T::complement),
+        None => remove_peaks(image, area, connectivity, T::complement),
     }
 }
 
-/// The two values, if there are no more.
+/// The two values of the image, if there are no more.
 fn two_levels<T: Level>(image: &Array2<T>) -> Option<[T; 2]> {
     let first = *image.first()?;
     let second = image.iter().copied().find(|&value| value != first).unwrap_or(first);
@@ -32,7 +33,7 @@ fn two_levels<T: Level>(image: &Array2<T>) -> Option<[T; 2]> {
     only_those.then(|| if first < second { [first, second] } else { [second, first] })
 }
 
-/// Components of `peak` that are too small become `base`.
+/// Replaces small components of `peak` by `base`.
 fn open_binary<T: Level>(
     image: &Array2<T>,
     [base, peak]: [T; 2],
@@ -57,9 +58,9 @@ fn open_binary<T: Level>(
     result
 }
 
-/// Floods from the peaks and lets a component grow until it has `area` pixels (Meijster and Wilkinson 2002, the union-find
-/// algorithm). `sense` is the identity, or the complement for pits.
-fn level_peaks<T: Level>(
+/// Floods from the peaks. Components grow until they have `area` pixels (union-find algorithm of Meijster and Wilkinson 2002). `sense`
+/// is the identity for peaks, the complement for pits.
+fn remove_peaks<T: Level>(
     image: &Array2<T>,
     area: usize,
     connectivity: Connectivity,
@@ -81,7 +82,7 @@ fn level_peaks<T: Level>(
             if forest.areas[peak] < area || levels.pixels[peak].rank() == level {
                 forest.merge(peak, pixel);
             } else {
-                // The pixel's own component holds that peak too, so it is large enough as well.
+                // The component of the pixel contains this peak, so it is large enough, too.
                 forest.areas[pixel] = forest.areas[pixel].max(area);
             }
         }
@@ -111,7 +112,7 @@ impl Forest {
         self.parents[peak] = into as u32;
         self.areas[into] += self.areas[peak];
     }
-    /// Root of the component, `None` if the flood has not come here yet.
+    /// Root of the component, `None` if the pixel was not flooded yet.
     fn find(&mut self, pixel: usize) -> Option<usize> {
         let mut at = pixel;
         if self.parents[at] == Self::NOT_REACHED {

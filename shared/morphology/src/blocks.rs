@@ -1,11 +1,10 @@
-//! Rows in blocks for the widest registers that the machine has ([`wide_loops::run`]).
+//! Loops over rows in blocks, for wide registers ([`wide_loops::run`]).
 
-/// Pixels of a row that are worked on at once: a register or a few of them.
+/// Pixels of a block: one register or a few.
 pub(crate) const BLOCK: usize = 64;
 
-/// `work::<_, N>(start, ...)` for pixels `start..start + N` of a row of `n`, over and over until all are done. The last blocks may
-/// overlap, so doing it twice must do no harm. The compiler knows the length of a block: a loop over it has no checks and no
-/// rest.
+/// Calls `work::<_, N>(start, ...)` for blocks `start..start + N` of a row of `n` pixels. The last two blocks may overlap, so `work` must
+/// be idempotent. `N` is known at compile time, so loops over a block need no bounds checks and no remainder.
 macro_rules! in_blocks {
     ($n:expr, $work:ident($($argument:expr),*)) => {
         let n: usize = $n;
@@ -22,13 +21,13 @@ macro_rules! in_blocks {
 }
 pub(crate) use in_blocks;
 
-/// `N` pixels from `start` on.
+/// `N` pixels, beginning at `start`.
 #[inline(always)]
 pub(crate) fn block<T, const N: usize>(row: &[T], start: usize) -> &[T; N] {
     row[start..start + N].try_into().expect("a slice of N pixels")
 }
 
-/// `N` pixels from `start` on.
+/// `N` pixels, beginning at `start`.
 #[inline(always)]
 pub(crate) fn block_mut<T, const N: usize>(row: &mut [T], start: usize) -> &mut [T; N] {
     (&mut row[start..start + N]).try_into().expect("a slice of N pixels")

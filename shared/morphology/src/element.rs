@@ -1,16 +1,16 @@
-//! Flat structuring elements: the pixels around a pixel over which an extremum is taken.
+//! Flat structuring elements.
 
 use std::collections::BTreeMap;
 
-/// A set of offsets (row, column) from the origin.
+/// A flat structuring element: a set of offsets (row, column) from the origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element(pub(crate) Shape);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Shape {
-    /// All offsets up to these radii.
+    /// A rectangle with these radii.
     Rectangle { row_radius: usize, col_radius: usize },
-    /// Any set, row by row.
+    /// Any set, as runs in raster order.
     Runs(Vec<Run>),
 }
 
@@ -23,15 +23,15 @@ pub(crate) struct Run {
 }
 
 impl Element {
-    /// The square of side `2 radius + 1`.
+    /// A square of side `2 radius + 1`.
     pub fn square(radius: usize) -> Self {
         Self::rectangle(radius, radius)
     }
-    /// `2 row_radius + 1` rows and `2 col_radius + 1` columns.
+    /// A rectangle of `2 row_radius + 1` rows and `2 col_radius + 1` columns.
     pub fn rectangle(row_radius: usize, col_radius: usize) -> Self {
         Self(Shape::Rectangle { row_radius, col_radius })
     }
-    /// All offsets of Euclidean length up to `radius`, pixels.
+    /// A disc: all offsets of Euclidean length up to `radius`, pixels.
     pub fn disc(radius: usize) -> Self {
         let r = radius as isize;
         // Up to 2^26 the square root of a square is exact.
@@ -39,15 +39,15 @@ impl Element {
         let run = |row: isize| Run { row, first: -half_width(row), last: half_width(row) };
         Self(Shape::Runs((-r..=r).map(run).collect()))
     }
-    /// The digital segment from minus to plus (`rows`, `cols`): one pixel in each step of the longer side.
+    /// A line from minus to plus (`rows`, `cols`), with one pixel for each step of the longer side.
     pub fn line(rows: isize, cols: isize) -> Self {
         let n = rows.unsigned_abs().max(cols.unsigned_abs()) as isize;
-        // To the nearest, halves away from zero, so that the segment is its own reflection.
+        // Rounded to the nearest, halves away from zero, so that the line is symmetric.
         let share = |t: isize, side: isize| (t as f64 * side as f64 / n.max(1) as f64).round() as isize;
         Self::of_offsets((-n..=n).map(|t| (share(t, rows), share(t, cols))))
     }
-    /// Any offsets (row, column); double ones count once. Without any, dilation gives the least and erosion the greatest
-    /// value everywhere.
+    /// An element of any offsets (row, column). Duplicates are ignored. With an empty element, dilation gives the lowest and erosion the
+    /// highest value everywhere.
     pub fn of_offsets(offsets: impl IntoIterator<Item = (isize, isize)>) -> Self {
         let mut rows: BTreeMap<isize, Vec<isize>> = BTreeMap::new();
         for (row, col) in offsets {
@@ -65,7 +65,7 @@ impl Element {
         }
         Self(Shape::Runs(runs))
     }
-    /// Every offset turned about the origin.
+    /// The element reflected about the origin.
     #[must_use]
     pub fn reflected(&self) -> Self {
         match &self.0 {
@@ -78,7 +78,7 @@ impl Element {
     }
 }
 
-/// A number is the radius of a square.
+/// Converts a radius to a square.
 impl From<usize> for Element {
     fn from(radius: usize) -> Self {
         Self::square(radius)

@@ -1,21 +1,20 @@
-//! Regional extrema: plateaus without a higher (lower) neighbor, and those that stand out by a height.
+//! Regional extrema: plateaus without a higher (lower) neighbor, and h-maxima.
 
-#![allow(
-    clippy::needless_bitwise_bool,
-    reason = "a branch for each pixel would keep the loops from taking many at once"
-)]
+#![allow(clippy::needless_bitwise_bool, reason = "a branch per pixel would prevent vectorization")]
 
 use crate::blocks::{BLOCK, block, block_mut, in_blocks};
+use crate::level::Level;
+use crate::neighbors::Connectivity;
 use crate::padded::Padded;
-use crate::{Connectivity, Level, reconstruct_by_dilation};
+use crate::reconstruction::reconstruct_by_dilation;
 use ndarray::{Array2, Zip};
 
-/// Pixels of plateaus all of whose neighbors are lower. A constant image is one maximum.
+/// Pixels of plateaus whose neighbors are all lower. A constant image is one maximum.
 pub fn regional_maxima<T: Level>(image: &Array2<T>, connectivity: Connectivity) -> Array2<bool> {
     maxima(&Padded::of(image, T::LOWEST), connectivity)
 }
 
-/// Pixels of plateaus all of whose neighbors are higher. A constant image is one minimum.
+/// Pixels of plateaus whose neighbors are all higher. A constant image is one minimum.
 pub fn regional_minima<T: Level>(image: &Array2<T>, connectivity: Connectivity) -> Array2<bool> {
     maxima(&Padded::mapped(image, T::LOWEST, T::complement), connectivity)
 }
@@ -46,9 +45,9 @@ impl Height for f32 {
     }
 }
 
-/// Peaks of at least `height` above the highest saddle that leads to a higher peak: the pixels that stand at least `height` above the
-/// reconstruction of the image lowered by `height` (Soille 2003, section 6.3.4). Whole numbers must not lie below their
-/// type's least value + `height`, or what would be lowered below it shows no peak.
+/// H-maxima: peaks of at least `height` above the highest saddle to a higher peak. They are the pixels at least `height` above the
+/// reconstruction of the image lowered by `height` (Soille 2003, section 6.3.4). Integers below the minimum of their type plus `height`
+/// cannot be lowered enough and give no peaks.
 pub fn h_maxima<T: Height>(image: &Array2<T>, height: T, connectivity: Connectivity) -> Array2<bool> {
     let lowered = image.mapv(|value| value.lowered(height));
     let reconstructed = reconstruct_by_dilation(&lowered, image, connectivity);
@@ -56,7 +55,7 @@ pub fn h_maxima<T: Height>(image: &Array2<T>, height: T, connectivity: Connectiv
 }
 
 fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<bool> {
-    // The frame excludes nobody: it is not higher, and a candidate.
+    // The frame excludes no pixel: it has the lowest value and is a candidate.
     let mut candidates = Padded::filled((image.rows, image.cols), true);
     let mut stack: Vec<u32> = Vec::new();
     wide_loops::run(
@@ -67,7 +66,7 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
         #[inline(always)]
         || sweep_up(image, &mut candidates, connectivity, &mut stack),
     );
-    // From here on, nothing goes into it.
+    // From here on, the frame must not be entered.
     candidates.fill_frame(false);
     let steps = image.steps(connectivity);
     while let Some(pixel) = stack.pop() {
@@ -83,8 +82,8 @@ fn maxima<T: Level>(image: &Padded<T>, connectivity: Connectivity) -> Array2<boo
     candidates.unframed(|is_maximum| is_maximum)
 }
 
-/// Candidates are the pixels without a higher neighbor; what is none takes its plateau with it, down and sideways. Up
-/// is the other sweep; the two settle most plateaus.
+/// Candidates are the pixels without a higher neighbor. A pixel that is not a candidate excludes its plateau, downwards and sideways.
+/// [`sweep_up`] does the same upwards. Both sweeps settle most plateaus.
 #[inline(always)]
 fn sweep_down<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connectivity: Connectivity) {
     let mut scratch = vec![false; image.cols];
@@ -93,12 +92,12 @@ fn sweep_down<T: Level>(image: &Padded<T>, candidates: &mut Padded<bool>, connec
         let (above, here) = candidates.pixels.split_at_mut((row + 1) * image.stride);
         let [up, ..] = image.three_rows(row);
         let here = &mut here[1..=image.cols];
-        lose_across(image.row(row), up, &above[row * image.stride..], here, connectivity);
-        lose_along(image.row(row), here, &mut scratch);
+        exclude_across(image.row(row), up, &above[row * image.stride..], here, connectivity);
+        exclude_along(image.row(row), here, &mut scratch);
     }
 }
 
-/// On to `edges` goes what could still take pixels with it.
+/// Appends pixels that may still exclude others to `edges`.
 #[inline(always)]
 fn sweep_up<T: Level>(
     image: &Padded<T>,
@@ -112,8 +111,8 @@ fn sweep_up<T: Level>(
         let (here, below) = candidates.pixels.split_at_mut((row + 2) * stride);
         let [_, _, down] = image.three_rows(row);
         let here = &mut here[(row + 1) * stride..][1..=n];
-        lose_across(image.row(row), down, &below[..stride], here, connectivity);
-        lose_along(image.row(row), here, &mut scratch);
+        exclude_across(image.row(row), down, &below[..stride], here, connectivity);
+        exclude_along(image.row(row), here, &mut scratch);
         if row + 1 < image.rows {
             find_edges(image, candidates, row + 1, connectivity, &mut scratch, edges);
         }
@@ -146,26 +145,26 @@ fn exclude_lower_in_block<T: Level, const N: usize>(
     *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| highest[i] <= at[1][i]);
 }
 
-/// The `N` pixels of a framed row from `start` on, and those one before and one after them.
+/// `N` pixels of a framed row at offsets `start`, `start + 1` and `start + 2`.
 #[inline(always)]
 fn neighbors<T, const N: usize>(row: &[T], start: usize) -> [&[T; N]; 3] {
     [block(row, start), block(row, start + 1), block(row, start + 2)]
 }
 
-/// What lies on one plateau with a pixel of the row `across` that is no candidate, is none.
+/// Excludes pixels that share a plateau with a non-candidate of the row `across`.
 #[inline(always)]
-fn lose_across<T: Level>(
+fn exclude_across<T: Level>(
     values: &[T],
     across: &[T],
     marks_across: &[bool],
     marks: &mut [bool],
     connectivity: Connectivity,
 ) {
-    in_blocks!(values.len(), lose_across_in_block(values, across, marks_across, marks, connectivity));
+    in_blocks!(values.len(), exclude_across_in_block(values, across, marks_across, marks, connectivity));
 }
 
 #[inline(always)]
-fn lose_across_in_block<T: Level, const N: usize>(
+fn exclude_across_in_block<T: Level, const N: usize>(
     start: usize,
     values: &[T],
     across: &[T],
@@ -184,10 +183,10 @@ fn lose_across_in_block<T: Level, const N: usize>(
     *block_mut(marks, start) = kept;
 }
 
-/// The same along the row. Candidates beside a pixel of their plateau that is none are few, so they are looked for many
-/// pixels at a time, and walked from one by one.
+/// Excludes pixels that share a plateau with a non-candidate of the same row. Such pairs are rare, so they are searched in blocks and
+/// processed one by one.
 #[inline(always)]
-fn lose_along<T: Level>(values: &[T], marks: &mut [bool], differ: &mut [bool]) {
+fn exclude_along<T: Level>(values: &[T], marks: &mut [bool], differ: &mut [bool]) {
     let n = values.len();
     if n < 2 {
         return;
@@ -202,7 +201,7 @@ fn lose_along<T: Level>(values: &[T], marks: &mut [bool], differ: &mut [bool]) {
             let left = block_idx * BLOCK + i;
             let level = values[left];
             let is_lost = |(mark, value): &(&mut bool, &T)| **mark && **value == level;
-            // One of the two sides holds candidates, unless a walk came here before.
+            // One of the two sides has candidates, unless an earlier pair excluded them.
             marks[..=left]
                 .iter_mut()
                 .zip(&values[..=left])
@@ -215,7 +214,7 @@ fn lose_along<T: Level>(values: &[T], marks: &mut [bool], differ: &mut [bool]) {
     }
 }
 
-/// Whether the pixel and the next one are of one plateau but only one is a candidate.
+/// Whether a pixel and the next one share a plateau but only one is a candidate.
 #[inline(always)]
 fn differ_in_block<T: Level, const N: usize>(start: usize, values: &[T], marks: &[bool], into: &mut [bool]) {
     let [left, right]: [&[T; N]; 2] = [block(values, start), block(values, start + 1)];
@@ -224,7 +223,7 @@ fn differ_in_block<T: Level, const N: usize>(start: usize, values: &[T], marks: 
     *block_mut(into, start) = std::array::from_fn::<bool, N, _>(differ);
 }
 
-/// Pixels of a row that are no candidates and have a candidate of their own value beside them.
+/// Finds non-candidates of a row with a neighboring candidate of equal value.
 #[inline(always)]
 fn find_edges<T: Level>(
     image: &Padded<T>,
@@ -256,10 +255,10 @@ fn find_edges_in_block<T: Level, const N: usize>(
     let values = values.map(|line| neighbors::<T, N>(line, start));
     let marks = marks.map(|line| neighbors::<bool, N>(line, start));
     let here = values[1][1];
-    let mut beside = [false; N];
+    let mut has_candidate = [false; N];
     let mut look = |row: usize, col: usize| {
         for i in 0..N {
-            beside[i] |= marks[row][col][i] & (values[row][col][i] == here[i]);
+            has_candidate[i] |= marks[row][col][i] & (values[row][col][i] == here[i]);
         }
     };
     for (row, col) in [(0, 1), (1, 0), (1, 2), (2, 1)] {
@@ -270,5 +269,5 @@ fn find_edges_in_block<T: Level, const N: usize>(
             look(row, col);
         }
     }
-    *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| beside[i] & !marks[1][1][i]);
+    *block_mut(into, start) = std::array::from_fn::<bool, N, _>(|i| has_candidate[i] & !marks[1][1][i]);
 }

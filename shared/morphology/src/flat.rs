@@ -1,31 +1,32 @@
 //! Dilation and erosion by flat elements, opening and closing.
 //!
-//! Rows stream through one step (`rows`), or two for opening and closing, so that what lies between is never more than the rows that
+//! Rows stream through one operator (`rows`), or two for opening and closing. The intermediate image is never larger than the rows that
 //! the element covers.
 
-use crate::element::Shape;
+use crate::element::{Element, Shape};
+use crate::level::Level;
 use crate::picks::Pick;
-use crate::rows::{Rows, Source};
-use crate::{Element, Level};
+use crate::rows::Rows;
+use crate::source::Source;
 use ndarray::Array2;
 
-/// Maximum over the element, turned about its origin, at each pixel. A number is the radius of a square.
+/// Dilation: maximum over the reflected element. A number is the radius of a square.
 pub fn dilate<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Array2<T> {
     once(image, &element.into().reflected(), T::LOWEST, T::sup)
 }
 
-/// Minimum over the element at each pixel. A number is the radius of a square.
+/// Erosion: minimum over the element. A number is the radius of a square.
 pub fn erode<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Array2<T> {
     once(image, &element.into(), T::HIGHEST, T::inf)
 }
 
-/// Erosion, then dilation: what is bright and has no room for the element goes.
+/// Opening: erosion, then dilation. Removes bright structures that do not contain the element.
 pub fn opening<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Array2<T> {
     let element = element.into();
     twice(image, [&element, &element.reflected()], [T::HIGHEST, T::LOWEST], T::inf, T::sup)
 }
 
-/// Dilation, then erosion: what is dark and has no room for the element goes.
+/// Closing: dilation, then erosion. Removes dark structures that do not contain the element.
 pub fn closing<T: Level>(image: &Array2<T>, element: impl Into<Element>) -> Array2<T> {
     let element = element.into();
     twice(image, [&element.reflected(), &element], [T::LOWEST, T::HIGHEST], T::sup, T::inf)
@@ -47,7 +48,7 @@ fn twice<T: Level>(
     let shapes: [&Shape; 2] = elements.map(|element| &element.0);
     let mut before = Rows::new(shapes[0], image.dim(), neutral[0]);
     let mut after = Rows::new(shapes[1], image.dim(), neutral[1]);
-    // What the second step looks at, in pairs, and one more.
+    // Rows that the second operator needs, in pairs, and one pair more.
     let span = 2 * after.reach() + 4;
     let mut between = vec![neutral[0]; span * cols];
     let mut n_between = 0;
@@ -61,10 +62,10 @@ fn twice<T: Level>(
     })
 }
 
-/// Bytes of the result that are gathered in the cache: it takes a long copy to write memory without reading it first.
+/// Bytes of the result that are collected in the cache: long copies write memory without reading it first.
 const BATCH: usize = 1 << 15;
 
-/// The result of which `pair` writes row by row, two at a time: given the image and the number of the first of the two.
+/// Collects the result. `pair` receives the image and the number of a row, and writes this row and the next.
 fn of_pairs<T: Level>(
     image: &Array2<T>,
     neutral: T,
@@ -72,7 +73,7 @@ fn of_pairs<T: Level>(
 ) -> Array2<T> {
     let (rows, cols) = image.dim();
     let image = image.as_standard_layout();
-    let pixels = image.as_slice().expect("standard layout was asked for");
+    let pixels = image.as_slice().expect("as_standard_layout was called");
     let mut result = Vec::with_capacity(pixels.len());
     if !pixels.is_empty() {
         let source = Source { pixels, cols, span: rows };

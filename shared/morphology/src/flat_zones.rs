@@ -1,13 +1,14 @@
 //! Lambda-quasi-flat zones: pixels joined by a path on which the height never jumps by more than lambda.
 
 use crate::blocks::{block, block_mut, in_blocks};
-use crate::neighbors::Raster;
+use crate::components::labels_of;
+use crate::labels::Labels;
+use crate::neighbors::{Connectivity, Raster};
 use crate::runs::{Builder, RowBits, write_words};
 use crate::union_find::DisjointSets;
-use crate::{Connectivity, Labels};
 use ndarray::Array2;
 
-/// Zones of the pixels that are `valid`: two neighbors belong together if their heights differ by at most `lambda`.
+/// Zones of the pixels that are `valid`. Two neighbors belong to one zone if their heights differ by at most `lambda`.
 ///
 /// # Panics
 /// If the images differ in size.
@@ -31,7 +32,7 @@ pub fn quasi_flat_zones(
             #[inline(always)]
             || {
                 write_words(here.1, &mut bits.inside);
-                // Pairs of pixels, and how much farther to the right the other of them lies, or the one.
+                // Pairs of rows and the column offsets of their pixels.
                 for (a, b, by, into) in [
                     (here, here, [1, 0], &mut bits.begins),
                     (here, above, [0, 0], &mut bits.up),
@@ -51,10 +52,10 @@ pub fn quasi_flat_zones(
             },
         );
     }
-    Labels::of(&builder.finish(), valid)
+    labels_of(&builder.finish(), valid)
 }
 
-/// Whether two pixels of two rows are valid and near in height; of each row, the column of its first pixel.
+/// Whether pairs of pixels are both valid and differ by at most `lambda`. `lines` are the rows with the column of their first pixel.
 #[inline(always)]
 fn near_in_block<T, const N: usize>(start: usize, into: &mut [T], lines: [(&[f32], &[bool], usize); 2], lambda: f32)
 where
@@ -66,12 +67,11 @@ where
     *block_mut(into, start) = std::array::from_fn::<T, N, _>(is_near);
 }
 
-/// Zones of a sparse height image, such as the rings that a lidar draws on the ground: two valid pixels of a row or of a
-/// column with nothing valid between them belong together if they are `g <= steps.len()` pixels apart and their
-/// heights differ by at most `steps[g - 1]`. With one step this is [`quasi_flat_zones`] with four neighbors.
+/// Zones of a sparse height image, for example of lidar rings on the ground. Two valid pixels of a row or column without valid pixels
+/// between them belong to one zone if they are `g <= steps.len()` pixels apart and their heights differ by at most `steps[g - 1]`.
+/// With one step the result equals [`quasi_flat_zones`] with four neighbors.
 ///
-/// A step that grows with the gap bounds the slope along the way, where interpolating the gaps first would turn every
-/// cliff beside a shadow into a ramp.
+/// Steps that grow with the gap limit the slope. Interpolating the gaps instead would turn vertical edges beside a shadow into ramps.
 ///
 /// # Panics
 /// If the images differ in size.

@@ -1,16 +1,15 @@
-//! Heights where none were measured.
+//! Interpolation of missing heights.
 
-use crate::Connectivity;
-use crate::neighbors::Raster;
+use crate::neighbors::{Connectivity, Raster};
 use ndarray::Array2;
 use std::collections::VecDeque;
 
-/// Gives every pixel a height; the `valid` ones keep theirs. `None` if no pixel is valid.
+/// Interpolates the heights of pixels that are not `valid`. `None` if no pixel is valid.
 ///
-/// A gap between two valid pixels of a row or column is bridged linearly; where a row and a column cross, each counts by
-/// the inverse of its gap's length. What no such line crosses takes the height of the nearest pixel that has one (city
-/// block distance, ties in raster order). On a plane all bridged pixels lie in the plane, so a street may slope; nothing is
-/// higher or lower than the valid pixels.
+/// Gaps between two valid pixels of a row or column are interpolated linearly. Where a row and a column cross, both are weighted by the
+/// inverse length of their gaps. Remaining pixels get the height of the nearest pixel (city-block distance, ties in raster order). Gaps
+/// in a plane are filled with the plane, so sloped streets are interpolated correctly. No result is higher or lower than the valid
+/// pixels.
 ///
 /// # Panics
 /// If the images differ in size.
@@ -51,7 +50,7 @@ struct Bridges {
 }
 
 impl Bridges {
-    /// Adds the straight line between two valid pixels to the pixels between them.
+    /// Adds the line between two valid pixels to the pixels between them.
     fn span(&mut self, z: &[f32], from: usize, to: usize, stride: usize) {
         let weight = stride as f32 / (to - from) as f32;
         for (step, pixel) in (from + stride..to).step_by(stride).enumerate() {
@@ -60,13 +59,13 @@ impl Bridges {
             self.weights[pixel] += weight;
         }
     }
-    /// NaN where no line crossed.
+    /// Weighted mean of the lines; NaN without lines.
     fn height(&self, pixel: usize) -> f32 {
         if self.weights[pixel] > 0.0 { self.sums[pixel] / self.weights[pixel] } else { f32::NAN }
     }
 }
 
-/// Breadth first from all pixels with a height into those without (NaN).
+/// Spreads heights breadth-first into pixels without height (NaN).
 fn spread(raster: Raster, filled: &mut [f32]) {
     let at_edge = |filled: &[f32], pixel: usize| {
         !filled[pixel].is_nan() && raster.neighbors(pixel, Connectivity::Four).any(|other| filled[other].is_nan())

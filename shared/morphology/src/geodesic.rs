@@ -1,12 +1,13 @@
-//! Lengths of ways that stay inside: steps of 1 along rows and columns, of the square root of 2 across corners.
+//! Geodesic distances: path lengths inside a mask, with steps of 1 along rows and columns and of sqrt(2) along diagonals.
 
+use crate::labels::Labels;
+use crate::neighbors::Connectivity;
 use crate::padded::Padded;
-use crate::{Connectivity, Labels};
 use ndarray::Array2;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Length of the shortest way from any seed (row, column) to each pixel, pixels; infinite where no way leads inside `mask`.
+/// Length of the shortest path inside `mask` from any seed (row, column) to each pixel, pixels. Infinite without a path.
 pub fn geodesic_distances(mask: &Array2<bool>, seeds: &[(usize, usize)]) -> Array2<f64> {
     let inside = Padded::of(mask, false);
     let mut walk = Walk::new(&inside);
@@ -15,11 +16,13 @@ pub fn geodesic_distances(mask: &Array2<bool>, seeds: &[(usize, usize)]) -> Arra
     walk.distances.unframed(|distance| distance)
 }
 
-/// Geodesic elongation of each component, `pi L^2 / (4 A)` with its length L and area A (Lantuejoul and Maisonneuve 1984): 1 to 1.3 for a
-/// disc (ways aslant are up to 8 % longer than the crow flies), the ratio of length to width times pi / 4 for a bar, bent or not. In the order of the labels.
+/// Geodesic elongation of each component in the order of the labels: `pi L^2 / (4 A)` with length L and area A (Lantuejoul and
+/// Maisonneuve 1984). It is 1 to 1.3 for a disc (oblique paths are up to 8 % too long), and pi / 4 times the ratio of length to width
+/// for a bar, straight or bent.
 ///
-/// L is the length from the pixel farthest from the component's first to the one farthest from that, and a pixel's own width:
-/// exact where the component has no holes and is not much curved, else never too long.
+/// L is the distance between two ends plus one pixel. The first end is the pixel farthest from the first pixel of the component, the
+/// second is the pixel farthest from the first end. L is exact for components without holes and strong curvature, and never too
+/// large.
 pub fn geodesic_elongations(labels: &Labels) -> Vec<f64> {
     let image = Padded::of(&labels.image, 0);
     let mut walk = Walk::new(&image);
@@ -28,15 +31,15 @@ pub fn geodesic_elongations(labels: &Labels) -> Vec<f64> {
     for row in 0..image.rows {
         let start = image.row_start(row);
         for pixel in start..start + image.cols {
-            // Labels count up in raster order: the next one is met at its first pixel.
+            // Labels increase in raster order, so the next label is found at its first pixel.
             if image.pixels[pixel] as usize != n_found + 1 {
                 continue;
             }
             let label = image.pixels[pixel];
             let (one_end, _) = walk.go(&image, label, &[pixel]);
-            walk.forget();
+            walk.reset();
             let (_, length) = walk.go(&image, label, &[one_end]);
-            walk.forget();
+            walk.reset();
             let length = length + 1.0;
             elongations[n_found] = std::f64::consts::PI * length * length / (4.0 * labels.areas[n_found] as f64);
             n_found += 1;
@@ -45,7 +48,7 @@ pub fn geodesic_elongations(labels: &Labels) -> Vec<f64> {
     elongations
 }
 
-/// Dijkstra's algorithm over pixels of one value.
+/// Dijkstra's algorithm on pixels of one value.
 struct Walk {
     distances: Padded<f64>,
     /// Pixels with a distance.
@@ -66,9 +69,9 @@ impl Walk {
         }
     }
 
-    /// Walks over all pixels of that value from the seeds. The last pixel reached, and its distance.
+    /// Computes distances of all connected pixels of a value from the seeds. Returns the farthest pixel and its distance.
     fn go<T: Copy + PartialEq>(&mut self, image: &Padded<T>, value: T, seeds: &[usize]) -> (usize, f64) {
-        // Distances are not negative, so their bits are in their order.
+        // Distances are not negative, so their bit patterns have the same order.
         let mut heap: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
         for &seed in seeds {
             self.distances.pixels[seed] = 0.0;
@@ -100,7 +103,7 @@ impl Walk {
         last
     }
 
-    fn forget(&mut self) {
+    fn reset(&mut self) {
         for pixel in self.reached.drain(..) {
             self.distances.pixels[pixel as usize] = f64::INFINITY;
         }

@@ -1,26 +1,26 @@
-//! Rectangles of many rows: along the rows first; then the extremum of two running extrema, one that starts anew at every `k`-th
-//! row and runs down and one that runs up: three comparisons whatever the height `k` is (van Herk 1992; Gil and Werman 1993), here
-//! of whole rows.
+//! Rectangles of many rows. Rows are filtered first. Columns use the algorithm of van Herk (1992) and Gil and Werman (1993) on whole
+//! rows: running extrema restart at every `k`-th row, one downwards and one upwards, so a result needs three comparisons for any height
+//! `k`.
 
-use crate::Level;
+use crate::level::Level;
 use crate::picks::{Pick, pick_into, pick_rows};
-use crate::rows::Source;
 use crate::sliding::Sliding;
+use crate::source::Source;
 
-/// Rows come in blocks of the rectangle's height, the first one begins `row_radius` rows above the image: a window is the end of
-/// one block and the beginning of the next.
+/// Rows are processed in blocks of the height of the rectangle. The first block begins `row_radius` rows above the image. A window
+/// consists of the end of one block and the beginning of the next.
 pub(crate) struct High<T> {
     pub(crate) row_radius: usize,
     rows: usize,
     n_taken: usize,
     along: Sliding<T>,
     neutral: T,
-    /// Rows of this block so far.
+    /// Rows of the current block.
     block: Vec<T>,
     n: usize,
-    /// Extremum of this block's rows.
+    /// Extremum of the rows of the current block so far.
     from_begin: Vec<T>,
-    /// Of each row of the block before, the extremum from it to the block's end.
+    /// For each row of the previous block, the extremum from this row to the end of the block.
     to_end: Vec<T>,
 }
 
@@ -49,7 +49,7 @@ impl<T: Level> High<T> {
         }
     }
 
-    /// Takes a row, or one below the image; `into` is then the extremum of the last `2 row_radius + 1`.
+    /// Adds a row, or a neutral row below the image. Writes the extremum of the last `2 row_radius + 1` rows to `into`.
     #[inline(always)]
     fn take(&mut self, source: Source<'_, T>, into: &mut [T], pick: impl Pick<T>) {
         let cols = into.len();

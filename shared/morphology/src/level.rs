@@ -1,22 +1,22 @@
-//! Values that a pixel can have.
+//! Pixel values.
 
 use std::cmp::Ordering;
 
-/// A pixel value with a total order, a least and a greatest element (the neutral elements of dilation and erosion) and an
-/// order-reversing complement.
+/// A pixel value with a total order, a lowest and a highest element (the neutral elements of dilation and erosion) and a complement
+/// that reverses the order.
 ///
-/// `f32`: -0 and +0 are one level where values are compared, and -0 comes first where they are sorted. NaN has no place in
-/// an image; it would give some value in every pixel that looks at it, and never stop the program.
+/// `f32`: -0 and +0 are equal in comparisons; sorting puts -0 first. Images must not contain NaN. Results near NaN are unspecified,
+/// without panics.
 pub trait Level: Copy + PartialOrd {
-    /// Below or equal to every value.
+    /// Lowest value.
     const LOWEST: Self;
-    /// Above or equal to every value.
+    /// Highest value.
     const HIGHEST: Self;
-    /// Ranks that values can have, `None` if they are too many for a table.
+    /// Number of ranks, `None` if too large for a table.
     const N_RANKS: Option<usize>;
-    /// Rises with the value.
+    /// Position in the order of values.
     fn rank(self) -> u32;
-    /// Turns the order around; twice is nothing. What holds of peaks then holds of pits.
+    /// The value with reversed order. Applied twice it is the identity. It converts operators for peaks to operators for pits.
     #[must_use]
     fn complement(self) -> Self;
     /// The total order.
@@ -24,14 +24,14 @@ pub trait Level: Copy + PartialOrd {
     fn order(self, other: Self) -> Ordering {
         self.rank().cmp(&other.rank())
     }
-    /// The greater of two.
+    /// Maximum.
     #[inline(always)]
     #[must_use]
     fn sup(self, other: Self) -> Self {
-        // In this form it is one instruction for f32, too, over as many pixels as a register holds.
+        // This form is a single vector instruction for f32, too.
         if self > other { self } else { other }
     }
-    /// The lesser of two.
+    /// Minimum.
     #[inline(always)]
     #[must_use]
     fn inf(self, other: Self) -> Self {
@@ -88,7 +88,7 @@ impl Level for f32 {
     const LOWEST: Self = f32::NEG_INFINITY;
     const HIGHEST: Self = f32::INFINITY;
     const N_RANKS: Option<usize> = None;
-    /// That of [`f32::total_cmp`].
+    /// Order of [`f32::total_cmp`].
     #[inline(always)]
     fn rank(self) -> u32 {
         let bits = self.to_bits();

@@ -1,10 +1,10 @@
-//! Rectangles of few rows: down the columns first, for two rows at once, which have all rows but one each in common; then along
-//! the two rows.
+//! Rectangles of few rows. Columns are filtered first, for two result rows together because their windows share all rows but one. Then
+//! the two rows are filtered.
 
-use crate::Level;
+use crate::level::Level;
 use crate::picks::{Pick, pick_pair};
-use crate::rows::Source;
 use crate::sliding::Sliding;
+use crate::source::Source;
 
 pub(crate) struct Low<T> {
     pub(crate) row_radius: usize,
@@ -20,7 +20,7 @@ impl<T: Level> Low<T> {
 
     #[inline(always)]
     pub(crate) fn pair(&mut self, first: usize, source: Source<'_, T>, into: [&mut [T]; 2], pick: impl Pick<T>) {
-        // Beyond the image its first or last row comes once more, which an extremum does not mind.
+        // Rows outside the image are replaced by its first or last row, which does not change the extremum.
         let row = |above_and_down: usize| {
             source.row((first + above_and_down).saturating_sub(self.row_radius).min(self.rows - 1))
         };

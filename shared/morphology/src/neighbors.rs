@@ -1,16 +1,16 @@
-//! Which pixels touch.
+//! Neighborhoods of pixels.
 
 /// Neighborhood of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Connectivity {
-    /// Across edges.
+    /// Four neighbors, across edges.
     Four,
-    /// Across edges and corners.
+    /// Eight neighbors, across edges and corners.
     Eight,
 }
 
 impl Connectivity {
-    /// Offsets (row, column) of the neighbors that come before a pixel in raster order. The others are their negatives.
+    /// Offsets (row, column) of the neighbors before a pixel in raster order. The offsets of the others are their negatives.
     pub(crate) const fn before(self) -> &'static [(isize, isize)] {
         match self {
             Connectivity::Four => &[(-1, 0), (0, -1)],
@@ -19,7 +19,7 @@ impl Connectivity {
     }
 }
 
-/// Size of an image, for walking over flat indices.
+/// Size of an image, for access by flat indices.
 #[derive(Clone, Copy)]
 pub(crate) struct Raster {
     pub(crate) rows: usize,
@@ -28,7 +28,10 @@ pub(crate) struct Raster {
 
 impl Raster {
     pub(crate) fn new((rows, cols): (usize, usize)) -> Self {
-        assert!(rows * cols < u32::MAX as usize, "image of {rows} x {cols} pixels has more than 2^32 - 2");
+        assert!(
+            rows * cols < u32::MAX as usize,
+            "image of {rows} x {cols} pixels is too large; at most 2^32 - 2 pixels are supported"
+        );
         Self { rows, cols }
     }
 

@@ -1,10 +1,10 @@
-//! Pixels in the order of their levels.
+//! Sorting pixels by value.
 
-use crate::Level;
+use crate::level::Level;
 use crate::padded::Padded;
 
-/// All pixels but the frame by rising `key` of their ranks, those of one level in raster order: the key in the upper half, the flat
-/// index in the lower. A radix sort.
+/// All pixels except the frame, sorted by `key` of their ranks, equal ranks in raster order. Entries have the key in the upper half and
+/// the flat index in the lower. Radix sort.
 pub(crate) fn sorted_by<T: Level>(levels: &Padded<T>, key: impl Fn(u32) -> u32) -> Vec<u64> {
     const BITS: u32 = 11;
     let digit = |entry: u64, shift: u32| (entry >> (32 + shift)) as usize & ((1 << BITS) - 1);

@@ -1,29 +1,33 @@
-//! Images with a frame of one pixel, so that every pixel has all its neighbors.
+//! Images with a frame of one pixel, so that every pixel has all neighbors.
 
-use crate::{Connectivity, Level};
+use crate::level::Level;
+use crate::neighbors::Connectivity;
 use ndarray::Array2;
 
-/// Pixels in rows of `stride`, a frame of one pixel around them.
+/// An image with a frame of one pixel. Rows have `stride` pixels.
 pub(crate) struct Padded<T> {
     pub(crate) rows: usize,
     pub(crate) cols: usize,
-    /// From a pixel to the one below.
+    /// Distance from a pixel to the pixel below, in flat indices.
     pub(crate) stride: usize,
     pub(crate) pixels: Vec<T>,
 }
 
 impl<T: Copy> Padded<T> {
-    /// Every pixel, the frame too, has this value.
+    /// An image of one value, including the frame.
     pub(crate) fn filled((rows, cols): (usize, usize), value: T) -> Self {
         let (stride, n) = (cols + 2, (rows + 2) * (cols + 2));
-        assert!(n < u32::MAX as usize, "image of {rows} x {cols} pixels has more than 2^32 - 2");
+        assert!(
+            n < u32::MAX as usize,
+            "image of {rows} x {cols} pixels is too large; at most 2^32 - 2 pixels are supported"
+        );
         Self { rows, cols, stride, pixels: vec![value; n] }
     }
-    /// The image with a frame of one value.
+    /// An image with a frame of one value.
     pub(crate) fn of(image: &Array2<T>, frame: T) -> Self {
         Self::mapped(image, frame, |value| value)
     }
-    /// `map` of the image with a frame of one value.
+    /// The mapped image with a frame of one value.
     pub(crate) fn mapped<S: Copy>(image: &Array2<S>, frame: T, map: impl Fn(S) -> T) -> Self {
         let mut padded = Self::filled(image.dim(), frame);
         let image = image.as_standard_layout();
@@ -49,7 +53,7 @@ impl<T: Copy> Padded<T> {
         let (start, cols) = (self.row_start(row), self.cols);
         &mut self.pixels[start..start + cols]
     }
-    /// Gives the frame another value.
+    /// Fills the frame with a value.
     pub(crate) fn fill_frame(&mut self, value: T) {
         let (stride, n) = (self.stride, self.pixels.len());
         self.pixels[..stride].fill(value);
@@ -58,11 +62,11 @@ impl<T: Copy> Padded<T> {
             (row[0], row[stride - 1]) = (value, value);
         }
     }
-    /// The rows above, at and below a row, with the frame.
+    /// The rows above, at and below a row, including the frame.
     pub(crate) fn three_rows(&self, row: usize) -> [&[T]; 3] {
         [0, 1, 2].map(|i| &self.pixels[(row + i) * self.stride..(row + i + 1) * self.stride])
     }
-    /// `map` of every pixel but the frame.
+    /// The mapped image without the frame.
     pub(crate) fn unframed<S>(&self, map: impl Fn(T) -> S) -> Array2<S> {
         let mut pixels = Vec::with_capacity(self.rows * self.cols);
         for row in 0..self.rows {
@@ -70,20 +74,20 @@ impl<T: Copy> Padded<T> {
         }
         Array2::from_shape_vec((self.rows, self.cols), pixels).expect("one value for every pixel")
     }
-    /// Steps in flat indices to all neighbors, those before a pixel first.
+    /// Offsets in flat indices to all neighbors; the neighbors before a pixel come first.
     pub(crate) fn steps(&self, connectivity: Connectivity) -> Vec<isize> {
         let before = connectivity.before().iter().map(|&(row, col)| row * self.stride as isize + col);
         before.clone().chain(before.rev().map(|step| -step)).collect()
     }
 }
 
-/// The three slices of `n` pixels of a framed row that lie one pixel before, at, and one pixel after its pixels.
+/// Three slices of `n` pixels of a framed row: one pixel before, at, and one pixel after its pixels.
 #[inline(always)]
 pub(crate) fn shifted<T>(row: &[T], n: usize) -> [&[T]; 3] {
     [&row[..n], &row[1..=n], &row[2..n + 2]]
 }
 
-/// The greatest of the neighbors in the row above or below.
+/// Maximum of the neighbors in the row above or below.
 #[inline(always)]
 pub(crate) fn sup_across<T: Level>([before, at, after]: [&[T]; 3], i: usize, connectivity: Connectivity) -> T {
     match connectivity {

@@ -1,40 +1,40 @@
-//! Any element, made of parts that are used more than once: a run of `k` pixels of two runs of `k/2`; a line of two lines half as
-//! long. Of every part, the extremum over it is kept for as many rows as parts below ask for.
+//! Elements of any shape, decomposed into parts that are used several times: a run of `k` pixels is two runs of `k/2`, a line is two
+//! lines of half its length. The extremum over each part is kept for as many rows as later parts need.
 
-use crate::Level;
 use crate::element::Run;
+use crate::level::Level;
 use crate::picks::{Pick, pick_all};
-use crate::rows::Source;
+use crate::source::Source;
 use std::collections::BTreeMap;
 
 pub(crate) struct Parts<T> {
     pub(crate) row_reach: usize,
-    /// Rows of the element below its origin.
+    /// Number of rows of the element below its origin.
     below: usize,
     rows: usize,
     n_taken: usize,
     neutral: T,
-    /// Neutral pixels before a row.
+    /// Number of neutral pixels before a row.
     lead: usize,
-    /// The first is a pixel.
+    /// Parts. The first is a single pixel.
     parts: Vec<Part<T>>,
-    /// The element; `right` counts in padded rows from the pixel asked for.
+    /// The whole element. `right` is the column offset in padded rows.
     whole: Vec<Place>,
 }
 
-/// Pixels of a run that are looked at one by one.
-const AT_ONCE: usize = 5;
+/// Longest run that is not decomposed, pixels.
+const MAX_PLAIN_RUN: usize = 5;
 
-/// Places as seen from the lowest row and the leftmost column.
+/// A part. Its places are relative to its lowest row and leftmost column.
 struct Part<T> {
     places: Vec<Place>,
     n_cols: usize,
-    /// The extrema, in rows padded by neutral pixels; row `i` lies where row `i % span` does.
+    /// Extrema in rows padded by neutral pixels. Row `i` is stored at row `i % span`.
     kept: Vec<T>,
     span: usize,
 }
 
-/// Where a part lies.
+/// Position of a part.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Place {
     up: usize,
@@ -45,7 +45,7 @@ struct Place {
 impl<T: Level> Parts<T> {
     pub(crate) fn new(runs: &[Run], (rows, cols): (usize, usize), neutral: T) -> Self {
         let (n_rows, n_cols) = (rows as isize, cols as isize);
-        // A run that no pixel of the image sees is none; one that reaches past both ends sees the whole line.
+        // Runs that lie outside the image for every pixel are removed; long runs are clipped to the width of the image.
         let is_seen = |run: &&Run| run.row.abs() < n_rows && run.first < n_cols && run.last > -n_cols;
         let clipped = |run: &Run| Run { row: run.row, first: run.first.max(-n_cols), last: run.last.min(n_cols) };
         let runs: Vec<Run> = runs.iter().filter(is_seen).map(clipped).collect();
@@ -92,7 +92,7 @@ impl<T: Level> Parts<T> {
         self.parts.len() - 1
     }
 
-    /// The part that is a run of pixels.
+    /// Index of the part that is a run of pixels.
     fn run(&mut self, width: usize) -> usize {
         if width == 1 {
             return 0;
@@ -102,17 +102,17 @@ impl<T: Level> Parts<T> {
             return known;
         }
         let place = |right, part| Place { up: 0, right, part };
-        let places = if width <= AT_ONCE {
+        let places = if width <= MAX_PLAIN_RUN {
             (0..width).map(|right| place(right, 0)).collect()
         } else {
             let half = self.run(width.next_power_of_two() / 2);
-            // The two may overlap; an extremum does not mind.
+            // The two halves may overlap, which does not change the extremum.
             vec![place(0, half), place(width - self.parts[half].n_cols, half)]
         };
         self.add(places, width)
     }
 
-    /// The same places with fewer parts, if they are twice the same, shifted: `places` are of one part and sorted.
+    /// Decomposes places into a set and its shifted copy, if possible. `places` are sorted and belong to one part.
     fn folded(&mut self, places: Vec<Place>) -> Vec<Place> {
         let shifted = |place: &Place, from: &Place, to: &Place| {
             let (up, right) = (place.up + to.up, place.right + to.right);
@@ -155,7 +155,7 @@ impl<T: Level> Parts<T> {
         }
     }
 
-    /// Takes a row, or one below the image, and what parts make of it.
+    /// Adds a row, or a neutral row below the image, and computes it for all parts.
     #[inline(always)]
     fn take(&mut self, source: Source<'_, T>, cols: usize, pick: impl Pick<T>) {
         for idx in 0..self.parts.len() {
@@ -175,7 +175,7 @@ impl<T: Level> Parts<T> {
     }
 }
 
-/// The extremum of parts, the lowest of them in this row.
+/// Extremum of parts whose lowest row is `row`.
 #[inline(always)]
 fn gather<T: Level>(into: &mut [T], places: &[Place], parts: &[Part<T>], row: usize, pick: impl Pick<T>) {
     let source = |idx: usize| {

@@ -1,20 +1,20 @@
-//! The extremum of rows, pixel by pixel.
+//! Pixel-wise extrema of rows.
 
-use crate::Level;
 use crate::blocks::{block, block_mut, in_blocks};
+use crate::level::Level;
 
-/// The greater or the lesser of two.
+/// Maximum or minimum.
 pub(crate) trait Pick<T>: Fn(T, T) -> T + Copy {}
 impl<T, F: Fn(T, T) -> T + Copy> Pick<T> for F {}
 
-/// The extremum of `N` rows.
+/// Extremum of `N` rows.
 #[inline(always)]
 pub(crate) fn pick_rows<T: Level, const N: usize>(into: &mut [T], rows: [&[T]; N], pick: impl Pick<T>) {
     in_blocks!(into.len(), pick_in_block(into, &rows, pick));
 }
 
-/// The extremum of `n` rows, one or more. Several at once, so that what is between is read and written less often; of too few,
-/// the first is taken once more.
+/// Extremum of `n >= 1` rows. Several rows are combined at once, so that intermediate results are read and written less often. Missing
+/// rows are replaced by the first.
 #[inline(always)]
 pub(crate) fn pick_all<'a, T: Level + 'a>(
     into: &mut [T],
@@ -35,7 +35,7 @@ pub(crate) fn pick_all<'a, T: Level + 'a>(
     }
 }
 
-/// Two extrema that have all rows but one each in common.
+/// Extrema of two sets of rows that share all rows but one.
 #[inline(always)]
 pub(crate) fn pick_pair<T: Level, const N: usize>(
     [first, second]: [&mut [T]; 2],
@@ -74,7 +74,7 @@ fn pick_pair_in_block<T: Level, const N: usize>(
     }
 }
 
-/// The extremum of the rows and of what is there.
+/// Extremum of the rows and of the current content.
 #[inline(always)]
 fn pick_more_in_block<T: Level, const N: usize>(start: usize, into: &mut [T], rows: &[&[T]], pick: impl Pick<T>) {
     let mut values: [T; N] = *block(into, start);

@@ -1,12 +1,13 @@
-//! Geodesic reconstruction: a marker grows under a mask until nothing changes (Vincent 1993, the hybrid algorithm).
+//! Geodesic reconstruction: a marker grows under a mask until it is stable (hybrid algorithm of Vincent 1993).
 
+use crate::level::Level;
+use crate::neighbors::Connectivity;
 use crate::padded::{Padded, shifted, sup_across};
-use crate::{Connectivity, Level};
 use ndarray::Array2;
 use std::collections::VecDeque;
 
-/// The marker dilated under the mask for ever: peaks that hold no marker go, the others keep their shape. Where the
-/// marker lies above the mask it counts as the mask.
+/// Reconstruction by dilation: peaks without marker are removed, others keep their shape. A marker above the mask is clipped to the
+/// mask.
 ///
 /// # Panics
 /// If the images differ in size.
@@ -18,7 +19,7 @@ pub fn reconstruct_by_dilation<T: Level>(
     reconstruct(marker, mask, connectivity, |value| value)
 }
 
-/// The marker eroded over the mask for ever. Where the marker lies below the mask it counts as the mask.
+/// Reconstruction by erosion. A marker below the mask is clipped to the mask.
 ///
 /// # Panics
 /// If the images differ in size.
@@ -26,8 +27,8 @@ pub fn reconstruct_by_erosion<T: Level>(marker: &Array2<T>, mask: &Array2<T>, co
     reconstruct(marker, mask, connectivity, T::complement)
 }
 
-/// Fills every basin to the lowest pass out of it, as rain would: a pixel's new height is the least, over all ways to
-/// the image's border, of the highest point of the way.
+/// Fills every basin to its lowest pass: the new height of a pixel is the minimum, over all paths to the border of the image, of the
+/// highest point of the path.
 pub fn fill_basins<T: Level>(heights: &Array2<T>, connectivity: Connectivity) -> Array2<T> {
     let (rows, cols) = heights.dim();
     let marker = Array2::from_shape_fn((rows, cols), |(row, col)| {
@@ -37,7 +38,7 @@ pub fn fill_basins<T: Level>(heights: &Array2<T>, connectivity: Connectivity) ->
     reconstruct_by_erosion(&marker, heights, connectivity)
 }
 
-/// `sense` is the identity, or the complement for the dual.
+/// `sense` is the identity, or the complement for the dual operator.
 fn reconstruct<T: Level>(
     marker: &Array2<T>,
     mask: &Array2<T>,
@@ -46,7 +47,7 @@ fn reconstruct<T: Level>(
 ) -> Array2<T> {
     assert_eq!(marker.dim(), mask.dim(), "marker and mask differ in size");
     let mut values = Padded::mapped(marker, T::LOWEST, sense);
-    // Nothing grows into the frame.
+    // The frame has the lowest limit, so nothing grows into it.
     let mask = Padded::mapped(mask, T::LOWEST, sense);
     wide_loops::run(
         #[inline(always)]
@@ -61,7 +62,7 @@ fn reconstruct<T: Level>(
     values.unframed(sense)
 }
 
-/// Down and up once: most pixels are settled then.
+/// One sweep down and one up, which settle most pixels.
 #[inline(always)]
 fn sweep<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Connectivity) {
     let (rows, cols, stride) = (values.rows, values.cols, values.stride);
@@ -69,20 +70,20 @@ fn sweep<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Conne
         let (above, at) = values.pixels.split_at_mut((row + 1) * stride);
         let (above, at, limits) = (&above[row * stride..], &mut at[1..=cols], mask.row(row));
         from_across(at, shifted(above, cols), limits, connectivity);
-        let mut beside = T::LOWEST;
+        let mut previous = T::LOWEST;
         for (value, &limit) in at.iter_mut().zip(limits) {
-            beside = value.sup(beside).inf(limit);
-            *value = beside;
+            previous = value.sup(previous).inf(limit);
+            *value = previous;
         }
     }
     for row in (0..rows).rev() {
         let (at, below) = values.pixels.split_at_mut((row + 2) * stride);
         let (at, limits) = (&mut at[(row + 1) * stride..][1..=cols], mask.row(row));
         from_across(at, shifted(below, cols), limits, connectivity);
-        let mut beside = T::LOWEST;
+        let mut previous = T::LOWEST;
         for (value, &limit) in at.iter_mut().zip(limits).rev() {
-            beside = value.sup(beside).inf(limit);
-            *value = beside;
+            previous = value.sup(previous).inf(limit);
+            *value = previous;
         }
     }
 }
@@ -94,7 +95,7 @@ fn from_across<T: Level>(at: &mut [T], across: [&[T]; 3], limits: &[T], connecti
     }
 }
 
-/// Pixels from which one after them can still grow. Those before them saw them in the way up.
+/// Finds pixels from which a later neighbor can still grow. Earlier neighbors were updated in the sweep up.
 #[inline(always)]
 fn find_unsettled<T: Level>(
     values: &Padded<T>,
@@ -103,7 +104,7 @@ fn find_unsettled<T: Level>(
     queue: &mut VecDeque<u32>,
 ) {
     let n = values.cols;
-    // What a pixel must exceed to make this neighbor grow.
+    // Value that a pixel must exceed to make this neighbor grow.
     let threshold = |value: T, limit: T| if value < limit { value } else { T::HIGHEST };
     let fill = |into: &mut [T], row: usize| {
         let ([_, v, _], [_, m, _]) = (values.three_rows(row), mask.three_rows(row));
@@ -142,7 +143,7 @@ fn find_unsettled<T: Level>(
     }
 }
 
-/// Breadth first from those pixels.
+/// Grows breadth-first from the pixels in the queue.
 fn spread<T: Level>(values: &mut Padded<T>, mask: &Padded<T>, connectivity: Connectivity, mut queue: VecDeque<u32>) {
     let steps = values.steps(connectivity);
     while let Some(pixel) = queue.pop_front() {

@@ -1,32 +1,17 @@
-//! The extremum over an element, two rows of the result at a time.
+//! Dilation or erosion by one element, two result rows at a time.
 
-use crate::Level;
 use crate::element::Shape;
 use crate::high::High;
+use crate::level::Level;
 use crate::low::Low;
 use crate::parts::Parts;
 use crate::picks::Pick;
+use crate::source::Source;
 
-/// Row radius from which van Herk's three comparisons with their buffers cost less than one for each row.
+/// Row radius from which the algorithm of van Herk is faster than one comparison per row.
 const HIGH_RADIUS: usize = 5;
 
-/// Rows of an image, or the last `span` of them: row `i` lies where row `i % span` does.
-#[derive(Clone, Copy)]
-pub(crate) struct Source<'a, T> {
-    pub(crate) pixels: &'a [T],
-    pub(crate) cols: usize,
-    pub(crate) span: usize,
-}
-
-impl<'a, T> Source<'a, T> {
-    #[inline(always)]
-    pub(crate) fn row(&self, row: usize) -> &'a [T] {
-        let start = (row % self.span) * self.cols;
-        &self.pixels[start..start + self.cols]
-    }
-}
-
-/// One dilation or erosion under way.
+/// State of one dilation or erosion.
 pub(crate) enum Rows<T> {
     Low(Low<T>),
     High(High<T>),
@@ -37,7 +22,7 @@ impl<T: Level> Rows<T> {
     pub(crate) fn new(shape: &Shape, (rows, cols): (usize, usize), neutral: T) -> Self {
         match shape {
             Shape::Rectangle { row_radius, col_radius } => {
-                // A window that reaches past both ends sees the whole line already.
+                // A larger window than the image has no effect.
                 let (row_radius, reach) = ((*row_radius).min(rows), (*col_radius).min(cols));
                 if row_radius < HIGH_RADIUS {
                     Self::Low(Low::new(row_radius, reach, (rows, cols), neutral))
@@ -49,7 +34,7 @@ impl<T: Level> Rows<T> {
         }
     }
 
-    /// How many rows above and below are asked for.
+    /// Number of rows needed above and below.
     pub(crate) fn reach(&self) -> usize {
         match self {
             Self::Low(low) => low.row_radius,
@@ -58,8 +43,8 @@ impl<T: Level> Rows<T> {
         }
     }
 
-    /// Rows `first` and `first + 1` of the result, the second of which may be one too many; pairs are asked for in their order.
-    /// `source` has the rows up to `first + 1 + reach` that the image has, and `2 reach + 2` in all.
+    /// Writes rows `first` and `first + 1` of the result; the second may lie below the image. Pairs must be requested in order. `source`
+    /// must have all rows of the image up to `first + 1 + reach`, and at least the last `2 reach + 2`.
     pub(crate) fn pair(&mut self, first: usize, source: Source<'_, T>, into: &mut [T], pick: impl Pick<T>) {
         let into: [&mut [T]; 2] = into.split_at_mut(source.cols).into();
         wide_loops::run(

@@ -1,19 +1,19 @@
-//! Parts of an image by runs: stretches of a row that belong together, and which runs of the row above they touch. Branches that
-//! depend on where runs begin cannot be foreseen, so all that is asked of pixels is a bit of a word, and runs are found and joined
-//! many pixels at a time.
+//! Connected components of runs. A run is a connected part of a row; runs that touch in consecutive rows belong to one component.
+//! Branches that depend on the beginning of runs are unpredictable, so pixels are reduced to bits, and runs are found and joined one
+//! word of bits at a time.
 
-use crate::Connectivity;
+use crate::neighbors::Connectivity;
 use crate::union_find::DisjointSets;
 
-/// All runs of an image in raster order, and the parts that they make up.
+/// All runs of an image in raster order, with the labels of their components.
 #[derive(Default)]
 pub(crate) struct Runs {
-    /// First column, and the one after the last.
+    /// First column, and the column after the last.
     pub(crate) ends: Vec<[u32; 2]>,
     /// Label of each run.
     pub(crate) labels: Vec<u32>,
     pub(crate) n_labels: usize,
-    /// Index of each row's first run, and the number of runs.
+    /// Index of the first run of each row, then the number of runs.
     row_starts: Vec<u32>,
 }
 
@@ -27,17 +27,17 @@ impl Runs {
 /// Bits of a word.
 pub(crate) const WORD: usize = 64;
 
-/// What is known of each pixel of a row, a bit each, the first lowest.
+/// Properties of the pixels of a row, one bit per pixel, the first pixel in the lowest bit.
 #[derive(Clone, Default)]
 pub(crate) struct RowBits {
     pub(crate) inside: Vec<u64>,
-    /// Inside, and not of one run with the pixel to the left.
+    /// First pixel of a run.
     pub(crate) begins: Vec<u64>,
-    /// Belongs to the pixel above.
+    /// Connected with the pixel above.
     pub(crate) up: Vec<u64>,
-    /// Belongs to the pixel above and to the left.
+    /// Connected with the pixel above and to the left.
     pub(crate) up_left: Vec<u64>,
-    /// The pixel to the left belongs to the one above this.
+    /// The pixel to the left is connected with the pixel above this pixel.
     pub(crate) left_up: Vec<u64>,
 }
 
@@ -48,23 +48,23 @@ impl RowBits {
     }
 }
 
-/// Runs of the rows so far.
+/// Builds runs row by row.
 pub(crate) struct Builder {
     cols: usize,
     runs: Runs,
-    /// Runs that are known to belong together, in the order of their first runs. Labels are sets as yet.
+    /// Sets of connected runs, in the order of their first runs. Until [`Builder::finish`], labels are sets.
     sets: DisjointSets,
     begins_above: Vec<u64>,
     firsts: Vec<u32>,
     lasts: Vec<u32>,
 }
 
-/// No run above is known yet that a run touches.
+/// Marks runs that do not touch a run above.
 const NO_SET: u32 = u32::MAX;
 
 impl Builder {
     pub(crate) fn new(cols: usize) -> Self {
-        // What is written at once may reach past the last run.
+        // Writes of several entries at once may exceed the last run.
         let columns = vec![0; cols + WORD];
         Self {
             cols,
@@ -99,7 +99,8 @@ impl Builder {
         for (idx, (&inside, &begins)) in bits.inside.iter().zip(&bits.begins).enumerate() {
             let col = (idx * WORD) as u32;
             n_firsts += list(begins, col, &mut self.firsts[n_firsts..]);
-            n_lasts += list(to_the_left(inside, before) & (begins | !inside), col, &mut self.lasts[n_lasts..]);
+            n_lasts +=
+                list(shift_right_by_one_pixel(inside, before) & (begins | !inside), col, &mut self.lasts[n_lasts..]);
             before = inside;
         }
         if n_lasts < n_firsts {
@@ -109,20 +110,21 @@ impl Builder {
         self.runs.labels.resize(self.runs.ends.len(), NO_SET);
     }
 
-    /// Gives the runs of a row the sets of the runs above that they touch. `n_begun`: runs before the row above and before this.
+    /// Assigns the sets of touching runs above to the runs of a row. `n_begun` are the numbers of runs before the row above and before
+    /// this row.
     #[inline(always)]
     fn join(&mut self, bits: &RowBits, n_begun: [u32; 2], connectivity: Connectivity) {
         let [mut n_above, mut n_below] = n_begun;
         let mut up_before = 0;
         for idx in 0..bits.begins.len() {
             let (above, below, up) = (self.begins_above[idx], bits.begins[idx], bits.up[idx]);
-            let up_and_left = to_the_left(up, up_before);
-            // Once for two runs that touch, if it can be: not again where neither of them begins.
-            let mut contacts = up & (!up_and_left | above | below);
+            let up_of_left = shift_right_by_one_pixel(up, up_before);
+            // A contact is processed only where a run begins, so that two touching runs are mostly joined once.
+            let mut contacts = up & (!up_of_left | above | below);
             let [mut to_left, mut from_left] = [0; 2];
             if connectivity == Connectivity::Eight {
-                to_left = bits.up_left[idx] & (!up | above) & (!up_and_left | below);
-                from_left = bits.left_up[idx] & (!up | below) & (!up_and_left | above);
+                to_left = bits.up_left[idx] & (!up | above) & (!up_of_left | below);
+                from_left = bits.left_up[idx] & (!up | below) & (!up_of_left | above);
                 contacts |= to_left & !above | from_left & !below;
             }
             for (contacts, lags) in [(contacts, [0, 0]), (to_left & above, [1, 0]), (from_left & below, [0, 1])] {
@@ -134,8 +136,8 @@ impl Builder {
         }
     }
 
-    /// For each contact, the last run above and the last below that have begun there, or a pixel before, belong together. Of both
-    /// rows, how many runs began before this word, and where others begin.
+    /// Joins, for each contact, the last run above and the last run below that begin at or before its pixel, or the pixel before (`lags`).
+    /// `above` and `below` are the number of runs before this word, and the beginnings of runs in this word.
     #[inline(always)]
     fn touch(&mut self, mut contacts: u64, [above, below]: [(u32, u64); 2], lags: [u32; 2]) {
         while contacts != 0 {
@@ -151,7 +153,7 @@ impl Builder {
         }
     }
 
-    /// Labels in raster order of the parts' first pixels.
+    /// Converts sets to labels in raster order of the first pixels of the components.
     pub(crate) fn finish(self) -> Runs {
         let Self { mut runs, sets, .. } = self;
         let (numbers, n_labels) = sets.into_numbers();
@@ -163,16 +165,16 @@ impl Builder {
     }
 }
 
-/// Of each pixel, the bit of the one to its left; `before` is the word before.
+/// For each pixel, the bit of the pixel to its left. `before` is the previous word.
 #[inline(always)]
-pub(crate) fn to_the_left(word: u64, before: u64) -> u64 {
+pub(crate) fn shift_right_by_one_pixel(word: u64, before: u64) -> u64 {
     word << 1 | before >> (WORD - 1)
 }
 
-/// Bits of a word that are listed at once.
+/// Bits of a word that are listed together.
 const BURST: usize = 16;
 
-/// Numbers of the bits that are set, counted from `first`, and how many; what comes after them is of no use.
+/// Writes the positions of the set bits, plus `first`, and returns their number. Entries after them are undefined.
 #[inline(always)]
 fn list(mut bits: u64, first: u32, into: &mut [u32]) -> usize {
     let n = bits.count_ones() as usize;
@@ -185,7 +187,7 @@ fn list(mut bits: u64, first: u32, into: &mut [u32]) -> usize {
     n
 }
 
-/// A bit for each pixel.
+/// Writes one bit per pixel.
 #[inline(always)]
 pub(crate) fn write_words(pixels: &[bool], into: &mut [u64]) {
     for (word, pixels) in into.iter_mut().zip(pixels.chunks(WORD)) {
@@ -193,13 +195,13 @@ pub(crate) fn write_words(pixels: &[bool], into: &mut [u64]) {
     }
 }
 
-/// A bit for each of up to 64 pixels, the first lowest.
+/// One bit for each of up to 64 pixels, the first in the lowest bit.
 #[inline(always)]
 fn word_of(pixels: &[bool]) -> u64 {
     let mut word = 0;
     let (eights, rest) = pixels.as_chunks::<8>();
     for (i, eight) in eights.iter().enumerate() {
-        // Moves the lowest bits of eight bytes into the highest byte.
+        // Collects the lowest bits of eight bytes in the highest byte.
         let bits = u64::from_le_bytes(eight.map(u8::from)).wrapping_mul(0x0102_0408_1020_4080) >> 56;
         word |= bits << (8 * i);
     }

@@ -1,19 +1,19 @@
-//! The extremum over pixels of one row. That over `k` pixels is that over `k/2` of itself and of its shift, so `log2 k` passes over
-//! a row that lies in the cache do for any width, each of them over as many pixels at once as a register holds.
+//! Sliding extremum along a row. The extremum over `k` pixels combines two extrema over `k/2` pixels, so `log2 k` vectorized passes over a
+//! row in the cache are enough for any width.
 
-use crate::Level;
+use crate::level::Level;
 use crate::picks::{Pick, pick_rows};
 
-/// A row with neutral pixels at both ends, and the extremum over a window that slides along it.
+/// A row with neutral pixels at both ends, and its sliding extremum.
 pub(crate) struct Sliding<T> {
     reach: usize,
     padded: Vec<T>,
-    /// Extrema over 2, 4 … pixels, and room for the next.
+    /// Extrema over 2, 4 … pixels, and a buffer for the next.
     doubled: [Vec<T>; 2],
 }
 
 impl<T: Level> Sliding<T> {
-    /// Windows of `reach` pixels to both sides.
+    /// A window of `reach` pixels to both sides.
     pub(crate) fn new(cols: usize, reach: usize, neutral: T) -> Self {
         let padded = vec![neutral; cols + 2 * reach];
         let doubled = if reach > 2 { [padded.clone(), padded.clone()] } else { [Vec::new(), Vec::new()] };
@@ -46,7 +46,7 @@ impl<T: Level> Sliding<T> {
             std::mem::swap(spare, doubled);
             over *= 2;
         }
-        // The two halves may overlap; an extremum does not mind.
+        // The two halves may overlap, which does not change the extremum.
         pick_rows(into, [&doubled[..n], &doubled[width - over..]], pick);
     }
 }

@@ -1,16 +1,16 @@
-//! Images that do not rise too fast.
+//! Images with limited slope.
 
 use crate::neighbors::Raster;
 use ndarray::Array2;
 use std::f32::consts::SQRT_2;
 
-/// The highest image that is nowhere above this one and rises by at most `rise` across an edge between pixels, sqrt(2) times that
-/// across a corner: an erosion by a cone, in two passes over the image (Borgefors 1986). Along other directions than these eight the
-/// slope comes out up to 8 % steeper. Pixels at infinity limit nothing.
+/// The highest image below this one that rises by at most `rise` between edge neighbors and `sqrt(2) rise` between corner neighbors:
+/// an erosion by a cone, in two passes (Borgefors 1986). In directions between these eight the slope is up to 8 % steeper. Infinite
+/// pixels impose no limit.
 pub fn limit_rise(image: &Array2<f32>, rise: f32) -> Array2<f32> {
     let Raster { rows, cols } = Raster::new(image.dim());
     let mut pixels: Vec<f32> = image.iter().copied().collect();
-    // The way back is the way there on the image turned around.
+    // The second pass is the first pass on the reversed image.
     for _ in 0..2 {
         for row in 0..rows {
             let (before, rest) = pixels.split_at_mut(row * cols);
@@ -29,7 +29,7 @@ pub fn limit_rise(image: &Array2<f32>, rise: f32) -> Array2<f32> {
 
 fn limit_by_row_before(row: &mut [f32], before: &[f32], rise: f32) {
     for (col, pixel) in row.iter_mut().enumerate() {
-        // At the sides a corner is the pixel before itself, which limits more across the edge.
+        // At the sides the corner is replaced by the edge neighbor, whose own limit is stronger.
         let corner = before[col.saturating_sub(1)].min(before[(col + 1).min(before.len() - 1)]);
         *pixel = pixel.min(before[col] + rise).min(corner + SQRT_2 * rise);
     }

@@ -1,9 +1,9 @@
-//! Disjoint sets of pixels or of runs of them.
+//! Disjoint sets (union-find) of pixels or runs.
 
-use crate::Labels;
+use crate::labels::Labels;
 use ndarray::Array2;
 
-/// Every set is named by its first member in raster order, whatever the order of the unions.
+/// Every set is represented by its first member in raster order, independent of the order of unions.
 pub(crate) struct DisjointSets {
     parents: Vec<u32>,
 }
@@ -13,7 +13,7 @@ impl DisjointSets {
         Self { parents: (0..n as u32).collect() }
     }
 
-    /// The set's first member. Halves the path on the way.
+    /// First member of the set. Halves the path.
     #[inline]
     pub(crate) fn find(&mut self, member: usize) -> usize {
         let mut at = member;
@@ -28,20 +28,20 @@ impl DisjointSets {
         }
     }
 
-    /// A member of the same set, and more often than not the first.
+    /// A member of the same set, in most cases the first.
     #[inline(always)]
     pub(crate) fn parent(&self, member: u32) -> u32 {
         self.parents[member as usize]
     }
 
-    /// A new member, in a set of its own.
+    /// Adds a member in its own set.
     pub(crate) fn add(&mut self) -> u32 {
         let member = self.parents.len() as u32;
         self.parents.push(member);
         member
     }
 
-    /// The first member of the union.
+    /// Joins two sets. Returns the first member of the union.
     #[inline]
     pub(crate) fn union(&mut self, a: usize, b: usize) -> usize {
         let (a, b) = (self.find(a), self.find(b));
@@ -50,11 +50,11 @@ impl DisjointSets {
         first
     }
 
-    /// Number of each member's set, from 1 in the order of first members, and how many there are.
+    /// Number of the set of each member, from 1 in the order of first members, and the number of sets.
     pub(crate) fn into_numbers(mut self) -> (Vec<u32>, usize) {
         let mut n = 0;
         for member in 0..self.parents.len() {
-            // Parents come before, and have their number already.
+            // Parents precede their members, so they have a number already.
             let parent = self.parents[member] as usize;
             self.parents[member] = if parent == member {
                 n += 1;
@@ -66,7 +66,7 @@ impl DisjointSets {
         (self.parents, n as usize)
     }
 
-    /// Numbers the sets of the pixels that are `inside`, in raster order.
+    /// Labels the sets of the pixels that are `inside`, in raster order.
     pub(crate) fn into_labels(mut self, shape: (usize, usize), inside: impl Fn(usize) -> bool) -> Labels {
         let mut image = Array2::<u32>::zeros(shape);
         let mut areas: Vec<usize> = Vec::new();

@@ -1,13 +1,14 @@
-//! Watershed by markers: basins grow from markers in the order of the pixels' values (Meyer 1991).
+//! Marker-based watershed: basins grow from markers in the order of pixel values (Meyer 1991).
 
+use crate::level::Level;
+use crate::neighbors::Connectivity;
 use crate::order::sorted_by;
 use crate::padded::Padded;
-use crate::{Connectivity, Level};
 use ndarray::Array2;
 
-/// Every pixel of the mask that can be reached from a marker gets the label of the marker whose flood comes first; floods go
-/// on at the lowest pixel beside them, and among equals at the one that was reached first (markers in raster order). 0 is no
-/// marker, and no label; there are no lines between basins.
+/// Every pixel of the mask that is connected with a marker gets the label of the marker whose flood reaches it first. Floods continue at
+/// the lowest adjacent pixel, among equal pixels at the one that was reached first (markers in raster order). 0 means no marker and no
+/// label. There are no lines between basins.
 ///
 /// # Panics
 /// If the images differ in size.
@@ -36,10 +37,10 @@ pub fn watershed<T: Level>(
     labels.unframed(|label| if label == CLOSED { 0 } else { label })
 }
 
-/// Where no flood comes.
+/// Label of pixels that are not flooded.
 const CLOSED: u32 = u32::MAX;
 
-/// Of each pixel, how many levels that occur are lower; and how many levels occur.
+/// For each pixel, the number of lower levels in the image; and the number of levels.
 fn dense_ranks<T: Level>(values: &Padded<T>) -> (Vec<u32>, usize) {
     let sorted = sorted_by(values, |rank| rank);
     let mut ranks = vec![0; values.pixels.len()];
@@ -72,14 +73,14 @@ fn flood(labels: &mut Padded<u32>, connectivity: Connectivity, rank: impl Fn(usi
     }
 }
 
-/// Pixels by rank, and by age among those of one rank: a chain of pixels for each rank. No pixel comes twice.
+/// Queue of pixels by rank, first in first out within a rank: a linked list per rank. A pixel is queued at most once.
 struct LowestFirst {
-    /// First and last pixel of each rank; 0 is none, as pixel 0 lies in the frame.
+    /// First and last pixel of each rank; 0 = empty, because pixel 0 belongs to the frame.
     ends: Vec<[u32; 2]>,
     next: Vec<u32>,
-    /// A bit for each rank that has pixels, then one for each word of those bits that is not 0, and so on to a single word.
+    /// A bit for each rank with pixels, then a bit for each nonzero word of these bits, and so on up to a single word.
     filled: Vec<Vec<u64>>,
-    /// The lowest rank that has pixels; as many as there are ranks if none has.
+    /// The lowest rank with pixels; the number of ranks if the queue is empty.
     lowest: usize,
 }
 

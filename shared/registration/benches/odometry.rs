@@ -1,14 +1,13 @@
-//! What a sweep costs, and whether that stays so: `cargo bench -p registration --bench odometry [-- SWEEPS [MPS]]`.
+//! Time, memory and drift of the odometry over a long drive: `cargo bench -p registration --bench odometry [-- SWEEPS [MPS]]`.
 //!
-//! A synthetic street without end, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th
-//! percentile of the CPU time of all threads (range image, features, registration, moving objects), the points of the map,
-//! the bytes of the state, the memory of the process, and the error: of the position in share of the way since the start, and of
-//! the heading, by which the former grows with the square of the way. 300 sweeps at 10 m/s unless said; 5000 at 20 m/s are
-//! 10 km.
+//! An endless synthetic street, an HDL-32E at 10 Hz. Prints for each tenth of the drive the median and the 95th percentile of the
+//! CPU time of all threads (range image, features, registration, moving objects), the points of the map, the bytes of the state,
+//! the memory of the process, the error of the position as a share of the path, and the error of the heading. Default: 300 sweeps
+//! at 10 m/s; 5000 at 20 m/s are 10 km.
 #![allow(missing_docs, reason = "not part of the library")]
 #![allow(clippy::unwrap_used, reason = "a bench fails by panicking")]
 
-#[path = "../tests/support/world.rs"]
+#[path = "../tests/suite/support/world.rs"]
 #[allow(dead_code, reason = "the tests use more of it")]
 mod world;
 
@@ -23,7 +22,7 @@ fn main() {
     let drive = Drive { speed: numbers.get(1).copied().unwrap_or(10.0), noise_m: 0.02, ground_only: false };
     let mut odometry = Odometry::new(OdometrySettings::default(), drive.world_from_lidar(0.0));
     println!(
-        "way m    median ms  p95 ms  map points  state bytes  resident MB  off m (% of the way), forward m, turned deg"
+        "path m   median ms  p95 ms  map points  state bytes  resident MB  error m (% of the path), forward m, rotation deg"
     );
     let mut ms = Vec::new();
     let mut last: Option<Registered> = None;
@@ -44,27 +43,27 @@ fn report(drive: &Drive, last: &Registered, ms: &mut Vec<f64>, odometry: &Odomet
     let seconds = (last.stamp.0 + i64::from(last.duration_nanos)) as f64 * 1e-9;
     let true_end = drive.world_from_lidar(seconds);
     let truth = true_end.translation.vector;
-    let off = last.end().translation.vector - truth;
-    let turned = (last.end().rotation * true_end.rotation.inverse()).scaled_axis().map(f64::to_degrees);
+    let error = last.end().translation.vector - truth;
+    let rotation = (last.end().rotation * true_end.rotation.inverse()).scaled_axis().map(f64::to_degrees);
     let state = postcard::to_stdvec(&odometry.save()).unwrap().len();
     ms.sort_by(f64::total_cmp);
     let (median, p95) = (ms[ms.len() / 2], ms[ms.len() * 95 / 100]);
-    let way = truth.x;
+    let path = truth.x;
     println!(
-        "{way:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {:.3} ({:.3} %), {:.3}, {:.3} {:.3} {:.3}",
+        "{path:7.0} {median:10.2} {p95:7.2} {:11} {state:12} {:12.1}  {:.3} ({:.3} %), {:.3}, {:.3} {:.3} {:.3}",
         odometry.map().len(),
         resident_mb(),
-        off.norm(),
-        100.0 * off.norm() / way,
-        off.x,
-        turned.x,
-        turned.y,
-        turned.z
+        error.norm(),
+        100.0 * error.norm() / path,
+        error.x,
+        rotation.x,
+        rotation.y,
+        rotation.z
     );
     ms.clear();
 }
 
-/// Memory of this process, one sweep included.
+/// Resident memory of this process, with one sweep.
 fn resident_mb() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();

@@ -1,12 +1,10 @@
-//! Our odometry on a folder of sweeps (`folder/mod.rs` has the layout), for comparison with other people's:
+//! Runs the odometry on a folder of sweeps (layout: `folder/mod.rs`), for comparison with other implementations:
 //! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--motion imu,gnss] [--verbose]`.
 //!
-//! `--motion` says what the odometry leans on where the scene does not tell the way. `--verbose` tells of each sweep the error of
-//! its pose in its own standard deviations,
-//! too.
+//! `--motion` names the sensors that predict the motion. `--verbose` also prints pose, standard deviations and match of each sweep.
 //!
-//! Writes `world_from_lidar` at the last shot of each sweep in KITTI format and prints what a sweep cost: CPU time of all
-//! threads, for all that the pipeline does with it (range image, features, registration, deskewed cloud), without reading.
+//! Writes `world_from_lidar` at the last shot of each sweep in KITTI format. Prints the CPU time of all threads per sweep for range
+//! image, features, registration and deskewed cloud, without reading.
 
 mod folder;
 
@@ -32,11 +30,11 @@ fn main() -> anyhow::Result<()> {
     }
     let [sweeps, poses] = &paths[..] else { anyhow::bail!("usage: odometry FOLDER POSES [--set NAME=VALUE]") };
     let folder = SweepFolder::open(Path::new(sweeps))?;
-    settings.places = folder.places()?;
+    settings.mounting = folder.sensor_mounting()?;
     let mut odometry = Odometry::new(settings, folder.mounting);
-    let leans_on = |name: &str| motion.split(',').any(|wanted| wanted == name);
-    let samples = if leans_on("imu") { folder.inertial()? } else { Vec::new() };
-    let velocities = if leans_on("gnss") { folder.velocities()? } else { Vec::new() };
+    let uses = |name: &str| motion.split(',').any(|wanted| wanted == name);
+    let samples = if uses("imu") { folder.inertial()? } else { Vec::new() };
+    let velocities = if uses("gnss") { folder.velocities()? } else { Vec::new() };
     let (mut samples, mut velocities) = (samples.into_iter().peekable(), velocities.into_iter().peekable());
     let (mut ms, mut text, mut n_points) = (Vec::new(), String::new(), 0);
     let mut scores = MovingScores::default();
@@ -48,8 +46,8 @@ fn main() -> anyhow::Result<()> {
         let start = cpu_ms();
         let sweep = Sweep::new(folder.stamp(number), points, n_rings);
         let end = sweep.stamp().plus_nanos(i64::from(sweep.duration_nanos()));
-        std::iter::from_fn(|| samples.next_if(|s| s.stamp <= end)).for_each(|sample| odometry.feel(sample));
-        std::iter::from_fn(|| velocities.next_if(|v| v.stamp <= end)).for_each(|velocity| odometry.hear(velocity));
+        std::iter::from_fn(|| samples.next_if(|s| s.stamp <= end)).for_each(|sample| odometry.add_imu(sample));
+        std::iter::from_fn(|| velocities.next_if(|v| v.stamp <= end)).for_each(|velocity| odometry.add_gnss(velocity));
         let registered = odometry.register(&sweep)?;
         waiting.push(sweep);
         let first = number + 1 - waiting.len();
@@ -71,7 +69,7 @@ fn main() -> anyhow::Result<()> {
     }
     std::fs::write(poses, text)?;
     let n = ms.len();
-    // The first sweeps warm the caches and search for the speed; the peers' are left out, too.
+    // Without the first sweeps, which warm the caches and search the initial speed.
     let mut counted = ms.split_off(5.min(n - 1));
     counted.sort_by(f64::total_cmp);
     let mean = counted.iter().sum::<f64>() / counted.len() as f64;
@@ -113,11 +111,11 @@ impl MovingScores {
     }
 }
 
-/// Errors of poses in units of their own standard deviations, sampled once a second of the drive.
+/// Normalized errors of poses, sampled once per second of the drive.
 struct Consistency {
     truth: Vec<Pose>,
     first: Option<(Pose, Pose)>,
-    /// Normalized squares of position and rotation errors: 3 each, if the covariances are right.
+    /// Normalized squared errors of position and rotation: 3 each if the covariances are right.
     squares: Vec<(f64, f64)>,
     n_degenerate: usize,
     n_bridged: usize,
@@ -129,7 +127,7 @@ impl Consistency {
     }
     fn add(&mut self, number: usize, registered: &Registered) {
         self.n_bridged += usize::from(registered.is_bridged());
-        self.n_degenerate += usize::from(registered.matched.as_ref().is_some_and(|m| m.n_weak_directions > 0));
+        self.n_degenerate += usize::from(registered.matched.as_ref().is_some_and(|m| m.n_degenerate_directions > 0));
         let Some(truth) = self.truth.get(number) else { return };
         let (first_true, first_found) = *self.first.get_or_insert((*truth, registered.end()));
         if !number.is_multiple_of(10) || number == 0 {
@@ -160,7 +158,7 @@ impl Consistency {
     }
 }
 
-/// The dense cloud as the stage would write it.
+/// The dense cloud as the stage writes it.
 fn deskewed(sweep: &Sweep, registered: &Registered) -> Vec<[f32; 3]> {
     let table = DeskewTable::new(&registered.begin(), &registered.end(), registered.duration_nanos);
     sweep.points().iter().map(|point| table.deskew(point.position, point.offset_nanos)).collect()
@@ -170,8 +168,8 @@ fn report(registered: &Registered, ms: f64) {
     let end = registered.end().translation.vector;
     let matched = registered.matched.as_ref().map(|m| {
         format!(
-            "{}/{} matches, rms {:.4} m, cost {:.3}, weakest {:.4} ({}), converged {}",
-            m.n_matches, m.n_features, m.rms_m, m.cost, m.weakest_influence, m.n_weak_directions, m.converged
+            "{}/{} matches, rms {:.4} m, cost {:.3}, least influence {:.4} ({} degenerate), converged {}",
+            m.n_matches, m.n_features, m.rms_m, m.cost, m.least_influence, m.n_degenerate_directions, m.converged
         )
     });
     let seconds = registered.stamp.0 as f64 * 1e-9;
@@ -219,7 +217,7 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         }
         "matching.per_list" => matching.sampling = Sampling::NineLists { per_list: value.parse()? },
         "matching.gaussian_m" => matching.weights = Weights::Gaussian { h_m: value.parse()? },
-        "matching.bends" => matching.bends = value.parse()?,
+        "matching.continuous_time" => matching.continuous_time = value.parse()?,
         "matching.small_step_m" => matching.small_step.0 = value.parse()?,
         "matching.coarse_rounds" => matching.coarse_rounds = value.parse()?,
         "matching.max_rounds" => matching.max_rounds = value.parse()?,
@@ -232,7 +230,7 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "matching.residual_m" => matching.residual_m = value.parse()?,
         "matching.drift_residual_m" => matching.drift_residual_m = value.parse()?,
         "matching.min_influence" => matching.min_influence = value.parse()?,
-        _ => anyhow::bail!("there is no setting {name}"),
+        _ => anyhow::bail!("unknown setting {name}"),
     }
     Ok(())
 }

@@ -1,16 +1,16 @@
-//! The sweeps of a drive as a folder that other people's odometries read (`folder/mod.rs` has the layout):
-//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the lidar
-//! alone (urban, suburban, rural, field, tunnel). The simulated drive itself is not kept.
+//! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the LiDAR only
+//! (urban, suburban, rural, field, tunnel). The simulated drive itself is deleted.
 
 mod folder;
 
 use anyhow::Context;
-use folder::{kitti_line, npy};
-use formats::drive::{Drive, DriveSweep};
+use folder::kitti_line;
+use formats::drive::{Drive, SweepInfo};
 use formats::velodyne::LidarReturn;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
+use raytrace::Ray;
 use registration::GroundVelocity;
-use simulation::trace::Ray;
 use simulation::{DriveSpec, Simulation, Town};
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,13 +20,16 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", town, seed, seconds, out] => {
-            let town = Town::ALL.into_iter().find(|kind| kind.name() == *town).context("there is no such town")?;
+            let town = Town::ALL
+                .into_iter()
+                .find(|kind| kind.name() == *town)
+                .with_context(|| format!("unknown town {town}"))?;
             let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
             let spec = DriveSpec { town, cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
             fs::create_dir_all(out)?;
             simulation::write_drive(&spec, &drive, &mut |_| {})?;
-            let movers = Movers { simulation: Simulation::new(&spec)?, looks: BTreeMap::new() };
+            let movers = Movers { simulation: Simulation::new(&spec)?, votes: BTreeMap::new() };
             write(&drive, Path::new(out), Some(movers))?;
             Ok(fs::remove_dir_all(&drive)?)
         }
@@ -63,13 +66,13 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;
-                let look = |(point, &instance): (&LidarReturn, &u16)| {
+                let observation = |(point, &instance): (&LidarReturn, &u16)| {
                     let share = f64::from(point.offset_nanos) / f64::from(last.max(1));
                     let pose = interpolate(&begin, &end, share) * body_from_lidar;
                     let place = pose * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>();
                     (instance, [place.coords, pose.translation.vector])
                 };
-                movers.look(sweep.stamp, returns.iter().zip(&instances).map(look));
+                movers.add(sweep.stamp, returns.iter().zip(&instances).map(observation));
                 labelled.push((name, instances));
             }
         }
@@ -85,9 +88,9 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     for (name, instances) in labelled {
         fs::create_dir_all(out.join("moving"))?;
         let flags: Vec<u8> = instances.iter().map(|instance| u8::from(moving.contains(instance))).collect();
-        fs::write(out.join("moving").join(format!("{name}.npy")), npy::of_bytes(&flags))?;
+        npyz::to_file_1d(out.join("moving").join(format!("{name}.npy")), flags)?;
     }
-    println!("{}: {n_sweeps} sweeps, {} moving things", out.display(), moving.len());
+    println!("{}: {n_sweeps} sweeps, {} moving objects", out.display(), moving.len());
     Ok(())
 }
 
@@ -95,15 +98,14 @@ fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: boo
     let numbers = returns.iter().flat_map(|p| [p.x, p.y, p.z, f32::from(p.intensity)]);
     fs::write(out.join(format!("velodyne/{name}.bin")), numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
     if has_times {
-        let times: Vec<f64> = returns.iter().map(|point| f64::from(point.offset_nanos) * 1e-9).collect();
-        fs::write(out.join(format!("times/{name}.npy")), npy::of_f64s(&times))?;
-        let rings: Vec<u8> = returns.iter().map(|point| point.ring).collect();
-        fs::write(out.join(format!("rings/{name}.npy")), npy::of_bytes(&rings))?;
+        let times = returns.iter().map(|point| f64::from(point.offset_nanos) * 1e-9);
+        npyz::to_file_1d(out.join(format!("times/{name}.npy")), times)?;
+        npyz::to_file_1d(out.join(format!("rings/{name}.npy")), returns.iter().map(|point| point.ring))?;
     }
     Ok(())
 }
 
-/// What inertial unit and receiver of the drive measured.
+/// The measurements of inertial unit and receiver.
 fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
     let manifest = drive.manifest();
     let places = [
@@ -116,20 +118,20 @@ fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
     }
     let (fixes, _) = drive.fixes()?;
     let velocities = fixes.iter().filter_map(|fix| {
-        let told = GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop)?;
-        let [east, north] = told.east_north;
-        Some(format!("{},{east},{north},{}\n", told.stamp.0, told.sigma))
+        let velocity = GroundVelocity::new(fix.stamp, fix.speed_mps?, fix.course_deg, fix.hdop)?;
+        let [east, north] = velocity.east_north;
+        Some(format!("{},{east},{north},{}\n", velocity.stamp.0, velocity.sigma))
     });
     Ok(fs::write(out.join("velocities.csv"), velocities.collect::<String>())?)
 }
 
-fn pose_at(truth: &Trajectory, sweep: &DriveSweep, nanos: u32) -> anyhow::Result<Pose> {
+fn pose_at(truth: &Trajectory, sweep: &SweepInfo, nanos: u32) -> anyhow::Result<Pose> {
     let stamp = sweep.stamp.plus_nanos(i64::from(nanos));
-    truth.at(stamp).with_context(|| format!("the true trajectory has no pose at {}", stamp.0))
+    truth.at(stamp).with_context(|| format!("the true trajectory has no pose at {} ns", stamp.0))
 }
 
 /// The instance of each return of a labelled drive.
-fn instances(drive: &Drive, sweep: &DriveSweep, n_returns: usize) -> anyhow::Result<Vec<u16>> {
+fn instances(drive: &Drive, sweep: &SweepInfo, n_returns: usize) -> anyhow::Result<Vec<u16>> {
     let truth = drive.manifest().truth.as_ref().context("the drive has no truth")?;
     let path = drive.folder().join(&truth.labels).join(format!("{:06}.label", sweep.seq));
     let labels = formats::kitti::labels_from_bytes(&fs::read(&path).with_context(|| path.display().to_string())?)?;
@@ -137,38 +139,38 @@ fn instances(drive: &Drive, sweep: &DriveSweep, n_returns: usize) -> anyhow::Res
     Ok(labels.iter().map(|label| label.instance).collect())
 }
 
-/// Which instances of a simulated drive move: the scene is asked whether what was hit is still there a second later.
+/// Finds the instances of a simulated drive that move: rays test whether their points are still there a second later.
 struct Movers {
     simulation: Simulation,
-    /// Points that were gone, and those that were not, by instance.
-    looks: BTreeMap<u16, (u32, u32)>,
+    /// Points that were gone and points that were still there, by instance.
+    votes: BTreeMap<u16, (u32, u32)>,
 }
 
-/// Points of an instance that are looked at in each sweep, at most.
-const LOOKS: usize = 8;
+/// Points of an instance that are tested in each sweep at most.
+const MAX_TESTED: usize = 8;
 
 impl Movers {
-    /// Instances with the place of a point and where it was seen from, at `stamp`.
-    fn look(&mut self, stamp: Stamp, points: impl Iterator<Item = (u16, [Vector3<f64>; 2])>) {
+    /// Adds instances with the position of a point and of the LiDAR at `stamp`.
+    fn add(&mut self, stamp: Stamp, points: impl Iterator<Item = (u16, [Vector3<f64>; 2])>) {
         let later = stamp.seconds_since(self.simulation.motion.begin) + 1.0;
         let snapshot = self.simulation.scene.at(later);
-        let mut n_looks: BTreeMap<u16, usize> = BTreeMap::new();
+        let mut n_tested: BTreeMap<u16, usize> = BTreeMap::new();
         for (instance, [place, from]) in points.filter(|(instance, _)| *instance != 0) {
-            let n = n_looks.entry(instance).or_default();
-            if *n == LOOKS {
+            let n = n_tested.entry(instance).or_default();
+            if *n == MAX_TESTED {
                 continue;
             }
             *n += 1;
             let direction = (place - from).normalize();
-            // Ten times the noise before and behind.
+            // Ten times the noise in front and behind.
             let ray = Ray { origin: (place - direction * 0.2).cast(), direction: direction.cast(), seed: 0 };
             let is_there =
                 (self.simulation.scene.cast(&snapshot, &ray, 0.4)).is_some_and(|hit| hit.surface.instance == instance);
-            let (gone, still) = self.looks.entry(instance).or_default();
+            let (gone, still) = self.votes.entry(instance).or_default();
             *if is_there { still } else { gone } += 1;
         }
     }
     fn moving(&self) -> Vec<u16> {
-        self.looks.iter().filter(|(_, (gone, still))| gone > still).map(|(instance, _)| *instance).collect()
+        self.votes.iter().filter(|(_, (gone, still))| gone > still).map(|(instance, _)| *instance).collect()
     }
 }

@@ -1,18 +1,18 @@
-//! The map's points within a cube of a metre, as wide registers take them.
+//! The map's points within a cube of one metre, laid out for SIMD registers.
 
-use crate::local_map::{Kernel, Weights};
+use crate::{Kernel, Weights};
 
-/// Points that are worked on at once: one register of 64 bytes, or two of 32.
+/// Points per block: one register of 64 bytes, or two of 32.
 const LANES: usize = 16;
 /// Cosine of the largest angle between normals of one surface, 37 degrees.
 pub(crate) const SAME_SURFACE: f32 = 0.8;
-/// Where a place of a block without a point lies, m: out of every reach.
-const NOWHERE: f32 = 1e6;
+/// Coordinate of unused lanes, m: outside of every search radius.
+const UNUSED: f32 = 1e6;
 
-/// Position from the cell's lower corner (m) and unit normal.
+/// Position relative to the cell's lower corner (m) and unit normal.
 pub(crate) type Oriented = ([f32; 3], [f32; 3]);
 
-/// By coordinate: x y z, then the normal.
+/// Lanes by coordinate: x y z, then the normal.
 type Block = [[f32; LANES]; 6];
 
 /// Points in the order of their insertion.
@@ -22,7 +22,7 @@ pub(crate) struct Cell {
     blocks: Vec<Block>,
 }
 
-/// Sums over points around a place, by lane: weights, weighted distances from their planes, weighted normals.
+/// Sums over points around a position, by lane: weights, weighted distances from their planes, weighted normals.
 #[derive(Clone, Copy)]
 pub(crate) struct SurfaceSums([[f32; LANES]; 5]);
 
@@ -43,9 +43,9 @@ impl Cell {
     pub fn push(&mut self, point: Oriented) {
         if self.n.is_multiple_of(LANES) {
             self.blocks.push([
-                [NOWHERE; LANES],
-                [NOWHERE; LANES],
-                [NOWHERE; LANES],
+                [UNUSED; LANES],
+                [UNUSED; LANES],
+                [UNUSED; LANES],
                 [0.0; LANES],
                 [0.0; LANES],
                 [0.0; LANES],
@@ -54,16 +54,16 @@ impl Cell {
         self.n += 1;
         self.set(self.n - 1, point);
     }
-    /// Without the first point, which is the oldest.
+    /// Removes the first point, which is the oldest.
     pub fn drop_first(&mut self) {
         for at in 1..self.n {
             self.set(at - 1, self.get(at));
         }
         self.n -= 1;
-        self.set(self.n, ([NOWHERE; 3], [0.0; 3]));
+        self.set(self.n, ([UNUSED; 3], [0.0; 3]));
         self.blocks.truncate(self.n.div_ceil(LANES));
     }
-    /// The first point whose cube is `cube` if `per_side` of them fill the cell's side.
+    /// The first point in `cube`, where `per_side` cubes fill the cell's side.
     #[inline(always)]
     pub fn in_cube(&self, cube: [f32; 3], per_side: f32) -> Option<usize> {
         self.blocks.iter().enumerate().find_map(|(number, [x, y, z, ..])| {
@@ -75,16 +75,16 @@ impl Cell {
             is_in.iter().position(|is_in| *is_in).map(|lane| number * LANES + lane)
         })
     }
-    /// Adds the points around a place (m, from the cell's corner) that belong to its surface, see
+    /// Adds the points around a position (m, relative to the cell's corner) that belong to its surface, see
     /// [`crate::LocalMap::surface`].
     #[inline(always)]
-    pub fn add_surface(&self, place: [f32; 3], normal: [f32; 3], kernel: &Kernel, sums: &mut SurfaceSums) {
+    pub fn add_surface(&self, position: [f32; 3], normal: [f32; 3], kernel: &Kernel, sums: &mut SurfaceSums) {
         let limit = (kernel.radius_m * kernel.radius_m) as f32;
         let per_limit = 1.0 / limit;
         for [x, y, z, nx, ny, nz] in &self.blocks {
             let (mut squares, mut weights, mut heights) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
-                let d = [place[0] - x[lane], place[1] - y[lane], place[2] - z[lane]];
+                let d = [position[0] - x[lane], position[1] - y[lane], position[2] - z[lane]];
                 let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                 let cosine = nx[lane] * normal[0] + ny[lane] * normal[1] + nz[lane] * normal[2];
                 let near = 1.0 - squared * per_limit;

@@ -3,14 +3,15 @@
 /// Upper triangle of a symmetric matrix: xx, xy, xz, yy, yz, zz.
 pub(crate) type Symmetric = [f64; 6];
 
-/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest; zero if that is not determined (two small
-/// eigenvalues are equal, or numbers are not finite). Without branches, so that a loop over matrices fills wide registers.
+/// Eigenvalues from largest to smallest, and the unit eigenvector of the smallest. The vector is zero if it is not determined (two
+/// small eigenvalues are equal, or numbers are not finite). Branch-free, so that a loop over matrices vectorizes; nalgebra's solver
+/// does not.
 #[inline(always)]
 pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
     let values = eigenvalues(m);
     let [xx, xy, xz, yy, yz, zz] = *m;
     let (xx, yy, zz) = (xx - values[2], yy - values[2], zz - values[2]);
-    // Rows of the shifted matrix span the plane across the eigenvector; the longest cross product is the safest.
+    // Rows of the shifted matrix span the plane normal to the eigenvector; the longest cross product is the most accurate.
     let (ax, ay, az) = (xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy);
     let (bx, by, bz) = (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
     let (cx, cy, cz) = (yz * xz - zz * xy, zz * xx - xz * xz, xz * xy - yz * xx);
@@ -18,8 +19,8 @@ pub(crate) fn smallest_eigenvector(m: &Symmetric) -> ([f64; 3], [f64; 3]) {
     let (x, y, z, square) = if bb >= aa { (bx, by, bz, bb) } else { (ax, ay, az, aa) };
     let (x, y, z, square) = if cc >= square { (cx, cy, cz, cc) } else { (x, y, z, square) };
     let norm = square.sqrt();
-    // The cross product is of the order of (l1 - l3)(l2 - l3); the arc cosine loses half the digits of the differences,
-    // so below 1e-6 of l1^2 it may be rounding. A matrix of zeros has none.
+    // The cross product is of the order of (l1 - l3)(l2 - l3). The arc cosine loses half the digits of the differences, so a
+    // product below 1e-6 of l1^2 may be rounding. A zero matrix has no eigenvector.
     let is_determined = (norm > 1e-6 * values[0] * values[0]) & (norm > 1e-40) & (norm < f64::MAX);
     let per_norm = if is_determined { 1.0 / norm } else { 0.0 };
     (values, if is_determined { [x * per_norm, y * per_norm, z * per_norm] } else { [0.0; 3] })
@@ -32,7 +33,7 @@ fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
     let p = ((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0).sqrt().max(1e-30);
     let det = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
     let half_det = (det / (p * p * p) / 2.0).clamp(-1.0, 1.0);
-    // The values are q + 2 p c with 4 c^3 - 3 c = half_det. The smallest is the best determined of a plane.
+    // The values are q + 2 p c with 4 c^3 - 3 c = half_det. For a plane the smallest is the most accurate.
     let smallest = -cosine_of_third(-half_det);
     let root = (smallest * smallest - half_det / smallest).max(0.0).sqrt();
     let largest = 0.5 * (root - smallest);
@@ -41,7 +42,7 @@ fn eigenvalues(&[xx, xy, xz, yy, yz, zz]: &Symmetric) -> [f64; 3] {
 }
 
 /// cos(acos(x) / 3), the largest root of 4 c^3 - 3 c = x for x in -1 to 1, by Newton's method: a third of the time of the
-/// arc cosine and the cosine. Near -1, a double root, within the square root of the rounding error.
+/// arc cosine and the cosine. Near -1, a double root, the error is the square root of the rounding error.
 #[inline(always)]
 fn cosine_of_third(x: f64) -> f64 {
     // With u = cos(acos(x) / 2) the root is nearly a parabola.
@@ -66,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_diagonal_gives_its_values_and_axis() {
+    fn eigenvalues_of_a_rotated_diagonal_matrix_are_its_diagonal() {
         for (i, axis) in
             [Vector3::new(0.3, -0.2, 0.9), Vector3::new(1.5, 0.1, 0.0), Vector3::zeros()].iter().enumerate()
         {
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_root_is_that_of_the_cosine() {
+    fn newton_root_equals_the_cosine() {
         for i in 0..=2000 {
             let x = f64::from(i) / 1000.0 - 1.0;
             let error = (cosine_of_third(x) - (x.acos() / 3.0).cos()).abs();
@@ -93,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_has_no_normal() {
+    fn degenerate_matrix_has_no_eigenvector() {
         for m in [Matrix3::from_diagonal(&Vector3::x()), Matrix3::zeros(), Matrix3::repeat(f64::NAN)] {
             assert_eq!(smallest_eigenvector(&triangle(&m)).1, [0.0; 3]);
         }

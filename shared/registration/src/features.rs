@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// A point on a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Feature {
-    /// x y z, m, lidar frame at the time of the shot.
+    /// x y z, m, LiDAR frame at the time of the shot.
     pub position: [f32; 3],
     /// Unit normal towards the sensor, same frame.
     pub normal: [f32; 3],
@@ -28,39 +28,39 @@ pub struct Feature {
 }
 
 impl Feature {
-    /// What a distance from the map counts: less on what is no clear plane, or rough.
+    /// Weight of the distance from the map: lower for features of low planarity or high roughness.
     #[inline]
     pub(crate) fn weight(&self) -> f64 {
         f64::from(self.planarity) * f64::from(SMOOTH_M / self.roughness_m.max(SMOOTH_M)).powi(2)
     }
 }
 
-/// What becomes a feature.
+/// Which points become features.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureSettings {
-    /// Every how many columns a neighborhood is looked at.
+    /// Columns between evaluated neighborhoods.
     pub column_step: usize,
-    /// Nearer points are parts of the vehicle, m.
+    /// Nearer points belong to the vehicle, m.
     pub min_range_m: f32,
-    /// Farther points have neighbors too far away for a normal, m.
+    /// The neighbors of farther points are too far away for a normal, m.
     pub max_range_m: f32,
     /// Least planarity.
     pub min_planarity: f32,
     /// One feature per cube of this side, m.
     pub spacing_m: f64,
-    /// A feature is moved along its normal to the mean height of the points of its ring within this distance, m; 0 leaves
-    /// it where it was measured.
+    /// A feature is moved along its normal to the mean height of the points of its ring within this distance, m; 0 keeps the
+    /// measured position.
     pub smoothing_m: f32,
-    /// Largest deviation across the plane of rough features, m: crowns of trees, hedges, fences. They are matched only where
-    /// the smooth ones do not determine the pose, see [`crate::MatchSettings::rough_below`]. 0 = none.
+    /// Largest deviation across the plane of rough features, m: crowns of trees, hedges, fences. They are matched only if the smooth
+    /// ones hardly determine the pose, see [`crate::MatchSettings::rough_below`]. 0 = none.
     pub max_roughness_m: f32,
 }
 
 impl Default for FeatureSettings {
-    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. 100 m is what an HDL-32E reaches. Planarity 0.15 keeps road that is seen in long strips and drops foliage. Spacing as the map's. Smoothing
-    /// over 0.1 m takes noise off and no shape; over the whole neighborhood, which grows with the range, it bends the
-    /// road: what is far ahead is smoothed more than what is near, and the vehicle climbs by 0.5 degrees in 100 m. A
-    /// roughness of 0.3 m is the outside of a tree, seen from ten metres.
+    /// Every third column is 0.5 degrees: 17 cm at 20 m, about the spacing. 100 m is the range of an HDL-32E. A planarity of 0.15
+    /// keeps road that is seen in long strips and drops foliage. The spacing is the map's. Smoothing over 0.1 m reduces noise and
+    /// keeps the shape. Smoothing over the whole neighborhood, which grows with the range, distorts the road ahead, and the vehicle
+    /// pitches by 0.5 degrees in 100 m. A roughness of 0.3 m is the outside of a tree, seen from ten metres.
     fn default() -> Self {
         Self {
             column_step: 3,
@@ -74,26 +74,25 @@ impl Default for FeatureSettings {
     }
 }
 
-/// Largest deviation across the plane, m: range noise of 2 cm, and a little roughness. Kerbs and gutters, whose normals
-/// change with the point of view, are left out; with 6 cm they turn the vehicle by 0.2 degrees in 100 m.
-/// Rougher features must stand upright.
+/// Largest deviation across the plane, m: range noise of 2 cm and a little roughness. It excludes kerbs and gutters, whose normals
+/// change with the point of view; with 6 cm they rotate the vehicle by 0.2 degrees in 100 m. Rougher features must be vertical.
 pub(crate) const SMOOTH_M: f32 = 0.035;
-/// Largest share of the direction upwards in the normal of a rough feature: kerbs, gutters and meadows stay out.
+/// Largest vertical component of the normal of a rough feature. It excludes kerbs, gutters and meadows.
 const MAX_UPWARDS: f32 = 0.3;
 /// Least planarity of a rough feature, and the largest share of its third deviation in the second.
 const MIN_ROUGH_PLANARITY: f32 = 0.05;
 const MAX_ROUGH_THICKNESS: f32 = 0.7;
-/// Columns wrap, so going left is going nearly once around; a multiple of the image's columns.
+/// Added to columns before an offset is subtracted; a multiple of the image's columns, which wrap around.
 const RIM: usize = 1 << 16;
 /// Columns to each side that smoothing may reach: 1 degree, 0.1 m at 6 m.
 const SMOOTHING_COLUMNS: usize = 6;
-/// Points farther off the plane are on something else, m: four times range noise.
+/// Points farther from the plane are on another surface, m: four times the range noise.
 const SMOOTHING_GATE_M: f32 = 0.08;
 /// Largest share of the third deviation in the second: with 27 neighbors the normal is then known to about 4 degrees.
 const MAX_THICKNESS: f32 = 0.4;
 
-/// Planar points, thinned: the smooth ones, then the rough ones, each in the order of the range image. `up` is the unit
-/// vector upwards in the lidar frame.
+/// Thinned planar points: the smooth ones, then the rough ones, each in the order of the range image. `up` is the unit vector
+/// upwards in the LiDAR frame.
 pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSettings) -> Vec<Feature> {
     let rows = 0..sweep.image().rows();
     let planes = Planes::new(sweep.image(), settings.column_step.max(1));
@@ -112,7 +111,7 @@ pub fn planar_features(sweep: &Sweep, up: &Vector3<f32>, settings: &FeatureSetti
     smooth.chain(rough).filter(|feature| is_first(feature)).copied().collect()
 }
 
-/// Planar points of a row, one in a cube.
+/// Planar points of a row, one per voxel.
 #[inline(always)]
 fn row_features(
     sweep: &Sweep,
@@ -139,7 +138,7 @@ fn row_features(
     features
 }
 
-/// Whether a cell is a smooth feature (`true`) or a rough one; `None` if it is none.
+/// Whether a cell is a smooth feature (`true`) or a rough one; `None` if it is not a feature.
 #[inline(always)]
 fn kind(shapes: &Shapes, lane: usize, up: &Vector3<f32>, settings: &FeatureSettings) -> Option<bool> {
     let Shapes { range, normal, planarity, roughness, thickness } = shapes;
@@ -154,7 +153,7 @@ fn kind(shapes: &Shapes, lane: usize, up: &Vector3<f32>, settings: &FeatureSetti
     (is_in_range && (is_smooth || is_rough)).then_some(is_smooth)
 }
 
-/// The first feature of each cube, in order.
+/// The first feature of each voxel, in order.
 pub(crate) fn thinned_features(features: &[Feature], spacing_m: f64) -> Vec<Feature> {
     let kept = thinned(features.iter().map(|feature| feature.position), spacing_m);
     kept.into_iter().map(|feature_idx| features[feature_idx]).collect()
@@ -237,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_are_those_of_floor_and_wall() {
+    fn features_of_floor_and_wall_have_their_normals() {
         let features = planar_features(&corner(), &Vector3::z(), &FeatureSettings::default());
         let (mut on_wall, mut on_floor, mut wrong) = (0, 0, 0);
         for feature in &features {
@@ -256,15 +255,11 @@ mod tests {
     }
 
     #[test]
-    fn scattered_points_have_no_normals() {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1 << 24) as f32
-        };
+    fn scattered_points_give_few_features() {
+        let mut random = random::Random::new(1);
         let points = (0..20_000)
             .map(|_| {
-                let position = [uniform() * 40.0 - 20.0, uniform() * 40.0 - 20.0, uniform() * 8.0 - 3.0];
+                let position = [random.range(-20.0, 20.0), random.range(-20.0, 20.0), random.range(-3.0, 5.0)];
                 TimedPoint { position, offset_nanos: 0, ring: 0 }
             })
             .collect();

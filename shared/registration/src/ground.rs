@@ -1,28 +1,28 @@
-//! The road and what joins it: a height field grown from under the vehicle.
+//! The ground as a height field, grown from the cells near the vehicle.
 
 /// Side of a cell, m.
 const CELL_M: f32 = 0.5;
-/// Cells from the middle to each side: 48 m. Beyond, rings are too far apart for the field to grow.
+/// Cells from the middle to each side: 48 m. Farther away rings are too sparse for the field to grow.
 const REACH: usize = 96;
 const SIDE: usize = 2 * REACH;
-/// Cells in this distance of the vehicle may be where the ground begins, m.
+/// Seeds of the ground lie within this distance of the vehicle, m.
 const SEED_M: f32 = 6.0;
-/// Seeds lie at most this much above the lowest of them, m: a sidewalk is ground, a bonnet is not.
+/// Largest height of a seed over the lowest one, m: a sidewalk is ground, a bonnet is not.
 const SEED_STEP_M: f32 = 0.3;
-/// From a cell to the next but one at most, m: a kerb, or a slope of 20 %.
+/// Largest step between a cell and the next but one, m: a kerb, or a slope of 20 %.
 const STEP_M: f32 = 0.2;
-/// Points in this height over the field belong to the ground, m.
+/// Points up to this height over the field belong to the ground, m.
 const THICKNESS_M: f32 = 0.25;
 
 /// Heights of the ground around the vehicle.
 pub(crate) struct GroundField {
-    /// Below which a point belongs to the ground, by cell; NaN where there is none near.
+    /// Height by cell below which points belong to the ground; NaN without ground nearby.
     ceilings: Vec<f32>,
 }
 
 impl GroundField {
-    /// From points around the vehicle, z up, m; the origin is the lidar. Points that are NaN do not count.
-    pub fn grown(points: &[[f32; 3]]) -> Self {
+    /// From points around the vehicle, z up, m, relative to the LiDAR. NaN points are ignored.
+    pub fn grow(points: &[[f32; 3]]) -> Self {
         let mut lowest = vec![f32::NAN; SIDE * SIDE];
         for &[x, y, z] in points {
             if let Some(cell) = cell(x, y) {
@@ -47,7 +47,7 @@ impl GroundField {
                 }
             }
         }
-        // Where the field has no height those around it count, the highest of them.
+        // Cells without a height take the highest of the adjacent ones.
         let mut ceilings = vec![f32::NAN; SIDE * SIDE];
         for cell in ground {
             let ceiling = heights[cell] + THICKNESS_M;
@@ -58,14 +58,14 @@ impl GroundField {
         }
         Self { ceilings }
     }
-    /// Whether a point is ground, or so close to it that it cannot be told.
+    /// Whether a point is on the ground or within its thickness.
     #[inline]
-    pub fn holds(&self, [x, y, z]: [f32; 3]) -> bool {
+    pub fn contains(&self, [x, y, z]: [f32; 3]) -> bool {
         cell(x, y).is_some_and(|cell| z < self.ceilings[cell])
     }
 }
 
-/// Cells around the vehicle that are about as low as the lowest of them.
+/// Cells around the vehicle that are about as low as the lowest one.
 fn seeds(lowest: &[f32]) -> Vec<usize> {
     const NEAR: usize = (SEED_M / CELL_M) as usize;
     let along = |index: usize| (index as f32 - REACH as f32 + 0.5) * CELL_M;
@@ -84,7 +84,7 @@ fn seeds(lowest: &[f32]) -> Vec<usize> {
 #[inline]
 fn cell(x: f32, y: f32) -> Option<usize> {
     let index = |v: f32| {
-        // Positive within the field, so that cutting off is rounding down.
+        // Positive within the field, so truncating rounds down.
         let index = v * (1.0 / CELL_M) + REACH as f32;
         (0.0..SIDE as f32).contains(&index).then_some(index as usize)
     };
@@ -103,7 +103,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn road_kerb_and_sidewalk_are_ground_and_a_car_is_not() {
+    fn road_and_sidewalk_are_ground_and_a_car_is_not() {
         let mut points = Vec::new();
         for i in -300..300_i32 {
             for k in -100..100_i32 {
@@ -115,12 +115,12 @@ mod tests {
                 points.push([x, y, slope + height - 2.0]);
             }
         }
-        let ground = GroundField::grown(&points);
-        let found = |x: f32, y: f32, above: f32| ground.holds([x, y, 0.05 * x + above - 2.0]);
+        let ground = GroundField::grow(&points);
+        let found = |x: f32, y: f32, above: f32| ground.contains([x, y, 0.05 * x + above - 2.0]);
         assert!(found(-20.0, 0.3, 0.0) && found(25.0, 0.0, 0.05), "the road, up and down the slope");
         assert!(found(20.0, 6.0, 0.15), "the sidewalk");
         assert!(!found(10.0, 0.0, 1.4), "a roof");
         assert!(!found(20.0, 6.0, 0.6), "a bollard");
-        assert!(!found(60.0, 0.0, 0.0), "out of reach nothing is known");
+        assert!(!found(60.0, 0.0, 0.0), "outside of the field");
     }
 }

@@ -1,14 +1,14 @@
-//! At which angle rays meet surfaces.
+//! Angles between rays and surfaces.
 
 use crate::neighborhood::{LANES, Planes};
 use crate::{RangeImage, TimedPoint};
 use nalgebra::Vector3;
 
-/// Columns to each side whose points span the surface: one step is often shorter than the range noise.
+/// Distance in columns of the neighbors that span the surface: neighbors one column apart are often closer than the range noise.
 const BESIDE: isize = 2;
 
-/// See [`crate::Sweep::incidences`]. The surface is spanned by the cell's neighbors in its row and in its column; what shares
-/// a cell with another point of the surface has that one's.
+/// See [`crate::Sweep::incidences`]. The neighbors of a cell in its row and in its column span the surface. Several points of one
+/// surface in a cell share a value.
 pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> {
     let planes = Planes::new(image, 1);
     let mut by_cell = Vec::with_capacity(image.rows() * image.cols());
@@ -23,7 +23,7 @@ pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> 
         },
     );
     let of_point = |(point_idx, point): (usize, &TimedPoint)| {
-        let Some((row, col)) = image.place(point_idx) else { return f32::NAN };
+        let Some((row, col)) = image.cell(point_idx) else { return f32::NAN };
         let center = Vector3::from(point.position);
         let is_same = (image.position(row, col) - center).norm_squared() < gate(center.norm_squared().sqrt());
         if is_same { by_cell[row * image.cols() + col] } else { f32::NAN }
@@ -31,28 +31,27 @@ pub(crate) fn incidences(image: &RangeImage, points: &[TimedPoint]) -> Vec<f32> 
     points.iter().enumerate().map(of_point).collect()
 }
 
-/// Square of the distance of neighbors, m^2. A surface seen at 70 degrees or flatter spreads them more than this: then it is
-/// not known.
+/// Largest squared distance of neighbors, m^2. On surfaces seen at more than 70 degrees neighbors are farther apart; their angle
+/// is not known.
 #[inline(always)]
 fn gate(range: f32) -> f32 {
     let limit = 0.1 + 0.06 * range;
     limit * limit
 }
 
-/// Of the cells from number `first` on.
+/// Cosines of the cells from number `first` on.
 #[inline(always)]
 fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
     let center = planes.block(row, first, 0);
     let (left, right) = (planes.block(row, first, BESIDE), planes.block(row, first, -BESIDE));
-    // At the image's rim the cell itself stands for the neighbor that is missing.
+    // At the image's rim the cell itself replaces the missing neighbor.
     let (above, below) = (planes.above(row).unwrap_or(row), planes.below(row).unwrap_or(row));
     let (above, below) = (planes.block(above, first, 0), planes.block(below, first, 0));
     let mut cosines = [0.0; LANES];
     for lane in 0..LANES {
         let (x, y, z) = (center[0][lane], center[1][lane], center[2][lane]);
         let range = (x * x + y * y + z * z).sqrt();
-        // Without a branch. NaN, of an empty cell, is not near. Where one of two neighbors is missing the other counts alone,
-        // seen from the center.
+        // Branch-free. NaN of an empty cell is not near. If one of two neighbors is missing, the other and the center are used.
         let near = |block: &[&[f32; LANES]; 3]| {
             let (dx, dy, dz) = (block[0][lane] - x, block[1][lane] - y, block[2][lane] - z);
             let is_near = dx * dx + dy * dy + dz * dz < gate(range);
@@ -63,7 +62,7 @@ fn cosines(planes: &Planes, row: usize, first: usize) -> [f32; LANES] {
         let (ux, uy, uz, vx, vy, vz) = (lx - rx, ly - ry, lz - rz, ax - bx, ay - by, az - bz);
         let (nx, ny, nz) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
         let norm = (nx * nx + ny * ny + nz * nz).sqrt();
-        // Without neighbors zero by zero: no number.
+        // Without neighbors 0 / 0: NaN.
         let cosine = (nx * x + ny * y + nz * z).abs() / (norm * range);
         cosines[lane] = if cosine > 1.0 { 1.0 } else { cosine };
     }

@@ -1,24 +1,27 @@
-//! Where the lidar was: deskew, surface features, a sliding local map, and scan-to-map odometry.
+//! LiDAR odometry: deskewing, planar features, a sliding local map, and scan-to-map registration.
 //!
-//! The life of a sweep (after IMLS-SLAM, J.-E. Deschaud, ICRA 2018; thesis section 2.5.1):
+//! Steps for each sweep (after IMLS-SLAM, J.-E. Deschaud, ICRA 2018; thesis section 2.5.1):
 //! 1. [`Sweep::new`] sorts the returns into a [`RangeImage`], ring by azimuth.
-//! 2. Normals and planarity come from image neighbors; planar points, thinned in space, become features.
-//! 3. The previous motion is repeated as a prediction; features are matched to the surface of the [`LocalMap`],
-//!    with the motion *during* the sweep refined along with the pose.
-//! 4. Directions that the scene does not determine are held to the prediction and reported.
-//! 5. Small objects that stand where an earlier sweep saw through are moving: their points are reported.
-//! 6. The other features enter the map; points of old sweeps leave it.
+//! 2. Normals and planarity follow from image neighbors. Planar points, thinned in space, become features.
+//! 3. Inertial samples and GNSS velocities predict the motion, or the previous motion continues. Features are matched to the
+//!    surface of the [`LocalMap`]; the motion *during* the sweep is estimated along with the pose.
+//! 4. Along degenerate directions the prediction is kept. Their number is reported.
+//! 5. Small objects in space that was free in an earlier sweep are moving. Their points are reported.
+//! 6. The other features are inserted into the map. Points of old sweeps are dropped.
 //!
-//! Frames: `lidar` moves; `odom` is fixed, smooth and drifts. Metres and radians. Everything is a pure function of its
-//! inputs, whatever the number of threads: work is cut into fixed chunks and reduced in their order.
+//! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Results do not depend on the
+//! number of threads: work is split into fixed chunks whose results are reduced in order.
 
-#![allow(clippy::needless_bitwise_bool, reason = "loops without branches fill wide registers")]
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+#![allow(clippy::needless_bitwise_bool, reason = "branch-free loops vectorize")]
 
 mod cell;
+mod degenerate_stretches;
 mod eigen;
 mod features;
 mod ground;
 mod incidence;
+mod kernel;
 mod local_map;
 mod maps;
 mod matching;
@@ -28,23 +31,28 @@ mod navigation;
 mod neighborhood;
 mod normal_equations;
 mod odometry;
+mod past_ranges;
+mod point;
 mod range_image;
 mod sampling;
-mod seen;
 mod sensors;
 mod small_objects;
 mod start;
 mod sweep;
+mod sweep_features;
 mod voxel;
 
+pub use degenerate_stretches::DegenerateStretches;
 pub use features::{Feature, FeatureSettings, planar_features};
-pub use local_map::{Kernel, LocalMap, MapPoint, MapSettings, Surface, Weights};
+pub use kernel::{Kernel, Weights};
+pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion, Velocity};
-pub use navigation::Lean;
+pub use navigation::PredictionSources;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
+pub use point::TimedPoint;
 pub use range_image::RangeImage;
 pub use sampling::Sampling;
-pub use sensors::{GroundVelocity, InertialSample, SensorPlaces};
-pub use sweep::{Sweep, TimedPoint, Turn, set_times_from_azimuth};
+pub use sensors::{GroundVelocity, InertialSample, SensorMounting};
+pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;

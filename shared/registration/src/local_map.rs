@@ -1,5 +1,6 @@
-//! The sliding map that sweeps are matched against.
+//! The sliding local map to which sweeps are matched.
 
+use crate::Kernel;
 use crate::cell::{Cell, Oriented, SAME_SURFACE, SurfaceSums};
 use crate::voxel::{SpreadKeys, VoxelIndex};
 use nalgebra::Vector3;
@@ -14,27 +15,27 @@ pub struct MapPoint {
     pub position: [f64; 3],
     /// Unit normal, odom frame.
     pub normal: [f32; 3],
-    /// Number of the insertion that brought it.
+    /// Number of the insertion.
     pub batch: u32,
 }
 
 /// Extent of the map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSettings {
-    /// One point per cube of this side, m, or the next with which whole cubes fill a metre.
+    /// One point per cube of this side, m; rounded so that whole cubes fill a metre.
     pub spacing_m: f64,
-    /// Insertions after which a point leaves.
+    /// Insertions after which a point is dropped.
     pub batches: u32,
-    /// How far a point moves along its normal towards a new point of its cube, as a share of their distance; 0 leaves it
-    /// where the first measurement was.
+    /// How far a point moves along its normal towards a new point of its cube, as a share of their distance; 0 keeps the first
+    /// measurement.
     pub refinement: f64,
-    /// Points at most; the oldest leave first.
+    /// Points at most; the oldest are dropped first.
     pub max_points: usize,
 }
 
 impl Default for MapSettings {
-    /// 0.2 m is ten times the range noise, so neighbors' normals are worth having. 60 sweeps are 6 s, and 60 m at 10
-    /// m/s, as far as surfaces are hit densely. A refinement of 0.1 averages over some ten sweeps. 80 000 points are 3.2 MB of state; a street fills about half.
+    /// 0.2 m is ten times the range noise, so normals by neighbors are accurate. 60 sweeps are 6 s, and 60 m at 10 m/s: the range
+    /// of dense returns. A refinement of 0.1 averages about ten sweeps. 80 000 points are 3.2 MB of state; a street fills about half.
     fn default() -> Self {
         Self { spacing_m: 0.2, batches: 60, refinement: 0.1, max_points: 80_000 }
     }
@@ -43,14 +44,15 @@ impl Default for MapSettings {
 /// Side of a cell, m. A search of half of it touches 2 x 2 x 2 cells; one cell of a plane holds 25 points at the default
 /// spacing.
 const CELL_M: f64 = 1.0;
-/// A new point farther off a map point's plane is on something else, m: five times range noise.
+/// A new point farther from a map point's plane is on another surface, m: five times the range noise.
 const REFINEMENT_GATE_M: f32 = 0.1;
 /// Largest radius of [`LocalMap::surface`], m.
 pub(crate) const MAX_RADIUS_M: f64 = CELL_M / 2.0;
-/// Positions are whole multiples of this, m: 1 um. So f32 holds them in their cell, and f64 in the odom frame, exactly.
+/// Positions are multiples of this, m: 1 um. So f32 holds them exactly in their cell, and f64 in the odom frame.
 const UNIT_M: f64 = 1.0 / (1 << 20) as f64;
 
-/// Points with normals, thinned, found by place. The list of the points is the state: a map made from it goes on alike.
+/// Thinned points with normals, searchable by position. The list of the points is the whole state: a map made from it continues
+/// with the same bits.
 #[derive(Clone, Debug, Default)]
 pub struct LocalMap {
     cells: HashMap<u64, Cell, SpreadKeys>,
@@ -59,7 +61,7 @@ pub struct LocalMap {
 }
 
 impl LocalMap {
-    /// From a saved list, see [`LocalMap::points`], or from any other.
+    /// From a list of points, for example a saved one, see [`LocalMap::points`].
     pub fn from_points(points: &[MapPoint]) -> Self {
         let mut map = Self::default();
         for point in points {
@@ -68,7 +70,7 @@ impl LocalMap {
         }
         map
     }
-    /// In the order of insertion.
+    /// All points in the order of insertion.
     pub fn points(&self) -> Vec<MapPoint> {
         let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
         let point = |&(key, batch): &(u64, u32)| {
@@ -81,7 +83,7 @@ impl LocalMap {
         };
         self.order.iter().map(point).collect()
     }
-    /// Points.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.order.len()
     }
@@ -89,16 +91,16 @@ impl LocalMap {
     pub fn is_empty(&self) -> bool {
         self.order.is_empty()
     }
-    /// Adds the points whose cube is still free; others move the point in their cube towards them, along its normal, by the
-    /// share that the settings say. Drops what is older than they allow, and keeps within bounds. New points are expected
-    /// to be thinned among themselves: they do not refine each other.
+    /// Adds the points whose cubes are empty. Each of the others moves the point in its cube along the normal by
+    /// [`MapSettings::refinement`]. Drops points that are too old or too many. New points must be thinned among themselves: they do
+    /// not refine each other.
     pub fn insert(&mut self, batch: u32, new_points: &[MapPoint], settings: &MapSettings) {
         let n_before = self.order.len();
-        let free = wide_loops::run(
+        let added = wide_loops::run(
             #[inline(always)]
             || self.refine(new_points, settings),
         );
-        for (key, new) in free {
+        for (key, new) in added {
             self.push(key, new, batch);
         }
         let oldest = batch.saturating_sub(settings.batches.saturating_sub(1));
@@ -108,27 +110,27 @@ impl LocalMap {
             self.drop_oldest();
         }
     }
-    /// Refines by the points whose cubes are taken, and gives back the others, placed.
+    /// Refines by the points whose cubes are occupied, and returns the others with their cells.
     #[inline(always)]
     fn refine(&mut self, new_points: &[MapPoint], settings: &MapSettings) -> Vec<(u64, Oriented)> {
         let per_side = (CELL_M / settings.spacing_m).round().max(1.0) as f32;
         let cube_of = |position: [f32; 3]| position.map(|v| (v * per_side).floor());
-        let mut free = Vec::new();
+        let mut added = Vec::new();
         for new in new_points {
             let (key, new) = placed(new);
             let cube = cube_of(new.0);
             let taken = self.cells.get_mut(&key).and_then(|cell| Some((cell.in_cube(cube, per_side)?, cell)));
             let Some((at, cell)) = taken else {
-                free.push((key, new));
+                added.push((key, new));
                 continue;
             };
             let refined = refined(cell.get(at), &new, settings.refinement as f32);
-            // A point stays in its cube, or thinning would find it free.
+            // A point must stay in its cube, or thinning would find the cube empty.
             if cube_of(refined.0) == cube {
                 cell.set(at, refined);
             }
         }
-        free
+        added
     }
     fn push(&mut self, key: u64, point: Oriented, batch: u32) {
         self.cells.entry(key).or_default().push(point);
@@ -143,16 +145,16 @@ impl LocalMap {
             }
         }
     }
-    /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within
-    /// the kernel's radius (at most 0.5 m, half a cell) whose normals are within about 37 degrees of `normal`: the other
-    /// side of a wall, or the road under a bumper, does not belong to it. `None` where there is no such point.
+    /// The surface around a position: the implicit moving-least-squares function (Kolluri 2008) of the points within the kernel's
+    /// radius (at most 0.5 m, half a cell) whose normals are within about 37 degrees of `normal`. The limit excludes the other side
+    /// of a wall and the road under a bumper. `None` without such a point.
     #[inline(always)]
     pub fn surface(&self, position: [f64; 3], normal: &Vector3<f32>, kernel: &Kernel) -> Option<Surface> {
         let base = VoxelIndex::containing(position.map(|v| v - CELL_M / 2.0), 1.0 / CELL_M).0;
         let kernel = Kernel { radius_m: kernel.radius_m.min(MAX_RADIUS_M), ..*kernel };
-        // From the lower corner of the lowest cell, and how far above the face to the upper cells that is.
-        let place: [f32; 3] = std::array::from_fn(|axis| (position[axis] - f64::from(base[axis]) * CELL_M) as f32);
-        let above = place.map(|v| f64::from(v) - CELL_M);
+        // Offset from the corner of the lowest cell, and from the face to the upper cells.
+        let offset: [f32; 3] = std::array::from_fn(|axis| (position[axis] - f64::from(base[axis]) * CELL_M) as f32);
+        let above = offset.map(|v| f64::from(v) - CELL_M);
         let mut sums = SurfaceSums::zero();
         for corner in 0..8 {
             let is_upper = [corner & 1, corner >> 1 & 1, corner >> 2];
@@ -162,8 +164,8 @@ impl LocalMap {
             }
             let key = VoxelIndex(std::array::from_fn(|axis| base[axis].wrapping_add(is_upper[axis]))).key();
             if let Some(cell) = self.cells.get(&key) {
-                let place = std::array::from_fn(|axis| place[axis] - is_upper[axis] as f32 * CELL_M as f32);
-                cell.add_surface(place, (*normal).into(), &kernel, &mut sums);
+                let offset = std::array::from_fn(|axis| offset[axis] - is_upper[axis] as f32 * CELL_M as f32);
+                cell.add_surface(offset, (*normal).into(), &kernel, &mut sums);
             }
         }
         let [weight, distance, x, y, z] = sums.totals();
@@ -171,7 +173,7 @@ impl LocalMap {
     }
 }
 
-/// The key of a point's cell, and the point from the cell's corner.
+/// The key of a point's cell, and the point relative to the cell's corner.
 #[inline(always)]
 fn placed(point: &MapPoint) -> (u64, Oriented) {
     let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
@@ -180,8 +182,8 @@ fn placed(point: &MapPoint) -> (u64, Oriented) {
     (cell.key(), (in_cell, point.normal))
 }
 
-/// A point, moved along its normal by `share` of the way to the plane through another of the same surface. Sideways it
-/// stays: thinning goes on as it was.
+/// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It does not
+/// move sideways, so thinning is not affected.
 #[inline(always)]
 fn refined((position, normal): Oriented, new: &Oriented, share: f32) -> Oriented {
     let axis = Vector3::from(normal);
@@ -194,31 +196,10 @@ fn refined((position, normal): Oriented, new: &Oriented, share: f32) -> Oriented
     (moved.into(), normal)
 }
 
-/// How a point counts by its distance d, see [`LocalMap::surface`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Weights {
-    /// (1 - d^2/r^2)^2 within the radius r: as smooth as a Gaussian, ends at the radius, costs no exponential.
-    Compact,
-    /// exp(-d^2/h^2) within the radius (Kolluri 2008; IMLS-SLAM's form).
-    Gaussian {
-        /// h, m.
-        h_m: f64,
-    },
-}
-
-/// Which points make a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kernel {
-    /// Points farther away do not count, m; at most 0.5.
-    pub radius_m: f64,
-    /// How nearer ones count.
-    pub weights: Weights,
-}
-
-/// See [`LocalMap::surface`].
+/// Result of [`LocalMap::surface`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Of the position from the surface, positive on the side that its normal points to, m.
+    /// Signed distance of the position, positive on the side of the normal, m.
     pub distance_m: f64,
     /// Unit normal, odom frame.
     pub normal: Vector3<f64>,
@@ -227,6 +208,7 @@ pub struct Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Weights;
 
     const KERNEL: Kernel = Kernel { radius_m: 0.5, weights: Weights::Compact };
 
@@ -234,7 +216,7 @@ mod tests {
         MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], batch: 0 }
     }
 
-    /// Positions spread over some metres on both sides of the origin, by an irrational step.
+    /// Quasi-random positions some metres around the origin.
     fn scattered(n: usize) -> Vec<MapPoint> {
         (0..n)
             .map(|i| {
@@ -245,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surface_is_that_of_a_sum_over_every_point() {
+    fn surface_equals_the_sum_over_all_points() {
         let map = LocalMap::from_points(&scattered(5000));
         let up = Vector3::z();
         let mut found = 0;
@@ -271,12 +253,12 @@ mod tests {
     }
 
     #[test]
-    fn a_map_is_thin_ages_and_stays_bounded() {
+    fn map_is_thinned_ages_and_stays_bounded() {
         let settings = MapSettings { spacing_m: 0.2, batches: 3, refinement: 0.0, max_points: 1000 };
         let mut map = LocalMap::default();
         map.insert(0, &[point(0.05, 0.05, 0.05), point(0.3, 0.0, 0.0)], &settings);
         map.insert(1, &[point(0.1, 0.1, 0.1), point(-0.05, 0.0, 0.0)], &settings);
-        assert_eq!(map.len(), 3, "the first cube was taken");
+        assert_eq!(map.len(), 3, "the first cube was occupied");
         map.insert(2, &[], &settings);
         assert_eq!(map.len(), 3);
         map.insert(3, &[], &settings);

@@ -1,9 +1,9 @@
-//! The surfaces that features are matched with: smooth ones with smooth ones, rough ones with rough ones.
+//! The maps to which features are matched: one of smooth and one of rough surfaces.
 
 use crate::{Feature, LocalMap, MapPoint, MapSettings, SweepMotion};
 use serde::{Deserialize, Serialize};
 
-/// Two maps: leaves beside a facade must not bend it.
+/// Two maps, so that leaves beside a facade do not distort it.
 #[derive(Debug, Default)]
 pub(crate) struct Maps {
     pub smooth: LocalMap,
@@ -27,7 +27,7 @@ impl Maps {
         self.smooth.insert(batch, &map_points(features, false, motion, batch), settings);
         self.rough.insert(batch, &map_points(features, true, motion, batch), settings);
     }
-    /// Maps of one sweep.
+    /// Maps with one sweep.
     pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
         let [smooth, rough] =
             [false, true].map(|is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, 0)));
@@ -41,7 +41,7 @@ impl Maps {
     }
 }
 
-/// Features of a kind in the odom frame.
+/// Smooth or rough features in the odom frame.
 fn map_points(features: &[Feature], is_rough: bool, motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let in_odom = |feature: &Feature| {

@@ -1,10 +1,9 @@
-//! Scan-to-map matching: point to plane, robust, over the pose and the motion during the sweep.
+//! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it.
 
-use crate::local_map::{Kernel, Weights};
 use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::NormalEquations;
-use crate::{Feature, Sampling, SweepMotion};
+use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
 use rayon::prelude::*;
@@ -14,47 +13,48 @@ use rayon::prelude::*;
 pub struct MatchSettings {
     /// Which features are matched.
     pub sampling: Sampling,
-    /// How map points around a feature count.
+    /// Weights of the map points around a feature.
     pub weights: Weights,
-    /// Whether the motion during the sweep is found along with its pose, tied to the way from the sweep before. If not, the
-    /// sweep is rigid, deskewed as predicted, and deskewed again with the way from the sweep before to the pose found
-    /// (Deschaud 2018).
-    pub bends: bool,
-    /// Rounds with the coarse radius and scale, at most: one whose step is below the fine scale is the last of them.
+    /// Whether the motion during the sweep is estimated along with its pose, with the motion from the previous sweep as a prior. If
+    /// not, the sweep is deskewed by the prediction, matched as a rigid body, and deskewed again by the motion from the previous
+    /// sweep to the pose found (Deschaud 2018).
+    pub continuous_time: bool,
+    /// Rounds with the coarse radius and scale at most. A step below the fine scale ends them.
     pub coarse_rounds: u32,
-    /// Rounds in all, at most.
+    /// Rounds at most.
     pub max_rounds: u32,
     /// Search radius and robust scale (Cauchy; infinite = least squares) of the coarse rounds, m.
     pub coarse: (f64, f64),
     /// The same of the fine rounds, m.
     pub fine: (f64, f64),
-    /// Changes of velocity to be expected, m/s^2 and rad/s^2: how firmly the motion during a sweep is tied to the
-    /// motion from the sweep before.
+    /// Expected changes of velocity, m/s^2 and rad/s^2. They set the weight of the prior on the motion during a sweep: the motion
+    /// from the previous sweep.
     pub acceleration: (f64, f64),
-    /// Error of a residual for the purpose of that tie, m. Larger than the range noise: neighbors err alike.
+    /// Error of a residual for the weight of that prior, m. Errors of neighbors are correlated, so it is larger than the range
+    /// noise.
     pub residual_m: f64,
-    /// Error of a residual for the purpose of the covariance, m.
+    /// Error of a residual for the covariance, m.
     pub drift_residual_m: f64,
     /// A step below this (m, rad) ends the fine rounds.
     pub small_step: (f64, f64),
-    /// A direction is weak if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
+    /// A direction is degenerate if its mean squared influence on the residuals is below this (0 to 1; rotations at 10 m).
     pub min_influence: f64,
-    /// Rough features are matched, too, where the weakest influence of the smooth ones is below this.
+    /// Rough features are matched, too, if the least influence of any direction on the smooth ones is below this.
     pub rough_below: f64,
 }
 
 impl Default for MatchSettings {
-    /// 2000 features average 3 cm of noise below 1 mm. The coarse radius is what the map's cells allow; the fine one
-    /// spans 1.5 times the map's spacing, so that a surface is the mean of several points. Drift on the synthetic
-    /// street of `tests/support/world.rs`: 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m; 0.58 % with the nearest point
-    /// alone. Cauchy's 0.1 m is three times noise and roughness. 4 m/s^2 is firm braking. 0.7 rad/s^2 is a car pitching
-    /// by 0.5 degrees at 1.4 Hz; a looser tie lets noise bend the sweep (same street: 0.29 % with 1.5, 0.22 % with
-    /// 0.7). 0.004 is what normals that are off by 3.6 degrees pretend along a tunnel.
+    /// 2000 features average 3 cm of noise below 1 mm. The coarse radius is the largest that the map's cells allow. The fine one is
+    /// 1.5 times the map's spacing, so that a surface is the mean of several points: the drift on the synthetic street of
+    /// `tests/suite/support/world.rs` is 0.29, 0.31, 0.33 % with 0.3, 0.4, 0.5 m, and 0.58 % with the nearest point alone.
+    /// 4 m/s^2 is firm braking. 0.7 rad/s^2 is a car pitching by 0.5 degrees at 1.4 Hz; with a weaker prior noise distorts the
+    /// sweep (same street: 0.29 % with 1.5, 0.22 % with 0.7). Normals with errors of 3.6 degrees cause an influence of 0.004
+    /// along a tunnel; rough features are added below 0.005.
     fn default() -> Self {
         Self {
             sampling: Sampling::Even { spacing_m: 0.5, max_features: 2000 },
             weights: Weights::Compact,
-            bends: true,
+            continuous_time: true,
             coarse_rounds: 3,
             max_rounds: 15,
             coarse: (0.5, 0.3),
@@ -74,25 +74,25 @@ impl Default for MatchSettings {
 pub struct Matched {
     /// `odom_from_lidar` over the sweep.
     pub motion: SweepMotion,
-    /// Features tried.
+    /// Features.
     pub n_features: usize,
-    /// Features with a map point in reach.
+    /// Features with a map point within the search radius.
     pub n_matches: usize,
     /// Weighted root mean square of the distances from the map's planes, m.
     pub rms_m: f64,
     /// Mean over the features of min(1, (distance / scale)^2), 1 for those without a match: 0 good, 1 bad.
     pub cost: f64,
-    /// Smallest mean squared influence of any direction, see [`MatchSettings::min_influence`].
-    pub weakest_influence: f64,
-    /// Directions (0 to 6) that were held to the prediction.
-    pub n_weak_directions: u32,
-    /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the lidar. Features are
-    /// taken as independent.
+    /// Least mean squared influence of any direction, see [`MatchSettings::min_influence`].
+    pub least_influence: f64,
+    /// Number of degenerate directions (0 to 6), in which the prediction is kept.
+    pub n_degenerate_directions: u32,
+    /// Inverse covariance of the pose: translation (m), then rotation (rad), in odom axes about the LiDAR, with independent errors
+    /// of the features.
     pub information: Matrix6<f64>,
-    /// The same by [`MatchSettings::drift_residual_m`], with nothing along weak directions: what the
-    /// covariance of a [`crate::Registered`] is made of.
+    /// The same with [`MatchSettings::drift_residual_m`] and zero along degenerate directions. The covariance of a
+    /// [`crate::Registered`] follows from it.
     pub step_information: Matrix6<f64>,
-    /// Whether the last step was below 5 cm and 5 mrad. Steps that go on beyond lead somewhere else, or to and fro.
+    /// Whether the last step was below 5 cm and 5 mrad. Larger last steps diverge or oscillate.
     pub converged: bool,
 }
 
@@ -101,27 +101,25 @@ pub struct Matched {
 pub(crate) struct Prediction {
     /// The motion over the sweep.
     pub motion: SweepMotion,
-    /// The pose before and the seconds since, to which the motion during the sweep is tied.
+    /// The previous pose and the seconds since: the prior of the motion during the sweep.
     pub previous: (Pose, f64),
     /// Seconds from first to last shot.
     pub duration_s: f64,
-    /// Inverse covariance of the pose, if more than constant motion foretells it; otherwise zero. Order and axes as
-    /// [`Matched::information`].
+    /// Inverse covariance of the pose if sensors predicted it; zero for constant motion. Order and axes as [`Matched::information`].
     pub information: Matrix6<f64>,
 }
 
-/// Rotations weigh as the displacement that they cause at this distance, m: the middle of a street scene.
+/// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
 const LEVER_M: f64 = 10.0;
-/// Fewer matches than this are no measurement of six unknowns.
+/// Fewer matches do not determine six unknowns.
 const MIN_MATCHES: usize = 60;
-/// A match has converged if its last step is below this, m and rad: one that still moves by more is worse than what was foretold,
-/// which errs by as much.
-const SETTLED: (f64, f64) = (0.05, 5e-3);
-/// Features of one piece of parallel work; fixed, so that sums do not depend on the number of threads.
+/// A match has converged if its last step is below this, m and rad: the error of a prediction.
+const CONVERGED: (f64, f64) = (0.05, 5e-3);
+/// Features of one parallel task; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 
-/// Moves the sweep onto the map, from the prediction. `None` if too few features find the map, or nothing determines
-/// the pose.
+/// Matches the sweep to the map, beginning at the prediction. `None` if too few features have a match, or if the equations are
+/// singular.
 pub(crate) fn match_features(
     features: &[Feature],
     maps: &Maps,
@@ -138,8 +136,8 @@ pub(crate) fn match_features(
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
-        let weak = WeakDirections::of(&equations, settings.min_influence);
-        let (pose_step, motion_step) = solve(&equations, &weak, &motion, prediction, settings)?;
+        let degenerate = DegenerateDirections::of(&equations, settings.min_influence);
+        let (pose_step, motion_step) = solve(&equations, &degenerate, &motion, prediction, settings)?;
         motion = stepped(&motion, &pose_step, &motion_step);
         let (small_m, small_rad) = settings.small_step;
         let step_is_below =
@@ -150,7 +148,7 @@ pub(crate) fn match_features(
         }
         let is_done = !coarse && small;
         if is_done || round + 1 == settings.max_rounds {
-            if !settings.bends {
+            if !settings.continuous_time {
                 let (previous, seconds) = &prediction.previous;
                 motion =
                     Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
@@ -162,12 +160,12 @@ pub(crate) fn match_features(
                 n_matches: equations.n_matches,
                 rms_m: mean_square.sqrt(),
                 cost: equations.cost / features.len() as f64,
-                weakest_influence: weak.weakest,
-                n_weak_directions: weak.n,
+                least_influence: degenerate.least_influence,
+                n_degenerate_directions: degenerate.n,
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose() / mean_square.max(1e-6),
-                step_information: weak.others / settings.drift_residual_m.powi(2),
-                converged: step_is_below(SETTLED.0, SETTLED.1),
+                step_information: degenerate.determined / settings.drift_residual_m.powi(2),
+                converged: step_is_below(CONVERGED.0, CONVERGED.1),
             });
         }
     }
@@ -222,68 +220,68 @@ fn linearize_chunk(
     sum
 }
 
-/// Directions of the pose that the scene hardly determines.
-struct WeakDirections {
-    /// Stiffness that holds them where they are.
-    stiffness: Matrix6<f64>,
-    /// What the other directions contribute to the normal equations.
-    others: Matrix6<f64>,
-    weakest: f64,
+/// Directions of the pose that the geometry of the scene hardly determines.
+struct DegenerateDirections {
+    /// Information that keeps them at the prediction.
+    prior: Matrix6<f64>,
+    /// Contribution of the other directions to the normal equations.
+    determined: Matrix6<f64>,
+    least_influence: f64,
     n: u32,
 }
 
-impl WeakDirections {
+impl DegenerateDirections {
     fn of(equations: &NormalEquations, min_influence: f64) -> Self {
         let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
         let scale = Matrix6::from_diagonal(&inverse_lever);
         let eigen = (scale * equations.pose() * scale / equations.weight).symmetric_eigen();
-        let mut weak = Self { stiffness: Matrix6::zeros(), others: Matrix6::zeros(), weakest: f64::MAX, n: 0 };
+        let mut found = Self { prior: Matrix6::zeros(), determined: Matrix6::zeros(), least_influence: f64::MAX, n: 0 };
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            weak.weakest = weak.weakest.min(value.max(0.0));
+            found.least_influence = found.least_influence.min(value.max(0.0));
             let direction = vector.component_div(&inverse_lever);
             let square = direction * direction.transpose() * equations.weight;
             if *value < min_influence {
-                weak.n += 1;
-                // A hundred times what a strong direction has.
-                weak.stiffness += square * 100.0;
+                found.n += 1;
+                // A hundred times the information of a well determined direction.
+                found.prior += square * 100.0;
             } else {
-                weak.others += square * *value;
+                found.determined += square * *value;
             }
         }
-        weak
+        found
     }
 }
 
 /// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes.
 fn solve(
     equations: &NormalEquations,
-    weak: &WeakDirections,
+    degenerate: &DegenerateDirections,
     motion: &SweepMotion,
     prediction: &Prediction,
     settings: &MatchSettings,
 ) -> Option<(Vector6<f64>, Vector6<f64>)> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
-    let pose_prior = weak.stiffness + prediction.information * settings.residual_m.powi(2);
-    if !settings.bends {
+    let pose_prior = degenerate.prior + prediction.information * settings.residual_m.powi(2);
+    if !settings.continuous_time {
         let pose_step = equations.solve_pose((&pose_prior, &to_predicted))?;
         return Some((pose_step, Vector6::zeros()));
     }
     let (previous, seconds) = &prediction.previous;
-    let tied = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
-    let rotation_gap = motion.mid.rotation * (tied.rotation - motion.rotation);
-    let translation_gap = tied.translation - motion.translation;
-    let mut to_tied = Vector6::zeros();
-    to_tied.fixed_rows_mut::<3>(0).copy_from(&translation_gap);
-    to_tied.fixed_rows_mut::<3>(3).copy_from(&rotation_gap);
-    // The tie lies half the time between the poses before the middle of the sweep; see `Velocity::between`.
+    let expected = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
+    let rotation_gap = motion.mid.rotation * (expected.rotation - motion.rotation);
+    let translation_gap = expected.translation - motion.translation;
+    let mut to_expected = Vector6::zeros();
+    to_expected.fixed_rows_mut::<3>(0).copy_from(&translation_gap);
+    to_expected.fixed_rows_mut::<3>(3).copy_from(&rotation_gap);
+    // The expected velocity belongs to the middle between both poses; see `Velocity::between`.
     let drift_s2 = prediction.duration_s.max(1e-3) * seconds / 2.0;
-    let firm = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
-    let (a, w) = (firm(settings.acceleration.0), firm(settings.acceleration.1));
-    let tie = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + weak.stiffness;
-    equations.solve((&pose_prior, &to_predicted), (&tie, &to_tied))
+    let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
+    let (a, w) = (information(settings.acceleration.0), information(settings.acceleration.1));
+    let motion_prior = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + degenerate.prior;
+    equations.solve((&pose_prior, &to_predicted), (&motion_prior, &to_expected))
 }
 
-/// Translation and rotation vector (odom axes) that lead from one pose to the other.
+/// Translation and rotation vector (odom axes) from one pose to the other.
 fn step_between(from: &Pose, to: &Pose) -> Vector6<f64> {
     let mut step = Vector6::zeros();
     step.fixed_rows_mut::<3>(0).copy_from(&(to.translation.vector - from.translation.vector));
@@ -292,9 +290,9 @@ fn step_between(from: &Pose, to: &Pose) -> Vector6<f64> {
 }
 
 fn stepped(motion: &SweepMotion, pose_step: &Vector6<f64>, motion_step: &Vector6<f64>) -> SweepMotion {
-    let turn = UnitQuaternion::from_scaled_axis(pose_step.fixed_rows::<3>(3).into_owned());
-    let mut rotation = turn * motion.mid.rotation;
-    // Products of unit quaternions drift off the sphere, over a drive by more than a message's check allows.
+    let step = UnitQuaternion::from_scaled_axis(pose_step.fixed_rows::<3>(3).into_owned());
+    let mut rotation = step * motion.mid.rotation;
+    // Rounding makes products of unit quaternions drift from unit length; messages check the length.
     rotation.renormalize();
     SweepMotion {
         mid: Isometry3::from_parts(

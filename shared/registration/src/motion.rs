@@ -1,21 +1,21 @@
-//! Motion during a sweep, and points moved into one frame by it.
+//! Motion during a sweep, and deskewing by it.
 
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3, interpolate};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-/// Pose of the lidar during one sweep: at its middle, and what it gains from first to last shot.
+/// Pose of the LiDAR during one sweep: in its middle, and the change from first to last shot.
 ///
 /// The pose at share s (-0.5 first shot, 0.5 last shot) has the position `mid + s * translation` and the rotation
-/// `mid * exp(s * rotation)`; that is the same as linear interpolation and slerp between both ends. The middle is the
-/// reference because a wrong guess of the motion bends the sweep symmetrically around it and so hardly moves the match.
+/// `mid * exp(s * rotation)`: linear interpolation and slerp between both ends. The reference is the middle because an error of
+/// the motion distorts the sweep symmetrically around it and so hardly shifts the match.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepMotion {
     /// `odom_from_lidar` half way between first and last shot.
     pub mid: Pose,
-    /// Way from first to last shot, m, odom frame.
+    /// Displacement from first to last shot, m, odom frame.
     pub translation: Vector3<f64>,
-    /// Rotation vector from first to last shot, rad, lidar frame.
+    /// Rotation vector from first to last shot, rad, LiDAR frame.
     pub rotation: Vector3<f64>,
 }
 
@@ -31,14 +31,14 @@ impl SweepMotion {
             self.mid.rotation * UnitQuaternion::from_scaled_axis(self.rotation * share),
         )
     }
-    /// Rotates out of the lidar's axes as they were at `share` of the sweep, by `exp` to second order: a turn of half 0.1 rad
-    /// leaves 2e-5 rad. `mid` is the rotation of [`SweepMotion::mid`].
+    /// Rotates a vector from the LiDAR's axes at `share` of the sweep to odom, by `exp` to second order: the error at 0.05 rad is
+    /// 2e-5 rad. `mid` is the rotation of [`SweepMotion::mid`].
     #[inline(always)]
     pub(crate) fn rotated(&self, mid: &Matrix3<f64>, v: &[f32; 3], share: f64) -> Vector3<f64> {
         let v = Vector3::from(*v).cast::<f64>();
-        let turn = self.rotation * share;
-        let first = turn.cross(&v);
-        mid * (v + first + turn.cross(&first) * 0.5)
+        let rotation = self.rotation * share;
+        let first = rotation.cross(&v);
+        mid * (v + first + rotation.cross(&first) * 0.5)
     }
     /// `odom_from_lidar` at the first shot.
     pub fn begin(&self) -> Pose {
@@ -50,7 +50,7 @@ impl SweepMotion {
     }
 }
 
-/// Speed and turn rate in the lidar's own axes: what "the motion goes on" means on a curve.
+/// Linear and angular velocity in the LiDAR's own axes, so that constant velocity follows a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Velocity {
     /// m/s.
@@ -76,9 +76,9 @@ impl Velocity {
     }
     /// The pose after `seconds` at this velocity.
     pub(crate) fn advance(&self, from: &Pose, seconds: f64) -> Pose {
-        let half_turn = UnitQuaternion::from_scaled_axis(self.angular * (seconds / 2.0));
-        let half_way = from.rotation * half_turn;
-        let mut rotation = half_way * half_turn;
+        let half_rotation = UnitQuaternion::from_scaled_axis(self.angular * (seconds / 2.0));
+        let half_way = from.rotation * half_rotation;
+        let mut rotation = half_way * half_rotation;
         rotation.renormalize();
         Isometry3::from_parts(Translation3::from(from.translation.vector + half_way * self.linear * seconds), rotation)
     }
@@ -88,7 +88,7 @@ impl Velocity {
     }
 }
 
-/// Poses of a sweep tabulated over time, so that a point costs one look-up and one matrix product.
+/// Poses of a sweep tabulated over time, so that deskewing a point costs one look-up and one matrix product.
 ///
 /// 2048 bins over a revolution of 100 ms are 49 µs each, one firing of the HDL-32E: the error is half a bin, below
 /// 25 µrad and 0.5 mm at a yaw rate of 1 rad/s and 20 m/s.
@@ -99,7 +99,7 @@ pub struct DeskewTable {
 }
 
 const BINS: usize = 2048;
-/// Exact poses of a table, but for the first; between them matrices are mixed. A turn of 0.1 rad is then wrong by 3e-7 rad.
+/// Exact poses of a table after the first. Matrices between them are interpolated linearly; at 0.1 rad the error is 3e-7 rad.
 const NODES: usize = 64;
 
 impl DeskewTable {
@@ -124,7 +124,7 @@ impl DeskewTable {
             .collect();
         Self { bins, bins_per_nano: n_bins as f64 / f64::from(duration_nanos.max(1)) }
     }
-    /// The point, shot `offset_nanos` after the first, in the target frame. Offsets past the end count as the end.
+    /// The point, shot `offset_nanos` after the first one, in the target frame. Offsets past the end count as the end.
     #[inline]
     pub fn deskew(&self, position: [f32; 3], offset_nanos: u32) -> [f32; 3] {
         let bin = ((f64::from(offset_nanos) * self.bins_per_nano) as usize).min(self.bins.len() - 1);
@@ -143,7 +143,7 @@ mod tests {
     use geometry::Point3;
 
     #[test]
-    fn both_ends_interpolate_to_the_poses_between() {
+    fn pose_during_sweep_equals_interpolation_between_both_ends() {
         let motion = SweepMotion {
             mid: Isometry3::new(Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.1, 0.2, 1.0)),
             translation: Vector3::new(1.0, 0.3, 0.0),
@@ -158,19 +158,19 @@ mod tests {
     }
 
     #[test]
-    fn velocity_leads_from_one_pose_to_the_next() {
+    fn velocity_between_two_poses_advances_from_one_to_the_other() {
         let from = Isometry3::new(Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.1, 0.2, 1.0));
         let to = Isometry3::new(Vector3::new(4.0, -1.5, 1.1), Vector3::new(0.12, 0.18, 1.1));
         let velocity = Velocity::between(&from, &to, 0.1);
-        let arrived = velocity.advance(&from, 0.1);
-        assert!((arrived.translation.vector - to.translation.vector).norm() < 1e-12);
-        assert!(arrived.rotation.angle_to(&to.rotation) < 1e-12);
+        let advanced = velocity.advance(&from, 0.1);
+        assert!((advanced.translation.vector - to.translation.vector).norm() < 1e-12);
+        assert!(advanced.rotation.angle_to(&to.rotation) < 1e-12);
         let again = Velocity::during(&velocity.motion_at(to, 0.1), 0.1);
         assert!((again.linear - velocity.linear).norm() + (again.angular - velocity.angular).norm() < 1e-12);
     }
 
     #[test]
-    fn points_shot_on_the_way_meet_where_they_were_hit() {
+    fn deskewed_points_of_one_target_coincide() {
         let begin = Isometry3::new(Vector3::new(5.0, 1.0, 0.0), Vector3::z() * 0.2);
         let end = Isometry3::new(Vector3::new(6.5, 1.2, 0.0), Vector3::new(0.01, 0.0, 0.28));
         let table = DeskewTable::new(&begin, &end, 100_000_000);

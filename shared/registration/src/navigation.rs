@@ -1,121 +1,123 @@
-//! How the vehicle moves between sweeps by what else is known, and how far off the pose may be: an error-state Kalman filter.
+//! Predicts the motion between sweeps from inertial samples and GNSS velocities, and tracks the covariance of the pose: an
+//! error-state Kalman filter.
 //!
-//! It is robocentric (Huai and Huang, IROS 2018; with a lidar: Qin et al., LINS, ICRA 2020): everything is told in the body's
-//! axes at the sweep before, the step from there is foretold by inertial samples, corrected by the receiver's velocities and by
-//! the match, and becomes the next beginning. Without samples the motion goes on as it was, less and less known.
+//! The filter is robocentric (Huai and Huang, IROS 2018; with a LiDAR: Qin et al., LINS, ICRA 2020): its state is in the axes of
+//! the body at the previous sweep. Inertial samples predict the step from there, GNSS velocities and the match correct it, and its
+//! end becomes the next begin. Without samples the velocity stays constant and its covariance grows.
 //!
-//! The pose's own error since the first sweep is carried along, with what it shares with the filter's errors: a match measures
-//! the step but takes nothing off what has added up (a Schmidt filter's part).
+//! The error of the pose since the first sweep is a Schmidt state: the filter tracks its covariance and its correlation with the
+//! other errors, but a match corrects only the step, not the accumulated error.
 
-mod receiver;
-mod step;
-mod step_of_lidar;
+mod lidar_step;
+mod propagation;
+mod velocity;
 
-use crate::SensorPlaces;
+use crate::SensorMounting;
 use crate::sensors::SensorLog;
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
+use lidar_step::LidarStep;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};
 use serde::{Deserialize, Serialize};
-use step_of_lidar::StepOfLidar;
 
-/// Errors, three numbers each: place and turn since the sweep before, velocity (all in the axes of the body then), attitude (level
-/// axes), biases of gyroscopes and accelerometers.
+/// Error states, three numbers each: position and rotation since the previous sweep and velocity (axes of the body then), attitude
+/// (level axes), biases of gyroscopes and accelerometers.
 const N: usize = 18;
-const PLACE: usize = 0;
-const TURN: usize = 3;
+const POSITION: usize = 0;
+const ROTATION: usize = 3;
 const VELOCITY: usize = 6;
 const ATTITUDE: usize = 9;
 const RATE_BIAS: usize = 12;
 const FORCE_BIAS: usize = 15;
 
-/// What is left of biases when an industrial inertial unit is switched on, m/s^2 and rad/s.
+/// Biases of an industrial inertial unit after it is switched on, m/s^2 and rad/s.
 const FORCE_BIAS_SIGMA: f64 = 0.05;
 const RATE_BIAS_SIGMA: f64 = 0.005;
-/// What the velocity may be at the first sweep, forwards and otherwise, m/s: a vehicle in traffic.
+/// Standard deviation of the velocity at the first sweep, forward and otherwise, m/s: a vehicle in traffic.
 const FIRST_SPEED: [f64; 3] = [15.0, 1.0, 1.0];
 const FIRST_RATE: f64 = 0.5;
-/// A first velocity that a receiver told, m/s.
-const TOLD_SPEED: f64 = 0.5;
-/// The first force points up within this, rad: braking by 1 m/s^2.
+/// The same with a velocity from a receiver, m/s.
+const MEASURED_SPEED: f64 = 0.5;
+/// Angle between the first specific force and the vertical, rad: braking by 1 m/s^2.
 const FIRST_TILT: f64 = 0.1;
-/// Poses jump about the map's by this, m and rad, which is no motion.
+/// Jitter of matched poses, m and rad; it is not motion.
 const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
-/// A vehicle may stand if it is not known to be faster (m/s) or to speed up (m/s^2), and is known to stand within this, m/s.
+/// Standstill is possible below this speed (m/s) and this acceleration (m/s^2); a detected standstill has this standard
+/// deviation of the velocity, m/s.
 const SLOW_MPS: f64 = 0.3;
 const STANDING_MPS2: f64 = 0.15;
 const STANDING_MPS: f64 = 0.02;
-/// A road climbs or falls by less than this share of its way.
+/// Largest grade of a road.
 const GRADE: f64 = 0.1;
-/// A velocity leads for so long, s.
-const LEADING_SECONDS: f64 = 2.0;
-/// A velocity that came late has changed by this, m/s^2.
+/// A GNSS velocity supports predictions for so long, s.
+const VELOCITY_VALID_S: f64 = 2.0;
+/// Change of the velocity while a late measurement was on its way, m/s^2.
 const LATE_MPS2: f64 = 3.0;
 
-/// What foretold a step besides the motion before it.
+/// Sensors that predicted a step. Without any, the previous motion continues.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Lean {
+pub struct PredictionSources {
     /// Inertial samples.
     pub inertial: bool,
-    /// Velocities of a receiver within the last two seconds.
+    /// Velocities of a GNSS receiver within the last two seconds.
     pub receiver: bool,
 }
 
-impl Lean {
+impl PredictionSources {
     pub(crate) fn is_any(self) -> bool {
         self.inertial || self.receiver
     }
 }
 
-/// See the module. Part of the odometry's state.
+/// State of the filter; part of the odometry's saved state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Navigation {
-    /// Of this step: the inertial unit's way and the body's turn, axes of the body at its begin.
-    way: Vector3<f64>,
-    turn: UnitQuaternion<f64>,
-    /// Of the inertial unit, the same axes.
+    /// Displacement of the inertial unit and rotation of the body in this step, axes of the body at its begin.
+    displacement: Vector3<f64>,
+    rotation: UnitQuaternion<f64>,
+    /// Of the inertial unit, same axes.
     velocity: Vector3<f64>,
     /// Axes: z up, and x east if `north_is_known`.
     level_from_begin: UnitQuaternion<f64>,
     north_is_known: bool,
     rate_bias: Vector3<f64>,
     force_bias: Vector3<f64>,
-    /// How the body turned at the step's begin, rad/s.
+    /// Angular rate of the body at the begin of the step, rad/s.
     last_rate: Vector3<f64>,
     last_velocity: Option<Stamp>,
-    n_refused: u32,
+    n_rejected: u32,
     covariance: SMatrix<f64, N, N>,
-    /// Of the pose since the first sweep: translation, rotation, odom axes about the lidar.
+    /// Covariance of the pose since the first sweep: translation, rotation, odom axes about the LiDAR.
     pose: Matrix6<f64>,
-    /// Between the pose's errors and the filter's.
-    shared: SMatrix<f64, 6, N>,
+    /// Covariance between the errors of the pose and those of the filter.
+    cross_covariance: SMatrix<f64, 6, N>,
 }
 
-/// Where the lidar will be.
-pub(crate) struct Foretold {
+/// Predicted pose of the LiDAR.
+pub(crate) struct PredictedPose {
     pub mid: Pose,
-    /// Inverse covariance of the pose in the map; zero if the motion before is all there is.
+    /// Inverse covariance of the pose in the map; zero if no sensor supports the prediction.
     pub information: Matrix6<f64>,
-    pub lean: Lean,
+    pub sources: PredictionSources,
 }
 
-/// What a match says of a step, as inverse covariances.
-pub(crate) struct StepMeasure {
-    /// Of the pose in the map. Nothing along directions that the scene leaves open.
+/// The measurement of a step by a match, as inverse covariances.
+pub(crate) struct StepMeasurement {
+    /// Of the pose in the map; zero along degenerate directions.
     pub information: Matrix6<f64>,
-    /// The same, by what errors add up to over a drive.
+    /// The same with the residual error that accumulates over a drive.
     pub drift_information: Matrix6<f64>,
 }
 
 impl Navigation {
-    /// At the middle of the first sweep. `velocity` is that of the body, its axes.
-    pub fn begin(velocity: &Vector3<f64>, is_told: bool, log: &SensorLog, [begin, end]: [Stamp; 2]) -> Self {
-        let felt = log.mean(begin, end).filter(|_| log.covers(begin, end));
-        let up = felt.map_or_else(Vector3::z, |(force, _)| force);
+    /// At the middle of the first sweep. `velocity` is that of the body in its axes; `is_measured`: by a receiver.
+    pub fn begin(velocity: &Vector3<f64>, is_measured: bool, log: &SensorLog, [begin, end]: [Stamp; 2]) -> Self {
+        let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
+        let up = inertial.map_or_else(Vector3::z, |(force, _)| force);
         let mut covariance = SMatrix::<f64, N, N>::zeros();
-        let rate_bias = if felt.is_some() { RATE_BIAS_SIGMA } else { FIRST_RATE };
+        let rate_bias = if inertial.is_some() { RATE_BIAS_SIGMA } else { FIRST_RATE };
         for axis in 0..3 {
-            let speed = if is_told { TOLD_SPEED } else { FIRST_SPEED[axis] };
-            // Which way x points is nobody's error until north is known.
+            let speed = if is_measured { MEASURED_SPEED } else { FIRST_SPEED[axis] };
+            // The heading has no error until north is known.
             let tilt = if axis < 2 { FIRST_TILT } else { 0.0 };
             let of: [(usize, f64); 4] =
                 [(VELOCITY, speed), (ATTITUDE, tilt), (RATE_BIAS, rate_bias), (FORCE_BIAS, FORCE_BIAS_SIGMA)];
@@ -124,8 +126,8 @@ impl Navigation {
             }
         }
         Self {
-            way: Vector3::zeros(),
-            turn: UnitQuaternion::identity(),
+            displacement: Vector3::zeros(),
+            rotation: UnitQuaternion::identity(),
             velocity: *velocity,
             level_from_begin: UnitQuaternion::rotation_between(&up, &Vector3::z()).unwrap_or_default(),
             north_is_known: false,
@@ -133,103 +135,104 @@ impl Navigation {
             force_bias: Vector3::zeros(),
             last_rate: Vector3::zeros(),
             last_velocity: None,
-            n_refused: 0,
+            n_rejected: 0,
             covariance,
             pose: Matrix6::zeros(),
-            shared: SMatrix::zeros(),
+            cross_covariance: SMatrix::zeros(),
         }
     }
 
-    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the lidar. The ground under the wheels is
-    /// measured, and not how high it lies where the way has led: as far as that is not known, the height is not known by the grade
-    /// that a road may have. (On a field a vehicle that seemed to stand knew its height within 30 cm and was 3 m off.)
-    pub fn pose(&self) -> Matrix6<f64> {
+    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures the height over
+    /// the ground, not the height of the ground. So an error of the horizontal position adds to the height by the grade of a road.
+    /// (On a field the height of a vehicle that seemed to stand had a deviation of 30 cm and an error of 3 m.)
+    pub fn pose_covariance(&self) -> Matrix6<f64> {
         let mut pose = self.pose;
         pose[(2, 2)] += GRADE * GRADE * (pose[(0, 0)] + pose[(1, 1)]);
         pose
     }
 
-    /// Goes on from the lidar's pose `from` at `begin` to `end`. `acceleration` (m/s^2, rad/s^2) is what changes the motion where
-    /// nothing tells how, `last_rate` how the lidar turned at `begin` (its axes, rad/s).
-    pub fn foretell(
+    /// Predicts the LiDAR's pose at `end` from its pose `from` at `begin`. `acceleration` (m/s^2, rad/s^2) is the process noise
+    /// without inertial samples, `last_rate` the angular rate of the LiDAR at `begin` (its axes, rad/s).
+    pub fn predict(
         &mut self,
         log: &mut SensorLog,
-        places: &SensorPlaces,
+        mounting: &SensorMounting,
         from: &Pose,
         [begin, end]: [Stamp; 2],
         acceleration: (f64, f64),
         last_rate: &Vector3<f64>,
-    ) -> Foretold {
-        self.last_rate = places.body_from_lidar.rotation * last_rate;
-        let is_felt = log.covers(begin, end);
+    ) -> PredictedPose {
+        self.last_rate = mounting.body_from_lidar.rotation * last_rate;
+        let has_samples = log.covers(begin, end);
         let mut at = begin;
-        while let Some(mut told) = log.pop_velocity(end) {
-            let until = told.stamp.max(at);
-            self.go(log, is_felt, [at, until], acceleration);
-            told.sigma += LATE_MPS2 * until.seconds_since(told.stamp);
-            self.hear(&told, log, places);
+        while let Some(mut measured) = log.pop_velocity(end) {
+            let until = measured.stamp.max(at);
+            self.propagate(log, has_samples, [at, until], acceleration);
+            measured.sigma += LATE_MPS2 * until.seconds_since(measured.stamp);
+            self.update_velocity(&measured, log, mounting);
             at = until;
         }
-        self.go(log, is_felt, [at, end], acceleration);
+        self.propagate(log, has_samples, [at, end], acceleration);
         log.forget_before(begin);
-        let receiver = self.last_velocity.is_some_and(|last| end.seconds_since(last) < LEADING_SECONDS);
-        let lean = Lean { inertial: is_felt, receiver };
-        let lidar = StepOfLidar::new(places, from, &self.turn);
-        let information = if lean.inertial {
+        let receiver = self.last_velocity.is_some_and(|last| end.seconds_since(last) < VELOCITY_VALID_S);
+        let sources = PredictionSources { inertial: has_samples, receiver };
+        let lidar = LidarStep::new(mounting, from, &self.rotation);
+        let information = if sources.inertial {
             let (m, rad) = POSE_NOISE;
             inverse(&(lidar.covariance(&self.covariance) + diagonal(m * m, rad * rad)))
         } else {
             Matrix6::zeros()
         };
-        Foretold { mid: lidar.pose(&self.way, &self.turn), information, lean }
+        PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
     }
 
-    /// The step has led from the lidar's pose `from` to `to`. `foretold` is what the match leaned on and `measure` what it adds,
-    /// `None` without a match.
-    pub fn arrive(
+    /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is what the match began with and
+    /// `measurement` what it measured, `None` without a match.
+    pub fn update_step(
         &mut self,
-        places: &SensorPlaces,
+        mounting: &SensorMounting,
         [from, to]: [&Pose; 2],
-        foretold: &Foretold,
-        measure: Option<&StepMeasure>,
+        prediction: &PredictedPose,
+        measurement: Option<&StepMeasurement>,
     ) {
-        let lidar = StepOfLidar::new(places, from, &self.turn);
+        let lidar = LidarStep::new(mounting, from, &self.rotation);
         let h = lidar.jacobian;
         let step = lidar.covariance(&self.covariance);
-        let [information, drift] = measure.map_or_else(
+        let [information, drift] = measurement.map_or_else(
             || [Matrix6::zeros(); 2],
-            // The step lies between two poses that both jump.
-            |measure| [measure.information * 0.5, measure.drift_information],
+            // Both poses of the step jitter.
+            |measurement| [measurement.information * 0.5, measurement.drift_information],
         );
-        // What the match leaves of the step's error, and the filter's errors after it.
-        let left = (Matrix6::identity() + step * drift).try_inverse().unwrap_or_else(Matrix6::identity);
+        // The remaining error of the step, and the errors of the filter after the update.
+        let remaining = (Matrix6::identity() + step * drift).try_inverse().unwrap_or_else(Matrix6::identity);
         let damping = (Matrix6::identity() + information * step).try_inverse().unwrap_or_else(Matrix6::zeros);
         let gain = self.covariance * h.transpose() * damping;
         let gain_information = gain * information;
         let after = self.covariance - gain_information * h * self.covariance;
-        let shared_step = self.shared * h.transpose();
-        let way = to.translation.vector - from.translation.vector;
-        let lever = lever(&way);
-        let mixed = lever * shared_step * left.transpose();
-        self.pose = symmetric(&(lever * self.pose * lever.transpose() + mixed + mixed.transpose() + left * step));
-        self.shared = lever * (self.shared - shared_step * gain_information.transpose()) + left * h * after;
+        let cross_step = self.cross_covariance * h.transpose();
+        let displacement = to.translation.vector - from.translation.vector;
+        let lever = lever(&displacement);
+        let mixed = lever * cross_step * remaining.transpose();
+        self.pose = symmetric(&(lever * self.pose * lever.transpose() + mixed + mixed.transpose() + remaining * step));
+        self.cross_covariance =
+            lever * (self.cross_covariance - cross_step * gain_information.transpose()) + remaining * h * after;
         self.covariance = after;
-        let predicted = lidar.pose(&self.way, &self.turn);
-        let mut off = Vector6::zeros();
-        off.fixed_rows_mut::<3>(0).copy_from(&(to.translation.vector - predicted.translation.vector));
-        off.fixed_rows_mut::<3>(3).copy_from(&(to.rotation * predicted.rotation.inverse()).scaled_axis());
-        // The pose lies between what was foretold and what the match alone wants: without the former it would be so much farther.
-        let little = diagonal(1.0, 1e2);
-        let beyond =
-            (information + little).try_inverse().unwrap_or_else(Matrix6::zeros) * foretold.information * off * 0.5;
-        self.correct(&(gain * (information * (off + beyond))), foretold.lean.inertial);
-        self.turn_to_end();
+        let predicted = lidar.pose(&self.displacement, &self.rotation);
+        let mut residual = Vector6::zeros();
+        residual.fixed_rows_mut::<3>(0).copy_from(&(to.translation.vector - predicted.translation.vector));
+        residual.fixed_rows_mut::<3>(3).copy_from(&(to.rotation * predicted.rotation.inverse()).scaled_axis());
+        // The matched pose lies between the prediction and what the match alone finds: add what the prediction held back.
+        let regularization = diagonal(1.0, 1e2);
+        let inverse = (information + regularization).try_inverse().unwrap_or_else(Matrix6::zeros);
+        let held_back = inverse * prediction.information * residual * 0.5;
+        self.correct(&(gain * (information * (residual + held_back))), prediction.sources.inertial);
+        self.begin_next_step();
     }
 
-    /// The vehicle does not move, say the inertial samples, and nobody contradicts.
-    pub fn stand(&mut self, log: &SensorLog, at: Stamp) {
-        let stands = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
-        if self.velocity.norm() < SLOW_MPS && log.still(at).is_some_and(stands) {
+    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands.
+    pub fn update_standstill(&mut self, log: &SensorLog, at: Stamp) {
+        let is_gravity_alone = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
+        if self.velocity.norm() < SLOW_MPS && log.standstill(at).is_some_and(is_gravity_alone) {
             let mut h = SMatrix::<f64, 3, N>::zeros();
             h.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&Matrix3::identity());
             let residual = -self.velocity;
@@ -239,20 +242,20 @@ impl Navigation {
 
     /// A measurement with the same variance along each of its axes.
     fn update<const M: usize>(&mut self, h: &SMatrix<f64, M, N>, residual: &SVector<f64, M>, variance: f64) {
-        let across = self.covariance * h.transpose();
-        let spread = h * across + SMatrix::identity() * variance;
-        let Some(inverse) = spread.try_inverse() else { return };
-        let gain = across * inverse;
-        self.covariance = symmetric(&(self.covariance - gain * across.transpose()));
-        self.shared -= self.shared * h.transpose() * gain.transpose();
+        let cross = self.covariance * h.transpose();
+        let innovation = h * cross + SMatrix::identity() * variance;
+        let Some(inverse) = innovation.try_inverse() else { return };
+        let gain = cross * inverse;
+        self.covariance = symmetric(&(self.covariance - gain * cross.transpose()));
+        self.cross_covariance -= self.cross_covariance * h.transpose() * gain.transpose();
         self.correct(&(gain * residual), true);
     }
 
-    /// Takes errors out of what is known.
+    /// Corrects the state by the estimated errors.
     fn correct(&mut self, error: &SVector<f64, N>, has_biases: bool) {
         let part = |part: usize| error.fixed_rows::<3>(part).into_owned();
-        self.way += part(PLACE);
-        self.turn = UnitQuaternion::from_scaled_axis(part(TURN)) * self.turn;
+        self.displacement += part(POSITION);
+        self.rotation = UnitQuaternion::from_scaled_axis(part(ROTATION)) * self.rotation;
         self.velocity += part(VELOCITY);
         self.level_from_begin = UnitQuaternion::from_scaled_axis(part(ATTITUDE)) * self.level_from_begin;
         if has_biases {
@@ -262,10 +265,10 @@ impl Navigation {
     }
 }
 
-/// An error of rotation moves what is `way` farther.
-fn lever(way: &Vector3<f64>) -> Matrix6<f64> {
+/// How an error of rotation moves a pose that is `displacement` away.
+fn lever(displacement: &Vector3<f64>) -> Matrix6<f64> {
     let mut lever = Matrix6::identity();
-    lever.fixed_view_mut::<3, 3>(0, 3).copy_from(&-way.cross_matrix());
+    lever.fixed_view_mut::<3, 3>(0, 3).copy_from(&-displacement.cross_matrix());
     lever
 }
 
@@ -277,7 +280,7 @@ fn symmetric<const M: usize>(m: &SMatrix<f64, M, M>) -> SMatrix<f64, M, M> {
     (m + m.transpose()) * 0.5
 }
 
-/// The inverse of a positive definite matrix; nothing is known where rounding has made it singular.
+/// The inverse of a positive definite matrix; zero (no information) where rounding has made it singular.
 fn inverse(m: &Matrix6<f64>) -> Matrix6<f64> {
     symmetric(m).cholesky().map_or_else(Matrix6::zeros, |cholesky| cholesky.inverse())
 }
@@ -289,9 +292,9 @@ mod tests {
 
     const ACCELERATION: (f64, f64) = (2.0, 0.5);
 
-    /// Ten steps a second of 1 m along x, each known as `drift_information` says.
-    fn after(n_steps: u32, drift_information: &Matrix6<f64>) -> Matrix6<f64> {
-        let (places, mut log) = (SensorPlaces::default(), SensorLog::default());
+    /// The covariance after ten steps a second of 1 m along x, each measured with `drift_information`.
+    fn covariance_after(n_steps: u32, drift_information: &Matrix6<f64>) -> Matrix6<f64> {
+        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
         let stamp = |step: u32| Stamp(i64::from(step) * 100_000_000);
         let mut navigation = Navigation::begin(&(Vector3::x() * 10.0), true, &log, [stamp(0), stamp(1)]);
         for axis in [VELOCITY, VELOCITY + 1, VELOCITY + 2] {
@@ -300,29 +303,30 @@ mod tests {
         for step in 0..n_steps {
             let [from, to] = [step, step + 1].map(|at| Isometry3::translation(f64::from(at), 0.0, 0.0));
             let stamps = [stamp(step), stamp(step + 1)];
-            let foretold = navigation.foretell(&mut log, &places, &from, stamps, ACCELERATION, &Vector3::zeros());
-            let measure = StepMeasure { information: *drift_information, drift_information: *drift_information };
-            navigation.arrive(&places, [&from, &to], &foretold, Some(&measure));
+            let predicted = navigation.predict(&mut log, &mounting, &from, stamps, ACCELERATION, &Vector3::zeros());
+            let measurement =
+                StepMeasurement { information: *drift_information, drift_information: *drift_information };
+            navigation.update_step(&mounting, [&from, &to], &predicted, Some(&measurement));
         }
-        navigation.pose()
+        navigation.pose_covariance()
     }
 
     #[test]
-    fn errors_of_measured_steps_add_up_as_a_walk() {
+    fn errors_of_measured_steps_add_up_as_a_random_walk() {
         let known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-4_f64.powi(2));
-        let covariance = after(100, &known);
+        let covariance = covariance_after(100, &known);
         let [x, y] = [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()];
         assert!((x / 0.05 - 1.0).abs() < 0.05, "100 steps of 5 mm: {x}");
-        // Each turn of 0.1 mrad moves what is left of 100 m: a sum of squares from 0 to 99 m.
-        let turned = 1e-4 * (0..100).map(|way| f64::from(way * way)).sum::<f64>().sqrt();
-        assert!((y / x.hypot(turned) - 1.0).abs() < 0.05, "{y} for {turned}");
+        // Each rotation of 0.1 mrad moves the end over the remaining path: a sum of squares from 0 to 99 m.
+        let by_rotation = 1e-4 * (0..100).map(|m| f64::from(m * m)).sum::<f64>().sqrt();
+        assert!((y / x.hypot(by_rotation) - 1.0).abs() < 0.05, "{y} for {by_rotation}");
     }
 
     #[test]
-    fn an_open_direction_grows_with_the_speed_that_it_may_have_and_others_do_not() {
+    fn covariance_of_a_degenerate_direction_grows_with_the_unknown_speed() {
         let mut known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-5_f64.powi(2));
         known[(0, 0)] = 0.0;
-        let covariance = after(100, &known);
+        let covariance = covariance_after(100, &known);
         let mut expected = 0.1_f64.powi(2) * 100.0;
         for number in 0..100 {
             // A change of speed of 0.2 m/s lasts to the end.
@@ -331,6 +335,6 @@ mod tests {
         assert!((covariance[(0, 0)] / expected - 1.0).abs() < 0.01, "{} {expected}", covariance[(0, 0)]);
         assert!(covariance[(1, 1)].sqrt() < 0.06, "{}", covariance[(1, 1)]);
         let height = (covariance[(2, 2)] / covariance[(0, 0)]).sqrt();
-        assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the way that is not known, not {height}");
+        assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the horizontal error, not {height}");
     }
 }

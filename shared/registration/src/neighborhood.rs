@@ -1,25 +1,26 @@
-//! The shape of the surface around the cells of a range image, many cells at a time.
+//! The shape of the surface around the cells of a range image, many cells at a time. The memory layout is made for SIMD
+//! registers, so it is not an `ndarray`.
 
 use crate::RangeImage;
 use crate::eigen::smallest_eigenvector;
 
-/// Cells that are worked on at once: one register of 64 bytes, or two of 32.
+/// Cells per block: one register of 64 bytes, or two of 32.
 pub(crate) const LANES: usize = 16;
-/// Column offsets of a neighborhood: 2 to 8 columns, 1.4 degrees as in height, so that it is about square.
+/// Column offsets of a neighborhood: 2 to 8 columns are 1.4 degrees, as in height, so that it is about square.
 const COLUMN_OFFSETS: [isize; 9] = [0, 2, 4, 6, 8, -2, -4, -6, -8];
 const FARTHEST: usize = 8;
-/// Fewer neighbors give no normal that can be trusted.
+/// With fewer neighbors a normal is not reliable.
 const MIN_NEIGHBORS: f32 = 7.0;
 
-/// Coordinates of an image's cells, each by itself, so that the cells `step` columns apart lie beside each other: `step` such
-/// lists for each row. Columns wrap around at both ends.
+/// Coordinates of an image's cells as one plane per axis. Cells `step` columns apart are contiguous: `step` lists for each row.
+/// Columns wrap around at both ends.
 pub(crate) struct Planes {
     step: usize,
-    /// Cells in a row at each `step` columns.
+    /// Cells of a list.
     n: usize,
-    /// Places before the first of them.
+    /// Padding before the first of them.
     before: usize,
-    /// Places of a list.
+    /// Length of a list with padding.
     len: usize,
     rows: usize,
     /// Rows up or down that a neighborhood reaches.
@@ -44,7 +45,7 @@ impl Planes {
         for row in 0..image.rows() {
             for phase in 0..step {
                 let start = (row * step + phase) * len;
-                // Past the last column only what a neighborhood reaches.
+                // Past the last column only what a neighborhood needs.
                 let places =
                     (0..len).take_while(|place| place * step + phase < before * step + image.cols() + FARTHEST);
                 for place in places {
@@ -58,24 +59,23 @@ impl Planes {
         }
         planes
     }
-    /// Columns from cell to cell.
+    /// Columns between the cells of a list.
     pub fn step(&self) -> usize {
         self.step
     }
-    /// Cells in a row.
+    /// Cells of a list.
     pub fn n(&self) -> usize {
         self.n
     }
-    /// The row that a neighborhood reaches upwards.
+    /// The uppermost row of a neighborhood.
     pub fn above(&self, row: usize) -> Option<usize> {
         Some(row + self.reach).filter(|row| *row < self.rows)
     }
-    /// The row that a neighborhood reaches downwards.
+    /// The lowest row of a neighborhood.
     pub fn below(&self, row: usize) -> Option<usize> {
         row.checked_sub(self.reach)
     }
-    /// Coordinates of the cells that lie `offset` columns from the `LANES` ones from number `first` on, m; NaN where there is
-    /// nothing.
+    /// Coordinates of `LANES` cells, `offset` columns from those from number `first` on, m; NaN in empty cells.
     #[inline(always)]
     pub fn block(&self, row: usize, first: usize, offset: isize) -> [&[f32; LANES]; 3] {
         let step = self.step as isize;
@@ -85,17 +85,17 @@ impl Planes {
     }
 }
 
-/// What the points around cells tell, by lane; planarity -1 where they are too few.
+/// Shape of the surface around cells, by lane; planarity -1 with too few points.
 pub(crate) struct Shapes {
-    /// Of the cell's own point, m; NaN in empty cells.
+    /// Range of the cell's own point, m; NaN in empty cells.
     pub range: [f32; LANES],
-    /// Direction of the least deviation, x y z.
+    /// Direction of the smallest deviation, x y z.
     pub normal: [[f32; LANES]; 3],
     /// See [`crate::Feature::planarity`].
     pub planarity: [f32; LANES],
-    /// Least deviation, m.
+    /// Smallest deviation, m.
     pub roughness: [f32; LANES],
-    /// The same as a share of the second.
+    /// Smallest deviation over the second one.
     pub thickness: [f32; LANES],
 }
 
@@ -107,7 +107,7 @@ struct Moments {
 }
 
 impl Shapes {
-    /// Of the cells from number `first` on.
+    /// Shapes of the cells from number `first` on.
     #[inline(always)]
     pub fn around(planes: &Planes, row: usize, first: usize) -> Self {
         let [x, y, z] = planes.block(row, first, 0);
@@ -146,11 +146,11 @@ impl Shapes {
 impl Moments {
     #[inline(always)]
     fn around(planes: &Planes, row: usize, first: usize, range: &[f32; LANES]) -> Self {
-        // Neighbors on the same surface are nearer than this even where it is seen at a flat angle.
+        // Neighbors on the same surface are nearer than this, even at a flat angle.
         let gate = range.map(|range| (0.2 + 0.1 * range).powi(2));
         let center = planes.block(row, first, 0);
         let mut sums = Self { n: [0.0; LANES], first: [[0.0; LANES]; 3], second: [[0.0; LANES]; 6] };
-        // With close rings the rim and one row half way are enough; all of them cost more than they tell.
+        // With dense rings the outer rows and one half way suffice; all rows cost more than they add.
         let half = planes.reach.div_ceil(2);
         let distances = [0, half, planes.reach].into_iter().take(if half == planes.reach { 2 } else { 3 });
         let rows = distances.flat_map(|distance| {
@@ -169,7 +169,7 @@ impl Moments {
         let Self { n, first: [sum_x, sum_y, sum_z], second: [xx, xy, xz, yy, yz, zz] } = self;
         for lane in 0..LANES {
             let [x, y, z] = std::array::from_fn(|axis| block[axis][lane] - center[axis][lane]);
-            // NaN, of an empty cell, is not near.
+            // NaN of an empty cell is not near.
             let is_near = x * x + y * y + z * z < gate[lane];
             let [x, y, z, one] = [x, y, z, 1.0].map(|value| if is_near { value } else { 0.0 });
             n[lane] += one;

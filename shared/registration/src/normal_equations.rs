@@ -1,8 +1,8 @@
-//! Least squares over the pose of a sweep and the motion during it.
+//! Normal equations for the pose of a sweep and the motion during it.
 
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
-/// Places of the upper triangle of a symmetric 6 x 6 matrix, column by column.
+/// Rows and columns of the upper triangle of a symmetric 6 x 6 matrix, column by column.
 const TRIANGLE: [(usize, usize); 21] = {
     let mut places = [(0, 0); 21];
     let (mut at, mut col) = (0, 0);
@@ -17,11 +17,11 @@ const TRIANGLE: [(usize, usize); 21] = {
     places
 };
 
-/// Sums over residuals r with Jacobian J for the pose (translation, then rotation, both in odom axes about the lidar's
+/// Sums over residuals r with Jacobian J for the pose (translation, then rotation, both in odom axes about the LiDAR's
 /// position) and `s J` for the motion over the sweep, s being the share of the point.
 #[derive(Clone)]
 pub(crate) struct NormalEquations {
-    /// Sums of w J J^T, w s J J^T and w s^2 J J^T, upper triangles: a loop over them fills wide registers.
+    /// Sums of w J J^T, w s J J^T and w s^2 J J^T, upper triangles: a loop over them vectorizes.
     squares: [[f64; 21]; 3],
     /// Sums of w J r and w s J r.
     gradients: [[f64; 6]; 2],
@@ -46,11 +46,11 @@ impl NormalEquations {
             n_matches: 0,
         }
     }
-    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the lidar, odom axes.
+    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes.
     #[inline(always)]
     pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, weight: f64, share: f64) {
-        let turn = arm.cross(normal);
-        let j = [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z];
+        let torque = arm.cross(normal);
+        let j = [normal.x, normal.y, normal.z, torque.x, torque.y, torque.z];
         let wj = j.map(|value| weight * value);
         let mut terms = [0.0; 21];
         for (term, (row, col)) in terms.iter_mut().zip(TRIANGLE) {
@@ -71,7 +71,7 @@ impl NormalEquations {
         self.weighted_squares += weight * r * r;
         self.n_matches += 1;
     }
-    /// Adds another part's sums.
+    /// Adds the sums of another part.
     pub fn merge(&mut self, part: &Self) {
         let sums = self.squares.as_flattened_mut().iter_mut().chain(self.gradients.as_flattened_mut());
         for (sum, value) in sums.zip(part.squares.as_flattened().iter().chain(part.gradients.as_flattened())) {
@@ -86,12 +86,12 @@ impl NormalEquations {
     pub fn pose(&self) -> Matrix6<f64> {
         symmetric(&self.squares[0])
     }
-    /// The step of the pose alone that lowers the cost most; see [`NormalEquations::solve`].
+    /// The step of the pose alone that minimizes the cost; see [`NormalEquations::solve`].
     pub fn solve_pose(&self, (prior, offset): (&Matrix6<f64>, &Vector6<f64>)) -> Option<Vector6<f64>> {
         Some((self.pose() + prior).cholesky()?.solve(&(prior * offset - Vector6::from(self.gradients[0]))))
     }
-    /// Steps of pose and motion that lower the cost most, under a prior on each: `pose_prior` is an information matrix
-    /// and `pose_offset` the step that it wants; alike for the motion. `None` if the system is singular.
+    /// Steps of pose and motion that minimize the cost under a prior on each: `pose_prior` is an information matrix and
+    /// `pose_offset` the step that the prior expects; alike for the motion. `None` if the system is singular.
     pub fn solve(
         &self,
         (pose_prior, pose_offset): (&Matrix6<f64>, &Vector6<f64>),

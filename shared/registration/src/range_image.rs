@@ -1,4 +1,4 @@
-//! The returns of a sweep as an image: which points lie beside each other.
+//! The returns of a sweep as a range image, by which neighbors are found.
 
 use crate::TimedPoint;
 use nalgebra::Vector3;
@@ -6,41 +6,41 @@ use nalgebra::Vector3;
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
 /// points.
 const COLS: usize = 2048;
-/// Rows where rings are not known: one degree of elevation each, about a ring of a 32-beam sensor.
+/// Rows if rings are not known: one degree of elevation each, about the ring spacing of a 32-beam sensor.
 const ELEVATION_ROWS: usize = 90;
 /// Empty cell.
 const EMPTY: u32 = u32::MAX;
-/// Half height of a neighborhood: the ring spacing of the HDL-32E, 1.33 degrees, so that it has three of its rings.
+/// Half height of a neighborhood: the ring spacing of the HDL-32E, 1.33 degrees, so that it contains three rings.
 const REACH_DEG: f32 = 1.4;
 
-/// Cells from row to row. Rows that lie a power of two apart would share a few sets of the caches, and a sensor fires all
-/// rings at once.
+/// Cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all rings at once.
+/// Not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap around.
 const STRIDE: usize = COLS + 4;
-/// Points whose directions are found at once.
+/// Points whose directions are computed at once.
 const CHUNK: usize = 64;
 
-/// A cell's point, 16 bytes. Neighborhoods read its position some fifty times.
+/// The point of a cell, 16 bytes. Neighborhoods read its position about fifty times.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
-    /// m, NaN where there is none.
+    /// m, NaN in an empty cell.
     position: [f32; 3],
-    /// Its index, or [`EMPTY`].
+    /// Index of the point, or [`EMPTY`].
     point: u32,
 }
 
-/// Points by row (ring, or elevation) and column (azimuth). The first point of a cell is kept.
+/// Points by row (ring or elevation) and column (azimuth). Each cell keeps its first point.
 #[derive(Clone, Debug)]
 pub struct RangeImage {
     rows: usize,
     cells: Vec<Cell>,
-    /// Place in `cells` of each point; [`EMPTY`] for one that is not finite.
-    places: Vec<u32>,
+    /// Index in `cells` by point; [`EMPTY`] for points that are not finite.
+    cell_of: Vec<u32>,
     /// Rows up or down that a neighborhood reaches.
     reach: usize,
 }
 
 impl RangeImage {
-    /// Sorts points into cells. See [`crate::Sweep::new`] for `n_rings`.
+    /// Sorts points into cells; see [`crate::Sweep::new`] for `n_rings`.
     pub(crate) fn new(points: &[TimedPoint], n_rings: u32) -> Self {
         let rings_known = (2..=256).contains(&n_rings)
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
@@ -48,7 +48,7 @@ impl RangeImage {
         let rows = if rings_known { n_rings as usize } else { ELEVATION_ROWS };
         let empty = Cell { position: [f32::NAN; 3], point: EMPTY };
         let mut image =
-            Self { rows, cells: vec![empty; rows * STRIDE], places: Vec::with_capacity(points.len()), reach: 2 };
+            Self { rows, cells: vec![empty; rows * STRIDE], cell_of: Vec::with_capacity(points.len()), reach: 2 };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
         for chunk in points.chunks(CHUNK) {
             let (slopes, cols) = wide_loops::run(
@@ -57,17 +57,17 @@ impl RangeImage {
             );
             for ((point, slope), col) in chunk.iter().zip(slopes).zip(cols) {
                 if slope.is_nan() {
-                    image.places.push(EMPTY);
+                    image.cell_of.push(EMPTY);
                     continue;
                 }
                 (lowest, highest) = (lowest.min(slope), highest.max(slope));
                 let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
-                let place = row * STRIDE + col as usize;
-                let cell = &mut image.cells[place];
+                let idx = row * STRIDE + col as usize;
+                let cell = &mut image.cells[idx];
                 if cell.point == EMPTY {
-                    *cell = Cell { position: point.position, point: image.places.len() as u32 };
+                    *cell = Cell { position: point.position, point: image.cell_of.len() as u32 };
                 }
-                image.places.push(place as u32);
+                image.cell_of.push(idx as u32);
             }
         }
         if rings_known && highest > lowest {
@@ -86,7 +86,7 @@ impl RangeImage {
     pub fn rows(&self) -> usize {
         self.rows
     }
-    /// Columns over the full turn.
+    /// Columns of a full revolution.
     pub fn cols(&self) -> usize {
         COLS
     }
@@ -107,11 +107,11 @@ impl RangeImage {
     }
     /// Row and column of a point; `None` for one that is not finite.
     #[inline(always)]
-    pub(crate) fn place(&self, point_idx: usize) -> Option<(usize, usize)> {
-        let place = self.places[point_idx];
-        (place != EMPTY).then_some((place as usize / STRIDE, place as usize % STRIDE))
+    pub(crate) fn cell(&self, point_idx: usize) -> Option<(usize, usize)> {
+        let idx = self.cell_of[point_idx];
+        (idx != EMPTY).then_some((idx as usize / STRIDE, idx as usize % STRIDE))
     }
-    /// Rows up or down that make about the angle of [`REACH_DEG`].
+    /// Rows up or down that span about [`REACH_DEG`].
     pub(crate) fn reach(&self) -> usize {
         self.reach
     }
@@ -123,7 +123,7 @@ fn directions(points: &[TimedPoint]) -> ([f32; CHUNK], [u32; CHUNK]) {
     let (mut slopes, mut cols) = ([0.0; CHUNK], [0; CHUNK]);
     for ((point, slope), col) in points.iter().zip(&mut slopes).zip(&mut cols) {
         let [x, y, z] = point.position;
-        // Not `hypot`: that is a slow function for lengths near the limits of f32.
+        // Not `hypot`, which is slow because it avoids overflow near the limits of f32.
         let found = z / (x * x + y * y).sqrt();
         *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
         *col = RangeImage::column(x, y) as u32;
@@ -156,8 +156,8 @@ mod tests {
     use super::*;
     use crate::incidence::incidences;
 
-    /// A wall 10 m ahead, `turn` rad out of square, seen by beams 1.33 degrees apart.
-    fn wall(turn: f32, rings: bool) -> Vec<TimedPoint> {
+    /// A wall 10 m ahead, rotated by `angle`, seen by beams 1.33 degrees apart.
+    fn wall(angle: f32, rings: bool) -> Vec<TimedPoint> {
         let mut points = Vec::new();
         for column in -100..100 {
             for ring in 0..8_u8 {
@@ -165,8 +165,8 @@ mod tests {
                 let elevation = (f32::from(ring) - 4.0) * 1.33_f32.to_radians();
                 let ray =
                     Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
-                let normal = Vector3::new(turn.cos(), turn.sin(), 0.0);
-                let position = (ray * (10.0 * turn.cos() / ray.dot(&normal))).into();
+                let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
+                let position = (ray * (10.0 * angle.cos() / ray.dot(&normal))).into();
                 points.push(TimedPoint { position, offset_nanos: 0, ring: if rings { ring } else { 0 } });
             }
         }
@@ -174,10 +174,10 @@ mod tests {
     }
 
     #[test]
-    fn incidence_is_the_cosine_between_ray_and_wall() {
+    fn incidence_is_the_cosine_between_ray_and_normal() {
         for rings in [true, false] {
-            for turn in [0.0_f32, 0.5, 1.0] {
-                let points = wall(turn, rings);
+            for angle in [0.0_f32, 0.5, 1.0] {
+                let points = wall(angle, rings);
                 let image = RangeImage::new(&points, 8);
                 let mut known = 0;
                 for (point, cosine) in points.iter().zip(incidences(&image, &points)) {
@@ -185,17 +185,21 @@ mod tests {
                         continue;
                     }
                     let ray = Vector3::from(point.position).normalize();
-                    let expected = ray.dot(&Vector3::new(turn.cos(), turn.sin(), 0.0)).abs();
+                    let expected = ray.dot(&Vector3::new(angle.cos(), angle.sin(), 0.0)).abs();
                     assert!((cosine - expected).abs() < 0.03, "{cosine} {expected}");
                     known += 1;
                 }
-                assert!(known > points.len() / 2, "rings {rings}, turn {turn}: known for {known} of {}", points.len());
+                assert!(
+                    known > points.len() / 2,
+                    "rings {rings}, angle {angle}: known for {known} of {}",
+                    points.len()
+                );
             }
         }
     }
 
     #[test]
-    fn the_fast_angle_is_the_angle() {
+    fn fast_atan2_is_within_2e_5() {
         for i in -1800..=1800_i16 {
             let angle = f32::from(i) * 0.1_f32.to_radians() * 0.999;
             for range in [1e-3, 1.0, 300.0] {
@@ -207,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_are_no_numbers_have_no_place() {
+    fn points_that_are_not_finite_have_no_cell() {
         let mut points = wall(0.0, true);
         points[5].position = [f32::NAN, 1.0, 1.0];
         points[6].position = [0.0; 3];

@@ -1,4 +1,4 @@
-//! Which features of a sweep are matched.
+//! Chooses the features of a sweep that are matched.
 
 use crate::Feature;
 use crate::features::thinned_features;
@@ -7,23 +7,23 @@ use geometry::{UnitQuaternion, Vector3};
 /// How the features that are matched are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sampling {
-    /// Evenly in space, so that the road before the vehicle does not outvote the facades.
+    /// Evenly in space, so that the road near the vehicle does not outweigh the facades.
     Even {
         /// One feature per cube of this side, m.
         spacing_m: f64,
-        /// Features at most, evenly chosen among those left.
+        /// Features at most, evenly chosen among the rest.
         max_features: usize,
     },
-    /// The nine observability lists of IMLS-SLAM (Deschaud, ICRA 2018, III-C): for each of the vehicle's axes the features
-    /// that determine the rotation about it best, on either side, and those that determine the way along it best.
+    /// The nine observability lists of IMLS-SLAM (Deschaud, ICRA 2018, III-C): for each of the vehicle's axes the features that
+    /// determine the rotation about it best, in either sense, and those that determine the translation along it best.
     NineLists {
         /// Features of each list (the paper's s).
         per_list: usize,
     },
 }
 
-/// Chooses from all features. `axes_from_lidar` turns lidar axes into the vehicle's. `is_near_model` is the paper's gate: a
-/// feature too far from the model is no sample of any list. A feature may be in several lists, and then counts as often.
+/// Chooses from all features. `axes_from_lidar` rotates LiDAR axes to the vehicle's. `is_near_model` is the gate of the paper:
+/// features far from the model are not sampled. A feature in several lists counts several times.
 pub(crate) fn sampled(
     features: &[Feature],
     sampling: Sampling,
@@ -49,14 +49,14 @@ fn nine_lists(
     let axes = axes_from_lidar.to_rotation_matrix().matrix().cast::<f32>();
     let influences: Vec<[f32; 9]> = features.iter().map(|feature| influences(feature, &axes)).collect();
     let influence = |idx: u32, list: usize| influences[idx as usize][list];
-    // Asked once for each feature, however many lists it leads.
+    // Evaluated once per feature.
     let mut near: Vec<Option<bool>> = vec![None; features.len()];
     let mut samples = Vec::with_capacity(9 * per_list);
     let mut order: Vec<u32> = (0..features.len() as u32).collect();
     for list in 0..9 {
         let strongest_first = |a: &u32, b: &u32| influence(*b, list).total_cmp(&influence(*a, list)).then(a.cmp(b));
         let (mut n_taken, mut begin) = (0, 0);
-        // The head of the list is enough where few features are far from the model.
+        // The head of the list usually suffices, because few features are far from the model.
         while n_taken < per_list && begin < order.len() {
             let end = (begin + 2 * per_list).min(order.len());
             if end < order.len() {
@@ -79,9 +79,9 @@ fn nine_lists(
 /// a2D^2 (x times n) . axis and its negative for the three axes, then a2D^2 |n . axis|.
 fn influences(feature: &Feature, axes: &nalgebra::Matrix3<f32>) -> [f32; 9] {
     let normal = axes * Vector3::from(feature.normal);
-    let turn = (axes * Vector3::from(feature.position)).cross(&normal);
+    let torque = (axes * Vector3::from(feature.position)).cross(&normal);
     let weight = feature.planarity * feature.planarity;
-    let [a, b, c] = [0, 1, 2].map(|axis| weight * turn[axis]);
+    let [a, b, c] = [0, 1, 2].map(|axis| weight * torque[axis]);
     let [x, y, z] = [0, 1, 2].map(|axis| weight * normal[axis].abs());
     [a, -a, b, -b, c, -c, x, y, z]
 }
@@ -94,7 +94,7 @@ mod tests {
         Feature { position, normal, share: 0.0, planarity, roughness_m: 0.02, is_rough: false, point_idx: 0 }
     }
 
-    /// A floor, two walls along the way, and one wall across it, each of 400 features.
+    /// A floor, two walls along the street, and one wall across it, each of 400 features.
     fn street() -> Vec<Feature> {
         let mut features = Vec::new();
         for i in 0..20_u8 {
@@ -114,25 +114,28 @@ mod tests {
     }
 
     #[test]
-    fn each_direction_gets_its_samples() {
+    fn each_list_has_the_features_that_determine_its_direction() {
         let samples = lists(&street(), |_| true);
         assert_eq!(samples.len(), 9 * 50);
         let along = samples[6 * 50..7 * 50].iter().filter(|sample| sample.normal[0] < -0.99).count();
-        assert_eq!(along, 50, "only the wall across tells the way along x, though its planarity is low");
+        assert_eq!(along, 50, "only the wall across determines x, though its planarity is low");
         let across = samples[7 * 50..8 * 50].iter().filter(|sample| sample.normal[1].abs() > 0.99).count();
         assert_eq!(across, 50);
         let upright = samples[8 * 50..].iter().filter(|sample| sample.normal[2] > 0.99).count();
         assert_eq!(upright, 50);
         // (x times n) . z is largest far ahead on one side and far behind on the other.
         let turning = &samples[4 * 50..5 * 50];
-        assert!(turning.iter().all(|sample| sample.position[0] * sample.normal[1] > 0.0), "all turn the same way");
+        assert!(
+            turning.iter().all(|sample| sample.position[0] * sample.normal[1] > 0.0),
+            "all have the same sense of rotation"
+        );
     }
 
     #[test]
-    fn what_is_far_from_the_model_is_no_sample() {
+    fn features_far_from_the_model_are_not_sampled() {
         let samples = lists(&street(), |feature| feature.position[1] < 4.0);
         assert!(samples.iter().all(|sample| sample.position[1] < 4.0));
-        assert_eq!(samples.len(), 9 * 50, "others take their places");
+        assert_eq!(samples.len(), 9 * 50, "other features replace them");
         assert!(lists(&street(), |_| false).is_empty());
     }
 }

@@ -1,36 +1,36 @@
-//! What other sensors measured, until the sweeps have come as far.
+//! Measurements of other sensors, kept until the sweep of their time arrives.
 
 use geometry::{Point3, Pose, Stamp, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Pauses between inertial samples beyond this are gaps, ns: at 20 Hz a car's motion is still followed.
+/// Longer pauses between inertial samples are gaps, ns: samples at 20 Hz still describe the motion of a car.
 const GAP_NANOS: i64 = 60_000_000;
-/// How long samples are looked back upon, ns.
+/// How long used samples are kept, ns.
 const KEPT_NANOS: i64 = 600_000_000;
-/// Samples that may wait for a sweep: a minute at 1 kHz. The oldest leave first.
+/// Samples at most: a minute at 1 kHz. The oldest are dropped first.
 const MAX_WAITING: usize = 60_000;
-/// A vehicle stands if its samples scatter by less over half a second: m/s^2 and rad/s, root mean square of all axes. An idling
-/// engine shakes by some hundredths.
+/// A vehicle stands if the samples of half a second scatter by less: m/s^2 and rad/s, root mean square of all axes. An idling
+/// engine vibrates by some hundredths.
 const STILL_NANOS: i64 = 500_000_000;
 const STILL_MPS2: f64 = 0.1;
 const STILL_RADPS: f64 = 0.015;
-/// Error of a receiver's speed at a dilution of 1, m/s along each axis: data sheets promise 0.05 under an open sky.
+/// Error of a receiver's speed at a dilution of 1, m/s along each axis: data sheets state 0.05 under an open sky.
 const SPEED_MPS: f64 = 0.1;
-/// Slower than this a receiver's course is noise, m/s.
+/// Below this speed the course is noise, m/s.
 const LEAST_COURSE_MPS: f64 = 0.5;
 
-/// Where the sensors are on the vehicle.
+/// Where the sensors are mounted on the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SensorPlaces {
+pub struct SensorMounting {
     /// Mounting of the lidar.
     pub body_from_lidar: Pose,
-    /// Where acceleration is felt, m.
+    /// Position of the inertial unit, m.
     pub imu_in_body: Point3<f64>,
-    /// The receiver's antenna, m.
+    /// Position of the GNSS antenna, m.
     pub antenna_in_body: Point3<f64>,
 }
 
-impl Default for SensorPlaces {
+impl Default for SensorMounting {
     /// All frames are one.
     fn default() -> Self {
         let origin = Point3::origin();
@@ -49,7 +49,7 @@ pub struct InertialSample {
     pub rate: Vector3<f64>,
 }
 
-/// How fast a receiver's antenna moved over ground.
+/// Horizontal velocity of a GNSS antenna.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundVelocity {
     /// When.
@@ -61,14 +61,14 @@ pub struct GroundVelocity {
 }
 
 impl GroundVelocity {
-    /// From speed (m/s), course (degrees clockwise from north, `None` if not known) and dilution as a receiver tells them (by Doppler
-    /// shifts: reflections off walls disturb them far less than positions). `None` if they do not say which way.
+    /// From a receiver's speed (m/s), course (degrees clockwise from north, `None` if not known) and dilution of precision. Receivers
+    /// measure them by Doppler shifts, which reflections disturb far less than positions. `None` if the direction is not known.
     pub fn new(stamp: Stamp, speed: f64, course_deg: Option<f64>, hdop: Option<f64>) -> Option<Self> {
         let sigma = SPEED_MPS * hdop.unwrap_or(2.0).max(1.0);
         let (east, north) = match course_deg {
             Some(course) if speed >= LEAST_COURSE_MPS => course.to_radians().sin_cos(),
             None if speed > LEAST_COURSE_MPS => return None,
-            // It stands, or creeps some way.
+            // It stands or moves slowly in an unknown direction.
             _ => return Some(Self { stamp, east_north: [0.0; 2], sigma: sigma.hypot(speed) }),
         };
         let is_number = speed.is_finite() && east.is_finite();
@@ -102,7 +102,7 @@ impl SensorLog {
         }
     }
 
-    /// Whether samples tell all that happens from `begin` to `end`.
+    /// Whether samples cover the time from `begin` to `end` without a gap.
     pub fn covers(&self, begin: Stamp, end: Stamp) -> bool {
         let after = self.samples.partition_point(|sample| sample.stamp <= begin);
         let until = self.samples.partition_point(|sample| sample.stamp < end);
@@ -111,7 +111,7 @@ impl SensorLog {
         around.windows(2).all(|pair| pair[1].stamp.0 - pair[0].stamp.0 <= GAP_NANOS)
     }
 
-    /// Means of neighboring samples and how long each holds, s, from `begin` to `end`.
+    /// Means of consecutive samples with the time each of them covers, s, from `begin` to `end`.
     pub fn between(&self, begin: Stamp, end: Stamp) -> impl Iterator<Item = (f64, Vector3<f64>, Vector3<f64>)> {
         let after = self.samples.partition_point(|sample| sample.stamp <= begin).saturating_sub(1);
         let pairs = self.samples[after..].windows(2).take_while(move |pair| pair[0].stamp < end);
@@ -131,8 +131,8 @@ impl SensorLog {
         (seconds > 0.0).then(|| (force / seconds, rate / seconds))
     }
 
-    /// Mean force of the last half second before `end` if the samples scatter no more than those of a vehicle that stands.
-    pub fn still(&self, end: Stamp) -> Option<Vector3<f64>> {
+    /// Mean force of the last half second before `end` if the samples are those of a vehicle that stands.
+    pub fn standstill(&self, end: Stamp) -> Option<Vector3<f64>> {
         let begin = end.plus_nanos(-STILL_NANOS);
         let (force, rate) = self.mean(begin, end).filter(|_| self.covers(begin, end))?;
         let after = self.samples.partition_point(|sample| sample.stamp < begin);
@@ -144,7 +144,7 @@ impl SensorLog {
         is_still.then_some(force)
     }
 
-    /// The next velocity up to `end`, which leaves the log.
+    /// Removes and returns the next velocity up to `end`.
     pub fn pop_velocity(&mut self, end: Stamp) -> Option<GroundVelocity> {
         let is_due = self.velocities.first().is_some_and(|velocity| velocity.stamp <= end);
         is_due.then(|| self.velocities.remove(0))
@@ -155,7 +155,7 @@ impl SensorLog {
         self.velocities.iter().rfind(|velocity| velocity.stamp <= end)
     }
 
-    /// Nobody will ask for what was before.
+    /// Drops samples that are no longer needed after `stamp`.
     pub fn forget_before(&mut self, stamp: Stamp) {
         let keep_from = self.samples.partition_point(|sample| sample.stamp.0 < stamp.0 - KEPT_NANOS);
         self.samples.drain(..keep_from);
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_of_a_ramp_is_its_middle_wherever_it_is_cut() {
+    fn mean_of_a_ramp_is_its_middle_value_for_any_interval() {
         let ramp = log((0..100).map(|i| sample(i * 10, i as f64 * 0.01)));
         for (begin, end) in [(0, 500), (103, 217), (391, 397), (985, 990)] {
             let [begin, end] = [begin, end].map(|millis| Stamp(millis * 1_000_000));
@@ -191,24 +191,24 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_seen_and_so_is_the_end() {
-        let holed = log((0..100).filter(|i| !(40..50).contains(i)).map(|i| sample(i * 10, 0.0)));
-        let covers = |begin: i64, end: i64| holed.covers(Stamp(begin * 1_000_000), Stamp(end * 1_000_000));
+    fn coverage_ends_at_gaps_and_at_the_last_sample() {
+        let with_gap = log((0..100).filter(|i| !(40..50).contains(i)).map(|i| sample(i * 10, 0.0)));
+        let covers = |begin: i64, end: i64| with_gap.covers(Stamp(begin * 1_000_000), Stamp(end * 1_000_000));
         assert!(covers(0, 390) && covers(505, 990) && covers(205, 206));
         assert!(!covers(300, 450) && !covers(450, 600) && !covers(900, 1000) && !covers(-10, 100));
         assert!(!SensorLog::default().covers(Stamp(0), Stamp(1)));
     }
 
     #[test]
-    fn a_vehicle_that_shakes_does_not_stand() {
+    fn standstill_is_not_detected_while_the_vehicle_vibrates() {
         let at = Stamp(900_000_000);
-        let shaken = |by: f64| log((0..100).map(|i| sample(i * 10, if i % 2 == 0 { by } else { -by })));
-        assert!(shaken(0.01).still(at).is_some() && shaken(0.2).still(at).is_none());
-        assert!(SensorLog::default().still(at).is_none());
+        let vibrating = |by: f64| log((0..100).map(|i| sample(i * 10, if i % 2 == 0 { by } else { -by })));
+        assert!(vibrating(0.01).standstill(at).is_some() && vibrating(0.2).standstill(at).is_none());
+        assert!(SensorLog::default().standstill(at).is_none());
     }
 
     #[test]
-    fn a_speed_without_a_course_says_only_that_the_vehicle_stands() {
+    fn velocity_without_a_course_is_valid_only_near_standstill() {
         let at = Stamp(0);
         assert_eq!(GroundVelocity::new(at, 5.0, None, Some(1.0)), None);
         let moving = GroundVelocity::new(at, 5.0, Some(90.0), Some(2.0)).expect("a velocity");

@@ -1,4 +1,4 @@
-//! Things that stand on the ground and are no larger than a lorry: all that may move (Deschaud 2018, III-A).
+//! Segments objects that stand on the ground and are not larger than a lorry: all that may move (Deschaud 2018, III-A).
 
 use crate::ground::GroundField;
 use rayon::prelude::*;
@@ -7,11 +7,11 @@ use rayon::prelude::*;
 const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];
 /// Points of one object have neighbors nearer than this, m (Deschaud 2018)...
 const LINK_M: f32 = 0.5;
-/// ... or, far away, than this share of the range: 1.3 times the distance of an HDL-32E's rings.
+/// ... or nearer than this share of the range: 1.3 times the distance of an HDL-32E's rings.
 const LINK_SHARE: f32 = 0.03;
-/// Columns over which points are linked: single lost returns do not cut a thing in two.
+/// Columns over which points are linked, so that single lost returns do not split an object.
 const LINK_COLUMNS: usize = 3;
-/// Fewer points tell nothing.
+/// Objects with fewer points are ignored.
 const MIN_POINTS: u32 = 5;
 
 /// Which cells of a range image belong to which small object.
@@ -33,28 +33,28 @@ impl SmallObjects {
     /// No object.
     pub const NONE: u32 = u32::MAX;
 
-    /// `placed` are the points of a range image, row by row, `cols` in a row; deskewed, z up, seen from the lidar, m; NaN in
-    /// empty cells.
-    pub fn found(placed: &[[f32; 3]], cols: usize) -> Self {
-        let ground = GroundField::grown(placed);
-        let without_ground = |point: &[f32; 3]| if ground.holds(*point) { [f32::NAN; 3] } else { *point };
+    /// Segments the points of a range image, row by row, `cols` in a row; deskewed, z up, relative to the LiDAR, m; NaN in empty
+    /// cells.
+    pub fn segment(placed: &[[f32; 3]], cols: usize) -> Self {
+        let ground = GroundField::grow(placed);
+        let without_ground = |point: &[f32; 3]| if ground.contains(*point) { [f32::NAN; 3] } else { *point };
         let standing: Vec<[f32; 3]> = placed.par_iter().with_min_len(cols).map(without_ground).collect();
         let mut labels = Labels::default();
-        let of_cell = labels.given(&standing, cols);
-        labels.numbered(&standing, of_cell)
+        let of_cell = labels.connect(&standing, cols);
+        labels.into_objects(&standing, of_cell)
     }
 
-    /// Cells of objects, at most so many of each, spread over it.
+    /// Cells of all objects, at most `at_most` of each, evenly spread.
     pub fn members(&self, at_most: u32) -> Vec<u32> {
         let mut counts = vec![0_u32; self.n];
         let objects = |(cell, &object): (usize, &u32)| (object != Self::NONE).then_some((cell as u32, object as usize));
         for (_, object) in self.of_cell.iter().enumerate().filter_map(objects) {
             counts[object] += 1;
         }
-        let mut met = vec![0_u32; self.n];
+        let mut n_visited = vec![0_u32; self.n];
         let is_chosen = |(cell, object): (u32, usize)| {
-            let number = met[object];
-            met[object] += 1;
+            let number = n_visited[object];
+            n_visited[object] += 1;
             number.is_multiple_of(counts[object].div_ceil(at_most)).then_some(cell)
         };
         self.of_cell.iter().enumerate().filter_map(objects).filter_map(is_chosen).collect()
@@ -73,16 +73,15 @@ impl Extent {
     }
 }
 
-/// Labels of connected cells, and which of them turned out to be one: disjoint sets, the root is the first label.
+/// Labels of connected cells as disjoint sets (union-find); the root is the smallest label.
 #[derive(Default)]
 struct Labels {
     parents: Vec<u32>,
 }
 
 impl Labels {
-    /// A label for each cell; cells that lie beside each other in the image and near each other in space get labels of one
-    /// set.
-    fn given(&mut self, standing: &[[f32; 3]], cols: usize) -> Vec<u32> {
+    /// A label for each cell. Cells that are adjacent in the image and near each other in space get labels of one set.
+    fn connect(&mut self, standing: &[[f32; 3]], cols: usize) -> Vec<u32> {
         let mut of_cell = vec![SmallObjects::NONE; standing.len()];
         for (cell, point) in standing.iter().enumerate() {
             if point[0].is_nan() {
@@ -90,36 +89,36 @@ impl Labels {
             }
             let [x, y, z] = *point;
             let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
-            // `false` where the other is NaN.
+            // `false` if the other is NaN.
             let is_linked = |other: usize| {
                 let other = &standing[other];
                 (x - other[0]).powi(2) + (y - other[1]).powi(2) + (z - other[2]).powi(2) < limit
             };
             let col = cell % cols;
             let mut label = SmallObjects::NONE;
-            let mut meet = |other: usize| {
-                let met = of_cell[other];
-                // Most neighbors are known to be of the same set; then their distance does not matter.
-                if met != SmallObjects::NONE && met != label && is_linked(other) {
+            let mut link = |other: usize| {
+                let neighbor = of_cell[other];
+                // Most neighbors have the same label; then their distance does not matter.
+                if neighbor != SmallObjects::NONE && neighbor != label && is_linked(other) {
                     if label == SmallObjects::NONE {
-                        label = met;
+                        label = neighbor;
                     } else {
-                        self.join(label, met);
+                        self.join(label, neighbor);
                     }
                 }
             };
             for step in 1..=LINK_COLUMNS.min(col) {
-                meet(cell - step);
+                link(cell - step);
             }
             if let Some(below) = cell.checked_sub(cols) {
                 let row_begin = below - col;
-                meet(if col == 0 { row_begin + cols - 1 } else { below - 1 });
-                meet(below);
-                meet(if col + 1 == cols { row_begin } else { below + 1 });
+                link(if col == 0 { row_begin + cols - 1 } else { below - 1 });
+                link(below);
+                link(if col + 1 == cols { row_begin } else { below + 1 });
             }
-            // At the right end of a row, the row's beginning is on the left.
+            // At the right end of a row, columns wrap around to the row's begin.
             for right in cols.max(col + 1)..=col + LINK_COLUMNS {
-                meet(cell + right - cols - col);
+                link(cell + right - cols - col);
             }
             if label == SmallObjects::NONE {
                 label = self.parents.len() as u32;
@@ -131,7 +130,7 @@ impl Labels {
     }
 
     /// Numbers the sets that are small objects.
-    fn numbered(mut self, standing: &[[f32; 3]], mut of_cell: Vec<u32>) -> SmallObjects {
+    fn into_objects(mut self, standing: &[[f32; 3]], mut of_cell: Vec<u32>) -> SmallObjects {
         let nothing = Extent { low: [f32::MAX; 3], high: [f32::MIN; 3], n: 0 };
         let mut extents = vec![nothing; self.parents.len()];
         for (label, point) in of_cell.iter_mut().zip(standing).filter(|(label, _)| **label != SmallObjects::NONE) {
@@ -157,7 +156,7 @@ impl Labels {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b) as usize] = a.min(b);
     }
-    /// The root; the way to it is halved.
+    /// The root; halves the path to it.
     fn root(&mut self, mut label: u32) -> u32 {
         while self.parents[label as usize] != label {
             let grandparent = self.parents[self.parents[label as usize] as usize];
@@ -173,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_post_across_the_seam_is_one_object_and_a_wall_is_none() {
+    fn post_across_the_image_seam_is_one_object_and_a_long_wall_is_not() {
         // Rings 2 m apart in height at a range of 10 m, a full turn of 360 columns, floor far below.
         let (cols, rows) = (360, 6);
         let mut placed = vec![[f32::NAN; 3]; rows * cols];
@@ -189,7 +188,7 @@ mod tests {
                 };
             }
         }
-        let objects = SmallObjects::found(&placed, cols);
+        let objects = SmallObjects::segment(&placed, cols);
         assert_eq!(objects.n, 1, "the wall is 35 m long");
         let of_post = |cell: usize| cell >= cols && (cell % cols < 3 || cell % cols >= 357);
         for (cell, object) in objects.of_cell.iter().enumerate() {

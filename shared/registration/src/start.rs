@@ -1,62 +1,62 @@
-//! The first two sweeps: the vehicle may already be under way, and nothing says how fast.
+//! Initial motion over the first two sweeps, at an unknown speed.
 //!
-//! A match from rest can lock onto a wrong wall when the vehicle starts at 10 m/s. So several speeds along the
-//! vehicle's forward axis are tried; each speed deskews *both* sweeps, and the one under which they agree best wins.
+//! A match that assumes rest can converge to a wrong wall when the vehicle moves at 10 m/s. So several speeds along the
+//! vehicle's forward axis are tried. Each speed deskews *both* sweeps, and the speed with the lowest cost is taken.
 
 use crate::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
-use crate::odometry::HeldSweep;
 use crate::sensors::SensorLog;
-use crate::{SensorPlaces, SweepMotion};
+use crate::sweep_features::SweepFeatures;
+use crate::{SensorMounting, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Matrix6;
 
-/// Ways between two sweeps that are tried, m: steps of 0.4 m, inside the search radius of a match; 3.2 m in 0.1 s are
+/// Displacements between two sweeps that are tried, m: steps of 0.4 m, inside the search radius of a match. 3.2 m in 0.1 s are
 /// 32 m/s, and backwards up to 8 m/s.
-const WAYS_M: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, -0.4, -0.8];
-/// A vehicle stands unless another speed fits better by more than this. In a tunnel speeds fit alike; a car at 8 m/s between houses
-/// (KITTI raw 0048) fits 15 % better at its own.
-const REST_ADVANTAGE: f64 = 0.9;
-/// Rounds of rebuilding the first sweep with the speed found; the error shrinks by a factor of ten or more in each.
+const DISPLACEMENTS_M: [f64; 11] = [0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2, -0.4, -0.8];
+/// Another speed than zero must lower the cost by this factor. In a tunnel all speeds fit alike; a car at 8 m/s between houses
+/// (KITTI raw 0048) fits 15 % better at its own speed.
+const STANDSTILL_FACTOR: f64 = 0.9;
+/// Rounds that rebuild the first sweep with the speed found. Each reduces the error by a factor of ten or more.
 const REFINEMENTS: usize = 3;
-/// A receiver's velocity holds for so long, s.
-const TOLD_SECONDS: f64 = 0.5;
+/// A velocity of a receiver is valid for so long, s.
+const VELOCITY_VALID_S: f64 = 0.5;
 
-/// How the drive began.
+/// The motion over the first two sweeps.
 pub(crate) struct Start {
     /// Motion over the first sweep.
     pub first: SweepMotion,
-    /// The second sweep on the first.
+    /// The second sweep matched to the first.
     pub second: Matched,
 }
 
-/// What other sensors say of the motion between the first two sweeps.
-pub(crate) struct FirstMotion {
-    /// The lidar's axes, rad/s; zero if nothing is known.
+/// The motion between the first two sweeps by other sensors.
+pub(crate) struct InitialMotion {
+    /// In the LiDAR's axes, rad/s; zero if it is not known.
     pub angular: Vector3<f64>,
-    /// Over ground, m/s.
+    /// Speed over ground, m/s.
     pub speed: Option<f64>,
 }
 
-impl FirstMotion {
-    pub fn of(log: &SensorLog, [begin, end]: [Stamp; 2], places: &SensorPlaces) -> Self {
-        let felt = log.mean(begin, end).filter(|_| log.covers(begin, end));
-        let lidar_from_body = places.body_from_lidar.rotation.inverse();
-        let angular = felt.map_or_else(Vector3::zeros, |(_, rate)| lidar_from_body * rate);
-        let heard = log.velocity_at(end).filter(|velocity| end.seconds_since(velocity.stamp) < TOLD_SECONDS);
-        Self { angular, speed: heard.map(crate::GroundVelocity::speed) }
+impl InitialMotion {
+    pub fn of(log: &SensorLog, [begin, end]: [Stamp; 2], mounting: &SensorMounting) -> Self {
+        let inertial = log.mean(begin, end).filter(|_| log.covers(begin, end));
+        let lidar_from_body = mounting.body_from_lidar.rotation.inverse();
+        let angular = inertial.map_or_else(Vector3::zeros, |(_, rate)| lidar_from_body * rate);
+        let velocity = log.velocity_at(end).filter(|velocity| end.seconds_since(velocity.stamp) < VELOCITY_VALID_S);
+        Self { angular, speed: velocity.map(crate::GroundVelocity::speed) }
     }
 }
 
-/// Finds the motion over two sweeps, `seconds` between their middles, the first of which begins at `begin`, by the speed along
-/// odom's x axis under which they agree best, or at the speed that was told. `None` if none brings them together.
+/// Finds the motion over two sweeps, whose middles are `seconds` apart and the first of which begins at `begin`: at the measured
+/// speed, or at the speed along odom's x axis with the lowest cost. `None` if no speed gives a match.
 pub(crate) fn find_start(
-    first: &HeldSweep,
-    second: &HeldSweep,
+    first: &SweepFeatures,
+    second: &SweepFeatures,
     seconds: f64,
     begin: &Pose,
-    told: &FirstMotion,
+    initial: &InitialMotion,
     settings: &MatchSettings,
 ) -> Option<Start> {
     let forward_in_lidar = begin.rotation.inverse() * Vector3::x();
@@ -73,14 +73,18 @@ pub(crate) fn find_start(
         let second = match_features(&second.matching, &maps, &prediction, settings)?;
         Some(Start { first: motion, second })
     };
-    let at_speed = |speed: f64| attempt(Velocity { linear: forward_in_lidar * speed, angular: told.angular });
+    let at_speed = |speed: f64| attempt(Velocity { linear: forward_in_lidar * speed, angular: initial.angular });
     let search = || {
-        let starts = WAYS_M.iter().filter_map(|way_m| Some((*way_m, at_speed(way_m / seconds)?)));
-        // Where the scene does not tell the speed, noise decides between equals.
-        let cost = |(way_m, start): &(f64, Start)| start.second.cost * if *way_m == 0.0 { REST_ADVANTAGE } else { 1.0 };
+        let starts = DISPLACEMENTS_M
+            .iter()
+            .filter_map(|displacement_m| Some((*displacement_m, at_speed(displacement_m / seconds)?)));
+        // Where geometry is degenerate, noise must not decide between equal costs.
+        let cost = |(displacement_m, start): &(f64, Start)| {
+            start.second.cost * if *displacement_m == 0.0 { STANDSTILL_FACTOR } else { 1.0 }
+        };
         starts.min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|(_, start)| start)
     };
-    let mut best = told.speed.and_then(at_speed).or_else(search)?;
+    let mut best = initial.speed.and_then(at_speed).or_else(search)?;
     for _ in 0..REFINEMENTS {
         let velocity = Velocity::between(&best.first.mid, &best.second.motion.mid, seconds);
         best = attempt(velocity)?;

@@ -1,13 +1,13 @@
-//! Cubes of space and a fast set of them.
+//! Voxels and a fast hash set of them.
 
 use std::hash::{BuildHasher, Hasher};
 
-/// Cube of a regular grid. Indices wrap at 2^20 cubes from the origin: 200 km for cubes of 0.2 m.
+/// Voxel of a regular grid. Indices wrap at 2^20 voxels from the origin: 200 km for voxels of 0.2 m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct VoxelIndex(pub [i32; 3]);
 
 impl VoxelIndex {
-    /// The cube around `p` in a grid of `1 / per_m` metres.
+    /// The voxel around `p` in a grid of `1 / per_m` metres.
     #[inline]
     pub fn containing(p: [f64; 3], per_m: f64) -> Self {
         Self(p.map(|v| floor(v * per_m)))
@@ -20,33 +20,33 @@ impl VoxelIndex {
     }
     /// The inverse of [`VoxelIndex::key`].
     pub fn of_key(key: u64) -> Self {
-        // The upper bits go, and the sign comes down from bit 20.
+        // Drops the upper bits and extends the sign from bit 20.
         Self([0, 21, 42].map(|shift| ((key >> shift) as i32) << 11 >> 11))
     }
 }
 
-/// `v.floor() as i32` without the call of a function that processors before SSE 4.1 need.
+/// `v.floor() as i32` without the function call that processors before SSE 4.1 need.
 #[inline]
 fn floor(v: f64) -> i32 {
     let towards_zero = v as i32;
     towards_zero.saturating_sub(i32::from(f64::from(towards_zero) > v))
 }
 
-/// No voxel has it: keys have 63 bits.
+/// Not the key of any voxel: keys have 63 bits.
 const EMPTY_KEY: u64 = u64::MAX;
 
 /// Fibonacci hashing: neighbors differ in the upper bits.
 #[inline]
 fn spread(key: u64) -> u64 {
-    // Folding mixes the z bits, which the product alone would leave in the top only.
+    // Folding mixes the z bits, which the product would leave in the top bits only.
     (key ^ (key >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
-/// Hashes the keys of voxels for the standard library's tables: four times as fast as their own hash.
+/// Hasher of voxel keys for the standard library's tables: four times as fast as theirs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpreadKeys;
 
-/// See [`SpreadKeys`].
+/// State of [`SpreadKeys`].
 pub(crate) struct SpreadKey(u64);
 
 impl BuildHasher for SpreadKeys {
@@ -66,7 +66,7 @@ impl Hasher for SpreadKey {
     #[inline]
     fn write_u64(&mut self, key: u64) {
         let product = spread(key);
-        // Tables take the lowest bits, which a product leaves as poor as they were.
+        // Tables use the lowest bits, which a product does not mix.
         self.0 = product ^ product >> 32;
     }
     fn finish(&self) -> u64 {
@@ -79,7 +79,7 @@ fn table_bits(n: usize) -> u32 {
     (n * 2).next_power_of_two().trailing_zeros().max(1)
 }
 
-/// Voxels seen so far, at most as many as it was made for.
+/// A set of voxels with a fixed capacity.
 pub(crate) struct VoxelSet {
     bits: u32,
     keys: Vec<u64>,
@@ -91,7 +91,7 @@ impl VoxelSet {
         let bits = table_bits(n);
         Self { bits, keys: vec![EMPTY_KEY; 1 << bits] }
     }
-    /// Whether the voxel is new.
+    /// Inserts a voxel and returns whether it is new.
     pub fn insert(&mut self, voxel: VoxelIndex) -> bool {
         let key = voxel.key();
         let slot = self.slot(key);
@@ -99,7 +99,7 @@ impl VoxelSet {
         self.keys[slot] = key;
         is_new
     }
-    /// Where the key is, or where it would go.
+    /// Slot of the key, or the slot where it would be inserted.
     #[inline]
     fn slot(&self, key: u64) -> usize {
         let mut slot = (spread(key) >> (64 - self.bits)) as usize;
@@ -110,7 +110,7 @@ impl VoxelSet {
     }
 }
 
-/// Indices of the points that are the first in their cube of side `spacing_m`, in order.
+/// Indices of the first point in each voxel of side `spacing_m`, in order.
 pub fn thinned(points: impl ExactSizeIterator<Item = [f32; 3]>, spacing_m: f64) -> Vec<usize> {
     let mut taken = VoxelSet::for_at_most(points.len());
     let per_m = 1.0 / spacing_m;
@@ -126,13 +126,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_point_per_cube_is_left() {
+    fn thinning_keeps_the_first_point_of_each_voxel() {
         let points = [[0.01, 0.0, 0.0], [0.09, 0.0, 0.0], [-0.01, 0.0, 0.0], [0.11, 0.0, 0.0], [0.02, 0.05, 0.0]];
         assert_eq!(thinned(points.into_iter(), 0.1), [0, 2, 3]);
     }
 
     #[test]
-    fn cubes_are_half_open_and_far_ones_do_not_overflow() {
+    fn fast_floor_equals_floor_also_at_the_limits() {
         for v in [
             -2.0,
             -1.5,
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn every_voxel_is_new_once() {
+    fn voxel_is_new_only_at_its_first_insertion() {
         let mut set = VoxelSet::for_at_most(9 * 9 * 9);
         for round in 0..2 {
             for i in 0..9 * 9 * 9 {

@@ -1,10 +1,14 @@
-//! How well results agree with the truth: labels of points, trajectories, maps. No files and no models, so that whoever scores
-//! something need not build what made it.
+//! Scores of results against ground truth: classes and instances of points, trajectories, point clouds. This crate reads no files
+//! and needs no model.
 
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod classes;
+mod instances;
 pub mod map;
-mod panoptic;
 mod statistics;
 pub mod trajectory;
 
-pub use panoptic::{ClassScore, Overlaps, PointLabel};
+pub use classes::{ClassScores, Confusion, ScoreTable};
+pub use instances::{InstanceScores, Overlaps, PointLabel};
 pub use statistics::Statistics;

@@ -1,8 +1,7 @@
-//! How good a map is: how crisp it is by itself, and how far it is from the truth.
+//! Scores of a point cloud: its sharpness, which needs no truth, and its distance to a true cloud.
 //!
-//! A trajectory may drift by a meter over a kilometer and its map be crisp everywhere, and the other way round: these measures say
-//! what a trajectory's errors do not. All of them depend on how dense a cloud is, so only clouds of the same returns may be
-//! compared.
+//! These scores complement trajectory errors: a trajectory may drift by a meter per kilometer while its cloud is sharp everywhere,
+//! and vice versa. All scores depend on the density of the cloud, so compare only clouds of the same returns.
 
 mod crispness;
 mod distance;

@@ -1,19 +1,19 @@
-//! Many errors in a few numbers.
+//! Statistics of a set of errors.
 
-/// Of a set of errors, in their unit.
+/// Statistics of a set of errors, in their unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
-    /// How many.
+    /// Number of values.
     pub n: usize,
-    /// Root of the mean square.
+    /// Root mean square.
     pub rmse: f64,
-    /// Arithmetic.
+    /// Arithmetic mean.
     pub mean: f64,
-    /// The mean of the middle two of an even number.
+    /// Median; for an even number of values the mean of the middle two.
     pub median: f64,
-    /// 95 % are not above, linearly between the neighboring two (numpy's `percentile`).
+    /// 95th percentile, linearly interpolated (as `percentile` of numpy).
     pub p95: f64,
-    /// Of the set itself (divided by n).
+    /// Standard deviation of the set (divided by n).
     pub deviation: f64,
     /// Smallest.
     pub min: f64,
@@ -22,7 +22,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// `None` of no values; they must be finite.
+    /// `None` without values. The values must be finite.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.into_iter().collect();
         values.sort_by(f64::total_cmp);
@@ -32,8 +32,8 @@ impl Statistics {
         let mean_square = values.iter().map(|value| value * value).sum::<f64>() / n;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n;
         let at = |share: f64| {
-            let place = share * (n - 1.0);
-            let (index, rest) = (place as usize, place.fract());
+            let position = share * (n - 1.0);
+            let (index, rest) = (position as usize, position.fract());
             let next = values[(index + 1).min(values.len() - 1)];
             values[index] + (next - values[index]) * rest
         };
@@ -48,7 +48,7 @@ impl Statistics {
             max,
         })
     }
-    /// In another unit.
+    /// In another unit: all values multiplied by `factor`.
     #[must_use]
     pub fn times(self, factor: f64) -> Self {
         Self {
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_five_values() {
+    fn statistics_of_five_values_are_exact() {
         let found = Statistics::of([4.0, 1.0, 2.0, 3.0, 10.0]).expect("has values");
         assert_eq!((found.n, found.mean, found.median, found.min, found.max), (5, 4.0, 3.0, 1.0, 10.0));
         assert!((found.rmse - 26.0_f64.sqrt()).abs() < 1e-15 && (found.deviation - 10.0_f64.sqrt()).abs() < 1e-15);

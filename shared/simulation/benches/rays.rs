@@ -1,12 +1,12 @@
 //! Rays per second and core: `cargo bench -p simulation --bench rays [-- SEED [COPIES]]`.
 //!
-//! Seconds are those of the thread's CPU clock, so that other programs do not count; those that share its caches still slow it.
+//! Time is the CPU time of the thread, so that other programs do not count; sharing caches still slows it.
 //!
-//! 1. The urban scene as the lidar sees it: one revolution of the mounted HDL-32E, shadows off: scene with movers, what
-//!    stands alone, and whole firings (beam, receiver, noise). Side by side, as the simulator does it, and each ray alone.
+//! 1. The urban scene as the lidar sees it: one revolution of the mounted HDL-32E, shadows off: scene with movers, the
+//!    static scene, and whole firings (beam, receiver, noise). In packets, as the simulator does it, and as single rays.
 //! 2. The same rays on the same triangles beside [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
-//!    are the scene's; round things are there as their bounding boxes, since obvhs knows only triangles.
-//! 3. The same for COPIES copies of the scene side by side, 60 m apart: a large town. As many as make three million triangles if not said.
+//!    are the scene's; other primitives are replaced by their bounding boxes, because obvhs supports only triangles.
+//! 3. The same for COPIES copies of the scene, 60 m apart: a large town. The default is three million triangles.
 
 #![allow(missing_docs, reason = "a program")]
 
@@ -14,17 +14,17 @@ use obvhs::BvhBuildParams;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::{Ray as PeerRay, RayHit};
 use obvhs::triangle::Triangle;
+use raytrace::{Bvh, Primitive, Ray, Shape, Vec3};
 use rustix::time::{ClockId, clock_gettime};
-use simulation::trace::{Bvh, Primitive, Ray, Shape, Vec3};
 use simulation::{DriveSpec, Simulation};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// Nothing farther is asked for, m.
+/// Maximum range, m.
 const FAR_M: f32 = 120.0;
 /// After five seconds of drive.
 const FIRST_PACKET: u64 = 5 * 1809;
-/// The best of so many rounds counts: other programs only ever slow one down.
+/// The best of this many rounds counts.
 const ROUNDS: usize = 20;
 
 fn main() {
@@ -57,20 +57,20 @@ fn run() {
         rays.len(),
         100.0 * share(hits, rays.len())
     );
-    report("scene, movers and normals, rays side by side", rays.len(), || {
+    report("scene, movers and normals, ray packets", rays.len(), || {
         scene.cast_all(&rays, FAR_M, |_| &snapshot).iter().flatten().count()
     });
-    report("what stands, nearest, rays side by side", rays.len(), || {
+    report("static scene, nearest, ray packets", rays.len(), || {
         scene.statics().nearest_of(&rays, FAR_M).iter().flatten().count()
     });
     report("scene, movers and normals", rays.len(), || {
         rays.iter().filter(|ray| scene.cast(&snapshot, ray, FAR_M).is_some()).count()
     });
-    report("what stands, nearest", rays.len(), || {
+    report("static scene, nearest", rays.len(), || {
         rays.iter().filter(|ray| scene.statics().nearest(ray, FAR_M).is_some()).count()
     });
-    report("what stands, any", rays.len(), || rays.iter().filter(|ray| scene.statics().any(ray, FAR_M)).count());
-    report("what stands, any, rays side by side", rays.len(), || {
+    report("static scene, any", rays.len(), || rays.iter().filter(|ray| scene.statics().any(ray, FAR_M)).count());
+    report("static scene, any, ray packets", rays.len(), || {
         scene.statics().any_of(&rays, FAR_M).iter().filter(|is_hit| **is_hit).count()
     });
     report("firings of the lidar", rays.len(), || lidar.packets(FIRST_PACKET..FIRST_PACKET + 181).len());
@@ -95,7 +95,7 @@ fn beside_obvhs(name: &str, soup: &[[Vec3; 3]], rays: &[Ray]) {
     println!("  ours: built in {:.2} s, {} MB", start.elapsed().as_secs_f64(), tree.bytes() >> 20);
     let mine = report("  ours", rays.len(), || rays.iter().filter(|ray| tree.nearest(ray, FAR_M).is_some()).count());
 
-    report("  ours, rays side by side", rays.len(), || tree.nearest_of(rays, FAR_M).iter().flatten().count());
+    report("  ours, ray packets", rays.len(), || tree.nearest_of(rays, FAR_M).iter().flatten().count());
 
     let peer: Vec<Triangle> = soup
         .iter()

@@ -1,4 +1,4 @@
-//! The pictures of `docs/simulation.md`, section Cameras, and how long each image takes.
+//! Images for `docs/explanation/simulation.md`, section Cameras, and the time per image.
 //!
 //! ```sh
 //! cargo run --release -p simulation --example camera_pictures -- docs 1 6.25

@@ -5,12 +5,12 @@
 
 use geometry::{CameraModel, Pinhole, Pose, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Rotation3;
-use simulation::scene::catalogue::{Exhibit, exhibits};
 use simulation::sensors::camera::ColorCamera;
 use simulation::sensors::exposure::Exposure;
 use simulation::{DriveSpec, Simulation};
 use std::error::Error;
 use std::path::PathBuf;
+use town::catalogue::{Exhibit, exhibits};
 
 /// Columns and rows of a picture on a sheet, px; the only picture is five times as wide.
 const PICTURE: [u32; 2] = [240, 180];

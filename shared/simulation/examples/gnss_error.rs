@@ -1,4 +1,4 @@
-//! How far the positions of each receiver are off over a drive through a town, as a picture.
+//! Position errors of each receiver class over a drive through a town, as a chart.
 //!
 //! `cargo run --release -p simulation --example gnss_error -- SECONDS SEED OUT.svg`
 
@@ -68,7 +68,7 @@ fn picture(logs: &[(Receiver, Vec<Epoch>)]) -> String {
     };
     let bars = vec![
         bars("in sight", COLORS[6], |epoch| epoch.n_in_sight),
-        bars("used though heard by a wall alone", COLORS[4], |epoch| epoch.n_reflected),
+        bars("used, received by reflection only", COLORS[4], |epoch| epoch.n_reflected),
     ];
     let lower = Chart { size, ..Chart::new("Satellites", seconds, Axis::new("", [0.0, 20.0]), bars) };
     chart::sheet(&[upper, lower], 1)

@@ -1,8 +1,8 @@
 //! Draws the reflectance spectra of materials: `material_spectra OUT.svg [MATERIAL ...]`, by default six that differ most.
 
 use chart::{Axis, Chart, Mark, Series};
-use simulation::material::Material;
 use std::error::Error;
+use town::material::Material;
 
 /// Highest reflectance on the plot.
 const TOP: f64 = 0.8;

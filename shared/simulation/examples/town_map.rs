@@ -1,12 +1,12 @@
-//! Draws a simulated town from above by class, and counts what its lidar sees.
+//! Map of a simulated town by class, and class shares of its lidar returns.
 //!
 //! `cargo run --release -p simulation --example town_map -- urban 1 12 FOLDER` writes `FOLDER/map_urban_1.png` (north up,
-//! 0.25 m per pixel; the vehicle's way in white), and prints what the town holds.
+//! 0.25 m per pixel; the path of the ego vehicle in white), and prints class shares.
 
 use messages::ClassId;
 use nalgebra::{Vector2, Vector3};
 use rayon::prelude::*;
-use simulation::trace::Ray;
+use raytrace::Ray;
 use simulation::{DriveSpec, Simulation, Town};
 use std::path::Path;
 

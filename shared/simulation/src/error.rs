@@ -1,41 +1,35 @@
-//! What can go wrong while a drive is made.
+//! Errors of simulating a drive.
 
+use crate::limits::SettingError;
 use std::path::{Path, PathBuf};
 
-/// Why there is no drive.
+/// Why a drive was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
     /// A setting outside its range.
-    #[error("{name} = {value}: {rule}")]
-    Setting {
-        /// The setting.
-        name: &'static str,
-        /// As given.
-        value: String,
-        /// What is allowed.
-        rule: &'static str,
-    },
-    /// The drive's folder is there already.
-    #[error("{}: exists already, a drive is never overwritten", .0.display())]
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// The output folder exists.
+    #[error("{}: exists already; drives are never overwritten, choose another folder or remove it", .0.display())]
     Exists(PathBuf),
     /// A file could not be written.
-    #[error("{}: {cause}", path.display())]
+    #[error("{}: cannot be written: {cause}", path.display())]
     Write {
         /// The file or folder.
         path: PathBuf,
         /// The system's reason.
         cause: std::io::Error,
     },
-    /// An image could not be coded.
-    #[error("{}: {cause}", path.display())]
+    /// An image could not be encoded.
+    #[error("{}: JPEG encoding failed: {cause}", path.display())]
     Image {
         /// The file.
         path: PathBuf,
-        /// The coder's reason.
+        /// The encoder's reason.
         cause: image::ImageError,
     },
     /// The manifest could not be written as TOML.
-    #[error("drive.toml: {0}")]
+    #[error("drive.toml: cannot be written as TOML: {0}")]
     Manifest(#[from] toml::ser::Error),
 }
 

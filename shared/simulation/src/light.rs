@@ -1,43 +1,43 @@
-//! Sun, sky, and what the town throws back of both: how much of each falls on a surface, and how the sky itself looks.
+//! Illumination of a surface by the sun, the sky and the surrounding town, and the radiance of the sky.
 
-use crate::noise::value_noise;
-use crate::scene::{Scene, SceneHit, Snapshot};
-use crate::trace::{Ray, Vec3};
+use raytrace::{Ray, Vec3};
+use town::noise::value_noise;
+use town::{Scene, SceneHit, Snapshot};
 
-/// Elevation 48 degrees and azimuth of the early afternoon: it lights the facades on the left and throws shadows onto the
-/// road, so that both cases are in every picture.
+/// Direction of the sun: elevation 48 degrees, azimuth of the early afternoon. Facades on the left are lit and shadows fall on
+/// the road, so that every image has both.
 pub fn sun_direction() -> Vec3 {
     Vec3::new(0.35, -0.57, 0.743).normalize()
 }
 
-/// Light by its color, in units of what a white target that faces the sun under the open sky gets: 1 and 1.
+/// Light by spectrum, relative to a white target that faces the sun under the open sky (1 and 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Light {
-    /// Of the sun's color: direct, from clouds, or thrown back by the town.
+    /// Light with the spectrum of the sun: direct, from clouds, or reflected by the town.
     pub sun: f32,
-    /// Of the blue sky's color.
+    /// Light with the spectrum of the blue sky.
     pub sky: f32,
 }
 
 /// Strength of the skylight against the direct sun.
 pub const SKY_STRENGTH: f32 = 0.35;
-/// What the town throws back onto a surface that sees no sky, against the full sun: the mean facade and road reflect a
-/// quarter, and half of them are in the sun.
-const THROWN_BACK: f32 = 0.12;
-/// Shadows of things farther than this from the surface are left out.
+/// Light reflected by the town onto a surface that sees no sky, relative to the full sun: facades and roads reflect a quarter
+/// on average, and half of them are in the sun.
+const REFLECTED: f32 = 0.12;
+/// Objects farther than this cast no shadow, m.
 const SHADOW_M: f32 = 60.0;
 
 impl Light {
-    /// A share of it.
+    /// A share of this light.
     #[must_use]
     pub fn times(self, share: f32) -> Self {
         Self { sun: self.sun * share, sky: self.sky * share }
     }
 
-    /// What falls on a place that the share `sun` of the full sun reaches and that sees the share `open` of the sky it could
-    /// see, both 0 to 1 and weighted by the cosine.
+    /// Light on a surface that receives the share `sun` of the full sun and sees the share `open` of the sky, both 0 to 1 and
+    /// weighted by the cosine.
     pub fn on(sun: f32, open: f32) -> Self {
-        Self { sun: THROWN_BACK * (1.0 - open) + sun, sky: open }
+        Self { sun: REFLECTED * (1.0 - open) + sun, sky: open }
     }
 
     /// The sky in a direction: blue, with haze at the horizon, clouds, and the sun with its glow. A white surface under the
@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sky_is_brightest_at_the_sun_and_paler_at_the_horizon() {
+    fn sky_is_brightest_at_sun_and_paler_at_horizon() {
         let sun = Light::of_sky(&sun_direction());
         let mut dark = f32::INFINITY;
         for i in 0..2000_u16 {

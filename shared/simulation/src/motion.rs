@@ -1,42 +1,41 @@
-//! The recording vehicle's motion: its pose at a time, on its way and at its pace.
+//! Motion of the ego vehicle: its pose over time.
 //!
-//! Way and pace are smooth curves with continuous derivatives, so that inertial samples can be taken from them exactly.
+//! Path and speed profile have continuous derivatives, so that inertial samples are exact.
 
-use crate::pace::Pace;
-use crate::way::Way;
 use geometry::{Pose, Stamp};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use std::sync::Arc;
+use town::{GroundPath, SpeedProfile};
 
-/// The vehicle's motion.
+/// Motion of the ego vehicle.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// The date of second 0.
+    /// Stamp of second 0.
     pub begin: Stamp,
-    way: Arc<Way>,
-    pace: Arc<Pace>,
-    /// Where it rocks, rad.
+    path: Arc<GroundPath>,
+    speed: Arc<SpeedProfile>,
+    /// Phase of the lane wander and the suspension, rad.
     phase: f64,
     body_height_m: f64,
 }
 
 impl Motion {
-    /// Along a way at a pace, with the body frame 1 m above the road; `phase` (rad) makes vehicles rock differently.
-    pub const fn new(begin: Stamp, way: Arc<Way>, pace: Arc<Pace>, phase: f64) -> Self {
-        Self { begin, way, pace, phase, body_height_m: 1.0 }
+    /// Motion along a path, with the body frame 1 m above the road. `phase` (rad) varies lane wander and suspension.
+    pub const fn new(begin: Stamp, path: Arc<GroundPath>, speed: Arc<SpeedProfile>, phase: f64) -> Self {
+        Self { begin, path, speed, phase, body_height_m: 1.0 }
     }
     /// The same with the body frame at another height above the road, m.
     #[must_use]
     pub fn with_body_height(self, body_height_m: f64) -> Self {
         Self { body_height_m, ..self }
     }
-    /// Length of way since second 0 of its way, m.
-    pub fn length_m(&self, seconds: f64) -> f64 {
-        self.pace.length_m(seconds)
+    /// Distance along the path, m.
+    pub fn distance_m(&self, seconds: f64) -> f64 {
+        self.speed.distance_m(seconds)
     }
-    /// `world_from_body`, `seconds` after the begin.
+    /// `world_from_body`, `seconds` after the start.
     pub fn pose(&self, seconds: f64) -> Pose {
-        let x = self.length_m(seconds);
+        let x = self.distance_m(seconds);
         // The vehicle keeps its lane within 10 cm and rocks on its springs: 1 cm, a quarter of a degree.
         let left = 0.1 * (0.09 * x + self.phase).sin();
         let bounce = 0.01 * (0.8 * x + self.phase).sin();
@@ -45,7 +44,7 @@ impl Motion {
         let wander = (0.009 * (0.09 * x + self.phase).cos()).atan();
         let rock = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
         let height = Vector3::new(0.0, 0.0, self.body_height_m + bounce);
-        self.way.frame(x, left, wander) * Isometry3::from_parts(height.into(), rock)
+        self.path.frame(x, left, wander) * Isometry3::from_parts(height.into(), rock)
     }
     /// `world_from_body` at a stamp.
     pub fn pose_at(&self, stamp: Stamp) -> Pose {
@@ -55,10 +54,10 @@ impl Motion {
     pub fn velocity(&self, seconds: f64) -> Vector3<f64> {
         self.velocity_of(&Point3::origin(), seconds)
     }
-    /// Velocity in the world of what is mounted at `place_in_body` (m), m/s: in a turn it swings about the origin.
-    pub fn velocity_of(&self, place_in_body: &Point3<f64>, seconds: f64) -> Vector3<f64> {
+    /// Velocity in the world of a point of the body, m/s.
+    pub fn velocity_of(&self, point_in_body: &Point3<f64>, seconds: f64) -> Vector3<f64> {
         let h = 1e-4;
-        (self.pose(seconds + h) * place_in_body - self.pose(seconds - h) * place_in_body) / (2.0 * h)
+        (self.pose(seconds + h) * point_in_body - self.pose(seconds - h) * point_in_body) / (2.0 * h)
     }
     /// Acceleration in the world, m/s^2.
     pub fn acceleration(&self, seconds: f64) -> Vector3<f64> {
@@ -75,29 +74,15 @@ impl Motion {
     }
 }
 
-/// A round of 1 km with four turns over hills, for tests of what moves.
-#[cfg(test)]
-pub fn example_way() -> Way {
-    use crate::scene::Terrain;
-    let terrain = Terrain::new(11);
-    let corners = [[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]];
-    let mut points = Vec::new();
-    for i in 0..4 {
-        let (a, b) = (nalgebra::Vector2::from(corners[i]), nalgebra::Vector2::from(corners[(i + 1) % 4]));
-        let n = ((b - a).norm() / 4.0) as usize;
-        points.extend((0..n).map(|k| a + (b - a) * (k as f64 / n as f64)));
-    }
-    let points = points.iter().map(|p| Vector3::new(p.x, p.y, terrain.height(p))).collect();
-    Way::closed(points, 4.0, terrain).unwrap_or_else(|| unreachable!("a thousand metres of points"))
-}
-
-/// A drive of `seconds` on [`example_way`].
+/// A drive of `seconds` on a round of 1 km with four turns over hills, for tests.
 #[cfg(test)]
 pub fn example(begin: Stamp, seconds: f64) -> Motion {
-    use crate::pace::Driver;
-    let way = example_way();
-    let pace = Pace::from_rest(&way, &Driver { cruise_mps: 9.0, phase: 0.4, stops: Vec::new() }, 40.0, seconds);
-    Motion::new(begin, Arc::new(way), Arc::new(pace), 0.4)
+    use town::{Driver, Terrain};
+    let corners = [[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]].map(nalgebra::Vector2::from);
+    let path = GroundPath::around(&corners, 4.0, Terrain::new(11)).expect("four corners");
+    let driver = Driver { cruise_mps: 9.0, phase: 0.4, stops: Vec::new() };
+    let speed = SpeedProfile::from_rest(&path, &driver, 40.0, seconds);
+    Motion::new(begin, Arc::new(path), Arc::new(speed), 0.4)
 }
 
 #[cfg(test)]
@@ -105,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_vehicle_starts_from_rest_and_reaches_its_speed() {
+    fn vehicle_starts_from_rest_and_reaches_cruise_speed() {
         let motion = example(Stamp(1_000_000_000), 40.0);
         assert!(motion.velocity(0.0).norm() < 1e-3);
         for i in 0..40 {
@@ -117,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn inertial_samples_integrate_to_the_motion_on_straights_and_in_turns() {
+    fn integrated_motion_derivatives_give_the_pose() {
         let motion = example(Stamp(1_000_000_000), 40.0);
         // At 34 s it is in its first turn.
         for begin in [2.0, 31.0] {
@@ -138,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_mounted_behind_the_origin_swings_outwards_in_a_turn() {
+    fn lever_arm_adds_velocity_in_a_turn() {
         let motion = example(Stamp(1_000_000_000), 40.0);
         let place = Point3::new(-1.2, 0.3, 1.75);
         let swing = motion.pose(34.0).rotation * motion.angular_rate(34.0).cross(&place.coords);

@@ -1,69 +1,40 @@
-//! What drive to make.
+//! Settings of a simulated drive, and the report about it.
 
 use crate::error::SimulationError;
+use crate::limits;
 use crate::rig::{CalibrationError, RigSpec};
 use crate::sensors::lidar::LidarModel;
 use crate::sensors::mosaic::EXPOSURE_NANOS;
 use messages::ClassId;
+use town::Town;
 
-/// The kind of town.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Town {
-    /// Blocks of houses, squares and parks; crossings with lights.
-    Urban,
-    /// Houses in gardens along curved roads.
-    Suburban,
-    /// A country road: village, fields, forest, tunnel, level crossing, canal, farms.
-    Rural,
-    /// The same road between open fields: nothing stands near it but at its village.
-    Field,
-    /// The same road through tunnels; the drive begins before the first one.
-    Tunnel,
-}
-
-impl Town {
-    /// All kinds.
-    pub const ALL: [Self; 5] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel];
-
-    /// As it is called on command lines.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Urban => "urban",
-            Self::Suburban => "suburban",
-            Self::Rural => "rural",
-            Self::Field => "field",
-            Self::Tunnel => "tunnel",
-        }
-    }
-}
-
-/// A drive by its seed. Equal specs give equal bytes.
+/// Settings of a drive. Equal settings give equal bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveSpec {
-    /// Where.
+    /// Kind of town.
     pub town: Town,
-    /// Of everything random: the town, its traffic, the noise of the sensors.
+    /// Seed of the town, its traffic and the sensor noise.
     pub seed: u64,
-    /// Length, s: 0.2 to 2400. The last revolution of the lidar is completed.
+    /// Length, s ([`limits::SECONDS`]). The last revolution of the lidar is completed.
     pub seconds: f64,
-    /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser. 1 to 100.
+    /// The lidar fires at every n-th azimuth step; 1 is the real rate, more is faster and sparser ([`limits::LIDAR_STEP`]).
     pub lidar_step: u32,
     /// Whether the color cameras record.
     pub cameras: bool,
     /// Whether the mosaic cameras record.
     pub mosaics: bool,
-    /// Exposure of the mosaic cameras and of their dark reference, ns: 0.1 to 1000 ms.
+    /// Exposure of the mosaic cameras and of their dark reference, ns ([`limits::MOSAIC_EXPOSURE_MS`]).
     pub mosaic_exposure_nanos: u64,
     /// Whether `truth/visibility` is written: which returns each camera sees.
     pub truth_visibility: bool,
-    /// The vehicle, as its maker measured it.
+    /// The vehicle, with nominal mountings.
     pub rig: RigSpec,
-    /// How far the true mountings are from those.
+    /// Errors of the nominal mountings.
     pub calibration_error: CalibrationError,
 }
 
 impl DriveSpec {
-    /// An urban drive with all sensors of the thesis' vehicle.
+    /// An urban drive with all sensors of the default vehicle.
     pub fn urban(seed: u64, seconds: f64) -> Self {
         Self {
             town: Town::Urban,
@@ -83,35 +54,27 @@ impl DriveSpec {
     pub fn sparse(self, lidar_step: u32) -> Self {
         Self { lidar_step, cameras: false, mosaics: false, ..self }
     }
-    /// What the rig's lidar can do.
+    /// Model of the rig's lidar.
     pub const fn lidar_model(&self) -> LidarModel {
         LidarModel::of(self.rig.lidar.model)
     }
+    /// Duration that the sensors record, s: to the end of the last lidar packet.
+    pub fn recorded_seconds(&self) -> f64 {
+        let model = self.lidar_model();
+        (model.n_packets(self.seconds) as i64 * model.packet_nanos()) as f64 * 1e-9
+    }
     pub(crate) fn check(&self) -> Result<(), SimulationError> {
-        let bad = |name, value: String, rule| Err(SimulationError::Setting { name, value, rule });
-        // Forty minutes are 14 km of streets and 30 GB of drive with all cameras, 5 GB without.
-        if !(0.2..=2400.0).contains(&self.seconds) {
-            return bad("seconds", self.seconds.to_string(), "must be 0.2 to 2400");
-        }
-        if !(1..=100).contains(&self.lidar_step) {
-            return bad("lidar_step", self.lidar_step.to_string(), "must be 1 to 100");
-        }
         let CalibrationError { rotation_deg, translation_m } = self.calibration_error;
-        if !(0.0..=10.0).contains(&rotation_deg) {
-            return bad("calibration_error.rotation_deg", rotation_deg.to_string(), "must be 0 to 10");
-        }
-        if !(0.0..=1.0).contains(&translation_m) {
-            return bad("calibration_error.translation_m", translation_m.to_string(), "must be 0 to 1");
-        }
-        if !(100_000..=1_000_000_000).contains(&self.mosaic_exposure_nanos) {
-            let value = self.mosaic_exposure_nanos.to_string();
-            return bad("mosaic_exposure_nanos", value, "must be 100000 to 1000000000");
-        }
+        limits::SECONDS.check("seconds", self.seconds)?;
+        limits::LIDAR_STEP.check("lidar_step", f64::from(self.lidar_step))?;
+        limits::CALIBRATION_ERROR_DEG.check("calibration_error_deg", rotation_deg)?;
+        limits::CALIBRATION_ERROR_CM.check("calibration_error_cm", translation_m * 100.0)?;
+        limits::MOSAIC_EXPOSURE_MS.check("mosaic_exposure_ms", self.mosaic_exposure_nanos as f64 / 1e6)?;
         Ok(())
     }
 }
 
-/// What the drive holds.
+/// Contents of a written drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DriveReport {
     /// Revolutions of the lidar, the last one cut short by the end of its packet.
@@ -122,7 +85,7 @@ pub struct DriveReport {
     pub n_returns: u64,
     /// Color images, of all cameras.
     pub n_images: u32,
-    /// Mosaic images, of both cameras, references aside.
+    /// Mosaic images of all cameras, without references.
     pub n_mosaics: u32,
     /// Returns by class id.
     pub returns_by_class: [u64; ClassId::ALL.len()],
@@ -131,7 +94,7 @@ pub struct DriveReport {
 }
 
 impl DriveReport {
-    /// Classes that were seen, with their share of the returns, the most frequent first.
+    /// Classes of the returns with their shares, the most frequent first.
     pub fn class_rates(&self) -> Vec<(ClassId, f64)> {
         let total = self.n_returns.max(1) as f64;
         let mut rates: Vec<(ClassId, f64)> = ClassId::ALL

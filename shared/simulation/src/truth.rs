@@ -1,13 +1,13 @@
-//! What is true of a drive: poses every 10 ms, and class and instance of every return.
+//! Ground truth: poses every 10 ms, and class and instance of every return.
 
 use crate::motion::Motion;
 use crate::sensors::lidar::{Block, LidarReturn};
 use geometry::Trajectory;
 
-/// Between two poses, ns.
+/// Period of the poses, ns.
 const PERIOD_NANOS: i64 = 10_000_000;
 
-/// `world_from_body` from the begin to at least `seconds`.
+/// `world_from_body` from the start to at least `seconds`.
 pub fn trajectory(motion: &Motion, seconds: f64) -> Trajectory {
     let mut trajectory = Trajectory::default();
     let n = (seconds * 1e9 / PERIOD_NANOS as f64).ceil() as i64;
@@ -18,12 +18,12 @@ pub fn trajectory(motion: &Motion, seconds: f64) -> Trajectory {
     trajectory
 }
 
-/// A return's label as in SemanticKITTI: class in the low half, instance in the high half.
+/// Label of a return as in SemanticKITTI: class in the lower 16 bits, instance in the upper 16.
 pub fn label(of: &LidarReturn) -> u32 {
     of.class as u32 | u32::from(of.instance) << 16
 }
 
-/// Splits the stream of rounds into revolutions where the encoder angle wraps, as a decoder does.
+/// Splits the stream of blocks into revolutions where the encoder angle wraps, as decoders do.
 #[derive(Debug, Default)]
 pub struct Revolutions {
     last_azimuth: Option<u16>,
@@ -31,7 +31,7 @@ pub struct Revolutions {
 }
 
 impl Revolutions {
-    /// Takes the next round; gives the labels of the revolution that it ends, if it ends one.
+    /// Adds the next block; returns the labels of a revolution if the block ends one.
     pub fn push(&mut self, block: &Block) -> Option<Vec<u32>> {
         let wraps = self.last_azimuth.is_some_and(|last| block.azimuth < last);
         self.last_azimuth = Some(block.azimuth);
@@ -39,7 +39,7 @@ impl Revolutions {
         self.labels.extend(block.returns.iter().flatten().map(label));
         done
     }
-    /// The labels of the revolution that the end of the stream cut short.
+    /// Labels of the last, incomplete revolution.
     pub fn finish(self) -> Vec<u32> {
         self.labels
     }
@@ -51,7 +51,7 @@ mod tests {
     use messages::ClassId;
 
     #[test]
-    fn a_revolution_ends_where_the_angle_falls() {
+    fn revolution_ends_where_azimuth_wraps() {
         let block = |azimuth: u16, n: usize| {
             let some = LidarReturn { range_2mm: 900, intensity: 3, class: ClassId::Pole, instance: 2, range_m: 1.8 };
             Block { azimuth, is_lower: false, returns: std::array::from_fn(|i| (i < n).then_some(some)) }

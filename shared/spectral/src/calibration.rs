@@ -2,15 +2,15 @@
 //!
 //! `R = rho_white (raw - dark) / (white - dark) * t_white / t_raw`, per pixel of the raw mosaic.
 //!
-//! Dark is bias and dark current: dark frames of two exposure times or more tell both (a line for each pixel), and dark(t) is
-//! taken at the exposure time of what it is subtracted from. Dark frames of one exposure time are subtracted as they are: at a
-//! few ms they are the bias of the read-out, which does not grow with time. R is linear in the light, not clamped: 1 is a perfect diffuser, a mirror gives more, and
-//! noise around black gives small negative values, which a clamp would turn into a bias of every mean.
+//! The dark signal is bias plus dark current. Dark frames of two or more exposure times determine both (a line for each pixel), and
+//! dark(t) is evaluated at the exposure time of the frame. Dark frames of one exposure time are subtracted as they are: at a few ms
+//! they are the bias of the read-out, which does not grow with time. R is linear in the light and not clamped: 1 is a perfect
+//! diffuser and a mirror gives more. Noise around black gives small negative values; clamping them would bias every mean.
 //!
-//! A sample that says nothing is masked and its reflectance is 0, never NaN:
+//! An invalid sample is masked and its reflectance is 0, never NaN:
 //! - dead: `white - dark` is below one count, or one of the references is saturated there;
 //! - saturated: the largest value of the sample's depth;
-//! - clipped: 0 where the dark reference is above 0, so that the light was anywhere below.
+//! - clipped: 0 where the dark reference is above 0, so that the light is unknown.
 
 mod pixels;
 mod row;
@@ -23,7 +23,7 @@ use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
 use row::Row;
 
-/// A target that fills the image, of one reflectance; see [`WhitePanel`] for others.
+/// A white reference of one reflectance that fills the image; see [`WhitePanel`] for others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WhiteTarget {
     /// Reflectance of the target, above 0 and at most 1; 0.98 for the usual panel.
@@ -32,10 +32,10 @@ pub struct WhiteTarget {
     pub exposure_nanos: u64,
 }
 
-/// What happened to the samples of one frame. Each sample is counted under the first that applies.
+/// Counts of invalid samples of one frame. Each sample is counted under the first reason that applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
-    /// Without usable references.
+    /// Without valid references.
     pub dead: u64,
     /// At the largest value.
     pub saturated: u64,
@@ -77,14 +77,15 @@ struct Exposure {
     inverse: f32,
 }
 
-/// Some cells of a band-sequential cube: from `start` on in each plane, planes being `stride` values apart.
+/// Some cells of a band-sequential cube: from `start` on in each plane; planes are `stride` values apart. Not an `ndarray` view,
+/// because its inner loops run over slices, whose bounds are checked once.
 pub(crate) struct Planes<'a> {
     pub values: &'a mut [f32],
     pub stride: usize,
     pub start: usize,
 }
 
-/// One camera, ready for its frames: dark and gain of every pixel of the active area's whole cells, row-major.
+/// Calibration of one camera: dark signal and gain of every pixel in the complete cells of the active area, row-major.
 #[derive(Clone, Debug)]
 pub struct Calibration {
     mosaic: Mosaic,
@@ -98,7 +99,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Prepares the gains. Both references must be of `mosaic`'s size and hold frames.
+    /// Computes the gains. Both references must have `mosaic`'s size and at least one frame.
     pub fn new(
         mosaic: &Mosaic,
         dark: &Reference,
@@ -160,7 +161,7 @@ impl Calibration {
         bands
     }
 
-    /// Reflectance and validity of every pixel of the active area's whole cells, not yet sorted by band.
+    /// Reflectance and validity of every pixel in the complete cells of the active area, not yet sorted by band.
     pub fn reflectance(
         &self,
         raw: &[u16],
@@ -184,7 +185,7 @@ impl Calibration {
     }
 
     /// One frame into a cube: `reflectances` is band-sequential (`n_bands` planes of `n_cells`, row-major), bit b of a
-    /// cell's mask says that its band b was measured. Both are overwritten; values that were not measured are 0.
+    /// cell's mask is 1 if its band b is valid. Both are overwritten; invalid values are 0.
     pub fn cube_into(
         &self,
         raw: &[u16],
@@ -209,8 +210,8 @@ impl Calibration {
         Ok(scratch.counts)
     }
 
-    /// As [`Calibration::cube_into`], and each row of cells corrected while it is still in the cache: `values` has a plane for
-    /// each virtual band, and the masks are theirs.
+    /// As [`Calibration::cube_into`], with each row of cells corrected while it is in the cache: `values` has a plane for each
+    /// virtual band, and the masks are those of the virtual bands.
     pub fn corrected_cube_into(
         &self,
         raw: &[u16],
@@ -271,11 +272,11 @@ impl Calibration {
         masks: &mut [u32],
     ) {
         masks.fill(0);
-        // One raw row fits the fastest cache: calibrate it in one sweep, then deal its values out to the bands.
+        // One raw row fits the L1 cache: calibrate it in one pass, then distribute its values to the bands.
         for dy in 0..P {
             let samples = self.row(raw, row * P + dy, exposure, darks);
             let found = samples.reflectances_into(values);
-            row::deal::<P>(values, dy, planes);
+            row::distribute::<P>(values, dy, planes);
             if found.masked() == 0 {
                 let all = ((1 << P) - 1) << (dy * P);
                 for mask in &mut *masks {
@@ -283,7 +284,7 @@ impl Calibration {
                 }
             } else {
                 samples.validity_into(bits);
-                row::deal_validity::<P>(bits, dy, masks);
+                row::distribute_validity::<P>(bits, dy, masks);
                 counts.add(found);
             }
         }
@@ -298,7 +299,7 @@ impl Calibration {
         Ok(Exposure { nanos: nanos as f32, inverse: (1.0 / nanos as f64) as f32 })
     }
 
-    /// Row `y` of the area. `darks` is room for what the row needs.
+    /// Row `y` of the area. `darks` is a buffer.
     #[inline(always)]
     fn row<'a>(&'a self, raw: &'a [u16], y: usize, exposure: Exposure, darks: &'a mut Vec<f32>) -> Row<'a> {
         let width = self.mosaic.area()[0];

@@ -1,11 +1,66 @@
-//! A mosaic camera of a drive with everything that its frames need: the only place of this crate that reads files.
+//! A mosaic camera of a drive with its references: the only module of this crate that reads files.
 
 use crate::mosaic::check_length;
 use crate::{Calibration, Correction, FrameCounts, Mosaic, Reference, SpectralError, WhitePanel};
 use formats::manifest::MosaicEntry;
-use formats::raw_mosaic::RawMosaic;
+use formats::raw_mosaic::{RawMosaic, RawMosaicError};
 use formats::sensor_calibration::{SensorCalibration, VirtualBand};
 use std::path::{Path, PathBuf};
+
+/// Why a camera gives no reflectance.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    /// Its entry in the manifest, its references or its correction.
+    #[error("{camera}: {source}")]
+    Calibration {
+        /// Name of the camera.
+        camera: String,
+        /// What is wrong.
+        source: SpectralError,
+    },
+    /// A reference frame that cannot be read.
+    #[error("{camera}: {source}")]
+    Read {
+        /// Name of the camera.
+        camera: String,
+        /// What is wrong.
+        source: RawMosaicError,
+    },
+    /// A reference frame that does not fit the camera.
+    #[error("{camera}: {}: {width}x{height} px; must be {}x{}", path.display(), expected[0], expected[1])]
+    Size {
+        /// Name of the camera.
+        camera: String,
+        /// The frame.
+        path: PathBuf,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Columns and rows of the camera.
+        expected: [u32; 2],
+    },
+    /// More reference frames than their sum can hold.
+    #[error("{camera}: {}: {source}", path.display())]
+    Frame {
+        /// Name of the camera.
+        camera: String,
+        /// The frame.
+        path: PathBuf,
+        /// What is wrong.
+        source: SpectralError,
+    },
+    /// A folder without reference frames.
+    #[error("{camera}: no {what} reference in {}: no reflectance", folder.display())]
+    NoReference {
+        /// Name of the camera.
+        camera: String,
+        /// Dark or white.
+        what: &'static str,
+        /// Where it was searched.
+        folder: PathBuf,
+    },
+}
 
 /// References and correction of one camera.
 #[derive(Clone, Debug)]
@@ -17,11 +72,11 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Reads the references of a camera of the drive in folder `drive`: all images (PGM, TIFF) in the camera's `dark` and `white`. With
-    /// a `sensor` its cubes are corrected by the sensor's matrix for reflectances. The error is one line for the operator.
-    pub fn read(drive: &Path, entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Result<Self, String> {
+    /// Reads the references of a camera of the drive in folder `drive`: all images (PGM, TIFF) in the camera's `dark` and `white`.
+    /// With a `sensor`, cubes are corrected by the sensor's reflectance matrix.
+    pub fn read(drive: &Path, entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Result<Self, CameraError> {
         let name = &entry.name;
-        let named = |error: SpectralError| format!("{name}: {error}");
+        let named = |source: SpectralError| CameraError::Calibration { camera: name.clone(), source };
         let (width, height) = entry.model.size();
         let mosaic = Mosaic::new([width, height], entry.pattern, entry.active_area, entry.bit_depth).map_err(named)?;
         let folder = drive.join(&entry.folder);
@@ -39,8 +94,8 @@ impl Camera {
         Self::new(calibration, &entry.wavelengths_nm, sensor).map_err(named)
     }
 
-    /// A camera whose filters have their middles at `filters_nm`, in the pattern's order. With a `sensor` its cubes are corrected
-    /// by the sensor's matrix for reflectances.
+    /// A camera with filters at the center wavelengths `filters_nm`, in the pattern's order. With a `sensor`, cubes are corrected by
+    /// the sensor's reflectance matrix.
     pub fn new(
         calibration: Calibration,
         filters_nm: &[f64],
@@ -60,12 +115,12 @@ impl Camera {
         Ok(Self { calibration, correction, wavelengths_nm, valid_bands })
     }
 
-    /// Raw samples into reflectance.
+    /// Calibration of raw samples to reflectance.
     pub fn calibration(&self) -> &Calibration {
         &self.calibration
     }
 
-    /// Bands of the filters into those of the cubes, if they are corrected.
+    /// The spectral correction, if there is one.
     pub fn correction(&self) -> Option<&Correction> {
         self.correction.as_ref()
     }
@@ -75,18 +130,18 @@ impl Camera {
         self.calibration.mosaic()
     }
 
-    /// Middle of each band of the cubes, nm: of the virtual bands if they are corrected, else of the filters.
+    /// Center wavelength of each band of the cubes, nm: of the virtual bands with a correction, else of the filters.
     pub fn wavelengths_nm(&self) -> &[f32] {
         &self.wavelengths_nm
     }
 
-    /// Bit b: band b of the cubes is valid somewhere.
+    /// Bit b: band b of the cubes has at least one valid value.
     pub fn valid_bands(&self) -> u32 {
         self.valid_bands
     }
 
     /// One raw frame into a cube, binned and corrected: `values` is band-sequential (one plane of cells for each of
-    /// [`Camera::wavelengths_nm`]), bit b of a cell's mask says that its band b is valid. Both are overwritten. The counts are of
+    /// [`Camera::wavelengths_nm`]), bit b of a cell's mask is 1 if its band b is valid. Both are overwritten. The counts are those of
     /// the raw samples.
     pub fn cube_into(
         &self,
@@ -102,14 +157,15 @@ impl Camera {
     }
 }
 
-/// The dark frames with their exposure times: those in `folder` itself, and those in folders in it that are named by their
-/// exposure time in ns.
+/// The dark references with their exposure times: from `folder` itself, and from its subfolders that are named by an exposure time in
+/// ns.
+#[allow(clippy::disallowed_methods, reason = "a stage reads its calibration before its first step")]
 fn read_darks(
     name: &str,
     folder: &Path,
     exposure_nanos: u64,
     mosaic: &Mosaic,
-) -> Result<Vec<(u64, Reference)>, String> {
+) -> Result<Vec<(u64, Reference)>, CameraError> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
     let others = entries.filter_map(|path| Some((path.file_name()?.to_str()?.parse::<u64>().ok()?, path)));
     let mut others: Vec<(u64, PathBuf)> = others.filter(|(_, path)| path.is_dir()).collect();
@@ -124,25 +180,28 @@ fn read_darks(
     Ok(darks)
 }
 
-/// The mean of all frames in a folder, in the order of their names.
-fn read_reference(name: &str, what: &'static str, folder: &Path, mosaic: &Mosaic) -> Result<Reference, String> {
+/// The mean of all frames in a folder.
+fn read_reference(name: &str, what: &'static str, folder: &Path, mosaic: &Mosaic) -> Result<Reference, CameraError> {
+    let camera = || name.to_owned();
     let mut reference = Reference::new(what, mosaic);
-    let [width, height] = mosaic.size();
+    let expected = mosaic.size();
     for path in frames(folder) {
-        let about = |error: &dyn std::fmt::Display| format!("{name}: {}: {error}", path.display());
-        let frame = RawMosaic::read(&path).map_err(|error| format!("{name}: {error}"))?;
-        if (frame.width, frame.height) != (width, height) {
-            return Err(about(&format!("{}x{} px; must be {width}x{height}", frame.width, frame.height)));
+        let frame = RawMosaic::read(&path).map_err(|source| CameraError::Read { camera: camera(), source })?;
+        let RawMosaic { width, height, .. } = frame;
+        if [width, height] != expected {
+            return Err(CameraError::Size { camera: camera(), path, width, height, expected });
         }
-        reference.add(&frame.samples).map_err(|error| about(&error))?;
+        let added = reference.add(&frame.samples);
+        added.map_err(|source| CameraError::Frame { camera: camera(), path, source })?;
     }
     if reference.n_frames() == 0 {
-        return Err(format!("{name}: no {what} reference in {}: no reflectance", folder.display()));
+        return Err(CameraError::NoReference { camera: camera(), what, folder: folder.to_owned() });
     }
     Ok(reference)
 }
 
-/// The images of a folder by name; none if there is no such folder.
+/// The images of a folder, sorted by name; none without the folder.
+#[allow(clippy::disallowed_methods, reason = "a stage reads its calibration before its first step")]
 fn frames(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));

@@ -1,19 +1,20 @@
-//! Spectral correction: the bands of the filters into bands with one peak each.
+//! Spectral correction: turns the bands of the filters into virtual bands with one peak each.
 //!
-//! The filters of a mosaic camera pass second orders and leak into each other. The camera's maker delivers a matrix C whose row
-//! j combines the reflectances of all P x P filters into that of virtual band j: `r_j = sum_k C_jk r_k` (k in the pattern's
-//! order). Rows sum to 1, so a white panel stays flat.
+//! The filters of a mosaic camera have second-order peaks and crosstalk. The manufacturer delivers a matrix C whose row j combines
+//! the reflectances of all P x P filters into that of virtual band j: `r_j = sum_k C_jk r_k` (k in the pattern's order). Rows sum
+//! to 1, so a white reference stays flat.
 //!
-//! A virtual band is valid where all bands that its row weighs are: a missing one cannot be made up for. Invalid values are 0.
+//! A virtual band is valid if all bands with a weight in its row are valid. Invalid values are 0.
 
 use crate::SpectralError;
 use crate::calibration::Planes;
 use crate::mosaic::{MAX_PATTERN, check_length};
 
-/// Cells that are corrected at a time: the bands of a block stay in the fastest cache.
+/// Cells of a block: its bands stay in the L1 cache.
 const BLOCK: usize = 64;
-/// Rows and cells whose sums are in registers together: 5 x 16 are ten of AVX2's sixteen, and each value that is read serves
-/// five rows. Five divides the rows of the usual matrices, 15 and 25.
+/// Rows and cells whose sums are in registers together: 5 x 16 are ten of AVX2's sixteen registers, and each loaded value is used for
+/// five rows. Five divides the rows of the usual matrices, 15 and 25. This register blocking is why it is not a matrix product of
+/// `ndarray`.
 const ROWS: usize = 5;
 /// See [`ROWS`].
 const LANES: usize = 16;
@@ -26,7 +27,7 @@ pub struct Correction {
     n_bands: usize,
     /// By row, bit k: band k has a weight.
     needs: Vec<u32>,
-    /// Of [`ROWS`] rows each, band by band; rows that there are not are zero.
+    /// Groups of [`ROWS`] rows, band by band; missing rows are zero.
     groups: Vec<Vec<[f32; ROWS]>>,
 }
 
@@ -90,7 +91,7 @@ impl Correction {
         Ok(())
     }
 
-    /// Some cells of a cube; `bands` and `masks` are of these alone, and of fitting lengths.
+    /// Some cells of a cube; `bands` and `masks` contain only these, and their lengths fit.
     pub(crate) fn cells_into(&self, bands: &[f32], masks: &[u32], planes: &mut Planes<'_>, virtual_masks: &mut [u32]) {
         let n_cells = masks.len();
         let all = u32::MAX >> (32 - self.n_bands);
@@ -152,7 +153,7 @@ mod tests {
     const N_CELLS: usize = 77;
 
     fn matrix() -> Vec<Vec<f64>> {
-        // The second row does without band 2.
+        // The second row has no weight for band 2.
         vec![vec![1.5, -0.25, -0.5, 0.25], vec![0.5, 0.75, 0.0, -0.25], vec![0.0, 0.0, 0.5, 0.5]]
     }
 
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn every_cell_is_the_product_of_matrix_and_bands() {
+    fn corrected_cell_is_the_product_of_matrix_and_bands() {
         let value = |band: usize, cell: usize| (band * 31 + cell * 7 % 53) as f32 / 100.0;
         let bands: Vec<f32> = (0..4).flat_map(|band| (0..N_CELLS).map(move |cell| value(band, cell))).collect();
         let (mut out, mut masks) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_band_that_was_not_measured_spoils_only_the_rows_that_weigh_it() {
+    fn invalid_band_invalidates_only_the_rows_that_use_it() {
         let mut masks = [0b1111; N_CELLS];
         (masks[40], masks[76]) = (0b1011, 0b1110);
         let (mut out, mut valid) = (vec![9.0; 3 * N_CELLS], vec![9; N_CELLS]);
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_and_cubes_that_do_not_fit_are_refused() {
+    fn matrices_and_cubes_of_wrong_size_are_rejected() {
         assert_eq!(
             Correction::new(4, [&[1.0, 0.0][..]]),
             Err(SpectralError::Length { what: "row of the correction", got: 2, expected: 4 })

@@ -1,14 +1,14 @@
-//! Full resolution from a mosaic: every band at every pixel.
+//! Demosaicing: every band at every pixel.
 //!
 //! | method | idea | source |
 //! |---|---|---|
-//! | WB | each band alone, bilinear between its own samples | Brauers and Aach, 2006 |
-//! | ID | the differences to a pseudo-panchromatic image (PPI, the mean of all bands) are bilinear; the PPI is a blur of the mosaic | Mihoubi et al., 2015 |
-//! | IID | the same, the PPI being estimated anew from the last result | Mihoubi et al., 2015 |
-//! | PPID | the same, the PPI being sharp: at each pixel its own sample, corrected by its band's difference to the PPI along edges rather than across them | Mihoubi et al., IEEE TCI 2017 |
+//! | WB | bilinear interpolation of each band between its own samples | Brauers and Aach, 2006 |
+//! | ID | bilinear interpolation of the differences to a pseudo-panchromatic image (PPI, the mean of all bands); the PPI is a blurred mosaic | Mihoubi et al., 2015 |
+//! | IID | as ID, with the PPI estimated again from the previous result | Mihoubi et al., 2015 |
+//! | PPID | as ID, with a sharp PPI: the sample of each pixel, corrected by its band's difference to the PPI, weighted along edges | Mihoubi et al., IEEE TCI 2017 |
 //!
-//! All keep what was measured, to the bit, and give a mosaic that is constant per band back (WB to the bit, the others within
-//! one in a million). At the rims each band goes on as in its last pattern cell.
+//! All methods keep the measured samples bit by bit and reproduce a mosaic that is constant per band (WB bit by bit, the others
+//! within 1e-6). At the rims each band continues as in its last pattern cell.
 
 mod filter;
 mod gaps;
@@ -22,21 +22,21 @@ use crate::mosaic::{MAX_PATTERN, check_length};
 use lattice::Lattice;
 use rows::{Parts, Rows};
 
-/// How bands are brought to full resolution; see the [module](self).
+/// Demosaicing method; see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Demosaicing {
     /// WB.
     WeightedBilinear,
     /// ID.
     IntensityDifference,
-    /// IID with this many estimates of the PPI after the first. More gives smaller errors and less smooth noise; 2 is usual.
+    /// IID with this number of estimates of the PPI after the first. More estimates reduce the error and amplify noise; 2 is usual.
     IterativeIntensityDifference(u32),
     /// PPID.
     PpiDifference,
 }
 
 impl Demosaicing {
-    /// By the name that settings and commands have for it: `wb`, `id`, `iid` (two estimates) or `ppid`.
+    /// By its name in settings and commands: `wb`, `id`, `iid` (two estimates) or `ppid`.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "wb" => Some(Self::WeightedBilinear),
@@ -48,7 +48,7 @@ impl Demosaicing {
     }
 }
 
-/// Demosaics images of one size; holds the memory for it.
+/// Demosaics images of one size and keeps the buffers for it.
 #[derive(Debug)]
 pub struct Demosaicer {
     lattice: Lattice,
@@ -93,7 +93,7 @@ impl Demosaicer {
         Ok(())
     }
 
-    /// The same, row by row: `each` gets the bands of one row after the other, band-sequential.
+    /// As [`Demosaicer::demosaic_into`], row by row: `each` receives the bands of each row, band-sequential.
     pub fn demosaic_rows(
         &mut self,
         samples: &[f32],
@@ -110,7 +110,7 @@ impl Demosaicer {
         Ok(())
     }
 
-    /// Makes ready for the rows of an image.
+    /// Prepares the rows of an image.
     fn rows<'a>(&'a mut self, samples: &'a [f32], method: Demosaicing) -> Result<Rows<'a>, SpectralError> {
         check_length("mosaic", samples.len(), self.lattice.width * self.lattice.height)?;
         if method == Demosaicing::WeightedBilinear {
@@ -121,7 +121,7 @@ impl Demosaicer {
         match method {
             Demosaicing::WeightedBilinear | Demosaicing::IntensityDifference => {}
             Demosaicing::IterativeIntensityDifference(iterations) => {
-                // The mean of all bands' estimates: the sum of their differences is the bilinear blur of the differences.
+                // The PPI is the mean of all bands; the sum of their differences is the tent-filtered difference image.
                 let mut blurred = Vec::new();
                 for _ in 0..iterations {
                     difference_into(samples, &self.ppi, &mut self.difference);
@@ -140,9 +140,8 @@ impl Demosaicer {
         Ok(Rows::new(Parts { lattice: &self.lattice, mosaic, shared, measured: samples }))
     }
 
-    /// Makes `samples` ready for demosaicing where some are not `valid`: an estimate from the nearest of their band stands in for
-    /// each, so that the blurs around it do not take it for black. What depends on it stays unknown by
-    /// [`Demosaicer::masks_into`].
+    /// Replaces samples that are not `valid` by an estimate from the nearest ones of their band, so that filters do not treat them as
+    /// black. [`Demosaicer::masks_into`] still marks the values that depend on them as invalid.
     pub fn bridge_gaps(&self, samples: &mut [f32], valid: &[bool]) -> Result<(), SpectralError> {
         let n_pixels = self.lattice.width * self.lattice.height;
         check_length("mosaic", samples.len(), n_pixels)?;
@@ -151,8 +150,8 @@ impl Demosaicer {
         Ok(())
     }
 
-    /// Which bands are known where: bit k of a pixel's mask is 1 where all samples between which band k is interpolated are
-    /// `valid`. The PPI's blur is left out of account. `masks` is overwritten.
+    /// Validity of the bands: bit k of a pixel's mask is 1 if all samples between which band k is interpolated are `valid`. The blur of
+    /// the PPI is ignored. `masks` is overwritten.
     pub fn masks_into(&self, valid: &[bool], masks: &mut [u32]) -> Result<(), SpectralError> {
         let n_pixels = self.lattice.width * self.lattice.height;
         check_length("mask", valid.len(), n_pixels)?;

@@ -1,4 +1,4 @@
-/// Why a frame or a calibration cannot be used. Numbers are as they were given.
+/// Why a frame or a calibration cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpectralError {
     /// Filter pattern outside what a cell's mask can hold.
@@ -7,7 +7,7 @@ pub enum SpectralError {
     /// Sample depth outside what a u16 can hold.
     #[error("bit depth {0}; must be 1 to 16")]
     BitDepth(u32),
-    /// The active area does not lie in the image, or holds no whole cell.
+    /// The active area is not inside the image, or has no complete cell.
     #[error(
         "active area x {x} y {y} width {width} height {height} in an image of {image_width}x{image_height} px with a \
          pattern of {pattern} px; must lie inside and hold at least one cell"
@@ -28,8 +28,8 @@ pub enum SpectralError {
         /// Side of the pattern.
         pattern: u32,
     },
-    /// A mosaic that ends within a cell of its pattern.
-    #[error("mosaic of {width}x{height} px; must have whole cells of {pattern}x{pattern} px")]
+    /// A mosaic with partial cells.
+    #[error("mosaic of {width}x{height} px; must have complete cells of {pattern}x{pattern} px")]
     PartialCells {
         /// Columns.
         width: usize,
@@ -38,7 +38,7 @@ pub enum SpectralError {
         /// Side of the pattern.
         pattern: usize,
     },
-    /// A buffer that does not fit the mosaic.
+    /// A buffer of wrong length.
     #[error("{what} of {got} values; must have {expected}")]
     Length {
         /// Which buffer.
@@ -56,7 +56,7 @@ pub enum SpectralError {
         /// Frames in it.
         n_frames: u32,
     },
-    /// An exposure time by which nothing can be divided.
+    /// An exposure time of zero.
     #[error("{what} exposure of {nanos} ns; must be above zero")]
     Exposure {
         /// Of which frame.
@@ -64,10 +64,10 @@ pub enum SpectralError {
         /// As given.
         nanos: u64,
     },
-    /// A white target that is no diffuse reflector.
+    /// A reflectance that no white reference has.
     #[error("white target with reflectance {0}; must be above 0 and at most 1")]
     WhiteReflectance(f64),
-    /// A white panel with reflectances that do not fit the bands.
+    /// A number of reflectances that does not fit the bands.
     #[error("{n} reflectances of the white panel; must be 1, or one for each of the {n_bands} bands")]
     PanelBands {
         /// As given.
@@ -75,7 +75,7 @@ pub enum SpectralError {
         /// Of the mosaic.
         n_bands: usize,
     },
-    /// A white panel outside of the filters.
+    /// A white panel outside of the active area.
     #[error(
         "white panel at {region:?} (left, top, width, height); must lie in the active area {area:?} and hold a pattern"
     )]
@@ -85,7 +85,7 @@ pub enum SpectralError {
         /// Whole cells of the active area.
         area: [u64; 4],
     },
-    /// A correction matrix of a size that no camera has.
+    /// A correction matrix of invalid size.
     #[error("correction with {n} {what}; must have 1 to {max}", max = crate::MAX_PATTERN * crate::MAX_PATTERN)]
     CorrectionSize {
         /// Bands or virtual bands.
@@ -93,7 +93,7 @@ pub enum SpectralError {
         /// As given.
         n: usize,
     },
-    /// A correction matrix with a hole.
+    /// A coefficient that is not finite.
     #[error("row {row} of the correction has the coefficient {value}; must be finite")]
     Coefficient {
         /// From 0.

@@ -1,13 +1,13 @@
-//! Cubes of a mosaic's full resolution: reflectance per pixel, demosaicing, correction.
+//! Cubes at full resolution: reflectance per pixel, demosaicing, correction.
 //!
-//! Images go through row by row, so that beside the cube itself only four images of single values are held: 22 bytes for each pixel
+//! Images are processed row by row, so that in addition to the cube only four single-channel images are in memory: 22 bytes per pixel
 //! of the active area, 49 MB for 2045 x 1085. The cube has `n_bands` f32 and a mask for each pixel: 231 MB with 25 bands.
 
 use crate::calibration::Planes;
 use crate::mosaic::check_length;
 use crate::{Camera, Demosaicer, Demosaicing, FrameCounts, SpectralError};
 
-/// Makes cubes of one camera; holds the memory for it.
+/// Makes cubes of one camera and keeps the buffers for it.
 #[derive(Debug)]
 pub struct FullResolution {
     demosaicer: Demosaicer,
@@ -23,7 +23,7 @@ impl FullResolution {
         Ok(Self { demosaicer, method, measured: vec![0; width * height] })
     }
 
-    /// As [`Camera::cube_into`], with a value for each pixel of the active area's whole cells.
+    /// As [`Camera::cube_into`], with a value for each pixel in the complete cells of the active area.
     pub fn cube_into(
         &mut self,
         camera: &Camera,
@@ -37,7 +37,7 @@ impl FullResolution {
         check_length("mask", masks.len(), n_pixels)?;
         check_length("cube", values.len(), camera.wavelengths_nm().len() * n_pixels)?;
         let (samples, valid, counts) = camera.calibration().reflectance(raw, exposure_nanos)?;
-        // Row-major, as they were made.
+        // Row-major.
         let (mut samples, _) = samples.into_raw_vec_and_offset();
         let (valid, _) = valid.into_raw_vec_and_offset();
         self.measured.fill(u32::MAX >> (32 - self.demosaicer.n_bands()));
@@ -61,7 +61,7 @@ impl FullResolution {
     }
 }
 
-/// One row of all bands; what was not measured is 0.
+/// Copies one row of all bands; invalid values become 0.
 fn copy_measured(bands: &[f32], measured: &[u32], planes: &mut Planes<'_>) {
     for (band, row) in bands.chunks_exact(measured.len()).enumerate() {
         let plane = &mut planes.values[band * planes.stride + planes.start..][..measured.len()];

@@ -1,10 +1,16 @@
 //! Mosaic hyperspectral cameras: raw frames into reflectance, and reflectance into cubes (thesis 2.5.1).
 //!
-//! A mosaic camera has one band filter per pixel, repeated every `P x P` pixels. [`Mosaic`] says where the filters lie,
-//! [`Reference`] averages dark and white frames, [`Calibration`] turns raw frames into reflectance, per pixel or binned
-//! by pattern cell into a band-sequential cube, [`Demosaicer`] brings every band to the
-//! mosaic's full resolution ([`FullResolution`] whole cubes), [`Correction`] turns bands of filters into bands with one peak each. Numbers in, numbers out: no clock, no threads, and
-//! files only in [`Camera`], which reads the references of a drive.
+//! A mosaic camera has one band filter per pixel, repeated every `P x P` pixels.
+//!
+//! - [`Mosaic`] is the geometry of the filters.
+//! - [`Reference`] averages dark frames and white references.
+//! - [`Calibration`] turns raw frames into reflectance, per pixel or binned by pattern cell into a band-sequential cube.
+//! - [`Demosaicer`] interpolates every band at every pixel; [`FullResolution`] makes whole cubes of it.
+//! - [`Correction`] turns the bands of the filters into virtual bands with one peak each.
+//!
+//! All of this is free of clocks, threads and files, except [`Camera`], which reads the references of a drive.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod calibration;
 mod camera;
@@ -17,7 +23,7 @@ mod mosaic;
 mod reference;
 
 pub use calibration::{Calibration, FrameCounts, WhitePanel, WhiteTarget};
-pub use camera::Camera;
+pub use camera::{Camera, CameraError};
 pub use correction::Correction;
 pub use demosaic::{Demosaicer, Demosaicing};
 pub use error::SpectralError;

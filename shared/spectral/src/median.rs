@@ -1,10 +1,10 @@
-//! A 3x3 median of every band, against noise that the spectral correction has amplified.
+//! A 3x3 median filter of every band, against noise that the spectral correction amplifies.
 
 use crate::SpectralError;
 use crate::mosaic::check_length;
 
-/// Replaces each valid value of a band-sequential cube by the median of the valid ones in the 3x3 cells around it (fewer at
-/// the rims; of an even number the mean of the middle two). `size` = columns, rows of cells. Masks do not change.
+/// Replaces each valid value of a band-sequential cube by the median of the valid values in its 3x3 neighborhood (smaller at the
+/// rims; for an even number the mean of the middle two). `size` = columns, rows of cells. Masks do not change.
 pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(), SpectralError> {
     let [columns, rows] = size.map(|side| side as usize);
     let n_cells = columns * rows;
@@ -17,7 +17,7 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     for (band, plane) in cube.chunks_exact_mut(n_cells.max(1)).enumerate() {
         before.clear();
         before.extend_from_slice(plane);
-        // All as if everything was valid, then those again for which that is not so.
+        // First all cells as if all values were valid, then again those with invalid neighbors.
         for y in 1..rows.saturating_sub(1) {
             let three = &before[(y - 1) * columns..(y + 2) * columns];
             let out = &mut plane[y * columns..(y + 1) * columns];
@@ -38,7 +38,7 @@ pub fn median_3x3(size: [u32; 2], cube: &mut [f32], masks: &[u32]) -> Result<(),
     Ok(())
 }
 
-/// Cells around which one of `bands` is invalid somewhere, bit by bit; those of the rim lack all.
+/// Cells with an invalid neighbor, and its bands as bits. Cells at the rim have all bits.
 fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u32)> {
     let lacking = |cell: usize| {
         let (x, y) = (cell % columns, cell / columns);
@@ -51,7 +51,7 @@ fn gaps(columns: usize, rows: usize, masks: &[u32], bands: u32) -> Vec<(usize, u
     (0..masks.len()).map(|cell| (cell, lacking(cell))).filter(|(_, lacking)| *lacking != 0).collect()
 }
 
-/// Median of the valid values around a cell, of which it has one itself.
+/// Median of the valid values around a valid cell.
 fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize) -> bool) -> f32 {
     let (x, y) = (cell % columns, cell / columns);
     let (mut around, mut n) = ([0.0; 9], 0);
@@ -69,8 +69,8 @@ fn of_valid(cell: usize, columns: usize, before: &[f32], is_valid: impl Fn(usize
     0.5 * (around[(n - 1) / 2] + around[n / 2])
 }
 
-/// The medians of a row but for its ends. The median of nine is that of three: of the largest of the columns' smallest values, the middle one
-/// of their middle ones and the smallest of their largest.
+/// The medians of a row without its ends. The median of nine values is the median of three: the largest of the columns' minima, the
+/// median of their medians, and the smallest of their maxima.
 struct Row<'a> {
     /// The row above, this one and the one below.
     three: &'a [f32],
@@ -88,36 +88,36 @@ impl Row<'_> {
         let (low, middle, high) = (&mut low[..n], &mut middle[..n], &mut high[..n]);
         for i in 0..n {
             let (a, b, c) = (above[i], here[i], below[i]);
-            low[i] = least(least(a, b), c);
+            low[i] = min(min(a, b), c);
             middle[i] = median(a, b, c);
-            high[i] = most(most(a, b), c);
+            high[i] = max(max(a, b), c);
         }
         if n < 3 {
             return;
         }
         let out = &mut out[1..n - 1];
         for i in 0..out.len() {
-            let lows = most(most(low[i], low[i + 1]), low[i + 2]);
+            let lows = max(max(low[i], low[i + 1]), low[i + 2]);
             let middles = median(middle[i], middle[i + 1], middle[i + 2]);
-            let highs = least(least(high[i], high[i + 1]), high[i + 2]);
+            let highs = min(min(high[i], high[i + 1]), high[i + 2]);
             out[i] = median(lows, middles, highs);
         }
     }
 }
 
 #[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
+fn min(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
 }
 
 #[inline(always)]
-fn most(a: f32, b: f32) -> f32 {
+fn max(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
 
 #[inline(always)]
 fn median(a: f32, b: f32, c: f32) -> f32 {
-    most(least(a, b), least(most(a, b), c))
+    max(min(a, b), min(max(a, b), c))
 }
 
 #[cfg(test)]
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_outlier_goes_an_edge_stays_and_invalid_values_do_not_count() {
+    fn median_removes_outliers_keeps_edges_and_ignores_invalid_values() {
         let row = |outlier: f32| [0.1, outlier, 0.1, 0.9, 0.9];
         let plane = [row(0.1), row(5.0), row(0.1)].concat();
         let mut cube = [plane.clone(), plane].concat();
@@ -139,14 +139,14 @@ mod tests {
     }
 
     #[test]
-    fn where_all_bands_are_valid_only_the_rim_is_looked_at_again() {
+    fn fully_valid_cube_has_gaps_only_at_the_rim() {
         let looked_at = gaps(5, 4, &[0b11; 20], 0b11);
         assert_eq!(looked_at.len(), 14);
         assert!(looked_at.iter().all(|(_, lacking)| *lacking == 0b11));
     }
 
     #[test]
-    fn wide_rows_give_what_sorting_gives() {
+    fn fast_medians_equal_medians_by_sorting() {
         for [columns, rows] in [[1, 1], [2, 5], [5, 2], [37, 11]] {
             let n_cells = columns * rows;
             let chance = |i: usize| (((i + 1) as f32 * 12.9898).sin() * 43_758.547).rem_euclid(1.0);

@@ -1,14 +1,14 @@
-//! Where the band filters of a mosaic camera lie.
+//! Geometry of the band filters of a mosaic camera.
 
 use crate::SpectralError;
 
-/// Largest pattern: 5 x 5 is 25 bands, which is what a cell's 32-bit mask holds.
+/// Largest pattern: the 25 bands of 5 x 5 fit the 32-bit mask of a cell.
 pub const MAX_PATTERN: u32 = 5;
 
 /// Filter geometry of one camera, in pixels of its raw image (column x to the right, row y down, from the top left).
 ///
 /// Pixel (x, y) of the active area belongs to band `k = ((y - y0) mod P) P + ((x - x0) mod P)` and to the cell in column
-/// `(x - x0) / P`, row `(y - y0) / P`. Pixels right of and below the last whole cell belong to none.
+/// `(x - x0) / P`, row `(y - y0) / P`. Pixels right of and below the last complete cell belong to no cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mosaic {
     width: u32,
@@ -81,21 +81,21 @@ impl Mosaic {
     pub fn bit_depth(&self) -> u32 {
         self.bit_depth
     }
-    /// Smallest sample that means saturated: `2^bit_depth - 1`.
+    /// Smallest saturated sample: `2^bit_depth - 1`.
     pub fn saturation(&self) -> u16 {
         u16::MAX >> (16 - self.bit_depth)
     }
-    /// The band of a sample of the raw image, by its index; outside of the active area the pattern goes on.
+    /// The band of a sample of the raw image, by its index; the pattern continues outside of the active area.
     pub(crate) fn band_of(&self, at: usize) -> usize {
         let phase = |v: usize, origin: u32| (v as i64 - i64::from(origin)).rem_euclid(i64::from(self.pattern)) as usize;
         let (x, y) = (at % self.width as usize, at / self.width as usize);
         phase(y, self.y0) * self.pattern as usize + phase(x, self.x0)
     }
-    /// Width and height of the whole cells together, px.
+    /// Width and height of all complete cells, px.
     pub(crate) fn area(&self) -> [usize; 2] {
         [(self.columns * self.pattern) as usize, (self.rows * self.pattern) as usize]
     }
-    /// The samples of `row` of the area out of a whole frame.
+    /// The samples of `row` of the area in a whole frame.
     pub(crate) fn area_row<'a, T>(&self, frame: &'a [T], row: usize) -> &'a [T] {
         let start = (self.y0 as usize + row) * self.width as usize + self.x0 as usize;
         &frame[start..][..self.area()[0]]
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_real_sensors_have_the_cells_that_their_makers_name() {
+    fn real_sensors_have_the_cells_of_their_data_sheets() {
         let hs03 = Mosaic::new([2048, 1088], 4, [0, 32, 2048, 1024], 10).expect("sound");
         assert_eq!((hs03.cells(), hs03.n_bands(), hs03.saturation()), ([512, 256], 16, 1023));
         let hs02 = Mosaic::new([2048, 1088], 5, [0, 3, 2045, 1085], 10).expect("sound");
@@ -122,13 +122,13 @@ mod tests {
     }
 
     #[test]
-    fn broken_cells_at_the_rim_are_left_out() {
+    fn partial_cells_at_the_rim_are_left_out() {
         let mosaic = Mosaic::new([13, 9], 4, [1, 1, 11, 8], 16).expect("sound");
         assert_eq!((mosaic.cells(), mosaic.area(), mosaic.saturation()), ([2, 2], [8, 8], u16::MAX));
     }
 
     #[test]
-    fn impossible_geometry_is_refused() {
+    fn invalid_geometry_is_rejected() {
         let area = |x, y, width, height| Mosaic::new([100, 50], 5, [x, y, width, height], 10);
         assert!(matches!(area(1, 0, 100, 50), Err(SpectralError::ActiveArea { x: 1, .. })));
         assert!(matches!(area(0, 48, 100, 3), Err(SpectralError::ActiveArea { .. })));

@@ -5,7 +5,7 @@ use crate::{Mosaic, SpectralError};
 /// Frames that a sum of u16 samples in a u32 can hold without overflow.
 pub(crate) const MAX_FRAMES: u32 = 65_536;
 
-/// Instead of a sum: a frame was saturated there. [`MAX_FRAMES`] samples of u16 add up to less.
+/// Marks a pixel with a saturated sample. The sum of [`MAX_FRAMES`] samples is smaller.
 const SATURATED: u32 = u32::MAX;
 
 /// The sum of the frames of one reference. Integer sums: the order of the frames does not matter.
@@ -18,7 +18,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// No frames yet. `what` names the reference in errors: dark or white.
+    /// Without frames. `what` names the reference in errors: dark or white.
     pub fn new(what: &'static str, mosaic: &Mosaic) -> Self {
         Self { what, mosaic: mosaic.clone(), sums: vec![0; mosaic.n_samples()], n_frames: 0 }
     }
@@ -30,8 +30,8 @@ impl Reference {
         }
         let saturation = self.mosaic.saturation();
         for (sum, sample) in self.sums.iter_mut().zip(frame) {
-            let spoilt = *sum == SATURATED || *sample >= saturation;
-            *sum = if spoilt { SATURATED } else { *sum + u32::from(*sample) };
+            let is_saturated = *sum == SATURATED || *sample >= saturation;
+            *sum = if is_saturated { SATURATED } else { *sum + u32::from(*sample) };
         }
         self.n_frames += 1;
         Ok(())
@@ -50,7 +50,7 @@ impl Reference {
             _ => Ok(()),
         }
     }
-    /// Mean sample of pixel `at`, `None` where a frame was saturated.
+    /// Mean sample of pixel `at`; `None` if a sample was saturated.
     #[inline]
     pub(crate) fn mean(&self, at: usize) -> Option<f32> {
         let sum = self.sums[at];
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_averaged_and_one_saturated_sample_spoils_its_pixel() {
+    fn frames_are_averaged_and_a_saturated_sample_invalidates_its_pixel() {
         let mut white = Reference::new("white", &mosaic());
         white.add(&[100, 0, 500, 1023]).expect("fits");
         white.add(&[103, 0, 500, 10]).expect("fits");
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_another_size_and_no_frames_are_refused() {
+    fn frames_of_another_size_and_empty_references_are_rejected() {
         let mut dark = Reference::new("dark", &mosaic());
         assert_eq!(dark.add(&[1, 2, 3]), Err(SpectralError::Length { what: "dark", got: 3, expected: 4 }));
         assert_eq!(dark.n_frames(), 0);

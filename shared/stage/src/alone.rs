@@ -1,22 +1,22 @@
-//! A stage alone: its inputs come from a recording, its outputs go into another. No supervisor, no shared memory.
+//! A stage alone: it reads its inputs from a recording and writes its outputs into another. No supervisor, no shared memory.
 
 mod configuration;
 
-pub(crate) use configuration::USAGE;
-
-use crate::command::{exit, print_json, start_log, usage};
-use crate::health::{Latency, Traffic};
-use crate::histogram::Histogram;
-use crate::process::{monotonic_nanos, usage as process_usage};
-use crate::{Context, Flow, Inputs, Outputs, Port, Stage, StepError};
-use configuration::{Arguments, configure};
+use crate::command_line::{AloneArguments, print_json, usage};
+use crate::diagnostics::Diagnostics;
+use crate::program::{ConfiguredStage, Program, RunningStage};
+use crate::{Context, Flow, Inputs, Outputs, Port, StepError, exit, log};
+use configuration::configure;
 use formats::recording::{RecordedTick, RecordingError, RecordingWriter, TickReader};
 use messages::{Envelope, TickRow};
+use run::health::{Latency, Traffic};
+use run::histogram::Histogram;
+use run::process::{monotonic_nanos, usage as process_usage};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What the run came to; printed as text or JSON.
+/// The report of the run, printed as text or JSON.
 #[derive(Debug, Serialize)]
 struct Report {
     stage: &'static str,
@@ -25,7 +25,7 @@ struct Report {
     ticks: u64,
     /// Drive time from first to last tick, s.
     drive_s: f64,
-    /// From the stage's making to its end, reading and writing of recordings included, s.
+    /// From the construction of the stage to its end, reading and writing of recordings included, s.
     wall_s: f64,
     /// All steps together, s.
     steps_s: f64,
@@ -43,27 +43,23 @@ struct Report {
 }
 
 /// `run --recording …`; the exit code.
-pub(crate) fn run<S: Stage>(arguments: &[&str]) -> u8 {
-    let arguments = match Arguments::parse(arguments) {
-        Ok(arguments) => arguments,
-        Err(error) => return usage::<S>(&error),
-    };
-    let is_source = S::inputs().is_empty();
+pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
+    let is_source = program.inputs().is_empty();
     if arguments.recording.is_none() && !is_source {
-        let topics: Vec<&str> = S::inputs().iter().map(Port::topic).collect();
-        return usage::<S>(&format!("run: --recording must name a recording with {}", topics.join(", ")));
+        let topics: Vec<&str> = program.inputs().iter().map(Port::topic).collect();
+        return usage(program, &format!("run: --recording must name a recording with {}", topics.join(", ")));
     }
     if arguments.recording.is_some() && is_source {
-        return usage::<S>("run: a source reads a drive, no recording");
+        return usage(program, "run: a source reads a drive, no recording");
     }
     let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
     if let (Some(input), Some(output)) = (&arguments.recording, &arguments.record)
         && same(input, output)
     {
-        return usage::<S>(&format!("run: --record {} is the recording that is read", output.display()));
+        return usage(program, &format!("run: --record {} is the recording that is read", output.display()));
     }
-    start_log();
-    let (settings, context, barrier_s) = match configure::<S>(&arguments) {
+    log::start();
+    let (stage, context, barrier_s) = match configure(program, arguments) {
         Ok(configuration) => configuration,
         Err(problems) => {
             for problem in problems {
@@ -72,7 +68,8 @@ pub(crate) fn run<S: Stage>(arguments: &[&str]) -> u8 {
             return exit::CONFIGURATION;
         }
     };
-    match Alone::<S>::open(&settings, &context, &arguments, barrier_s).and_then(Alone::run) {
+    let _span = tracing::info_span!("stage", stage = program.name()).entered();
+    match Alone::open(program, &*stage, &context, arguments, barrier_s).and_then(Alone::run) {
         Ok(report) => {
             let code = if report.complete { exit::DONE } else { exit::INCOMPLETE };
             if arguments.json { print_json(&report).max(code) } else { print(&report, code) }
@@ -84,10 +81,11 @@ pub(crate) fn run<S: Stage>(arguments: &[&str]) -> u8 {
     }
 }
 
-struct Alone<S: Stage> {
-    stage: S,
+struct Alone<'a> {
+    program: &'a dyn Program,
+    stage: Box<dyn RunningStage>,
     source: Option<TickReader>,
-    /// Those of the inputs that are recorded, in the order of the reader's topics.
+    /// The inputs that are recorded, in the order of the reader's topics.
     inputs: Vec<Port>,
     outputs: Outputs,
     writer: Option<RecordingWriter>,
@@ -97,34 +95,36 @@ struct Alone<S: Stage> {
     step_nanos: u64,
     drive: Option<(i64, i64)>,
     report: Report,
+    diagnostics: Diagnostics,
 }
 
-impl<S: Stage> Alone<S> {
+impl<'a> Alone<'a> {
     fn open(
-        settings: &S::Settings,
+        program: &'a dyn Program,
+        stage: &dyn ConfiguredStage,
         context: &Context,
-        arguments: &Arguments,
+        arguments: &AloneArguments,
         barrier_s: f64,
     ) -> Result<Self, StepError> {
         let begun = monotonic_nanos();
-        let mut inputs = S::inputs();
+        let mut inputs = program.inputs();
         inputs.retain(|port| context.connected.iter().any(|topic| topic == port.topic()));
         let topics: Vec<&str> = inputs.iter().map(Port::topic).collect();
         let source = arguments.recording.as_ref().map(|path| TickReader::open(path, &topics)).transpose();
         let mut outputs = Outputs::default();
-        for port in S::outputs() {
+        for port in program.outputs() {
             outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
         }
-        let mut tables: Vec<_> = S::outputs().iter().map(|port| (port.make.byte_table)()).collect();
+        let mut tables: Vec<_> = program.outputs().iter().map(|port| (port.make.byte_table)()).collect();
         tables.sort_by(|a, b| a.topic.cmp(&b.topic));
         let about = BTreeMap::from([
             ("mode".to_owned(), "offline".to_owned()),
-            ("stage".to_owned(), S::NAME.to_owned()),
-            ("settings".to_owned(), serde_json::to_string(settings).map_err(StepError::data)?),
+            ("stage".to_owned(), program.name().to_owned()),
+            ("settings".to_owned(), stage.settings_json()?),
         ]);
         let writer = arguments.record.as_ref().map(|path| RecordingWriter::create(path, &about, &tables)).transpose();
         let report = Report {
-            stage: S::NAME,
+            stage: program.name(),
             complete: true,
             ticks: 0,
             drive_s: 0.0,
@@ -134,7 +134,7 @@ impl<S: Stage> Alone<S> {
             points: 0,
             points_per_s: 0.0,
             inputs: inputs.iter().map(|port| (port.topic(), Traffic::default())).collect(),
-            outputs: S::outputs().iter().map(|port| (port.topic(), Traffic::default())).collect(),
+            outputs: program.outputs().iter().map(|port| (port.topic(), Traffic::default())).collect(),
             counters: BTreeMap::new(),
             notes: Vec::new(),
             cpu_s: 0.0,
@@ -143,7 +143,8 @@ impl<S: Stage> Alone<S> {
         Ok(Self {
             source: source.map_err(StepError::io)?,
             writer: writer.map_err(StepError::io)?,
-            stage: S::new(settings, context)?,
+            stage: stage.build(context)?,
+            program,
             inputs,
             outputs,
             barrier_s,
@@ -152,12 +153,13 @@ impl<S: Stage> Alone<S> {
             step_nanos: 0,
             drive: None,
             report,
+            diagnostics: Diagnostics::default(),
         })
     }
 
     fn run(mut self) -> Result<Report, StepError> {
         let ended = if self.source.is_some() { self.recorded_ticks() } else { self.source_ticks() };
-        // What was written until an error is a recording too.
+        // What was written before an error is a valid recording.
         let finished = self.writer.take().map_or(Ok(()), RecordingWriter::finish).map_err(StepError::io);
         self.report.complete = ended?;
         finished?;
@@ -166,8 +168,8 @@ impl<S: Stage> Alone<S> {
         report.steps_s = self.step_nanos as f64 * 1e-9;
         report.step = Latency::from(&self.step_times);
         report.drive_s = self.drive.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
-        let (ports, traffic) =
-            if S::inputs().is_empty() { (S::outputs(), &report.outputs) } else { (S::inputs(), &report.inputs) };
+        let (inputs, outputs) = (self.program.inputs(), self.program.outputs());
+        let (ports, traffic) = if inputs.is_empty() { (outputs, &report.outputs) } else { (inputs, &report.inputs) };
         report.points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
         report.points_per_s = if report.steps_s > 0.0 { report.points as f64 / report.steps_s } else { 0.0 };
         (report.counters, report.notes) = (self.outputs.counters, self.outputs.notes);
@@ -207,12 +209,12 @@ impl<S: Stage> Alone<S> {
                 (port.make.push_bytes)(&mut inputs, &message.bytes)?;
             }
         }
-        let has_input = !inputs.by_topic.is_empty();
+        let has_input = !inputs.is_empty();
         self.step(&mut inputs, has_input)?;
         self.complete(tick.row)
     }
 
-    /// Ticks of a source until it says that there are no more.
+    /// Ticks of a source to its end.
     fn source_ticks(&mut self) -> Result<bool, StepError> {
         let (mut barrier, mut since) = (0, None);
         for tick in 0.. {
@@ -245,13 +247,14 @@ impl<S: Stage> Alone<S> {
         Ok(flow)
     }
 
-    /// What follows a step, as in a run: the end's rest, the barrier's state, and then the tick is written down.
+    /// What follows a step, as in a run: the last outputs at the end, the state at a barrier, then the tick is recorded.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
         if row.end != 0 {
             self.stage.finish(&mut self.outputs)?;
         }
+        self.diagnostics.log_notes(&self.outputs, row.tick);
         if row.barrier != 0 {
-            // Nobody goes on from here, but a stage that cannot save its state should be seen to fail.
+            // The state is not kept, but a stage that cannot save its state must fail here, too.
             self.stage.save()?;
         }
         for (topic, output) in &mut self.outputs.by_topic {

@@ -1,18 +1,21 @@
-//! The life of a stage's process: open, connect, tick by tick, barriers, drain.
+//! The process of a stage: open, connect, process ticks, save states at barriers, drain.
 
 mod barrier;
 mod live;
 mod saving;
 mod source;
 
-use crate::assignment::{Assignment, Command, wake_name};
-use crate::health::{Activity, Health, Heartbeat, Latency, Pulse};
-use crate::histogram::Histogram;
-use crate::ports::{Clock, PortContext, TickedInput, TickedOutput, Waiter};
-use crate::process::{die_with, monotonic_nanos};
-use crate::{Flow, Inputs, Mode, Outputs, Stage, StepError};
+use crate::diagnostics::Diagnostics;
+use crate::outputs::TickedOutput;
+use crate::ports::{Clock, PortContext, TickedInput, Waiter};
+use crate::program::{ConfiguredStage, Program, RunningStage};
+use crate::{Flow, Inputs, Mode, Outputs, StepError};
 use ipc::{Domain, LatestSubscriber, Wake};
 use messages::{NO_DRIVE_TIME, TickRow};
+use run::assignment::{Assignment, Command, wake_name};
+use run::health::{Activity, Health, Heartbeat, Latency, Pulse};
+use run::histogram::Histogram;
+use run::process::{end_with, monotonic_nanos};
 use saving::Saving;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -26,29 +29,30 @@ const MAX_ERROR_CHARS: usize = 2000;
 /// How a run of a stage ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// Everything came and went.
+    /// All ticks are processed.
     Done,
     /// The supervisor asked for a stop.
     Stopped,
 }
 
 /// Runs a stage to its end.
-pub(crate) fn run<S: Stage>(
-    settings: &S::Settings,
+pub(crate) fn run(
+    program: &dyn Program,
+    stage: &dyn ConfiguredStage,
     assignment: &Assignment,
     stop: Arc<AtomicBool>,
 ) -> Result<Ending, StepError> {
-    die_with(assignment.supervisor)?;
+    end_with(assignment.supervisor).map_err(StepError::io)?;
     let domain = Domain::new(&assignment.domain)?;
     let pulse = Arc::new(Pulse::default());
-    // The heart beats before anything that may take long.
+    // The heartbeat starts before anything that may take long.
     let heartbeat = Heartbeat::start(&domain, &assignment.stage, Arc::clone(&pulse)).map_err(StepError::io)?;
-    let ending = Runner::<S>::open(settings, assignment, &domain, &pulse, stop).and_then(|mut runner| {
+    let ending = Runner::open(program, stage, assignment, &domain, &pulse, stop).and_then(|mut runner| {
         let connected = runner.connect();
         let ending = connected.and_then(|connected| if connected { runner.ticks() } else { Ok(Ending::Stopped) });
         runner.report();
         match (ending, runner.saving.settle()) {
-            // A state that could not be saved is told also by one that is stopped.
+            // A state that could not be saved is an error of a stopped stage, too.
             (Ok(_) | Err(StepError::Stopped { .. }), Err(unsaved)) => Err(unsaved),
             (ending, _) => ending,
         }
@@ -60,7 +64,7 @@ pub(crate) fn run<S: Stage>(
         }
         _ => {}
     }
-    // Its last beat carries all this.
+    // The last beat carries these figures.
     drop(heartbeat);
     match ending {
         Err(StepError::Stopped { .. }) => Ok(Ending::Stopped),
@@ -68,8 +72,9 @@ pub(crate) fn run<S: Stage>(
     }
 }
 
-struct Runner<'a, S: Stage> {
-    stage: S,
+struct Runner<'a> {
+    program: &'a dyn Program,
+    stage: Box<dyn RunningStage>,
     assignment: &'a Assignment,
     inputs: Vec<Box<dyn TickedInput>>,
     outputs: Outputs,
@@ -85,15 +90,17 @@ struct Runner<'a, S: Stage> {
     barrier_time: Option<i64>,
     /// Of the last tick.
     last_row: TickRow,
-    /// Brings the last barrier's state to the disk.
+    /// Writes the last barrier's state to the disk.
     saving: Saving,
     step_times: Histogram,
     ages: Histogram,
+    diagnostics: Diagnostics,
 }
 
-impl<'a, S: Stage> Runner<'a, S> {
+impl<'a> Runner<'a> {
     fn open(
-        settings: &S::Settings,
+        program: &'a dyn Program,
+        stage: &dyn ConfiguredStage,
         assignment: &'a Assignment,
         domain: &Domain,
         pulse: &'a Arc<Pulse>,
@@ -111,21 +118,22 @@ impl<'a, S: Stage> Runner<'a, S> {
         });
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
-        for port in S::inputs() {
-            // An optional topic without a producer has no channels and stays silent.
+        for port in program.inputs() {
+            // An optional topic without a producer has no channels and stays empty.
             if let Some(channels) = assignment.inputs.iter().find(|channels| channels.topic == port.topic()) {
                 inputs.push((port.make.shared_input)(&ports, channels, &wake_name(&assignment.stage))?);
             }
         }
         let mut outputs = Outputs { pulse: Some(Arc::clone(pulse)), ..Outputs::default() };
-        for port in S::outputs_with(settings, &assignment.context.launch_folder)? {
+        for port in stage.outputs(&assignment.context.launch_folder)? {
             let channels = assignment.outputs.iter().find(|channels| channels.topic == port.topic());
             let channels =
-                channels.ok_or_else(|| StepError::Contract(format!("no channels for output {}", port.topic())))?;
+                channels.ok_or_else(|| StepError::contract(format!("no channels for output {}", port.topic())))?;
             outputs.by_topic.insert(port.topic(), (port.make.shared_output)(&ports, channels)?);
         }
         let mut runner = Self {
-            stage: S::new(settings, &assignment.context)?,
+            stage: stage.build(&assignment.context)?,
+            program,
             assignment,
             inputs,
             outputs,
@@ -141,6 +149,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             saving: Saving::default(),
             step_times: Histogram::default(),
             ages: Histogram::default(),
+            diagnostics: Diagnostics::default(),
         };
         if let Some(barrier) = assignment.resume {
             runner.load(barrier)?;
@@ -151,15 +160,16 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(runner)
     }
 
-    fn is_source() -> bool {
-        S::inputs().is_empty()
+    fn is_source(&self) -> bool {
+        self.program.inputs().is_empty()
     }
 
     fn ticked_outputs(outputs: &mut Outputs) -> impl Iterator<Item = &mut dyn TickedOutput> {
         outputs.by_topic.values_mut().filter_map(|output| output.ticked())
     }
 
-    /// Waits until everybody is there, then, as a source, for the word to go. `false` if the run is being stopped.
+    /// Waits until all producers and consumers are there; a source then waits for the start. `false` if the run is being
+    /// stopped.
     fn connect(&mut self) -> Result<bool, StepError> {
         let (inputs, outputs, control) = (&self.inputs, &mut self.outputs, &self.control);
         let missing = std::cell::RefCell::new(String::new());
@@ -187,7 +197,7 @@ impl<'a, S: Stage> Runner<'a, S> {
             return Ok(false);
         }
         self.pulse.announce(Activity::Ready);
-        if !Self::is_source() {
+        if !self.is_source() {
             return Ok(true);
         }
         let (control, command) = (&self.control, &mut self.command);
@@ -196,7 +206,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 
     fn ticks(&mut self) -> Result<Ending, StepError> {
         loop {
-            let ended = if Self::is_source() { self.source_tick()? } else { self.any_tick()? };
+            let ended = if self.is_source() { self.source_tick()? } else { self.any_tick()? };
             match ended {
                 None => return Ok(Ending::Stopped),
                 Some(true) => break,
@@ -210,12 +220,12 @@ impl<'a, S: Stage> Runner<'a, S> {
             || Activity::Draining,
             || {
                 read_command(control, command)?;
-                // What one says that comes and goes between two looks of the supervisor would be taken for a fault.
+                // A process that ends before the supervisor has received a heartbeat would count as failed.
                 let mut all = command.heard;
                 for output in Self::ticked_outputs(outputs) {
                     if !output.is_drained()? {
                         all = false;
-                        // A consumer that was started anew just now has not heard of the end.
+                        // A consumer that has just been restarted has not received the end.
                         if repeats {
                             output.publish_tick(end)?;
                         }
@@ -238,6 +248,7 @@ impl<'a, S: Stage> Runner<'a, S> {
     fn tick(&mut self) -> Result<Option<bool>, StepError> {
         let waiter = Rc::clone(&self.ports.waiter);
         let Some(row) = waiter.transporting(|| self.gather())? else { return Ok(None) };
+        let _span = tracing::debug_span!("tick", tick = row.tick).entered();
         let mut inputs = Inputs::default();
         for input in &mut self.inputs {
             input.deliver(&mut inputs);
@@ -248,11 +259,11 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(Some(row.end != 0))
     }
 
-    /// The step of a tick. `true` if it had input; only then is its time taken down.
+    /// The step of a tick. `true` if it had input; only then is its time measured.
     fn work(&mut self, row: &TickRow, mut inputs: Inputs) -> Result<bool, StepError> {
         self.ports.clock.tick.set(row.tick);
         self.ports.clock.born_nanos.set(row.born_nanos);
-        let has_input = !inputs.by_topic.is_empty();
+        let has_input = !inputs.is_empty();
         self.pulse.set(Activity::Working);
         if has_input {
             self.timed_step(&mut inputs)?;
@@ -262,8 +273,9 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(has_input)
     }
 
-    /// A step, its time taken down without what it waited for room at its consumers.
+    /// A step. Its measured time excludes the time that it waited for room at its consumers.
     fn timed_step(&mut self, inputs: &mut Inputs) -> Result<Flow, StepError> {
+        let _span = tracing::debug_span!("step").entered();
         let slept = self.ports.waiter.slept_nanos.get();
         let begun = monotonic_nanos();
         let flow = self.stage.step(inputs, &mut self.outputs)?;
@@ -272,7 +284,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(flow)
     }
 
-    /// Waits until every input has the whole tick, and checks that they agree on what follows it.
+    /// Waits until every input has the whole tick, and checks that all inputs agree on barrier and end.
     fn gather(&mut self) -> Result<Option<TickRow>, StepError> {
         let (inputs, outputs, tick) = (&mut self.inputs, &mut self.outputs, self.tick);
         let saving = &mut self.saving;
@@ -281,7 +293,7 @@ impl<'a, S: Stage> Runner<'a, S> {
         let here = self.ports.waiter.wait_until(
             || Activity::Waiting(late.borrow().clone()),
             || {
-                // What could not be saved is told also if nothing comes any more.
+                // A state that could not be saved is reported even if no further message arrives.
                 saving.check()?;
                 agreed = None;
                 for input in inputs.iter_mut() {
@@ -295,8 +307,8 @@ impl<'a, S: Stage> Runner<'a, S> {
                     let first = agreed.get_or_insert(row);
                     if (first.barrier, first.end) != (row.barrier, row.end) {
                         let text =
-                            format!("tick {tick}: {} disagrees with the other inputs on what follows", input.topic());
-                        return Err(StepError::Contract(text));
+                            format!("tick {tick}: {} disagrees with the other inputs on barrier or end", input.topic());
+                        return Err(StepError::contract(text));
                     }
                 }
                 Ok(true)
@@ -305,11 +317,15 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(if here { agreed } else { None })
     }
 
-    /// What follows a step: the end's rest, the barrier's state, the ticks on all outputs.
+    /// What follows a step: the last outputs at the end, the state at a barrier, the tick on all outputs.
     fn complete(&mut self, row: TickRow) -> Result<(), StepError> {
         self.saving.check()?;
         if row.end != 0 {
             self.stage.finish(&mut self.outputs)?;
+        }
+        self.diagnostics.log_notes(&self.outputs, row.tick);
+        if row.end != 0 {
+            Diagnostics::log_counters(&self.outputs, row.tick);
         }
         self.tick += 1;
         self.last_row = row;
@@ -345,14 +361,15 @@ impl<'a, S: Stage> Runner<'a, S> {
         Ok(())
     }
 
-    /// Brings the figures of the heartbeat up to date.
+    /// Updates the figures of the heartbeat.
     fn report(&mut self) {
         let inputs: BTreeMap<_, _> = self.inputs.iter().map(|i| (i.topic().to_owned(), i.traffic())).collect();
         let arrivals = self.inputs.iter().map(|i| (i.topic().to_owned(), i.arrivals())).collect();
         let outputs: BTreeMap<_, _> =
             Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect();
         // Images have more rows than any cloud; points are what the stage's first topic carries.
-        let (ports, traffic) = if Self::is_source() { (S::outputs(), &outputs) } else { (S::inputs(), &inputs) };
+        let (ports, traffic) =
+            if self.is_source() { (self.program.outputs(), &outputs) } else { (self.program.inputs(), &inputs) };
         let points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
         let mut health = self.pulse.update();
         health.points = points;
@@ -368,7 +385,7 @@ impl<'a, S: Stage> Runner<'a, S> {
 fn read_command(control: &LatestSubscriber, command: &mut Command) -> Result<(), StepError> {
     if let Some(bytes) = control.poll()? {
         *command = serde_json::from_slice(&bytes)
-            .map_err(|error| StepError::Contract(format!("a command that this stage does not know: {error}")))?;
+            .map_err(|error| StepError::contract(format!("unknown command of the supervisor: {error}")))?;
     }
     Ok(())
 }

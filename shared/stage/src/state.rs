@@ -1,51 +1,7 @@
-//! A stage's state as bytes: versioned, exact; and its file.
+//! A stage's state as bytes: versioned and exact.
 
-mod checksum;
-mod file;
-mod pieces;
-
-pub(crate) use file::{RunnerState, WrittenState, load_state, write_state};
-pub use file::{saved_bytes, verify_state};
-pub use pieces::{StateBytes, decode_head, next_message};
-
-use crate::StepError;
+use run::StateError;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-
-/// Why a saved state cannot be taken up.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub enum StateError {
-    /// Too short or without the magic bytes.
-    #[error("not a whole saved state: {0} bytes")]
-    Foreign(usize),
-    /// Written by another version of the stage.
-    #[error("saved state has version {got}, expected {expected}")]
-    Version {
-        /// In the file.
-        got: u32,
-        /// Of this program.
-        expected: u32,
-    },
-    /// Torn or changed.
-    #[error("saved state has checksum {got:016x}, expected {expected:016x}")]
-    Checksum {
-        /// Of the bytes.
-        got: u64,
-        /// In the file.
-        expected: u64,
-    },
-    /// The content does not decode.
-    #[error("saved state does not decode: {0}")]
-    Content(String),
-    /// Absent, or the disk cannot give it.
-    #[error("cannot be read: {0}")]
-    Unreadable(String),
-}
-
-impl From<StateError> for StepError {
-    fn from(error: StateError) -> Self {
-        StepError::data(error)
-    }
-}
 
 /// Encodes a stage's `state` behind its version. Floats keep their bits. The runner adds the checksum.
 pub fn encode_state<S: Serialize>(version: u32, state: &S) -> Result<Vec<u8>, StateError> {
@@ -63,7 +19,7 @@ pub fn decode_state<S: DeserializeOwned>(version: u32, bytes: &[u8]) -> Result<S
     postcard::from_bytes(content).map_err(|error| StateError::Content(error.to_string()))
 }
 
-/// Bytes that are saved as one block; a `Vec<u8>` would go through one call per byte.
+/// Bytes that are saved as one block; serde writes a `Vec<u8>` byte by byte.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bytes(pub Vec<u8>);
 
@@ -102,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn floats_come_back_to_the_bit() {
+    fn decoded_floats_have_the_same_bits() {
         let state = (vec![0.1_f64, -0.0, f64::MIN_POSITIVE], 3_u32);
         let bytes = encode_state(2, &state).expect("encodes");
         let back: (Vec<f64>, u32) = decode_state(2, &bytes).expect("decodes");
@@ -113,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn another_version_is_refused() {
+    fn state_of_another_version_is_refused() {
         let bytes = encode_state(2, &vec![1_u64; 9]).expect("encodes");
         assert_eq!(decode_state::<Vec<u64>>(3, &bytes), Err(StateError::Version { got: 2, expected: 3 }));
         assert_eq!(decode_state::<Vec<u64>>(2, &bytes[..3]), Err(StateError::Foreign(3)));

@@ -1,6 +1,6 @@
-//! A stage on the bench: steps without processes, for the stages' own tests.
+//! Steps of a stage without processes, for the stages' own tests.
 
-use crate::access::MemoryOutput;
+use crate::memory_output::take_messages;
 use crate::{Context, Flow, Inputs, Mode, Outputs, Received, Stage, StepError};
 use messages::{Envelope, Message};
 use std::collections::BTreeMap;
@@ -18,7 +18,7 @@ pub fn context(folder: &Path) -> Context {
     }
 }
 
-/// Drives a stage by hand: [`Bench::send`] messages, [`Bench::tick`], [`Bench::take`] what it published.
+/// Calls a stage step by step: [`Bench::send`] messages, [`Bench::tick`], [`Bench::take`] the published messages.
 pub struct Bench<S: Stage> {
     /// The stage itself.
     pub stage: S,
@@ -32,27 +32,27 @@ impl<S: Stage> Bench<S> {
     pub fn new(settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
         Ok(Self::with_stage(S::new(settings, context)?))
     }
-    /// Around a stage that is built already.
+    /// With a stage that is built already.
     pub fn with_stage(stage: S) -> Self {
         let mut outputs = Outputs::default();
         for port in S::outputs() {
-            outputs.by_topic.insert(port.topic, (port.make.memory_output)());
+            outputs.by_topic.insert(port.topic(), (port.make.memory_output)());
         }
         Self { stage, pending: Inputs::default(), outputs, next_seq: BTreeMap::new() }
     }
     /// Puts a message into the coming tick; its seq counts up from 0 by topic.
     pub fn send<T: Message>(&mut self, stamp: i64, header: T::Header, rows: Vec<T::Row>) {
-        assert!(S::inputs().iter().any(|port| port.topic == T::TOPIC), "{} does not read {}", S::NAME, T::TOPIC);
+        assert!(S::inputs().iter().any(|port| port.topic() == T::TOPIC), "{} does not read {}", S::NAME, T::TOPIC);
         let next = self.next_seq.entry(T::TOPIC).or_default();
         let envelope = Envelope { seq: *next, stamp, len: rows.len() as u32, ..Envelope::default() };
         *next += 1;
-        self.pending.push::<T>(Received::owned(envelope, header, rows));
+        self.pending.push::<T>(Received::in_own_memory(envelope, header, rows));
     }
-    /// Passes on what another bench's stage published, seq and all.
+    /// Adds a message that the stage of another bench published, with its seq.
     pub fn forward<T: Message>(&mut self, message: Received<T>) {
         self.pending.push::<T>(message);
     }
-    /// One step over what was sent since the last.
+    /// One step over the messages sent since the last one.
     pub fn tick(&mut self) -> Result<Flow, StepError> {
         self.stage.step(&mut std::mem::take(&mut self.pending), &mut self.outputs)
     }
@@ -60,20 +60,15 @@ impl<S: Stage> Bench<S> {
     pub fn finish(&mut self) -> Result<(), StepError> {
         self.stage.finish(&mut self.outputs)
     }
-    /// What was published on the topic of `T` since the last call.
+    /// Messages published on the topic of `T` since the last call.
     pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
-        self.outputs
-            .by_topic
-            .get_mut(T::TOPIC)
-            .and_then(|output| output.as_any().downcast_mut::<MemoryOutput<T>>())
-            .map(|output| std::mem::take(&mut output.published))
-            .unwrap_or_default()
+        self.outputs.by_topic.get_mut(T::TOPIC).map(|output| take_messages(&mut **output)).unwrap_or_default()
     }
     /// A counter of the run summary.
     pub fn counter(&self, name: &str) -> u64 {
         self.outputs.counters.get(name).copied().unwrap_or_default()
     }
-    /// What the stage said to the operator.
+    /// Notes for the operator.
     pub fn notes(&self) -> &[String] {
         &self.outputs.notes
     }

@@ -1,11 +1,13 @@
-//! Plain loops in the widest registers that the machine has.
+//! Loops compiled for the widest SIMD registers of the machine, selected at run time.
 
-/// Does `work` compiled for the instructions of this machine (AVX-512, AVX2 or SSE2): plain loops in it take 64, 32 or 16 bytes at
-/// a time. Products and sums are not fused, so that the width does not show in the result.
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+/// Runs `work` compiled for the instruction set of this machine (AVX-512, AVX2 or SSE2). Auto-vectorized loops process 64, 32 or 16
+/// bytes at a time. Multiplications and additions are not fused, so results do not depend on the register width.
 ///
-/// `work` and all that it calls must be `#[inline(always)]`: what is not inlined is compiled for every machine. A closure that is
-/// given to [`pulp::Arch::dispatch`] itself is no `FnOnce` but a `Fn`, whose one call is a function of its own and not inlined;
-/// only the bound here makes it one.
+/// `work` and all functions it calls must be `#[inline(always)]`: functions that are not inlined are compiled for the baseline
+/// instruction set. Call this function, not [`pulp::Arch::dispatch`], with a closure: the `FnOnce` bound here makes the compiler
+/// inline the closure.
 ///
 /// ```
 /// let (a, b) = ([1.0_f32; 1000], [2.0_f32; 1000]);

@@ -1,16 +1,16 @@
-//! What goes wrong with the relay.
+//! The faults of the relay.
 
 use crate::relay::Settings;
 use rustix::process::{Signal, getpid, kill_process};
-use stage::messages::{Class, Message};
+use stage::messages::{ClassTopic, Message};
 use stage::{Context, Loan, Outputs, StepError};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Far more than saving takes on a busy machine.
-const PATIENCE: Duration = Duration::from_mins(3);
+const MAX_WAIT: Duration = Duration::from_mins(3);
 
-/// A fault as the settings say.
+/// The fault that the settings select.
 ///
 /// | fault | what happens |
 /// |---|---|
@@ -25,10 +25,10 @@ const PATIENCE: Duration = Duration::from_mins(3);
 /// | `leaks_loans` | keeps every loan |
 /// | `floods_topic` | more messages in a tick than the queue takes |
 /// | `hangs_at_start`, `stalls_at_start` | as `hang` and `stall`, before it is ready |
-/// | `fails_at_start` | it cannot be made |
-/// | `takes_up_no_state` | it cannot go on from any state |
-/// | `relies_on_nothing` | its states speak of a file that is not there |
-/// | `waits`, `waits_at_start` | the step does not end, or it is not ready, before the file `once` is there |
+/// | `fails_at_start` | it cannot be constructed |
+/// | `takes_up_no_state` | it cannot load any state |
+/// | `relies_on_nothing` | its states refer to a file that does not exist |
+/// | `waits`, `waits_at_start` | the step does not end, or it is not ready, before the file `once` exists |
 pub struct Fault {
     settings: Settings,
     output: PathBuf,
@@ -39,7 +39,7 @@ impl Fault {
         Self { settings: settings.clone(), output: context.output.clone() }
     }
 
-    /// While the stage is made.
+    /// While the stage is constructed.
     pub fn strike_at_start(&self) -> Result<(), StepError> {
         match self.settings.fault.as_str() {
             "waits_at_start" => {
@@ -53,19 +53,19 @@ impl Fault {
         }
     }
 
-    /// While a state is taken up.
+    /// While a state is loaded.
     pub fn strike_at_load(&self) -> Result<(), StepError> {
         let refuses = self.settings.fault == "takes_up_no_state";
         if refuses { Err(StepError::data("told to take up no state")) } else { Ok(()) }
     }
 
-    /// Files of which a state speaks.
+    /// Files that a state refers to.
     pub fn relied_on(&self) -> Option<PathBuf> {
         (self.settings.fault == "relies_on_nothing").then(|| self.output.join("not_there.ply"))
     }
 
     /// Before the step of a tick.
-    pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<Class>>, outputs: &mut Outputs) -> Result<(), StepError> {
+    pub fn strike(&self, tick: u64, kept: &mut Vec<Loan<ClassTopic>>, outputs: &mut Outputs) -> Result<(), StepError> {
         let fault = self.settings.fault.as_str();
         if fault == "waits" {
             if tick == self.settings.at_tick {
@@ -87,50 +87,50 @@ impl Fault {
             "panic" => panic!("told to panic in tick {tick}"),
             "hang" => stop(),
             "killed" => send(Signal::KILL),
-            // Rust's own handler takes the first for a look at the stack's guard page, and steps back from the second.
+            // Rust's own handler takes the first signal for an access to the stack's guard page, and ignores the second.
             "bus_error" => kill_process(getpid(), Signal::BUS).map_err(StepError::io).and_then(|()| send(Signal::BUS)),
             "exhausts_memory" => {
-                let hoard = Vec::<u8>::with_capacity(isize::MAX as usize);
-                Err(StepError::data(format!("there were {} bytes", hoard.capacity())))
+                let block = std::hint::black_box(Vec::<u8>::with_capacity(isize::MAX as usize));
+                Err(StepError::data(format!("there were {} bytes", block.capacity())))
             }
             "fills_shared_memory" => {
                 fill("/dev/shm/filler")?;
-                let mut loan = outputs.loan::<Class>(Class::MAX_ROWS)?;
-                loan.grow(Class::MAX_ROWS).ok_or_else(|| StepError::data("the loan is too small"))?;
+                let mut loan = outputs.loan::<ClassTopic>(ClassTopic::MAX_ROWS)?;
+                loan.grow(ClassTopic::MAX_ROWS)?;
                 Err(StepError::data("there was shared memory left"))
             }
             "leaks_loans" => loop {
-                kept.push(outputs.loan::<Class>(1)?);
+                kept.push(outputs.loan::<ClassTopic>(1)?);
             },
-            "floods_topic" => (0..=Class::QUEUE).try_for_each(|_| {
-                let loan = outputs.loan::<Class>(0)?;
+            "floods_topic" => (0..=ClassTopic::QUEUE).try_for_each(|_| {
+                let loan = outputs.loan::<ClassTopic>(0)?;
                 outputs.publish(loan, 0)
             }),
             _ => stall(),
         }
     }
 
-    /// Waits until the file `once` is there: the test has then done what it wanted in the middle of the run.
+    /// Waits until the file `once` exists: the test creates it when it has changed something in mid-run.
     fn await_gate(&self) {
         while !self.output.join(&self.settings.once).exists() {
             std::thread::park_timeout(Duration::from_millis(1));
         }
     }
 
-    /// Waits until the barrier before `tick` is whole, so that it is known where the run goes on. There is one behind every fifth
-    /// tick; where none can be had, patience ends.
+    /// Waits until the barrier before `tick` is complete, so that the run resumes from a known barrier. There is one after every
+    /// fifth tick; where none is possible, the wait ends after `MAX_WAIT`.
     fn await_barrier(&self, tick: u64) {
         let barrier = tick.saturating_sub(1) / 5;
         let states = self.output.join(format!("run/states/{barrier}"));
         let is_whole =
             || ["source", "relay", "sink"].iter().all(|stage| states.join(format!("{stage}.state")).is_file());
         let begun = Instant::now();
-        while barrier > 0 && !is_whole() && begun.elapsed() < PATIENCE {
+        while barrier > 0 && !is_whole() && begun.elapsed() < MAX_WAIT {
             std::thread::park_timeout(Duration::from_millis(1));
         }
     }
 
-    /// Whether it goes wrong now; what goes wrong once leaves its mark.
+    /// Whether the fault happens now; a fault that happens once leaves a file.
     fn is_due(&self, tick: u64) -> Result<bool, StepError> {
         let Settings { at_tick, once, every, .. } = &self.settings;
         let mark = match every {

@@ -1,22 +1,22 @@
-//! A program that describes itself as the relay and then opens topic `class` as another version.
+//! A program that describes itself as the relay and opens topic `class` with another version.
 
-use stage::messages::{Class, Message, Sweep};
+use stage::messages::{ClassTopic, Message, SweepTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError};
 
-/// The relay of another day.
+/// The relay with another version of its output.
 pub struct Liar;
 
-/// `class` as nobody here knows it.
+/// `class` with a version that no other program knows.
 struct OtherClass;
 
 impl Message for OtherClass {
-    const TOPIC: &'static str = Class::TOPIC;
-    const VERSION: u32 = Class::VERSION + 1;
-    const QUEUE: usize = Class::QUEUE;
-    const BORROWED: usize = Class::BORROWED;
-    const MAX_ROWS: usize = Class::MAX_ROWS;
-    type Header = <Class as Message>::Header;
-    type Row = <Class as Message>::Row;
+    const TOPIC: &'static str = ClassTopic::TOPIC;
+    const VERSION: u32 = ClassTopic::VERSION + 1;
+    const QUEUE: usize = ClassTopic::QUEUE;
+    const BORROWED: usize = ClassTopic::BORROWED;
+    const MAX_ROWS: usize = ClassTopic::MAX_ROWS;
+    type Header = <ClassTopic as Message>::Header;
+    type Row = <ClassTopic as Message>::Row;
 }
 
 impl Stage for Liar {
@@ -24,7 +24,7 @@ impl Stage for Liar {
     type Settings = crate::SinkSettings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Sweep>()]
+        vec![Port::of::<SweepTopic>()]
     }
 
     fn outputs() -> Vec<Port> {

@@ -1,8 +1,8 @@
-//! Turns sweeps into columns, and fails as it is told.
+//! Turns sweeps into columns, and fails as its settings say.
 
 use crate::fault::Fault;
 use crate::mapping::is_shared_memory;
-use stage::messages::{Class, ClassRow, Sweep};
+use stage::messages::{ClassRow, ClassTopic, SweepTopic};
 use stage::{
     Context, Flow, Inputs, Loan, Outputs, Port, Stage, StateBytes, StepError, any, decode_state, encode_state, one_of,
 };
@@ -33,7 +33,7 @@ stage::settings! {
 pub struct Relay {
     fault: Fault,
     /// Loans that `leaks_loans` keeps.
-    kept: Vec<Loan<Class>>,
+    kept: Vec<Loan<ClassTopic>>,
     look_up: bool,
     salt: u64,
     tick: u64,
@@ -45,11 +45,11 @@ impl Stage for Relay {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Sweep>()]
+        vec![Port::of::<SweepTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Class>()]
+        vec![Port::of::<ClassTopic>()]
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
@@ -61,13 +61,13 @@ impl Stage for Relay {
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.fault.strike(self.tick, &mut self.kept, outputs)?;
         self.tick += 1;
-        for sweep in inputs.take::<Sweep>() {
+        for sweep in inputs.take::<SweepTopic>() {
             outputs.count("rows", sweep.rows().len() as u64);
             if self.look_up && is_shared_memory(sweep.rows()) {
                 outputs.count("rows_in_shared_memory", sweep.rows().len() as u64);
             }
-            let mut loan = outputs.loan::<Class>(sweep.rows().len())?;
-            let rows = loan.grow(sweep.rows().len()).ok_or_else(|| StepError::data("the loan is too small"))?;
+            let mut loan = outputs.loan::<ClassTopic>(sweep.rows().len())?;
+            let rows = loan.grow(sweep.rows().len())?;
             for (row, point) in rows.iter_mut().zip(sweep.rows()) {
                 self.sum = self.sum.wrapping_mul(31).wrapping_add(point.x as u64 + u64::from(point.offset_nanos));
                 let salted = self.sum ^ self.salt;

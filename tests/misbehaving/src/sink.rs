@@ -1,8 +1,8 @@
-//! Writes down what came.
+//! Writes a line per message.
 
 use crate::mapping::is_shared_memory;
 use stage::messages::pod::{FINGERPRINT_START, bytes_from_rows, fingerprint};
-use stage::messages::{Class, Sweep};
+use stage::messages::{ClassTopic, SweepTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, any, decode_state, encode_state};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub struct Sink {
 }
 
 impl Sink {
-    fn write_down(&mut self, topic: &str, seq: u64, bytes: &[u8], outputs: &mut Outputs) -> Result<(), StepError> {
+    fn write_line(&mut self, topic: &str, seq: u64, bytes: &[u8], outputs: &mut Outputs) -> Result<(), StepError> {
         outputs.count("bytes", bytes.len() as u64);
         if self.look_up && is_shared_memory(bytes) {
             outputs.count("bytes_in_shared_memory", bytes.len() as u64);
@@ -45,7 +45,7 @@ impl Stage for Sink {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<Class>(), Port::of::<Sweep>()]
+        vec![Port::of::<ClassTopic>(), Port::of::<SweepTopic>()]
     }
 
     fn outputs() -> Vec<Port> {
@@ -63,11 +63,11 @@ impl Stage for Sink {
         if !self.slow.is_zero() {
             std::thread::sleep(self.slow);
         }
-        for sweep in inputs.take::<Sweep>() {
-            self.write_down("sweep", sweep.seq(), bytes_from_rows(sweep.rows()), outputs)?;
+        for sweep in inputs.take::<SweepTopic>() {
+            self.write_line("sweep", sweep.seq(), bytes_from_rows(sweep.rows()), outputs)?;
         }
-        for class in inputs.take::<Class>() {
-            self.write_down("class", class.seq(), bytes_from_rows(class.rows()), outputs)?;
+        for class in inputs.take::<ClassTopic>() {
+            self.write_line("class", class.seq(), bytes_from_rows(class.rows()), outputs)?;
         }
         if !self.lines {
             self.digest = fingerprint(self.digest, self.text.as_bytes());

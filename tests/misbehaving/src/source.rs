@@ -1,6 +1,6 @@
 //! Publishes sweeps of numbered points.
 
-use stage::messages::{Sweep, SweepHeader};
+use stage::messages::{SweepHeader, SweepTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Stage, StepError, any, decode_state, encode_state, within};
 use std::time::Duration;
 
@@ -33,7 +33,7 @@ impl Stage for Source {
     }
 
     fn outputs() -> Vec<Port> {
-        vec![Port::of::<Sweep>()]
+        vec![Port::of::<SweepTopic>()]
     }
 
     fn new(settings: &Settings, _context: &Context) -> Result<Self, StepError> {
@@ -43,9 +43,9 @@ impl Stage for Source {
     fn step(&mut self, _inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let n_points = self.settings.points;
         std::thread::sleep(Duration::from_millis(self.settings.pace_ms));
-        let mut loan = outputs.loan::<Sweep>(n_points)?;
+        let mut loan = outputs.loan::<SweepTopic>(n_points)?;
         *loan.header_mut() = SweepHeader { n_rings: 32, ..SweepHeader::default() };
-        let rows = loan.grow(n_points).ok_or_else(|| StepError::data("the loan is too small"))?;
+        let rows = loan.grow(n_points)?;
         for (index, row) in rows.iter_mut().enumerate() {
             row.x = if self.next < self.settings.nan_from { self.next as f32 } else { f32::NAN };
             row.offset_nanos = index as u32;

@@ -1,16 +1,45 @@
-//! Recordings made by others lie beside the project, in `../shared/data` or `$REPLICA_DATA`. Tests that read them are
-//! skipped, by name, where they are absent.
+//! Recordings made by others, for tests. They lie in `../shared/data` beside the project.
+//!
+//! | `REPLICA_DATA` | folder | a test whose data is absent |
+//! |---|---|---|
+//! | not set | `../shared/data` | is listed as ignored, with the reason |
+//! | `required` | `../shared/data` | fails |
+//! | a path | that folder | is listed as ignored, with the reason |
+//!
+//! ```
+//! #[real_data::test("kitti00/000094.bin")]
+//! fn real_sweep_has_finite_points() {
+//!     let sweep = real_data::path("kitti00/000094.bin");
+//!     assert!(sweep.is_file());
+//! }
+//! ```
 
 use std::path::{Path, PathBuf};
 
-/// The file or folder, or `None` after saying on stderr what is skipped.
-pub fn real_data(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("REPLICA_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
+/// Marks a test that reads these files or folders, named relative to the data folder. It replaces `#[test]`.
+///
+/// Presence is checked when the test is compiled: the test harness can only ignore what was ignored at that time.
+pub use real_data_macros::test;
+
+/// Where a file or folder of the data lies.
+///
+/// # Panics
+/// If it does not exist: the attribute of the test did not name it, it was removed after the test was compiled, or
+/// `REPLICA_DATA=required` and the data is absent.
+pub fn path(name: &str) -> PathBuf {
+    let path = folder().join(name);
+    assert!(path.exists(), "real data {name} is absent: {} does not exist", path.display());
+    path
+}
+
+/// Where a file or folder of the data lies, if it exists: for examples and experiments, which say themselves what they need.
+pub fn find(name: &str) -> Option<PathBuf> {
+    Some(folder().join(name)).filter(|path| path.exists())
+}
+
+fn folder() -> PathBuf {
+    match std::env::var_os("REPLICA_DATA") {
+        Some(setting) if setting != "required" => PathBuf::from(setting),
+        _ => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
     }
-    eprintln!("skipped: real data {name} is not in {}", folder.display());
-    None
 }

@@ -1,6 +1,7 @@
-//! Numbers out of a message's bytes, by its byte table.
+//! Decodes the numbers of a message from its bytes, by its byte table.
 
 use anyhow::{Context, bail};
+use formats::recording::kind_bytes;
 use messages::ByteField;
 use std::fmt;
 
@@ -18,7 +19,7 @@ pub enum Number {
 }
 
 impl fmt::Display for Number {
-    /// As short as the number can be read back; NaN, inf and -inf by these names.
+    /// The shortest text that parses to the same number; NaN, inf and -inf for the others.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Number::Unsigned(value) => value.fmt(f),
@@ -30,6 +31,17 @@ impl fmt::Display for Number {
 }
 
 impl Number {
+    /// Absolute difference. NaN if the kinds differ or a number is NaN.
+    pub fn distance(self, other: Self) -> f64 {
+        match (self, other) {
+            (Number::Unsigned(a), Number::Unsigned(b)) => a.abs_diff(b) as f64,
+            (Number::Signed(a), Number::Signed(b)) => a.abs_diff(b) as f64,
+            (Number::Single(a), Number::Single(b)) => (f64::from(a) - f64::from(b)).abs(),
+            (Number::Double(a), Number::Double(b)) => (a - b).abs(),
+            _ => f64::NAN,
+        }
+    }
+
     /// JSON has no NaN and no infinity: they become `null`.
     pub fn json(self) -> String {
         match self {
@@ -42,26 +54,16 @@ impl Number {
 
 /// The numbers of `field` in the bytes of its struct.
 pub fn numbers(field: &ByteField, bytes: &[u8]) -> anyhow::Result<Vec<Number>> {
-    let size = size_of_kind(&field.kind).with_context(|| format!("field {}", field.name))?;
+    let size = kind_bytes(&field.kind).with_context(|| format!("field {}: unknown kind {}", field.name, field.kind))?;
     let end = field.offset + size * field.count;
-    let bytes = bytes
-        .get(field.offset..end)
-        .with_context(|| format!("field {} ends at byte {end} of a struct that has {}", field.name, bytes.len()))?;
+    let bytes = bytes.get(field.offset..end).with_context(|| {
+        format!("field {} ends at byte {end}, but its struct has {} bytes", field.name, bytes.len())
+    })?;
     bytes.chunks_exact(size).map(|bytes| number(&field.kind, bytes)).collect()
 }
 
-fn size_of_kind(kind: &str) -> anyhow::Result<usize> {
-    Ok(match kind {
-        "u8" | "i8" => 1,
-        "u16" | "i16" => 2,
-        "u32" | "i32" | "f32" => 4,
-        "u64" | "i64" | "f64" => 8,
-        other => bail!("kind {other} is none of u8 to u64, i8 to i64, f32, f64"),
-    })
-}
-
-/// Little-endian; `bytes` has the length of the kind.
-fn number(kind: &str, bytes: &[u8]) -> anyhow::Result<Number> {
+/// One little-endian number. `bytes` must have the length of the kind.
+pub fn number(kind: &str, bytes: &[u8]) -> anyhow::Result<Number> {
     let mut word = [0; 8];
     word[..bytes.len()].copy_from_slice(bytes);
     let word = u64::from_le_bytes(word);
@@ -73,7 +75,7 @@ fn number(kind: &str, bytes: &[u8]) -> anyhow::Result<Number> {
         "i64" => Number::Signed(word as i64),
         "f32" => Number::Single(f32::from_bits(word as u32)),
         "f64" => Number::Double(f64::from_bits(word)),
-        other => bail!("kind {other} is no number"),
+        other => bail!("unknown kind {other}"),
     })
 }
 
@@ -86,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_read_from_its_place() {
+    fn every_kind_is_decoded_at_its_offset() {
         let bytes = [0xff, 0xfe, 0xff, 0, 0, 0x80, 0x3f, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x7f];
         let read = |offset, kind, count| numbers(&field(offset, kind, count), &bytes).expect("inside");
         assert_eq!(read(0, "u8", 2), [Number::Unsigned(255), Number::Unsigned(254)]);
@@ -96,12 +98,12 @@ mod tests {
         assert_eq!(read(7, "i64", 1), [Number::Signed(i64::MAX)]);
         let nan = read(7, "f64", 1)[0];
         assert_eq!((nan.to_string(), nan.json()), ("NaN".to_owned(), "null".to_owned()));
-        assert_eq!(Number::Single(0.1).json(), "0.1", "no digits that an f32 does not have");
+        assert_eq!(Number::Single(0.1).json(), "0.1", "an f32 is not printed with the digits of an f64");
         assert_eq!(Number::Double(f64::NEG_INFINITY).to_string(), "-inf");
     }
 
     #[test]
-    fn what_the_table_says_and_the_message_has_not_is_an_error() {
+    fn field_beyond_the_bytes_or_of_unknown_kind_is_an_error() {
         assert!(numbers(&field(8, "u32", 2), &[0; 15]).is_err());
         let error = numbers(&field(0, "f16", 1), &[0; 15]).expect_err("no such kind");
         assert!(format!("{error:#}").contains("f16"), "{error:#}");

@@ -1,6 +1,6 @@
-//! Differences of colors as people see them: CIE76 in CIELAB, from sRGB under D65 (IEC 61966-2-1, CIE 15).
+//! Perceived color differences: CIE76 in CIELAB, from sRGB under D65 (IEC 61966-2-1, CIE 15).
 
-/// Distance of two colors; 2.3 are just noticed.
+/// Distance of two colors; 2.3 is just noticeable.
 pub fn difference(a: [u8; 3], b: [u8; 3]) -> f64 {
     let (a, b) = (lab(a), lab(b));
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()

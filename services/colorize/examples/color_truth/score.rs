@@ -1,24 +1,24 @@
-//! Sums by range, and the tables that they make.
+//! Scores by range, printed as tables.
 
 /// Upper ends of the ranges, m.
 pub const RANGES_M: [f64; 4] = [5.0, 10.0, 20.0, 80.0];
 
-/// Of the points at some range.
+/// Counts and values of the points in a span of ranges.
 #[derive(Clone, Debug, Default)]
 pub struct Score {
-    /// Seen by some exposure, by truth, and those of them that have a color.
+    /// Points that some exposure sees, by truth, and those of them with a color.
     pub visible: usize,
     pub visible_colored: usize,
-    /// The same of those on a single surface that is no leaf.
+    /// The same for points on a single surface that is not foliage.
     pub solid: usize,
     pub solid_colored: usize,
     pub colored: usize,
-    /// Colored by an exposure from which something stands before them: something solid, or leaves.
+    /// Points with the color of an exposure from which they are occluded, by a solid object or by leaves.
     pub behind_solid: usize,
     pub behind_leaves: usize,
-    /// Of the colors, against the pixel at the true projection.
+    /// Differences between the colors and the pixel at the true projection.
     pub color_differences: Vec<f64>,
-    /// Of the spectra, against the cell at the true projection, and against the material: in the sun and in the shade, rad.
+    /// Spectral angles to the cell at the true projection, and to the material in the sun and in the shade, rad.
     pub angles_to_cell: Vec<f64>,
     pub angles_to_material: [Vec<f64>; 2],
 }
@@ -48,7 +48,7 @@ pub fn sum(mut a: Table, b: Table) -> Table {
     a
 }
 
-/// Into a table, if the range is one of its.
+/// The entry of a range, if the table has one.
 pub fn at_range(table: &mut Table, range_m: f64) -> Option<&mut Score> {
     let place = RANGES_M.iter().position(|end| range_m < *end)?;
     table.get_mut(place)
@@ -66,7 +66,7 @@ fn rows(table: &Table) -> impl Iterator<Item = (String, Score)> {
 
 pub fn print_occlusion(title: &str, table: &Table) {
     println!(
-        "{title}\n| range | points visible | visible and colored | solid ones | hidden by something solid | by leaves |"
+        "{title}\n| range | visible points | of these colored | of solid ones | occluded by a solid object | by leaves |"
     );
     for (name, score) in rows(table) {
         let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
@@ -82,7 +82,7 @@ pub fn print_occlusion(title: &str, table: &Table) {
 }
 
 pub fn print_colors(title: &str, table: &Table) {
-    println!("{title}\n| range | colors | dE: half below | nine in ten below | above 10 |");
+    println!("{title}\n| range | colors | dE: median | 90 % below | above 10 |");
     for (name, score) in rows(table) {
         let [half, most] = [0.5, 0.9].map(|share| quantile(&score.color_differences, share));
         let n_far = score.color_differences.iter().filter(|difference| **difference > 10.0).count();
@@ -93,7 +93,7 @@ pub fn print_colors(title: &str, table: &Table) {
 
 pub fn print_spectra(title: &str, table: &Table) {
     println!(
-        "{title}\n| range | spectra | to the cell: half below | nine in ten below | to the material, sun: half below | nine in ten below | shade: half below | nine in ten below |"
+        "{title}\n| range | spectra | to the cell: median | 90 % below | to the material, sun: median | 90 % below | shade: median | 90 % below |"
     );
     for (name, score) in rows(table) {
         let [sun, shade] = &score.angles_to_material;
@@ -103,7 +103,7 @@ pub fn print_spectra(title: &str, table: &Table) {
     }
 }
 
-/// NaN of nothing.
+/// NaN if there are no values.
 fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

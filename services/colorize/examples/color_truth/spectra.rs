@@ -1,25 +1,25 @@
-//! Spectra of points against those of the materials that they are of.
+//! Spectra of points compared with those of their materials.
 
 use crate::score::Table;
 use crate::{Part, SubmapPoint};
-use colorize::views::Camera;
+use coloring::ProjectionCamera;
 use geometry::{RigCamera, Stamp};
 use messages::{CubeHeader, CubeView};
+use raytrace::Ray;
 use simulation::light::sun_direction;
-use simulation::trace::Ray;
 
-/// Angles of fewer bands say little.
+/// Smallest number of bands for a meaningful angle.
 const MIN_BANDS: usize = 8;
-/// Away from the surface, so that it does not shade itself, m.
+/// Distance of shadow rays from the surface, so that it does not shade itself, m.
 const OFF_M: f32 = 0.1;
 
 impl Part<'_> {
-    /// Of one mosaic camera, as the stage takes them: the cell under the pixel of the chosen exposure.
+    /// Spectra of one mosaic camera as the stage samples them: the cell under the pixel of the chosen exposure.
     pub fn spectra(&self, points: &[SubmapPoint], index: usize) -> Table {
         let spec = &self.town.simulation.rig.mosaics[index];
         let model = spec.lens.clone();
-        let camera = Camera::from(&RigCamera { body_from_camera: spec.body_from_camera, model });
-        let (mut views, mut exposures, mut cubes) = (Vec::new(), Vec::new(), Vec::new());
+        let camera = ProjectionCamera::from(&RigCamera { body_from_camera: spec.body_from_camera, model });
+        let (mut exposures, mut true_exposures, mut cubes) = (Vec::new(), Vec::new(), Vec::new());
         for cube in self.recorded.cubes.iter().filter(|cube| self.is_near(cube.stamp())) {
             let header = cube.header();
             let world_from_body = self.recorded.trajectory.at(Stamp(cube.stamp()));
@@ -30,21 +30,22 @@ impl Part<'_> {
                 continue;
             }
             let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
-            views.push(camera.view_of_area(cube.stamp(), &world_from_body, &self.world_from_submap, area));
-            exposures.push(self.town.exposure(cube.stamp(), &spec.body_from_camera, &spec.lens));
+            exposures.push(camera.exposure_of_area(cube.stamp(), &world_from_body, &self.world_from_submap, area));
+            true_exposures.push(self.town.exposure(cube.stamp(), &spec.body_from_camera, &spec.lens));
             cubes.push((header, cells));
         }
-        self.tables(points, &views, |truth, chosen, score| {
-            let (Some((view, pixel)), Some(material), false) = (chosen, truth.material, truth.moves) else {
+        self.tables(points, &exposures, |truth, chosen, score| {
+            let (Some((exposure, pixel)), Some(material), false) = (chosen, truth.material, truth.moves) else {
                 return;
             };
-            let (header, cells) = &cubes[view];
+            let (header, cells) = &cubes[exposure];
             let Some((bands, spectrum)) = spectrum(header, cells, pixel) else { return };
-            // Where something else is seen there is nothing to compare with: that is counted with the colors.
-            if self.town.before(&exposures[view], &truth.p).is_some() {
+            // Occluded points are counted with the colors.
+            if self.town.occluder(&true_exposures[exposure], &truth.p).is_some() {
                 return;
             }
-            let at_truth = exposures[view].pixel(&truth.p).and_then(|pixel| spectrum_of(header, cells, pixel, bands));
+            let at_truth =
+                true_exposures[exposure].pixel(&truth.p).and_then(|pixel| spectrum_of(header, cells, pixel, bands));
             score.angles_to_cell.extend(at_truth.map(|at_truth| angle(&spectrum, &at_truth)));
             let of_material = material.spectrum();
             let expected: Vec<f64> =
@@ -52,13 +53,13 @@ impl Part<'_> {
             let sun = sun_direction();
             let origin = truth.p.coords.cast::<f32>() + sun * OFF_M;
             let ray = Ray { origin, direction: sun, seed: 0 };
-            let is_shaded = self.town.simulation.scene.is_blocked(&exposures[view].snapshot, &ray, 250.0);
+            let is_shaded = self.town.simulation.scene.is_blocked(&true_exposures[exposure].snapshot, &ray, 250.0);
             score.angles_to_material[usize::from(is_shaded)].push(angle(&spectrum, &expected));
         })
     }
 }
 
-/// Valid bands and their reflectances in the cell under a pixel.
+/// Valid bands and their reflectances in the cell of a pixel.
 fn spectrum(header: &CubeHeader, cells: &CubeView<'_>, pixel: [f32; 2]) -> Option<(u32, Vec<f64>)> {
     let in_use = (1_u64 << header.n_bands) - 1;
     let bands = cells.masks()[cell(header, pixel)] & header.valid_bands & in_use as u32;
@@ -66,7 +67,7 @@ fn spectrum(header: &CubeHeader, cells: &CubeView<'_>, pixel: [f32; 2]) -> Optio
     Some((bands, spectrum_of(header, cells, pixel, bands)?))
 }
 
-/// The same of given bands; `None` if not all of them are valid there, or the pixel is outside the active area.
+/// Reflectances of given bands in the cell of a pixel. `None` if one of them is invalid or the pixel is outside the active area.
 fn spectrum_of(header: &CubeHeader, cells: &CubeView<'_>, pixel: [f32; 2], bands: u32) -> Option<Vec<f64>> {
     let [x, y] = [pixel[0] + 0.5 - header.x0 as f32, pixel[1] + 0.5 - header.y0 as f32];
     let is_inside = |at: f32, n: u32| at >= 0.0 && at < (n * header.pattern) as f32;

@@ -1,43 +1,43 @@
-//! What the simulator knows about the points of a submap: where they really are, what they are of, who sees them.
+//! Truth of the points of a submap from the simulator: position, material, visibility.
 
-use colorize::chunk::CHUNK;
+use coloring::CHUNK;
 use geometry::{CameraModel, Pose, Stamp, Trajectory};
 use messages::{ClassId, POINT_DYNAMIC, SubmapHeader, SubmapPoint};
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
+use raytrace::Ray;
 use simulation::Simulation;
-use simulation::material::Material;
-use simulation::scene::Snapshot;
-use simulation::trace::Ray;
 use std::collections::BTreeMap;
+use town::Material;
+use town::Snapshot;
 
-/// Farther than this from where the beam meets the town, a point is of no single surface, m.
-const MEETS_M: f64 = 0.3;
-/// Snapshots of the town are taken so far apart, s: a car at 10 m/s moves 2 cm.
+/// Largest distance of a point from the surface that its beam hits, m. Farther points are mixed returns.
+const MAX_DISTANCE_M: f64 = 0.3;
+/// Time between snapshots of the town, s: a car at 10 m/s moves 2 cm.
 const SNAPSHOT_S: f64 = 0.002;
 
-/// A town and what the pipeline believes about the way through it.
+/// A town and the estimated trajectory through it.
 pub struct Town<'a> {
     pub simulation: &'a Simulation,
     pub trajectory: &'a Trajectory,
 }
 
-/// A point as it really is.
+/// The truth about a point.
 #[derive(Clone, Copy)]
 pub struct TruePoint {
     /// World frame, m.
     pub p: Point3<f64>,
     pub range_m: f64,
     pub stamp: i64,
-    /// Of the surface that the beam met; `None` for mixed returns.
+    /// Material of the surface that the beam hit; `None` for mixed returns.
     pub material: Option<Material>,
-    /// Whether that surface is there and no leaf.
+    /// Whether there is such a surface and it is not foliage.
     pub is_solid: bool,
-    /// Whether it is on something that is elsewhere a second later.
+    /// Whether it is on an object that moves within a second.
     pub moves: bool,
 }
 
-/// An exposure as it really was.
+/// The truth about an exposure.
 pub struct TrueExposure {
     pub stamp: i64,
     pub snapshot: Snapshot,
@@ -47,7 +47,7 @@ pub struct TrueExposure {
 }
 
 impl TrueExposure {
-    /// Where a point is on the image, px.
+    /// Pixel of a point.
     pub fn pixel(&self, p: &Point3<f64>) -> Option<[f32; 2]> {
         self.model.pixel_from_camera(&(self.camera_from_world * p)).map(|pixel| [pixel.x as f32, pixel.y as f32])
     }
@@ -58,7 +58,7 @@ impl Town<'_> {
         Stamp(stamp).seconds_since(self.simulation.motion.begin)
     }
 
-    /// Of a camera, at a stamp.
+    /// The exposure of a camera at a stamp.
     pub fn exposure(&self, stamp: i64, body_from_camera: &Pose, model: &CameraModel) -> TrueExposure {
         let seconds = self.seconds(stamp);
         let world_from_camera = self.simulation.motion.pose(seconds) * body_from_camera;
@@ -71,8 +71,7 @@ impl Town<'_> {
         }
     }
 
-    /// The points, as the vehicle really stood when they were shot: what the pose estimate adds is taken off, the lidar's own
-    /// noise is not. `None` for points without a pose.
+    /// The points moved by the error of the estimated pose; they keep the noise of the LiDAR. `None` for points without a pose.
     pub fn points(
         &self,
         header: &SubmapHeader,
@@ -95,11 +94,11 @@ impl Town<'_> {
         snapshots: &mut BTreeMap<i64, [Snapshot; 2]>,
     ) -> Option<TruePoint> {
         let stamp = header.sweeps.get(usize::from(point.sweep_idx))?.stamp + i64::from(point.offset_nanos);
-        let believed = self.trajectory.at(Stamp(stamp))?;
+        let estimated = self.trajectory.at(Stamp(stamp))?;
         let seconds = self.seconds(stamp);
         let world_from_body = self.simulation.motion.pose(seconds);
         let p_in_submap = Point3::new(point.x, point.y, point.z).cast::<f64>();
-        let p = world_from_body * believed.inverse() * world_from_submap * p_in_submap;
+        let p = world_from_body * estimated.inverse() * world_from_submap * p_in_submap;
         let origin = (world_from_body * self.simulation.rig.lidar.body_from_lidar).translation.vector;
         let range_m = (p.coords - origin).norm();
         let ray = Ray { origin: origin.cast(), direction: ((p.coords - origin) / range_m).cast(), seed: 0 };
@@ -110,7 +109,7 @@ impl Town<'_> {
             [seconds, seconds + 1.0].map(|seconds| scene.at(seconds))
         });
         let far_m = range_m as f32 + 1.0;
-        let hit = scene.cast(now, &ray, far_m).filter(|hit| (f64::from(hit.range_m) - range_m).abs() < MEETS_M);
+        let hit = scene.cast(now, &ray, far_m).filter(|hit| (f64::from(hit.range_m) - range_m).abs() < MAX_DISTANCE_M);
         let moves = hit.as_ref().is_some_and(|hit| {
             let again = scene.cast(later, &ray, far_m).map(|hit| hit.range_m);
             hit.surface.instance > 0 && again.is_none_or(|m| (m - hit.range_m).abs() > 0.2)
@@ -119,9 +118,9 @@ impl Town<'_> {
         Some(TruePoint { p, range_m, stamp, material: hit.map(|hit| hit.surface.material), is_solid, moves })
     }
 
-    /// What stands before `p`, seen from the camera, with the tolerances of `truth/visibility`. Leaves meet rays by chance: one
-    /// beyond the point says that nothing stands before it.
-    pub fn before(&self, exposure: &TrueExposure, p: &Point3<f64>) -> Option<ClassId> {
+    /// Class of the object that occludes `p` from the camera, with the tolerances of `truth/visibility`. Leaves are hit by
+    /// chance: a hit beyond the point means that it is visible.
+    pub fn occluder(&self, exposure: &TrueExposure, p: &Point3<f64>) -> Option<ClassId> {
         let toward: Vector3<f64> = p - exposure.eye;
         let distance = toward.norm();
         let direction = (toward / distance).cast::<f32>();
@@ -134,7 +133,7 @@ impl Town<'_> {
     }
 }
 
-/// The points with the flags that they should have.
+/// The points with their true flags.
 pub fn with_true_flags(points: &[SubmapPoint], truth: &[Option<TruePoint>]) -> Vec<SubmapPoint> {
     let flag = |(point, truth): (&SubmapPoint, &Option<TruePoint>)| {
         let moves = truth.is_some_and(|truth| truth.moves);

@@ -1,25 +1,25 @@
-//! What colorize reads, out of a recording.
+//! The inputs of colorize, read from a recording.
 
 use formats::recording::TickReader;
 use geometry::{Stamp, Trajectory};
-use messages::{Cube, Image, Message, Submap};
+use messages::{CubeTopic, ImageTopic, Message, SubmapTopic};
 use stage::Received;
 use std::error::Error;
 use std::path::Path;
 
-/// All messages of a run, in their order.
+/// All messages of a run, in order.
 #[derive(Default)]
 pub struct Recorded {
-    pub submaps: Vec<Received<Submap>>,
-    pub images: Vec<Received<Image>>,
-    #[allow(dead_code, reason = "not every example looks at spectra")]
-    pub cubes: Vec<Received<Cube>>,
-    /// `world_from_body` as the run found it.
+    pub submaps: Vec<Received<SubmapTopic>>,
+    pub images: Vec<Received<ImageTopic>>,
+    #[allow(dead_code, reason = "not every example reads cubes")]
+    pub cubes: Vec<Received<CubeTopic>>,
+    /// `world_from_body` as the run estimated it.
     pub trajectory: Trajectory,
 }
 
 impl Recorded {
-    /// Of a recording with the topics submap, trajectory and image, and cube if `with_cubes`.
+    /// Reads a recording with the topics submap, trajectory and image, and cube if `with_cubes`.
     pub fn open(path: &Path, with_cubes: bool) -> Result<Self, Box<dyn Error>> {
         let mut recorded = Self::default();
         let topics = ["submap", "trajectory", "image", "cube"];
@@ -30,9 +30,11 @@ impl Recorded {
             add(&mut recorded.images, bytes(2))?;
             add(&mut recorded.cubes, bytes(3))?;
             for bytes in bytes(1) {
-                for row in Received::<messages::Trajectory>::from_bytes(bytes)?.rows() {
-                    let pose =
-                        row.world_from_body.to_pose().ok_or_else(|| format!("trajectory: {row:?} is no pose"))?;
+                for row in Received::<messages::TrajectoryTopic>::from_bytes(bytes)?.rows() {
+                    let pose = row
+                        .world_from_body
+                        .to_pose()
+                        .ok_or_else(|| format!("trajectory: {row:?} is not a valid pose"))?;
                     recorded.trajectory.push(Stamp(row.stamp), pose);
                 }
             }

@@ -1,128 +1,116 @@
-//! What goes out: the columns of a submap that is due.
+//! Output: the columns of a submap that is due.
 
 use super::Colorize;
-use crate::choose::Sources;
-use crate::cloud::Cloud;
-use crate::color::color_into;
-use crate::occlusion::sights;
-use crate::offset::{Look, Profile};
-use crate::offset_watch::look;
-use crate::spectra::{CameraCubes, Found};
-use crate::window::{Exposure, Window};
+use crate::window::{ExposureTopic, Window};
+use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
+use coloring::{CameraCubes, Candidates, SpectraColumn, SubmapPoints, color_into, visibility_maps};
 use geometry::{Pose, Stamp};
-use messages::{Color, Spectra, Submap, SubmapHeader};
+use messages::{CheckedSubmap, ColorTopic, SpectraTopic, SubmapHeader, SubmapTopic};
 use stage::{Outputs, Received, StepError};
 
-/// Times beside an exposure between which its view is said to move, ns: far more than the pose's own noise, far less than a turn.
-const BESIDE_NANOS: i64 = 20_000_000;
+/// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
+/// vehicle moves much more than the noise of the pose, but does not turn.
+const SHIFT_NANOS: i64 = 20_000_000;
 
 impl Colorize {
     pub(super) fn publish_columns(
         &mut self,
-        submap: &Received<Submap>,
+        submap: &Received<SubmapTopic>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         if let Some(remark) = self.remark {
             outputs.note(remark);
         }
         let header = submap.header();
-        let world_from_submap = header.world_from_submap.to_pose().ok_or_else(|| {
-            StepError::data(format!(
-                "submap {}: world_from_submap {:?} is no pose",
-                submap.seq(),
-                header.world_from_submap
-            ))
-        })?;
-        let sweeps = header.sweeps.get(..header.n_sweeps as usize).ok_or_else(|| {
-            StepError::data(format!(
-                "submap {}: {} sweeps; must be {} at most",
-                submap.seq(),
-                header.n_sweeps,
-                header.sweeps.len()
-            ))
-        })?;
-        let mut memory = std::mem::take(&mut self.memory);
-        let cloud = Cloud::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut memory);
-        let profiles = self.publish_color(submap, &cloud, &world_from_submap, outputs)?;
-        self.held.watch.keep(profiles);
-        self.publish_spectra(submap, &cloud, &world_from_submap, outputs)?;
-        self.memory = memory;
+        let CheckedSubmap { world_from_submap, sweeps, .. } = header.checked(submap.seq())?;
+        let mut buffers = std::mem::take(&mut self.buffers);
+        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut buffers);
+        let profiles = self.publish_color(submap, &points, &world_from_submap, outputs)?;
+        self.held.monitor.add(profiles);
+        self.publish_spectra(submap, &points, &world_from_submap, outputs)?;
+        self.buffers = buffers;
         Ok(())
     }
 
-    /// Gives what the images show at the edges of the points, too.
+    /// Returns the brightness profiles at depth edges, too, with the index of their camera.
     fn publish_color(
         &self,
-        submap: &Received<Submap>,
-        cloud: &Cloud<'_>,
+        submap: &Received<SubmapTopic>,
+        points: &SubmapPoints<'_>,
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<Vec<(usize, Vec<Profile>)>, StepError> {
-        let (mut views, mut pictures, mut beside) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut exposures, mut images, mut shifted) = (Vec::new(), Vec::new(), Vec::new());
         for (image, world_from_body) in self.within_reach(&self.held.images, submap.header(), outputs) {
-            let Some(picture) = self.picture(image) else { continue };
+            let Some(pixels) = self.color_image(image) else { continue };
             let camera = &self.cameras[image.header().camera as usize];
-            views.push(camera.view(image.stamp(), &world_from_body, world_from_submap));
-            pictures.push(picture);
-            beside.push([-BESIDE_NANOS, BESIDE_NANOS].map(|nanos| {
+            exposures.push(camera.exposure(image.stamp(), &world_from_body, world_from_submap));
+            images.push(pixels);
+            shifted.push([-SHIFT_NANOS, SHIFT_NANOS].map(|nanos| {
                 let stamp = image.stamp().saturating_add(nanos);
-                Some(camera.view(stamp, &self.held.trajectory.at(Stamp(stamp))?, world_from_submap))
+                Some(camera.exposure(stamp, &self.held.trajectory.at(Stamp(stamp))?, world_from_submap))
             }));
         }
-        let sights = sights(cloud, &views);
-        let sources = Sources { cloud, views: &views, sights: &sights, limits: self.limits };
-        let n_points = cloud.points.len();
-        let mut loan = outputs.loan::<Color>(n_points)?;
-        let rows = loan.grow_unset(n_points).ok_or_else(|| too_small("color", n_points))?;
-        let n_seen = color_into(&sources, &pictures, self.level_exposures, rows);
+        let visibility = visibility_maps(points, &exposures);
+        let candidates = Candidates { points, exposures: &exposures, visibility: &visibility, limits: self.limits };
+        let n_points = points.rows.len();
+        let mut loan = outputs.loan::<ColorTopic>(n_points)?;
+        let rows = loan.grow_unset(n_points)?;
+        let n_seen = color_into(&candidates, &images, self.level_exposures, rows);
         loan.header_mut().n_seen = n_seen;
         outputs.count("points", n_points as u64);
         outputs.count("points_with_color", n_seen);
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
 
         let header = submap.header();
-        let places = (0..views.len()).filter(|i| {
-            let is_within = (header.stamp_begin..=header.stamp_end).contains(&views[*i].stamp);
-            is_within && !self.held.watch.has_enough_of(pictures[*i].camera())
+        let needed = (0..exposures.len()).filter(|i| {
+            let is_within = (header.stamp_begin..=header.stamp_end).contains(&exposures[*i].stamp);
+            is_within && !self.held.monitor.is_complete(images[*i].camera())
         });
-        let looks = places.filter_map(|i| {
-            let [before, after] = beside[i];
-            let beside_s = 2e-9 * BESIDE_NANOS as f32;
-            let (view, sight, picture) = (views[i], &sights[i], pictures[i]);
-            Some((picture.camera(), Look { view, beside: [before?, after?], beside_s, sight, picture }))
+        let monitored = needed.filter_map(|i| {
+            let [before, after] = shifted[i];
+            let exposure = AlignmentExposure {
+                exposure: exposures[i],
+                shifted: [before?, after?],
+                shift_s: 2e-9 * SHIFT_NANOS as f32,
+                visibility: &visibility[i],
+                image: images[i],
+            };
+            Some((images[i].camera(), exposure))
         });
-        Ok(look(cloud, &looks.collect::<Vec<_>>()))
+        Ok(profiles_by_camera(points, &monitored.collect::<Vec<_>>()))
     }
 
     fn publish_spectra(
         &self,
-        submap: &Received<Submap>,
-        cloud: &Cloud<'_>,
+        submap: &Received<SubmapTopic>,
+        points: &SubmapPoints<'_>,
         world_from_submap: &Pose,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         let mut cameras: Vec<CameraCubes<'_>> = Vec::new();
         cameras.resize_with(self.mosaics.len(), CameraCubes::default);
         for (cube, world_from_body) in self.within_reach(&self.held.cubes, submap.header(), outputs) {
-            let Some(picture) = self.cube_picture(cube) else { continue };
+            let Some(cells) = self.cube_image(cube) else { continue };
             let header = cube.header();
             let index = header.camera as usize;
             let area = [header.x0, header.y0, header.width * header.pattern, header.height * header.pattern];
-            let view = self.mosaics[index].view_of_area(cube.stamp(), &world_from_body, world_from_submap, area);
-            cameras[index].views.push(view);
-            cameras[index].cubes.push(picture);
+            let exposure =
+                self.mosaics[index].exposure_of_area(cube.stamp(), &world_from_body, world_from_submap, area);
+            cameras[index].exposures.push(exposure);
+            cameras[index].cubes.push(cells);
         }
-        let found = Found::new(cloud, &self.bands, &cameras, self.limits);
-        let mut loan = outputs.loan::<Spectra>(found.n_rows())?;
-        *loan.header_mut() = found.header();
-        found.write_into(loan.grow_unset(found.n_rows()).ok_or_else(|| too_small("spectra", found.n_rows()))?);
-        outputs.count("points_with_spectrum", found.n_spectra() as u64);
+        let column = SpectraColumn::new(points, &self.bands, &cameras, self.limits);
+        let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
+        *loan.header_mut() = column.header();
+        column.write_into(loan.grow_unset(column.n_rows())?);
+        outputs.count("points_with_spectrum", column.n_spectra() as u64);
         outputs.publish_column(loan, submap.stamp(), submap.seq())
     }
 
-    /// The exposures near enough in time to some point of the submap, with `world_from_body`. Those before the first or
-    /// after the last known pose are left out, and counted once for every submap that they might have served.
-    fn within_reach<'a, T: Exposure>(
+    /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
+    /// known pose are skipped and counted, once per submap.
+    fn within_reach<'a, T: ExposureTopic>(
         &self,
         window: &'a Window<T>,
         header: &SubmapHeader,
@@ -137,8 +125,4 @@ impl Colorize {
         outputs.count("exposures_without_pose", (n_near - found.len()) as u64);
         found
     }
-}
-
-fn too_small(topic: &str, n_rows: usize) -> StepError {
-    StepError::Contract(format!("{topic}: the loan does not hold the {n_rows} rows that were asked for"))
 }

@@ -1,21 +1,18 @@
-//! What comes: poses, images and cubes, and whether they fit the rig.
+//! Input: poses, images and cubes, checked against the rig.
 
 use super::Colorize;
-use crate::color::Picture;
-use crate::spectra::{Bands, CubePicture};
+use coloring::{Bands, ColorImage, CubeImage};
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
 use geometry::Stamp;
-use messages::{Cube, Image, Trajectory};
+use messages::{CubeTopic, ImageTopic, TrajectoryTopic};
 use stage::{Inputs, Outputs, Received, StepError};
 
 impl Colorize {
     pub(super) fn take_poses(&mut self, inputs: &mut Inputs) -> Result<(), StepError> {
-        for message in inputs.take::<Trajectory>() {
+        for message in inputs.take::<TrajectoryTopic>() {
             for row in message.rows() {
-                let pose = row.world_from_body.to_pose().ok_or_else(|| {
-                    StepError::data(format!("trajectory: {row:?} is no pose (finite, unit quaternion x y z w)"))
-                })?;
+                let pose = row.world_from_body.checked().map_err(|error| StepError::data(error).at("trajectory"))?;
                 if !self.held.trajectory.push(Stamp(row.stamp), pose) {
                     let text = format!("trajectory: pose at {} ns is older than the one before it", row.stamp);
                     return Err(StepError::data(text));
@@ -26,42 +23,42 @@ impl Colorize {
     }
 
     pub(super) fn take_exposures(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) {
-        for image in inputs.take::<Image>() {
-            if self.picture(&image).is_some() {
+        for image in inputs.take::<ImageTopic>() {
+            if self.color_image(&image).is_some() {
                 self.held.images.add(image);
             } else {
                 let header = image.header();
                 outputs.count("images_unusable", 1);
                 outputs.note(format!(
-                    "images of camera {} with {}x{} px and {} channels do not fit the rig: not used",
+                    "images of camera {} with {}x{} px and {} channels do not match the rig: ignored",
                     header.camera, header.width, header.height, header.channels
                 ));
             }
         }
-        for cube in inputs.take::<Cube>() {
-            if self.cube_picture(&cube).is_some() && self.has_expected_bands(&cube) {
+        for cube in inputs.take::<CubeTopic>() {
+            if self.cube_image(&cube).is_some() && self.has_expected_bands(&cube) {
                 self.held.cubes.add(cube);
             } else {
                 let header = cube.header();
                 outputs.count("cubes_unusable", 1);
                 outputs.note(format!(
-                    "cubes of mosaic camera {} with {}x{} cells of {} bands do not fit the rig: not used",
+                    "cubes of mosaic camera {} with {}x{} cells of {} bands do not match the rig: ignored",
                     header.camera, header.width, header.height, header.n_bands
                 ));
             }
         }
     }
 
-    /// The image, if it is one of the rig's.
-    pub(super) fn picture<'a>(&self, image: &'a Received<Image>) -> Option<Picture<'a>> {
+    /// The pixels of an image; `None` if its header does not match the rig.
+    pub(super) fn color_image<'a>(&self, image: &'a Received<ImageTopic>) -> Option<ColorImage<'a>> {
         let header = image.header();
         let camera = self.cameras.get(header.camera as usize)?;
         let fits = camera.size() == [header.width, header.height] && header.channels == 3;
-        Picture::new(header.camera as u8, header.width, header.height, image.rows()).filter(|_| fits)
+        ColorImage::new(header.camera as u8, header.width, header.height, image.rows()).filter(|_| fits)
     }
 
-    /// The cube, if it is one of the rig's.
-    pub(super) fn cube_picture<'a>(&self, cube: &'a Received<Cube>) -> Option<CubePicture<'a>> {
+    /// The cells of a cube; `None` if its header does not match the rig.
+    pub(super) fn cube_image<'a>(&self, cube: &'a Received<CubeTopic>) -> Option<CubeImage<'a>> {
         let header = cube.header();
         let camera = header.camera as usize;
         let [width, height] = self.mosaics.get(camera)?.size().map(u64::from);
@@ -69,47 +66,32 @@ impl Colorize {
         let fits = end(header.x0, header.width) <= width
             && end(header.y0, header.height) <= height
             && (header.pattern == self.patterns[camera] || header.pattern == 1);
-        CubePicture::new(header, cube.rows()).filter(|_| fits)
+        CubeImage::new(header, cube.rows()).filter(|_| fits)
     }
 
-    /// Whether the cube has the bands of its camera. The first one of a camera says what they are: whether cubes are
-    /// corrected is calibrate's affair.
-    fn has_expected_bands(&mut self, cube: &Received<Cube>) -> bool {
+    /// Whether the cube has the bands of its camera. The first cube of a camera defines them, because `calibrate` decides
+    /// whether cubes are corrected.
+    fn has_expected_bands(&mut self, cube: &Received<CubeTopic>) -> bool {
         let header = cube.header();
         let Some(wavelengths_nm) = header.wavelengths_nm.get(..header.n_bands as usize) else { return false };
         if let Some(known) = self.held.bands_nm.get(&header.camera) {
             return known == wavelengths_nm;
         }
         self.held.bands_nm.insert(header.camera, wavelengths_nm.to_vec());
-        if let Ok(bands) = self.known_bands() {
+        if let Ok(bands) = Bands::of_first_cubes(&self.expected_nm, &self.held.bands_nm) {
             self.bands = bands;
             return true;
         }
         self.held.bands_nm.remove(&header.camera);
         false
     }
-
-    /// The bands of all cameras: of those whose cubes have come theirs, of others those that are expected.
-    pub(super) fn known_bands(&self) -> Result<Bands, StepError> {
-        let mut wavelengths_nm = self.expected_nm.clone();
-        for (camera, bands_nm) in &self.held.bands_nm {
-            if let Some(slot) = wavelengths_nm.get_mut(*camera as usize) {
-                slot.clone_from(bands_nm);
-            }
-        }
-        Bands::new(&wavelengths_nm).ok_or_else(|| too_many_bands(&wavelengths_nm))
-    }
 }
 
-/// Virtual bands where the camera's calibration has some, because calibrate corrects by default; else the filters'.
+/// The virtual bands of the camera calibration if there is one, because `calibrate` corrects by default; otherwise the bands
+/// of the filters.
 pub(super) fn expected_nm(entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Vec<f32> {
     match sensor.and_then(SensorCalibration::reflectance_matrix) {
         Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
         None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
     }
-}
-
-pub(super) fn too_many_bands(wavelengths_nm: &[Vec<f32>]) -> StepError {
-    let n_bands: usize = wavelengths_nm.iter().map(Vec::len).sum();
-    StepError::data(format!("{n_bands} bands in all; must be {} at most", messages::MAX_BANDS))
 }

@@ -13,8 +13,8 @@
 mod town;
 
 use instance::{InstanceStage, Settings, Thing};
-use messages::{CLASS_TABLE_VERSION, Class, ClassHeader, ClassId, ClassRow, Instance, Submap};
-use scores::{ClassScore, Overlaps, PointLabel};
+use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, InstanceTopic, SubmapTopic};
+use scores::{InstanceScores, Overlaps, PointLabel};
 use simulation::Town;
 use stage::testing::{Bench, context};
 use std::path::Path;
@@ -31,16 +31,16 @@ fn main() {
     };
     let seconds: f64 = seconds.parse().expect("seconds");
     let seeds: Vec<u64> = seeds.split(',').map(|seed| seed.parse().expect("a seed")).collect();
-    let model = model
-        .first()
-        .map(|path| learning::load(Path::new(path), &learning::Options::default()).expect("the model can be read"));
+    let model = model.first().map(|path| {
+        segmentation::load(Path::new(path), &segmentation::Options::default()).expect("the model can be read")
+    });
     println!("| town | settings | class | true | found | SM % | PQ % | SQ % | RQ % | mIoU % |");
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let variants = variants();
     for town in towns.split(',') {
         let kind = Town::ALL.into_iter().find(|kind| kind.name() == town);
         let kind = kind.unwrap_or_else(|| panic!("{town:?} is no kind of town"));
-        let mut pooled: Vec<Vec<ClassScore>> = vec![Vec::new(); variants.len()];
+        let mut pooled: Vec<Vec<InstanceScores>> = vec![Vec::new(); variants.len()];
         for &seed in &seeds {
             let submaps = town::submaps(Path::new(folder), kind, seed, seconds);
             let classes: Vec<Vec<ClassRow>> = submaps.iter().map(|submap| submap.classes(model.as_deref())).collect();
@@ -95,15 +95,15 @@ fn variants() -> Vec<(String, Settings)> {
     variants
 }
 
-fn evaluate(submaps: &[TownSubmap], classes: &[Vec<ClassRow>], settings: &Settings) -> Vec<ClassScore> {
+fn evaluate(submaps: &[TownSubmap], classes: &[Vec<ClassRow>], settings: &Settings) -> Vec<InstanceScores> {
     let mut bench = Bench::<InstanceStage>::new(settings, &context(Path::new("/nowhere"))).expect("builds");
     let mut overlaps = Overlaps::default();
     for (submap, classes) in submaps.iter().zip(classes) {
-        bench.send::<Submap>(0, *submap.header, submap.points.clone());
+        bench.send::<SubmapTopic>(0, *submap.header, submap.points.clone());
         let header = ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest: 0 };
-        bench.send::<Class>(0, header, classes.clone());
+        bench.send::<ClassTopic>(0, header, classes.clone());
         bench.tick().expect("steps");
-        for column in bench.take::<Instance>() {
+        for column in bench.take::<InstanceTopic>() {
             for ((&instance, truth), row) in column.rows().iter().zip(&submap.truth).zip(classes) {
                 let predicted = PointLabel { class: row.class_id, instance };
                 overlaps.add(PointLabel { class: truth.class, instance: truth.instance.into() }, predicted);
@@ -114,9 +114,9 @@ fn evaluate(submaps: &[TownSubmap], classes: &[Vec<ClassRow>], settings: &Settin
 }
 
 /// The scores of several drives as one.
-fn together(class: ClassId, scores: &[ClassScore]) -> ClassScore {
+fn together(class: ClassId, scores: &[InstanceScores]) -> InstanceScores {
     let of_class = || scores.iter().filter(|score| score.class == class as u8);
-    ClassScore {
+    InstanceScores {
         class: class as u8,
         n_true: of_class().map(|score| score.n_true).sum(),
         n_predicted: of_class().map(|score| score.n_predicted).sum(),
@@ -124,7 +124,7 @@ fn together(class: ClassId, scores: &[ClassScore]) -> ClassScore {
     }
 }
 
-fn print(town: &str, name: &str, score: &ClassScore) {
+fn print(town: &str, name: &str, score: &InstanceScores) {
     let percent = [score.sm(), score.pq(), score.sq(), score.rq(), score.miou()].map(|v| format!("{:.1}", 100.0 * v));
     let class = messages::class_name(score.class);
     let (n_true, n_found) = (score.n_true, score.n_predicted);

@@ -1,10 +1,10 @@
 //! A simulated drive as submaps, as the stage `slam_aggregate` would publish them with true poses.
 
-use formats::drive::{Drive, DriveSweep, TrueLabel};
+use formats::drive::{Drive, SweepInfo, TrueLabel};
 use formats::velodyne::LidarReturn;
 use geometry::{Point3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
-use learning::{Cloud, Segmenter};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use segmentation::{ModelInput, Segmenter};
 use simulation::{DriveSpec, Town};
 use std::path::Path;
 
@@ -27,7 +27,7 @@ impl TownSubmap {
         let class = |label: &TrueLabel| ClassRow { class_id: label.class, score: 255 };
         let mut classes: Vec<ClassRow> = self.truth.iter().map(class).collect();
         if let Some(model) = model {
-            let cloud = Cloud { header: &self.header, points: &self.points, colors: None };
+            let cloud = ModelInput { header: &self.header, points: &self.points, colors: None };
             model.segment(&cloud, &mut classes).expect("the model takes any cloud");
         }
         classes
@@ -42,7 +42,7 @@ impl TownSubmap {
         Self { header: Box::new(header), points: Vec::new(), truth: Vec::new() }
     }
 
-    fn push(&mut self, sweep: &DriveSweep, returns: &[LidarReturn], truth: &Truth) {
+    fn push(&mut self, sweep: &SweepInfo, returns: &[LidarReturn], truth: &Truth) {
         let first_point = self.points.len() as u32;
         let sweep_idx = self.header.n_sweeps as u16;
         let submap_from_world = self.header.world_from_submap.to_pose().expect("is sound").inverse();

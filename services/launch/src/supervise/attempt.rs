@@ -1,203 +1,225 @@
-//! One attempt of a run: the services are made, the processes started, watched, and all ended.
+//! One attempt of a run: services and processes are started, observed, and all ended.
 
-use super::{Ending, LOOK, Supervisor};
-use crate::child::StageProcess;
-use crate::recorder::Recorder;
-use crate::watch::{Fault, first_fault};
-use ipc::{IpcError, Keeper, Node};
-use rustix::process::Signal;
-use stage::assignment::{Command, wake_name};
-use stage::health::Activity;
-use stage::process::usage;
+use super::error::SuperviseError;
+use super::processes::Processes;
+use super::{POLL, Supervisor, services};
+use crate::decision::cause::Cause;
+use crate::decision::{Decision, Fault, Observation, Policy, decide};
+use crate::log::Json;
+use ipc::Node;
+use run::assignment::Command;
+use serde_json::Value;
 use std::time::{Duration, Instant};
 
-/// How often it looks while a swap keeps the pipeline waiting.
-const LOOK_CLOSELY: Duration = Duration::from_millis(10);
-/// How long a lossless observer that has died may hold up its producer.
+/// Time between two observations while the pipeline waits for a swap.
+const POLL_FAST: Duration = Duration::from_millis(10);
+/// How long a killed lossless observer blocks its producer at most.
 const CLEAN_EVERY: Duration = Duration::from_secs(1);
-/// How many looks until it tells again what it has told: a stage that has just connected waits for it.
-const TELL_AGAIN: u64 = 4;
-/// How many looks until it counts shared memory again: asking for every file's size costs more than all else together.
-const COUNT_AGAIN: u64 = 10;
-/// A stage that was asked to stop has this long until it is killed.
-const STOP_PATIENCE: Duration = Duration::from_secs(3);
+/// Polls until a command is published again: a stage that has just connected needs it.
+const COMMAND_EVERY: u64 = 4;
+/// Polls until shared memory is measured again: the sizes of all its files cost more than the rest of a poll.
+const MEASURE_EVERY: u64 = 10;
+
+/// How an attempt ended.
+pub(super) enum Ending {
+    Done,
+    Stopped,
+    Failed {
+        fault: Fault,
+        log_lines: Vec<String>,
+    },
+    /// All stages have arrived at this barrier, where one is to be replaced.
+    Swap(u64),
+}
+
+/// What the polls of an attempt remember.
+#[derive(Default)]
+struct Polls {
+    count: u64,
+    command: Command,
+    published: Option<Command>,
+    /// The last barrier that all stages have reached.
+    barrier: u64,
+    cleaned: Option<Instant>,
+}
 
 impl Supervisor {
-    /// Starts everything, watches it to its end, and leaves no process behind.
-    pub(super) fn attempt(&mut self, resume: Option<u64>) -> Result<Ending, String> {
-        // Before the services: who finds them and then still the same wiring knows whose they are.
-        self.folder.write_wiring(&self.plan.wiring(&self.domain, self.attempts))?;
-        let node = self.domain.node("supervisor").map_err(|error| error.to_string())?;
-        let _keeper = self.create_services(&node).map_err(|error| error.to_string())?;
-        if let Some(recorder) = &mut self.recorder {
-            recorder.start(self.attempts)?;
-        }
+    /// Starts all stages from a barrier, observes them to their end, and leaves no process behind.
+    pub(super) fn attempt(&mut self, from: Option<u64>) -> Result<Ending, SuperviseError> {
+        let _span = tracing::info_span!("attempt", attempt = self.attempts, from).entered();
+        let plan = &self.run.plan;
+        // Before the services: an observer that finds the services, and then still this wiring, knows that they belong to it.
+        self.run.folder.write_wiring(&plan.wiring(&self.run.domain, self.attempts))?;
+        let node = self.run.domain.node("supervisor")?;
+        let _services = services::create(&node, &plan.stages)?;
+        self.observers.start_attempt(self.attempts)?;
         self.attempts += 1;
-        let mut processes: Vec<StageProcess> = Vec::new();
-        let ending = self.start(&node, resume, &mut processes).and_then(|()| self.watch(&node, &mut processes));
-        // All at once: giving back gigabytes of memory takes a process some tenths of a second.
-        for process in &processes {
-            process.signal(Signal::KILL);
-        }
-        for process in &mut processes {
-            process.kill();
-            *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
-            self.health.insert(process.name.clone(), process.health.clone());
+        let mut processes = Processes::default();
+        let started = processes.start(&self.run, &node, from, self.format);
+        let ending = started.and_then(|()| self.observe_to_end(&node, &mut processes));
+        processes.kill();
+        for process in &processes.0 {
+            self.account.add_process(process);
         }
         ending
     }
 
-    /// All services of the run. Stages only open them.
-    fn create_services(&self, node: &Node) -> Result<Keeper, IpcError> {
-        let mut keeper = Keeper::default();
-        let stages = &self.plan.stages;
-        for stage in stages {
-            for topic in &stage.outputs {
-                keeper.create_channel(node, &topic.messages)?;
-                keeper.create_channel(node, &topic.ticks)?;
+    fn observe_to_end(&mut self, node: &Node, processes: &mut Processes) -> Result<Ending, SuperviseError> {
+        let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
+        let mut polls = Polls::default();
+        loop {
+            if let Some(ending) = self.poll(node, processes, &policy, &mut polls)? {
+                return Ok(ending);
             }
-            keeper.create_latest(node, &format!("{}.control", stage.name))?;
-            keeper.create_latest(node, &format!("{}.health", stage.name))?;
-            // Each topic is rung twice, for messages and for ticks, by each consumer or by its producer; and by the one
-            // lossless observer that it may have.
-            let consumers: usize = stage.outputs.iter().map(|topic| topic.messages.consumers.len()).sum();
-            // The supervisor rings too.
-            keeper.create_wake(
-                node,
-                &wake_name(&stage.name),
-                2 * (consumers + stage.inputs.len() + stage.outputs.len()) + 1,
-            )?;
+            polls.count += 1;
+            std::thread::sleep(if self.swaps.is_waited_for() { POLL_FAST } else { POLL });
         }
-        Ok(keeper)
     }
 
-    fn start(&mut self, node: &Node, resume: Option<u64>, processes: &mut Vec<StageProcess>) -> Result<(), String> {
-        for stage in &self.plan.stages {
-            let assignment = self.folder.assign(&self.plan, stage, &self.domain, resume, None)?;
-            let (log, format) = (self.folder.log(&stage.name), self.screen.log());
-            processes.push(StageProcess::start(stage, &assignment, log, format, node)?);
+    /// Observes all stages once and does what is decided.
+    fn poll(
+        &mut self,
+        node: &Node,
+        processes: &mut Processes,
+        policy: &Policy,
+        polls: &mut Polls,
+    ) -> Result<Option<Ending>, SuperviseError> {
+        let at = self.origin.elapsed();
+        processes.observe();
+        if polls.count.is_multiple_of(MEASURE_EVERY) {
+            self.account.measure_shared_memory(&self.run.domain);
+        }
+        self.observers.update(&processes.0, &self.run.domain, self.account.restarts);
+        let decision = decide(Observation::Stages { at, stages: &processes.observed(self.origin) }, policy);
+        if let Decision::Blame(fault) = decision {
+            return Ok(self.handle_fault(fault, processes, policy));
+        }
+        self.operator.poll(&mut self.swaps, &self.run);
+        let is_ending = self.operator.is_ending();
+        let arrived = self.swaps.advance(&processes.0, &self.run, &mut self.operator.control, is_ending)?;
+        polls.command.pause = self.swaps.is_draining();
+        if let Some(barrier) = arrived {
+            return Ok(Some(Ending::Swap(barrier)));
+        }
+        self.restart_due_stages(node, processes)?;
+        if decision == Decision::Finish {
+            return Ok(Some(Ending::Done));
+        }
+        if self.operator.must_stop() {
+            processes.stop();
+            return Ok(Some(Ending::Stopped));
+        }
+        self.start_sources_when_ready(processes, polls);
+        if polls.published != Some(polls.command) || polls.count.is_multiple_of(COMMAND_EVERY) {
+            processes.command(polls.command)?;
+            polls.published = Some(polls.command);
+        }
+        self.remove_old_states(processes, polls);
+        // A killed stage ends the attempt; a killed observer must not block its producer.
+        if polls.cleaned.get_or_insert_with(Instant::now).elapsed() > CLEAN_EVERY {
+            // The next call removes what this one could not.
+            let _is_complete = node.remove_dead_ports();
+            polls.cleaned = Some(Instant::now());
+        }
+        Ok(None)
+    }
+
+    /// Finds the cause of the fault, reports it, and restarts the stage or ends the attempt.
+    fn handle_fault(&mut self, mut fault: Fault, processes: &mut Processes, policy: &Policy) -> Option<Ending> {
+        let _span = tracing::info_span!("stage", stage = %fault.stage).entered();
+        let log_lines = processes.find(&fault.stage).map(|process| process.last_log_lines()).unwrap_or_default();
+        fault.cause = Cause::of(fault.signal(), &self.resources.evidence(&log_lines));
+        let history = self.stage_restarts.history(&fault.stage);
+        let decision = decide(
+            Observation::FaultyStage {
+                fault: &fault,
+                is_ending: self.operator.is_ending(),
+                restarts: history.restarts,
+                ran_for: history.ran_for,
+            },
+            policy,
+        );
+        if let Decision::RestartStage { delay, restart } = decision
+            && let Some(process) = processes.find(&fault.stage)
+        {
+            process.kill();
+            process.awaits_restart = true;
+            let log_lines = process.last_log_lines();
+            self.stage_restarts.schedule(&fault.stage, delay, restart);
+            self.report_fault(&fault, &log_lines);
+            let delay_s = delay.as_secs_f64();
+            tracing::warn!(restart, delay_s, "[{}] restarts in {delay_s:.1} s; the others continue", fault.stage);
+            self.account.faults.push(fault);
+            return None;
+        }
+        // Reported at once: ending the rest of the attempt takes time.
+        self.report_fault(&fault, &log_lines);
+        if let Decision::GiveUp(reason) = decision {
+            tracing::error!("giving up: {reason}");
+        }
+        Some(Ending::Failed { fault, log_lines })
+    }
+
+    fn report_fault(&self, fault: &Fault, log_lines: &[String]) {
+        let lines: Vec<Value> = log_lines.iter().map(|line| log_line(line)).collect();
+        tracing::error!(
+            kind = "fault",
+            stage = fault.stage,
+            fault = fault.text(),
+            fault_kind = fault.kind.name(),
+            last_log_lines = %Json(&lines),
+            log = %self.run.folder.log(&fault.stage).display(),
+            "{fault}"
+        );
+    }
+
+    /// Live: restarts the stages whose pause is over.
+    fn restart_due_stages(&mut self, node: &Node, processes: &mut Processes) -> Result<(), SuperviseError> {
+        let (run, restarts) = (&self.run, &mut self.stage_restarts);
+        for process in processes.0.iter_mut().filter(|process| process.awaits_restart) {
+            let stage = run.plan.stages.iter().find(|stage| stage.name == process.name);
+            let Some(stage) = stage.filter(|stage| restarts.is_due(&stage.name)) else { continue };
+            // The ports of the dead process must be free for the next one.
+            if !node.remove_dead_ports() {
+                continue;
+            }
+            self.account.add_cpu_time(process);
+            self.account.restarts += 1;
+            let from = run.folder.states().last_barrier_of(&stage.name);
+            let restart = restarts.begin(process);
+            let assignment = run.folder.assign(&run.plan, stage, &run.domain, from, Some(restart))?;
+            process.restart(stage, &assignment, self.format)?;
         }
         Ok(())
     }
 
-    fn watch(&mut self, node: &Node, processes: &mut [StageProcess]) -> Result<Ending, String> {
-        let mut command = Command::default();
-        let mut newest = 0;
-        let mut cleaned = Instant::now();
-        let mut told = None;
-        let mut look = 0_u64;
-        loop {
-            let looked = Instant::now();
-            // A stage that dies while it connects may leave a heartbeat that cannot be read: its fault, not the run's end.
-            let mut unread = None;
-            for process in processes.iter_mut() {
-                if let Err(error) = process.observe() {
-                    unread.get_or_insert(Fault {
-                        stage: process.name.clone(),
-                        text: error.to_string(),
-                        may_restart: true,
-                    });
-                }
+    /// Sources start when all stages and the recorder are ready. To drain, they start at once: no data is in flight yet.
+    fn start_sources_when_ready(&mut self, processes: &Processes, polls: &mut Polls) {
+        if self.operator.is_ending() && !polls.command.drain {
+            (polls.command.drain, polls.command.go) = (true, true);
+            tracing::warn!("draining in-flight data; press Ctrl-C again to stop immediately");
+        }
+        if !polls.command.go && self.observers.are_ready() && processes.are_ready() {
+            polls.command.go = true;
+            // Later attempts belong to the same run: its clock continues.
+            if self.attempts == 1 {
+                self.observers.begin_progress();
+                self.account.begin();
             }
-            if look.is_multiple_of(COUNT_AGAIN) {
-                self.peak_shared_memory = self.peak_shared_memory.max(self.domain.used_bytes());
-            }
-            self.screen.show(processes);
-            let figures = processes.iter().map(|process| (process.name.as_str(), &process.health));
-            if let Some(text) = self.metrics.update(figures, || self.domain.used_bytes(), self.restarts) {
-                self.screen.say(&text);
-            }
-            let figures = processes.iter().map(|process| (process.name.as_str(), &process.health));
-            if let Some(text) = self.costs.as_mut().and_then(|costs| costs.update(figures)) {
-                self.screen.say(&text);
-            }
-            if let Some(mut fault) = first_fault(processes, &self.plan.stages, &self.plan.run, looked).or(unread) {
-                let process = processes.iter().find(|process| process.name == fault.stage);
-                let last_words = process.map(StageProcess::last_words).unwrap_or_default();
-                self.means.explain(&mut fault, process.and_then(|process| process.status), &last_words);
-                if self.is_live() && !command.drain && self.put_down(&fault, processes) {
-                    continue;
-                }
-                // At once: ending what is left of the attempt takes its time.
-                self.report(&fault, &last_words);
-                return Ok(Ending::Failed(fault, last_words));
-            }
-            self.look_at_requests();
-            if let Some(ending) = self.advance_swap(processes, &mut command)? {
-                return Ok(ending);
-            }
-            self.raise_again(node, processes)?;
-            if processes.iter().all(|process| process.status.is_some() && !process.is_down) {
-                return Ok(Ending::Done);
-            }
-            self.take_signals(&mut command);
-            if self.n_signals > 1 {
-                stop(processes);
-                return Ok(Ending::Stopped);
-            }
-            let recorded = self.recorder.as_mut().is_none_or(Recorder::is_ready);
-            if let Some(words) = self.recorder.as_mut().and_then(Recorder::last_words) {
-                self.screen.say(&words);
-            }
-            if !command.go && recorded && processes.iter().all(is_ready) {
-                command.go = true;
-                // Later attempts belong to the same run: its clock goes on.
-                if self.attempts == 1 {
-                    self.screen.begin();
-                    self.begun = Instant::now();
-                    self.own_cpu_s = usage().cpu_s;
-                }
-            }
-            if told != Some(command) || look.is_multiple_of(TELL_AGAIN) {
-                for process in processes.iter_mut().filter(|process| process.status.is_none()) {
-                    process.tell(command).map_err(|error| error.to_string())?;
-                }
-                told = Some(command);
-            }
-            let complete = processes.iter().map(|process| process.health.barrier).min().unwrap_or_default();
-            if complete > newest {
-                // The one before stays too: should a file of the newest turn out torn, the run goes on from there.
-                self.folder.forget_before(newest);
-                newest = complete;
-            }
-            // Stages that die end the attempt; who looked on and died must not be waited for.
-            if cleaned.elapsed() > CLEAN_EVERY {
-                // What cannot be cleaned up now can be the next time.
-                let _forgotten = node.forget_dead();
-                cleaned = Instant::now();
-            }
-            look += 1;
-            std::thread::sleep(if self.is_swapping() { LOOK_CLOSELY } else { LOOK });
         }
     }
 
-    fn take_signals(&mut self, command: &mut Command) {
-        self.n_signals += self.signals.pending().count() as u32;
-        if self.n_signals > 0 && !command.drain {
-            command.drain = true;
-            // Before the word to go there is nothing on the way that would have to be finished.
-            command.go = true;
-            self.screen.say("draining: what is on the way is finished (once more to stop at once)");
+    /// The barrier before the last complete one stays, too: the run falls back to it if a state of the last one is damaged.
+    fn remove_old_states(&self, processes: &Processes, polls: &mut Polls) {
+        let complete = processes.0.iter().map(|process| process.health.barrier).min().unwrap_or_default();
+        if complete > polls.barrier {
+            self.run.folder.states().remove_before(polls.barrier);
+            polls.barrier = complete;
         }
     }
 }
 
-fn is_ready(process: &StageProcess) -> bool {
-    !matches!(process.health.activity, Activity::Starting | Activity::Connecting(_))
-}
-
-/// Asks all to stop, and kills those that do not.
-fn stop(processes: &mut [StageProcess]) {
-    for process in processes.iter() {
-        process.signal(Signal::TERM);
-    }
-    let asked = Instant::now();
-    while asked.elapsed() < STOP_PATIENCE && processes.iter().any(|process| process.status.is_none()) {
-        for process in processes.iter_mut() {
-            // The end of the wait is bounded whether or not a heartbeat can still be read.
-            let _ = process.observe();
-        }
-        std::thread::sleep(LOOK);
-    }
-    processes.iter_mut().for_each(StageProcess::kill);
+/// A line of a stage's log: an object if the log is JSON.
+fn log_line(line: &str) -> Value {
+    serde_json::from_str(line).ok().filter(Value::is_object).unwrap_or_else(|| line.into())
 }

@@ -1,4 +1,4 @@
-//! A manifest against the rules and against the folder.
+//! Checks a manifest against the rules and against the files of its folder.
 
 use super::listing::{Frame, files_with_extension, frames};
 use super::read::Read;
@@ -14,13 +14,13 @@ use crate::velodyne::Model;
 use geometry::Stamp;
 use std::path::{Component, Path, PathBuf};
 
-/// Sweeps of a drive of clouds without times: 10 Hz.
+/// Time between cloud files without `times.txt`: 10 Hz.
 const SWEEP_NANOS: i64 = 100_000_000;
 
-/// The drive, or everything that is wrong with it.
+/// The drive, or all problems of its manifest and files.
 pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Drive, FileError> {
-    let (manifest, file) = read.sound()?;
-    let mut check = Check { folder, file, strange: Vec::new() };
+    let (manifest, file) = read.valid()?;
+    let mut check = Check { folder, file, unnamed: Vec::new() };
     check.general(&manifest);
     let model = check.lidar(&manifest.lidar);
     let (sweep_files, sweep_stamps) = check.sweeps(&manifest.lidar);
@@ -45,7 +45,7 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     if let Some(entry) = &manifest.truth {
         check.truth(entry);
     }
-    let Check { file, strange, .. } = check;
+    let Check { file, unnamed, .. } = check;
     match (manifest.rig(), model) {
         (Ok(rig), Some(model)) if file.is_sound() => Ok(Drive {
             folder: folder.to_owned(),
@@ -58,16 +58,16 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
             camera_frames,
             mosaic_frames,
             sensors,
-            strange_files: strange,
+            unnamed_files: unnamed,
         }),
         _ => Err(file.into_error()),
     }
 }
 
-/// The manifest by itself: its LiDAR and its poses.
+/// Checks the LiDAR and the poses of a manifest without its files.
 pub(super) fn manifest(read: Read) -> Result<Manifest, FileError> {
-    let (manifest, file) = read.sound()?;
-    let mut check = Check { folder: Path::new(""), file, strange: Vec::new() };
+    let (manifest, file) = read.valid()?;
+    let mut check = Check { folder: Path::new(""), file, unnamed: Vec::new() };
     check.general(&manifest);
     check.lidar(&manifest.lidar);
     for (index, entry) in manifest.cameras.iter().enumerate() {
@@ -82,7 +82,8 @@ pub(super) fn manifest(read: Read) -> Result<Manifest, FileError> {
 struct Check<'a> {
     folder: &'a Path,
     file: TomlFile,
-    strange: Vec<PathBuf>,
+    /// Files in camera folders whose names are not stamps.
+    unnamed: Vec<PathBuf>,
 }
 
 impl Check<'_> {
@@ -101,7 +102,7 @@ impl Check<'_> {
         model
     }
 
-    /// The sweeps' files and, of clouds, their stamps.
+    /// Files of the sweeps and, for clouds, their stamps.
     fn sweeps(&mut self, entry: &LidarEntry) -> (Vec<PathBuf>, Vec<Stamp>) {
         let none = (Vec::new(), Vec::new());
         let extensions: &[&str] = match entry.format.as_str() {
@@ -116,7 +117,7 @@ impl Check<'_> {
         let Some(folder) = self.folder("lidar.folder", &entry.folder) else { return none };
         let files = self.listed("lidar.folder", files_with_extension(&folder, extensions)).unwrap_or_default();
         self.file.rule("lidar.folder", !files.is_empty(), || {
-            format!("{} holds no *.{}", folder.display(), extensions.join(", *."))
+            format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
         });
         let stamps = if entry.format == "pcap" { Vec::new() } else { self.times(&folder, files.len()) };
         (files, stamps)
@@ -132,7 +133,7 @@ impl Check<'_> {
         let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
         let stamps = stamps.filter(|stamps| stamps.len() == n_sweeps && rising(stamps));
         self.file.rule("lidar.folder", stamps.is_some(), || {
-            format!("{} must have {n_sweeps} rising stamps in ns, one a line for each sweep", path.display())
+            format!("{} must have {n_sweeps} increasing stamps in ns, one per line for each sweep", path.display())
         });
         stamps.unwrap_or_default()
     }
@@ -161,15 +162,18 @@ impl Check<'_> {
         let (side, n_bands) = (entry.pattern, entry.wavelengths_nm.len());
         self.file.rule(&key("pattern"), (1..=5).contains(&side), || format!("value {side} must be 1 to 5"));
         self.file.rule(&key("wavelengths_nm"), n_bands == (side as usize).saturating_pow(2), || {
-            format!("{n_bands} values, must be one for each of the {side} x {side} cells of the pattern")
+            format!("{n_bands} values; expected one for each of the {side} x {side} cells of the pattern")
         });
-        let sound = entry.wavelengths_nm.iter().all(|nm| *nm > 0.0 && nm.is_finite());
-        self.file.rule(&key("wavelengths_nm"), sound, || "must be positive".into());
+        let are_positive = entry.wavelengths_nm.iter().all(|nm| *nm > 0.0 && nm.is_finite());
+        self.file.rule(&key("wavelengths_nm"), are_positive, || "must be positive".into());
         let ([x, y, w, h], (width, height)) = (entry.active_area, entry.model.size());
         let inside =
             u64::from(x) + u64::from(w) <= u64::from(width) && u64::from(y) + u64::from(h) <= u64::from(height);
         self.file.rule(&key("active_area"), inside && w >= side && h >= side, || {
-            format!("{:?} must lie in the {width} x {height} image and hold a pattern of {side}", entry.active_area)
+            format!(
+                "{:?} must lie in the {width} x {height} image and be at least as large as the pattern, {side}",
+                entry.active_area
+            )
         });
         if let Some(panel) = &entry.white_panel {
             self.white_panel(&key("white_panel"), panel, entry);
@@ -180,49 +184,49 @@ impl Check<'_> {
     fn white_panel(&mut self, key: &str, panel: &WhitePanelEntry, entry: &MosaicEntry) {
         if let Some(reflectances) = &panel.reflectances {
             let n_bands = entry.wavelengths_nm.len();
-            let sound = reflectances.len() == n_bands && reflectances.iter().all(|white| *white > 0.0 && *white <= 1.0);
-            self.file.rule(key, sound, || {
-                format!("reflectances {reflectances:?} must be {n_bands}, one for each band, above 0, up to 1")
+            let is_valid =
+                reflectances.len() == n_bands && reflectances.iter().all(|white| *white > 0.0 && *white <= 1.0);
+            self.file.rule(key, is_valid, || {
+                format!("reflectances {reflectances:?} must be {n_bands} values above 0, up to 1, one for each band")
             });
         }
         if let Some(region) = panel.region {
             let ([x, y, w, h], [x0, y0, width, height]) = (region.map(u64::from), entry.active_area.map(u64::from));
             let inside = x >= x0 && y >= y0 && x + w <= x0 + width && y + h <= y0 + height;
             self.file.rule(key, inside && w.min(h) >= u64::from(entry.pattern), || {
-                format!("region {region:?} must lie in the active area and hold a pattern of {}", entry.pattern)
+                format!(
+                    "region {region:?} must lie in the active area and be at least as large as the pattern, {}",
+                    entry.pattern
+                )
             });
         }
     }
 
-    /// The maker's file, and that the manifest does not contradict it.
+    /// Reads the calibration file of the manufacturer and checks that the manifest agrees with it.
     fn sensor(&mut self, index: usize, entry: &MosaicEntry, name: &str) -> Option<SensorCalibration> {
         let key = |name: &str| format!("mosaic[{index}].{name}");
         let path = self.inside(&key("sensor"), name)?;
-        let parsed = std::fs::read_to_string(&path)
-            .map_err(|error| format!("cannot be read: {error}"))
-            .and_then(|text| SensorCalibration::from_xml(&text).map_err(|error| error.to_string()));
-        let sensor = match parsed {
-            Ok(sensor) => sensor,
-            Err(error) => {
-                self.file.fault(&key("sensor"), format!("{}: {error}", path.display()));
-                return None;
-            }
-        };
+        let text = std::fs::read_to_string(&path);
+        let text =
+            text.map_err(|error| self.file.fault(&key("sensor"), format!("{}: {error}", path.display()))).ok()?;
+        let sensor = SensorCalibration::from_xml(&text);
+        let sensor =
+            sensor.map_err(|error| self.file.fault(&key("sensor"), format!("{}: {error}", path.display()))).ok()?;
         let same_area = entry.active_area == sensor.active_area;
         self.file.rule(&key("active_area"), same_area, || {
-            format!("{:?} must be {:?}, as {} says", entry.active_area, sensor.active_area, path.display())
+            format!("{:?} must be {:?}, as in {}", entry.active_area, sensor.active_area, path.display())
         });
         self.file.rule(&key("pattern"), entry.pattern == sensor.pattern, || {
-            format!("value {} must be {}, as {} says", entry.pattern, sensor.pattern, path.display())
+            format!("value {} must be {}, as in {}", entry.pattern, sensor.pattern, path.display())
         });
         let (width, height) = entry.model.size();
         self.file.rule(&key("model"), [width, height] == sensor.size, || {
             let [w, h] = sensor.size;
-            format!("size {width} x {height} must be {w} x {h}, as {} says", path.display())
+            format!("size {width} x {height} must be {w} x {h}, as in {}", path.display())
         });
         let bits = sensor.bit_depth.unwrap_or(entry.bit_depth);
         self.file.rule(&key("bit_depth"), entry.bit_depth == bits, || {
-            format!("value {} must be {bits}, as {} says", entry.bit_depth, path.display())
+            format!("value {} must be {bits}, as in {}", entry.bit_depth, path.display())
         });
         Some(sensor)
     }
@@ -255,33 +259,33 @@ impl Check<'_> {
 
     fn frames(&mut self, key: &str, name: &str, camera: usize, extensions: &[&str]) -> Vec<Frame> {
         let Some(folder) = self.folder(key, name) else { return Vec::new() };
-        let (frames, strange) = self.listed(key, frames(&folder, camera, extensions)).unwrap_or_default();
-        self.strange.extend(strange);
+        let (frames, unnamed) = self.listed(key, frames(&folder, camera, extensions)).unwrap_or_default();
+        self.unnamed.extend(unnamed);
         frames
     }
 
     fn listed<T>(&mut self, key: &str, listed: std::io::Result<T>) -> Option<T> {
-        listed.map_err(|error| self.file.fault(key, format!("cannot be listed: {error}"))).ok()
+        listed.map_err(|error| self.file.fault(key, format!("cannot list the folder: {error}"))).ok()
     }
 
     fn folder(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let path = self.inside(key, name)?;
         let is_there = path.is_dir();
-        self.file.rule(key, is_there, || format!("{} is no folder", path.display()));
+        self.file.rule(key, is_there, || format!("{} is not a folder", path.display()));
         is_there.then_some(path)
     }
 
     fn file(&mut self, key: &str, name: &str) {
         if let Some(path) = self.inside(key, name) {
-            self.file.rule(key, path.is_file(), || format!("{} is no file", path.display()));
+            self.file.rule(key, path.is_file(), || format!("{} is not a file", path.display()));
         }
     }
 
-    /// Paths stay in the drive's folder, so that a drive can be moved; what lies elsewhere is linked.
+    /// Paths must stay inside the drive folder, so that a drive can be moved. Files elsewhere can be linked.
     fn inside(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let stays = |part| matches!(part, Component::Normal(_) | Component::CurDir);
         let inside = !name.is_empty() && Path::new(name).components().all(stays);
-        self.file.rule(key, inside, || format!("value {name:?} must be a path inside the drive's folder"));
+        self.file.rule(key, inside, || format!("value {name:?} must be a path inside the drive folder"));
         inside.then(|| self.folder.join(name))
     }
 }

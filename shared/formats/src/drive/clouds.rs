@@ -1,34 +1,49 @@
-//! Sweeps that are one cloud file each, without firing times.
+//! Sweeps stored as one cloud file each, without firing times.
 
 use crate::cloud::CloudPoint;
 use crate::velodyne::{LidarReturn, Model, SweepReader};
 use crate::{kitti, pcd};
+use std::io;
 use std::path::Path;
 
-/// Closer to the sensor is no return: some files keep missing ones as 0 0 0.
+/// Shortest range of a return: some files store missing returns as 0 0 0.
 const MIN_RANGE_M: f32 = 0.1;
 
+/// A cloud file that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum CloudFault {
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Kitti(#[from] kitti::KittiError),
+    #[error(transparent)]
+    Pcd(#[from] pcd::PcdError),
+    #[error("{found} points; a sweep has at most {limit}")]
+    TooManyPoints { found: usize, limit: usize },
+}
+
 /// The returns of a cloud file.
-pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarReturn>, String> {
-    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarReturn>, CloudFault> {
+    let bytes = std::fs::read(path)?;
     let points = match format {
-        "bin" => kitti::points_from_bin(&bytes).map_err(|error| error.to_string())?,
-        _ => pcd::points_from_pcd(&bytes).map_err(|error| error.to_string())?,
+        "bin" => kitti::points_from_bin(&bytes)?,
+        _ => pcd::points_from_pcd(&bytes)?,
     };
     let returns = returns_from_cloud(&points, model);
     let limit = SweepReader::MAX_RETURNS;
     if returns.len() > limit {
-        return Err(format!("{} points, must be at most {limit}", returns.len()));
+        return Err(CloudFault::TooManyPoints { found: returns.len(), limit });
     }
     Ok(returns)
 }
 
-/// Returns in the order of the file, without times. Points that are not finite or within 0.1 m are left out. The azimuth is
-/// that of the point, the ring that of the nearest beam by elevation (for the HDL-64E: of KITTI's device); intensities from 0 to 1 become 0 to 255.
+/// Returns in the order of the file, without times. Points that are not finite or closer than 0.1 m are removed. The azimuth is the
+/// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: of the device of KITTI). Intensities from 0 to
+/// 1 are scaled to 0 to 255.
 pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarReturn> {
     let rings = Rings::new(model);
-    let is_share = points.iter().all(|p| p.intensity <= 1.0);
-    let scale = if is_share { 255.0 } else { 1.0 };
+    let is_fraction = points.iter().all(|p| p.intensity <= 1.0);
+    let scale = if is_fraction { 255.0 } else { 1.0 };
     let is_return = |p: &&CloudPoint| {
         let range_m = (p.x * p.x + p.y * p.y + p.z * p.z).sqrt();
         range_m.is_finite() && range_m > MIN_RANGE_M
@@ -46,27 +61,27 @@ pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarRetur
     points.iter().filter(is_return).map(one).collect()
 }
 
-/// Elevations of the 64 beams of KITTI's own HDL-64E, lowest first, deg: medians over sweeps of its raw recordings, whose
-/// points lie beam by beam. A beam keeps its angle within 0.03 deg around.
+/// Elevations of the lower 32 beams of the HDL-64E of KITTI, lowest first, deg: medians over sweeps of its raw recordings, whose
+/// points are ordered by beam. The elevation of a beam varies by less than 0.03 deg over a revolution.
 #[rustfmt::skip]
 const KITTI_LOWER_DEG: [f32; 32] = [
     -24.99, -24.49, -23.95, -23.3, -22.83, -22.41, -21.91, -21.29, -20.75, -20.19, -19.7,
     -19.28, -18.76, -18.28, -17.69, -17.14, -16.5, -16.13, -15.61, -15.14, -14.54, -13.99,
     -13.43, -12.99, -12.51, -12.06, -11.54, -10.9, -10.41, -10.0, -9.51, -8.96,
 ];
-/// The upper half of [`KITTI_LOWER_DEG`].
+/// Elevations of the upper 32 beams, see [`KITTI_LOWER_DEG`].
 #[rustfmt::skip]
 const KITTI_UPPER_DEG: [f32; 32] = [
     -8.72, -8.32, -8.07, -7.69, -7.29, -7.0, -6.68, -6.33, -5.96, -5.61, -5.25,
     -4.91, -4.58, -4.21, -3.93, -3.53, -3.22, -2.86, -2.53, -2.19, -1.81, -1.47,
     -1.18, -0.78, -0.43, -0.06, 0.21, 0.61, 0.9, 1.34, 1.61, 1.98,
 ];
-/// Beams of the two halves start so far above the origin of the points, m; at 5 m that is two degrees.
+/// Height of the lower lasers above the origin of the points, m. At 5 m range this is two degrees.
 const KITTI_LOWER_UP_M: f32 = 0.115;
-/// See [`KITTI_LOWER_UP_M`].
+/// Height of the upper lasers above the origin of the points, m.
 const KITTI_UPPER_UP_M: f32 = 0.2;
 
-/// Beams of one height, by elevation.
+/// Beams of one height, sorted by elevation.
 struct Bank {
     up_m: f32,
     elevations: Vec<f32>,
@@ -111,7 +126,7 @@ impl Rings {
 }
 
 impl Bank {
-    /// Index of the nearest beam, and whether the elevation is not below the bank.
+    /// Index of the nearest beam, and whether the elevation is above the lower end of the bank.
     fn nearest(&self, elevation: f32) -> (usize, bool) {
         let beams = &self.elevations;
         let above = beams.partition_point(|e| *e < elevation).clamp(1, beams.len() - 1);
@@ -126,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rings_and_azimuths_follow_the_beams() {
+    fn ring_and_azimuth_of_a_point_are_those_of_its_beam() {
         for model in Model::ALL {
             if model == Model::Hdl64e {
                 continue;
@@ -143,10 +158,10 @@ mod tests {
         }
     }
 
-    /// Points of a raw sweep lie beam by beam, from the highest to the lowest; the azimuth tells where one ends.
-    #[test]
-    fn rings_of_a_real_sweep_are_those_of_its_order() {
-        let Some(path) = real_data::real_data("kitti_raw_0048/0000000003.pcd") else { return };
+    /// Points of a raw sweep are ordered by beam, from the highest to the lowest. A jump of the azimuth marks the next beam.
+    #[real_data::test("kitti_raw_0048/0000000003.pcd")]
+    fn rings_of_real_sweep_match_the_order_of_its_points() {
+        let path = real_data::path("kitti_raw_0048/0000000003.pcd");
         let returns = load(&path, "pcd", Model::Hdl64e).expect("reads");
         let (mut ring, mut n_right, mut last) = (63_u8, 0, 0.0_f32);
         for found in &returns {
@@ -162,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_return_is_left_out() {
+    fn invalid_points_are_removed() {
         let far = CloudPoint { x: -5.0, intensity: 200.0, ..CloudPoint::default() };
         let bad = CloudPoint { z: f32::NAN, ..far };
         let found = returns_from_cloud(&[CloudPoint::default(), bad, far], Model::Hdl64e);

@@ -1,4 +1,4 @@
-//! What a bare folder of sweeps is taken for.
+//! The inferred manifest of a folder without `drive.toml`.
 
 use super::MANIFEST_FILE;
 use super::listing::files_with_extension;
@@ -8,10 +8,10 @@ use crate::problems::{FileError, FileProblem};
 use crate::velodyne::{Model, SweepReader};
 use std::path::Path;
 
-/// Formats by file name extension, in the order in which they are looked for.
+/// Formats by file name extension, in the order of the search.
 const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
 
-/// The assumed manifest of a folder without one.
+/// Infers a manifest from the files in a folder.
 pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
     let problem = |rule: String| FileError::from(FileProblem::of_file(folder, rule));
     for extension in FORMATS {
@@ -35,7 +35,7 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
                 body_from_lidar: PoseEntry::IDENTITY,
             },
         );
-        return Ok(Read::assumed(&folder.join(MANIFEST_FILE), manifest));
+        return Ok(Read::inferred(&folder.join(MANIFEST_FILE), manifest));
     }
-    Err(problem(format!("holds neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
+    Err(problem(format!("contains neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
 }

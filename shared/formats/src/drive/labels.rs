@@ -1,22 +1,22 @@
-//! True class and instance of every return of a simulated or annotated drive.
+//! Ground-truth class and instance of every return of a simulated or annotated drive.
 
 use super::Drive;
 use crate::problems::FileProblem;
 use std::path::Path;
 
-/// A point's time may have been rounded to a double of seconds, which keeps 0.24 us; a laser fires every 46 us.
+/// Tolerance of times: a time stored as f64 seconds is rounded to 0.24 µs, and a laser fires every 46 µs.
 const TOLERANCE_NANOS: i64 = 500;
 
-/// What a return lies on.
+/// Class and instance of a return.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TrueLabel {
-    /// Id in the class table.
+    /// Class id of the class table.
     pub class: u8,
-    /// 0 = none.
+    /// Instance, 0 = none.
     pub instance: u16,
 }
 
-/// The labels of a whole drive, 8 bytes a return.
+/// Labels of a whole drive. Memory: 8 bytes per return.
 #[derive(Clone, Debug)]
 pub struct TrueLabels {
     sweeps: Vec<LabelledSweep>,
@@ -25,7 +25,7 @@ pub struct TrueLabels {
 #[derive(Clone, Debug)]
 struct LabelledSweep {
     stamp: i64,
-    /// By ring, then time.
+    /// Sorted by ring, then time.
     returns: Vec<Labelled>,
 }
 
@@ -37,14 +37,11 @@ struct Labelled {
 }
 
 impl Drive {
-    /// The labels of all returns. An error if the drive has none, or a sweep has not as many as returns.
+    /// The labels of all returns. An error if the drive has no labels, or the labels of a sweep are not as many as its returns.
     pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
         let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
         let Some(truth) = &self.manifest.truth else {
-            return Err(fault(
-                &self.folder,
-                "the drive has no [truth]: classes of its returns are not known".to_owned(),
-            ));
+            return Err(fault(&self.folder, "the manifest has no [truth], which names the labels".to_owned()));
         };
         let folder = self.folder.join(&truth.labels);
         let mut source = self.sweeps().map_err(|error| fault(&self.folder, error.to_string()))?;
@@ -54,15 +51,15 @@ impl Drive {
             let next = source.next_sweep(|found| returns.extend(found.iter().map(|r| (r.offset_nanos, r.ring))));
             let Some(sweep) = next.map_err(|error| fault(&self.folder, error.to_string()))? else { break };
             let path = folder.join(format!("{:06}.label", sweep.seq));
-            let bytes = std::fs::read(&path).map_err(|error| fault(&path, format!("cannot be read: {error}")))?;
+            let bytes = std::fs::read(&path).map_err(|error| fault(&path, format!("cannot read the file: {error}")))?;
             let (labels, rest) = bytes.as_chunks::<4>();
             if labels.len() != returns.len() || !rest.is_empty() {
-                let rule = format!("{} bytes for {} returns, must be 4 each", bytes.len(), returns.len());
+                let rule = format!("{} bytes for {} returns; expected 4 bytes per return", bytes.len(), returns.len());
                 return Err(fault(&path, rule));
             }
             let label = |&bytes: &[u8; 4]| {
                 let word = u32::from_le_bytes(bytes);
-                // Classes are fewer than 256; what is above says nothing that we know.
+                // Classes of 256 and more are unknown.
                 TrueLabel { class: u8::try_from(word & 0xffff).unwrap_or(0), instance: (word >> 16) as u16 }
             };
             let both = returns.iter().zip(labels);
@@ -77,8 +74,7 @@ impl Drive {
 }
 
 impl TrueLabels {
-    /// What the return of that time (ns since the Unix epoch) and ring lies on; `None` if there was none within half a
-    /// microsecond.
+    /// Label of the return of a ring at a time (ns since the Unix epoch). `None` if there is no return within 0.5 µs.
     pub fn find(&self, stamp: i64, ring: u8) -> Option<TrueLabel> {
         let after = self.sweeps.partition_point(|sweep| sweep.stamp <= stamp + TOLERANCE_NANOS);
         let sweep = &self.sweeps[after.checked_sub(1)?];

@@ -1,21 +1,21 @@
-//! File names of a drive.
+//! Lists the files of a drive.
 
 use geometry::Stamp;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// One exposure on disk.
+/// Image file of one exposure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frame {
     /// Middle of the exposure.
     pub stamp: Stamp,
-    /// Index of the camera among its kind.
+    /// Index of the camera among the cameras of its kind.
     pub camera: usize,
     /// The file.
     pub path: PathBuf,
 }
 
-/// Files in a folder with one of the extensions (in any case), by name. Hidden ones are left out.
+/// Files in a folder with one of the extensions (in any case), sorted by name. Hidden files are skipped.
 pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in folder.read_dir()? {
@@ -31,16 +31,16 @@ pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Re
     Ok(files)
 }
 
-/// Exposures of one camera by stamp, and files whose names are no stamps.
+/// Exposures of one camera sorted by stamp, and files whose names are not stamps.
 pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::Result<(Vec<Frame>, Vec<PathBuf>)> {
-    let (mut frames, mut strange) = (Vec::new(), Vec::new());
+    let (mut frames, mut unnamed) = (Vec::new(), Vec::new());
     for path in files_with_extension(folder, extensions)? {
         let stamp = path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
         match stamp {
             Some(nanos) => frames.push(Frame { stamp: Stamp(nanos), camera, path }),
-            None => strange.push(path),
+            None => unnamed.push(path),
         }
     }
     frames.sort_by(|a, b| (a.stamp, &a.path).cmp(&(b.stamp, &b.path)));
-    Ok((frames, strange))
+    Ok((frames, unnamed))
 }

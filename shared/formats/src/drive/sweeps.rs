@@ -1,4 +1,4 @@
-//! The sweeps of a drive, whatever they are recorded as.
+//! The sweeps of a drive, from captures or from cloud files.
 
 use super::{Drive, clouds};
 use crate::nmea::{Fix, LogStats};
@@ -7,54 +7,21 @@ use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What holds for a whole sweep.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriveSweep {
-    /// Number of the revolution or file in the drive.
-    pub seq: u64,
-    /// Of its first shot.
-    pub stamp: Stamp,
-    /// ns to the end of the revolution.
-    pub duration_nanos: u32,
-    /// Points.
-    pub n_returns: usize,
-    /// Data packets missing inside.
-    pub lost_packets: u64,
-    /// Share of a turn that it covers, 0 to 1.
-    pub turn: f64,
-    /// Whether its points have times.
-    pub has_times: bool,
-}
-
-impl From<SweepInfo> for DriveSweep {
-    fn from(info: SweepInfo) -> Self {
-        Self {
-            seq: info.seq,
-            stamp: info.stamp,
-            duration_nanos: info.duration_nanos,
-            n_returns: info.n_returns,
-            lost_packets: info.lost_packets,
-            turn: info.turn,
-            has_times: true,
-        }
-    }
-}
-
 /// Reads sweeps in order, one at a time.
 #[derive(Debug)]
 pub enum SweepSource {
-    /// Out of captures.
+    /// Sweeps from captures.
     Packets {
-        /// Their reader.
+        /// Reader of the captures.
         reader: Box<SweepReader>,
-        /// Sizes of the captures, for the progress.
+        /// Sizes of the captures, for the progress, bytes.
         sizes: Vec<u64>,
     },
-    /// One file each.
+    /// Sweeps from cloud files.
     Clouds(Clouds),
 }
 
-/// Sweeps that are one file each.
+/// Reader of sweeps that are one cloud file each.
 #[derive(Debug)]
 pub struct Clouds {
     files: Vec<PathBuf>,
@@ -63,19 +30,20 @@ pub struct Clouds {
     model: Model,
     next: usize,
     n_bad: u64,
+    /// Errors of unreadable files.
     damage: Vec<String>,
 }
 
-/// A place between two sweeps.
+/// A position between two sweeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SourcePosition {
-    /// In captures.
+    /// Position in captures.
     Packets(Box<SweepPosition>),
-    /// In files.
+    /// Position in cloud files.
     Clouds {
-        /// Number of the next file.
+        /// Index of the next file.
         next: u64,
-        /// Files that could not be read.
+        /// Unreadable files so far.
         n_bad: u64,
     },
 }
@@ -94,11 +62,11 @@ impl SweepSource {
         Ok(Self::Clouds(Clouds { files, stamps, format, model, next: 0, n_bad: 0, damage: Vec::new() }))
     }
 
-    /// Hands the returns of the next sweep to `sink`, piece by piece in the order of firing, at most
-    /// [`SweepReader::MAX_RETURNS`] in all. `None`: there are no more.
-    pub fn next_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<Option<DriveSweep>, SweepError> {
+    /// Passes the returns of the next sweep to `sink` in firing order, in pieces, at most [`SweepReader::MAX_RETURNS`] in all. `None`
+    /// at the end of the drive.
+    pub fn next_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
         match self {
-            Self::Packets { reader, .. } => Ok(reader.next_sweep(sink)?.map(DriveSweep::from)),
+            Self::Packets { reader, .. } => reader.next_sweep(sink),
             Self::Clouds(clouds) => Ok(clouds.next().map(|(returns, sweep)| {
                 sink(&returns);
                 sweep
@@ -106,7 +74,7 @@ impl SweepSource {
         }
     }
 
-    /// Where the next sweep begins.
+    /// Position of the next sweep.
     pub fn position(&self) -> SourcePosition {
         match self {
             Self::Packets { reader, .. } => SourcePosition::Packets(Box::new(reader.position())),
@@ -114,7 +82,7 @@ impl SweepSource {
         }
     }
 
-    /// Goes to a place that [`SweepSource::position`] gave for the same drive. `false` if it cannot be of this drive.
+    /// Continues at a position that [`SweepSource::position`] returned for the same drive. `false` if it belongs to another drive.
     pub fn resume(&mut self, position: SourcePosition) -> Result<bool, SweepError> {
         match (self, position) {
             (Self::Packets { reader, .. }, SourcePosition::Packets(position)) => {
@@ -128,7 +96,7 @@ impl SweepSource {
         }
     }
 
-    /// Share of the drive that has been read, 0 to 1.
+    /// Part of the drive that was read, 0 to 1.
     pub fn progress(&self) -> f64 {
         match self {
             Self::Packets { reader, sizes } => {
@@ -140,7 +108,7 @@ impl SweepSource {
         }
     }
 
-    /// Counts of the packets since the start of the drive; zero for clouds.
+    /// Packet counters since the start of the drive; zero for cloud files.
     pub fn lidar_stats(&self) -> LidarStats {
         match self {
             Self::Packets { reader, .. } => reader.stats(),
@@ -148,7 +116,7 @@ impl SweepSource {
         }
     }
 
-    /// Fixes of the position packets among those of the sweeps read since the last call; none from clouds.
+    /// Fixes of the position packets read since the last call; empty for cloud files.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         match self {
             Self::Packets { reader, .. } => reader.take_fixes(),
@@ -156,7 +124,7 @@ impl SweepSource {
         }
     }
 
-    /// Counts of the position packets' sentences since the start of the drive; zero for clouds.
+    /// Sentence counters of the position packets since the start of the drive; zero for cloud files.
     pub fn log_stats(&self) -> LogStats {
         match self {
             Self::Packets { reader, .. } => reader.log_stats(),
@@ -164,7 +132,7 @@ impl SweepSource {
         }
     }
 
-    /// Files that could not be read and were left out, since the start of the drive.
+    /// Unreadable cloud files that were skipped, since the start of the drive.
     pub fn n_bad_clouds(&self) -> u64 {
         match self {
             Self::Packets { .. } => 0,
@@ -172,7 +140,7 @@ impl SweepSource {
         }
     }
 
-    /// What is wrong with damaged files, one text each, since this source was opened.
+    /// Errors of damaged files since this source was opened, one text per file.
     pub fn damage(&self) -> &[String] {
         match self {
             Self::Packets { reader, .. } => reader.damage(),
@@ -182,7 +150,7 @@ impl SweepSource {
 }
 
 impl Clouds {
-    fn next(&mut self) -> Option<(Vec<LidarReturn>, DriveSweep)> {
+    fn next(&mut self) -> Option<(Vec<LidarReturn>, SweepInfo)> {
         while let Some(path) = self.files.get(self.next) {
             let index = self.next;
             self.next += 1;
@@ -191,24 +159,24 @@ impl Clouds {
                     let sweep = self.sweep(index, returns.len());
                     return Some((returns, sweep));
                 }
-                Err(rule) => {
+                Err(fault) => {
                     self.n_bad += 1;
-                    self.damage.push(format!("{}: {rule}", path.display()));
+                    self.damage.push(format!("{}: {fault}", path.display()));
                 }
             }
         }
         None
     }
 
-    fn sweep(&self, index: usize, n_returns: usize) -> DriveSweep {
+    fn sweep(&self, index: usize, n_returns: usize) -> SweepInfo {
         let stamp = self.stamps[index];
-        // The last one lasts as long as the one before it.
+        // The last sweep gets the duration of the sweep before it.
         let neighbors = if index + 1 < self.stamps.len() { Some(index) } else { index.checked_sub(1) };
         let duration = neighbors.map_or(100_000_000, |first| self.stamps[first + 1].0 - self.stamps[first].0);
-        DriveSweep {
+        SweepInfo {
             seq: index as u64,
             stamp,
-            // A pause of the recording is no slow turn.
+            // A pause of the recording is not a slow revolution.
             duration_nanos: duration.clamp(1, 500_000_000) as u32,
             n_returns,
             lost_packets: 0,

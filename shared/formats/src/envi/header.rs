@@ -1,22 +1,23 @@
-//! The text of a header.
+//! The text header.
 
+use super::error::{EnviFault, ValueRule};
 use std::fmt::Write;
 
 /// Order of the values in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interleave {
-    /// Band after band.
+    /// Band-sequential.
     #[default]
     Bsq,
-    /// Line after line, in it band after band.
+    /// Band-interleaved by line.
     Bil,
-    /// Pixel after pixel, in it band after band.
+    /// Band-interleaved by pixel.
     Bip,
 }
 
-/// Type of a value, by ENVI's numbers. Complex numbers (6, 9) are no samples of a camera and are refused.
+/// Data type of a value, with the code of ENVI. Complex types (6, 9) are not supported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the names say all that there is to say")]
+#[allow(missing_docs, reason = "the names are self-explanatory")]
 pub enum DataType {
     U8 = 1,
     I16 = 2,
@@ -44,43 +45,43 @@ impl DataType {
     }
 }
 
-/// What is known of an image.
+/// Metadata of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// Free text.
     pub description: String,
     /// Columns.
     pub samples: usize,
-    /// Rows; 0 if the header does not say.
+    /// Rows; 0 if the header has no entry.
     pub lines: usize,
-    /// Planes.
+    /// Number of bands.
     pub bands: usize,
-    /// Bytes before the first value.
+    /// Bytes before the first value in the data file.
     pub header_offset: usize,
-    /// Type of the values.
+    /// Data type of the values in the data file.
     pub data_type: DataType,
-    /// Their order.
+    /// Order of the values in the data file.
     pub interleave: Interleave,
-    /// Whether the most significant byte comes first.
+    /// Whether values are big-endian.
     pub is_big_endian: bool,
-    /// One for each band (or each sample of a library), in `wavelength_units`.
+    /// Wavelength of each band (or of each sample of a library), in `wavelength_units`.
     pub wavelengths: Vec<f64>,
-    /// As written; [`Header::wavelengths_nm`] understands it.
+    /// Unit as written in the header; see [`Header::wavelengths_nm`].
     pub wavelength_units: String,
-    /// Widths of the bands, in `wavelength_units`.
+    /// Full width at half maximum of each band, in `wavelength_units`.
     pub fwhm: Vec<f64>,
-    /// One for each band.
+    /// Name of each band.
     pub band_names: Vec<String>,
-    /// One for each line of a library.
+    /// Name of each spectrum of a library.
     pub spectra_names: Vec<String>,
-    /// What a reflectance of 1 is stored as.
+    /// Stored value of a reflectance of 1.
     pub reflectance_scale_factor: Option<f32>,
-    /// The value of what was not measured.
+    /// Value of pixels without data.
     pub data_ignore_value: Option<f32>,
 }
 
 impl Header {
-    /// Of a band-sequential image of f32 values.
+    /// The header of a band-sequential image of f32 values.
     pub fn new(samples: usize, lines: usize, bands: usize) -> Self {
         Self {
             description: String::new(),
@@ -101,8 +102,8 @@ impl Header {
         }
     }
 
-    /// The wavelengths in nm. Without a unit numbers above 100 are nm and others micrometres.
-    pub fn wavelengths_nm(&self) -> Result<Vec<f32>, String> {
+    /// The wavelengths in nm. Without a unit, numbers above 100 are nm and others µm.
+    pub fn wavelengths_nm(&self) -> Result<Vec<f32>, EnviFault> {
         let unit = self.wavelength_units.to_ascii_lowercase();
         let factor = match unit.as_str() {
             "nm" | "nanometers" | "nanometres" => 1.0,
@@ -114,23 +115,18 @@ impl Header {
                     1000.0
                 }
             }
-            _ => {
-                return Err(format!(
-                    "wavelength units = {:?}; must be nanometers or micrometers",
-                    self.wavelength_units
-                ));
-            }
+            _ => return Err(EnviFault::WavelengthUnits(self.wavelength_units.clone())),
         };
         Ok(self.wavelengths.iter().map(|value| (value * factor) as f32).collect())
     }
 
-    /// Reads the text; the error has the line (0: none) and the rule.
-    pub(super) fn parse(text: &str) -> Result<Self, (usize, String)> {
+    /// Reads the text. An error comes with its line, from 1, if it has one.
+    pub(super) fn parse(text: &str) -> Result<Self, (Option<usize>, EnviFault)> {
         let mut lines = text.lines().zip(1..);
-        // Some programs begin with a byte order mark.
-        let begins = lines.next().is_some_and(|(line, _)| line.trim_start_matches('\u{feff}').trim() == "ENVI");
-        if !begins {
-            return Err((1, "must be ENVI".to_owned()));
+        // Some programs write a byte order mark.
+        let magic = lines.next().map_or("", |(line, _)| line.trim_start_matches('\u{feff}').trim());
+        if magic != "ENVI" {
+            return Err((Some(1), EnviFault::Magic(magic.to_owned())));
         }
         let mut header = Self::new(0, 0, 1);
         let mut seen = [false; 2];
@@ -140,43 +136,45 @@ impl Header {
                 continue;
             }
             let Some((key, value)) = line.split_once('=') else {
-                return Err((number, format!("{line:?}; must be `key = value`")));
+                return Err((Some(number), EnviFault::NotAnEntry(line.to_owned())));
             };
             let mut value = value.trim().to_owned();
             if value.starts_with('{') {
                 while !value.ends_with('}') {
                     let Some((more, _)) = lines.next() else {
-                        return Err((number, format!("{}: the list has no end", key.trim())));
+                        return Err((Some(number), EnviFault::OpenList(key.trim().to_owned())));
                     };
                     value.push('\n');
                     value.push_str(more.trim_end());
                 }
-                value = value[1..value.len() - 1].trim().to_owned();
+                value = String::from(value[1..value.len() - 1].trim());
             }
-            // `Header  Offset` is `header offset`.
+            // Keys may be in any case and with any number of blanks: `Header  Offset`.
             let key = key.split_whitespace().collect::<Vec<_>>().join(" ").to_ascii_lowercase();
             match key.as_str() {
                 "samples" => seen[0] = true,
                 "data type" => seen[1] = true,
                 _ => {}
             }
-            header.set(&key, &value).map_err(|rule| (number, format!("{key} = {value:?}; {rule}")))?;
+            if let Err(rule) = header.set(&key, &value) {
+                return Err((Some(number), EnviFault::Value { key, value, rule }));
+            }
         }
         for (key, seen) in ["samples", "data type"].into_iter().zip(seen) {
             if !seen {
-                return Err((0, format!("{key} is missing")));
+                return Err((None, EnviFault::Missing(key)));
             }
         }
         Ok(header)
     }
 
-    fn set(&mut self, key: &str, value: &str) -> Result<(), String> {
-        // 2^31 values in a row are more than any image has, and products of three sizes stay far from overflow.
+    fn set(&mut self, key: &str, value: &str) -> Result<(), ValueRule> {
+        // No image has 2^31 values in a row.
         let size = |least: usize| {
             let number = value.parse::<usize>().ok().filter(|number| (least..=1 << 31).contains(number));
-            number.ok_or_else(|| format!("must be a whole number from {least}"))
+            number.ok_or(ValueRule::Integer(least))
         };
-        let one_number = || value.parse::<f32>().map_err(|_| "must be a number".to_owned());
+        let one_number = || value.parse::<f32>().map_err(|_| ValueRule::Number);
         match key {
             "description" => value.clone_into(&mut self.description),
             "samples" => self.samples = size(1)?,
@@ -185,21 +183,21 @@ impl Header {
             "header offset" => self.header_offset = size(0)?,
             "data type" => {
                 let known = DataType::ALL.into_iter().find(|kind| value.parse() == Ok(*kind as u32));
-                self.data_type = known.ok_or("must be 1, 2, 3, 4, 5, 12, 13, 14 or 15")?;
+                self.data_type = known.ok_or(ValueRule::OneOf("1, 2, 3, 4, 5, 12, 13, 14 or 15"))?;
             }
             "interleave" => {
                 self.interleave = match value.to_ascii_lowercase().as_str() {
                     "bsq" => Interleave::Bsq,
                     "bil" => Interleave::Bil,
                     "bip" => Interleave::Bip,
-                    _ => return Err("must be bsq, bil or bip".to_owned()),
+                    _ => return Err(ValueRule::OneOf("bsq, bil or bip")),
                 }
             }
             "byte order" => {
                 self.is_big_endian = match value {
                     "0" => false,
                     "1" => true,
-                    _ => return Err("must be 0 or 1".to_owned()),
+                    _ => return Err(ValueRule::OneOf("0 or 1")),
                 }
             }
             "wavelength" => self.wavelengths = numbers(value)?,
@@ -216,7 +214,7 @@ impl Header {
         Ok(())
     }
 
-    /// The text of a band-sequential, little-endian f32 image with this header's sizes and names.
+    /// The header text of a band-sequential, little-endian f32 image with the sizes and names of this header.
     pub(super) fn text(&self) -> String {
         let mut text = String::from("ENVI\n");
         let plain = |text: &str| text.replace(['{', '}'], " ");
@@ -258,9 +256,9 @@ impl Header {
     }
 }
 
-fn numbers(value: &str) -> Result<Vec<f64>, String> {
+fn numbers(value: &str) -> Result<Vec<f64>, ValueRule> {
     let texts = value.split([',', '\n']).map(str::trim).filter(|text| !text.is_empty());
-    texts.map(|text| text.parse().map_err(|_| format!("{text:?} must be a number"))).collect()
+    texts.map(|text| text.parse().map_err(|_| ValueRule::Numbers(text.to_owned()))).collect()
 }
 
 fn names(value: &str) -> Vec<String> {

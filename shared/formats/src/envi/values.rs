@@ -1,30 +1,28 @@
-//! The numbers behind a header.
+//! Decoding of the data file.
 
+use super::error::EnviFault;
 use super::{DataType, Header, Interleave};
+use ndarray::ArrayView3;
 
-/// All values, band-sequential. Fills in `lines` if the header does not say how many there are.
-pub fn decode(header: &mut Header, bytes: &[u8]) -> Result<Vec<f32>, String> {
+/// All values, band-sequential. Sets `lines` from the size of the file if the header has no entry.
+pub fn decode(header: &mut Header, bytes: &[u8]) -> Result<Vec<f32>, EnviFault> {
     let offset = header.header_offset;
     let Some(bytes) = bytes.get(offset..) else {
-        return Err(format!("{} bytes; header offset = {offset} is behind its end", bytes.len()));
+        return Err(EnviFault::Offset { n_bytes: bytes.len(), offset });
     };
     let size = header.data_type.size();
-    let line_bytes = header.samples.checked_mul(header.bands).and_then(|n| n.checked_mul(size)).ok_or("too large")?;
+    let line_bytes = header.samples.checked_mul(header.bands).and_then(|n| n.checked_mul(size));
+    let line_bytes = line_bytes.ok_or(EnviFault::TooLarge)?;
     if header.lines == 0 {
         header.lines = bytes.len() / line_bytes;
     }
-    let expected = line_bytes.checked_mul(header.lines).ok_or("too large")?;
+    let expected = line_bytes.checked_mul(header.lines).ok_or(EnviFault::TooLarge)?;
     if bytes.len() < expected || expected == 0 {
-        return Err(format!(
-            "{} bytes of values; {} samples, {} lines and {} bands of {size} bytes are {expected}",
-            bytes.len(),
-            header.samples,
-            header.lines,
-            header.bands
-        ));
+        let Header { samples, lines, bands, .. } = *header;
+        return Err(EnviFault::DataSize { n_bytes: bytes.len(), samples, lines, bands, size, expected });
     }
     let stored = numbers(header.data_type, header.is_big_endian, &bytes[..expected]);
-    Ok(sequential(header, stored))
+    Ok(band_sequential(header, stored))
 }
 
 fn numbers(data_type: DataType, is_big_endian: bool, bytes: &[u8]) -> Vec<f32> {
@@ -48,20 +46,17 @@ fn numbers(data_type: DataType, is_big_endian: bool, bytes: &[u8]) -> Vec<f32> {
     }
 }
 
-fn sequential(header: &Header, stored: Vec<f32>) -> Vec<f32> {
-    let [samples, lines, bands] = [header.samples, header.lines, header.bands];
-    // Where sample, line and band are multiplied with what.
-    let [by_sample, by_line, by_band] = match header.interleave {
+fn band_sequential(header: &Header, stored: Vec<f32>) -> Vec<f32> {
+    let Header { samples, lines, bands, .. } = *header;
+    // Shape of the data file, and its axes in the order band, line, sample.
+    let (shape, axes) = match header.interleave {
         Interleave::Bsq => return stored,
-        Interleave::Bil => [1, samples * bands, samples],
-        Interleave::Bip => [bands, samples * bands, 1],
+        Interleave::Bil => ((lines, bands, samples), [1, 0, 2]),
+        Interleave::Bip => ((lines, samples, bands), [2, 0, 1]),
     };
+    let view = ArrayView3::from_shape(shape, &stored).expect("as many values as the header says");
     let mut values = Vec::with_capacity(stored.len());
-    for band in 0..bands {
-        for line in 0..lines {
-            let start = line * by_line + band * by_band;
-            values.extend((0..samples).map(|sample| stored[start + sample * by_sample]));
-        }
-    }
+    // `iter` keeps the order of the axes; `for_each` of a view visits the values in the order of memory.
+    values.extend(view.permuted_axes(axes).iter());
     values
 }

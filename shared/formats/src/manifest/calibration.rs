@@ -1,4 +1,4 @@
-//! `truth/calibration.toml`: where the sensors of a simulated vehicle really are.
+//! `truth/calibration.toml`: true mounting of the sensors of a simulated vehicle.
 
 use super::PoseEntry;
 use serde::{Deserialize, Serialize};
@@ -7,24 +7,24 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Of the antenna in the body frame, m.
+    /// Position of the antenna in the body frame, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub antenna_in_body: Option<[f64; 3]>,
-    /// Of the LiDAR.
+    /// Mounting of the LiDAR.
     pub body_from_lidar: PoseEntry,
-    /// Color cameras by index.
+    /// Color cameras.
     #[serde(default, rename = "camera")]
     pub cameras: Vec<MountingEntry>,
-    /// Mosaic cameras by index.
+    /// Mosaic cameras.
     #[serde(default, rename = "mosaic")]
     pub mosaics: Vec<MountingEntry>,
 }
 
-/// One camera.
+/// Mounting of a camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MountingEntry {
-    /// As in `drive.toml`.
+    /// Name in `drive.toml`.
     pub name: String,
     /// Mounting.
     pub body_from_camera: PoseEntry,

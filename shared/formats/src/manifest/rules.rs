@@ -1,22 +1,22 @@
-//! Rules that hold wherever sensors are described: in `drive.toml` and in a simulated vehicle's rig file.
+//! Rules for descriptions of sensors, shared by `drive.toml` and the rig files of simulated vehicles.
 
 use super::PoseEntry;
 use crate::toml_file::TomlFile;
 use geometry::CameraModel;
 
-/// No camera here has longer sides, px.
+/// Longest side of an image, px.
 const MAX_SIDE: u32 = 32_768;
-/// No vehicle here is longer, m.
+/// Limit of sensor positions, m: longer than any vehicle.
 const MAX_OFFSET_M: f64 = 100.0;
 
 /// A rigid transform.
 pub fn pose(file: &mut TomlFile, key: &str, entry: &PoseEntry) {
     file.rule(key, entry.to_pose().is_some(), || {
-        format!("{entry:?} is no rigid transform: must be finite, with a unit quaternion x y z w")
+        format!("{entry:?} is not a rigid transform; expected finite numbers and a unit quaternion x y z w")
     });
 }
 
-/// A place on the vehicle.
+/// A position on the vehicle.
 pub fn position(file: &mut TomlFile, key: &str, position: &[f64; 3]) {
     let near = position.iter().all(|v| v.abs() < MAX_OFFSET_M);
     file.rule(key, near, || format!("value {position:?} must be three lengths below {MAX_OFFSET_M} m"));
@@ -28,7 +28,7 @@ pub fn exposure(file: &mut TomlFile, key: &str, nanos: u64) {
     file.rule(key, range.contains(&nanos), || format!("value {nanos} must be 1 ns to 10 s"));
 }
 
-/// A lens and the size of its image.
+/// A lens model and its image size.
 pub fn lens(file: &mut TomlFile, key: &str, model: &CameraModel) {
     let (width, height) = model.size();
     let sized = (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height);
@@ -40,7 +40,9 @@ pub fn lens(file: &mut TomlFile, key: &str, model: &CameraModel) {
     };
     let focused = focal.iter().all(|f| *f > 0.0 && f.is_finite());
     file.rule(key, focused, || format!("focal lengths {focal:?} must be positive"));
-    file.rule(key, rest.iter().all(|v| v.is_finite()), || "principal point and distortion must be numbers".into());
+    file.rule(key, rest.iter().all(|v| v.is_finite()), || {
+        "principal point and distortion must be finite numbers".into()
+    });
     let opens = angle > 0.0 && angle <= std::f64::consts::PI;
     file.rule(key, opens, || format!("max_angle {angle} must be above 0, up to pi"));
 }

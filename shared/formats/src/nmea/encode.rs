@@ -1,11 +1,11 @@
-//! Fixes as sentences, for simulated receivers.
+//! Encoding of fixes as sentences, for simulated receivers.
 
 use super::{Fix, KNOT_MPS, checksum};
 use crate::calendar::{DAY_NANOS, date_from_days};
 use geometry::Stamp;
 
-/// The fix as `$GPGGA`, without line end; `geoid_m` is the geoid above the ellipsoid. A fix without altitude has empty
-/// fields there.
+/// The fix as `$GPGGA` without line end. `geoid_m` is the height of the geoid above the ellipsoid. Without altitude, the height
+/// fields are empty.
 pub fn gga_from_fix(fix: &Fix, geoid_m: f64) -> String {
     let height = fix.altitude_m.map(|altitude| format!("{:.3}", altitude - geoid_m)).unwrap_or_default();
     let hdop = fix.hdop.map(|hdop| format!("{hdop:.1}")).unwrap_or_default();
@@ -15,7 +15,7 @@ pub fn gga_from_fix(fix: &Fix, geoid_m: f64) -> String {
     sealed(&format!("GPGGA,{time},{position},{quality},{satellites:02},{hdop},{height},M,{geoid_m:.1},M,,"))
 }
 
-/// A moment without a position as `$GPGGA`: quality 0.
+/// An epoch without position as `$GPGGA`: quality 0.
 pub fn gga_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPGGA,{},,,,,0,00,,,M,,M,,", time(stamp)))
 }
@@ -28,7 +28,7 @@ pub fn rmc_from_fix(fix: &Fix) -> String {
     sealed(&format!("GPRMC,{time},A,{position},{knots},{course},{date},,,A"))
 }
 
-/// A moment without a position as `$GPRMC`: the clock goes on, status V.
+/// An epoch without position as `$GPRMC`: status V with time and date.
 pub fn rmc_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
 }
@@ -39,7 +39,7 @@ fn date(stamp: Stamp) -> String {
     format!("{day:02}{month:02}{:02}", year.rem_euclid(100))
 }
 
-/// To the millisecond.
+/// Time of day in milliseconds resolution, `hhmmss.sss`.
 fn time(stamp: Stamp) -> String {
     let millis = stamp.0.rem_euclid(DAY_NANOS) / 1_000_000;
     let seconds = millis / 1000;
@@ -50,10 +50,10 @@ fn position([latitude, longitude]: [f64; 2]) -> String {
     format!("{},{}", angle(latitude, 2, ['N', 'S']), angle(longitude, 3, ['E', 'W']))
 }
 
-/// Degrees and minutes to 2 mm on the ground.
+/// Degrees and minutes with a resolution of 2 mm on the ground.
 fn angle(value: f64, digits: usize, [positive, negative]: [char; 2]) -> String {
     let side = if value < 0.0 { negative } else { positive };
-    // In millionths of a minute, so that 59.9999996 minutes become the next degree.
+    // Rounded to millionths of a minute first, so that 59.9999996 minutes become the next degree.
     let total = (value.abs() * 60e6).round() as u64;
     let (degrees, minutes) = (total / 60_000_000, total % 60_000_000);
     format!("{degrees:0digits$}{:02}.{:06},{side}", minutes / 1_000_000, minutes % 1_000_000)

@@ -1,4 +1,4 @@
-//! A log of sentences into fixes: GGA and RMC of one moment belong together.
+//! Joins GGA and RMC sentences of the same epoch to fixes.
 
 use super::{Gga, Rmc, Sentence, parse};
 use crate::calendar::DAY_NANOS;
@@ -8,38 +8,38 @@ use serde::{Deserialize, Serialize};
 /// One position fix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
-    /// When.
+    /// Time of the fix.
     pub stamp: Stamp,
     /// Latitude and longitude, WGS84, deg, north and east positive.
     pub position_deg: [f64; 2],
-    /// Above the ellipsoid, m; `None` if only RMC came.
+    /// Height above the ellipsoid, m; `None` without GGA.
     pub altitude_m: Option<f64>,
-    /// Over ground.
+    /// Speed over ground.
     pub speed_mps: Option<f64>,
-    /// Over ground, deg clockwise from north.
+    /// Course over ground, deg clockwise from north.
     pub course_deg: Option<f64>,
     /// Horizontal dilution of precision.
     pub hdop: Option<f64>,
-    /// In use; 0 if only RMC came.
+    /// Satellites in use; 0 without GGA.
     pub satellites: u32,
     /// GGA quality: 1 single, 2 differential, 4 fixed, 5 float.
     pub quality: u32,
 }
 
-/// What a log held beside its fixes.
+/// Counters of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogStats {
     /// GGA and RMC sentences.
     pub sentences: u64,
-    /// Lines that are no sentence, are damaged or say what cannot be.
+    /// Lines that are not sentences, are damaged or have impossible values.
     pub bad_lines: u64,
-    /// Moments at which the receiver had no position.
+    /// Epochs without position.
     pub without_fix: u64,
-    /// Fixes that are not after their predecessor, or whose date is not known; left out.
+    /// Skipped fixes: not after the previous fix, or without a known date.
     pub out_of_order: u64,
 }
 
-/// All fixes of a log, in order of time. Bytes that are no text are bad lines.
+/// All fixes of a log, sorted by time. Lines that are not text are bad lines.
 pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
     let mut joiner = FixJoiner::default();
     let mut fixes: Vec<Fix> = log.split(|byte| *byte == b'\n').filter_map(|line| joiner.take(line)).collect();
@@ -47,20 +47,20 @@ pub fn fixes(log: &[u8]) -> (Vec<Fix>, LogStats) {
     (fixes, joiner.stats())
 }
 
-/// Joins the sentences of one moment, line by line.
+/// Joins the sentences of one epoch, line by line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FixJoiner {
     gga: Option<Gga>,
     rmc: Option<Rmc>,
-    /// Midnight of the last RMC's day.
+    /// Midnight of the day of the last RMC.
     midnight: Option<i64>,
-    /// Of the last fix.
+    /// Time of the last fix.
     last: Option<Stamp>,
     stats: LogStats,
 }
 
 impl FixJoiner {
-    /// Takes the next line, and gives the fix that it completes: its own, or the one before it.
+    /// Reads the next line. Returns the fix that it completes: of its own epoch or of the previous one.
     pub fn take(&mut self, line: &[u8]) -> Option<Fix> {
         let line = line.trim_ascii();
         if line.is_empty() {
@@ -77,29 +77,29 @@ impl FixJoiner {
         }
     }
 
-    /// The last fix: there is no further line.
+    /// Completes the last epoch after the last line.
     pub fn finish(&mut self) -> Option<Fix> {
         self.emit()
     }
 
-    /// Counts since the first line.
+    /// Counters since the first line.
     pub fn stats(&self) -> LogStats {
         self.stats
     }
 
     fn gga(&mut self, gga: Gga) -> Option<Fix> {
         self.stats.sentences += 1;
-        let other_moment =
+        let is_other_epoch =
             self.rmc.and_then(|rmc| rmc.stamp).is_some_and(|stamp| Some(time_of_day(stamp)) != gga.time_nanos);
-        let before = if self.gga.is_some() || other_moment { self.emit() } else { None };
+        let before = if self.gga.is_some() || is_other_epoch { self.emit() } else { None };
         self.gga = Some(gga);
         before.or_else(|| self.emit_if_joined())
     }
 
     fn rmc(&mut self, rmc: Rmc) -> Option<Fix> {
         self.stats.sentences += 1;
-        let other_moment = self.gga.is_some_and(|gga| gga.time_nanos != rmc.stamp.map(time_of_day));
-        let before = if self.rmc.is_some() || other_moment { self.emit() } else { None };
+        let is_other_epoch = self.gga.is_some_and(|gga| gga.time_nanos != rmc.stamp.map(time_of_day));
+        let before = if self.rmc.is_some() || is_other_epoch { self.emit() } else { None };
         if let Some(stamp) = rmc.stamp {
             self.midnight = Some(stamp.0 - time_of_day(stamp));
         }
@@ -111,7 +111,7 @@ impl FixJoiner {
         if self.gga.is_some() && self.rmc.is_some() { self.emit() } else { None }
     }
 
-    /// Ends the moment.
+    /// Completes the current epoch.
     fn emit(&mut self) -> Option<Fix> {
         let (gga, rmc) = (self.gga.take(), self.rmc.take().filter(|rmc| rmc.is_valid));
         if gga.is_none() && rmc.is_none() {
@@ -140,7 +140,7 @@ impl FixJoiner {
         })
     }
 
-    /// A time of day on the day of the last RMC, or on the next one if midnight has passed since the last fix.
+    /// A time of day on the day of the last RMC, or on the next day if midnight passed since the last fix.
     fn dated(&self, time_nanos: i64) -> Option<Stamp> {
         let stamp = Stamp(self.midnight? + time_nanos);
         match self.last {
@@ -161,7 +161,7 @@ mod tests {
 
     fn fix(i: i64) -> Fix {
         Fix {
-            // Over a midnight.
+            // Crosses midnight.
             stamp: Stamp(1_622_505_598_000_000_000 + i * 500_000_000),
             position_deg: [-0.000_1 * i as f64, 179.999_9 - 0.3 * i as f64],
             altitude_m: Some(104.25 + i as f64),
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn written_fixes_come_back() {
+    fn fixes_survive_round_trip() {
         let lines = (0..10).flat_map(|i| [gga_from_fix(&fix(i), 44.6), rmc_from_fix(&fix(i))]);
         let (back, stats) = fixes(&log(lines));
         assert_eq!(stats, LogStats { sentences: 20, ..LogStats::default() });
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_between_two_dates_are_dated_over_midnight() {
+    fn gga_without_date_is_dated_across_midnight() {
         let lines = std::iter::once(rmc_from_fix(&fix(0))).chain((0..10).map(|i| gga_from_fix(&fix(i), 44.6)));
         let (back, _) = fixes(&log(lines));
         assert_eq!(back.len(), 10);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_without_a_position_are_counted_and_keep_the_date() {
+    fn epochs_without_position_are_counted_and_keep_the_date() {
         let stamp = fix(4).stamp;
         let lost = [gga_without_fix(stamp), rmc_without_fix(stamp)];
         let found = [gga_from_fix(&fix(5), 44.6), rmc_from_fix(&fix(5))];
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_counted_and_costs_no_other_line() {
+    fn damaged_lines_are_counted_and_affect_no_other_line() {
         let mut lines: Vec<String> =
             (0..4).flat_map(|i| [gga_from_fix(&fix(i), 44.6), rmc_from_fix(&fix(i))]).collect();
         lines[2].replace_range(10..11, "7");
@@ -227,7 +227,7 @@ mod tests {
         lines.push(rmc_from_fix(&fix(1)));
         let (back, stats) = fixes(&log(lines.into_iter()));
         assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, without_fix: 0, out_of_order: 1 });
-        // The second fix has lost its GGA, so its height is not known.
+        // The GGA of the second fix is damaged, so it has no height.
         assert_eq!(back.iter().map(|fix| fix.altitude_m.is_some()).collect::<Vec<_>>(), [true, false, true, true]);
     }
 }

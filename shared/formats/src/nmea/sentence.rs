@@ -1,84 +1,84 @@
-//! One sentence.
+//! Parser of one sentence.
 
 use super::{KNOT_MPS, checksum};
 use crate::calendar::{DAY_NANOS, days_from_date};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
-/// Why a line is no sentence.
+/// A line that is not a valid sentence.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum NmeaError {
-    /// It does not look like one.
-    #[error("no sentence: must be $...*hh")]
+    /// The line does not have the form of a sentence.
+    #[error("not a sentence; expected $...*hh")]
     Frame,
-    /// It was damaged on its way.
-    #[error("checksum {got:02X}, must be {expected:02X}")]
+    /// The checksum is wrong.
+    #[error("checksum {got:02X}, expected {expected:02X}")]
     Checksum {
-        /// In the line.
+        /// Checksum of the line.
         got: u8,
-        /// Of its bytes.
+        /// Computed checksum.
         expected: u8,
     },
-    /// A field that cannot be.
+    /// A field has an impossible value.
     #[error("{sentence} field {field}: {value:?} {rule}")]
     Field {
         /// GGA or RMC.
         sentence: &'static str,
-        /// Counted from 1, after the name.
+        /// Number of the field, from 1 after the name.
         field: usize,
-        /// What stands there.
+        /// Text found.
         value: String,
-        /// What may stand there.
+        /// Values allowed.
         rule: &'static str,
     },
 }
 
-/// A sentence that means something here.
+/// A parsed sentence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sentence {
     /// Position and quality.
     Gga(Gga),
     /// Date and motion.
     Rmc(Rmc),
-    /// Any other.
+    /// Any other sentence.
     Other,
 }
 
-/// GGA. What a receiver leaves empty is `None`.
+/// GGA sentence. Empty fields are `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gga {
-    /// UTC, ns since midnight.
+    /// Time of day (UTC), ns since midnight.
     pub time_nanos: Option<i64>,
     /// Latitude and longitude, WGS84, deg, north and east positive.
     pub position_deg: Option<[f64; 2]>,
-    /// 0 none, 1 single, 2 differential, 4 fixed, 5 float.
+    /// Quality: 0 none, 1 single, 2 differential, 4 RTK fixed, 5 RTK float.
     pub quality: u32,
-    /// In use.
+    /// Satellites in use.
     pub satellites: u32,
     /// Horizontal dilution of precision.
     pub hdop: Option<f64>,
-    /// Above the geoid, m.
+    /// Height above the geoid, m.
     pub height_m: Option<f64>,
-    /// Geoid above the ellipsoid, m.
+    /// Height of the geoid above the ellipsoid, m.
     pub geoid_m: Option<f64>,
 }
 
-/// RMC. What a receiver leaves empty is `None`.
+/// RMC sentence. Empty fields are `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rmc {
-    /// UTC.
+    /// Date and time (UTC).
     pub stamp: Option<Stamp>,
-    /// Whether the receiver trusts its position.
+    /// Whether the receiver reports a valid position (status A).
     pub is_valid: bool,
     /// Latitude and longitude, WGS84, deg, north and east positive.
     pub position_deg: Option<[f64; 2]>,
-    /// Over ground.
+    /// Speed over ground.
     pub speed_mps: Option<f64>,
-    /// Over ground, deg clockwise from north.
+    /// Course over ground, deg clockwise from north.
     pub course_deg: Option<f64>,
 }
 
-/// Reads one line.
+/// Parses one line.
 pub fn parse(line: &str) -> Result<Sentence, NmeaError> {
     let line = line.trim();
     let (body, sum) = line.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')).ok_or(NmeaError::Frame)?;
@@ -91,7 +91,7 @@ pub fn parse(line: &str) -> Result<Sentence, NmeaError> {
         return Err(NmeaError::Checksum { got, expected });
     }
     let (name, fields) = body.split_once(',').unwrap_or((body, ""));
-    // Two letters for the talker (GP, GL, GN …), three for the kind.
+    // Two letters name the talker (GP, GL, GN …), three letters the type.
     match name.get(2..) {
         Some("GGA") => gga(&Fields::new("GGA", fields)).map(Sentence::Gga),
         Some("RMC") => rmc(&Fields::new("RMC", fields)).map(Sentence::Rmc),
@@ -133,7 +133,7 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn new(sentence: &'static str, text: &'a str) -> Self {
-        // No sentence has more; a line of commas is not to take memory.
+        // Sentences have fewer fields. The limit bounds the memory of a damaged line.
         Self { sentence, fields: text.split(',').take(32).collect() }
     }
     fn text(&self, field: usize) -> &'a str {
@@ -148,7 +148,7 @@ impl<'a> Fields<'a> {
             return Ok(None);
         }
         let count = text.parse().ok().filter(|count| *count < 1000);
-        count.map(Some).ok_or_else(|| self.fault(field, "must be a number below 1000"))
+        count.map(Some).ok_or_else(|| self.fault(field, "is not an integer below 1000"))
     }
     fn number(&self, field: usize, low: f64, high: f64) -> Result<Option<f64>, NmeaError> {
         let text = self.text(field);
@@ -156,7 +156,7 @@ impl<'a> Fields<'a> {
             return Ok(None);
         }
         let value = text.parse().ok().filter(|value| (low..=high).contains(value));
-        value.map(Some).ok_or_else(|| self.fault(field, "is no number in the possible range"))
+        value.map(Some).ok_or_else(|| self.fault(field, "is not a number in the possible range"))
     }
     /// `hhmmss` or `hhmmss.sss…`, ns since midnight. A leap second counts as the next second.
     fn time(&self, field: usize) -> Result<Option<i64>, NmeaError> {
@@ -165,7 +165,7 @@ impl<'a> Fields<'a> {
             return Ok(None);
         }
         let (whole, decimals) = text.split_once('.').unwrap_or((text, ""));
-        let fault = || self.fault(field, "must be hhmmss.sss");
+        let fault = || self.fault(field, "is not a time hhmmss.sss");
         let [hours, minutes, seconds] = pairs(whole).ok_or_else(fault)?;
         if hours > 23 || minutes > 59 || seconds > 60 || !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
             return Err(fault());
@@ -182,7 +182,7 @@ impl<'a> Fields<'a> {
         let days = pairs(text).and_then(|[day, month, year]| {
             days_from_date(if year >= 80 { 1900 + year } else { 2000 + year }, month, day)
         });
-        days.map(Some).ok_or_else(|| self.fault(field, "must be a date ddmmyy"))
+        days.map(Some).ok_or_else(|| self.fault(field, "is not a date ddmmyy"))
     }
     /// Four fields: latitude, N or S, longitude, E or W.
     fn position(&self, field: usize) -> Result<Option<[f64; 2]>, NmeaError> {
@@ -190,7 +190,7 @@ impl<'a> Fields<'a> {
         let longitude = self.angle(field + 2, 3, ["E", "W"], 180.0)?;
         Ok(latitude.zip(longitude).map(|(latitude, longitude)| [latitude, longitude]))
     }
-    /// Degrees in so many digits, then minutes with decimals; the side follows in its own field.
+    /// Degrees with a fixed number of digits, then minutes with decimals. The next field is the hemisphere.
     fn angle(&self, field: usize, digits: usize, sides: [&str; 2], limit: f64) -> Result<Option<f64>, NmeaError> {
         let text = self.text(field);
         if text.is_empty() {
@@ -198,13 +198,13 @@ impl<'a> Fields<'a> {
         }
         let fault = |rule| self.fault(field, rule);
         let split = text.split_at_checked(digits).filter(|_| text.bytes().all(|b| b.is_ascii_digit() || b == b'.'));
-        let (degrees, minutes) = split.ok_or_else(|| fault("must be degrees and minutes"))?;
+        let (degrees, minutes) = split.ok_or_else(|| fault("is not degrees and minutes"))?;
         let value = degrees.parse::<f64>().ok().zip(minutes.parse::<f64>().ok().filter(|minutes| *minutes < 60.0));
         let value = value.map(|(degrees, minutes)| degrees + minutes / 60.0).filter(|value| *value <= limit);
-        let value = value.ok_or_else(|| fault("must be degrees and minutes"))?;
+        let value = value.ok_or_else(|| fault("is not degrees and minutes"))?;
         match sides.iter().position(|side| *side == self.text(field + 1)) {
             Some(side) => Ok(Some(if side == 0 { value } else { -value })),
-            None => Err(self.fault(field + 1, "must be N or S, E or W")),
+            None => Err(self.fault(field + 1, "is not N or S, E or W")),
         }
     }
 }
@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sentence_of_a_real_sensor_reads() {
+    fn sentence_of_real_sensor_is_parsed() {
         // From a VLP-16's position packet.
         let line = "$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E,D*05";
         let Ok(Sentence::Rmc(rmc)) = parse(line) else { panic!("no RMC") };
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_fields_are_none_and_impossible_ones_are_named() {
+    fn empty_fields_are_none_and_impossible_values_are_reported() {
         let sealed = |body: &str| format!("${body}*{:02X}", checksum(body));
         let Ok(Sentence::Gga(gga)) = parse(&sealed("GNGGA,,,,,,0,,,,,,,,")) else { panic!("no GGA") };
         assert_eq!((gga.time_nanos, gga.position_deg, gga.quality, gga.height_m), (None, None, 0, None));

@@ -1,4 +1,4 @@
-//! Records of a capture, whatever its dialect: stamp, link type and the captured bytes.
+//! Records of a capture of either format: stamp, link type and captured bytes.
 
 use super::PcapError;
 use geometry::Stamp;
@@ -6,9 +6,9 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// No link of a vehicle carries longer frames; more is damage. (libpcap's own limit is 256 KiB.)
+/// Longest frame, bytes: the limit of libpcap. Longer frames are damage.
 const MAX_FRAME: u32 = 256 * 1024;
-/// Interfaces of a section that are remembered.
+/// Most interfaces of a section.
 const MAX_INTERFACES: usize = 256;
 
 const SECTION: u32 = 0x0a0d_0d0a;
@@ -18,32 +18,32 @@ const SIMPLE_PACKET: u32 = 3;
 const PACKET: u32 = 6;
 const BYTE_ORDER_MAGIC: u32 = 0x1a2b_3c4d;
 
-/// One captured frame; its bytes are in [`Records::frame`].
+/// One captured frame. Its bytes are in [`Records::frame`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Record {
-    /// Of its first byte in the file.
+    /// Offset of the record in the file.
     pub(super) offset: u64,
     pub(super) stamp: Stamp,
-    /// As `https://www.tcpdump.org/linktypes.html`.
+    /// Link type, see `https://www.tcpdump.org/linktypes.html`.
     pub(super) link: u32,
 }
 
-/// What comes next in the file.
+/// Result of reading the next record.
 pub(super) enum Next {
     Record(Record),
-    /// Nothing.
+    /// The file ends.
     End,
-    /// The file ends within a record.
+    /// The file ends inside a record.
     Cut,
 }
 
 #[derive(Clone, Debug)]
-enum Dialect {
+enum Format {
     Classic { link: u32, fraction_nanos: i64 },
     Ng { interfaces: Vec<Interface>, last_stamp: Stamp },
 }
 
-/// How an interface of a pcapng section counts time.
+/// Clock of an interface of a pcapng section.
 #[derive(Clone, Copy, Debug)]
 struct Interface {
     link: u32,
@@ -58,11 +58,11 @@ pub(super) struct Records {
     file: BufReader<File>,
     offset: u64,
     big_endian: bool,
-    dialect: Dialect,
+    format: Format,
     frame: Vec<u8>,
 }
 
-/// A read that ended early is a cut; other failures are the system's.
+/// Error of reading a record.
 enum ReadFault {
     Cut,
     Io(io::Error),
@@ -78,32 +78,32 @@ impl From<io::Error> for ReadFault {
 impl Records {
     pub(super) fn open(path: &Path) -> Result<Self, PcapError> {
         let io = |cause| PcapError::Io { path: path.to_owned(), cause };
-        // One read of the system brings some 200 packets.
+        // A buffer holds about 200 packets.
         let mut file = BufReader::with_capacity(256 * 1024, File::open(path).map_err(io)?);
         let mut magic = [0; 4];
         let damaged = |rule: String| PcapError::Damaged { path: path.to_owned(), offset: 0, rule };
-        file.read_exact(&mut magic).map_err(|_| damaged("shorter than the header of a capture".into()))?;
-        let (big_endian, dialect) = match u32::from_le_bytes(magic) {
-            0xa1b2_c3d4 => (false, Dialect::Classic { link: 0, fraction_nanos: 1000 }),
-            0xa1b2_3c4d => (false, Dialect::Classic { link: 0, fraction_nanos: 1 }),
-            0xd4c3_b2a1 => (true, Dialect::Classic { link: 0, fraction_nanos: 1000 }),
-            0x4d3c_b2a1 => (true, Dialect::Classic { link: 0, fraction_nanos: 1 }),
-            SECTION => (false, Dialect::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
-            other => return Err(damaged(format!("starts with {other:08x}, which neither pcap nor pcapng does"))),
+        file.read_exact(&mut magic).map_err(|_| damaged("the file is shorter than the header of a capture".into()))?;
+        let (big_endian, format) = match u32::from_le_bytes(magic) {
+            0xa1b2_c3d4 => (false, Format::Classic { link: 0, fraction_nanos: 1000 }),
+            0xa1b2_3c4d => (false, Format::Classic { link: 0, fraction_nanos: 1 }),
+            0xd4c3_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1000 }),
+            0x4d3c_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1 }),
+            SECTION => (false, Format::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
+            other => return Err(damaged(format!("magic number {other:08x} is neither pcap nor pcapng"))),
         };
-        let mut records = Self { path: path.to_owned(), file, offset: 4, big_endian, dialect, frame: Vec::new() };
-        match &records.dialect {
-            Dialect::Classic { .. } => {
+        let mut records = Self { path: path.to_owned(), file, offset: 4, big_endian, format, frame: Vec::new() };
+        match &records.format {
+            Format::Classic { .. } => {
                 let mut header = [0; 20];
-                records.file.read_exact(&mut header).map_err(|_| damaged("cut within the header".into()))?;
+                records.file.read_exact(&mut header).map_err(|_| damaged("the file ends inside the header".into()))?;
                 records.offset = 24;
-                // The upper bits tell of frame check sequences.
+                // The upper bits describe frame check sequences.
                 let link_type = records.u32_at(&header, 16) & 0x0fff_ffff;
-                if let Dialect::Classic { link, .. } = &mut records.dialect {
+                if let Format::Classic { link, .. } = &mut records.format {
                     *link = link_type;
                 }
             }
-            Dialect::Ng { .. } => {
+            Format::Ng { .. } => {
                 records.file.rewind().map_err(io)?;
                 records.offset = 0;
             }
@@ -115,7 +115,7 @@ impl Records {
         &self.path
     }
 
-    /// Where the next record begins.
+    /// Offset of the next record.
     pub(super) fn offset(&self) -> u64 {
         self.offset
     }
@@ -124,10 +124,10 @@ impl Records {
         &self.frame
     }
 
-    /// Goes to a record by its offset, on a reader that has read nothing yet.
+    /// Continues at a record by its offset. Nothing may have been read before.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), PcapError> {
-        if matches!(self.dialect, Dialect::Ng { .. }) {
-            // Interfaces are declared on the way.
+        if matches!(self.format, Format::Ng { .. }) {
+            // Interfaces are declared before the record, so all blocks must be read.
             while self.offset < offset && !matches!(self.next()?, Next::End | Next::Cut) {}
             return Ok(());
         }
@@ -139,9 +139,9 @@ impl Records {
 
     pub(super) fn next(&mut self) -> Result<Next, PcapError> {
         let start = self.offset;
-        let read = match self.dialect {
-            Dialect::Classic { link, fraction_nanos } => self.next_classic(link, fraction_nanos),
-            Dialect::Ng { .. } => self.next_ng(),
+        let read = match self.format {
+            Format::Classic { link, fraction_nanos } => self.next_classic(link, fraction_nanos),
+            Format::Ng { .. } => self.next_ng(),
         };
         match read {
             Ok(Some(record)) => Ok(Next::Record(record)),
@@ -158,8 +158,8 @@ impl Records {
         let fraction = i64::from(fraction) * fraction_nanos;
         if captured > MAX_FRAME || fraction >= 1_000_000_000 {
             return Err(ReadFault::Rule(format!(
-                "record of {captured} bytes ({wire} on the wire) at {seconds} s and {fraction} ns; a frame has at most \
-                 {MAX_FRAME} bytes and a second less than 1000000000 ns"
+                "record of {captured} bytes ({wire} on the wire) at {seconds} s and {fraction} ns; expected at most \
+                 {MAX_FRAME} bytes and less than 1000000000 ns"
             )));
         }
         self.read_frame(captured)?;
@@ -176,7 +176,9 @@ impl Records {
             }
             let (kind, total) = (self.u32_at(&head, 0), self.u32_at(&head, 4));
             if total < 12 || !total.is_multiple_of(4) {
-                return Err(ReadFault::Rule(format!("block of {total} bytes; blocks have 12 or more, in fours")));
+                return Err(ReadFault::Rule(format!(
+                    "block of {total} bytes; expected at least 12 and a multiple of 4"
+                )));
             }
             let start = self.offset;
             if matches!(kind, INTERFACE | OLD_PACKET | SIMPLE_PACKET | PACKET) {
@@ -187,7 +189,7 @@ impl Records {
                     )));
                 }
                 self.read_frame(rest)?;
-                // The frame now ends with the block's length; its first word is in `head`.
+                // The frame now ends with the length of the block. The first word of the block is in `head`.
                 let first_word = self.u32_at(&head, 8);
                 self.offset += u64::from(total);
                 if let Some((stamp, link)) = self.packet_block(kind, first_word)? {
@@ -206,18 +208,18 @@ impl Records {
             magic if magic.swap_bytes() == BYTE_ORDER_MAGIC => true,
             other => return Err(ReadFault::Rule(format!("section with byte-order magic {other:08x}"))),
         };
-        if let Dialect::Ng { interfaces, .. } = &mut self.dialect {
+        if let Format::Ng { interfaces, .. } = &mut self.format {
             interfaces.clear();
         }
         Ok(())
     }
 
-    /// Stamp and link of a packet block, with its captured bytes left in the frame; `None` for an interface.
+    /// Stamp and link type of a packet block; leaves its captured bytes in the frame. `None` for an interface block.
     fn packet_block(&mut self, kind: u32, first_word: u32) -> Result<Option<(Stamp, u32)>, ReadFault> {
         let words: [u32; 4] =
             std::array::from_fn(|i| if self.frame.len() >= i * 4 + 4 { self.u32_at(&self.frame, i * 4) } else { 0 });
         let (big_endian, n_bytes) = (self.big_endian, self.frame.len());
-        let Dialect::Ng { interfaces, last_stamp } = &mut self.dialect else { return Ok(None) };
+        let Format::Ng { interfaces, last_stamp } = &mut self.format else { return Ok(None) };
         if kind == INTERFACE {
             if interfaces.len() == MAX_INTERFACES {
                 return Err(ReadFault::Rule(format!("more than {MAX_INTERFACES} interfaces")));
@@ -238,7 +240,7 @@ impl Records {
             *last_stamp = interface.stamp(u64::from(words[0]) << 32 | u64::from(words[1]));
         }
         let (stamp, link) = (*last_stamp, interface.link);
-        // A simple packet may be cut to less than its length on the wire; its block then ends earlier.
+        // A simple packet may be shorter than its length on the wire; its block then ends earlier.
         let room = n_bytes.saturating_sub(header + 4);
         let captured = captured as usize;
         if captured > room && kind != SIMPLE_PACKET {
@@ -249,7 +251,7 @@ impl Records {
         Ok(Some((stamp, link)))
     }
 
-    /// The next `N` bytes; `None` at the very end of the file.
+    /// The next `N` bytes; `None` at the end of the file.
     fn head<const N: usize>(&mut self) -> Result<Option<[u8; N]>, ReadFault> {
         let mut head = [0; N];
         let mut n_read = 0;
@@ -277,7 +279,7 @@ impl Records {
 }
 
 impl Interface {
-    /// From an interface block: its first word and what follows (snap length, options, the block's length).
+    /// From the first word of an interface block and the rest of the block (snap length, options, length of the block).
     fn new(first_word: u32, rest: &[u8], big_endian: bool) -> Self {
         let u16_of = |b: [u8; 2]| if big_endian { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
         let link = if big_endian { first_word >> 16 } else { first_word & 0xffff };
@@ -305,12 +307,12 @@ impl Interface {
     fn stamp(&self, ticks: u64) -> Stamp {
         let nanos = i128::from(ticks) * 1_000_000_000 / i128::from(self.ticks_per_second);
         let nanos = nanos + i128::from(self.offset_seconds) * 1_000_000_000;
-        // No sensor is older than 1970 or younger than 2200.
+        // Times are limited to 1970 to 2200.
         Stamp(nanos.clamp(0, 7_258_118_400_000_000_000) as i64)
     }
 }
 
-/// Option `if_tsresol`: a power of ten, or of two if the highest bit is set. Finer than a nanosecond is not told apart.
+/// Option `if_tsresol`: a power of ten, or of two if the highest bit is set. Unsupported powers are read as nanoseconds.
 fn ticks_per_second(resolution: u8) -> u64 {
     let exponent = u32::from(resolution & 0x7f);
     let base: u64 = if resolution & 0x80 == 0 { 10 } else { 2 };

@@ -1,4 +1,4 @@
-//! From a captured frame to its UDP payload.
+//! Extracts UDP payloads from captured frames.
 
 /// A UDP packet inside a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -6,22 +6,22 @@ pub(super) struct Datagram<'a> {
     pub(super) source_port: u16,
     pub(super) port: u16,
     pub(super) payload: &'a [u8],
-    /// The capture does not have all of it.
+    /// Whether the capture contains only a part of the payload.
     pub(super) is_cut: bool,
 }
 
-/// `None` for everything but whole UDP packets over IPv4.
+/// The UDP packet of a frame. `None` for other protocols and for IP fragments.
 pub(super) fn datagram(link: u32, frame: &[u8]) -> Option<Datagram<'_>> {
     let packet = ip_packet(link, frame)?;
     let header_len = usize::from(packet.first()? & 0x0f) * 4;
     let is_ipv4 = packet[0] >> 4 == 4 && header_len >= 20;
     let total = usize::from(u16_at(packet, 2)?);
-    // Neither "more fragments" nor an offset: sensors' packets are smaller than any link's frames.
+    // Neither "more fragments" nor an offset: packets of sensors are not fragmented.
     let is_whole = u16_at(packet, 6)? & 0x3fff == 0;
     if !is_ipv4 || !is_whole || *packet.get(9)? != 17 {
         return None;
     }
-    // Short frames are padded on the wire, so the packet's own length counts.
+    // Short frames are padded on the wire, so the length in the IP header is used.
     let udp = packet.get(header_len..total.min(packet.len()))?;
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;
@@ -29,7 +29,7 @@ pub(super) fn datagram(link: u32, frame: &[u8]) -> Option<Datagram<'_>> {
     Some(Datagram { source_port, port, payload, is_cut: length > udp.len() })
 }
 
-/// Strips the link's own header (`https://www.tcpdump.org/linktypes.html`).
+/// Removes the header of the link layer (`https://www.tcpdump.org/linktypes.html`).
 fn ip_packet(link: u32, frame: &[u8]) -> Option<&[u8]> {
     match link {
         // Ethernet, with up to two VLAN tags.

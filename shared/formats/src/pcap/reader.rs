@@ -1,4 +1,4 @@
-//! UDP packets out of a capture.
+//! Reads UDP packets from a capture.
 
 use super::blocks::{Next, Records};
 use super::link::datagram;
@@ -10,36 +10,36 @@ use std::path::Path;
 /// One UDP packet.
 #[derive(Clone, Copy, Debug)]
 pub struct UdpPacket<'a> {
-    /// When the capturing machine saw it, by that machine's clock.
+    /// Capture time by the clock of the capturing machine.
     pub stamp: Stamp,
-    /// Of the sender.
+    /// Port of the sender.
     pub source_port: u16,
-    /// Of the receiver.
+    /// Port of the receiver.
     pub port: u16,
-    /// What it carries.
+    /// Payload.
     pub payload: &'a [u8],
-    /// The capture was limited to fewer bytes than the packet had.
+    /// Whether the capture contains only a part of the payload.
     pub is_cut: bool,
-    /// Where its record starts in the file; see [`PacketReader::open_at`].
+    /// Offset of its record in the file; see [`PacketReader::open_at`].
     pub offset: u64,
 }
 
-/// What else is in a capture.
+/// Counters of a capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadStats {
-    /// Frames that are no whole UDP packet over IPv4.
+    /// Frames that are not complete UDP packets over IPv4.
     pub foreign_frames: u64,
-    /// 1 if the file ends within a record.
+    /// 1 if the file ends inside a record.
     pub cut_records: u64,
 }
 
-/// Reads a capture from its beginning to its end, holding one packet at a time.
+/// Reads a capture sequentially. Memory: one packet.
 #[derive(Debug)]
 pub struct PacketReader {
     records: Records,
     stats: ReadStats,
     ended: bool,
-    /// Of a capture that is being written.
+    /// Readable part of a capture that is being written.
     frontier: Option<Frontier>,
     waiting: bool,
 }
@@ -51,13 +51,13 @@ impl PacketReader {
         Ok(Self { records, stats: ReadStats::default(), ended: false, frontier: None, waiting: false })
     }
 
-    /// Opens a capture that is being written. Where nothing more has been written yet, [`PacketReader::next`] gives `None`
-    /// and may be asked again, see [`PacketReader::is_waiting`].
+    /// Opens a capture that is being written. [`PacketReader::next`] returns `None` while no more packets are written and can be called
+    /// again, see [`PacketReader::is_waiting`].
     pub fn follow(path: &Path, frontier: Frontier) -> Result<Self, PcapError> {
         Ok(Self { frontier: Some(frontier), ..Self::open(path)? })
     }
 
-    /// Opens a capture at a record whose [`UdpPacket::offset`] is known.
+    /// Opens a capture at the record with this [`UdpPacket::offset`].
     pub fn open_at(path: &Path, offset: u64) -> Result<Self, PcapError> {
         let mut reader = Self::open(path)?;
         reader.records.seek(offset)?;
@@ -69,21 +69,20 @@ impl PacketReader {
         self.records.path()
     }
 
-    /// Whether the last `None` was for now only: the capture is still being written.
+    /// Whether the last `None` was temporary, because the capture is still being written.
     pub fn is_waiting(&self) -> bool {
         self.waiting
     }
 
-    /// What was passed over so far.
+    /// Counters of skipped data so far.
     pub fn stats(&self) -> ReadStats {
         self.stats
     }
 
-    /// The next packet. After `None` or an error there is nothing more: where a record's length is damaged, nobody knows
-    /// where the next one starts.
+    /// The next packet. Nothing follows after an error: if the length of a record is damaged, the next record cannot be found.
     #[expect(
         clippy::should_implement_trait,
-        reason = "the packet borrows the reader's buffer, which Iterator cannot say"
+        reason = "the packet borrows the reader's buffer, which Iterator does not allow"
     )]
     pub fn next(&mut self) -> Result<Option<UdpPacket<'_>>, PcapError> {
         while !self.ended {

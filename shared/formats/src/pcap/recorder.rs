@@ -1,4 +1,4 @@
-//! A capture that grows while it is read.
+//! A capture that is read while it is being written.
 
 use super::Writer;
 use geometry::Stamp;
@@ -9,12 +9,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Bytes of the file's header.
+/// Bytes of the file header.
 const HEADER: u64 = 24;
-/// A write of the system for some 50 packets: less often would only cost memory.
+/// Size of the write buffer, about 50 packets. A larger buffer is not faster.
 const BUFFER: usize = 64 * 1024;
 
-/// How far a growing capture can be read: always up to the end of a packet. Shared by its writer and its readers.
+/// Readable part of a growing capture, always up to the end of a packet. Shared by writer and readers.
 #[derive(Clone, Debug, Default)]
 pub struct Frontier(Arc<Shared>);
 
@@ -24,30 +24,30 @@ struct Shared {
     is_closed: AtomicBool,
 }
 
-/// What there is at a place of a growing capture.
+/// State of a growing capture at an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
-    /// A whole packet.
+    /// A complete packet follows.
     Packet,
-    /// Nothing yet.
+    /// Nothing is written yet.
     NotYet,
-    /// The end.
+    /// The capture ends.
     End,
 }
 
 impl Frontier {
-    /// Bytes of the file that hold whole packets.
+    /// Bytes of the file with complete packets.
     pub fn whole_bytes(&self) -> u64 {
         self.0.whole_bytes.load(Ordering::Acquire)
     }
 
-    /// Whether nothing more will come.
+    /// Whether the capture is complete.
     pub fn is_closed(&self) -> bool {
         self.0.is_closed.load(Ordering::Acquire)
     }
 
     pub(super) fn reach(&self, offset: u64) -> Reach {
-        // In this order: what was written before the close is seen.
+        // The flag is read first, so that everything written before the close is included.
         let is_closed = self.is_closed();
         match offset < self.whole_bytes() {
             true => Reach::Packet,
@@ -57,8 +57,8 @@ impl Frontier {
     }
 }
 
-/// Writes a capture for readers that follow it. Packets reach the file whole and in order, at [`Recorder::flush`] or when
-/// the buffer is full, and at the end; what a crash of the process leaves is a capture without the last few packets.
+/// Writes a capture for readers that follow it. Complete packets are written in order, at [`Recorder::flush`], when the buffer is full,
+/// and at the end. After a crash of the process the capture lacks only the last packets.
 ///
 /// ```
 /// use formats::pcap::{PacketReader, Recorder};
@@ -81,7 +81,7 @@ pub struct Recorder {
     file: File,
     packets: Writer<Vec<u8>>,
     frontier: Frontier,
-    /// A write failed half-way: what would follow in the file is no packet.
+    /// Whether a write failed. The file then ends inside a packet, and nothing may follow.
     is_torn: bool,
 }
 
@@ -96,12 +96,12 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// How far the file can be read.
+    /// Readable part of the file.
     pub fn frontier(&self) -> Frontier {
         self.frontier.clone()
     }
 
-    /// Appends one packet, received at `stamp` (1970 to 2106, cut to µs).
+    /// Appends a packet received at `stamp` (1970 to 2106, truncated to µs).
     pub fn write(
         &mut self,
         stamp: Stamp,
@@ -113,15 +113,15 @@ impl Recorder {
         if self.packets.out.len() >= BUFFER { self.flush() } else { Ok(()) }
     }
 
-    /// Whether packets wait for [`Recorder::flush`].
+    /// Whether packets are buffered.
     pub fn has_unwritten(&self) -> bool {
         !self.packets.out.is_empty()
     }
 
-    /// Writes what is buffered, so that readers and a crash find it in the file.
+    /// Writes buffered packets to the file. Readers can read them, and they survive a crash of the process.
     pub fn flush(&mut self) -> io::Result<()> {
         if self.is_torn {
-            return Err(io::Error::other("an earlier write failed half-way"));
+            return Err(io::Error::other("an earlier write failed inside a packet; the capture cannot be continued"));
         }
         self.is_torn = true;
         self.file.write_all(&self.packets.out)?;
@@ -134,7 +134,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Whoever wants to hear of a failure flushes before.
+        // Errors are ignored here. Call `flush` before to see them.
         let _ = self.flush();
         self.frontier.0.is_closed.store(true, Ordering::Release);
     }

@@ -1,4 +1,4 @@
-//! Captures onto the disk.
+//! Writing captures.
 
 use geometry::Stamp;
 use std::io::{self, Write};
@@ -6,10 +6,10 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 /// Ethernet, IPv4 without options and UDP.
 const HEADERS: usize = 14 + 20 + 8;
-/// Velodyne's factory address; it broadcasts.
+/// Default address of Velodyne sensors.
 const SENSOR: Ipv4Addr = Ipv4Addr::new(192, 168, 1, 201);
 
-/// Writes UDP packets as one sensor broadcasts them.
+/// Writes UDP packets like those that a sensor broadcasts.
 ///
 /// ```
 /// use formats::pcap::Writer;
@@ -38,13 +38,13 @@ impl<W: Write> Writer<W> {
         Ok(Self { out })
     }
 
-    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), that a sensor broadcasts from and to `port`.
+    /// Appends a packet, captured at `stamp` (1970 to 2106, truncated to µs), that a sensor broadcasts from and to `port`.
     pub fn write_udp(&mut self, stamp: Stamp, port: u16, payload: &[u8]) -> io::Result<()> {
         let (source, target) = (SocketAddrV4::new(SENSOR, port), SocketAddrV4::new(Ipv4Addr::BROADCAST, port));
         self.write_datagram(stamp, source, target, payload)
     }
 
-    /// Appends one packet, captured at `stamp` (1970 to 2106, cut to µs), with its addresses.
+    /// Appends a packet with its addresses, captured at `stamp` (1970 to 2106, truncated to µs).
     pub fn write_datagram(
         &mut self,
         stamp: Stamp,
@@ -66,14 +66,14 @@ impl<W: Write> Writer<W> {
         self.out.write_all(payload)
     }
 
-    /// Gives `out` back, flushed.
+    /// Flushes and returns `out`.
     pub fn finish(mut self) -> io::Result<W> {
         self.out.flush()?;
         Ok(self.out)
     }
 }
 
-/// `length` is that of the IP packet.
+/// Ethernet, IP and UDP headers. `length` is the length of the IP packet.
 fn headers(length: u16, source: SocketAddrV4, target: SocketAddrV4) -> [u8; HEADERS] {
     let mut bytes = [0; HEADERS];
     bytes[..6].fill(0xff);
@@ -97,7 +97,7 @@ fn headers(length: u16, source: SocketAddrV4, target: SocketAddrV4) -> [u8; HEAD
     bytes
 }
 
-/// RFC 791; 0 over a header that carries a right one.
+/// Header checksum (RFC 791); 0 for a header with a correct checksum.
 pub(super) fn ip_checksum(header: &[u8]) -> u16 {
     let sum: u32 = header.chunks_exact(2).map(|pair| u32::from(u16::from_be_bytes([pair[0], pair[1]]))).sum();
     let folded = (sum & 0xffff) + (sum >> 16);
@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_headers_are_those_of_a_udp_broadcast() {
+    fn headers_are_those_of_a_udp_broadcast() {
         let mut bytes = Vec::new();
         Writer::new(&mut bytes).expect("writes").write_udp(Stamp(5_000_123_456_789), 8308, b"abc").expect("writes");
         let (record, frame) = bytes[24..].split_at(16);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused() {
+    fn out_of_range_stamp_or_payload_is_refused() {
         let mut writer = Writer::new(Vec::new()).expect("writes");
         assert!(writer.write_udp(Stamp(-1), 1, b"").is_err());
         assert!(writer.write_udp(Stamp(0), 1, &vec![0; 65_536]).is_err());

@@ -1,65 +1,17 @@
-//! The part that people can read.
+//! The text header.
 
-use super::PlyError;
-use std::fmt::Write;
+use super::error::UnwritableHeader;
+use super::{Kind, PlyError};
+use ply_rs::ply::{Addable, DefaultElement, ElementDef, Encoding, PropertyDef, PropertyType};
+use ply_rs::writer::Writer;
 use std::path::Path;
-
-/// Type of a scalar property.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// i8, read only.
-    Char,
-    /// u8.
-    UChar,
-    /// i16, read only.
-    Short,
-    /// u16, read only.
-    UShort,
-    /// i32.
-    Int,
-    /// u32, read only.
-    UInt,
-    /// f32.
-    Float,
-    /// f64.
-    Double,
-}
-
-impl Kind {
-    /// As the header writes it.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Kind::Char => "char",
-            Kind::UChar => "uchar",
-            Kind::Short => "short",
-            Kind::UShort => "ushort",
-            Kind::Int => "int",
-            Kind::UInt => "uint",
-            Kind::Float => "float",
-            Kind::Double => "double",
-        }
-    }
-    /// Bytes of a value.
-    pub const fn size(self) -> usize {
-        match self {
-            Kind::Char | Kind::UChar => 1,
-            Kind::Short | Kind::UShort => 2,
-            Kind::Int | Kind::UInt | Kind::Float => 4,
-            Kind::Double => 8,
-        }
-    }
-    /// Whether the popular readers understand it.
-    const fn may_be_written(self) -> bool {
-        matches!(self, Kind::UChar | Kind::Int | Kind::Float | Kind::Double)
-    }
-}
 
 /// One column of the cloud.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Property {
-    /// Letters, digits and underscores, not a digit first.
+    /// Letters, digits and underscores, not starting with a digit.
     pub name: String,
-    /// Its type.
+    /// Type of the values.
     pub kind: Kind,
 }
 
@@ -70,7 +22,7 @@ impl Property {
     }
 }
 
-/// What a cloud says about itself.
+/// Metadata and columns of a cloud.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Header {
     /// Lines `comment …`, for people.
@@ -81,8 +33,8 @@ pub struct Header {
     pub properties: Vec<Property>,
 }
 
-/// Readers that search the header for these words find them in comments too.
-const GRAMMAR_WORDS: [&str; 3] = ["element", "property", "end_header"];
+/// Keywords that may not occur in comments: readers that search the header for them would find them there.
+const KEYWORDS: [&str; 3] = ["element", "property", "end_header"];
 
 impl Header {
     /// A header with these columns and without comments.
@@ -90,13 +42,13 @@ impl Header {
         let properties = properties.into_iter().map(|(name, kind)| Property::new(name, kind)).collect();
         Self { properties, ..Self::default() }
     }
-    /// With one more `comment` line.
+    /// Adds a `comment` line.
     #[must_use]
     pub fn comment(mut self, text: impl Into<String>) -> Self {
         self.comments.push(text.into());
         self
     }
-    /// With one more `obj_info` line.
+    /// Adds an `obj_info` line.
     #[must_use]
     pub fn info(mut self, text: impl Into<String>) -> Self {
         self.infos.push(text.into());
@@ -107,55 +59,59 @@ impl Header {
         self.properties.iter().map(|property| property.kind.size()).sum()
     }
 
-    /// The text up to the first row, or which line breaks which rule.
-    pub(super) fn encode(&self, n_points: usize, path: &Path) -> Result<String, PlyError> {
-        // Writing to a string cannot fail.
-        let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
-        let fault = |text: &str, rule| Err(PlyError::header(path, text.lines().count() + 1, rule));
-        for (keyword, lines) in [("comment", &self.comments), ("obj_info", &self.infos)] {
-            for line in lines {
-                if let Err(rule) = check_text(line) {
-                    return fault(&text, rule);
-                }
-                let _ = writeln!(text, "{keyword} {line}");
-            }
+    /// The bytes before the first row, written by ply-rs.
+    pub(super) fn encode(&self, n_points: usize, path: &Path) -> Result<Vec<u8>, PlyError> {
+        self.check().map_err(|(line, reason)| PlyError::UnwritableHeader { path: path.to_owned(), line, reason })?;
+        let mut vertex = ElementDef::new("vertex".to_owned());
+        vertex.count = n_points;
+        for Property { name, kind } in &self.properties {
+            vertex.properties.add(PropertyDef::new(name.clone(), PropertyType::Scalar((*kind).into())));
         }
-        let _ = writeln!(text, "element vertex {n_points}");
-        for (index, property) in self.properties.iter().enumerate() {
-            if let Err(rule) = check_property(property, &self.properties[..index]) {
-                return fault(&text, rule);
-            }
-            let _ = writeln!(text, "property {} {}", property.kind.name(), property.name);
+        let mut header = ply_rs::ply::Header::new();
+        header.encoding = Encoding::BinaryLittleEndian;
+        header.comments.clone_from(&self.comments);
+        header.obj_infos.clone_from(&self.infos);
+        header.elements.add(vertex);
+        let mut bytes = Vec::new();
+        Writer::<DefaultElement>::new().write_header(&mut bytes, &header).map_err(PlyError::io(path, "write"))?;
+        Ok(bytes)
+    }
+
+    /// Line of the header, from 1, and why common readers would not read it.
+    fn check(&self) -> Result<(), (usize, UnwritableHeader)> {
+        // Line 1 is the magic number, line 2 the format.
+        for (line, text) in (3..).zip(self.comments.iter().chain(&self.infos)) {
+            check_text(text).map_err(|reason| (line, reason))?;
         }
-        text.push_str("end_header\n");
-        Ok(text)
+        let first_line = 4 + self.comments.len() + self.infos.len();
+        for (idx, property) in self.properties.iter().enumerate() {
+            check_property(property, &self.properties[..idx]).map_err(|reason| (first_line + idx, reason))?;
+        }
+        Ok(())
     }
 }
 
-fn check_text(line: &str) -> Result<(), String> {
-    if !line.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
-        return Err(format!("text {line:?} must be printable ASCII on one line"));
+fn check_text(text: &str) -> Result<(), UnwritableHeader> {
+    if !text.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
+        return Err(UnwritableHeader::Text(text.to_owned()));
     }
-    match GRAMMAR_WORDS.iter().find(|word| line.contains(*word)) {
-        Some(word) => Err(format!("text {line:?} must not contain {word:?}, which readers take for the header's own")),
+    match KEYWORDS.into_iter().find(|keyword| text.contains(keyword)) {
+        Some(keyword) => Err(UnwritableHeader::Keyword { text: text.to_owned(), keyword }),
         None => Ok(()),
     }
 }
 
-fn check_property(property: &Property, earlier: &[Property]) -> Result<(), String> {
-    let name = &property.name;
-    let word = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
-    if !word || name.bytes().next().is_none_or(|byte| byte.is_ascii_digit()) {
-        return Err(format!("name {name:?} must be letters, digits and underscores, not a digit first"));
+fn check_property(property: &Property, earlier: &[Property]) -> Result<(), UnwritableHeader> {
+    let Property { name, kind } = property;
+    let is_word = name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+    if !is_word || name.bytes().next().is_none_or(|byte| byte.is_ascii_digit()) {
+        return Err(UnwritableHeader::Name(name.clone()));
     }
     if earlier.iter().any(|other| other.name == *name) {
-        return Err(format!("name {name:?} stands twice"));
+        return Err(UnwritableHeader::DuplicateName(name.clone()));
     }
-    if !property.kind.may_be_written() {
-        return Err(format!(
-            "{name} is {}, must be float, double, uchar or int: readers skip others",
-            property.kind.name()
-        ));
+    if !kind.is_widely_supported() {
+        return Err(UnwritableHeader::Kind { name: name.clone(), kind: kind.name() });
     }
     Ok(())
 }

@@ -1,12 +1,12 @@
-//! Clouds from the disk.
+//! Reading whole clouds.
 
-use super::{Kind, PlyError, Property, odd};
+use super::{Kind, PlyError, Property, packed};
 use ply_rs::parser::{Parser, Reader};
-use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType, ScalarType};
+use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// The longest header that is looked at. Ours are under 2 KiB; a file without a header ends here.
+/// Longest header that is read. Headers written here are shorter than 2 KiB.
 pub(super) const MAX_HEADER: usize = 1 << 20;
 
 /// The points of a PLY file, kept as packed little-endian rows.
@@ -28,16 +28,15 @@ impl Vertices {
         Self::decode(std::fs::read(path).map_err(PlyError::io(path, "read"))?, path)
     }
 
-    /// Decodes a file's content; `path` is for messages only. Lists and elements other than `vertex` are passed over.
+    /// Decodes the content of a file. `path` is used in errors only. Lists and elements other than `vertex` are skipped.
     pub fn decode(bytes: Vec<u8>, path: &Path) -> Result<Self, PlyError> {
         let start = header_len(&bytes, path)?;
         let head = parse_header(&bytes[..start], path)?;
-        let vertex =
-            head.elements.get("vertex").ok_or_else(|| PlyError::header(path, 1, "there is no element `vertex`"))?;
+        let vertex = head.elements.get("vertex").ok_or_else(|| PlyError::header(path, 1, "no element `vertex`"))?;
         let properties = scalar_properties(vertex);
         let row_size: usize = properties.iter().map(|property| property.kind.size()).sum();
         if row_size == 0 && vertex.count > 0 {
-            return Err(PlyError::header(path, 1, format!("{} vertices without a scalar property", vertex.count)));
+            return Err(PlyError::header(path, 1, format!("{} vertices have no scalar property", vertex.count)));
         }
         let mut vertices = Self {
             path: path.to_owned(),
@@ -53,13 +52,13 @@ impl Vertices {
             vertices.rows = plain_rows(&head, start, bytes.len(), path)?;
             vertices.bytes = bytes;
         } else {
-            vertices.bytes = odd::packed_rows(&head, &bytes, start, path)?;
+            vertices.bytes = packed::packed_rows(&head, &bytes, start, path)?;
             vertices.rows = 0..vertices.bytes.len();
         }
         Ok(vertices)
     }
 
-    /// How many points.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.n_points
     }
@@ -79,7 +78,7 @@ impl Vertices {
     pub fn infos(&self) -> &[String] {
         &self.infos
     }
-    /// Whether there is a column of that name.
+    /// Whether a column of this name exists.
     pub fn has(&self, name: &str) -> bool {
         self.properties.iter().any(|property| property.name == name)
     }
@@ -88,7 +87,7 @@ impl Vertices {
         &self.bytes[self.rows.clone()]
     }
 
-    /// A column of any type as f64; exact.
+    /// A column of any type as f64, without loss.
     pub fn f64s(&self, name: &str) -> Result<Vec<f64>, PlyError> {
         let (kind, at) = self.column(name)?;
         Ok(match kind {
@@ -103,7 +102,7 @@ impl Vertices {
         })
     }
 
-    /// A column of any type as f32: `double`, `int` and `uint` are rounded.
+    /// A column of any type as f32. `double`, `int` and `uint` are rounded.
     pub fn f32s(&self, name: &str) -> Result<Vec<f32>, PlyError> {
         match self.column(name)? {
             (Kind::Float, at) => Ok(self.gather(at, f32::from_le_bytes)),
@@ -111,26 +110,27 @@ impl Vertices {
         }
     }
 
-    /// A column of whole numbers. Values of another type must be whole and within the range of i64.
+    /// A column of integers. Floating-point values must be integers up to 2^53.
     pub fn i64s(&self, name: &str) -> Result<Vec<i64>, PlyError> {
         let values = self.f64s(name)?;
-        // 2^53: up to here every whole number is an f64.
+        // 2^53: up to here every integer is an f64.
         match values.iter().position(|value| value.fract() != 0.0 || value.abs() > 9_007_199_254_740_992.0) {
             Some(point) => {
-                Err(self.property_error(name, format!("point {point} has {}, no whole number", values[point])))
+                Err(self.property_error(name, format!("point {point} has {}, not an integer", values[point])))
             }
             None => Ok(values.into_iter().map(|value| value as i64).collect()),
         }
     }
 
-    /// A column of whole numbers from 0 to 255, of any type.
+    /// A column of integers from 0 to 255, of any type.
     pub fn u8s(&self, name: &str) -> Result<Vec<u8>, PlyError> {
         if let (Kind::UChar, at) = self.column(name)? {
             return Ok(self.gather(at, u8::from_le_bytes));
         }
-        let small = |value: i64| u8::try_from(value).map_err(|_| format!("{value} is not within 0 to 255"));
-        let values: Result<Vec<u8>, String> = self.i64s(name)?.into_iter().map(small).collect();
-        values.map_err(|rule| self.property_error(name, rule))
+        let small = |value: i64| {
+            u8::try_from(value).map_err(|_| self.property_error(name, format!("{value} is not within 0 to 255")))
+        };
+        self.i64s(name)?.into_iter().map(small).collect()
     }
 
     fn column(&self, name: &str) -> Result<(Kind, usize), PlyError> {
@@ -142,7 +142,7 @@ impl Vertices {
             at += property.kind.size();
         }
         let known: Vec<&str> = self.properties.iter().map(|property| property.name.as_str()).collect();
-        Err(self.property_error(name, format!("not in this file, which has {}", known.join(" "))))
+        Err(self.property_error(name, format!("no such property; the file has {}", known.join(" "))))
     }
 
     fn gather<const N: usize, T>(&self, at: usize, value: impl Fn([u8; N]) -> T) -> Vec<T> {
@@ -155,10 +155,10 @@ impl Vertices {
     }
 }
 
-/// Where the first row starts.
+/// Offset of the first row.
 pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
     if !bytes.starts_with(b"ply") {
-        return Err(PlyError::header(path, 1, "a PLY file starts with `ply`"));
+        return Err(PlyError::header(path, 1, "not a PLY file: expected `ply`"));
     }
     let mut start = 0;
     for (index, line) in bytes[..bytes.len().min(MAX_HEADER)].split_inclusive(|byte| *byte == b'\n').enumerate() {
@@ -177,7 +177,7 @@ pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Hea
     let head = Parser::<DefaultElement>::new()
         .read_header(&mut Reader::new(bytes))
         .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), error.to_string()))?;
-    // The parser keeps the last of two properties of one name, which would shift every later field.
+    // Of two properties with the same name the parser keeps the last, which would shift all later fields.
     let lines = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"property")).count();
     let kept: usize = head.elements.values().map(|element| element.properties.len()).sum();
     let elements = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"element")).count();
@@ -187,35 +187,22 @@ pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Hea
     Ok(head)
 }
 
-/// The columns that can be had: the scalars.
+/// The scalar columns of an element.
 pub(super) fn scalar_properties(element: &ElementDef) -> Vec<Property> {
     let scalars = element.properties.values().filter_map(|property| match &property.data_type {
-        PropertyType::Scalar(scalar) => Some(Property::new(property.name.clone(), kind_of(scalar))),
+        PropertyType::Scalar(scalar) => Some(Property::new(property.name.clone(), scalar.into())),
         PropertyType::List(..) => None,
     });
     scalars.collect()
 }
 
-fn kind_of(scalar: &ScalarType) -> Kind {
-    match scalar {
-        ScalarType::Char => Kind::Char,
-        ScalarType::UChar => Kind::UChar,
-        ScalarType::Short => Kind::Short,
-        ScalarType::UShort => Kind::UShort,
-        ScalarType::Int => Kind::Int,
-        ScalarType::UInt => Kind::UInt,
-        ScalarType::Float => Kind::Float,
-        ScalarType::Double => Kind::Double,
-    }
-}
-
-/// Whether rows up to and with the vertices have a fixed size.
+/// Whether all rows up to the end of the vertices have a fixed size.
 pub(super) fn is_plain(head: &ply_rs::ply::Header, vertex: &ElementDef) -> bool {
     let up_to_vertex = head.elements.values().take_while(|element| element.name != vertex.name);
     up_to_vertex.chain([vertex]).all(|element| scalar_properties(element).len() == element.properties.len())
 }
 
-/// Where the rows of a plain file lie.
+/// Byte range of the vertices in a plain file.
 pub(super) fn plain_rows(
     head: &ply_rs::ply::Header,
     start: usize,
@@ -236,5 +223,5 @@ pub(super) fn plain_rows(
         }
         start = end;
     }
-    Err(PlyError::header(path, 1, "there is no element `vertex`"))
+    Err(PlyError::header(path, 1, "no element `vertex`"))
 }

@@ -1,43 +1,41 @@
-//! One packed row, field by field.
+//! Encoding of one row, field by field.
 
 use super::Kind;
+use super::error::RowMismatch;
 
-/// Takes the fields of one point in the order of the header's properties.
+/// Takes the fields of one point in the order of the properties in the header.
 #[derive(Debug)]
 pub struct Row<'a> {
     bytes: &'a mut [u8],
-    /// Where the next field begins.
+    /// Offset of the next field.
     at: usize,
-    /// What comes next; empty if the kinds are not watched.
+    /// Expected kinds of the remaining fields; empty if kinds are not checked.
     kinds: &'a [Kind],
-    fault: Fault,
+    mismatch: Option<RowMismatch>,
 }
 
-/// What was given, and what the header says.
-type Fault = Option<(Kind, Option<Kind>)>;
-
 impl<'a> Row<'a> {
-    /// `kinds` are watched if there are any; the number of bytes always is.
+    /// Checks the kinds of fields only if `kinds` is not empty. The number of bytes is always checked.
     pub(super) fn new(bytes: &'a mut [u8], kinds: &'a [Kind]) -> Self {
-        Self { bytes, at: 0, kinds, fault: None }
+        Self { bytes, at: 0, kinds, mismatch: None }
     }
 
-    /// The next field, a `float`.
+    /// Appends a `float` field.
     #[inline]
     pub fn f32(&mut self, value: f32) -> &mut Self {
         self.put(Kind::Float, value.to_le_bytes())
     }
-    /// The next field, a `double`.
+    /// Appends a `double` field.
     #[inline]
     pub fn f64(&mut self, value: f64) -> &mut Self {
         self.put(Kind::Double, value.to_le_bytes())
     }
-    /// The next field, a `uchar`.
+    /// Appends a `uchar` field.
     #[inline]
     pub fn u8(&mut self, value: u8) -> &mut Self {
         self.put(Kind::UChar, [value])
     }
-    /// The next field, an `int`.
+    /// Appends an `int` field.
     #[inline]
     pub fn i32(&mut self, value: i32) -> &mut Self {
         self.put(Kind::Int, value.to_le_bytes())
@@ -46,47 +44,39 @@ impl<'a> Row<'a> {
     #[inline]
     fn put<const N: usize>(&mut self, kind: Kind, bytes: [u8; N]) -> &mut Self {
         if !self.kinds.is_empty() {
-            (self.kinds, self.fault) = watched(self.kinds, self.fault, kind);
+            (self.kinds, self.mismatch) = check_kind(self.kinds, self.mismatch, kind);
         }
         match self.bytes.get_mut(self.at..self.at + N) {
             Some(field) => field.copy_from_slice(&bytes),
-            None => self.fault = self.fault.or(Some((kind, None))),
+            None => self.mismatch = self.mismatch.or(Some(RowMismatch::ExtraField { found: kind.name() })),
         }
-        // Also beyond the end, so that it is known at compile time.
+        // Advances beyond the end, too, so that the offset is known at compile time.
         self.at += N;
         self
     }
 
-    /// Whether every field was given, none too many and each of its kind.
+    /// Whether exactly the fields of the header were given.
     #[inline]
-    pub(super) fn check(&self) -> Result<(), String> {
-        if self.fault.is_none() && self.at == self.bytes.len() {
+    pub(super) fn check(&self) -> Result<(), RowMismatch> {
+        if self.mismatch.is_none() && self.at == self.bytes.len() {
             Ok(())
         } else {
-            Err(rule(self.fault, self.bytes.len() - self.at.min(self.bytes.len())))
+            let n_bytes = self.bytes.len() - self.at.min(self.bytes.len());
+            Err(self.mismatch.unwrap_or(RowMismatch::MissingFields { n_bytes }))
         }
     }
 }
 
-/// What was wrong with a row.
+/// Kinds after the next one, and the first mismatch. A separate function without access to the row, so that the row need not be in
+/// memory in the loop over all points.
 #[cold]
-fn rule(fault: Fault, n_missing: usize) -> String {
-    match fault {
-        Some((got, Some(expected))) => {
-            format!("a field was given as {}, its property is {}", got.name(), expected.name())
-        }
-        Some((got, None)) => format!("a {} was given beyond the last property", got.name()),
-        None => format!("fields for the last {n_missing} bytes are missing"),
-    }
-}
-
-/// The kinds behind the next one, and the first fault. Apart from what happens to every field of every point, and without the row,
-/// which then need not be in memory.
-#[cold]
-fn watched(kinds: &[Kind], fault: Fault, kind: Kind) -> (&[Kind], Fault) {
+fn check_kind(kinds: &[Kind], mismatch: Option<RowMismatch>, kind: Kind) -> (&[Kind], Option<RowMismatch>) {
     match kinds.split_first() {
-        Some((next, later)) if *next == kind => (later, fault),
-        Some((next, later)) => (later, fault.or(Some((kind, Some(*next))))),
-        None => (kinds, fault),
+        Some((next, later)) if *next == kind => (later, mismatch),
+        Some((next, later)) => {
+            let here = RowMismatch::Kind { found: kind.name(), expected: next.name() };
+            (later, mismatch.or(Some(here)))
+        }
+        None => (kinds, mismatch),
     }
 }

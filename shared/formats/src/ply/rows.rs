@@ -1,4 +1,4 @@
-//! Clouds from the disk, block by block.
+//! Reading clouds block by block.
 
 use super::reader::{MAX_HEADER, header_len, is_plain, parse_header, plain_rows, scalar_properties};
 use super::{Header, PlyError};
@@ -8,31 +8,31 @@ use std::io::Read;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// The header of a cloud as [`super::PlyWriter`] writes it, and its rows where they are, so that clouds of any size can be gone
-/// through in bounded memory.
+/// A cloud as [`super::PlyWriter`] writes it. Only the header is in memory; rows are read on demand, so clouds of any size can be
+/// processed in bounded memory.
 #[derive(Debug)]
 pub struct PlyRows {
     path: PathBuf,
     file: File,
     header: Header,
     n_points: usize,
-    /// Of the first row, bytes.
+    /// Offset of the first row.
     rows_at: u64,
     n_bytes: u64,
 }
 
 impl PlyRows {
-    /// Reads the header. Only binary little-endian files without lists before or in their vertices are taken.
+    /// Reads the header. Only binary little-endian files without lists before or in their vertices are supported.
     pub fn open(path: &Path) -> Result<Self, PlyError> {
         let file = File::open(path).map_err(PlyError::io(path, "open"))?;
-        let n_bytes = file.metadata().map_err(PlyError::io(path, "look at"))?.len();
+        let n_bytes = file.metadata().map_err(PlyError::io(path, "get the size"))?.len();
         let mut bytes = Vec::new();
         (&file).take(MAX_HEADER as u64).read_to_end(&mut bytes).map_err(PlyError::io(path, "read"))?;
         let start = header_len(&bytes, path)?;
         let head = parse_header(&bytes[..start], path)?;
         let vertex = head.elements.get("vertex").filter(|vertex| is_plain(&head, vertex));
         let Some(vertex) = vertex.filter(|_| head.encoding == Encoding::BinaryLittleEndian) else {
-            return Err(PlyError::header(path, 1, "must be binary_little_endian with vertices of scalars"));
+            return Err(PlyError::header(path, 1, "expected format binary_little_endian and vertices of scalars"));
         };
         let rows = plain_rows(&head, start, n_bytes as usize, path)?;
         let header = Header {
@@ -43,11 +43,11 @@ impl PlyRows {
         Ok(Self { path: path.to_owned(), file, header, n_points: vertex.count, rows_at: rows.start as u64, n_bytes })
     }
 
-    /// What the cloud says about itself.
+    /// Metadata and columns.
     pub fn header(&self) -> &Header {
         &self.header
     }
-    /// How many points.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.n_points
     }
@@ -55,13 +55,13 @@ impl PlyRows {
     pub fn is_empty(&self) -> bool {
         self.n_points == 0
     }
-    /// Size of the file.
+    /// Size of the file, bytes.
     pub fn n_bytes(&self) -> u64 {
         self.n_bytes
     }
 
-    /// Reads as many rows as fit `block`, packed as in the file, from row `first` on. Beyond the last row is an error, or what the
-    /// file has there.
+    /// Fills `block` with packed rows, from row `first` on. Reading beyond the last row is an error, or returns other data of the
+    /// file.
     pub fn read_into(&self, first: usize, block: &mut [u8]) -> Result<(), PlyError> {
         let at = self.rows_at + first as u64 * self.header.row_size() as u64;
         self.file.read_exact_at(block, at).map_err(PlyError::io(&self.path, "read"))

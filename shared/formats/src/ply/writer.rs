@@ -1,17 +1,17 @@
-//! Clouds onto the disk.
+//! Writing clouds.
 
-use super::{Header, Kind, PlyError, Row};
+use super::{Header, Kind, PlyError, Row, RowMismatch};
 use crate::atomic_file::AtomicFile;
 use rayon::prelude::*;
 use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-/// Rows that one thread has at a time: at 64 bytes a row this stays inside a core's second-level cache.
+/// Rows per block and thread: at 64 bytes a row, a block fits the second-level cache of a core.
 const BLOCK_ROWS: usize = 4096;
 
-/// Writes one cloud, row by row or by many threads at once. The file appears under its name in [`PlyWriter::finish`],
-/// whole and on the disk; dropped before that, it leaves nothing.
+/// Writes one cloud on all threads of the rayon pool. The file gets its name in [`PlyWriter::finish`], when it is complete and on
+/// the disk. A writer that is dropped before leaves no file.
 ///
 /// ```
 /// # let folder = tempfile::tempdir().unwrap();
@@ -39,28 +39,28 @@ pub struct PlyWriter {
 }
 
 impl PlyWriter {
-    /// Starts a cloud of exactly `n_points` rows. The folder must exist.
+    /// Creates a cloud of exactly `n_points` rows. The folder must exist.
     pub fn create(path: &Path, header: &Header, n_points: usize) -> Result<Self, PlyError> {
-        let text = header.encode(n_points, path)?;
+        let encoded = header.encode(n_points, path)?;
         let file = AtomicFile::create(path).map_err(PlyError::io(path, "create"))?;
-        file.file().write_all_at(text.as_bytes(), 0).map_err(PlyError::io(path, "write"))?;
+        file.file().write_all_at(&encoded, 0).map_err(PlyError::io(path, "write"))?;
         Ok(Self {
             file,
             kinds: header.properties.iter().map(|property| property.kind).collect(),
             row_size: header.row_size(),
-            header_len: text.len(),
+            header_len: encoded.len(),
             n_points,
             n_written: 0,
         })
     }
 
-    /// Appends `n` rows: `encode` gives the fields of row `i`, 0 to `n - 1`. Rows are encoded by all threads of the
-    /// rayon pool; the bytes depend on `encode` alone.
+    /// Appends `n` rows. `encode` appends the fields of row `i`, 0 to `n - 1`. The bytes do not depend on the number of threads.
     pub fn write_each(&mut self, n: usize, encode: impl Fn(usize, &mut Row<'_>) + Sync) -> Result<(), PlyError> {
         self.write_amended(n, encode, |_, _| Ok(()))
     }
 
-    /// The same, and `amend` gets each block of encoded rows as `fill` of [`PlyWriter::write_blocks`] does, and may change them.
+    /// Like [`PlyWriter::write_each`]. `amend` receives each block of encoded rows with the number of its first row and may change
+    /// it.
     pub fn write_amended(
         &mut self,
         n: usize,
@@ -71,18 +71,19 @@ impl PlyWriter {
         let (kinds, row_size) = (self.kinds.clone(), self.row_size);
         self.write_blocks(n, |first, block| {
             for (i, bytes) in block.chunks_exact_mut(row_size.max(1)).enumerate() {
-                // All rows come out of the same code, so the kinds of the first one speak for all.
-                let watched = if first + i == 0 { kinds.as_slice() } else { &[] };
-                let mut row = Row::new(bytes, watched);
+                // All rows are encoded by the same code, so checking the kinds of the first row is enough.
+                let checked_kinds = if first + i == 0 { kinds.as_slice() } else { &[] };
+                let mut row = Row::new(bytes, checked_kinds);
                 encode(first + i, &mut row);
-                row.check().map_err(|rule| PlyError::Row { path: path.clone(), point: start + first + i, rule })?;
+                let point = start + first + i;
+                row.check().map_err(|reason| PlyError::Row { path: path.clone(), point, reason })?;
             }
             amend(first, block)
         })
     }
 
-    /// The same by blocks: `fill` gets the number of a block's first row and the bytes of its rows, with whatever is in them,
-    /// and packs the fields there in the header's order, little-endian, without padding.
+    /// Appends `n` rows by blocks. `fill` receives the number of the first row of a block and its bytes, whose content is undefined.
+    /// It writes packed fields in the order of the header, little-endian, without padding.
     pub fn write_blocks(
         &mut self,
         n: usize,
@@ -99,24 +100,24 @@ impl PlyWriter {
         })
     }
 
-    /// Size of the file when all rows are there.
+    /// Size of the complete file, bytes.
     pub fn n_bytes(&self) -> u64 {
         self.offset(self.n_points)
     }
 
-    /// Brings the cloud to the disk and gives it its name. The answer is the file's size in bytes.
+    /// Syncs the cloud to the disk and gives it its name. Returns the size of the file in bytes.
     pub fn finish(self) -> Result<u64, PlyError> {
         self.finish_by(AtomicFile::commit)
     }
 
-    /// Gives the cloud its name; to bring it to the disk is left to [`crate::atomic_file::sync_all`].
+    /// Gives the cloud its name without syncing. Call [`crate::atomic_file::sync_all`] later.
     pub fn finish_unsynced(self) -> Result<u64, PlyError> {
         self.finish_by(AtomicFile::commit_unsynced)
     }
 
     fn finish_by(self, commit: impl FnOnce(AtomicFile) -> io::Result<()>) -> Result<u64, PlyError> {
         if self.n_written != self.n_points {
-            return Err(self.row_error(self.n_written, format!("the header promises {} points", self.n_points)));
+            return Err(self.wrong_count(self.n_written));
         }
         let path: PathBuf = self.file.path().to_owned();
         let size = self.n_bytes();
@@ -124,11 +125,11 @@ impl PlyWriter {
         Ok(size)
     }
 
-    /// Claims the next `n` rows and gives the number of the first one.
+    /// Reserves the next `n` rows. Returns the number of the first.
     fn reserve(&mut self, n: usize) -> Result<usize, PlyError> {
         let start = self.n_written;
         if n > self.n_points - start {
-            return Err(self.row_error(self.n_points, format!("the header promises {} points", self.n_points)));
+            return Err(self.wrong_count(self.n_points));
         }
         self.n_written += n;
         Ok(start)
@@ -138,7 +139,8 @@ impl PlyWriter {
         self.header_len as u64 + row as u64 * self.row_size as u64
     }
 
-    fn row_error(&self, point: usize, rule: String) -> PlyError {
-        PlyError::Row { path: self.file.path().to_owned(), point, rule }
+    fn wrong_count(&self, point: usize) -> PlyError {
+        let reason = RowMismatch::Count { n_points: self.n_points };
+        PlyError::Row { path: self.file.path().to_owned(), point, reason }
     }
 }

@@ -1,11 +1,12 @@
-//! Reading a recording from its beginning to its end, one message at a time.
+//! Reading a recording sequentially, one message at a time.
 
-use super::{ABOUT, ENCODING, MAX_RECORD, RecordingError, TICKS, check_table};
+use super::error::{ForeignFile, RecordFault, RecordingError};
+use super::{ABOUT, ENCODING, MAX_RECORD, TICKS, table};
 use mcap::McapError;
 use mcap::records::{Channel, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use messages::pod::rows_from_bytes;
-use messages::{ByteTable, Envelope, Message, Tick, TickRow};
+use messages::{ByteTable, Envelope, Message, TickRow, TickTopic};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -16,72 +17,72 @@ use std::path::{Path, PathBuf};
 pub struct RecordedTopic {
     /// Name of the channel: `submap`, `submap.tick`.
     pub name: String,
-    /// What its messages look like.
+    /// Layout of its messages.
     pub table: ByteTable,
 }
 
 impl RecordedTopic {
-    /// The topic whose ticks these are, if they are ticks.
+    /// For a tick channel, the topic that the ticks belong to.
     pub fn ticks_of(&self) -> Option<&str> {
-        self.name.strip_suffix(TICKS).filter(|_| self.table.topic == Tick::TOPIC)
+        self.name.strip_suffix(TICKS).filter(|_| self.table.topic == TickTopic::TOPIC)
     }
 }
 
-/// A message, in the reader's memory until the next.
+/// A message in the memory of the reader, valid until the next message is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Recorded<'a> {
-    /// Its channel.
+    /// Channel of the message.
     pub topic: &'a RecordedTopic,
-    /// Its envelope.
+    /// Envelope of the message.
     pub envelope: Envelope,
     /// Envelope, header and rows.
     pub bytes: &'a [u8],
 }
 
 impl<'a> Recorded<'a> {
-    /// The header's bytes.
+    /// Bytes of the header.
     pub fn header(&self) -> &'a [u8] {
         &self.bytes[size_of::<Envelope>()..][..self.topic.table.header_bytes]
     }
-    /// The rows' bytes.
+    /// Bytes of the rows.
     pub fn rows(&self) -> &'a [u8] {
         &self.bytes[size_of::<Envelope>() + self.topic.table.header_bytes..]
     }
-    /// The row of a tick, if this is one.
+    /// The row of a tick message; `None` for other messages.
     pub fn tick_row(&self) -> Option<TickRow> {
         let rows = self.topic.ticks_of().and_then(|_| rows_from_bytes(self.rows()))?;
         rows.first().copied()
     }
 }
 
-/// Reads a recording of any length in the memory of its largest chunk.
+/// Reads a recording of any size. Memory: its largest chunk.
 pub struct RecordingReader {
     path: PathBuf,
     file: BufReader<File>,
     remaining: u64,
     length: u64,
-    /// Up to here records have been seen whole.
+    /// End of the last complete record.
     whole: u64,
     records: LinearReader,
-    schemas: BTreeMap<u16, Result<ByteTable, String>>,
-    /// Place in `topics`; `None`: somebody else's channel.
+    schemas: BTreeMap<u16, Result<ByteTable, RecordFault>>,
+    /// Index into `topics`; `None` for channels of other programs.
     channels: BTreeMap<u16, Option<usize>>,
     topics: Vec<RecordedTopic>,
     about: BTreeMap<String, String>,
-    /// The last message that was read.
+    /// Bytes of the last message.
     data: Vec<u8>,
-    /// What reading the first message came to, until it is asked for.
+    /// Result of reading the first message, until it is requested.
     first: Option<Result<Option<usize>, RecordingError>>,
     done: bool,
 }
 
 impl RecordingReader {
-    /// Opens the file and reads on to its first message, so that its topics are known.
+    /// Opens the file and reads up to its first message, so that the topics are known.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let file = File::open(path).map_err(|cause| RecordingError::io(path, cause))?;
         let length = file.metadata().map_err(|cause| RecordingError::io(path, cause))?.len();
         let options = LinearReaderOptions::default()
-            // No message is passed on before its chunk has proved whole.
+            // Chunks are verified before their first message is returned.
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true)
@@ -106,10 +107,9 @@ impl RecordingReader {
         let is_cut = matches!(first, Err(RecordingError::Cut { .. }));
         match first {
             Err(error) if !is_cut => return Err(error),
-            _ if length < mcap::MAGIC.len() as u64 => return Err(RecordingError::foreign(path, "is no MCAP file")),
+            _ if length < mcap::MAGIC.len() as u64 => return Err(RecordingError::foreign(path, ForeignFile::NotMcap)),
             _ if reader.topics.is_empty() && !is_cut => {
-                let rule = format!("is no recording of REPLICA: it has no channel with the encoding {ENCODING}");
-                return Err(RecordingError::foreign(path, rule));
+                return Err(RecordingError::foreign(path, ForeignFile::NoTopics));
             }
             first => reader.first = Some(first),
         }
@@ -121,17 +121,17 @@ impl RecordingReader {
         &self.path
     }
 
-    /// The channels found so far; all, unless the file is cut or was written by somebody else.
+    /// Channels found so far: all, unless the file is truncated or was written by another program.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.topics
     }
 
-    /// What the recorder said of the run.
+    /// Notes of the recorder about the run.
     pub fn about(&self) -> &BTreeMap<String, String> {
         &self.about
     }
 
-    /// The next message of any channel. `None` at the end of a whole file; nothing comes after an error.
+    /// The next message of any channel. `None` at the end of a complete file and after an error.
     #[expect(clippy::should_implement_trait, reason = "an iterator's items cannot borrow from it")]
     pub fn next(&mut self) -> Result<Option<Recorded<'_>>, RecordingError> {
         let index = match self.first.take() {
@@ -145,26 +145,26 @@ impl RecordingReader {
         Ok(Some(Recorded { topic: &self.topics[index], envelope, bytes: &self.data }))
     }
 
-    /// An error at the place that has been reached.
-    pub(super) fn damaged(&self, rule: impl Into<String>) -> RecordingError {
-        RecordingError::Damaged { path: self.path.clone(), offset: self.length - self.remaining, rule: rule.into() }
+    /// An error at the current position.
+    pub(super) fn damaged(&self, fault: RecordFault) -> RecordingError {
+        RecordingError::Damaged { path: self.path.clone(), offset: self.length - self.remaining, fault }
     }
 
-    /// Reads up to the next message of ours, into `data`; the place of its topic.
+    /// Reads the next message of a known topic into `data`. Returns the index of the topic.
     fn advance(&mut self) -> Result<Option<usize>, RecordingError> {
         loop {
             let cut = RecordingError::Cut { path: self.path.clone(), offset: self.length, whole: self.whole };
             let offset = self.length - self.remaining;
-            let damaged = |rule: String| RecordingError::Damaged { path: self.path.clone(), offset, rule };
+            let damaged = |fault: RecordFault| RecordingError::Damaged { path: self.path.clone(), offset, fault };
             let Some(event) = self.records.next_event() else { return Ok(None) };
             match event {
                 Err(McapError::UnexpectedEof) => return Err(cut),
                 Err(McapError::BadMagic) if self.whole == 0 => {
-                    return Err(RecordingError::foreign(&self.path, "is no MCAP file"));
+                    return Err(RecordingError::foreign(&self.path, ForeignFile::NotMcap));
                 }
-                Err(error) => return Err(damaged(explained(&error))),
+                Err(error) => return Err(damaged(mcap_fault(&error))),
                 Ok(LinearReadEvent::ReadRequest(n)) => {
-                    // Asking for more than there is, to be sure that nothing follows, is the reader's way to the end.
+                    // At the end the reader requests more bytes than remain, to verify that nothing follows.
                     if n as u64 > self.remaining && self.remaining > 0 {
                         return Err(cut);
                     }
@@ -179,21 +179,21 @@ impl RecordingReader {
                     if ![op::SCHEMA, op::CHANNEL, op::METADATA, op::MESSAGE].contains(&opcode) {
                         continue;
                     }
-                    match mcap::parse_record(opcode, data).map_err(|error| damaged(explained(&error)))? {
+                    match mcap::parse_record(opcode, data).map_err(|error| damaged(mcap_fault(&error)))? {
                         Record::Schema { header, data } if header.encoding == ENCODING => {
-                            self.schemas.insert(header.id, table_of(&data));
+                            self.schemas.insert(header.id, parse_table(&data));
                         }
                         Record::Channel(channel) => {
                             let known = self.channels.contains_key(&channel.id);
                             if known {
-                                // The summary repeats them.
+                                // The summary section repeats channels.
                                 continue;
                             }
                             let (id, topic) = (channel.id, topic_of(channel, &self.schemas).map_err(damaged)?);
                             if let Some(twin) =
                                 topic.as_ref().and_then(|t| self.topics.iter().find(|o| o.name == t.name))
                             {
-                                return Err(damaged(format!("topic {} has a second channel", twin.name)));
+                                return Err(damaged(RecordFault::DuplicateTopic(twin.name.clone())));
                             }
                             self.channels.insert(id, topic.as_ref().map(|_| self.topics.len()));
                             self.topics.extend(topic);
@@ -202,7 +202,7 @@ impl RecordingReader {
                         Record::Message { header, data } => {
                             let id = header.channel_id;
                             let index = self.channels.get(&id);
-                            let index = index.ok_or_else(|| damaged(format!("a message of unknown channel {id}")))?;
+                            let index = index.ok_or_else(|| damaged(RecordFault::UndeclaredChannel(id)))?;
                             let Some(index) = *index else { continue };
                             self.data.clear();
                             self.data.extend_from_slice(&data);
@@ -221,46 +221,44 @@ fn envelope_of(bytes: &[u8]) -> Option<Envelope> {
     rows_from_bytes::<Envelope>(bytes.get(..size_of::<Envelope>())?)?.first().copied()
 }
 
-fn table_of(data: &[u8]) -> Result<ByteTable, String> {
-    let table: ByteTable =
-        serde_json::from_slice(data).map_err(|error| format!("a schema that is no byte table: {error}"))?;
-    check_table(&table).map(|()| table)
+fn parse_table(data: &[u8]) -> Result<ByteTable, RecordFault> {
+    let parsed: ByteTable = serde_json::from_slice(data).map_err(|error| RecordFault::Schema(error.to_string()))?;
+    table::check(&parsed).map(|()| parsed)
 }
 
-/// `None`: somebody else's channel.
+/// `None` for channels of other programs.
 fn topic_of(
     channel: Channel,
-    schemas: &BTreeMap<u16, Result<ByteTable, String>>,
-) -> Result<Option<RecordedTopic>, String> {
+    schemas: &BTreeMap<u16, Result<ByteTable, RecordFault>>,
+) -> Result<Option<RecordedTopic>, RecordFault> {
     if channel.message_encoding != ENCODING {
         return Ok(None);
     }
-    let table = schemas.get(&channel.schema_id).ok_or_else(|| format!("channel {} has no schema", channel.topic))?;
-    Ok(Some(RecordedTopic { name: channel.topic, table: table.clone()? }))
+    match schemas.get(&channel.schema_id) {
+        Some(table) => Ok(Some(RecordedTopic { name: channel.topic, table: table.clone()? })),
+        None => Err(RecordFault::NoSchema(channel.topic)),
+    }
 }
 
-fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), String> {
+fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), RecordFault> {
     let (table, n_bytes) = (&topic.table, bytes.len());
     let Some(envelope) = envelope_of(bytes) else {
-        return Err(format!("a message of {} has {n_bytes} bytes, its envelope alone must have 64", topic.name));
+        return Err(RecordFault::NoEnvelope { topic: topic.name.clone(), n_bytes });
     };
     let rows = (envelope.len as usize).checked_mul(table.row_bytes);
     let expected = rows.and_then(|rows| rows.checked_add(size_of::<Envelope>() + table.header_bytes));
     if expected == Some(n_bytes) && envelope.len as usize <= table.max_rows {
         return Ok(());
     }
-    let (seq, len, row_bytes) = (envelope.seq, envelope.len, table.row_bytes);
-    Err(format!(
-        "message {seq} of {} has {n_bytes} bytes; {len} rows of {row_bytes} bytes behind 64 + {} were expected, at most {} rows",
-        topic.name, table.header_bytes, table.max_rows
-    ))
+    let (seq, n_rows) = (envelope.seq, envelope.len);
+    let &ByteTable { header_bytes, row_bytes, max_rows, .. } = table;
+    let topic = topic.name.clone();
+    Err(RecordFault::MessageSize { topic, seq, n_bytes, header_bytes, n_rows, row_bytes, max_rows })
 }
 
-fn explained(error: &McapError) -> String {
+fn mcap_fault(error: &McapError) -> RecordFault {
     match error {
-        McapError::UnsupportedCompression(name) => {
-            format!("chunks are compressed with {name}; those of a recording are not (`mcap decompress` unpacks them)")
-        }
-        other => other.to_string(),
+        McapError::UnsupportedCompression(name) => RecordFault::Compressed(name.clone()),
+        other => RecordFault::Mcap(other.to_string()),
     }
 }

@@ -1,33 +1,34 @@
-//! A recording cut into ticks again, as the stages of the run saw them.
+//! Reading a recording tick by tick, as the stages of the run received it.
 
-use super::{RecordingError, RecordingReader};
+use super::error::{ForeignFile, RecordFault, RecordingError};
+use super::{RecordedTopic, RecordingReader};
 use messages::{Envelope, TickRow};
 use std::collections::VecDeque;
 use std::path::Path;
 
-/// Ticks by which one topic may be ahead of another in the file. Recorders write tick by tick; a file in which more has
-/// to wait is in another order, and would have to be held in memory.
+/// Ticks by which one topic may be ahead of another in the file. Recorders write tick by tick. Other files are refused because they
+/// would have to be held in memory.
 const MAX_AHEAD: usize = 64;
 
 /// A message of a tick.
 #[derive(Clone, Debug)]
 pub struct RecordedMessage {
-    /// Its envelope.
+    /// Envelope of the message.
     pub envelope: Envelope,
     /// Envelope, header and rows.
     pub bytes: Vec<u8>,
 }
 
-/// Everything of one tick, by topic in the order in which the topics were asked for.
+/// All messages of one tick, by topic in the order of the request.
 #[derive(Clone, Debug)]
 pub struct RecordedTick {
-    /// The tick itself: number, barrier, drive time, end.
+    /// Number, barrier, drive time and end flag of the tick.
     pub row: TickRow,
     /// Messages by topic.
     pub messages: Vec<Vec<RecordedMessage>>,
 }
 
-/// Reads some topics of a recording tick by tick. It must begin with the run, and nothing may be missing.
+/// Reads some topics of a recording tick by tick. The recording must begin with the run and must be complete.
 pub struct TickReader {
     reader: RecordingReader,
     topics: Vec<Topic>,
@@ -44,15 +45,15 @@ struct Topic {
 }
 
 impl TickReader {
-    /// Opens the recording for these topics, all of which it must have.
+    /// Opens the recording. It must have all these topics.
     pub fn open(path: &Path, topics: &[&str]) -> Result<Self, RecordingError> {
         let reader = RecordingReader::open(path)?;
         for topic in topics {
-            let has = |wanted: &dyn Fn(&super::RecordedTopic) -> bool| reader.topics().iter().any(wanted);
+            let has = |wanted: &dyn Fn(&RecordedTopic) -> bool| reader.topics().iter().any(wanted);
             if !has(&|t| t.name == *topic) || !has(&|t| t.ticks_of() == Some(topic)) {
-                let names: Vec<&str> = reader.topics().iter().filter_map(|topic| topic.ticks_of()).collect();
-                let rule = format!("has no topic {topic} with its ticks; it has {}", names.join(", "));
-                return Err(RecordingError::foreign(path, rule));
+                let found = reader.topics().iter().filter_map(RecordedTopic::ticks_of).map(str::to_owned).collect();
+                let reason = ForeignFile::MissingTopic { wanted: (*topic).to_owned(), found };
+                return Err(RecordingError::foreign(path, reason));
             }
         }
         let topic = |name: &&str| Topic {
@@ -70,13 +71,13 @@ impl TickReader {
         &self.reader
     }
 
-    /// Whether the last tick has come; a recorder that was stopped before has not written it.
+    /// Whether the last tick of the run was read. It is missing if the recorder was stopped before the run ended.
     pub fn ended(&self) -> bool {
         self.ended
     }
 
-    /// The next tick that all topics have whole. `None` behind the last one; nothing comes after an error.
-    #[expect(clippy::should_implement_trait, reason = "the same verb as the reader it is built on")]
+    /// The next tick that is complete for all topics. `None` after the last tick and after an error.
+    #[expect(clippy::should_implement_trait, reason = "same name as RecordingReader::next")]
     pub fn next(&mut self) -> Result<Option<RecordedTick>, RecordingError> {
         while !self.failed && !self.ended {
             if self.topics.iter().all(|topic| !topic.ticks.is_empty()) {
@@ -95,7 +96,7 @@ impl TickReader {
         Ok(None)
     }
 
-    /// Takes in one message. `false` at the end of the file.
+    /// Reads one message. `false` at the end of the file.
     fn advance(&mut self) -> Result<bool, RecordingError> {
         let Some(recorded) = self.reader.next()? else { return Ok(false) };
         let ticks_of = recorded.topic.ticks_of();
@@ -103,10 +104,10 @@ impl TickReader {
         let Some(topic) = self.topics.iter_mut().find(|topic| topic.name == name) else { return Ok(true) };
         let accepted = match recorded.tick_row() {
             Some(row) => topic.accept_tick(row),
-            None if ticks_of.is_some() => Err(format!("a tick of {name} without its row")),
+            None if ticks_of.is_some() => Err(RecordFault::EmptyTick(name.to_owned())),
             None => topic.accept(RecordedMessage { envelope: recorded.envelope, bytes: recorded.bytes.to_vec() }),
         };
-        accepted.map(|()| true).map_err(|rule| self.reader.damaged(rule))
+        accepted.map(|()| true).map_err(|fault| self.reader.damaged(fault))
     }
 
     fn take_tick(&mut self) -> Result<RecordedTick, RecordingError> {
@@ -116,8 +117,8 @@ impl TickReader {
             let Some(row) = topic.ticks.pop_front() else { continue };
             let (first, first_name) = agreed.get_or_insert_with(|| (row, topic.name.clone()));
             if (first.tick, first.barrier, first.end) != (row.tick, row.barrier, row.end) {
-                let rule = format!("tick {}: {} and {first_name} disagree on what follows", first.tick, topic.name);
-                return Err(self.reader.damaged(rule));
+                let (tick, topic, other) = (first.tick, topic.name.clone(), first_name.clone());
+                return Err(self.reader.damaged(RecordFault::TickMismatch { tick, topic, other }));
             }
             let before = topic.messages.iter().take_while(|message| message.envelope.tick <= row.tick).count();
             messages.push(topic.messages.drain(..before).collect());
@@ -129,46 +130,37 @@ impl TickReader {
 }
 
 impl Topic {
-    fn accept(&mut self, message: RecordedMessage) -> Result<(), String> {
-        let (name, seq, due) = (&self.name, message.envelope.seq, self.n_received);
-        if seq != due {
-            return Err(if due == 0 {
-                format!("{name} begins with message {seq}: a recording must begin with its run")
-            } else {
-                format!("message {seq} of {name} comes when {due} is due: a message is missing")
-            });
-        }
+    fn accept(&mut self, message: RecordedMessage) -> Result<(), RecordFault> {
+        self.check_number("message", message.envelope.seq, self.n_received)?;
         if self.messages.len() > MAX_AHEAD * MAX_AHEAD {
-            return Err(format!("{} messages of {name} before the tick they belong to", self.messages.len()));
+            return Err(RecordFault::EarlyMessages { topic: self.name.clone(), n: self.messages.len() });
         }
         self.n_received += 1;
         self.messages.push_back(message);
         Ok(())
     }
 
-    fn accept_tick(&mut self, row: TickRow) -> Result<(), String> {
-        let (name, tick, due) = (&self.name, row.tick, self.n_ticks);
-        if tick != due {
-            return Err(if due == 0 {
-                format!("{name} begins with tick {tick}: a recording must begin with its run")
-            } else {
-                format!("tick {tick} of {name} comes when {due} is due: a tick is missing")
-            });
-        }
+    fn accept_tick(&mut self, row: TickRow) -> Result<(), RecordFault> {
+        self.check_number("tick", row.tick, self.n_ticks)?;
         if row.n_published != self.n_received {
-            let n_received = self.n_received;
-            return Err(format!(
-                "tick {tick} of {name} comes behind {n_received} messages, {} were published: a message is missing",
-                row.n_published
-            ));
+            let (tick, found, expected) = (row.tick, self.n_received, row.n_published);
+            return Err(RecordFault::MissingMessages { topic: self.name.clone(), tick, found, expected });
         }
         if self.ticks.len() > MAX_AHEAD {
-            return Err(format!(
-                "{name} is more than {MAX_AHEAD} ticks ahead of another topic: the file is not in the order of ticks"
-            ));
+            return Err(RecordFault::EarlyTicks { topic: self.name.clone(), limit: MAX_AHEAD });
         }
         self.n_ticks += 1;
         self.ticks.push_back(row);
         Ok(())
+    }
+
+    /// Whether a message or tick is the next one of the run.
+    fn check_number(&self, what: &'static str, found: u64, expected: u64) -> Result<(), RecordFault> {
+        let topic = || self.name.clone();
+        match expected {
+            _ if found == expected => Ok(()),
+            0 => Err(RecordFault::LateBegin { topic: topic(), what, number: found }),
+            _ => Err(RecordFault::Gap { topic: topic(), what, found, expected }),
+        }
     }
 }

@@ -1,20 +1,21 @@
 //! Writing a recording, one message at a time.
 
-use super::{ABOUT, ENCODING, MAX_RECORD, RecordingError, TICKS};
+use super::error::{ForeignFile, RecordingError};
+use super::{ABOUT, ENCODING, MAX_RECORD, TICKS};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
 use messages::pod::bytes_from_rows;
-use messages::{ByteTable, Envelope, NoHeader, Tick, TickRow};
+use messages::{ByteTable, Envelope, NoHeader, TickRow, TickTopic};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-/// A chunk is closed when it has so many bytes; a message stands in one chunk whole. A killed recorder loses at most the
-/// open chunk, and a small one costs 100 bytes of index.
+/// Size at which a chunk is closed. A message is never split. A killed recorder loses at most the open chunk; an additional chunk
+/// costs 100 bytes of index.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Writes topics of a run into an MCAP file: chunked, indexed, with checksums and statistics. Memory: two messages.
+/// Writes topics of a run to an MCAP file with chunks, index, checksums and statistics. Memory: two messages.
 pub struct RecordingWriter {
     path: PathBuf,
     file: Writer<BufWriter<File>>,
@@ -29,7 +30,7 @@ struct Channels {
 }
 
 impl RecordingWriter {
-    /// Creates the file, or empties it. `about` is kept in it beside the project's version.
+    /// Creates or truncates the file. `about` is stored in it with the version of the project.
     pub fn create(path: &Path, about: &BTreeMap<String, String>, tables: &[ByteTable]) -> Result<Self, RecordingError> {
         let file = File::create(path).map_err(|cause| RecordingError::io(path, cause))?;
         let failed = |error| written(path, error);
@@ -38,7 +39,7 @@ impl RecordingWriter {
             .profile("")
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))
-            // A chunk is written when it is whole, behind its length: a cut is then seen for what it is.
+            // A chunk is written complete, after its length, so that truncation is detected as such.
             .disable_seeking(true)
             .create(BufWriter::new(file))
             .map_err(failed)?;
@@ -46,7 +47,7 @@ impl RecordingWriter {
         about.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
         file.write_metadata(&Metadata { name: ABOUT.to_owned(), metadata: about }).map_err(failed)?;
         let mut topics = BTreeMap::new();
-        let tick_table = ByteTable::of::<Tick>();
+        let tick_table = ByteTable::of::<TickTopic>();
         for table in tables {
             let messages = add_channel(&mut file, &table.topic, table).map_err(failed)?;
             let ticks = add_channel(&mut file, &format!("{}{TICKS}", table.topic), &tick_table).map_err(failed)?;
@@ -55,7 +56,7 @@ impl RecordingWriter {
         Ok(Self { path: path.to_owned(), file, topics, data: Vec::new() })
     }
 
-    /// Appends a message of `topic`, one of the tables' topics. `drive_time` is that of its tick, ns since the Unix epoch.
+    /// Appends a message of `topic`, which must have a byte table. `drive_time` is the time of its tick, ns since the Unix epoch.
     pub fn message(
         &mut self,
         topic: &str,
@@ -68,22 +69,21 @@ impl RecordingWriter {
         let table = &channels.table;
         let (len, bytes) = (envelope.len as usize, header.len() + rows.len());
         if header.len() != table.header_bytes || rows.len() != len * table.row_bytes || bytes > MAX_RECORD / 2 {
-            let rule = format!(
-                "{topic} message {} has {} + {} bytes; its {len} rows must have {} + {}, and at most {} in all",
-                envelope.seq,
-                header.len(),
-                rows.len(),
-                table.header_bytes,
-                len * table.row_bytes,
-                MAX_RECORD / 2
-            );
-            return Err(RecordingError::foreign(&self.path, rule));
+            return Err(RecordingError::Unwritable {
+                path: self.path.clone(),
+                topic: topic.to_owned(),
+                seq: envelope.seq,
+                n_rows: len,
+                found: bytes,
+                expected: table.header_bytes + len * table.row_bytes,
+                limit: MAX_RECORD / 2,
+            });
         }
         let id = channels.messages;
         self.append(id, drive_time, envelope.stamp, envelope, header, rows)
     }
 
-    /// Says that a tick of `topic` is complete.
+    /// Marks a tick of `topic` as complete.
     pub fn tick(&mut self, topic: &str, row: &TickRow) -> Result<(), RecordingError> {
         let id = channels(&self.topics, topic, &self.path)?.ticks;
         let row = TickRow { born_nanos: 0, ..*row };
@@ -107,7 +107,7 @@ impl RecordingWriter {
         self.data.extend_from_slice(bytes_from_rows(std::slice::from_ref(&envelope)));
         self.data.extend_from_slice(header);
         self.data.extend_from_slice(rows);
-        // MCAP counts from 1970 on; what is before it is at its beginning.
+        // MCAP times start at 1970; earlier times are clamped.
         let record = MessageHeader {
             channel_id,
             sequence: envelope.seq as u32,
@@ -117,12 +117,12 @@ impl RecordingWriter {
         self.file.write_to_known_channel(&record, &self.data).map_err(|error| written(&self.path, error))
     }
 
-    /// Closes the chunk and brings it to the operating system: what has been written survives this process.
+    /// Closes the chunk and passes it to the operating system, so that it survives a crash of this process.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.file.flush().map_err(|error| written(&self.path, error))
     }
 
-    /// Writes indexes and statistics and brings the file to the disk.
+    /// Writes indexes and statistics and syncs the file to the disk.
     pub fn finish(mut self) -> Result<(), RecordingError> {
         self.file.finish().map_err(|error| written(&self.path, error))?;
         let file = self.file.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error);
@@ -135,7 +135,7 @@ fn channels<'a>(
     topic: &str,
     path: &Path,
 ) -> Result<&'a Channels, RecordingError> {
-    topics.get(topic).ok_or_else(|| RecordingError::foreign(path, format!("topic {topic} is none of this recording")))
+    topics.get(topic).ok_or_else(|| RecordingError::foreign(path, ForeignFile::UndeclaredTopic(topic.to_owned())))
 }
 
 fn add_channel(file: &mut Writer<BufWriter<File>>, topic: &str, table: &ByteTable) -> Result<u16, McapError> {

@@ -1,21 +1,21 @@
-//! A quantity by wavelength.
+//! A function of the wavelength.
 
-/// Samples by rising wavelength, linear between them, the end values outside. Never empty.
+/// Samples by increasing wavelength: linear interpolation between them, constant outside. Never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve(Vec<(f64, f64)>);
 
 impl Curve {
-    /// From (wavelength in nm, value), wavelengths rising. No samples are a curve that is zero everywhere.
+    /// A curve through (wavelength in nm, value), wavelengths increasing. Without samples the curve is zero.
     pub fn from_samples(samples: Vec<(f64, f64)>) -> Self {
         if samples.is_empty() { Self(vec![(0.0, 0.0)]) } else { Self(samples) }
     }
 
-    /// (wavelength in nm, value), wavelengths rising.
+    /// Samples (wavelength in nm, value), wavelengths increasing.
     pub fn samples(&self) -> impl Iterator<Item = (f64, f64)> {
         self.0.iter().copied()
     }
 
-    /// Samples.
+    /// Number of samples.
     pub fn n_samples(&self) -> usize {
         self.0.len()
     }
@@ -30,7 +30,7 @@ impl Curve {
         }
     }
 
-    /// Area under the curve, by trapezoids, nm.
+    /// Area under the curve by the trapezoidal rule, nm.
     pub fn area(&self) -> f64 {
         self.0.windows(2).map(|pair| 0.5 * (pair[0].1 + pair[1].1) * (pair[1].0 - pair[0].0)).sum()
     }
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_curve_is_linear_between_its_samples_and_constant_outside() {
+    fn curve_is_linear_between_samples_and_constant_outside() {
         let curve = Curve::from_samples(vec![(400.0, 0.0), (500.0, 1.0), (520.0, 0.5)]);
         for (nm, value) in [(300.0, 0.0), (400.0, 0.0), (450.0, 0.5), (500.0, 1.0), (510.0, 0.75), (900.0, 0.5)] {
             assert!((curve.at(nm) - value).abs() < 1e-12, "{nm}");

@@ -1,4 +1,4 @@
-//! Any generation of the file into [`SensorCalibration`].
+//! Reads files of any generation.
 
 use super::xml::Element;
 use super::{
@@ -10,9 +10,9 @@ type Result<T> = std::result::Result<T, SensorCalibrationError>;
 
 /// The newest generation.
 const NEWEST: u32 = 3;
-/// No sensor has longer sides.
+/// Longest side of a sensor, px.
 const MAX_SIDE: u32 = 65_536;
-/// Wavelengths of silicon and some more, nm.
+/// Range of plausible wavelengths, nm.
 const NM: [f64; 2] = [100.0, 10_000.0];
 
 pub fn sensor_calibration(text: &str) -> Result<SensorCalibration> {
@@ -23,7 +23,7 @@ pub fn sensor_calibration(text: &str) -> Result<SensorCalibration> {
     })?;
     let root = Element(document.root_element());
     if !root.0.has_tag_name("sensor_calibration") {
-        return Err(root.fault("the root must be sensor_calibration"));
+        return Err(root.fault("not a sensor calibration; expected the root sensor_calibration"));
     }
     let version_text = root.attribute(&["version"])?;
     let version = version_text
@@ -60,13 +60,13 @@ pub fn sensor_calibration(text: &str) -> Result<SensorCalibration> {
     })
 }
 
-/// The element that describes the filters: the only zone, or in generation 0 `filter_info` itself.
+/// The element that describes the filters: the only zone, or `filter_info` in generation 0.
 fn mosaic_zone(filter_info: Element<'_>) -> Result<Element<'_>> {
     let zone = match filter_info.maybe(&["filter_zones"]) {
         None => filter_info,
         Some(zones) => {
             if zones.children("filter_zone").count() > 1 {
-                return Err(zones.fault("must have one filter_zone: sensors of several are no mosaic cameras"));
+                return Err(zones.fault("expected one filter_zone; sensors with several zones are not mosaic cameras"));
             }
             zones.child(&["filter_zone"])?
         }
@@ -97,7 +97,9 @@ fn active_area(area: Element<'_>, size: [u32; 2], pattern: u32) -> Result<[u32; 
         let length = area.child(names)?;
         let value: u32 = length.number(1, MAX_SIDE)?;
         if value < pattern || value > limit - offset {
-            let rule = format!("{offset} + {value} px must hold a pattern of {pattern} and lie in the image's {limit}");
+            let rule = format!(
+                "{offset} + {value} px must be at least as large as the pattern, {pattern}, and lie in the image, {limit}"
+            );
             return Err(length.fault(rule));
         }
         Ok([offset, value])
@@ -107,12 +109,14 @@ fn active_area(area: Element<'_>, size: [u32; 2], pattern: u32) -> Result<[u32; 
     Ok([x, y, width, height])
 }
 
-/// Wavelengths of a vector of `n` samples, nm: named one by one, or by first, last and step.
+/// Wavelengths of a vector of `n` samples, nm: listed, or given by first, last and step.
 fn wavelengths(about: Element<'_>, n: usize) -> Result<Vec<f64>> {
     if let Some(points) = about.maybe(&["sample_points_nm"]) {
         let values = points.vector()?;
         if values.len() != n || values.windows(2).any(|pair| pair[1] <= pair[0]) {
-            return Err(points.fault(format!("{} wavelengths for {n} values; must be as many and rise", values.len())));
+            return Err(
+                points.fault(format!("{} wavelengths for {n} values; expected as many, increasing", values.len()))
+            );
         }
         return Ok(values);
     }
@@ -138,7 +142,7 @@ fn wavelengths(about: Element<'_>, n: usize) -> Result<Vec<f64>> {
 fn curve(vector: Element<'_>, about: Element<'_>) -> Result<Curve> {
     let values = vector.vector()?;
     if values.is_empty() {
-        return Err(vector.fault("must have values"));
+        return Err(vector.fault("the vector is empty"));
     }
     let wavelengths = wavelengths(about, values.len())?;
     Ok(Curve::from_samples(wavelengths.into_iter().zip(values).collect()))
@@ -158,9 +162,9 @@ fn bands(zone: Element<'_>, calibration_info: Option<Element<'_>>, pattern: u32)
         }
         let response = band.child(&["response", "response_composition"])?;
         let about = [Some(band), calibration_info].into_iter().flatten();
-        // A band may bring its own wavelengths; else they stand once for all.
+        // A band may have its own wavelengths; otherwise those of the file apply.
         let about = about.clone().find(|e| e.maybe(&["sample_points_nm"]).is_some()).or(calibration_info);
-        let about = about.ok_or_else(|| response.fault("the file says nowhere at which wavelengths"))?;
+        let about = about.ok_or_else(|| response.fault("the file has no wavelengths for this response"))?;
         *slot = Some(FilterBand {
             selected: band.0.attribute("selected") != Some("false"),
             peaks: peaks(band)?,
@@ -169,10 +173,10 @@ fn bands(zone: Element<'_>, calibration_info: Option<Element<'_>>, pattern: u32)
     }
     let found = bands.iter().flatten().count();
     let all: Option<Vec<FilterBand>> = bands.into_iter().collect();
-    all.ok_or_else(|| list.fault(format!("{found} bands; must be {n}, one for each cell of the pattern")))
+    all.ok_or_else(|| list.fault(format!("{found} bands; expected {n}, one for each cell of the pattern")))
 }
 
-/// In the order of the attribute `order`.
+/// Peaks in the order of the attribute `order`.
 fn peaks(band: Element<'_>) -> Result<Vec<Peak>> {
     let Some(list) = band.maybe(&["peaks"]) else { return Ok(Vec::new()) };
     let mut peaks = Vec::new();
@@ -235,7 +239,7 @@ fn virtual_band(row: Element<'_>, vector: &str, n_bands: usize) -> Result<Virtua
     let vector = row.child(&[vector])?;
     let coefficients = vector.vector()?;
     if coefficients.len() != n_bands {
-        return Err(vector.fault(format!("{} coefficients; must be {n_bands}, one for each band", coefficients.len())));
+        return Err(vector.fault(format!("{} coefficients; expected {n_bands}, one for each band", coefficients.len())));
     }
     Ok(VirtualBand {
         wavelength_nm: row.child(&["wavelength_nm"])?.number(NM[0], NM[1])?,

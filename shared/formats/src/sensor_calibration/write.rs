@@ -1,8 +1,8 @@
-//! [`SensorCalibration`] as a file of generation 1.
+//! Writes files of generation 1.
 
 use super::{CorrectionMatrix, Curve, FilterBand, OpticalComponent, SensorCalibration};
 
-/// Elements one after another, indented.
+/// Writes indented elements.
 #[derive(Default)]
 struct Writer {
     text: String,
@@ -10,7 +10,7 @@ struct Writer {
 }
 
 impl Writer {
-    /// An element around what `inside` writes. `tag` is the name and, behind a blank, the attributes.
+    /// Writes an element with the content that `inside` writes. `tag` is the name, then a blank and the attributes.
     fn element(&mut self, tag: &str, inside: impl FnOnce(&mut Self)) {
         self.line(&format!("<{tag}>"));
         self.open.push(tag.split(' ').next().unwrap_or(tag).to_owned());
@@ -33,7 +33,7 @@ impl Writer {
     }
 }
 
-/// For text and attributes alike.
+/// Escapes text and attributes.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -74,7 +74,7 @@ pub fn xml(of: &SensorCalibration) -> String {
     writer.text
 }
 
-/// First, last and step if the steps are even, else every wavelength.
+/// Writes first, last and step if the steps are even, else every wavelength.
 fn wavelengths(w: &mut Writer, curve: &Curve, [first_name, last_name]: [&str; 2]) {
     let samples: Vec<f64> = curve.samples().map(|(nm, _)| nm).collect();
     let (first, last) = (samples[0], samples[samples.len() - 1]);

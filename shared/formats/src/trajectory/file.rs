@@ -1,25 +1,25 @@
-//! A trajectory file of any of the formats.
+//! A trajectory file of any format.
 
 use super::{TrajectoryError, line, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum};
 use crate::problems::FileProblem;
 use geometry::{Pose, Stamp, Trajectory};
 use std::path::Path;
 
-/// What a file says.
+/// Content of a trajectory file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TrajectoryFile {
-    /// Poses with their stamps.
+    /// Poses with stamps.
     Stamped(Trajectory),
-    /// KITTI without times: poses by number.
+    /// Poses of a KITTI file without times.
     Numbered(Vec<Pose>),
 }
 
 impl TrajectoryFile {
-    /// Reads KITTI, TUM or CSV, known by its first line: one with a comma is CSV, twelve numbers are KITTI, else it is TUM.
-    /// The stamps of a KITTI file are in `times`, one for each pose.
+    /// Reads KITTI, TUM or CSV. The first line determines the format: twelve numbers are KITTI, a comma is CSV, everything else
+    /// is TUM. `times` is the file with the stamps of a KITTI file, one for each pose.
     pub fn load(path: &Path, times: Option<&Path>) -> Result<Self, FileProblem> {
         let text = read(path)?;
-        let fault = |error: TrajectoryError| problem(path, error);
+        let fault = |error: TrajectoryError| problem(path, &error);
         let first = line::content_lines(&text).next().map_or("", |(_, line)| line);
         if first.split_ascii_whitespace().count() == 12 && !first.contains(',') {
             let poses = poses_from_kitti(&text).map_err(fault)?;
@@ -29,11 +29,11 @@ impl TrajectoryFile {
             };
         }
         if let Some(times) = times {
-            let rule = format!("has stamps of its own; {} is for a KITTI file", times.display());
+            let rule = format!("the file has stamps; {} is for KITTI files without stamps", times.display());
             return Err(FileProblem::of_file(path, rule));
         }
         if first.is_empty() {
-            return Err(FileProblem::of_file(path, "there are no poses in it"));
+            return Err(FileProblem::of_file(path, "the file contains no poses"));
         }
         let is_csv = first.contains(',');
         let trajectory = if is_csv { trajectory_from_csv(&text) } else { trajectory_from_tum(&text) };
@@ -42,7 +42,7 @@ impl TrajectoryFile {
 }
 
 fn with_times(poses: &[Pose], path: &Path, times: &Path) -> Result<TrajectoryFile, FileProblem> {
-    let stamps = times_from_kitti(&read(times)?).map_err(|error| problem(times, error))?;
+    let stamps = times_from_kitti(&read(times)?).map_err(|error| problem(times, &error))?;
     if stamps.len() != poses.len() {
         let rule = format!("{} times for the {} poses of {}", stamps.len(), poses.len(), path.display());
         return Err(FileProblem::of_file(times, rule));
@@ -54,7 +54,7 @@ fn with_times(poses: &[Pose], path: &Path, times: &Path) -> Result<TrajectoryFil
     Ok(TrajectoryFile::Stamped(trajectory))
 }
 
-/// Poses by number as a trajectory: pose 0 at 0 s, one each `period`.
+/// A trajectory of poses without stamps: pose 0 at 0 s, then one pose every `period_nanos`.
 pub fn numbered(poses: &[Pose], period_nanos: i64) -> Trajectory {
     let mut trajectory = Trajectory::default();
     for (number, pose) in (0..).zip(poses) {
@@ -64,11 +64,11 @@ pub fn numbered(poses: &[Pose], period_nanos: i64) -> Trajectory {
 }
 
 fn read(path: &Path) -> Result<String, FileProblem> {
-    std::fs::read_to_string(path).map_err(|error| FileProblem::of_file(path, format!("cannot read: {error}")))
+    std::fs::read_to_string(path).map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))
 }
 
-fn problem(path: &Path, error: TrajectoryError) -> FileProblem {
-    FileProblem { line: Some(error.line), ..FileProblem::of_file(path, error.rule) }
+fn problem(path: &Path, error: &TrajectoryError) -> FileProblem {
+    FileProblem { line: Some(error.line), ..FileProblem::of_file(path, error.fault.to_string()) }
 }
 
 #[cfg(test)]
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn the_format_is_found_out() {
+    fn format_is_detected_from_the_content() {
         let folder = tempfile::tempdir().expect("a folder");
         let write = |name: &str, text: &str| {
             let file = folder.path().join(name);
@@ -101,12 +101,12 @@ mod tests {
         assert_eq!(TrajectoryFile::load(&kitti, None), Ok(TrajectoryFile::Numbered(poses)));
 
         let error = TrajectoryFile::load(&tum, Some(&times)).expect_err("has times").to_string();
-        assert!(error.contains("a.txt: has stamps of its own"), "{error}");
+        assert!(error.contains("a.txt: the file has stamps"), "{error}");
         let short = write("short.txt", "0\n1\n");
         let error = TrajectoryFile::load(&kitti, Some(&short)).expect_err("too few").to_string();
         assert!(error.contains("short.txt: 2 times for the 5 poses of"), "{error}");
         let broken = write("broken.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 2\n");
         let error = TrajectoryFile::load(&broken, None).expect_err("is broken").to_string();
-        assert!(error.contains("broken.txt:2: quaternion 0 0 0 2 has norm 2, must be 1"), "{error}");
+        assert!(error.contains("broken.txt:2: quaternion 0 0 0 2 has norm 2, expected 1"), "{error}");
     }
 }

@@ -1,41 +1,41 @@
 //! Fields of a line: numbers, stamps, rotations.
 
+use super::PoseFault;
 use geometry::{Quaternion, Stamp, UnitQuaternion};
 use std::str::FromStr;
 
-/// How far a quaternion's norm or a matrix may be from a rotation: files carry as few as 6 digits.
+/// Tolerance of a rotation: files may have as few as 6 digits.
 pub const ROTATION_TOLERANCE: f64 = 1e-3;
 
-/// Lines with something on them that is no comment (`#`), numbered from 1.
+/// Lines that are neither empty nor comments (`#`), with their numbers from 1.
 pub fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// Exactly `N` finite numbers between blanks.
-pub fn parse_numbers<const N: usize>(fields: &str) -> Result<[f64; N], String> {
+/// Exactly `N` finite numbers separated by blanks.
+pub fn parse_numbers<const N: usize>(fields: &str) -> Result<[f64; N], PoseFault> {
     let mut numbers = [0.0; N];
     let mut fields = fields.split_ascii_whitespace();
     for (index, number) in numbers.iter_mut().enumerate() {
-        let field = fields.next().ok_or_else(|| format!("{index} numbers, must be {N}"))?;
-        *number = parse_number(field)?;
+        let field = fields.next().ok_or(PoseFault::TooFewNumbers { found: index, expected: N })?;
+        *number = finite(field).ok_or_else(|| PoseFault::Number { found: field.to_owned() })?;
     }
     match fields.next() {
         None => Ok(numbers),
-        Some(field) => Err(format!("{field:?} follows after {N} numbers")),
+        Some(field) => Err(PoseFault::ExtraField { found: field.to_owned(), expected: N }),
     }
 }
 
 /// A finite number.
-pub fn parse_number(field: &str) -> Result<f64, String> {
-    let value = f64::from_str(field).ok().filter(|value| value.is_finite());
-    value.ok_or_else(|| format!("{field:?} is no number"))
+pub fn finite(field: &str) -> Option<f64> {
+    f64::from_str(field).ok().filter(|value| value.is_finite())
 }
 
-/// Seconds with any number of decimals; exact to the nanosecond, which f64 would not be. Further decimals are cut. With an
-/// exponent, as `numpy` writes them: exact to what f64 holds.
-pub fn parse_stamp(field: &str) -> Result<Stamp, String> {
-    seconds(field).ok_or_else(|| format!("{field:?} is no time in seconds"))
+/// Seconds with any number of decimals, exact to the nanosecond, unlike f64. Further decimals are truncated. Numbers with an
+/// exponent, as `numpy` writes them, have the precision of f64.
+pub fn parse_stamp(field: &str) -> Result<Stamp, PoseFault> {
+    seconds(field).ok_or_else(|| PoseFault::Seconds { found: field.to_owned() })
 }
 
 fn seconds(field: &str) -> Option<Stamp> {
@@ -54,13 +54,13 @@ fn seconds(field: &str) -> Option<Stamp> {
     Some(Stamp(if negative { -stamp } else { stamp }))
 }
 
-/// The rotation of a quaternion x y z w whose norm is 1 to [`ROTATION_TOLERANCE`]; keeps the bits of one that is a unit as
-/// well as f64 can say it.
-pub fn rotation([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
+/// The rotation of a quaternion x y z w with norm 1 within [`ROTATION_TOLERANCE`]. A quaternion of norm 1 within the precision of
+/// f64 keeps its bits.
+pub fn rotation([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, PoseFault> {
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
     if (norm - 1.0).abs() > ROTATION_TOLERANCE {
-        return Err(format!("quaternion {x} {y} {z} {w} has norm {norm}, must be 1"));
+        return Err(PoseFault::Quaternion { x, y, z, w, norm });
     }
     Ok(if (norm - 1.0).abs() < 1e-15 {
         UnitQuaternion::new_unchecked(quaternion)
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stamps_are_exact() {
+    fn stamps_are_exact_to_the_nanosecond() {
         for (text, nanos) in [
             ("0", 0),
             ("12.5", 12_500_000_000),

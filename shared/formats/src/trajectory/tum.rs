@@ -1,8 +1,8 @@
-//! TUM (Sturm et al., IROS 2012): one pose a line, `t tx ty tz qx qy qz qw`, seconds since the Unix epoch, m, unit
+//! TUM (Sturm et al., IROS 2012): one pose per line, `t tx ty tz qx qy qz qw`, seconds since the Unix epoch, m, unit
 //! quaternion.
 
-use super::TrajectoryError;
 use super::line::{content_lines, parse_numbers, parse_stamp, rotation};
+use super::{PoseFault, TrajectoryError};
 use geometry::{Isometry3, Trajectory, Translation3};
 use std::fmt::Write;
 
@@ -21,12 +21,11 @@ pub fn tum_from_trajectory(trajectory: &Trajectory) -> String {
 pub fn trajectory_from_tum(text: &str) -> Result<Trajectory, TrajectoryError> {
     let mut trajectory = Trajectory::default();
     for (line, fields) in content_lines(text) {
-        let fault = |rule: String| TrajectoryError { line, rule };
+        let error = |fault: PoseFault| TrajectoryError { line, fault };
         let (stamp, numbers) = fields.split_once(char::is_whitespace).unwrap_or((fields, ""));
-        let stamp = parse_stamp(stamp).map_err(fault)?;
-        let [x, y, z, quaternion @ ..] =
-            parse_numbers::<7>(numbers).map_err(|rule| fault(format!("after the time: {rule}")))?;
-        let pose = Isometry3::from_parts(Translation3::new(x, y, z), rotation(quaternion).map_err(fault)?);
+        let stamp = parse_stamp(stamp).map_err(error)?;
+        let [x, y, z, quaternion @ ..] = parse_numbers::<7>(numbers).map_err(error)?;
+        let pose = Isometry3::from_parts(Translation3::new(x, y, z), rotation(quaternion).map_err(error)?);
         super::push(&mut trajectory, line, stamp, pose)?;
     }
     Ok(trajectory)

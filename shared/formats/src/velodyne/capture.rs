@@ -1,19 +1,19 @@
-//! Several captures read as one stream, as recorders write that start a new file every few minutes.
+//! Several captures read as one stream. Recorders start a new file every few minutes.
 
 use super::LidarStats;
 use crate::pcap::{Frontier, PacketReader, PcapError, ReadStats};
 use geometry::Stamp;
 use std::path::PathBuf;
 
-/// A packet of the stream; its payload is in [`Captures::payload`].
+/// A packet of the stream. Its payload is in [`Captures::payload`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
     pub(super) captured: Stamp,
     pub(super) port: u16,
     pub(super) is_cut: bool,
-    /// Number of the file.
+    /// Index of the file.
     pub(super) file: usize,
-    /// Place of its record in the file.
+    /// Offset of its record in the file.
     pub(super) offset: u64,
 }
 
@@ -21,14 +21,15 @@ pub(super) struct Arrival {
 #[derive(Debug)]
 pub(super) struct Captures {
     files: Vec<PathBuf>,
-    /// Number of the file that is open or is opened next.
+    /// Index of the file that is open or opened next.
     file: usize,
     reader: Option<PacketReader>,
-    /// What of the reader's counts is in the stream's counts already.
+    /// Counters of the reader that were already added to the counters of the stream.
     counted: ReadStats,
     payload: Vec<u8>,
+    /// Errors of damaged captures.
     damage: Vec<String>,
-    /// Of the last file, if it is being written.
+    /// Readable part of the last file, if it is being written.
     frontier: Option<Frontier>,
 }
 
@@ -45,22 +46,22 @@ impl Captures {
         }
     }
 
-    /// As [`Captures::new`]; the last file is being written.
+    /// Like [`Captures::new`], with a last file that is being written.
     pub(super) fn follow(files: Vec<PathBuf>, frontier: Frontier) -> Self {
         Self { frontier: Some(frontier), ..Self::new(files) }
     }
 
-    /// Passes over all files but the last.
+    /// Skips all files but the last.
     pub(super) fn skip_to_last(&mut self) {
         self.file = self.files.len().saturating_sub(1);
     }
 
-    /// Whether the last `None` was for now only.
+    /// Whether the last `None` was temporary.
     pub(super) fn is_waiting(&self) -> bool {
         self.reader.as_ref().is_some_and(PacketReader::is_waiting)
     }
 
-    /// Goes to a record.
+    /// Continues at a record.
     pub(super) fn seek(&mut self, file: usize, offset: u64) -> Result<(), PcapError> {
         self.file = file;
         self.counted = ReadStats::default();
@@ -79,12 +80,12 @@ impl Captures {
         &self.payload
     }
 
-    /// What damaged captures look like, one text each.
+    /// Errors of damaged captures, one text per capture.
     pub(super) fn damage(&self) -> &[String] {
         &self.damage
     }
 
-    /// The next packet. Damaged captures are counted and left behind; only the operating system's errors are errors.
+    /// The next packet. Damaged captures are counted and skipped. Only errors of the operating system are returned.
     pub(super) fn next(&mut self, stats: &mut LidarStats) -> Result<Option<Arrival>, PcapError> {
         loop {
             match self.next_of_file(stats) {

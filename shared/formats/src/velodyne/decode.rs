@@ -1,48 +1,48 @@
-//! Packets into points.
+//! Decoding of packets to returns.
 //!
-//! Everything that depends on the laser alone or on the angle alone stands in tables, so that a return costs two look-ups
-//! and a handful of multiplications.
+//! Values that depend only on the laser or only on the angle are tabulated, so that a return needs two table look-ups and a few
+//! multiplications.
 
 use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode, TURN};
 use super::{Laser, Model};
 use std::ops::Range;
 
-/// One count of a range, m.
+/// Resolution of ranges, m.
 const RANGE_UNIT_M: f32 = 0.002;
 
 /// One return in the lidar frame, 20 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LidarReturn {
-    /// m, forward.
+    /// Forward, m.
     pub x: f32,
-    /// m, left.
+    /// Left, m.
     pub y: f32,
-    /// m, up.
+    /// Up, m.
     pub z: f32,
-    /// ns after the sweep's stamp.
+    /// Time after the stamp of the sweep, ns.
     pub offset_nanos: u32,
     /// Encoder angle at the shot, 0.01 deg, 0 to 35999, clockwise.
     pub azimuth: u16,
-    /// As the device gives it.
+    /// Intensity as sent by the sensor.
     pub intensity: u8,
-    /// Beam, 0 = lowest.
+    /// Ring by elevation, 0 = lowest.
     pub ring: u8,
 }
 
-/// A model's tables.
+/// Decoder of one sensor model, with its tables.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     model: Model,
     beams: Vec<Beam>,
     /// Sine and cosine by encoder count.
     sin_cos: Vec<[f32; 2]>,
-    /// Of each return of a block, ns after the block.
+    /// Firing time of each return of a block, ns after the block.
     firing_nanos: [u32; LASERS_PER_BLOCK],
-    /// Share of a block's time that has passed when a return's laser fires; zero where angles are not carried on.
+    /// Firing time of each return as a fraction of the duration of a block; zero if azimuths are not interpolated.
     azimuth_shares: [f64; LASERS_PER_BLOCK],
 }
 
-/// What a laser's mounting comes to.
+/// Geometry of a laser, precomputed.
 #[derive(Clone, Copy, Debug)]
 struct Beam {
     cos_elevation: f32,
@@ -70,7 +70,7 @@ impl Default for Scratch {
 }
 
 impl Decoder {
-    /// Computes the tables.
+    /// Computes the tables of a model.
     pub fn new(model: Model) -> Self {
         let rings = model.rings();
         let beam = |(laser, ring): (&Laser, &u8)| Beam::new(laser, *ring, model);
@@ -89,13 +89,13 @@ impl Decoder {
         }
     }
 
-    /// Whose packets these are.
+    /// Model of the sensor.
     pub fn model(&self) -> Model {
         self.model
     }
 
-    /// Appends the returns of some blocks. `packet_nanos` is the packet's stamp after that of the sweep, which is that of a
-    /// firing in one of the blocks or earlier.
+    /// Appends the returns of some blocks. `packet_nanos` is the stamp of the packet minus the stamp of the sweep. The sweep must not
+    /// begin after the first firing of the blocks.
     pub fn decode_into(
         &self,
         packet: DataPacket<'_>,
@@ -108,7 +108,7 @@ impl Decoder {
         returns.extend_from_slice(&scratch.returns[..scratch.len]);
     }
 
-    /// As [`Decoder::decode_into`], replacing what is in `scratch`.
+    /// Like [`Decoder::decode_into`], but replaces the content of `scratch`.
     pub(super) fn decode(
         &self,
         packet: DataPacket<'_>,
@@ -119,7 +119,7 @@ impl Decoder {
         scratch.len = 0;
         let slots = self.slots(packet);
         let step = self.azimuth_step(packet, slots);
-        // Nearest count, halves away from zero, as the maker's viewer.
+        // Rounded to the nearest count, halves away from zero, like the viewer of the manufacturer.
         let steps = self.azimuth_shares.map(|share| (step * share).round() as u16);
         let is_dual = self.is_dual(packet);
         for index in blocks {
@@ -132,8 +132,8 @@ impl Decoder {
         }
     }
 
-    /// `twin` holds the other echoes of the same shots: one that is there too is left out here.
-    #[expect(clippy::too_many_arguments, reason = "the inner loop of the crate; a struct would only rename them")]
+    /// `twin` contains the other echoes of the same shots. Returns equal to their twin are skipped.
+    #[expect(clippy::too_many_arguments, reason = "the innermost loop; a struct would only group the arguments")]
     #[inline]
     fn decode_block(
         &self,
@@ -164,8 +164,8 @@ impl Decoder {
         }
     }
 
-    /// Time slot of each block: blocks fire one after the other, but pairs at once (two echoes of one shot, or the two
-    /// halves of an HDL-64E).
+    /// Time slot of each block. Blocks fire one after the other, except pairs that fire together: two echoes of one shot, or upper and
+    /// lower lasers of an HDL-64E.
     pub(super) fn slots(&self, packet: DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
         let is_dual = self.is_dual(packet);
         let is_second = |index: usize| {
@@ -173,7 +173,7 @@ impl Decoder {
             let other_half = self.model == Model::Hdl64e && block.is_lower() && !before.is_lower();
             (is_dual || other_half) && index % 2 == 1 && before.azimuth() == block.azimuth()
         };
-        // A pair of an HDL-64E takes as long as two of its blocks one by one.
+        // A pair of an HDL-64E takes as long as two single blocks.
         let pair = if self.model == Model::Hdl64e { 2 } else { 1 };
         let mut slots = [0; BLOCKS_PER_PACKET];
         for index in 1..BLOCKS_PER_PACKET {
@@ -189,7 +189,7 @@ impl Decoder {
         slots
     }
 
-    /// Time slots of a packet whose blocks have these.
+    /// Number of time slots of a packet.
     pub(super) fn n_slots(&self, slots: [u8; BLOCKS_PER_PACKET]) -> u8 {
         let [.., before, last] = slots;
         last + if self.model == Model::Hdl64e && before == last { 2 } else { 1 }
@@ -199,7 +199,7 @@ impl Decoder {
         self.model != Model::Hdl64e && packet.return_mode() == Some(ReturnMode::Dual)
     }
 
-    /// Median of the encoder's counts from slot to slot; 0 if it does not turn or nothing can be said.
+    /// Median step of the encoder from slot to slot; 0 if the motor stands still or the step is unknown.
     fn azimuth_step(&self, packet: DataPacket<'_>, slots: [u8; BLOCKS_PER_PACKET]) -> f64 {
         if !self.model.timing().interpolate_azimuth {
             return 0.0;
@@ -217,7 +217,8 @@ impl Decoder {
         }
         let steps = &mut steps[..n];
         steps.sort_unstable();
-        // The upper median, as the maker's viewer takes it. A sensor of 20 Hz makes 80 counts a block; more is damage.
+        // The upper median, like the viewer of the manufacturer. A sensor at 20 Hz turns 80 counts per block; much larger steps are
+        // damage.
         steps.get(n.div_ceil(2)).filter(|step| **step < 1000).map_or(0.0, |step| f64::from(*step))
     }
 }
@@ -227,7 +228,7 @@ impl Beam {
         let (sin_elevation, cos_elevation) = laser.elevation_deg.to_radians().sin_cos();
         let (sin_azimuth, cos_azimuth) = laser.azimuth_deg.to_radians().sin_cos();
         let (across_m, up_m) = match model {
-            // At right angles to the beam, as the maker's viewer applies db.xml.
+            // Perpendicular to the beam, as the viewer of the manufacturer applies db.xml.
             Model::Hdl64e => (-laser.up_m * sin_elevation, laser.up_m * cos_elevation),
             Model::Hdl32e | Model::Vlp16 => (0.0, laser.up_m),
         };
@@ -244,11 +245,11 @@ impl Beam {
         }
     }
 
-    /// The point at a measured range, with the encoder's sine and cosine.
+    /// The point at a measured range. `sin` and `cos` are those of the encoder angle.
     #[inline]
     fn point(&self, measured_m: f32, [sin, cos]: [f32; 2]) -> [f32; 3] {
         let range_m = measured_m + self.range_m;
-        // The beam looks `azimuth_deg` to the left of the encoder's angle.
+        // The beam looks `azimuth_deg` to the left of the encoder angle.
         let sin_a = sin * self.cos_azimuth - cos * self.sin_azimuth;
         let cos_a = cos * self.cos_azimuth + sin * self.sin_azimuth;
         let ahead_m = range_m * self.cos_elevation + self.across_m;

@@ -1,4 +1,4 @@
-//! Values into packets, for simulated sensors.
+//! Encoding of packets, for simulated sensors.
 
 use super::Model;
 use super::packet::{
@@ -10,38 +10,38 @@ use geometry::Stamp;
 /// One return as the sensor sends it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RawReturn {
-    /// In units of 2 mm; 0 = nothing came back.
+    /// Range in units of 2 mm; 0 = no return.
     pub range_2mm: u16,
-    /// 0 to 255.
+    /// Intensity, 0 to 255.
     pub intensity: u8,
 }
 
-/// One round of firings: returns in firing order ([`Model::lasers`] has the angles).
+/// One block of firings, returns in firing order ([`Model::lasers`] has the angles).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RawBlock {
     /// Encoder angle at the first firing, 0.01 deg, 0 to 35999.
     pub azimuth: u16,
-    /// Whether it is of lasers 32 to 63 (HDL-64E).
+    /// Whether it contains lasers 32 to 63 (HDL-64E).
     pub is_lower: bool,
-    /// By laser.
+    /// Returns by laser.
     pub returns: [RawReturn; LASERS_PER_BLOCK],
 }
 
-/// What a sensor says of its pulse per second (byte 202 of a position packet).
+/// State of the pulse per second (byte 202 of a position packet).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PulseStatus {
-    /// None.
+    /// No pulse.
     #[default]
     Absent = 0,
-    /// The clock is being set by it.
+    /// The clock is being synchronized.
     Synchronizing = 1,
-    /// The clock follows it.
+    /// The clock is synchronized.
     Locked = 2,
 }
 
-/// The payload of a data packet whose first laser fires at `stamp` (cut to µs), strongest returns. The last two bytes of an
-/// HDL-64E are 0 (it sends a status there).
+/// Payload of a data packet with strongest returns, whose first laser fires at `stamp` (truncated to µs). The last two bytes of an
+/// HDL-64E are 0; real sensors send a status there.
 pub fn encode_data_packet(
     model: Model,
     stamp: Stamp,
@@ -65,8 +65,8 @@ pub fn encode_data_packet(
     bytes
 }
 
-/// The payload of a position packet sent at `stamp`: `nmea` is one sentence without line end, at most 304 bytes (more is
-/// cut; a `$GPRMC` has some 70).
+/// Payload of a position packet sent at `stamp`. `nmea` is one sentence without line end, truncated to 304 bytes (a `$GPRMC` has about
+/// 70).
 pub fn encode_position_packet(stamp: Stamp, pulse: PulseStatus, nmea: &str) -> [u8; POSITION_PACKET_BYTES] {
     let mut bytes = [0; POSITION_PACKET_BYTES];
     bytes[POSITION_MICROS_AT..][..4].copy_from_slice(&micros_past_hour(stamp).to_le_bytes());

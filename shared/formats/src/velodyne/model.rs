@@ -1,9 +1,9 @@
-//! The sensors as data.
+//! Properties of the sensor models.
 
 use super::packet::DataPacket;
 use super::tables;
 
-/// A sensor that this module knows.
+/// A supported sensor model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
     /// HDL-32E: 32 lasers, +10.67 to -30.67 deg.
@@ -14,41 +14,41 @@ pub enum Model {
     Hdl64e,
 }
 
-/// How one laser is mounted. What is zero for a model does not count there.
+/// Mounting of one laser. Corrections that a model does not have are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Laser {
     /// Angle above the horizon, deg.
     pub elevation_deg: f64,
-    /// The beam looks this far left of the encoder's angle, deg.
+    /// Direction of the beam left of the encoder angle, deg.
     pub azimuth_deg: f64,
-    /// Added to the measured range, m.
+    /// Offset added to the measured range, m.
     pub range_m: f64,
-    /// The beam starts this far above the origin, m, at right angles to the beam (HDL-64E) or vertically (VLP-16).
+    /// Height of the laser above the origin, m: perpendicular to the beam (HDL-64E) or vertical (VLP-16).
     pub up_m: f64,
-    /// The beam starts this far left of the axis, m.
+    /// Distance of the laser to the left of the axis, m.
     pub left_m: f64,
 }
 
-/// When lasers fire after the packet's stamp, ns.
+/// Firing times of the lasers after the stamp of the packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Timing {
-    /// From one block to the next.
+    /// From one block to the next, ns.
     pub(super) block_nanos: u32,
-    /// From one laser to the next.
+    /// From one laser to the next, ns.
     pub(super) laser_nanos: u32,
-    /// Lasers of a round; a block has 32 returns, so more than one round if this is 16.
+    /// Lasers per firing sequence. A block has 32 returns, so two sequences if this is 16.
     pub(super) round_lasers: usize,
-    /// From one round of a block to the next.
+    /// From one firing sequence of a block to the next, ns.
     pub(super) round_nanos: u32,
-    /// Whether the encoder's angle is that of the block's first firing alone and must be carried on for the others.
+    /// Whether the encoder angle of a block is that of its first firing and must be interpolated for the others.
     pub(super) interpolate_azimuth: bool,
 }
 
 impl Model {
-    /// All of them.
+    /// All models.
     pub const ALL: [Model; 3] = [Model::Hdl32e, Model::Vlp16, Model::Hdl64e];
 
-    /// As drive.toml writes it.
+    /// Name in `drive.toml`.
     pub const fn name(self) -> &'static str {
         match self {
             Model::Hdl32e => "hdl32e",
@@ -56,28 +56,28 @@ impl Model {
             Model::Hdl64e => "hdl64e",
         }
     }
-    /// The model of that name.
+    /// The model of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.name() == name)
     }
-    /// Who sent the packet: an HDL-64E shows by its lower blocks, the others by their product byte.
+    /// Model that sent a packet. An HDL-64E is recognized by its lower blocks, the others by their product byte.
     pub fn of_packet(packet: DataPacket<'_>) -> Option<Self> {
         match packet.product() {
             _ if packet.has_lower_blocks() => Some(Model::Hdl64e),
             0x21 => Some(Model::Hdl32e),
-            // The Puck LITE (24: Hi-Res) has the same electronics but other angles.
+            // The Puck Hi-Res (0x24) has the same electronics but other angles.
             0x22 => Some(Model::Vlp16),
             _ => None,
         }
     }
-    /// Whether a packet may be this model's: early firmware leaves the product byte 0, an HDL-64E has a status there.
+    /// Whether this model may have sent a packet. Early firmware leaves the product byte 0; an HDL-64E sends a status there.
     pub fn may_have_sent(self, packet: DataPacket<'_>) -> bool {
         match Self::of_packet(packet) {
             Some(sender) => sender == self || self == Model::Hdl64e,
             None => packet.product() == 0 || self == Model::Hdl64e,
         }
     }
-    /// Byte 1205 of its packets; 0 for the HDL-64E, which has a status there.
+    /// Byte 1205 of its packets; 0 for the HDL-64E, which sends a status there.
     pub const fn product_byte(self) -> u8 {
         match self {
             Model::Hdl32e => 0x21,
@@ -85,7 +85,7 @@ impl Model {
             Model::Hdl64e => 0,
         }
     }
-    /// Lasers in firing order; of the HDL-64E the upper block's first.
+    /// Lasers in firing order; for the HDL-64E those of the upper block first.
     pub fn lasers(self) -> &'static [Laser] {
         match self {
             Model::Hdl32e => &tables::HDL32E,
@@ -93,7 +93,7 @@ impl Model {
             Model::Hdl64e => &tables::HDL64E,
         }
     }
-    /// How many lasers it has.
+    /// Number of lasers.
     pub fn n_rings(self) -> usize {
         self.lasers().len()
     }
@@ -103,19 +103,19 @@ impl Model {
         let below = |laser: &Laser| lasers.iter().filter(|other| other.elevation_deg < laser.elevation_deg).count();
         lasers.iter().map(|laser| below(laser) as u8).collect()
     }
-    /// Time of a firing after the packet's stamp, ns: block 0 to 11 (pairs of a dual-return packet count once), return 0 to
-    /// 31 of the block.
+    /// Time of a firing after the stamp of the packet, ns. Blocks are 0 to 11, pairs of a dual-return packet count once. Returns are 0
+    /// to 31 of a block.
     pub fn firing_nanos(self, block: usize, return_idx: usize) -> u32 {
         let timing = self.timing();
         let (round, laser) = (return_idx / timing.round_lasers, return_idx % timing.round_lasers);
         block as u32 * timing.block_nanos + round as u32 * timing.round_nanos + laser as u32 * timing.laser_nanos
     }
-    /// Whether the encoder's angle is that of a block's first firing alone, and the head has turned on at the others. The
-    /// HDL-64E's corrections hold for the block's angle.
+    /// Whether the encoder angle of a block is that of its first firing, so that later firings need interpolation. The corrections of
+    /// the HDL-64E refer to the angle of the block.
     pub const fn carries_azimuth(self) -> bool {
         self.timing().interpolate_azimuth
     }
-    /// From one packet to the next, ns; of an HDL-64E whose blocks come in pairs or follow each other.
+    /// Time from one packet to the next, ns.
     pub fn packet_nanos(self) -> u32 {
         self.timing().block_nanos * super::BLOCKS_PER_PACKET as u32
     }
@@ -136,8 +136,8 @@ impl Model {
                 round_nanos: 55_296,
                 interpolate_azimuth: true,
             },
-            // Generations differ: 57.6 µs from pair to pair of the S3; the S1 sends a block every 32 µs. Its corrections hold
-            // for the block's angle.
+            // Generations differ: the S3 sends a pair every 57.6 µs, the S1 a block every 32 µs. Corrections refer to the angle
+            // of the block.
             Model::Hdl64e => Timing {
                 block_nanos: 28_800,
                 laser_nanos: 900,

@@ -1,12 +1,12 @@
-//! The bytes of a data packet, read in place.
+//! Layout of data packets, read in place.
 
 /// UDP port of data packets.
 pub const DATA_PORT: u16 = 2368;
 /// UDP port of position packets.
 pub const POSITION_PORT: u16 = 8308;
-/// Payload of a data packet.
+/// Bytes of the payload of a data packet.
 pub const DATA_PACKET_BYTES: usize = 1206;
-/// Payload of a position packet.
+/// Bytes of the payload of a position packet.
 pub const POSITION_PACKET_BYTES: usize = 512;
 /// Blocks of a data packet.
 pub const BLOCKS_PER_PACKET: usize = 12;
@@ -25,23 +25,23 @@ pub(super) const POSITION_NMEA_AT: usize = 206;
 pub(super) const UPPER_BLOCK: u16 = 0xeeff;
 /// Flag of a block of lasers 32 to 63.
 pub(super) const LOWER_BLOCK: u16 = 0xddff;
-/// Encoder counts of a turn.
+/// Encoder counts per revolution.
 pub(super) const TURN: u16 = 36_000;
 
-/// Which of several echoes of a shot the sensor sends.
+/// Echoes of a shot that the sensor sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ReturnMode {
-    /// The strongest.
+    /// The strongest echo.
     Strongest = 0x37,
-    /// The farthest.
+    /// The farthest echo.
     Last = 0x38,
-    /// Both: blocks come in pairs of one azimuth, the last echo first, then the strongest (or the second strongest, if the
-    /// last is the strongest).
+    /// Both: blocks come in pairs of equal azimuth, the last echo first, then the strongest, or the second strongest if the last is the
+    /// strongest.
     Dual = 0x39,
 }
 
-/// A data packet's payload.
+/// Payload of a data packet.
 #[derive(Clone, Copy, Debug)]
 pub struct DataPacket<'a>(&'a [u8; DATA_PACKET_BYTES]);
 
@@ -50,7 +50,7 @@ pub struct DataPacket<'a>(&'a [u8; DATA_PACKET_BYTES]);
 pub(super) struct Block<'a>(&'a [u8; BLOCK_BYTES]);
 
 impl<'a> DataPacket<'a> {
-    /// `None` unless it is as long as a data packet and begins with a block.
+    /// `None` unless the payload has the size of a data packet and begins with a block.
     pub fn new(payload: &'a [u8]) -> Option<Self> {
         let bytes: &[u8; DATA_PACKET_BYTES] = payload.try_into().ok()?;
         let packet = Self(bytes);
@@ -60,12 +60,12 @@ impl<'a> DataPacket<'a> {
     pub fn bytes(self) -> &'a [u8; DATA_PACKET_BYTES] {
         self.0
     }
-    /// µs past the hour at the first firing. Early HDL-64E have other things here.
+    /// µs past the hour at the first firing. Early HDL-64E send other data here.
     pub fn micros(self) -> u32 {
         let b = self.0;
         u32::from_le_bytes([b[MICROS_AT], b[MICROS_AT + 1], b[MICROS_AT + 2], b[MICROS_AT + 3]])
     }
-    /// Of HDL-32E and VLP-16; `None` if the byte has another meaning.
+    /// Return mode of HDL-32E and VLP-16; `None` for other values.
     pub fn return_mode(self) -> Option<ReturnMode> {
         match self.0[FACTORY_AT] {
             0x37 => Some(ReturnMode::Strongest),
@@ -74,19 +74,19 @@ impl<'a> DataPacket<'a> {
             _ => None,
         }
     }
-    /// The last byte: which product sends, for HDL-32E and younger ones.
+    /// Product byte (the last byte) of HDL-32E and later models.
     pub fn product(self) -> u8 {
         self.0[FACTORY_AT + 1]
     }
-    /// Whether a block of lasers 32 to 63 is in it, as only an HDL-64E has.
+    /// Whether it has a block of lasers 32 to 63, which only an HDL-64E sends.
     pub fn has_lower_blocks(self) -> bool {
         (0..BLOCKS_PER_PACKET).any(|index| self.block(index).is_some_and(Block::is_lower))
     }
-    /// Encoder angle of a block; `None` if it is no block of returns.
+    /// Encoder angle of a block; `None` for invalid blocks.
     pub fn azimuth(self, index: usize) -> Option<u16> {
         self.block(index).map(Block::azimuth)
     }
-    /// `None` unless flag and azimuth are those of a block.
+    /// A block; `None` unless flag and azimuth are valid.
     pub(super) fn block(self, index: usize) -> Option<Block<'a>> {
         let bytes: &[u8; BLOCK_BYTES] = self.0.get(index * BLOCK_BYTES..)?.first_chunk()?;
         let block = Block(bytes);
@@ -98,14 +98,14 @@ impl<'a> Block<'a> {
     fn flag(self) -> u16 {
         u16::from_le_bytes([self.0[0], self.0[1]])
     }
-    /// Whether its lasers are 32 to 63.
+    /// Whether it contains lasers 32 to 63.
     pub(super) fn is_lower(self) -> bool {
         self.flag() == LOWER_BLOCK
     }
     pub(super) fn azimuth(self) -> u16 {
         u16::from_le_bytes([self.0[2], self.0[3]])
     }
-    /// The returns' bytes, three each.
+    /// Bytes of the returns, three per return.
     pub(super) fn returns(self) -> &'a [u8] {
         &self.0[4..]
     }

@@ -1,18 +1,18 @@
-//! Position packets: what the receiver at the sensor says.
+//! Position packets: data of the GNSS receiver at the sensor.
 
 use super::packet::{POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES};
 
-/// A position packet's payload.
+/// Payload of a position packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PositionPacket<'a> {
-    /// µs past the hour, by the sensor's clock.
+    /// µs past the hour by the clock of the sensor.
     pub micros: u32,
-    /// The last sentence of the receiver, without line end; empty if there is no receiver.
+    /// Last sentence of the receiver without line end; empty without receiver.
     pub nmea: &'a str,
 }
 
 impl<'a> PositionPacket<'a> {
-    /// `None` unless it is as long as a position packet.
+    /// `None` unless the payload has the size of a position packet.
     pub fn new(payload: &'a [u8]) -> Option<Self> {
         let bytes: &[u8; POSITION_PACKET_BYTES] = payload.try_into().ok()?;
         let micros = u32::from_le_bytes(*bytes[POSITION_MICROS_AT..].first_chunk()?);

@@ -1,44 +1,45 @@
-//! Where one revolution ends and the next begins.
+//! Splits the stream of blocks into revolutions.
 
 use super::packet::TURN;
 
-/// The encoder may stutter by a count or two; a fall by more than this is the end of a turn.
+/// A decrease of the encoder angle by more than this ends a revolution. Smaller decreases are jitter.
 const JITTER: u16 = 1000;
-/// A gap in which the sensor may have gone through a whole turn (at 10 Hz) ends the revolution.
+/// A gap of this length ends the revolution: at 10 Hz the sensor may have completed a revolution in it.
 const MAX_GAP_NANOS: i64 = 100_000_000;
-/// The slowest sensor takes 200 ms; one that takes longer stands still.
+/// Longest revolution. The slowest sensor takes 200 ms, so a longer one means that the motor stands still.
 const MAX_NANOS: i64 = 500_000_000;
-/// Two echoes of the fastest firing sensor (2.2 million a second) in a slow turn, and reserve.
+/// Most returns of a revolution: two echoes of the sensor with the highest rate (2.2 million per second) in a slow revolution, with
+/// a reserve.
 pub(super) const MAX_RETURNS: usize = 600_000;
 
-/// A revolution under way.
+/// A revolution that is being read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Revolution {
-    /// Of its first firing, ns since the epoch.
+    /// Time of its first firing, ns since the epoch.
     pub(super) begin: i64,
     last: i64,
     last_azimuth: u16,
-    /// Encoder counts that it has gone through.
+    /// Encoder counts covered so far.
     pub(super) turned: u32,
     pub(super) n_returns: usize,
 }
 
-/// Why a block does not belong to the revolution.
+/// Why a revolution ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum End {
-    /// The encoder began anew.
+    /// The encoder passed zero.
     Wrapped,
-    /// A gap, a standing motor or too many returns.
+    /// A gap, a motor that stands still, or too many returns.
     Forced,
 }
 
 impl Revolution {
-    /// Starts with a block.
+    /// Begins a revolution with a block.
     pub(super) fn begin(at: i64, azimuth: u16) -> Self {
         Self { begin: at, last: at, last_azimuth: azimuth, turned: 0, n_returns: 0 }
     }
 
-    /// Takes the block in, or says why it is the first of the next revolution.
+    /// Adds a block. An error if the block belongs to the next revolution.
     pub(super) fn take(&mut self, at: i64, azimuth: u16) -> Result<(), End> {
         if azimuth < self.last_azimuth && self.last_azimuth - azimuth > JITTER {
             return Err(End::Wrapped);
@@ -51,12 +52,12 @@ impl Revolution {
         Ok(())
     }
 
-    /// Share of a turn that it went through, 0 to 1.
+    /// Covered part of a revolution, 0 to 1.
     pub(super) fn share(&self) -> f64 {
         (f64::from(self.turned) / f64::from(TURN)).min(1.0)
     }
 
-    /// When its last block fired.
+    /// Time of its last block.
     pub(super) fn last(&self) -> i64 {
         self.last
     }
@@ -67,10 +68,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turn_ends_where_the_encoder_begins_anew() {
+    fn revolution_ends_where_the_encoder_passes_zero() {
         let mut revolution = Revolution::begin(0, 20);
         for (i, azimuth) in (38..36_000).step_by(18).enumerate() {
-            // Every tenth reading stutters.
+            // Every tenth reading has jitter.
             let azimuth = if i % 10 == 0 { azimuth - 19 } else { azimuth };
             assert_eq!(revolution.take(i as i64 * 46_080, azimuth), Ok(()));
         }
@@ -79,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_and_standing_motors_end_it_too() {
+    fn gap_or_standing_motor_ends_the_revolution() {
         let mut revolution = Revolution::begin(0, 100);
         assert_eq!(revolution.take(99_000_000, 35_000), Ok(()));
         assert_eq!(revolution.take(200_000_000, 35_900), Err(End::Forced));

@@ -1,43 +1,43 @@
-//! What was wrong with a stream of packets.
+//! Counters of a packet stream.
 
 use serde::{Deserialize, Serialize};
 
-/// Counts since the start of the stream. Nothing of this is fatal.
+/// Counters since the start of the stream. None of the counted faults is fatal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LidarStats {
-    /// Data packets that were decoded.
+    /// Decoded data packets.
     pub data_packets: u64,
     /// Position packets.
     pub position_packets: u64,
-    /// Data packets that are missing, by the gaps in the sensor's clock.
+    /// Lost data packets, by gaps of the sensor clock.
     pub lost_packets: u64,
-    /// Data packets that came twice; the second is left out.
+    /// Duplicated data packets; the second copy is skipped.
     pub duplicated_packets: u64,
-    /// Data packets that came after their successor, left out.
+    /// Data packets that arrived after a later packet; skipped.
     pub late_packets: u64,
-    /// Packets on the sensor's ports that are too short, or cut by the capture, left out.
+    /// Packets on the ports of the sensor that are too short or truncated by the capture; skipped.
     pub short_packets: u64,
-    /// Packets of others: other ports, other protocols, other sensors; left out.
+    /// Packets of other ports, protocols or sensors; skipped.
     pub foreign_packets: u64,
-    /// Blocks inside data packets whose flag or angle cannot be, left out.
+    /// Blocks of data packets with an invalid flag or angle; skipped.
     pub bad_blocks: u64,
-    /// Jumps of the sensor's clock: backwards, or forwards by more than the capture's clock went.
+    /// Jumps of the sensor clock: backwards, or forwards by more than the clock of the capture.
     pub clock_jumps: u64,
-    /// Revolutions that were closed because of a gap, a stop of the motor or too many returns.
+    /// Revolutions that ended because of a gap, a standing motor or too many returns.
     pub forced_ends: u64,
-    /// Captures that end within a packet.
+    /// Captures that end inside a packet.
     pub cut_captures: u64,
-    /// Captures that are damaged further in; what follows the damage is not read.
+    /// Damaged captures; the data after the damage is not read.
     pub damaged_captures: u64,
 }
 
 impl LidarStats {
-    /// Whether data of the sensor is missing from the result.
+    /// Whether sensor data is missing in the result.
     pub fn has_lost_data(&self) -> bool {
         self.lost_packets + self.late_packets + self.short_packets + self.bad_blocks + self.damaged_captures > 0
     }
 
-    /// All counts by name.
+    /// All counters by name.
     pub fn counts(&self) -> [(&'static str, u64); 12] {
         [
             ("data_packets", self.data_packets),

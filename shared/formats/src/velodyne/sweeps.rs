@@ -1,14 +1,14 @@
-//! Captures into sweeps, one after the other, in bounded memory.
+//! Reads sweeps from captures, one at a time, in bounded memory.
 
 use super::capture::{Arrival, Captures};
 use super::clock::{Clock, Step};
 use super::decode::{Decoder, LidarReturn, Scratch};
+use super::detect::{Detection, StreamInfo, detect};
 use super::packet::{
     BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, MAX_RETURNS_PER_PACKET, POSITION_PORT,
 };
+use super::receiver::Receiver;
 use super::revolutions::{End, MAX_RETURNS, Revolution};
-use super::sentences::Sentences;
-use super::survey::{Look, Survey, survey};
 use super::{LidarStats, Model, PositionPacket};
 use crate::nmea::{Fix, LogStats};
 use crate::pcap::{Frontier, PcapError};
@@ -16,77 +16,79 @@ use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Why captures give no sweeps.
+/// Captures from which no sweeps can be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// A file cannot be read.
+    /// A capture cannot be read.
     #[error(transparent)]
     Capture(#[from] PcapError),
-    /// There is nothing of a sensor in them.
+    /// The captures contain no packets of a supported sensor.
     #[error("{path}: no data packet of {wanted} in the first 4096 UDP packets{damage}", path = path.display())]
     NoSensor {
         /// The first capture.
         path: PathBuf,
-        /// The models that would do.
+        /// Models that were searched.
         wanted: String,
-        /// What is wrong with damaged captures, `; ` before each.
+        /// Errors of damaged captures, each with a leading `; `.
         damage: String,
     },
-    /// A saved position that cannot be of these captures.
-    #[error("saved position at byte {offset} of {path} is no data packet there", path = path.display())]
+    /// A saved position does not belong to these captures.
+    #[error("no data packet at byte {offset} of {path}; was the file changed after the position was saved?", path = path.display())]
     Position {
         /// The capture.
         path: PathBuf,
-        /// Where.
+        /// Offset of the position.
         offset: u64,
     },
 }
 
-/// What a sweep is, once it is complete.
+/// Properties of a complete sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepInfo {
-    /// Number of the revolution in the recording. The first and the last one are usually not whole.
+    /// Number of the revolution in the recording. The first and the last are usually incomplete.
     pub seq: u64,
-    /// Of its first firing, whether that had a return or not.
+    /// Time of its first firing, with or without a return.
     pub stamp: Stamp,
-    /// ns from the stamp to the first firing of the next revolution.
+    /// Time from the stamp to the first firing of the next revolution, ns.
     pub duration_nanos: u32,
-    /// Points.
+    /// Number of returns.
     pub n_returns: usize,
-    /// Data packets missing inside.
+    /// Data packets lost inside the sweep.
     pub lost_packets: u64,
-    /// Share of a turn between its first and last block, 0 to 1.
+    /// Part of a revolution between its first and last block, 0 to 1.
     pub turn: f64,
+    /// Whether its points have times.
+    pub has_times: bool,
 }
 
-/// What [`SweepReader::poll_sweep`] came to.
+/// Result of [`SweepReader::poll_sweep`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SweepPoll {
     /// The sweep is complete.
     Sweep(SweepInfo),
-    /// The recording is still being written, and the sweep is not complete.
+    /// The sweep is incomplete, and the recording is still being written.
     Pending,
     /// The recording has ended.
     End,
 }
 
-/// A place between two sweeps, from which reading can go on ([`SweepReader::resume`]).
+/// A position between two sweeps from which reading can continue ([`SweepReader::resume`]).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepPosition {
     seq: u64,
     clock: Clock,
     stats: LidarStats,
-    sentences: Sentences,
-    packet: Option<PacketPlace>,
+    receiver: Receiver,
+    packet: Option<PacketPosition>,
     ended: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct PacketPlace {
+struct PacketPosition {
     file: usize,
     offset: u64,
     stamp: Stamp,
-    /// The first block that belongs to no sweep yet.
+    /// First block that does not belong to a sweep yet.
     block: usize,
 }
 
@@ -100,54 +102,55 @@ pub struct SweepReader {
     bytes: [u8; DATA_PACKET_BYTES],
     slots: [u8; BLOCKS_PER_PACKET],
     scratch: Box<Scratch>,
-    /// The sweep under way, and the packets missing in it so far.
+    /// The sweep being read.
     revolution: Option<Revolution>,
+    /// Packets lost inside that sweep so far.
     lost_packets: u64,
     fixes: Vec<Fix>,
 }
 
 impl SweepReader {
-    /// The most returns that a sweep can have.
+    /// Most returns of a sweep.
     pub const MAX_RETURNS: usize = MAX_RETURNS + MAX_RETURNS_PER_PACKET;
 
-    /// Looks at the beginning of the captures, which are one recording cut into files. Without a model, the first data
-    /// packet tells.
+    /// Opens a recording, which may consist of several captures. Without `model`, the model is detected from the first data packet.
     pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
-        match survey(Captures::new(files.clone()), model)? {
-            Look::Settled(survey) => Ok(Self::with_survey(Captures::new(files), &survey)),
-            Look::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
-            Look::TooEarly => Err(no_sensor(files, model, &[])),
+        match detect(Captures::new(files.clone()), model)? {
+            Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
+            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NeedsMorePackets => Err(no_sensor(files, model, &[])),
         }
     }
 
-    /// Reads a recording's last file while it is being written. The files before it, of the same recording, are looked at
-    /// for what [`SweepReader::open`] would find in them, and passed over. `None`: what the recording's beginning says is
-    /// not settled yet (4096 packets, or fewer with a position fix among them); ask again when there is more.
+    /// Reads the last file of a recording while it is being written. Earlier files of the recording are used to detect the stream, as
+    /// in [`SweepReader::open`], and are skipped. `None` if the stream cannot be detected yet; this needs up to 4096 packets. Call
+    /// again when more packets are written.
     pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, model: Option<Model>) -> Result<Option<Self>, SweepError> {
         let captures = || Captures::follow(files.clone(), frontier.clone());
-        let mut look = survey(captures(), model)?;
-        if let (Look::Settled(first), None) = (&look, model) {
-            // Whoever opens the recording later knows the model, and with it looks at packets that do not name theirs.
-            look = survey(captures(), Some(first.model))?;
+        let mut detection = detect(captures(), model)?;
+        if let (Detection::Found(first), None) = (&detection, model) {
+            // A later run opens the recording with the model, which also accepts packets without product byte. Detecting again
+            // with the model gives the same result as that run.
+            detection = detect(captures(), Some(first.model))?;
         }
-        match look {
-            Look::Settled(survey) => {
+        match detection {
+            Detection::Found(stream) => {
                 let mut captures = captures();
                 captures.skip_to_last();
-                Ok(Some(Self::with_survey(captures, &survey)))
+                Ok(Some(Self::new(captures, &stream)))
             }
-            Look::TooEarly => Ok(None),
-            Look::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NeedsMorePackets => Ok(None),
+            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
         }
     }
 
-    fn with_survey(captures: Captures, survey: &Survey) -> Self {
-        let (stats, sentences) = (LidarStats::default(), Sentences::default());
+    fn new(captures: Captures, stream: &StreamInfo) -> Self {
+        let (stats, receiver) = (LidarStats::default(), Receiver::default());
         Self {
             captures,
-            decoder: Decoder::new(survey.model),
-            port: survey.port,
-            at: SweepPosition { seq: 0, clock: survey.clock, stats, sentences, packet: None, ended: false },
+            decoder: Decoder::new(stream.model),
+            port: stream.port,
+            at: SweepPosition { seq: 0, clock: stream.clock, stats, receiver, packet: None, ended: false },
             bytes: [0; DATA_PACKET_BYTES],
             slots: [0; BLOCKS_PER_PACKET],
             scratch: Box::default(),
@@ -157,14 +160,14 @@ impl SweepReader {
         }
     }
 
-    /// Goes to a place that [`SweepReader::position`] gave for the same captures.
+    /// Continues at a position that [`SweepReader::position`] returned for the same captures.
     pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
         self.at = position;
         (self.revolution, self.lost_packets) = (None, 0);
         self.fixes.clear();
         let Some(place) = position.packet else { return Ok(()) };
         self.captures.seek(place.file, place.offset)?;
-        // It was counted when it was read first.
+        // The packet was counted when it was read first.
         let mut stats = LidarStats::default();
         let arrival = self.captures.next(&mut stats)?;
         let found = arrival.filter(|arrival| (arrival.file, arrival.offset) == (place.file, place.offset));
@@ -181,44 +184,44 @@ impl SweepReader {
         }
     }
 
-    /// Where the next sweep begins.
+    /// Position of the next sweep.
     pub fn position(&self) -> SweepPosition {
         self.at
     }
 
-    /// Whose packets these are.
+    /// Model of the sensor.
     pub fn model(&self) -> Model {
         self.decoder.model()
     }
 
-    /// Counts since the start of the recording.
+    /// Counters since the start of the recording.
     pub fn stats(&self) -> LidarStats {
         self.at.stats
     }
 
-    /// What is wrong with damaged captures, one text each.
+    /// Errors of damaged captures, one text per capture.
     pub fn damage(&self) -> &[String] {
         self.captures.damage()
     }
 
-    /// Number of the file and byte in it up to which has been read.
+    /// Index of the file and offset of the last packet that was read.
     pub fn place(&self) -> (usize, u64) {
         self.at.packet.map_or((0, 0), |place| (place.file, place.offset))
     }
 
-    /// The fixes of the position packets that were read since the last call. A fix is known when the receiver's next
-    /// sentence, or the recording's end, has been read.
+    /// Fixes of the position packets read since the last call. A fix is complete when the next sentence of the receiver or the end of the
+    /// recording was read.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         std::mem::take(&mut self.fixes)
     }
 
-    /// Counts of the position packets' sentences since the start of the recording.
+    /// Sentence counters of the position packets since the start of the recording.
     pub fn log_stats(&self) -> LogStats {
-        self.at.sentences.stats()
+        self.at.receiver.stats()
     }
 
-    /// Hands the returns of the next sweep to `sink`, in the order of firing, at most 384 at a time and at most
-    /// [`SweepReader::MAX_RETURNS`] in all. `None`: the recording has ended, or there is no more of it yet.
+    /// Passes the returns of the next sweep to `sink` in firing order, at most 384 at a time and at most [`SweepReader::MAX_RETURNS`] in
+    /// all. `None` at the end of the recording, or if no more packets are written yet.
     pub fn next_sweep(&mut self, sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
         match self.poll_sweep(sink)? {
             SweepPoll::Sweep(info) => Ok(Some(info)),
@@ -226,8 +229,8 @@ impl SweepReader {
         }
     }
 
-    /// As [`SweepReader::next_sweep`], of a recording that is being written: after [`SweepPoll::Pending`] the next call
-    /// goes on in the same sweep, and hands over those returns that have come since.
+    /// Like [`SweepReader::next_sweep`], for recordings that are being written. After [`SweepPoll::Pending`] the next call continues the
+    /// same sweep and passes only new returns.
     pub fn poll_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<SweepPoll, SweepError> {
         let mut revolution = self.revolution.take();
         let end = loop {
@@ -262,10 +265,11 @@ impl SweepReader {
             n_returns: revolution.n_returns,
             lost_packets,
             turn: revolution.share(),
+            has_times: true,
         }))
     }
 
-    /// Takes the packet's next blocks into the revolution, up to the packet's end or to the block that ends the revolution.
+    /// Adds the next blocks of the packet to the revolution, up to the end of the packet or of the revolution.
     fn take_blocks(
         &mut self,
         revolution: &mut Option<Revolution>,
@@ -296,13 +300,13 @@ impl SweepReader {
         end
     }
 
-    /// Reads on to the next data packet and gives the number of those missing before it. `None`: there is none, or none yet.
+    /// Reads the next data packet. Returns the number of packets lost before it. `None` at the end, or if no packet is written yet.
     fn next_packet(&mut self) -> Result<Option<u64>, SweepError> {
         while !self.at.ended {
             let Some(arrival) = self.captures.next(&mut self.at.stats)? else {
                 if !self.captures.is_waiting() {
                     self.at.ended = true;
-                    self.fixes.extend(self.at.sentences.finish());
+                    self.fixes.extend(self.at.receiver.finish());
                 }
                 break;
             };
@@ -313,7 +317,7 @@ impl SweepReader {
         Ok(None)
     }
 
-    /// Takes the captured packet as the current one, or counts why not.
+    /// Makes a captured packet the current packet, or counts why it was skipped.
     fn accept(&mut self, arrival: Arrival) -> Option<u64> {
         let (payload, stats) = (self.captures.payload(), &mut self.at.stats);
         let own_port = arrival.port == self.port || arrival.port == DATA_PORT || arrival.port == POSITION_PORT;
@@ -323,7 +327,7 @@ impl SweepReader {
         }
         if let Some(packet) = PositionPacket::new(payload) {
             stats.position_packets += 1;
-            self.fixes.extend(self.at.sentences.take(packet.nmea));
+            self.fixes.extend(self.at.receiver.take(packet.nmea));
             return None;
         }
         let packet = DataPacket::new(payload).filter(|packet| self.decoder.model().may_have_sent(*packet));
@@ -360,7 +364,7 @@ impl SweepReader {
         stats.bad_blocks += (0..BLOCKS_PER_PACKET).filter(|index| packet.azimuth(*index).is_none()).count() as u64;
         self.slots = self.decoder.slots(packet);
         self.bytes = *packet.bytes();
-        self.at.packet = Some(PacketPlace { file: arrival.file, offset: arrival.offset, stamp, block: 0 });
+        self.at.packet = Some(PacketPosition { file: arrival.file, offset: arrival.offset, stamp, block: 0 });
         Some(n_lost as u64)
     }
 }

@@ -1,6 +1,6 @@
-//! The makers' calibration tables, lasers in firing order.
+//! Calibration tables of the manufacturer, lasers in firing order.
 
-#![allow(clippy::unreadable_literal, reason = "numbers as the makers write them, so that they can be compared")]
+#![allow(clippy::unreadable_literal, reason = "numbers are written as in the original tables, for comparison")]
 
 use super::Laser;
 
@@ -9,7 +9,7 @@ const fn beam(elevation_deg: f64) -> Laser {
     Laser { elevation_deg, azimuth_deg: 0.0, range_m: 0.0, up_m: 0.0, left_m: 0.0 }
 }
 
-/// A beam that starts above or below the origin; offset in mm.
+/// A beam from above or below the origin; offset in mm.
 const fn shifted(elevation_deg: f64, up_mm: f64) -> Laser {
     Laser { up_m: up_mm * 1e-3, ..beam(elevation_deg) }
 }
@@ -20,7 +20,7 @@ const fn corrected(elevation_deg: f64, azimuth_deg: f64, range_cm: f64, up_cm: f
     Laser { elevation_deg, azimuth_deg, range_m: range_cm * 1e-2, up_m: up_cm * 1e-2, left_m: left_cm * 1e-2 }
 }
 
-/// HDL-32E.xml: two interleaved halves that rise by 4/3 deg, to the maker's two decimals.
+/// HDL-32E.xml: two interleaved halves in steps of 4/3 deg, rounded to two decimals as in the file.
 #[rustfmt::skip]
 pub(super) static HDL32E: [Laser; 32] = [
     beam(-30.67), beam(-9.33), beam(-29.33), beam(-8.0), beam(-28.0), beam(-6.67), beam(-26.67), beam(-5.33),
@@ -29,7 +29,7 @@ pub(super) static HDL32E: [Laser; 32] = [
     beam(-14.67), beam(6.67), beam(-13.33), beam(8.0), beam(-12.0), beam(9.33), beam(-10.67), beam(10.67),
 ];
 
-/// VLP-16.xml for the angles; vertical offsets of the manual 63-9243, table 9-1.
+/// Angles of VLP-16.xml, vertical offsets of the manual 63-9243, table 9-1.
 #[rustfmt::skip]
 pub(super) static VLP16: [Laser; 16] = [
     shifted(-15.0, 11.2), shifted(1.0, -0.7), shifted(-13.0, 9.7), shifted(3.0, -2.2),
@@ -38,8 +38,8 @@ pub(super) static VLP16: [Laser; 16] = [
     shifted(-3.0, 2.2), shifted(13.0, -9.7), shifted(-1.0, 0.7), shifted(15.0, -11.2),
 ];
 
-/// The db.xml of one HDL-64E; every device has its own, so others are a few centimetres off with it. The near-range
-/// corrections along x and y are left out.
+/// The db.xml of one HDL-64E. Every device has its own table, so other devices have errors of a few centimetres. Near-range corrections
+/// along x and y are omitted.
 #[rustfmt::skip]
 pub(super) static HDL64E: [Laser; 64] = [
     corrected(-7.2988362, -5.3328056, 111.0, 19.736338, 2.6),

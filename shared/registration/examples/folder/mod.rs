@@ -1,25 +1,23 @@
-//! Sweeps as a folder that other people's odometries read, too:
+//! A folder of sweeps in a layout that other odometry implementations read, too:
 //!
 //! ```text
-//! velodyne/000000.bin   float32 x y z intensity, lidar frame at the time of the shot (or *.pcd in the folder itself)
+//! velodyne/000000.bin   float32 x y z intensity, LiDAR frame at the time of the shot (or *.pcd in the folder itself)
 //! times/000000.npy      float64, s after the first shot; without it the sweeps have no point times
 //! rings/000000.npy      uint8, 0 = lowest
-//! moving/000000.npy     uint8, truth: 1 on a thing that moves during the drive
+//! moving/000000.npy     uint8, truth: 1 on an object that moves during the drive
 //! stamps.txt            ns of the first shots, one a line; without it sweeps follow at 10 Hz
 //! mounting.txt          body_from_lidar, 12 numbers
 //! poses.txt             truth: world_from_lidar at the last shot, 12 numbers a line
 //! imu.csv               inertial samples, see `formats::imu`
-//! velocities.csv        a receiver's: stamp, m/s towards east and north, standard deviation
-//! places.txt            of inertial unit and antenna in the body, m, one a line
+//! velocities.csv        of a receiver: stamp, m/s towards east and north, standard deviation
+//! places.txt            positions of inertial unit and antenna in the body, m, one a line
 //! ```
 
 #![allow(dead_code, reason = "each program uses its own part")]
 
-pub mod npy;
-
 use anyhow::Context;
 use geometry::{Point3, Pose, Stamp};
-use registration::{GroundVelocity, InertialSample, SensorPlaces, Sweep, TimedPoint};
+use registration::{GroundVelocity, InertialSample, SensorMounting, Sweep, TimedPoint};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +26,7 @@ pub struct SweepFolder {
     folder: PathBuf,
     clouds: Vec<PathBuf>,
     stamps: Vec<Stamp>,
-    /// `body_from_lidar`; the identity where the folder does not say.
+    /// `body_from_lidar`; the identity if the folder has no mounting.txt.
     pub mounting: Pose,
 }
 
@@ -53,7 +51,7 @@ impl SweepFolder {
     pub fn stamp(&self, number: usize) -> Stamp {
         self.stamps[number]
     }
-    /// The points of a sweep, and how many rings the sensor has (0: not known).
+    /// The points of a sweep, and the sensor's number of rings (0: not known).
     pub fn points(&self, number: usize) -> anyhow::Result<(Vec<TimedPoint>, u32)> {
         let path = &self.clouds[number];
         let bytes = fs::read(path).with_context(|| path.display().to_string())?;
@@ -62,12 +60,9 @@ impl SweepFolder {
         } else {
             formats::kitti::points_from_bin(&bytes)?
         };
-        let beside = |kind: &str| {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            fs::read(self.folder.join(kind).join(format!("{name}.npy"))).ok()
-        };
-        let times = beside("times").map(|bytes| npy::f64s(&bytes)).transpose()?;
-        let rings = beside("rings").map(|bytes| npy::bytes(&bytes)).transpose()?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let times: Option<Vec<f64>> = self.array("times", &name)?;
+        let rings: Option<Vec<u8>> = self.array("rings", &name)?;
         let point = |(idx, p): (usize, &formats::cloud::CloudPoint)| TimedPoint {
             position: [p.x, p.y, p.z],
             offset_nanos: times.as_ref().map_or(0, |times| (times[idx] * 1e9).round() as u32),
@@ -76,25 +71,31 @@ impl SweepFolder {
         let n_rings = rings.as_ref().map_or(0, |rings| rings.iter().max().map_or(0, |&ring| u32::from(ring) + 1));
         Ok((cloud.iter().enumerate().map(point).collect(), n_rings))
     }
-    /// Truth: which points of a sweep are on moving things.
+    /// Truth: which points of a sweep are on moving objects.
     pub fn moving(&self, number: usize) -> anyhow::Result<Option<Vec<u8>>> {
-        let path = self.folder.join("moving").join(format!("{number:06}.npy"));
-        fs::read(path).ok().map(|bytes| npy::bytes(&bytes)).transpose()
+        self.array("moving", &format!("{number:06}"))
     }
-    /// Truth: `world_from_lidar` at the last shots; empty where the folder has none.
+    /// An array of `NumPy`; `None` if there is no such file.
+    fn array<T: npyz::Deserialize>(&self, kind: &str, name: &str) -> anyhow::Result<Option<Vec<T>>> {
+        let path = self.folder.join(kind).join(format!("{name}.npy"));
+        let Ok(file) = fs::File::open(&path) else { return Ok(None) };
+        let array = npyz::NpyFile::new(std::io::BufReader::new(file)).and_then(npyz::NpyFile::into_vec);
+        array.map(Some).with_context(|| path.display().to_string())
+    }
+    /// Truth: `world_from_lidar` at the last shots; empty if the folder has none.
     pub fn truth(&self) -> Vec<Pose> {
         poses(&self.folder.join("poses.txt")).unwrap_or_default()
     }
-    /// Where the sensors are.
-    pub fn places(&self) -> anyhow::Result<SensorPlaces> {
-        let mut places = SensorPlaces { body_from_lidar: self.mounting, ..SensorPlaces::default() };
+    /// Where the sensors are mounted.
+    pub fn sensor_mounting(&self) -> anyhow::Result<SensorMounting> {
+        let mut mounting = SensorMounting { body_from_lidar: self.mounting, ..SensorMounting::default() };
         if let Ok(text) = fs::read_to_string(self.folder.join("places.txt")) {
             let rows: Vec<Vec<f64>> = rows(&text, ' ')?;
             anyhow::ensure!(rows.len() == 2 && rows.iter().all(|row| row.len() == 3), "places.txt: two lines of three");
-            places.imu_in_body = Point3::from_slice(&rows[0]);
-            places.antenna_in_body = Point3::from_slice(&rows[1]);
+            mounting.imu_in_body = Point3::from_slice(&rows[0]);
+            mounting.antenna_in_body = Point3::from_slice(&rows[1]);
         }
-        Ok(places)
+        Ok(mounting)
     }
     /// All inertial samples.
     pub fn inertial(&self) -> anyhow::Result<Vec<InertialSample>> {

@@ -1,21 +1,22 @@
-//! How sharp surfaces are, without any truth.
+//! Sharpness of surfaces. It needs no truth.
 
-use super::{Patch, PointIndex};
+use super::index::PointIndex;
+use super::patch::Patch;
 use crate::Statistics;
 use rayon::prelude::*;
 
-/// What counts as a wall, and how closely one looks.
+/// Definition of a facade, and sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CrispnessSettings {
-    /// Of the balls, m.
+    /// Radius of the neighborhoods, m.
     pub radius_m: f32,
-    /// Places that the entropy is taken at, at most; spread evenly over the sorted points.
+    /// Largest number of points at which the entropy is computed, spread evenly over the sorted points.
     pub max_samples: usize,
-    /// Points that a ball must have for an entropy.
+    /// Least number of points of a neighborhood for the entropy.
     pub min_points: usize,
-    /// Points that a ball must have for a facade.
+    /// Least number of points of a neighborhood for a facade.
     pub min_facade_points: usize,
-    /// Thickness above which a ball is no facade, m: two walls that lie apart because the map is wrong still are one up to here.
+    /// Largest thickness of a facade, m. Two copies of a wall that are closer count as one thick facade.
     pub max_thickness_m: f64,
 }
 
@@ -26,43 +27,43 @@ impl Default for CrispnessSettings {
             max_samples: 200_000,
             min_points: 8,
             min_facade_points: 30,
-            // A third of the radius: a ball of points without any structure has 0.45 radii.
+            // A third of the radius. Points without structure have a thickness of 0.45 radii.
             max_thickness_m: 0.1,
         }
     }
 }
 
-/// The least extent along a facade, by that of a whole disk (half of its radius): edges and thin things are left out.
+/// Least extent along a facade, relative to a full disk (half of its radius). This excludes edges and thin objects.
 const MIN_EXTENT: f64 = 0.6;
-/// How far a facade may lean: sine of 15 degrees.
-const MAX_LEAN: f64 = 0.2588;
+/// Largest tilt of a facade: sine of 15 degrees.
+const MAX_TILT: f64 = 0.2588;
 
-/// How sharp a cloud is.
+/// The sharpness of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crispness {
-    /// Standard deviations across the facades, m; `None` without facades.
+    /// Standard deviations perpendicular to the facades, m. `None` without facades.
     pub thickness_m: Option<Statistics>,
-    /// Upright patches that are too thick for a facade: bushes, corners, and walls that a wrong map has doubled.
+    /// Number of upright patches that are too thick for a facade: bushes, corners, and walls that appear twice.
     pub n_too_thick: usize,
-    /// Mean map entropy, nats; lower is crisper. `None` if no ball had enough points.
+    /// Mean map entropy, nats; lower is sharper. `None` if no neighborhood has enough points.
     pub mean_entropy: Option<f64>,
-    /// Balls that the mean is over.
+    /// Number of neighborhoods of the mean.
     pub n_entropies: usize,
 }
 
 /// Thickness of facades and mean map entropy.
 ///
-/// **Thickness**: in each cube of a grid of `radius_m` that has points, the points within `radius_m` of the one nearest to the
-/// cube's middle. They are a facade if there are `min_facade_points` of them, the deviation along the second axis is at least
-/// 0.3 radii (0.5 for a whole disk), the normal lies within 15 degrees of the horizontal, and the deviation across is not above
-/// `max_thickness_m`. The latter is the thickness. Copies of a wall that lie further apart than the radius are walls of their own
-/// here: only a distance to the truth shows them.
+/// **Thickness**: each cube of a grid of `radius_m` with points contributes one neighborhood: the points within `radius_m` of the
+/// point nearest to the center of the cube. A neighborhood is a facade if it has `min_facade_points` points, the deviation along
+/// its second axis is at least 0.3 radii (0.5 for a full disk), its normal is within 15 degrees of the horizontal, and the deviation
+/// along the normal is at most `max_thickness_m`. This deviation is the thickness. Copies of a wall that are further apart than the
+/// radius are separate facades here: only the distance to the truth shows them.
 ///
 /// **Mean map entropy** (Droeschel and Behnke, ICRA 2018): the mean of `ln sqrt(det(2 pi e C))`, `C` the covariance of the points
-/// within `radius_m` of a point, over all points, or as many of them as asked for.
+/// within `radius_m` of a point, over all points or over `max_samples` of them.
 pub fn crispness(index: &PointIndex, settings: &CrispnessSettings) -> Crispness {
     let radius_m = settings.radius_m;
-    let facades: Vec<f64> = middles(index, radius_m)
+    let facades: Vec<f64> = central_points(index, radius_m)
         .into_par_iter()
         .filter_map(|center| facade_thickness(index, center, settings))
         .collect();
@@ -71,7 +72,7 @@ pub fn crispness(index: &PointIndex, settings: &CrispnessSettings) -> Crispness 
     let n_points = index.points().len();
     let stride = n_points.div_ceil(settings.max_samples.max(1)).max(1);
     let samples: Vec<[f32; 3]> = index.points().iter().step_by(stride).copied().collect();
-    // Collected in order before it is summed: sums do not depend on the number of threads.
+    // Collected in order before summation, so that the sum does not depend on the number of threads.
     let entropies: Vec<Option<f64>> = samples
         .into_par_iter()
         .map(|center| Patch::around(index, center, radius_m))
@@ -86,20 +87,20 @@ pub fn crispness(index: &PointIndex, settings: &CrispnessSettings) -> Crispness 
     }
 }
 
-/// Deviation across an upright patch, m, whatever it is.
+/// Deviation along the normal of an upright patch, m.
 fn facade_thickness(index: &PointIndex, center: [f32; 3], settings: &CrispnessSettings) -> Option<f64> {
     let patch = Patch::around(index, center, settings.radius_m)?;
     let is_wide = patch.deviations_m[1] >= 0.5 * MIN_EXTENT * f64::from(settings.radius_m);
-    let is_upright = patch.normal.z.abs() <= MAX_LEAN;
+    let is_upright = patch.normal.z.abs() <= MAX_TILT;
     let is_facade = patch.n_points >= settings.min_facade_points && is_wide && is_upright;
     is_facade.then_some(patch.deviations_m[0])
 }
 
-/// For each cube of a grid, the point nearest to its middle; the first of equally near ones.
-fn middles(index: &PointIndex, cube_m: f32) -> Vec<[f32; 3]> {
+/// For each cube of a grid, the point nearest to its center; the first one of equally near points.
+fn central_points(index: &PointIndex, cube_m: f32) -> Vec<[f32; 3]> {
     let cube = |point: &[f32; 3]| point.map(|value| (value / cube_m).floor() as i32);
     let off = |point: &[f32; 3]| point.iter().map(|value| ((value / cube_m).fract().abs() - 0.5).powi(2)).sum::<f32>();
-    // Columns of the index are as wide as a cube or wider, and sorted by height within: cubes are not contiguous there.
+    // The points of a cube are not contiguous in the index, whose columns are at least as wide as a cube.
     let mut by_cube: Vec<([i32; 3], f32, u32)> =
         index.points().par_iter().enumerate().map(|(i, point)| (cube(point), off(point), i as u32)).collect();
     by_cube.par_sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
@@ -111,7 +112,7 @@ fn middles(index: &PointIndex, cube_m: f32) -> Vec<[f32; 3]> {
 mod tests {
     use super::*;
 
-    /// A wall of 4 x 3 m with two sheets, and the ground before it, which is thicker.
+    /// A wall of 4 x 3 m with two sheets, and thicker ground in front of it.
     fn street(half_thickness_m: f32) -> PointIndex {
         let wall = (0..120_000_u32).map(|i| {
             let side = if i % 2 == 0 { half_thickness_m } else { -half_thickness_m };
@@ -122,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thicker_wall_is_measured_as_such_and_has_more_entropy() {
+    fn thicker_wall_has_larger_thickness_and_entropy() {
         let settings = CrispnessSettings { max_samples: 20_000, ..CrispnessSettings::default() };
         let [thin, thick] = [0.01, 0.03].map(|half| crispness(&street(half), &settings));
         for (found, expected) in [(&thin, 0.01), (&thick, 0.03)] {
@@ -130,7 +131,7 @@ mod tests {
             assert!(thickness.n > 80 && (thickness.median - expected).abs() < 0.001, "{thickness:?}");
         }
         let [Some(less), Some(more)] = [thin, thick].map(|found| found.mean_entropy) else { panic!("no entropy") };
-        // Three quarters of the points are on the wall, whose entropy rises by ln 3.
+        // Three quarters of the points are on the wall, whose entropy increases by ln 3.
         assert!((more - less - 0.75 * 3.0_f64.ln()).abs() < 0.1, "{less} {more}");
         let doubled = crispness(&street(0.12), &settings);
         assert!(doubled.thickness_m.is_none_or(|t| t.n < 30) && doubled.n_too_thick > 150, "{doubled:?}");

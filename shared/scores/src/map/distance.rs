@@ -1,33 +1,34 @@
-//! Distances between a cloud and a true one.
+//! Distances between a cloud and a true cloud.
 
-use super::PointIndex;
+use super::index::PointIndex;
 use crate::Statistics;
 use rayon::prelude::*;
 
-/// How closely one looks.
+/// Range and sampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceSettings {
-    /// Points with nothing of the other cloud within this, m, count as far and in no mean.
+    /// Points without a point of the other cloud within this distance count as far, m. They are in no mean.
     pub reach_m: f32,
-    /// Points that are asked for their neighbor, at most; spread evenly over the sorted points.
+    /// Largest number of points whose neighbor is searched, spread evenly over the sorted points.
     pub max_samples: usize,
 }
 
-/// Of the points of one cloud to their nearest neighbors in the other.
+/// Distances from the points of one cloud to their nearest neighbors in the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// Of those that have one within reach, m.
+    /// Distances of the points with a neighbor within reach, m.
     pub near_m: Option<Statistics>,
-    /// Share of the points without one, 0 to 1.
+    /// Share of the points without a neighbor within reach, 0 to 1.
     pub far: f64,
-    /// Shares of all asked points that have one within 5, 10 and 20 cm.
+    /// Shares of all sampled points with a neighbor within 5, 10 and 20 cm.
     pub within: [f64; 3],
 }
 
-/// The distances that [`Distances::within`] counts, m.
+/// The distances of [`Distances::within`], m.
 pub const WITHIN_M: [f64; 3] = [0.05, 0.1, 0.2];
 
-/// From points of `from` to the nearest of `to`. The true cloud has gaps between its points, so even a perfect map has distances.
+/// Distances from the points of `from` to the nearest points of `to`. Both clouds are sampled, so even a perfect cloud has distances
+/// above 0.
 pub fn distances(from: &PointIndex, to: &PointIndex, settings: &DistanceSettings) -> Distances {
     let stride = from.points().len().div_ceil(settings.max_samples.max(1)).max(1);
     let samples: Vec<[f32; 3]> = from.points().iter().step_by(stride).copied().collect();
@@ -46,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_shifted_copy_is_as_far_as_it_was_shifted() {
+    fn shifted_copy_has_distance_of_the_shift() {
         let grid = |shift: f32| -> Vec<[f32; 3]> {
             (0..2500_u16).map(|i| [f32::from(i % 50), f32::from(i / 50), shift]).collect()
         };

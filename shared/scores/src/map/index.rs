@@ -1,11 +1,11 @@
-//! Points that are looked for by place.
+//! Spatial index of points.
 
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Points in columns of a horizontal grid, each sorted by height: a ball is looked for in the columns that it touches, and in each
-/// of them among those of its heights alone. 12 bytes a point.
+/// Points in columns of a horizontal grid, each column sorted by height. A search visits the columns within the radius, and in each
+/// column only the points within the range of heights. Needs 12 bytes per point.
 pub struct PointIndex {
     cell_m: f32,
     points: Vec<[f32; 3]>,
@@ -13,12 +13,12 @@ pub struct PointIndex {
 }
 
 impl PointIndex {
-    /// With columns `cell_m` wide: best about the radius of the balls. Points that are not finite are left out. Coordinates should be within some 10 km of 0, where
-    /// an f32 is exact to 1 mm.
+    /// Builds an index with columns `cell_m` wide; the best width is about the search radius. Points that are not finite are left out.
+    /// Coordinates should be within 10 km of 0, where an f32 resolves 1 mm.
     pub fn new(mut points: Vec<[f32; 3]>, cell_m: f32) -> Self {
         points.retain(|point| point.iter().all(|value| value.is_finite()));
         let column = |point: &[f32; 3]| [point[0], point[1]].map(|value| (value / cell_m).floor() as i32);
-        // All of the point takes part in the order, so that it is the same whatever order the points came in.
+        // All coordinates are compared, so that the result does not depend on the order of the input.
         points.par_sort_unstable_by(|a, b| {
             let height = a[2].total_cmp(&b[2]);
             column(a).cmp(&column(b)).then(height).then(a[0].total_cmp(&b[0])).then(a[1].total_cmp(&b[1]))
@@ -57,7 +57,7 @@ impl PointIndex {
 
     /// Distance to the nearest point, m, if there is one within `radius_m`.
     pub fn nearest(&self, center: [f32; 3], radius_m: f32) -> Option<f32> {
-        // Most neighbors are near: larger balls are only for those that have none in a small one.
+        // Most neighbors are near: a larger radius is searched only if the smaller one has no point.
         [radius_m / 16.0, radius_m / 4.0, radius_m].into_iter().find_map(|radius_m| {
             let mut nearest = f32::INFINITY;
             self.visit_ball(center, radius_m, |_, squared| nearest = nearest.min(squared));
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ball_has_the_points_that_are_in_it() {
+    fn visit_ball_finds_exactly_the_points_within_the_radius() {
         let number =
             |i: u32, k: u32| f32::from((i.wrapping_mul(2_654_435_761).rotate_left(11 * k) >> 16) as u16) / 8192.0;
         let points: Vec<[f32; 3]> = (1..4000).map(|i| [number(i, 0) - 4.0, number(i, 1) - 4.0, number(i, 2)]).collect();
@@ -84,16 +84,16 @@ mod tests {
             index.visit_ball(*center, radius_m, |_, _| n += 1);
             assert_eq!(n, expected);
             n_found += n;
-            let beside = [center[0] + 0.11, center[1], center[2] - 0.2];
-            let squared = |p: &[f32; 3]| (0..3).map(|k| (p[k] - beside[k]).powi(2)).sum::<f32>();
+            let query = [center[0] + 0.11, center[1], center[2] - 0.2];
+            let squared = |p: &[f32; 3]| (0..3).map(|k| (p[k] - query[k]).powi(2)).sum::<f32>();
             let nearest = points.iter().map(squared).fold(f32::INFINITY, f32::min).sqrt();
-            assert_eq!(index.nearest(beside, 4.0), Some(nearest));
+            assert_eq!(index.nearest(query, 4.0), Some(nearest));
         }
         assert!(n_found > 200, "{n_found}");
     }
 
     #[test]
-    fn the_nearest_is_found_up_to_the_radius() {
+    fn nearest_finds_points_within_the_radius_only() {
         let index = PointIndex::new(vec![[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [f32::NAN, 0.0, 0.0]], 1.0);
         assert_eq!(index.points().len(), 2);
         assert_eq!(index.nearest([0.5, 0.0, 0.0], 1.0), Some(0.5));

@@ -1,29 +1,29 @@
-//! The points around a place, as an ellipsoid.
+//! The spread of the points in a neighborhood.
 
-use super::PointIndex;
+use super::index::PointIndex;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// Points within a ball, and how they are spread.
+/// The covariance of the points within a radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// How many.
+    /// Number of points.
     pub n_points: usize,
-    /// Standard deviations along the axes of the ellipsoid, m, smallest first (divided by n).
+    /// Standard deviations along the principal axes, m, smallest first (divided by n).
     pub deviations_m: [f64; 3],
-    /// Direction of the smallest; unit length, either sign.
+    /// Direction of the smallest deviation; unit length, either sign.
     pub normal: Vector3<f64>,
     /// Natural logarithm of the determinant of the covariance, of m^2.
     pub log_determinant: f64,
 }
 
-/// Variance that is added along each axis, m^2: 1 mm, what an f32 keeps far out. Points in a plane or on a line have an entropy
-/// then.
+/// Variance that is added along each axis, m^2: the resolution of an f32 far from the origin, 1 mm. It makes the entropy of points
+/// in a plane or on a line finite.
 const LEAST_VARIANCE_M2: f64 = 1e-6;
 
 impl Patch {
-    /// Of all points within `radius_m` of `center`; `None` of fewer than 3.
+    /// The patch of all points within `radius_m` of `center`. `None` if there are fewer than 3.
     pub fn around(index: &PointIndex, center: [f32; 3], radius_m: f32) -> Option<Self> {
-        // Moments about the center, so that nothing cancels.
+        // Moments about the center, to avoid cancellation.
         let (mut n, mut sum, mut products) = (0.0, [0.0_f64; 3], [0.0_f64; 6]);
         index.visit_ball(center, radius_m, |point, _| {
             let [x, y, z] = std::array::from_fn(|k| f64::from(point[k] - center[k]));
@@ -51,7 +51,7 @@ impl Patch {
         })
     }
 
-    /// Differential entropy of the Gaussian of the same spread, nats for m: `ln sqrt(det(2 pi e C))`.
+    /// Differential entropy of the Gaussian with this covariance, nats with lengths in m: `ln sqrt(det(2 pi e C))`.
     pub fn entropy(&self) -> f64 {
         0.5 * (3.0 * (std::f64::consts::TAU.ln() + 1.0) + self.log_determinant)
     }
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slanted_plane_has_its_normal_and_its_thickness() {
+    fn patch_of_tilted_plane_has_its_normal_and_thickness() {
         // Two sheets 2 cm to either side: deviation 2 cm.
         let normal = Vector3::new(0.6, 0.0, 0.8);
         let (u, v) = (Vector3::new(0.8, 0.0, -0.6), Vector3::y());

@@ -1,39 +1,39 @@
-//! Putting the estimate into the world of the truth (Umeyama, PAMI 1991).
+//! Alignment of the estimate to the truth (Umeyama, PAMI 1991).
 
-use super::PosePair;
+use super::pose_pair::PosePair;
 use geometry::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 
-/// What may be chosen so that an estimate fits best.
+/// What is aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alignment {
-    /// Nothing: both are in the same world.
+    /// Nothing: both trajectories are in the same world frame.
     None,
-    /// The first poses are made equal.
+    /// The first poses become equal.
     First,
-    /// Rotation and translation that make the mean square of the position errors smallest.
+    /// Rotation and translation, by least squares of the position errors.
     Se3,
-    /// The same with a scale.
+    /// Rotation, translation and scale, by least squares of the position errors.
     Sim3,
 }
 
 /// `truth_world_from_estimate_world`: scale, then rotation, then translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
-    /// 1 unless asked for.
+    /// 1 unless the alignment is [`Alignment::Sim3`].
     pub scale: f64,
-    /// After the scale.
+    /// Applied after the scale.
     pub pose: Isometry3<f64>,
 }
 
 /// Why poses cannot be aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum AlignError {
-    /// There are none.
+    /// There are no poses.
     #[error("there are no poses to align")]
     NoPoses,
-    /// They stand still, or lie on one line, about which they can be turned at will.
-    #[error("the positions lie on a line or in a point, so the rotation is not determined: align by the first pose")]
+    /// All positions are equal or on one line, so that a rotation about the line is undetermined.
+    #[error("all positions are on one line or equal, so the rotation is undetermined; align by the first pose instead")]
     OnALine,
 }
 
@@ -42,7 +42,7 @@ impl Similarity {
         Self { scale: 1.0, pose: Isometry3::identity() }
     }
 
-    /// Moves the estimates.
+    /// Transforms the estimated poses.
     pub fn apply(&self, pairs: &mut [PosePair]) {
         for pair in pairs {
             pair.estimate.translation.vector *= self.scale;
@@ -51,7 +51,7 @@ impl Similarity {
     }
 }
 
-/// What puts the estimates into the world of the truth.
+/// The transform from the world of the estimate to the world of the truth.
 pub fn align(pairs: &[PosePair], alignment: Alignment) -> Result<Similarity, AlignError> {
     let first = pairs.first().ok_or(AlignError::NoPoses)?;
     match alignment {
@@ -74,7 +74,7 @@ fn umeyama(pairs: &[PosePair], with_scale: bool) -> Result<Similarity, AlignErro
     }
     let svd = covariance.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(AlignError::OnALine) };
-    // Sorted, largest first. Rounding leaves about 1e-16 of the largest.
+    // Sorted, largest first. Rounding errors are about 1e-16 of the largest.
     if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
         return Err(AlignError::OnALine);
     }
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moved_estimate_is_moved_back() {
+    fn transformed_estimate_is_transformed_back() {
         let moved = Pose::new(Vector3::new(100.0, -40.0, 7.0), Vector3::new(0.3, -0.2, 2.5));
         for (alignment, scale) in [(Alignment::First, 1.0), (Alignment::Se3, 1.0), (Alignment::Sim3, 1.25)] {
             let mut pairs = spiral(&moved, scale);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_determined_is_refused() {
+    fn undetermined_alignment_is_refused() {
         assert_eq!(align(&[], Alignment::None), Err(AlignError::NoPoses));
         let mut straight = spiral(&Pose::identity(), 1.0);
         for pair in &mut straight {

@@ -1,48 +1,53 @@
-//! Relative pose errors (Sturm et al., IROS 2012), counted as `evo_rpe` does: over intervals one after the other.
+//! Relative pose errors (Sturm et al., IROS 2012), over consecutive intervals as in `evo_rpe`.
 
-use super::PosePair;
+use super::pose_pair::PosePair;
 
-/// Error of the motion over an interval.
+/// Error of the motion over one interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Relative {
-    /// Index of the pair at its begin.
+pub struct RelativeError {
+    /// Index of the pair at its start.
     pub first: usize,
     /// Index of the pair at its end.
     pub last: usize,
-    /// m.
+    /// Translation error, m.
     pub translation_m: f64,
-    /// rad.
+    /// Rotation error, rad.
     pub rotation_rad: f64,
 }
 
-/// Intervals of `count` poses, one after the other; `count` is 1 or more.
-pub fn pairs_by_count(n_pairs: usize, count: usize) -> Vec<(usize, usize)> {
+/// Consecutive intervals of `count` poses; `count` is 1 or more.
+pub fn intervals_by_count(n_pairs: usize, count: usize) -> Vec<(usize, usize)> {
     let ends: Vec<usize> = (0..n_pairs).step_by(count.max(1)).collect();
     ends.windows(2).map(|pair| (pair[0], pair[1])).collect()
 }
 
-/// Intervals that end at the first pose whose way along the *estimate*, from the begin of the interval, is `way_m` or more.
-pub fn pairs_by_way(pairs: &[PosePair], way_m: f64) -> Vec<(usize, usize)> {
+/// Consecutive intervals that end at the first pose whose distance along the *estimate* from their start is `least_m` or more.
+pub fn intervals_by_distance(pairs: &[PosePair], least_m: f64) -> Vec<(usize, usize)> {
     let mut ends = vec![0];
-    let mut way = 0.0;
+    let mut distance_m = 0.0;
     for i in 1..pairs.len() {
         let [a, b] = [&pairs[i - 1], &pairs[i]].map(|pair| pair.estimate.translation.vector);
-        way += (b - a).norm();
-        if way >= way_m {
+        distance_m += (b - a).norm();
+        if distance_m >= least_m {
             ends.push(i);
-            way = 0.0;
+            distance_m = 0.0;
         }
     }
     ends.windows(2).map(|pair| (pair[0], pair[1])).collect()
 }
 
-/// The error of each interval: of the estimate's motion as seen from the truth's.
-pub fn relative_errors(pairs: &[PosePair], intervals: &[(usize, usize)]) -> Vec<Relative> {
+/// The error of each interval: the estimated motion relative to the true motion.
+pub fn relative_errors(pairs: &[PosePair], intervals: &[(usize, usize)]) -> Vec<RelativeError> {
     let error = |&(first, last): &(usize, usize)| {
         let (a, b) = (&pairs[first], &pairs[last]);
         let truth = a.truth.inv_mul(&b.truth);
         let error = truth.inv_mul(&a.estimate.inv_mul(&b.estimate));
-        Relative { first, last, translation_m: error.translation.vector.norm(), rotation_rad: error.rotation.angle() }
+        RelativeError {
+            first,
+            last,
+            translation_m: error.translation.vector.norm(),
+            rotation_rad: error.rotation.angle(),
+        }
     };
     intervals.iter().map(error).collect()
 }
@@ -53,21 +58,21 @@ mod tests {
     use geometry::{Pose, Stamp, Vector3};
 
     #[test]
-    fn intervals_follow_each_other() {
-        assert_eq!(pairs_by_count(8, 3), [(0, 3), (3, 6)]);
+    fn intervals_are_consecutive() {
+        assert_eq!(intervals_by_count(8, 3), [(0, 3), (3, 6)]);
         let pair = |x: f64| {
             let truth = Pose::translation(x, 0.0, 0.0);
             PosePair { stamp: Stamp(0), truth, estimate: Pose::translation(2.0 * x, 0.0, 0.0) }
         };
         let pairs: Vec<PosePair> = [0.0, 1.0, 2.0, 2.5, 4.0, 9.0].map(pair).to_vec();
-        // Twice as long a way along the estimate.
-        assert_eq!(pairs_by_way(&pairs, 4.0), [(0, 2), (2, 4), (4, 5)]);
+        // Distances along the estimate are twice those along the truth.
+        assert_eq!(intervals_by_distance(&pairs, 4.0), [(0, 2), (2, 4), (4, 5)]);
         let errors = relative_errors(&pairs, &[(0, 2), (4, 5)]);
         assert_eq!([errors[0].translation_m, errors[1].translation_m], [2.0, 5.0]);
     }
 
     #[test]
-    fn the_world_frames_do_not_matter_and_the_end_s_rotation_does() {
+    fn relative_error_does_not_depend_on_world_frames() {
         let elsewhere = Pose::new(Vector3::new(5.0, 6.0, 7.0), Vector3::new(1.0, 0.5, -2.0));
         let a = Pose::new(Vector3::new(1.0, 0.0, 0.0), Vector3::z() * 0.5);
         let b = Pose::new(Vector3::new(3.0, 1.0, 0.0), Vector3::z() * 0.7);

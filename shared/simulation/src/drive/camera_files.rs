@@ -1,35 +1,25 @@
-//! Images, mosaics with their references and calibration, and the truth about materials and broken pixels.
+//! Color images, mosaic images with references and calibration, and the truth about materials and defective pixels.
 
 use super::files::Folder;
-use super::{MOSAIC_STREAM, Meter, Simulation};
+use super::progress::{MOSAIC_WORK, Progress, image_work};
 use crate::error::SimulationError;
-use crate::material::Material;
-use crate::random::hash;
 use crate::sensors::camera::ColorCamera;
 use crate::sensors::mosaic::{BIT_DEPTH, Chip, MosaicCamera, SIZE, sensor_calibration};
+use crate::simulation::{MOSAIC_STREAM, Simulation};
 use formats::pgm::pgm_from_samples;
-use geometry::{CameraModel, Stamp};
+use geometry::Stamp;
+use random::hash;
 use std::fmt::Write;
+use town::material::Material;
 
-/// Frames of each reference.
+/// Images of each reference.
 const N_REFERENCES: u64 = 2;
-/// Work of a pixel of an image and of a mosaic in measured ms of one core, for an even progress.
-const PIXEL_WORK: f64 = 3.2e-3;
-/// See [`PIXEL_WORK`].
-pub const MOSAIC_WORK: f64 = 1000.0;
-
-/// Work of an image, ms of one core.
-pub fn image_work(lens: &CameraModel) -> f64 {
-    let (width, height) = lens.size();
-    f64::from(width) * f64::from(height) * PIXEL_WORK
-}
-
-/// The color cameras' images; how many.
+/// Writes the images of the color cameras; returns their number.
 pub fn write_images(
     simulation: &Simulation,
     folder: &Folder,
     exposures: &[Stamp],
-    meter: &mut Meter<'_>,
+    progress: &mut Progress<'_>,
 ) -> Result<u32, SimulationError> {
     let mut n_images = 0;
     for group in simulation.rig.lens_groups() {
@@ -38,7 +28,7 @@ pub fn write_images(
         for stamp in exposures {
             for (index, pixels) in group.iter().zip(simulation.images(&camera, &group, *stamp)) {
                 folder.write_jpeg(&format!("camera/{index}/{}.jpg", stamp.0), &pixels, camera.size())?;
-                meter.add(image_work(lens));
+                progress.add(image_work(lens));
                 n_images += 1;
             }
         }
@@ -46,12 +36,12 @@ pub fn write_images(
     Ok(n_images)
 }
 
-/// The mosaic cameras' raw frames, references and calibration files; how many frames.
+/// Writes raw images, references and calibration files of the mosaic cameras; returns the number of images.
 pub fn write_mosaics(
     simulation: &Simulation,
     folder: &Folder,
     exposures: &[Stamp],
-    meter: &mut Meter<'_>,
+    progress: &mut Progress<'_>,
 ) -> Result<u32, SimulationError> {
     let mut defects = "camera,u,v,fault\n".to_owned();
     for (index, mosaic) in simulation.rig.mosaics.iter().enumerate() {
@@ -71,14 +61,14 @@ pub fn write_mosaics(
         }
         for stamp in exposures {
             write(format!("{name}/{}.pgm", stamp.0), simulation.mosaic(&camera, index, *stamp))?;
-            meter.add(MOSAIC_WORK);
+            progress.add(MOSAIC_WORK);
         }
     }
     folder.write("truth/dead_pixels.csv", defects.as_bytes())?;
     Ok((exposures.len() * simulation.rig.mosaics.len()) as u32)
 }
 
-/// Reflectance of every material: a column each, a row for every 10 nm.
+/// Writes the reflectance of every material: one column per material, one row per 10 nm.
 pub fn write_materials(folder: &Folder) -> Result<(), SimulationError> {
     let mut table = "wavelength_nm".to_owned();
     let spectra: Vec<Vec<(f32, f32)>> = Material::ALL.iter().map(|m| m.spectrum().samples().collect()).collect();

@@ -1,4 +1,4 @@
-//! Files of a drive that is being made.
+//! The folder of a drive while it is written.
 
 use crate::error::SimulationError;
 use image::ExtendedColorType;
@@ -7,11 +7,11 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Good enough that no block edge is stronger than the sensor's own texture.
+/// High enough that JPEG block edges are weaker than sensor noise.
 const JPEG_QUALITY: u8 = 88;
 
-/// A folder beside the drive's place; it takes that place when it is complete, and goes if it is given up. So a failed run leaves
-/// nothing, and a killed one no half drive.
+/// A folder `OUT.partial` beside the output. It is renamed to the output when complete and removed when dropped before, so that
+/// a failed run leaves no files and a killed run leaves no incomplete drive.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
@@ -19,7 +19,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Starts anew; what a cut run left there goes.
+    /// Creates the folder; removes what an interrupted run left there.
     pub fn beside(out: &Path) -> Result<Self, SimulationError> {
         let mut name = out.file_name().map_or_else(|| OsString::from("drive"), OsString::from);
         name.push(".partial");
@@ -33,7 +33,7 @@ impl Folder {
         fs::create_dir_all(&path).map_err(SimulationError::write(&path))?;
         Ok(Self { path, is_complete: false })
     }
-    /// Path of a file inside; its folder is made.
+    /// Path of a file inside; creates its folder.
     pub fn path(&self, name: &str) -> Result<PathBuf, SimulationError> {
         let path = self.path.join(name);
         if let Some(parent) = path.parent() {
@@ -46,7 +46,7 @@ impl Folder {
         let path = self.path(name)?;
         fs::write(&path, bytes).map_err(SimulationError::write(&path))
     }
-    /// Writes an sRGB picture.
+    /// Writes an sRGB image.
     pub fn write_jpeg(&self, name: &str, pixels: &[u8], (width, height): (u32, u32)) -> Result<(), SimulationError> {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
@@ -54,7 +54,7 @@ impl Folder {
             .map_err(|cause| SimulationError::Image { path: self.path.join(name), cause })?;
         self.write(name, &bytes)
     }
-    /// The drive is complete.
+    /// Renames the complete drive to `out`.
     pub fn complete(mut self, out: &Path) -> Result<(), SimulationError> {
         fs::rename(&self.path, out).map_err(SimulationError::write(out))?;
         self.is_complete = true;
@@ -65,7 +65,7 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         if !self.is_complete {
-            // The error that is on its way says what went wrong; what cannot be removed either, the next run removes.
+            // The original error is reported; the next run removes what cannot be removed now.
             let _ = fs::remove_dir_all(&self.path);
         }
     }

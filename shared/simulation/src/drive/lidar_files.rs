@@ -1,30 +1,24 @@
-//! The lidar's packets as a capture, with position packets between them, and the labels of its returns.
+//! Lidar capture with data and position packets, and the labels of the returns.
 
-use super::Simulation;
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::sensors::gnss::Epoch;
-use crate::spec::{DriveReport, DriveSpec};
+use crate::simulation::Simulation;
+use crate::spec::DriveReport;
 use crate::truth::Revolutions;
 use formats::pcap;
 use formats::velodyne::{DATA_PORT, POSITION_PORT, PulseStatus, encode_position_packet};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Packets that are made at once: a tenth of a second of drive, so that memory stays small and threads stay busy.
+/// Packets per parallel batch: a tenth of a second, so that memory stays small and all threads are busy.
 const BATCH: u64 = 181;
 /// Data packets for each position packet, as in a real capture of an HDL-32E.
 const POSITION_EVERY: u64 = 9;
 /// A position packet follows the data packet that it waited for, ns.
 const POSITION_DELAY_NANOS: i64 = 100_000;
 
-/// What the sensors record, s: to the end of the last lidar packet.
-pub fn duration_seconds(spec: &DriveSpec) -> f64 {
-    let model = spec.lidar_model();
-    (model.n_packets(spec.seconds) as i64 * model.packet_nanos()) as f64 * 1e-9
-}
-
-/// Writes capture and labels; the receiver's sentences go into position packets. `done` hears how many packets were made.
+/// Writes capture and labels. Position packets carry the receiver's sentences. `done` receives the number of new packets.
 pub fn write(
     simulation: &Simulation,
     folder: &Folder,
@@ -50,10 +44,10 @@ pub fn write(
             }
             let payload = lidar.payload(packet, blocks);
             capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
-            // The device sends the receiver's last sentence again and again.
+            // The device repeats the receiver's last sentence.
             if packet % POSITION_EVERY == 0 {
                 let stamp = stamp.plus_nanos(POSITION_DELAY_NANOS);
-                // A vehicle without a receiver has no pulse either.
+                // Without a receiver there is no pulse.
                 let pulse = if sentence.is_empty() { PulseStatus::Absent } else { PulseStatus::Locked };
                 let payload = encode_position_packet(stamp, pulse, &sentence);
                 capture.write_udp(stamp, POSITION_PORT, &payload).map_err(SimulationError::write(&path))?;

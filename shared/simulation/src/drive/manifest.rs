@@ -1,4 +1,4 @@
-//! `drive.toml` of a simulated drive: what the vehicle's maker says of it, and where the files are.
+//! `drive.toml` of a simulated drive: nominal mountings and file names.
 
 use crate::rig::{CameraSpec, MosaicSpec};
 use crate::sensors::gnss::ORIGIN;

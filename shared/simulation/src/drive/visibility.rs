@@ -1,38 +1,38 @@
-//! `truth/visibility`: which cameras saw each return.
+//! `truth/visibility`: which cameras see each return.
 //!
 //! One file per sweep, `<sweep, 6 digits>.visibility`, little-endian:
 //!
-//! | bytes | what |
+//! | bytes | content |
 //! |---|---|
 //! | 8 | `REPLVIS1` |
 //! | 4 | number of exposures e near in time |
 //! | 4 | number of returns r, those of the sweep's `.label` file in its order |
 //! | 8 e | stamps of the exposures, i64 |
-//! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if camera k saw it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
+//! | r e b | by return, then by exposure, b bytes, one for each eight cameras or part of eight: bit k % 8 of byte k / 8 is set if camera k sees it: color cameras by index, then mosaic cameras (6 is HS02 and 7 HS03 on the thesis' vehicle) |
 //!
-//! A camera saw a return if a ray from it at the middle of the exposure meets the surface there. So what moved away meanwhile
-//! was not seen. Leaves count if the ray ends within half a metre.
+//! A camera sees a return if a ray from the camera, at the middle of the exposure, hits the surface there. Objects that have
+//! moved away are therefore not seen. For leaves, the ray may end within half a meter.
 
-use super::Simulation;
 use super::files::Folder;
 use crate::error::SimulationError;
-use crate::scene::{SceneHit, Snapshot};
-use crate::trace::Ray;
+use crate::simulation::Simulation;
 use formats::velodyne::SweepReader;
 use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
 use messages::ClassId;
 use rayon::prelude::*;
+use raytrace::Ray;
+use town::{SceneHit, Snapshot};
 
-/// Exposures farther in time from a sweep are left out, s: at 10 m/s they are 20 m away.
+/// Exposures within this time of a sweep are included, s: 20 m at 10 m/s.
 const NEAR_SECONDS: f64 = 2.0;
 /// Five standard deviations of the lidar's range, m.
 const TOLERANCE_M: f64 = 0.1;
-/// The same across the surface that the ray meets, for surfaces seen at grazing incidence, m.
+/// Tolerance across the surface for grazing incidence, m.
 const TOLERANCE_ACROSS_M: f64 = 0.06;
-/// And along the ray then, and in leaves, m.
+/// Tolerance along the ray for grazing incidence and in leaves, m.
 const TOLERANCE_LEAVES_M: f64 = 0.5;
 
-struct View {
+struct CameraView {
     camera_from_world: Pose,
     model: CameraModel,
 }
@@ -40,10 +40,10 @@ struct View {
 struct NearExposure {
     stamp: Stamp,
     snapshot: Snapshot,
-    views: Vec<View>,
+    views: Vec<CameraView>,
 }
 
-/// Writes the files of all sweeps of the capture that is there already.
+/// Writes the files of all sweeps of the capture, which must exist.
 pub fn write(simulation: &Simulation, folder: &Folder, stamps: &[Stamp]) -> Result<(), SimulationError> {
     let capture = folder.path("lidar/000000.pcap")?;
     let failed =
@@ -81,14 +81,16 @@ fn near_exposure(simulation: &Simulation, stamp: Stamp) -> NearExposure {
     let rig = &simulation.rig;
     let color = rig.cameras.iter().map(|camera| (camera.body_from_camera, camera.lens.clone()));
     let mosaics = rig.mosaics.iter().map(|camera| (camera.body_from_camera, camera.lens.clone()));
-    let view =
-        |(pose, model): (Pose, CameraModel)| View { camera_from_world: (world_from_body * pose).inverse(), model };
+    let view = |(pose, model): (Pose, CameraModel)| CameraView {
+        camera_from_world: (world_from_body * pose).inverse(),
+        model,
+    };
     NearExposure { stamp, snapshot: simulation.scene.at(seconds), views: color.chain(mosaics).map(view).collect() }
 }
 
 /// A bit for each camera.
 fn masks<'a>(simulation: &'a Simulation, exposure: &'a NearExposure, p: Point3<f64>) -> impl Iterator<Item = u8> + 'a {
-    let bit = move |view: &View| {
+    let bit = move |view: &CameraView| {
         let in_picture = view.model.pixel_from_camera(&(view.camera_from_world * p)).is_some_and(|pixel| {
             let (width, height) = view.model.size();
             let inside = |at: f64, side: u32| at >= -0.5 && at < f64::from(side) - 0.5;
@@ -99,7 +101,7 @@ fn masks<'a>(simulation: &'a Simulation, exposure: &'a NearExposure, p: Point3<f
     exposure.views.chunks(8).map(move |eight| eight.iter().rev().fold(0, |mask, view| mask << 1 | bit(view)))
 }
 
-fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &View, p: &Point3<f64>) -> bool {
+fn is_seen(simulation: &Simulation, exposure: &NearExposure, view: &CameraView, p: &Point3<f64>) -> bool {
     let eye = view.camera_from_world.inverse() * Point3::origin();
     let toward: Vector3<f64> = p - eye;
     let distance = toward.norm();

@@ -1,34 +1,34 @@
-//! How well the maker has measured the mountings: the true ones differ from those in `drive.toml` by a seeded error.
+//! Calibration errors: the true mountings differ from the nominal ones in `drive.toml` by a seeded error.
 
-use super::RigSpec;
-use crate::random::{gauss, hash};
+use super::spec::RigSpec;
 use formats::manifest::{Calibration, MountingEntry};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
+use random::{gauss, hash};
 
-/// Standard deviations, about and along each axis.
+/// Standard deviations of the mounting errors, about and along each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CalibrationError {
-    /// Of the directions, deg, 0 to 10.
+    /// Rotation, deg, 0 to 10.
     pub rotation_deg: f64,
-    /// Of the positions, m, 0 to 1.
+    /// Translation, m, 0 to 1.
     pub translation_m: f64,
 }
 
 impl RigSpec {
-    /// The vehicle as it really is when this one is what its maker measured.
+    /// The rig with true mountings, if this one has the nominal mountings.
     #[must_use]
     pub fn with_true_mountings(&self, error: CalibrationError, seed: u64) -> Self {
         let mut rig = self.clone();
-        let mut off = Off { error, seed, sensor: 0 };
-        off.mount(&mut rig.lidar.body_from_lidar);
+        let mut errors = MountingErrors { error, seed, sensor: 0 };
+        errors.mount(&mut rig.lidar.body_from_lidar);
         for camera in &mut rig.cameras {
-            off.mount(&mut camera.body_from_camera);
+            errors.mount(&mut camera.body_from_camera);
         }
         for mosaic in &mut rig.mosaics {
-            off.mount(&mut mosaic.body_from_camera);
+            errors.mount(&mut mosaic.body_from_camera);
         }
         if let Some(gnss) = &mut rig.gnss {
-            let [_, shift] = off.draw();
+            let [_, shift] = errors.draw();
             gnss.antenna_in_body = (Vector3::from(gnss.antenna_in_body) + shift).into();
         }
         rig
@@ -47,13 +47,13 @@ impl RigSpec {
 }
 
 /// Draws the errors sensor by sensor.
-struct Off {
+struct MountingErrors {
     error: CalibrationError,
     seed: u64,
     sensor: u64,
 }
 
-impl Off {
+impl MountingErrors {
     /// Rotation vector (rad) and shift (m) of the next sensor.
     fn draw(&mut self) -> [Vector3<f64>; 2] {
         let of = hash(self.seed, self.sensor);
@@ -62,7 +62,7 @@ impl Off {
             |first: u64, sigma: f64| Vector3::from_fn(|i, _| sigma * f64::from(gauss(hash(of, first + i as u64))));
         [vector(0, self.error.rotation_deg.to_radians()), vector(3, self.error.translation_m)]
     }
-    /// Turns the sensor about its own axes and shifts it along the body's.
+    /// Rotates the sensor about its own axes and shifts it along the axes of the body.
     fn mount(&mut self, body_from_sensor: &mut Pose) {
         let [turn, shift] = self.draw();
         let translation = body_from_sensor.translation.vector + shift;
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_the_stated_strength_and_none_is_none() {
+    fn mounting_errors_have_the_configured_standard_deviation() {
         let rig = RigSpec::l3d2();
         assert_eq!(rig.with_true_mountings(CalibrationError::default(), 1), rig);
         let error = CalibrationError { rotation_deg: 0.5, translation_m: 0.02 };

@@ -1,9 +1,10 @@
-//! A rig file from text to a vehicle.
+//! Reads rig files.
 
-use super::{CameraSpec, GnssSpec, ImuSpec, LidarSpec, MosaicSpec, RigSpec, TriggerSpec};
-use crate::sensors::gnss::Receiver;
-use crate::sensors::imu::Grade;
+use super::spec::{CameraSpec, LidarSpec, MosaicSpec, RigSpec};
+use crate::sensors::gnss::{GnssSpec, Receiver};
+use crate::sensors::imu::{Grade, ImuSpec};
 use crate::sensors::mosaic::{MosaicModel, SIZE};
+use crate::sensors::trigger::TriggerSpec;
 use formats::manifest::rules;
 use formats::problems::FileError;
 use formats::toml_file::TomlFile;
@@ -16,8 +17,8 @@ use std::path::Path;
 
 const KEYS: [&str; 8] = ["name", "body_height_m", "lidar", "trigger", "camera", "mosaic", "gnss", "imu"];
 
-/// Place and direction of a sensor. Angles turn the sensor from the body's axes: first roll about x, then pitch about y
-/// (positive looks down), then yaw about z (positive looks left). A camera without angles looks forward.
+/// Mounting of a sensor. Angles rotate the sensor from the body axes: first roll about x, then pitch about y (positive looks
+/// down), then yaw about z (positive looks left). A camera without angles looks forward.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawMounting {
@@ -78,7 +79,14 @@ struct RawImu {
     position_in_body: [f64; 3],
 }
 
-pub fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
+impl RigSpec {
+    /// Reads the text of a rig file. `path` is for error messages. The error lists all problems at once.
+    pub fn from_toml(path: &Path, text: &str) -> Result<Self, FileError> {
+        read(path, text)
+    }
+}
+
+fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let mut file = TomlFile::new(path, text, &KEYS);
     let name: Option<String> = file.required("name");
     let body_height_m = file.required("body_height_m").inspect(|h| within(&mut file, "body_height_m", *h, 0.0, 3.0));
@@ -86,7 +94,7 @@ pub fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let (cameras, mosaics): (Vec<RawCamera>, Vec<RawMosaic>) = (file.list("camera"), file.list("mosaic"));
     let trigger: Option<RawTrigger> = file.optional("trigger");
     file.rule("trigger", trigger.is_some() || (cameras.is_empty() && mosaics.is_empty()), || {
-        "is missing: it says when the cameras fire".into()
+        "is missing: cameras need a trigger with rate_hz and way_m".into()
     });
     let trigger = trigger.unwrap_or(RawTrigger { rate_hz: 1.0, way_m: 1.0 });
     within(&mut file, "trigger.rate_hz", trigger.rate_hz, 0.1, 30.0);
@@ -135,7 +143,7 @@ fn mosaic(file: &mut TomlFile, index: usize, raw: RawMosaic, names: &mut BTreeSe
     file.rule(&key("lens"), [width, height] == SIZE.map(|side| side as u32), || {
         format!("size {width} x {height} must be the sensor's, {} x {}", SIZE[0], SIZE[1])
     });
-    // The name is a folder of the drive.
+    // The name is used as a folder of the drive.
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let taken = ["camera", "lidar", "truth"].contains(&raw.name.as_str()) || !names.insert(raw.name.clone());
     file.rule(&key("name"), !taken && !raw.name.is_empty() && raw.name.chars().all(plain), || {
@@ -195,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_is_named_with_its_line_at_once() {
+    fn rig_file_error_lists_every_problem_with_its_line() {
         let text = include_str!("../../rigs/l3d2.toml");
         let broken = text
             .replace("body_height_m = 1.0", "body_height_m = 9.0")
@@ -222,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rig_may_carry_a_lidar_alone() {
+    fn rig_with_only_a_lidar_is_accepted() {
         let text = "name = \"bare\"\nbody_height_m = 0.0\n[lidar]\nmodel = \"vlp16\"\nmounting = { position = [0.0, 0.0, 2.0] }\n";
         let rig = RigSpec::from_toml(Path::new("bare.toml"), text).expect("sound");
         assert_eq!((rig.lidar.model, rig.cameras.len(), rig.gnss, rig.imu), (Model::Vlp16, 0, None, None));

@@ -1,58 +1,55 @@
-//! The color cameras: wide-angle, with a shutter that moves with the vehicle, automatic gain, and the noise of small pixels.
+//! Color cameras: wide-angle lens, motion blur, automatic gain, and sensor noise.
 //!
-//! Every pixel is sampled once in the middle of the exposure; where it differs from its neighbors (edges, texture), at four
-//! more places within the pixel, each at its own quarter of the exposure. So edges are smooth, and what passes nearby is
-//! blurred as far as it moved.
+//! Every pixel is sampled once in the middle of the exposure. Pixels that differ from their neighbors (edges, texture) are
+//! sampled at four more points, each in its own quarter of the exposure. Edges are therefore antialiased, and near moving
+//! objects are blurred.
 
 mod develop;
 
 use super::exposure::{Exposure, MIDDLE, stratified};
-use super::lens_rays;
+use super::lens::lens_rays;
 use super::look::{Palette, Sample, Seen};
 use super::sky_view::SkyView;
-use crate::random::{hash, unit};
-use crate::spectrum::Filter;
-use crate::trace::Vec3;
-use develop::{develop, tone};
+use crate::sensors::filter::Filter;
+use develop::{Rgb, develop, tone};
 use geometry::CameraModel;
+use random::{hash, unit};
 use rayon::prelude::*;
+use raytrace::Vec3;
 
-/// Middle and standard deviation of the red, green and blue filters, nm.
+/// Center and standard deviation of the red, green and blue filters, nm.
 const FILTERS: [(f32, f32); 3] = [(616.0, 28.0), (541.0, 28.0), (462.0, 25.0)];
-/// Places of the pictures' sky view, px apart.
+/// Grid spacing of the sky view, px.
 const SKY_STEP: usize = 8;
-/// Places at which the exposure is metered, px apart.
+/// Grid spacing of the exposure metering, px.
 const METER_STEP: usize = 16;
-/// The meter brings the mean of what it sees (whites clipped) to this level.
+/// Target mean of the metered levels, clipped at 1.
 const METER_LEVEL: f32 = 0.29;
-/// Range of the automatic gain: below, the shutter is too long; above, noise would be all.
+/// Range of the automatic gain.
 const GAINS: [f32; 2] = [0.25, 8.0];
-/// Levels after the tone curve that differ by more, out of 1, are sampled more.
+/// Pixels whose level after the tone curve differs by more than this (of 1) from a neighbor get more samples.
 const CONTRAST: f32 = 0.035;
-/// Samples of such pixels beside the first.
+/// Additional samples of such pixels.
 const FINE: usize = 4;
 
-/// Light by color: 1 fills the sensor at gain 1.
-type Rgb = [f32; 3];
-
-/// A color camera and how it sees materials.
+/// A color camera with its response to each material.
 #[derive(Debug)]
 pub struct ColorCamera {
     width: u32,
     height: u32,
     rays: Vec<Option<Vec3>>,
-    /// Share of the light that arrives at a pixel: the lens is darker to its rim.
+    /// Vignetting: share of the light that reaches a pixel.
     shading: Vec<f32>,
     palette: Palette,
 }
 
 impl ColorCamera {
-    /// For a lens.
+    /// A camera with a lens.
     pub fn new(model: &CameraModel) -> Self {
         let (width, height) = model.size();
         let pixels = (0..height).flat_map(|v| (0..width).map(move |u| [f64::from(u), f64::from(v)]));
         let rays = lens_rays(model, pixels);
-        // Between the square of the cosine and none, as a retrofocus lens: 0.62 at 60 degrees from the axis.
+        // As a retrofocus lens: 0.62 at 60 degrees from the axis.
         let shading =
             rays.iter().map(|ray| ray.map_or(0.0, |ray| 1.0 - 0.38 * (ray.z.acos() / 1.05).powi(2))).collect();
         let filters = FILTERS.map(|(center, sigma)| Filter::gauss(center, sigma));
@@ -66,7 +63,7 @@ impl ColorCamera {
         (self.width, self.height)
     }
 
-    /// The gain that the exposures of cameras that fire together ask for.
+    /// Automatic gain for exposures of cameras that fire together.
     pub fn meter(&self, exposures: &[Exposure<'_>]) -> f32 {
         let [width, height] = self.sides();
         let mean_at = |gain: f32, levels: &[f32]| {
@@ -90,7 +87,7 @@ impl ColorCamera {
                 rows.par_iter().flat_map_iter(|v| row(exposure, &sky, *v)).collect::<Vec<f32>>()
             })
             .collect();
-        // The mean rises with the gain: halve the interval in stops; a twentieth of a stop is not seen.
+        // The mean rises with the gain: bisection in stops, to a twentieth of a stop.
         let [mut low, mut high] = GAINS.map(f32::log2);
         while high - low > 0.05 {
             let middle = 0.5 * (low + high);
@@ -99,7 +96,7 @@ impl ColorCamera {
         (0.5 * (low + high)).exp2()
     }
 
-    /// The picture at a gain: sRGB, row-major.
+    /// The image at a gain: sRGB, row-major.
     pub fn shoot(&self, exposure: &Exposure<'_>, gain: f32, seed: u64) -> Vec<u8> {
         let [width, height] = self.sides();
         let sky = SkyView::new(exposure, [width, height], SKY_STEP, |u, v| self.rays[v * width + u]);
@@ -114,11 +111,11 @@ impl ColorCamera {
             first.par_iter().map(|rgb| tone(gain * (rgb[0] + 2.0 * rgb[1] + rgb[2]) / 4.0)).collect();
         let fine_row = |v: usize| {
             let row = v * width..(v + 1) * width;
-            let busy: Vec<usize> = row.clone().filter(|i| self.is_busy(&levels, *i)).collect();
-            let samples: Vec<Option<Sample>> = busy.iter().flat_map(|i| self.fine(exposure, *i)).collect();
+            let refined: Vec<usize> = row.clone().filter(|i| self.needs_samples(&levels, *i)).collect();
+            let samples: Vec<Option<Sample>> = refined.iter().flat_map(|i| self.fine(exposure, *i)).collect();
             let seen = self.palette.look_at_some(exposure, &sky, &samples);
             let mut light = first[row].to_vec();
-            for (i, seen) in busy.iter().zip(seen.chunks(FINE)) {
+            for (i, seen) in refined.iter().zip(seen.chunks(FINE)) {
                 let rgb = &mut light[i % width];
                 for seen in seen {
                     let more = self.color(seen);
@@ -137,7 +134,7 @@ impl ColorCamera {
     }
 
     /// Whether a pixel differs from those around it.
-    fn is_busy(&self, levels: &[f32], i: usize) -> bool {
+    fn needs_samples(&self, levels: &[f32], i: usize) -> bool {
         let [width, height] = self.sides();
         let (u, v) = (i % width, i / width);
         let around = [
@@ -156,17 +153,17 @@ impl ColorCamera {
             let random = hash(random, k as u64);
             let within = |corner: usize, random: u64| 0.5 * (corner as f32 + unit(random)) - 0.5;
             let offset = [within(k % 2, random), within(k / 2, random << 24)];
-            // Which quarter of the pixel sees which of the exposure changes from pixel to pixel.
+            // The pairing of pixel quarter and exposure quarter changes from pixel to pixel.
             let instant = stratified(k + i % FINE + i / self.width as usize, FINE, random);
             self.sample(exposure, i, instant, offset, k as u64 + 1)
         })
     }
 
-    /// One ray through a pixel, `offset` px beside its middle; `None` where the lens shows nothing.
+    /// One ray through a pixel, `offset` px from its center; `None` outside the lens.
     fn sample(&self, exposure: &Exposure<'_>, i: usize, instant: usize, offset: [f32; 2], k: u64) -> Option<Sample> {
         let width = self.width as usize;
         let center = self.rays[i]?;
-        // The neighbors' rays say how far a pixel is.
+        // The rays of the neighbors give the angular size of a pixel.
         let toward = |step: usize, share: f32| {
             let neighbor = if share < 0.0 { i.checked_sub(step) } else { Some(i + step) };
             let ray = neighbor.and_then(|n| self.rays.get(n)).copied().flatten();

@@ -1,12 +1,12 @@
-//! The scene while a shutter is open: where the camera and all things are at some instants of the exposure.
+//! An exposure: poses of the camera and of all movers at instants while the shutter is open.
 
 use crate::motion::Motion;
-use crate::random::hash;
-use crate::scene::{Scene, Snapshot};
-use crate::trace::{Ray, Vec3};
 use geometry::{Pose, Stamp};
+use random::hash;
+use raytrace::{Ray, Vec3};
+use town::{Scene, Snapshot};
 
-/// Instants that stand for an exposure: in 100 ms at 10 m/s they are 3 cm apart.
+/// Instants per exposure: 3 cm apart at 100 ms and 10 m/s.
 pub const N_INSTANTS: usize = 36;
 
 /// An exposure of one camera.
@@ -19,7 +19,7 @@ pub struct Exposure<'a> {
 }
 
 impl<'a> Exposure<'a> {
-    /// Around the stamp of its middle.
+    /// An exposure around the stamp of its middle.
     pub fn new(
         scene: &'a Scene,
         motion: &Motion,
@@ -36,12 +36,12 @@ impl<'a> Exposure<'a> {
         Self { scene, instants: (0..N_INSTANTS).map(instant).collect(), seed }
     }
 
-    /// Where everything is at an instant, 0 to [`N_INSTANTS`] - 1.
+    /// Poses of the movers at an instant, 0 to [`N_INSTANTS`] - 1.
     pub fn snapshot(&self, instant: usize) -> &Snapshot {
         &self.instants[instant].0
     }
 
-    /// The ray from the camera at an instant along a direction in its frame; `sample` makes its randomness its own.
+    /// The ray from the camera at an instant along a direction in its frame; `sample` selects its random numbers.
     pub fn ray(&self, instant: usize, direction: &Vec3, sample: u64) -> Ray {
         let world_from_camera = &self.instants[instant].1;
         let origin = world_from_camera.translation.vector;

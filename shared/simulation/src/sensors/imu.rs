@@ -1,29 +1,27 @@
-//! The inertial unit: specific force and angular rate in the body's axes, with the gravity that it cannot tell from
-//! acceleration, the Earth's rotation that it feels, and its own errors.
+//! IMU: specific force (gravity included) and angular rate (Earth rotation included) in the body axes, with sensor errors.
 
 use crate::motion::Motion;
-use crate::random::{gauss, hash};
-use crate::rig::ImuSpec;
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::gnss::sky::EARTH_RATE;
 use formats::imu::ImuSample;
 use geometry::{Point3, Vector3};
+use random::{gauss, hash};
 
-/// m/s^2.
+/// Gravity, m/s^2.
 const GRAVITY: f64 = 9.80665;
-/// Time over which a bias wanders, s: the flat bottom of Allan plots lies at some minutes.
+/// Correlation time of the bias drift, s: the flat bottom of Allan plots lies at some minutes.
 const WANDER_SECONDS: f64 = 300.0;
-/// What engine and road shake a unit bolted to the body at full speed, m/s^2: at 20 Hz and above less than 20 µm, which no other
-/// sensor sees.
-const SHAKE: f64 = 0.1;
-/// The speed at which it shakes fully, m/s.
-const SHAKE_MPS: f64 = 10.0;
+/// Vibration by engine and road at full speed, m/s^2. At 20 Hz and above this is less than 20 µm, below the resolution of the
+/// other sensors.
+const VIBRATION: f64 = 0.1;
+/// Speed of full vibration, m/s.
+const VIBRATION_MPS: f64 = 10.0;
 /// One degree per hour, rad/s.
 const DEG_PER_HOUR: f64 = std::f64::consts::PI / 180.0 / 3600.0;
 /// One thousandth of gravity, m/s^2.
 const MILLI_G: f64 = GRAVITY * 1e-3;
 
-/// How good a unit is.
+/// Grade of an inertial unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grade {
     /// Fiber-optic gyroscopes and quartz or fine MEMS accelerometers, as in the KVH 1750 class.
@@ -32,15 +30,26 @@ pub enum Grade {
     Mems,
 }
 
+/// An inertial unit whose axes are the body's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuSpec {
+    /// Grade.
+    pub grade: Grade,
+    /// Samples per second, 10 to 1000.
+    pub rate_hz: f64,
+    /// Position of the accelerometers, m.
+    pub position_in_body: [f64; 3],
+}
+
 /// Errors of three accelerometers or gyroscopes, in m/s^2 or rad/s.
 struct Errors {
-    /// Standard deviation from one switching on to the next.
+    /// Turn-on bias, standard deviation.
     bias: f64,
-    /// Standard deviation of what wanders during a drive.
+    /// Bias drift during a drive, standard deviation.
     wander: f64,
     /// White noise, per root of Hz.
     noise_density: f64,
-    /// Standard deviation of the scale.
+    /// Scale factor error, standard deviation.
     scale: f64,
 }
 
@@ -48,7 +57,7 @@ impl Grade {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Tactical, Self::Mems];
 
-    /// As a rig file writes it.
+    /// Name in rig files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tactical => "tactical",
@@ -84,14 +93,14 @@ impl Grade {
     }
 }
 
-/// All samples of a drive, from its begin.
+/// All samples of a drive.
 pub fn record(motion: &Motion, spec: &ImuSpec, seconds: f64, seed: u64) -> Vec<ImuSample> {
     let period_nanos = (1e9 / spec.rate_hz).round() as i64;
     let [mut accelerometers, mut gyroscopes] = {
         let [force, rate] = spec.grade.errors();
         [Triad::new(&force, spec.rate_hz, hash(seed, 0)), Triad::new(&rate, spec.rate_hz, hash(seed, 1))]
     };
-    // What is felt of the Earth's rotation, in the world frame.
+    // Earth rotation in the world frame.
     let (sin, cos) = ORIGIN.latitude_deg.to_radians().sin_cos();
     let earth_rate = Vector3::new(0.0, cos, sin) * EARTH_RATE;
     let n = (seconds * 1e9 / period_nanos as f64) as i64;
@@ -100,18 +109,18 @@ pub fn record(motion: &Motion, spec: &ImuSpec, seconds: f64, seed: u64) -> Vec<I
             let at = (i * period_nanos) as f64 * 1e-9;
             let body_from_world = motion.pose(at).rotation.inverse();
             let force = acceleration(motion, at, &spec.position_in_body) + Vector3::z() * GRAVITY;
-            let shake = SHAKE * (motion.velocity(at).norm() / SHAKE_MPS).min(1.0);
+            let vibration = VIBRATION * (motion.velocity(at).norm() / VIBRATION_MPS).min(1.0);
             let rate = motion.angular_rate(at) + body_from_world * earth_rate;
             ImuSample {
                 stamp: motion.begin.plus_nanos(i * period_nanos),
-                acceleration: accelerometers.measure(&(body_from_world * force), shake).into(),
+                acceleration: accelerometers.measure(&(body_from_world * force), vibration).into(),
                 angular_rate: gyroscopes.measure(&rate, 0.0).into(),
             }
         })
         .collect()
 }
 
-/// Of a point of the body, in the world, m/s^2: away from the body's origin it also feels the turns.
+/// Acceleration of a point of the body in the world, m/s^2, lever arm included.
 fn acceleration(motion: &Motion, seconds: f64, position_in_body: &[f64; 3]) -> Vector3<f64> {
     // 1 ms: truncation and rounding of the second difference are both below 1e-5 m/s^2 within a kilometre of the origin.
     let h = 1e-3;
@@ -119,13 +128,13 @@ fn acceleration(motion: &Motion, seconds: f64, position_in_body: &[f64; 3]) -> V
     (at(seconds + h) - 2.0 * at(seconds) + at(seconds - h)) / (h * h)
 }
 
-/// Three sensors of a kind, one along each axis.
+/// Three equal sensors, one along each axis.
 struct Triad {
     bias: Vector3<f64>,
     scale: Vector3<f64>,
     /// White noise of a sample.
     noise: f64,
-    /// What the wandering part keeps from one sample to the next, and what it gains.
+    /// First-order Gauss-Markov process of the bias drift: factor and noise per sample.
     memory: f64,
     gain: f64,
     wander: Vector3<f64>,
@@ -151,12 +160,12 @@ impl Triad {
     }
 
     /// The next sample of a true value, with vibration of the given strength.
-    fn measure(&mut self, truth: &Vector3<f64>, shake: f64) -> Vector3<f64> {
+    fn measure(&mut self, truth: &Vector3<f64>, vibration: f64) -> Vector3<f64> {
         let of = hash(self.seed, 16 + self.sample);
         self.sample += 1;
         let measured = truth + truth.component_mul(&self.scale) + self.bias + self.wander;
         self.wander = self.wander * self.memory + normal(hash(of, 1)) * self.gain;
-        measured + normal(hash(of, 2)) * self.noise.hypot(shake)
+        measured + normal(hash(of, 2)) * self.noise.hypot(vibration)
     }
 }
 
@@ -184,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_show_gravity_at_rest_and_turns_in_curves() {
+    fn samples_contain_gravity_and_turn_rate() {
         let motion = motion();
         for grade in Grade::ALL {
             let samples = record(&motion, &spec(grade, [0.0; 3]), 10.0, 3);
@@ -219,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_have_the_strengths_of_their_grade() {
+    fn errors_match_the_grade() {
         let motion = motion();
         for grade in Grade::ALL {
             let [force, rate] = grade.errors();
@@ -243,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_off_the_origin_feels_the_turns() {
+    fn lever_arm_adds_rotational_acceleration() {
         let motion = motion();
         let arm = Vector3::new(2.0, 0.5, -1.0);
         let differences = |at: f64| {
@@ -255,9 +264,9 @@ mod tests {
             let by_mechanics = alpha.cross(&arm) + omega(at).cross(&omega(at).cross(&arm));
             (there.norm(), (there - by_mechanics).norm())
         };
-        let (felt, off) = (10..60)
+        let (lever, off) = (10..60)
             .map(|i| differences(f64::from(i) * 0.1))
             .fold((0.0_f64, 0.0_f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-        assert!(felt > 0.02 && off < 0.05 * felt, "{felt} m/s^2, off by {off}");
+        assert!(lever > 0.02 && off < 0.05 * lever, "{lever} m/s^2, off by {off}");
     }
 }

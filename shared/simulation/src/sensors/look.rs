@@ -1,62 +1,65 @@
-//! What a camera's ray sees, before any filter, and what filters make of it.
+//! Radiance along camera rays, and the signal of each band.
 
-use super::FAR_M;
 use super::exposure::Exposure;
+use super::lens::FAR_M;
 use super::sky_view::SkyView;
+use crate::illuminants::{skylight, sunlight};
 use crate::light::{Light, SKY_STRENGTH, mirrored, sun_on};
-use crate::material::{Material, Properties};
-use crate::scene::SceneHit;
-use crate::spectrum::{Filter, Spectrum};
-use crate::trace::Ray;
+use crate::sensors::filter::Filter;
+use raytrace::Ray;
+use town::SceneHit;
+use town::Spectrum;
+use town::material::{Material, Properties};
 
-/// A surface or the sky in some light. A ray sees one, and with a shiny surface also what that mirrors.
+/// One contribution to a camera ray: a material under some light, or the sky.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
-    /// Number in [`Material::ALL`]; `Material::ALL.len()` is the white of the sky.
+    /// Number in [`Material::ALL`]; `Material::ALL.len()` stands for the sky.
     pub material: u16,
-    /// What it sends to the camera, before its reflectance.
+    /// Light towards the camera, before the reflectance is applied.
     pub light: Light,
 }
 
-/// A ray that a camera sends out.
+/// A camera ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
     /// Instant of the exposure.
     pub instant: usize,
     /// The ray then.
     pub ray: Ray,
-    /// The pixel near which it passes, px.
+    /// Image coordinates, px.
     pub at: [f32; 2],
 }
 
-/// A ray and its instant of the exposure.
-type Sight = (Ray, usize);
+/// A ray with its instant of the exposure.
+type TimedRay = (Ray, usize);
 
-/// What a ray sees.
+/// Contributions to a ray: the direct hit and its specular reflection.
 pub type Seen = [Part; 2];
 
-/// Stands for the sky, which has no reflectance of its own.
+/// Index that stands for the sky, with reflectance 1.
 const WHITE: u16 = Material::ALL.len() as u16;
-/// Mirror images weaker than this are left out.
+/// Specular reflections weaker than this are skipped.
 const FAINT: f32 = 0.02;
-/// How much of the sky a thing in a mirror sees: half of it, as things in streets do.
+/// Assumed share of the sky that reflected objects see.
 const OPEN_IN_MIRROR: f32 = 0.5;
 
-/// Materials as a camera sees them.
+/// Response of the bands of a camera to each material.
 #[derive(Debug)]
 pub struct Palette {
     properties: Vec<Properties>,
-    /// By material and band, the white of the sky last: the reflected of the full sun and of the full sky, against
-    /// [`Self::new`]'s unit.
+    /// Signal by material and band under the full sun, in units of [`Self::new`]; the sky is last.
     sun: Vec<f32>,
+    /// The same under the full sky.
     sky: Vec<f32>,
     n_bands: usize,
 }
 
 impl Palette {
-    /// For filters; `unit(sun, sky)` is what counts as 1 of a band that gets `sun` and `sky` from a perfect white.
+    /// A palette for these filters. `unit(sun, sky)` is the signal that counts as 1 for a band in which a perfect white gives
+    /// `sun` and `sky`.
     pub fn new(filters: &[Filter], unit: impl Fn(f32, f32) -> f32) -> Self {
-        let (sunlight, skylight) = (Spectrum::sunlight(), Spectrum::skylight());
+        let (sunlight, skylight) = (sunlight(), skylight());
         let properties: Vec<Properties> = Material::ALL.iter().map(|material| material.properties()).collect();
         let white = Spectrum::from_fn(|_| 1.0);
         let spectra = || properties.iter().map(|p| &p.spectrum).chain([&white]);
@@ -64,8 +67,8 @@ impl Palette {
             filters
                 .iter()
                 .map(|filter| {
-                    let unit = unit(white.through(&sunlight, filter), SKY_STRENGTH * white.through(&skylight, filter));
-                    strength * spectrum.through(light, filter) / unit
+                    let unit = unit(filter.signal(&white, &sunlight), SKY_STRENGTH * filter.signal(&white, &skylight));
+                    strength * filter.signal(spectrum, light) / unit
                 })
                 .collect()
         };
@@ -74,13 +77,13 @@ impl Palette {
         Self { properties, sun, sky, n_bands: filters.len() }
     }
 
-    /// What band `band` gets.
+    /// Signal of a band.
     pub fn band(&self, part: &Part, band: usize) -> f32 {
         let at = part.material as usize * self.n_bands + band;
         part.light.sun * self.sun[at] + part.light.sky * self.sky[at]
     }
 
-    /// A hit that the share `sun` of the full sun reaches, that sees the share `open` of the sky, and that does not mirror the
+    /// Contribution of a hit that receives the share `sun` of the full sun, sees the share `open` of the sky, and scatters the
     /// share `kept` of its light; all 0 to 1.
     pub fn part(&self, hit: &SceneHit, sun: f32, open: f32, kept: f32) -> Part {
         let material = hit.surface.material as u16;
@@ -88,59 +91,59 @@ impl Palette {
         Part { material, light: Light::on(sun, open).times(texture * kept) }
     }
 
-    /// Along samples of the exposure; it is faster if each lies beside the one before.
+    /// Contributions along samples of an exposure. Faster if neighboring samples are coherent.
     pub fn look(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Sample]) -> Vec<Seen> {
         let share = |ray: &Ray, hit: &SceneHit| {
             let gloss = self.properties[hit.surface.material as usize].gloss;
             if gloss > 0.0 { mirrored(gloss, -hit.normal.dot(&ray.direction)) } else { 0.0 }
         };
-        let sights: Vec<Sight> = samples.iter().map(|sample| (sample.ray, sample.instant)).collect();
-        let (direct, hits) = self.parts(exposure, &sights, |i, hit| {
+        let timed_rays: Vec<TimedRay> = samples.iter().map(|sample| (sample.ray, sample.instant)).collect();
+        let (direct, hits) = self.parts(exposure, &timed_rays, |i, hit| {
             let Sample { instant, ray, at } = &samples[i];
             (sky.open(exposure, *instant, ray, hit, *at), 1.0 - share(ray, hit))
         });
         let mut seen: Vec<Seen> = direct.into_iter().map(|part| [part, Part::default()]).collect();
 
         let mut shares = Vec::new();
-        let mut mirror_sights: Vec<Sight> = Vec::new();
-        for (i, (ray, instant)) in sights.iter().enumerate() {
+        let mut mirror_rays: Vec<TimedRay> = Vec::new();
+        for (i, (ray, instant)) in timed_rays.iter().enumerate() {
             let Some(hit) = hits[i] else { continue };
             let share = share(ray, &hit);
             if share >= FAINT {
                 let direction = ray.direction - hit.normal * (2.0 * hit.normal.dot(&ray.direction));
                 let origin = ray.at(hit.range_m) + hit.normal * 0.01;
-                mirror_sights.push((Ray { origin, direction, seed: ray.seed ^ 0x3144 }, *instant));
+                mirror_rays.push((Ray { origin, direction, seed: ray.seed ^ 0x3144 }, *instant));
                 shares.push((i, share));
             }
         }
-        // What a mirror shows is itself without gloss.
-        let (images, _) = self.parts(exposure, &mirror_sights, |_, _| (OPEN_IN_MIRROR, 1.0));
+        // Only one reflection is traced.
+        let (images, _) = self.parts(exposure, &mirror_rays, |_, _| (OPEN_IN_MIRROR, 1.0));
         for ((i, share), image) in shares.into_iter().zip(images) {
             seen[i][1] = Part { light: image.light.times(share), ..image };
         }
         seen
     }
 
-    /// The same where some samples are none: those see nothing.
+    /// As [`Self::look`]; samples that are `None` get no light.
     pub fn look_at_some(&self, exposure: &Exposure<'_>, sky: &SkyView, samples: &[Option<Sample>]) -> Vec<Seen> {
         let some: Vec<Sample> = samples.iter().copied().flatten().collect();
         let mut seen = self.look(exposure, sky, &some).into_iter();
         samples.iter().map(|sample| sample.and_then(|_| seen.next()).unwrap_or_default()).collect()
     }
 
-    /// What is at the ends of rays, in which light, and where. `place(i, hit)`: the share of the sky that ray i's hit sees, and
-    /// that of its light that it does not mirror.
+    /// Contributions and hits of rays. `place(i, hit)` returns the share of the sky that the hit of ray i sees, and the share of
+    /// its light that is not mirrored.
     fn parts(
         &self,
         exposure: &Exposure<'_>,
-        sights: &[Sight],
+        timed_rays: &[TimedRay],
         place: impl Fn(usize, &SceneHit) -> (f32, f32),
     ) -> (Vec<Part>, Vec<Option<SceneHit>>) {
-        let rays: Vec<Ray> = sights.iter().map(|(ray, _)| *ray).collect();
-        let hits = exposure.scene.cast_all(&rays, FAR_M, |i| exposure.snapshot(sights[i].1));
+        let rays: Vec<Ray> = timed_rays.iter().map(|(ray, _)| *ray).collect();
+        let hits = exposure.scene.cast_all(&rays, FAR_M, |i| exposure.snapshot(timed_rays[i].1));
         let places: Vec<usize> = (0..hits.len()).filter(|i| hits[*i].is_some()).collect();
         let met: Vec<(Ray, SceneHit)> = rays.iter().zip(&hits).filter_map(|(ray, hit)| Some((*ray, (*hit)?))).collect();
-        let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(sights[places[k]].1)).into_iter();
+        let mut suns = sun_on(exposure.scene, &met, |k| exposure.snapshot(timed_rays[places[k]].1)).into_iter();
         let part = |(i, hit): (usize, &Option<SceneHit>)| {
             let Some((hit, sun)) = hit.as_ref().zip(hit.and_then(|_| suns.next())) else {
                 return Part { material: WHITE, light: Light::of_sky(&rays[i].direction) };

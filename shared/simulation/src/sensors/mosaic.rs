@@ -1,8 +1,8 @@
-//! The mosaic cameras Photonfocus HS02 and HS03: every pixel looks through one filter of a repeating pattern.
+//! Mosaic cameras Photonfocus HS02 and HS03: every pixel has one filter of a repeating pattern.
 //!
-//! Rays sample the scene once in every 2 x 2 pixels, each at its own ninth of the exposure; a pixel sees the mean of the nine
-//! samples around it, weighted by the lens' point spread (1.5 px), through its own filter. So every pixel integrates light x
-//! reflectance x response over the whole exposure, and what moves is blurred as far as it moved.
+//! One ray per 2 x 2 pixels samples the scene, each in its own ninth of the exposure. A pixel integrates the nine samples around
+//! it, weighted by the point spread of the lens (1.5 px), through its own filter: light x reflectance x response over the whole
+//! exposure, with motion blur.
 
 mod calibration;
 mod chip;
@@ -13,41 +13,43 @@ pub use chip::{BIT_DEPTH, Chip, Defect, SIZE};
 pub use model::{InterferenceFilter, MosaicModel};
 
 use super::exposure::{Exposure, stratified};
-use super::lens_rays;
+use super::lens::lens_rays;
 use super::look::{Palette, Sample, Seen};
 use super::sky_view::SkyView;
-use crate::random::{hash, unit};
-use crate::spectrum::{Filter, Spectrum};
-use crate::trace::Vec3;
+use crate::illuminants::{skylight, sunlight};
+use crate::sensors::filter::Filter;
 use chip::FULL;
 use geometry::CameraModel;
+use random::{hash, unit};
 use rayon::prelude::*;
+use raytrace::Vec3;
+use town::Spectrum;
 
-/// Exposure of the scene and of the dark reference if nothing else is asked for, ns (thesis 2.5.1: 5 ms).
+/// Default exposure of the scene and of the dark reference, ns (thesis 2.5.1: 5 ms).
 pub const EXPOSURE_NANOS: u64 = 5_000_000;
 /// Exposure of the white reference, ns: it fills the chip to 72 %.
 pub const WHITE_EXPOSURE_NANOS: u64 = 12_000_000;
 /// Reflectance of the white target (thesis 2.5.1: "close to 98 %").
 pub const WHITE_REFLECTANCE: f32 = 0.98;
 /// Level of the white reference in the most sensitive band, counts above the dark level. At 5 ms a white in the sun then is at
-/// 30 % and a gray in the shade at 3 %: the concentration at low values that the thesis met outdoors (4.3.1).
+/// 30 % and a gray in the shade at 3 %: the concentration at low values that the thesis reports (4.3.1).
 const WHITE_LEVEL: f32 = 0.72 * FULL;
 /// Side of the block of pixels that has one ray, px.
 const BLOCK: usize = 2;
 /// Standard deviation of the lens' point spread, px.
 const SPREAD_PX: f32 = 1.5;
-/// Places of the sky view, blocks apart.
+/// Grid spacing of the sky view, blocks.
 const SKY_STEP: usize = 16;
 /// Strata of the exposure: one for each of the samples that a pixel sees.
 const STRATA: usize = 9;
 
-/// A mosaic camera and how it sees materials.
+/// A mosaic camera with its response to each material.
 #[derive(Debug)]
 pub struct MosaicCamera {
     model: MosaicModel,
     chip: Chip,
     exposure_nanos: u64,
-    /// Columns and rows of blocks, and the rays through their middles and by how much they change from pixel to pixel.
+    /// Columns and rows of blocks.
     blocks: [usize; 2],
     rays: Vec<Option<Vec3>>,
     palette: Palette,
@@ -56,7 +58,7 @@ pub struct MosaicCamera {
 }
 
 impl MosaicCamera {
-    /// For a model behind a lens, at [`EXPOSURE_NANOS`].
+    /// A camera of a model with a lens, at [`EXPOSURE_NANOS`].
     pub fn new(model: MosaicModel, lens: &CameraModel) -> Self {
         let [left, top, ..] = model.active_area;
         let blocks = model.cells().map(|cells| (cells * model.pattern).div_ceil(BLOCK));
@@ -124,13 +126,13 @@ impl MosaicCamera {
         self.expose(WHITE_EXPOSURE_NANOS, seed, |_, _| WHITE_REFLECTANCE)
     }
 
-    /// A ray through a block; `None` where the lens shows nothing.
+    /// A ray through a block; `None` outside the lens.
     fn sample(&self, exposure: &Exposure<'_>, i: usize) -> Option<Sample> {
         let center = self.rays[i]?;
         let columns = self.blocks[0];
         let (x, y) = (i % columns, i / columns);
         let random = hash(i as u64, 0x3051);
-        // Anywhere in its block; the rays of the blocks beside say how far that is.
+        // A random point in the block; the rays of neighboring blocks give its angular size.
         let toward = |neighbor: usize, random: u64| {
             let ray = self.rays.get(neighbor).copied().flatten();
             ray.map_or_else(Vec3::zeros, |ray| (ray - center) * (unit(random) - 0.5))
@@ -142,7 +144,7 @@ impl MosaicCamera {
         Some(Sample { instant, ray, at: [x as f32, y as f32] })
     }
 
-    /// Samples of a chip whose pixels see `reflectance([x, y] in the active area, band)` of a white in full light.
+    /// Samples of a sensor chip whose pixels receive `reflectance([x, y] in the active area, band)` of a white in full light.
     fn expose(
         &self,
         exposure_nanos: u64,
@@ -173,17 +175,18 @@ impl MosaicCamera {
 
 /// Counts per ms of a perfect white in full light, by band.
 fn counts_per_ms(filters: &[Filter]) -> Vec<f32> {
-    let (sunlight, skylight) = (Spectrum::sunlight(), Spectrum::skylight());
+    let (sunlight, skylight) = (sunlight(), skylight());
     let white = Spectrum::from_fn(|_| 1.0);
-    let signal =
-        |filter| white.through(&sunlight, filter) + crate::light::SKY_STRENGTH * white.through(&skylight, filter);
+    let signal = |filter: &Filter| {
+        filter.signal(&white, &sunlight) + crate::light::SKY_STRENGTH * filter.signal(&white, &skylight)
+    };
     let signals: Vec<f32> = filters.iter().map(signal).collect();
     let strongest = signals.iter().copied().fold(0.0, f32::max);
     let per_ms = WHITE_LEVEL / (WHITE_REFLECTANCE * WHITE_EXPOSURE_NANOS as f32 * 1e-6);
     signals.iter().map(|signal| signal / strongest * per_ms).collect()
 }
 
-/// Weights of the block before, of the own and of the next for the pixel `at` (0 or 1) of a block.
+/// Weights of the previous, own and next block for pixel `at` (0 or 1) of a block.
 fn spread(at: usize) -> [f32; 3] {
     let from_middle = at as f32 - 0.5 * (BLOCK - 1) as f32;
     let weights = [-1.0, 0.0, 1.0].map(|block| {
@@ -194,7 +197,7 @@ fn spread(at: usize) -> [f32; 3] {
     weights.map(|weight| weight / sum)
 }
 
-/// Share of the light that the lens brings to a pixel: a quarter is lost in the corners.
+/// Vignetting: a quarter of the light is lost in the corners.
 fn shading(u: usize, v: usize) -> f32 {
     let from_middle = |at: usize, side: usize| (at as f32 + 0.5) / side as f32 - 0.5;
     1.0 - 0.5 * (from_middle(u, SIZE[0]).powi(2) + from_middle(v, SIZE[1]).powi(2))
@@ -224,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_of_known_reflectance_is_found_between_dark_and_white() {
+    fn mosaic_reflectance_is_recovered_from_dark_and_white_references() {
         for model in [MosaicModel::hs02(), MosaicModel::hs03()] {
             let camera = MosaicCamera::new(model.clone(), &RigSpec::l3d2().mosaics[0].lens);
             let dark = mean_per_band(&model, &camera.dark(1));
@@ -243,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn every_band_occurs_once_and_within_its_range() {
+    fn mosaic_bands_are_distinct_and_within_range() {
         for model in [MosaicModel::hs02(), MosaicModel::hs03()] {
             assert_eq!(model.bands().len(), model.pattern * model.pattern);
             let mut centers: Vec<f32> = model.bands().iter().map(|band| band.center_nm).collect();

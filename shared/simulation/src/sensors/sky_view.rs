@@ -1,28 +1,28 @@
-//! How much of the sky the places in a picture see: corners are darker than open ground, and cars stand on shadows.
+//! Sky visibility (ambient occlusion) of the surfaces in an image.
 //!
-//! The share is smooth along a surface. So it is sampled at places in a coarse grid of the picture, 16 rays each, and carried to
-//! the pixels between from those places that lie on the same surface.
+//! The visible share of the sky is smooth along a surface. It is therefore sampled on a coarse image grid, 16 rays per grid
+//! point, and interpolated to the pixels from grid points on the same surface.
 
-use super::FAR_M;
 use super::exposure::{Exposure, MIDDLE};
-use crate::random::{hash, unit};
-use crate::scene::{Scene, SceneHit, Snapshot};
-use crate::trace::{Ray, Vec3};
+use super::lens::FAR_M;
+use random::{hash, unit};
 use rayon::prelude::*;
+use raytrace::{Ray, Vec3};
+use town::{Scene, SceneHit, Snapshot};
 
-/// What is farther hides no sky worth mentioning, m.
+/// Occluders beyond this distance are ignored, m.
 const REACH_M: f32 = 40.0;
-/// Rays per place of the grid are the square of this.
+/// Rays per grid point are the square of this.
 const GRID_SIDE: u32 = 4;
-/// The same where no place of the grid helps.
+/// The same for pixels without a usable grid point.
 const ALONE_SIDE: u32 = 2;
 
-/// The coarse grid of one picture.
+/// The coarse grid of one image.
 #[derive(Debug)]
 pub struct SkyView {
     columns: usize,
     rows: usize,
-    /// Pixels per place.
+    /// Pixels per grid cell.
     step: f32,
     places: Vec<Option<Place>>,
 }
@@ -36,7 +36,7 @@ struct Place {
 }
 
 impl SkyView {
-    /// For a picture of `size` px that sees along `direction(u, v)`: a place every `step` px.
+    /// A grid for an image of `width` x `height` px with rays `direction(u, v)`: one point every `step` px.
     pub fn new(
         exposure: &Exposure<'_>,
         [width, height]: [usize; 2],
@@ -47,7 +47,7 @@ impl SkyView {
         let snapshot = exposure.snapshot(MIDDLE);
         let place = |i: usize| {
             let (u, v) = ((i % columns * step).min(width - 1), (i / columns * step).min(height - 1));
-            // A seed far from those of the pixels: leaves end the rays elsewhere.
+            // A seed that differs from those of the pixels: rays in leaves end elsewhere.
             let ray = exposure.ray(MIDDLE, &direction(u, v)?, i as u64 ^ 0x51c7_0000_0000);
             let hit = exposure.scene.cast(snapshot, &ray, FAR_M)?;
             let point = ray.at(hit.range_m);
@@ -58,7 +58,7 @@ impl SkyView {
         Self { columns, rows, step: step as f32, places }
     }
 
-    /// The share of the sky that a hit at the pixel `[u, v]` sees, 0 to 1, weighted by the cosine.
+    /// Share of the sky visible from a hit at pixel `[u, v]`, 0 to 1, weighted by the cosine.
     pub fn open(&self, exposure: &Exposure<'_>, instant: usize, ray: &Ray, hit: &SceneHit, [u, v]: [f32; 2]) -> f32 {
         let (x, y) = (u / self.step, v / self.step);
         let (column, row) = ((x as usize).min(self.columns - 2), (y as usize).min(self.rows - 2));

@@ -3,25 +3,26 @@
 use crate::mosaic::check_length;
 use crate::{Mosaic, Reference, SpectralError};
 
-/// `white - dark` below one count is no light.
+/// Least `white - dark`, counts.
 const MIN_SIGNAL: f64 = 1.0;
 
-/// The white panel, and how it was seen.
+/// The white reference and its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WhitePanel {
     /// Exposure time of the white frames, ns.
     pub exposure_nanos: u64,
     /// Reflectance, above 0 and at most 1: one for all bands, or one for each in the pattern's order.
     pub reflectances: Vec<f64>,
-    /// Left column, top row, width and height of the panel in the raw image, px. Each band's mean signal there then holds for
-    /// all its pixels: what the lens shades stays in the reflectance. None: it fills the image, and each pixel has its own.
+    /// Left column, top row, width and height of the panel in the raw image, px. The mean signal of each band there
+    /// is used for all its pixels, so the vignetting of the lens stays in the reflectance. `None`: the panel fills the image, and each
+    /// pixel has its own signal.
     pub region: Option<[u32; 4]>,
 }
 
-/// What turns a pixel's counts into reflectance.
+/// Calibration of a pixel: turns its counts into reflectance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Counts without light at no exposure.
+    /// Counts without light at zero exposure time.
     pub bias: f32,
     /// Counts per ns without light.
     pub dark_rate: f32,
@@ -29,14 +30,14 @@ pub struct Pixel {
     pub gain: f32,
 }
 
-/// All pixels of the raw image, each worked out when it is asked for.
+/// All pixels of the raw image, computed on access.
 pub struct Pixels<'a> {
     mosaic: &'a Mosaic,
     darks: DarkLines<'a>,
     white: &'a Reference,
     panel: &'a WhitePanel,
     /// Mean signal of each band in the panel's region, if it has one.
-    of_bands: Option<Vec<Option<f64>>>,
+    band_signals: Option<Vec<Option<f64>>>,
 }
 
 impl<'a> Pixels<'a> {
@@ -48,8 +49,8 @@ impl<'a> Pixels<'a> {
         panel: &'a WhitePanel,
     ) -> Result<Self, SpectralError> {
         check(mosaic, darks, white, panel)?;
-        let mut pixels = Self { mosaic, darks: DarkLines::new(darks)?, white, panel, of_bands: None };
-        pixels.of_bands = panel.region.map(|region| pixels.band_means(region));
+        let mut pixels = Self { mosaic, darks: DarkLines::new(darks)?, white, panel, band_signals: None };
+        pixels.band_signals = panel.region.map(|region| pixels.band_means(region));
         Ok(pixels)
     }
 
@@ -70,11 +71,12 @@ impl<'a> Pixels<'a> {
         let line = self.darks.at(at)?;
         let (bias, rate) = line;
         let reflectances = &self.panel.reflectances;
-        let (signal, reflectance) = match (&self.of_bands, &reflectances[..]) {
+        let (signal, reflectance) = match (&self.band_signals, &reflectances[..]) {
             (None, [reflectance]) => (self.signal(at, line)?, *reflectance),
-            (of_bands, reflectances) => {
+            (band_signals, reflectances) => {
                 let band = self.mosaic.band_of(at);
-                let signal = of_bands.as_ref().map_or_else(|| self.signal(at, line), |of_bands| of_bands[band]);
+                let signal =
+                    band_signals.as_ref().map_or_else(|| self.signal(at, line), |band_signals| band_signals[band]);
                 (signal?, reflectances[band % reflectances.len()])
             }
         };
@@ -82,17 +84,17 @@ impl<'a> Pixels<'a> {
         Some(Pixel { bias: bias as f32, dark_rate: rate as f32, gain: gain as f32 })
     }
 
-    /// White less dark, counts.
+    /// White minus dark, counts.
     fn signal(&self, at: usize, (bias, rate): (f64, f64)) -> Option<f64> {
         let dark = bias + rate * self.panel.exposure_nanos as f64;
         Some(f64::from(self.white.mean(at)?) - dark).filter(|signal| *signal >= MIN_SIGNAL)
     }
 
-    /// Each band's mean signal in the region; none if all its pixels there are dead.
+    /// The mean signal of each band in the region; `None` if all its pixels there are dead.
     fn band_means(&self, [x, y, width, height]: [u32; 4]) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0_u32); self.mosaic.n_bands()];
-        let places = (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y)));
-        for (x, y) in places {
+        let pixels = (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y)));
+        for (x, y) in pixels {
             let at = y as usize * self.mosaic.size()[0] as usize + x as usize;
             if let Some(signal) = self.darks.at(at).and_then(|line| self.signal(at, line)) {
                 let (sum, n) = &mut sums[self.mosaic.band_of(at)];
@@ -139,8 +141,8 @@ fn check(
     }
 }
 
-/// Of each pixel bias and dark current, by the least squares of its means at all exposure times; one exposure time alone tells
-/// the bias at that time, and that it does not grow.
+/// Bias and dark current of each pixel by linear least squares over its means at all exposure times. With one exposure time the dark
+/// current is zero.
 struct DarkLines<'a> {
     /// By exposure time, ns from the mean of all.
     darks: Vec<(f64, &'a Reference)>,
@@ -161,7 +163,7 @@ impl<'a> DarkLines<'a> {
         Ok(Self { darks, middle, spread })
     }
 
-    /// Bias, counts, and dark current, counts per ns. None where a frame was saturated.
+    /// Bias, counts, and dark current, counts per ns. `None` if a sample was saturated.
     #[inline]
     fn at(&self, at: usize) -> Option<(f64, f64)> {
         let (mut sum, mut products) = (0.0, 0.0);

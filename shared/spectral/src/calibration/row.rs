@@ -1,8 +1,8 @@
-//! One row of samples: into reflectances, and those into the bands of a row of cells.
+//! Calibrates one row of samples and distributes it to the bands of a row of cells.
 
 use super::{FrameCounts, Planes};
 
-/// The samples of a row with what is known of their pixels, all of one length.
+/// The samples of a row with the calibration of their pixels, all of one length.
 pub struct Row<'a> {
     pub samples: &'a [u16],
     pub darks: &'a [f32],
@@ -14,8 +14,8 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Reflectances, 0 where a sample says nothing, and the counts of those.
-    // Numbers, not conditions: without branches the compiler makes vectors of the loop.
+    /// Reflectances (0 for invalid samples) and the counts of invalid samples.
+    // Numbers instead of conditions: branch-free loops vectorize.
     #[inline(always)]
     pub fn reflectances_into(&self, values: &mut [f32]) -> FrameCounts {
         let (mut n_dead, mut n_saturated, mut n_clipped) = (0_u32, 0_u32, 0_u32);
@@ -32,7 +32,7 @@ impl Row<'_> {
         FrameCounts { dead, saturated, clipped }
     }
 
-    /// 1 per sample that has a reflectance, else 0.
+    /// 1 for each valid sample, else 0.
     #[inline(always)]
     pub fn validity_into(&self, bits: &mut [u32]) {
         let pixels = self.samples.iter().zip(self.darks.iter().zip(self.gains));
@@ -52,9 +52,9 @@ impl Row<'_> {
     }
 }
 
-/// Deals the values of raw row `dy` of a row of cells out to the planes of the bands; `P` is the pattern's side.
+/// Distributes the values of raw row `dy` of a row of cells to the planes of the bands; `P` is the pattern's side.
 #[inline(always)]
-pub fn deal<const P: usize>(values: &[f32], dy: usize, planes: &mut Planes<'_>) {
+pub fn distribute<const P: usize>(values: &[f32], dy: usize, planes: &mut Planes<'_>) {
     let cells = values.as_chunks::<P>().0;
     for dx in 0..P {
         let plane = &mut planes.values[(dy * P + dx) * planes.stride + planes.start..][..cells.len()];
@@ -62,9 +62,9 @@ pub fn deal<const P: usize>(values: &[f32], dy: usize, planes: &mut Planes<'_>) 
     }
 }
 
-/// Sets in the masks of a row of cells the bits of the bands in raw row `dy`, where their samples are valid.
+/// Sets the bits of the bands in raw row `dy` in the masks of a row of cells, where their samples are valid.
 #[inline(always)]
-pub fn deal_validity<const P: usize>(bits: &[u32], dy: usize, masks: &mut [u32]) {
+pub fn distribute_validity<const P: usize>(bits: &[u32], dy: usize, masks: &mut [u32]) {
     for (mask, cell) in masks.iter_mut().zip(bits.as_chunks::<P>().0) {
         let row = cell.iter().enumerate().fold(0, |row, (dx, bit)| row | bit << dx);
         *mask |= row << (dy * P);

@@ -1,8 +1,8 @@
-//! Blurs over a mosaic that give each band of a cell the same weight.
+//! Filters over a mosaic that give each band of a cell the same weight.
 
 use super::lattice::Lattice;
 
-/// The mean of a pattern's size around each pixel. An even pattern has no middle: half of the outermost samples counts.
+/// Box filter of the pattern's size. An even pattern has no middle: the outermost samples have half the weight.
 pub fn box_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
     let pattern = lattice.pattern;
     let n_taps = pattern + 1 - pattern % 2;
@@ -14,7 +14,7 @@ pub fn box_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch:
     separable_into(lattice, samples, &kernel, out, scratch);
 }
 
-/// The sum of all bands' bilinear interpolations.
+/// Tent filter: the sum of the bilinear interpolations of all bands.
 pub fn tent_into(lattice: &Lattice, samples: &[f32], out: &mut Vec<f32>, scratch: &mut Vec<f32>) {
     let pattern = lattice.pattern;
     let kernel: Vec<f32> = (1..2 * pattern).map(|tap| tap.min(2 * pattern - tap) as f32 / pattern as f32).collect();

@@ -1,6 +1,6 @@
-//! Each band's samples lie on a lattice of their own; between them bands are bilinear.
+//! The lattice of each band's samples, between which bands are interpolated bilinearly.
 
-/// Size of the mosaic and side of its pattern, px. Whole cells.
+/// Size of the mosaic and side of its pattern, px; complete cells only.
 #[derive(Clone, Debug)]
 pub struct Lattice {
     pub width: usize,
@@ -14,7 +14,7 @@ impl Lattice {
         self.pattern * self.pattern
     }
 
-    /// The mosaic with `margin` more pixels on each side, which go on with the pattern of the outermost cells.
+    /// The mosaic with `margin` more pixels on each side, which continue the pattern of the outermost cells.
     pub fn padded(&self, samples: &[f32], margin: usize) -> Vec<f32> {
         let columns = self.folded(self.width, margin);
         let mut padded = Vec::with_capacity((self.width + 2 * margin) * (self.height + 2 * margin));
@@ -38,8 +38,8 @@ impl Lattice {
         (-(margin as isize)..(length + margin) as isize).map(|at| fold(at) as usize).collect()
     }
 
-    /// The rows of samples of the bands in row `ky` of the pattern between which row `y` lies, and its share of the way from
-    /// the first to the second, in steps of 1 / pattern. Beyond the outermost rows these go on.
+    /// The two rows of samples around row `y` of the bands in row `ky` of the pattern, and the distance of `y` from the first one, in
+    /// pixels. Beyond the outermost rows these are used.
     pub fn between(&self, y: usize, ky: usize) -> (usize, usize, usize) {
         if y < ky {
             return (ky, ky, 0);

@@ -2,13 +2,13 @@
 
 use super::lattice::Lattice;
 
-/// Added to every difference along a direction, so that weights stay finite: a step of one in 255, as in the paper.
+/// Added to every difference along a direction, so that weights stay finite: 1/255, as in the paper.
 const FLAT: f32 = 1.0 / 255.0;
 
-/// A place relative to the pixel, and its weight in a direction's dissimilarity.
+/// A position relative to the pixel, and its weight in a direction's dissimilarity.
 type Term = ([isize; 2], f32);
 
-/// Unit step (x, y) to the next sample of the same band, and where the two surroundings are compared.
+/// Unit step (x, y) to the next sample of the same band, and the positions where the two neighborhoods are compared.
 fn directions() -> [([isize; 2], Vec<Term>); 8] {
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]].map(|[dx, dy]| {
         let terms = if dx == 0 || dy == 0 {
@@ -24,20 +24,20 @@ fn directions() -> [([isize; 2], Vec<Term>); 8] {
 }
 
 /// The PPI at each pixel: its sample, and the mean of `difference` (the blurred PPI minus the sample) at the eight nearest samples of
-/// its band, weighed by how alike the mosaic is here and there.
+/// its band, weighted by the similarity of the two neighborhoods.
 pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut [f32]) {
     let (width, pattern) = (lattice.width, lattice.pattern as isize);
-    // Terms reach one pixel beyond the next sample.
+    // The terms extend one pixel beyond the next sample.
     let margin = lattice.pattern + 1;
     let stride = (width + 2 * margin) as isize;
     let [samples_padded, difference_padded] = [samples, difference].map(|image| lattice.padded(image, margin));
     let directions = directions();
-    let (mut unlike, mut sum, mut weights) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
+    let (mut dissimilarity, mut sum, mut weights) = (vec![0.0; width], vec![0.0; width], vec![0.0; width]);
     let rows = samples.chunks_exact(width).zip(ppi.chunks_exact_mut(width));
     for (y, (samples, ppi)) in rows.enumerate() {
         let start = (y + margin) as isize * stride + margin as isize;
-        // The row, moved: inside the margin.
-        let moved = |[dx, dy]: [isize; 2]| {
+        // The shifted row, inside the margin.
+        let shifted = |[dx, dy]: [isize; 2]| {
             let from = (start + dy * stride + dx) as usize;
             from..from + width
         };
@@ -48,13 +48,13 @@ pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut
             wide_loops::run(
                 #[inline(always)]
                 || {
-                    unlike.fill(FLAT);
+                    dissimilarity.fill(FLAT);
                     for ([x, y], weight) in terms {
-                        let here = &samples_padded[moved([*x, *y])];
-                        let there = &samples_padded[moved([x + far_x, y + far_y])];
-                        add_unlikeness(here, there, *weight, &mut unlike);
+                        let here = &samples_padded[shifted([*x, *y])];
+                        let there = &samples_padded[shifted([x + far_x, y + far_y])];
+                        add_dissimilarity(here, there, *weight, &mut dissimilarity);
                     }
-                    weigh(&unlike, &difference_padded[moved([far_x, far_y])], &mut sum, &mut weights);
+                    weigh(&dissimilarity, &difference_padded[shifted([far_x, far_y])], &mut sum, &mut weights);
                 },
             );
         }
@@ -65,16 +65,16 @@ pub fn sharpen(lattice: &Lattice, samples: &[f32], difference: &[f32], ppi: &mut
 }
 
 #[inline(always)]
-fn add_unlikeness(here: &[f32], there: &[f32], weight: f32, unlike: &mut [f32]) {
-    for ((unlike, here), there) in unlike.iter_mut().zip(here).zip(there) {
-        *unlike += weight * (here - there).abs();
+fn add_dissimilarity(here: &[f32], there: &[f32], weight: f32, dissimilarity: &mut [f32]) {
+    for ((dissimilarity, here), there) in dissimilarity.iter_mut().zip(here).zip(there) {
+        *dissimilarity += weight * (here - there).abs();
     }
 }
 
 #[inline(always)]
-fn weigh(unlike: &[f32], there: &[f32], sum: &mut [f32], weights: &mut [f32]) {
-    for (((sum, weights), unlike), there) in sum.iter_mut().zip(weights).zip(unlike).zip(there) {
-        let weight = 1.0 / unlike;
+fn weigh(dissimilarity: &[f32], there: &[f32], sum: &mut [f32], weights: &mut [f32]) {
+    for (((sum, weights), dissimilarity), there) in sum.iter_mut().zip(weights).zip(dissimilarity).zip(there) {
+        let weight = 1.0 / dissimilarity;
         *sum += weight * there;
         *weights += weight;
     }

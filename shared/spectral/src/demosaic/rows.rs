@@ -1,17 +1,17 @@
-//! All bands at full resolution, one row after the other: what is read lies in the cache, and a cube need not be held.
+//! All bands at full resolution, row by row: the input stays in the cache, and no cube is stored.
 
 use super::lattice::Lattice;
 use crate::calibration::Planes;
 use crate::mosaic::MAX_PATTERN;
 
-/// What an image is made of: bilinear between the samples of each band, and a part that all bands share.
+/// Parts of an image: a mosaic that is interpolated for each band, and a part that all bands share.
 pub struct Parts<'a> {
     pub lattice: &'a Lattice,
     /// A mosaic; its bands are interpolated.
     pub mosaic: &'a [f32],
     /// Added to all bands, if there is such an image.
     pub shared: Option<&'a [f32]>,
-    /// What was measured; it stands in the image as it is.
+    /// The measured samples; they are kept in the image.
     pub measured: &'a [f32],
 }
 
@@ -25,12 +25,12 @@ pub struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// At the top.
+    /// Begins at the top.
     pub fn new(parts: Parts<'a>) -> Self {
         let n = parts.lattice.n_bands() * parts.lattice.width;
         let mut rows = Self { parts, above: vec![0.0; n], below: vec![0.0; n], next: 0 };
         for ky in 0..rows.parts.lattice.pattern {
-            // Not yet the first row of samples: it moves up when the image gets there.
+            // The first row of samples becomes the row above when the image reaches it.
             rows.read(ky, ky);
         }
         rows
@@ -41,7 +41,7 @@ impl<'a> Rows<'a> {
         let Lattice { width, height, pattern } = *self.parts.lattice;
         let y = self.next;
         self.next += 1;
-        // These bands have samples in this row: it moves up, and the next one of theirs is read.
+        // For bands with samples in this row, it becomes the row above, and their next row is read.
         let moved = (y % pattern) * pattern * width..(y % pattern + 1) * pattern * width;
         self.above[moved.clone()].swap_with_slice(&mut self.below[moved]);
         if y + pattern < height {
@@ -52,7 +52,7 @@ impl<'a> Rows<'a> {
         for band in 0..pattern * pattern {
             let (ky, kx) = (band / pattern, band % pattern);
             let out = &mut planes.values[band * planes.stride + planes.start..][..width];
-            // Before its first samples a band has them below alone.
+            // Before its first samples a band has only a row below.
             let above = if y < ky { &self.below } else { &self.above };
             let above = &above[band * width..][..width];
             let below = &self.below[band * width..][..width];

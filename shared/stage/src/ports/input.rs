@@ -1,15 +1,14 @@
-//! The consuming end of a topic: messages, gathered tick by tick or, live, as they have come.
+//! The consuming end of a topic: messages, gathered tick by tick or, live, as they arrive.
 
-use super::PortContext;
-use crate::access::Received;
-use crate::assignment::TopicChannels;
-use crate::health::{Arrivals, Latency, Pulse, Traffic};
-use crate::histogram::Histogram;
-use crate::process::monotonic_nanos;
+use super::context::PortContext;
+use super::pending::{PendingMessages, pending_messages};
 use crate::{Inputs, StepError};
 use ipc::Subscriber;
-use messages::{Envelope, Message, Tick, TickRow};
-use std::collections::VecDeque;
+use messages::{Envelope, Message, TickRow, TickTopic};
+use run::assignment::TopicChannels;
+use run::health::{Arrivals, Latency, Pulse, Traffic};
+use run::histogram::Histogram;
+use run::process::monotonic_nanos;
 use std::sync::Arc;
 
 /// An input as the runner sees it.
@@ -17,15 +16,15 @@ pub(crate) trait TickedInput {
     fn topic(&self) -> &str;
     /// Whether its producer is there.
     fn connect(&self) -> Result<bool, StepError>;
-    /// Takes what has arrived; `Some` when everything of `tick` is here.
+    /// Takes the messages that have arrived; `Some` when all of `tick` are here.
     fn gather(&mut self, tick: u64) -> Result<Option<TickRow>, StepError>;
     /// Hands the gathered tick's messages over.
     fn deliver(&mut self, inputs: &mut Inputs);
-    /// Live: takes what has arrived.
+    /// Live: takes the messages that have arrived.
     fn gather_newest(&mut self) -> Result<Newest, StepError>;
-    /// Live: hands over what was gathered.
+    /// Live: hands over the gathered messages.
     fn deliver_all(&mut self, inputs: &mut Inputs);
-    /// Goes on behind what was delivered before this process began.
+    /// Continues after the messages that were delivered before this process began.
     fn resume(&mut self, delivered: Traffic);
     fn traffic(&self) -> Traffic;
     fn arrivals(&self) -> Arrivals;
@@ -34,20 +33,22 @@ pub(crate) trait TickedInput {
 /// What a live input has.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Newest {
-    /// The last tick heard of, new or not.
+    /// The last tick received, new or not.
     pub(crate) row: Option<TickRow>,
-    /// The latest barrier among the ticks heard of now; later ticks may have followed it.
+    /// The latest barrier among the ticks received now; later ticks may have followed it.
     pub(crate) barrier: u64,
     /// Whether messages wait to be handed over.
     pub(crate) has_messages: bool,
 }
 
-struct SharedInput<T: Message> {
+/// An input in shared memory. Knows the type of its messages only through [`PendingMessages`], so it is compiled once, here,
+/// and not again for each type in every program.
+struct SharedInput {
     topic: String,
-    messages: Subscriber<T>,
-    ticks: Subscriber<Tick>,
-    /// Messages that wait for their tick to be complete.
-    pending: VecDeque<ipc::Received<T>>,
+    messages: Box<dyn PendingMessages>,
+    ticks: Subscriber<TickTopic>,
+    /// [`Message::QUEUE`].
+    queue: usize,
     row: Option<TickRow>,
     n_received: u64,
     traffic: Traffic,
@@ -56,17 +57,49 @@ struct SharedInput<T: Message> {
     pulse: Arc<Pulse>,
 }
 
-impl<T: Message> SharedInput<T> {
-    fn hand_over(&mut self, message: ipc::Received<T>, now: u64, inputs: &mut Inputs) {
-        self.latency.add(now.saturating_sub(message.envelope().sent_nanos));
+pub(crate) fn shared_input<T: Message>(
+    context: &PortContext,
+    channels: &TopicChannels,
+    consumer: &str,
+) -> Result<Box<dyn TickedInput>, StepError> {
+    let messages = pending_messages::<T>(&context.node, &channels.messages, consumer)?;
+    untyped_input(context, channels, consumer, messages, T::QUEUE)
+}
+
+fn untyped_input(
+    context: &PortContext,
+    channels: &TopicChannels,
+    consumer: &str,
+    messages: Box<dyn PendingMessages>,
+    queue: usize,
+) -> Result<Box<dyn TickedInput>, StepError> {
+    Ok(Box::new(SharedInput {
+        topic: channels.topic.clone(),
+        messages,
+        ticks: Subscriber::open(&context.node, &channels.ticks, consumer)?,
+        queue,
+        row: None,
+        n_received: 0,
+        traffic: Traffic::default(),
+        latency: Histogram::default(),
+        pulse: Arc::clone(&context.waiter.pulse),
+    }))
+}
+
+impl SharedInput {
+    /// Hands the first pending message over, if it is of tick `last_tick` or before. `false` if no message is pending.
+    fn hand_over(&mut self, last_tick: u64, now: u64, inputs: &mut Inputs) -> bool {
+        let Some(envelope) = self.messages.first().filter(|envelope| envelope.tick <= last_tick) else { return false };
+        self.latency.add(now.saturating_sub(envelope.sent_nanos));
         self.traffic.messages += 1;
-        self.traffic.rows += message.rows().len() as u64;
-        self.traffic.bytes += size_of_val(message.rows()) as u64;
-        self.traffic.next_seq = message.envelope().seq + 1;
-        inputs.push(Received::shared(message));
+        self.traffic.next_seq = envelope.seq + 1;
+        let size = self.messages.deliver_first(inputs);
+        self.traffic.rows += size.rows;
+        self.traffic.bytes += size.bytes;
+        true
     }
 
-    /// Live: what is missing between two messages was dropped, unless the producer was started anew between them.
+    /// Live: messages missing between two others were dropped, unless the producer was restarted between them.
     fn count_dropped(&mut self, envelope: Envelope) {
         if envelope.epoch == self.traffic.epoch {
             self.traffic.dropped += envelope.seq.saturating_sub(self.n_received);
@@ -76,25 +109,7 @@ impl<T: Message> SharedInput<T> {
     }
 }
 
-pub(crate) fn shared_input<T: Message>(
-    context: &PortContext,
-    channels: &TopicChannels,
-    consumer: &str,
-) -> Result<Box<dyn TickedInput>, StepError> {
-    Ok(Box::new(SharedInput::<T> {
-        topic: channels.topic.clone(),
-        messages: Subscriber::open(&context.node, &channels.messages, consumer)?,
-        ticks: Subscriber::open(&context.node, &channels.ticks, consumer)?,
-        pending: VecDeque::new(),
-        row: None,
-        n_received: 0,
-        traffic: Traffic::default(),
-        latency: Histogram::default(),
-        pulse: Arc::clone(&context.waiter.pulse),
-    }))
-}
-
-impl<T: Message> TickedInput for SharedInput<T> {
+impl TickedInput for SharedInput {
     fn topic(&self) -> &str {
         &self.topic
     }
@@ -109,22 +124,20 @@ impl<T: Message> TickedInput for SharedInput<T> {
         {
             self.row = message.rows().first().copied();
         }
-        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` sees to it).
-        while self.pending.len() < T::QUEUE {
-            let Some(message) = self.messages.receive()? else { break };
-            let seq = message.envelope().seq;
+        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` ensures it).
+        while self.messages.len() < self.queue {
+            let Some(Envelope { seq, .. }) = self.messages.receive()? else { break };
             if seq != self.n_received {
-                let text = format!("{}: message {seq} came when {} was due", self.topic, self.n_received);
-                return Err(StepError::Contract(text));
+                let text = format!("{}: message {seq} arrived when {} was due", self.topic, self.n_received);
+                return Err(StepError::contract(text));
             }
             self.n_received += 1;
-            self.pending.push_back(message);
-            // A tick may be long in coming; who looks on sees meanwhile what waits for it.
-            self.pulse.update().arrivals.entry(self.topic.clone()).or_default().queue = self.pending.len() as u64;
+            // A tick may take long to complete; meanwhile observers see how many messages wait for it.
+            self.pulse.update().arrivals.entry(self.topic.clone()).or_default().queue = self.messages.len() as u64;
         }
         let Some(row) = self.row else { return Ok(None) };
         if row.tick != tick {
-            return Err(StepError::Contract(format!("{}: tick {} came when {tick} was due", self.topic, row.tick)));
+            return Err(StepError::contract(format!("{}: tick {} arrived when {tick} was due", self.topic, row.tick)));
         }
         Ok((self.n_received >= row.n_published).then_some(row))
     }
@@ -132,32 +145,26 @@ impl<T: Message> TickedInput for SharedInput<T> {
     fn deliver(&mut self, inputs: &mut Inputs) {
         let Some(row) = self.row.take() else { return };
         let now = monotonic_nanos();
-        while self.pending.front().is_some_and(|message| message.envelope().tick <= row.tick) {
-            let Some(message) = self.pending.pop_front() else { break };
-            self.hand_over(message, now, inputs);
-        }
+        while self.hand_over(row.tick, now, inputs) {}
     }
 
     fn gather_newest(&mut self) -> Result<Newest, StepError> {
         let mut newest = Newest::default();
-        // Ticks first: what they speak of has been sent before them.
+        // Ticks first: their messages have been sent before them.
         while let Some(message) = self.ticks.receive()? {
             self.row = message.rows().first().copied().or(self.row);
             newest.barrier = newest.barrier.max(self.row.map_or(0, |row| row.barrier));
         }
-        while self.pending.len() < T::QUEUE {
-            let Some(message) = self.messages.receive()? else { break };
-            self.count_dropped(*message.envelope());
-            self.pending.push_back(message);
+        while self.messages.len() < self.queue {
+            let Some(envelope) = self.messages.receive()? else { break };
+            self.count_dropped(envelope);
         }
-        Ok(Newest { row: self.row, has_messages: !self.pending.is_empty(), ..newest })
+        Ok(Newest { row: self.row, has_messages: self.messages.first().is_some(), ..newest })
     }
 
     fn deliver_all(&mut self, inputs: &mut Inputs) {
         let now = monotonic_nanos();
-        while let Some(message) = self.pending.pop_front() {
-            self.hand_over(message, now, inputs);
-        }
+        while self.hand_over(u64::MAX, now, inputs) {}
     }
 
     fn resume(&mut self, delivered: Traffic) {
@@ -170,6 +177,6 @@ impl<T: Message> TickedInput for SharedInput<T> {
     }
 
     fn arrivals(&self) -> Arrivals {
-        Arrivals { queue: self.pending.len() as u64, latency: Latency::from(&self.latency) }
+        Arrivals { queue: self.messages.len() as u64, latency: Latency::from(&self.latency) }
     }
 }

@@ -1,35 +1,35 @@
 //! Numbers of messages and ticks across the processes of a stage in a live run.
 
-/// A stage that is started anew in a live run numbers its messages and ticks on from a multiple of this: far more than can have
-/// been published since the last heartbeat of the process before it.
+/// A stage that is restarted in a live run numbers its messages and ticks from a multiple of this: far more than its
+/// predecessor can have published since its last heartbeat.
 const STRIDE: u64 = 1000;
 
-/// The number with which the process `epoch` (1: the first to follow another) begins, so that it gives none that one before it may
-/// have given. `heard` is behind the last that was heard of, with up to a stride unheard of behind it; one stride more for each
-/// process, because any of them may have died before its first was heard of.
-pub(crate) fn beyond(heard: u64, epoch: u32) -> u64 {
-    (heard.div_ceil(STRIDE) + u64::from(epoch)) * STRIDE
+/// The first number of process `epoch` (1: the first restart), beyond all numbers that earlier processes may have used.
+/// `reported` is the number after the last reported one; up to a stride more may have been used without a report. Each
+/// process adds one stride, because it may have ended before its first report.
+pub(crate) fn next_number(reported: u64, epoch: u32) -> u64 {
+    (reported.div_ceil(STRIDE) + u64::from(epoch)) * STRIDE
 }
 
 #[cfg(test)]
 mod tests {
-    use super::beyond;
+    use super::next_number;
 
     #[test]
-    fn no_process_gives_a_number_that_one_before_it_gave() {
-        // What the first one was heard of, and then of each whether it was heard of after its messages, one bit for each.
-        for first_heard in [0, 1, 299, 300, 301, 999, 1000, 1001, 5998] {
-            for heard_of in 0..1_u32 << 8 {
-                let (mut heard, mut given) = (first_heard, first_heard + 700);
+    fn restarted_process_uses_no_number_of_its_predecessors() {
+        // The last report of the first process; then one bit for each process: whether it reported after its messages.
+        for first_reported in [0, 1, 299, 300, 301, 999, 1000, 1001, 5998] {
+            for reports in 0..1_u32 << 8 {
+                let (mut reported, mut used) = (first_reported, first_reported + 700);
                 for epoch in 1..=8 {
-                    let first = beyond(heard, epoch);
+                    let first = next_number(reported, epoch);
                     assert!(
-                        first > given,
-                        "{first} after {given}, {first_heard} heard, process {epoch} of {heard_of:08b}"
+                        first > used,
+                        "{first} after {used}, {first_reported} reported, process {epoch} of {reports:08b}"
                     );
-                    given = first + 700;
-                    if heard_of >> (epoch - 1) & 1 == 1 {
-                        heard = first + 300;
+                    used = first + 700;
+                    if reports >> (epoch - 1) & 1 == 1 {
+                        reported = first + 300;
                     }
                 }
             }

@@ -1,13 +1,13 @@
-//! A stage at a barrier: its state is saved, or taken up.
+//! A stage at a barrier: its state is saved or loaded.
 
 use super::Runner;
-use crate::health::Traffic;
-use crate::state::{RunnerState, load_state, write_state};
-use crate::{Stage, StepError};
+use crate::StepError;
+use run::health::Traffic;
+use run::state_file::{RunnerState, load_state, write_state};
 use std::sync::Arc;
 
-impl<S: Stage> Runner<'_, S> {
-    /// Writes the state down. A thread brings it to the disk while the stage goes on, and then says so.
+impl Runner<'_> {
+    /// Writes the state. A thread syncs it to the disk while the stage continues, and then reports it in the heartbeat.
     pub(super) fn save(&mut self) -> Result<(), StepError> {
         let state = RunnerState {
             tick: self.tick,
@@ -19,16 +19,19 @@ impl<S: Stage> Runner<'_, S> {
             counters: self.outputs.counters.clone(),
             notes: self.outputs.notes.clone(),
         };
-        let written = write_state(&self.assignment.state_file(self.barrier), &state, &self.stage.save()?)?;
+        let written = {
+            let stage = self.stage.save()?;
+            write_state(&self.assignment.state_file(self.barrier), &state, stage.pieces(), stage.files())?
+        };
         self.saving.begin(written, self.barrier, Arc::clone(&self.ports.waiter.pulse))
     }
 
     pub(super) fn load(&mut self, barrier: u64) -> Result<(), StepError> {
         let path = self.assignment.state_file(barrier);
         let (state, stage) = load_state(&path)?;
-        // Who holds nothing can be followed by any program.
+        // A stage without a state can be replaced by any program.
         if !stage.is_empty() {
-            self.stage.load(&stage).map_err(|error| StepError::data(format!("{}: {error}", path.display())))?;
+            self.stage.load(&stage).map_err(|error| error.at(path.display()))?;
         }
         (self.tick, self.barrier) = (state.tick, state.barrier);
         self.pulse.update().barrier = state.barrier;
@@ -42,7 +45,7 @@ impl<S: Stage> Runner<'_, S> {
                 input.resume(delivered.clone());
                 continue;
             }
-            // The program that this one replaces did not read the topic: what has passed, its producer knows.
+            // The program that this one replaces did not read the topic: its producer's state has the number of messages.
             if let Some(channels) = self.assignment.inputs.iter().find(|channels| channels.topic == input.topic()) {
                 let (producer, _) = load_state(&self.assignment.producers_state_file(barrier, channels))?;
                 let next_seq = producer.outputs.get(input.topic()).map_or(0, |traffic| traffic.next_seq);
@@ -51,6 +54,8 @@ impl<S: Stage> Runner<'_, S> {
         }
         self.outputs.counters = state.counters;
         self.outputs.notes = state.notes;
+        self.diagnostics.skip(&self.outputs);
+        tracing::debug!(barrier, tick = self.tick, "loaded the saved state");
         Ok(())
     }
 }

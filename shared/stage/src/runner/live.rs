@@ -1,16 +1,16 @@
-//! A stage in live mode: a step over whatever has come, and a process that takes the place of one that has died.
+//! A stage in live mode: steps over all messages that have arrived, and a process that replaces one that has failed.
 
 use super::Runner;
-use crate::assignment::Restart;
-use crate::health::Activity;
-use crate::ports::beyond;
-use crate::process::monotonic_nanos;
-use crate::{Inputs, Stage, StepError};
+use crate::ports::next_number;
+use crate::{Inputs, StepError};
 use messages::TickRow;
+use run::assignment::Restart;
+use run::health::Activity;
+use run::process::monotonic_nanos;
 use std::cell::Cell;
 
-impl<S: Stage> Runner<'_, S> {
-    /// Live: a step over whatever has come, as soon as there is something new.
+impl Runner<'_> {
+    /// Live: a step over all messages that have arrived, as soon as there is a new one.
     pub(super) fn live_tick(&mut self) -> Result<Option<bool>, StepError> {
         let (inputs, saving, n_ticks) = (&mut self.inputs, &mut self.saving, self.tick);
         let news = Cell::new(None);
@@ -34,7 +34,8 @@ impl<S: Stage> Runner<'_, S> {
             },
         )?;
         let Some(mut row) = news.get().filter(|_| here) else { return Ok(None) };
-        // Several inputs tell of the same barrier.
+        let _span = tracing::debug_span!("tick", tick = row.tick).entered();
+        // Several inputs report the same barrier.
         row.barrier = if row.barrier > self.barrier { row.barrier } else { 0 };
         let mut inputs = Inputs::default();
         for input in &mut self.inputs {
@@ -49,9 +50,9 @@ impl<S: Stage> Runner<'_, S> {
         Ok(Some(row.end != 0))
     }
 
-    /// Takes the place of a process that has died: counts go on, and no number is given twice.
+    /// Replaces a process that has failed: counts continue, and no number is used twice.
     pub(super) fn follow(&mut self, restart: &Restart) {
-        self.tick = beyond(restart.ticks, restart.epoch);
+        self.tick = next_number(restart.ticks, restart.epoch);
         for input in &mut self.inputs {
             input.resume(restart.inputs.get(input.topic()).cloned().unwrap_or_default());
         }

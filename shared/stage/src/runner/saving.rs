@@ -1,17 +1,17 @@
-//! The thread that brings a barrier's state to the disk while the stage goes on.
+//! The thread that syncs a barrier's state to the disk while the stage continues.
 
 use crate::StepError;
-use crate::health::Pulse;
-use crate::state::WrittenState;
+use run::health::Pulse;
+use run::state_file::WrittenState;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// One state at most is on its way.
+/// At most one state at a time.
 #[derive(Default)]
 pub(super) struct Saving(Option<JoinHandle<Result<(), StepError>>>);
 
 impl Saving {
-    /// Begins; the thread says in the heartbeat that `barrier` is on the disk once it is.
+    /// Begins. The thread reports `barrier` in the heartbeat once its state is on the disk.
     pub(super) fn begin(&mut self, written: WrittenState, barrier: u64, pulse: Arc<Pulse>) -> Result<(), StepError> {
         self.settle()?;
         let commit = move || {
@@ -28,7 +28,7 @@ impl Saving {
     /// Waits until the last state is on the disk.
     pub(super) fn settle(&mut self) -> Result<(), StepError> {
         let Some(thread) = self.0.take() else { return Ok(()) };
-        thread.join().unwrap_or_else(|_| Err(StepError::Io("the thread that saves the state panicked".to_owned())))
+        thread.join().unwrap_or_else(|_| Err(StepError::io("the thread that saves the state panicked")))
     }
 
     /// Whether it has failed, without waiting.

@@ -1,19 +1,20 @@
-//! A source: nobody tells it what follows a tick but the supervisor, so it says to all others where barriers and the end are.
+//! A source: it decides where barriers and the end are, on request of the supervisor, and publishes them to all stages.
 
 use super::{Runner, read_command};
-use crate::health::Activity;
-use crate::process::monotonic_nanos;
-use crate::{Flow, Inputs, Mode, Stage, StepError};
+use crate::{Flow, Inputs, Mode, StepError};
 use messages::{NO_DRIVE_TIME, TickRow};
+use run::health::Activity;
+use run::process::monotonic_nanos;
 use std::sync::atomic::Ordering;
 
-impl<S: Stage> Runner<'_, S> {
+impl Runner<'_> {
     /// One tick of a source. `Some(true)`: the last one. `None`: the run is being stopped.
     pub(super) fn source_tick(&mut self) -> Result<Option<bool>, StepError> {
         if self.ports.waiter.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
         read_command(&self.control, &mut self.command)?;
+        let _span = tracing::debug_span!("tick", tick = self.tick).entered();
         let born = monotonic_nanos();
         self.ports.clock.tick.set(self.tick);
         self.ports.clock.born_nanos.set(born);
@@ -21,7 +22,7 @@ impl<S: Stage> Runner<'_, S> {
         let flow = self.timed_step(&mut Inputs::default())?;
         let end = flow == Flow::End || self.command.drain;
         if self.command.drain && flow == Flow::Continue {
-            // A live source ends when it is asked to.
+            // A live source always ends on request.
             if self.assignment.context.mode == Mode::Offline {
                 self.outputs.note("drained on request: the rest of the drive was not read");
             }
@@ -52,12 +53,12 @@ impl<S: Stage> Runner<'_, S> {
         Ok(Some(end))
     }
 
-    /// Waits behind a barrier for the word to go on. `false` if the run is being stopped.
+    /// Waits behind a barrier until the supervisor lets it continue. `false` if the run is being stopped.
     fn pause(&mut self) -> Result<bool, StepError> {
         self.saving.settle()?;
         self.pulse.announce(Activity::Paused);
         let (control, command) = (&self.control, &mut self.command);
-        let goes_on = || read_command(control, command).map(|()| !command.pause);
-        self.ports.waiter.wait_until(|| Activity::Paused, goes_on)
+        let continues = || read_command(control, command).map(|()| !command.pause);
+        self.ports.waiter.wait_until(|| Activity::Paused, continues)
     }
 }

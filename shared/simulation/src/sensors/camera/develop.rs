@@ -1,27 +1,29 @@
-//! From light to a picture: glare and vignetting of the lens, noise of the sensor, and the camera's color and tone.
+//! From light to an image: lens glare and vignetting, sensor noise, color matrix and tone curve.
 
-use super::Rgb;
-use crate::random::{gauss, hash};
+use random::{gauss, hash};
 use rayon::prelude::*;
+
+/// Light by color: 1 fills the sensor at gain 1.
+pub type Rgb = [f32; 3];
 
 /// Electrons of a pixel that is full at gain 1.
 const FULL_WELL: f32 = 7000.0;
 /// Standard deviation of the read-out, electrons.
 const READ_NOISE: f32 = 9.0;
-/// Share of all light that lens and housing scatter over the whole picture.
+/// Share of all light that lens and housing scatter over the whole image.
 const GLARE: f32 = 0.012;
 /// From the sensor's filters, which overlap, to the colors of sRGB. Rows sum to 1: white stays white.
 const COLOR_MATRIX: [[f32; 3]; 3] = [[1.30, -0.24, -0.06], [-0.17, 1.32, -0.15], [0.0, -0.22, 1.22]];
 /// Pixels per piece of parallel work.
 const PIECE: usize = 4096;
 
-/// The picture: sRGB, three bytes per pixel. A pixel that the lens does not serve is black.
+/// The image: sRGB, three bytes per pixel. Pixels outside the lens are black.
 pub fn develop(light: &[Rgb], shading: &[f32], gain: f32, seed: u64) -> Vec<u8> {
-    // The sun saturates its pixels long before it counts in a mean.
+    // Saturated pixels are clipped, so that the sun does not dominate the mean.
     let mean = |c: usize| light.iter().map(|rgb| f64::from(rgb[c].min(4.0 / gain))).sum::<f64>() / light.len() as f64;
     let glare: Rgb = std::array::from_fn(|c| GLARE * mean(c) as f32);
-    let mut picture = vec![0_u8; 3 * light.len()];
-    picture.par_chunks_mut(3 * PIECE).enumerate().for_each(|(piece, bytes)| {
+    let mut image = vec![0_u8; 3 * light.len()];
+    image.par_chunks_mut(3 * PIECE).enumerate().for_each(|(piece, bytes)| {
         for (k, bytes) in bytes.chunks_exact_mut(3).enumerate() {
             let i = piece * PIECE + k;
             if shading[i] <= 0.0 {
@@ -30,7 +32,7 @@ pub fn develop(light: &[Rgb], shading: &[f32], gain: f32, seed: u64) -> Vec<u8> 
             let read = |c: usize| {
                 let electrons = FULL_WELL * (light[i][c] * shading[i] + glare[c]);
                 let noise = (electrons + READ_NOISE * READ_NOISE).sqrt() * gauss(hash(seed, (i * 3 + c) as u64));
-                // A full pixel clips, at the latest when it holds all the electrons that it can.
+                // Clipped at the full well.
                 ((electrons + noise) / FULL_WELL * gain).clamp(0.0, 1.0)
             };
             let raw: Rgb = std::array::from_fn(read);
@@ -40,11 +42,11 @@ pub fn develop(light: &[Rgb], shading: &[f32], gain: f32, seed: u64) -> Vec<u8> 
             }
         }
     });
-    picture
+    image
 }
 
-/// A level, 1 = full, as a display expects it, 0 to 1: the curve of sRGB (IEC 61966-2-1) with lights that are held back and
-/// shadows that are held down, as cameras do.
+/// Tone curve from a linear level (1 = full) to a display level, 0 to 1: sRGB (IEC 61966-2-1) with a shoulder for highlights
+/// and darkened shadows.
 pub fn tone(linear: f32) -> f32 {
     let held = linear.max(0.0);
     let shoulder = 1.22 * held / (1.0 + 0.22 * held);
@@ -59,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tone_curve_rises_from_black_to_white() {
+    fn tone_curve_rises_from_black_to_white() {
         let levels: Vec<f32> = (0..=200).map(|i| tone(i as f32 / 200.0)).collect();
         assert!(levels[0] == 0.0 && levels[200] > 0.999 && levels.is_sorted());
         assert!((0.35..0.6).contains(&tone(0.18)), "{}", tone(0.18));
@@ -69,12 +71,12 @@ mod tests {
     }
 
     #[test]
-    fn noise_grows_with_the_gain_and_clipped_is_white() {
+    fn noise_grows_with_gain_and_saturated_pixels_are_white() {
         let spread = |gain: f32| {
             let light = vec![[0.3 / gain; 3]; 20_000];
-            let picture = develop(&light, &vec![1.0; 20_000], gain, 7);
-            let mean = picture.iter().map(|b| f64::from(*b)).sum::<f64>() / picture.len() as f64;
-            (picture.iter().map(|b| (f64::from(*b) - mean).powi(2)).sum::<f64>() / picture.len() as f64).sqrt()
+            let image = develop(&light, &vec![1.0; 20_000], gain, 7);
+            let mean = image.iter().map(|b| f64::from(*b)).sum::<f64>() / image.len() as f64;
+            (image.iter().map(|b| (f64::from(*b) - mean).powi(2)).sum::<f64>() / image.len() as f64).sqrt()
         };
         let (low, high) = (spread(1.0), spread(8.0));
         // Shot noise of 2100 and of 262 electrons, through a matrix and a curve.

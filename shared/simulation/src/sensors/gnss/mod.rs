@@ -1,12 +1,12 @@
-//! The GNSS receiver: what the sky between the houses lets it know, once a second.
+//! GNSS receiver: one fix per second from the satellites visible between the houses.
 //!
-//! | module | says |
+//! | module | content |
 //! |---|---|
-//! | [`sky`] | where the satellites are |
-//! | [`signal`] | what of them reaches the antenna, by ray casts into the scene |
-//! | [`receiver`] | what a receiver measures and makes of it |
-//! | [`solve`] | a position from ranges |
-//! | [`place`] | where on the Earth the world is |
+//! | [`sky`] | satellite positions |
+//! | [`signal`] | signals at the antenna: line of sight, attenuation and multipath, by ray casts |
+//! | [`receiver`] | code ranges with errors, and the position filter |
+//! | [`solve`] | position from code ranges |
+//! | [`place`] | geodetic origin of the world frame |
 
 pub mod place;
 pub mod receiver;
@@ -15,51 +15,50 @@ pub mod sky;
 pub mod solve;
 
 pub use place::ORIGIN;
-pub use receiver::Receiver;
+pub use receiver::{GnssSpec, Receiver};
 
 use crate::motion::Motion;
-use crate::random::hash;
-use crate::rig::GnssSpec;
-use crate::scene::Scene;
 use formats::nmea::{Fix, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
 use geometry::{Geodetic, Point3, Stamp, Vector3};
 use place::{GEOID_M, world};
+use random::hash;
 use rayon::prelude::*;
 use receiver::Tracking;
 use signal::{Antenna, Around, Signal, Surroundings};
 use sky::{Satellite, Sky};
 use std::fmt::Write;
+use town::Scene;
 
-/// Below this speed a receiver gives no course, m/s.
+/// Below this speed there is no course, m/s.
 const LEAST_SPEED_MPS: f64 = 0.3;
 
-/// One second of the receiver.
+/// Output of one second, with its truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Epoch {
-    /// When.
+    /// Stamp.
     pub stamp: Stamp,
-    /// What it says; `None` without a position.
+    /// The fix; `None` without a position.
     pub fix: Option<Fix>,
-    /// Truth: satellites whose direct signals arrive.
+    /// Truth: satellites with a direct signal.
     pub n_in_sight: u32,
-    /// Truth: satellites in the solution that were received by way of a wall alone.
+    /// Truth: satellites in the solution that were received by reflection only.
     pub n_reflected: u32,
     /// Truth: error of the position in the world frame, m.
     pub error: Option<Vector3<f64>>,
 }
 
 impl Epoch {
-    /// The sentence with the date.
+    /// The RMC sentence.
     pub fn rmc(&self) -> String {
         self.fix.map_or_else(|| rmc_without_fix(self.stamp), |fix| rmc_from_fix(&fix))
     }
-    /// The sentence with the height.
+    /// The GGA sentence.
     pub fn gga(&self) -> String {
         self.fix.map_or_else(|| gga_without_fix(self.stamp), |fix| gga_from_fix(&fix, GEOID_M))
     }
 }
 
-/// What the receiver says at the whole seconds of a drive.
+/// Epochs of a drive, one per second.
 pub fn record(scene: &Scene, motion: &Motion, spec: &GnssSpec, seconds: f64, seed: u64) -> Vec<Epoch> {
     record_in(|at| Around(scene, scene.at(at)), motion, spec, seconds, seed)
 }
@@ -82,7 +81,7 @@ fn record_in<S: Surroundings>(
         let received = |satellite| Some((satellite, antenna.receive(&satellite)?));
         sky.above(at).into_iter().filter_map(received).collect()
     };
-    // What arrives depends on the place alone; what the receiver makes of it depends on what was before.
+    // Signals depend on the position only and are computed in parallel; the receiver has state.
     let received: Vec<Vec<(Satellite, Signal)>> = (0..n).into_par_iter().map(receive).collect();
     let mut tracking = Tracking::new(spec.receiver, hash(seed, 2));
     received.iter().enumerate().map(|(i, signals)| epoch(motion, spec, &mut tracking, i as i64, signals)).collect()
@@ -96,7 +95,7 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
     };
     let antenna_in_body = Point3::from(spec.antenna_in_body);
     let antenna = motion.pose(at) * antenna_in_body;
-    // Doppler shifts tell how the antenna moves, not the body's origin: in a turn 1.2 m behind it they are 0.4 m/s apart.
+    // Doppler shifts give the velocity of the antenna, not of the body origin: in a turn, 1.2 m behind it, they differ by 0.4 m/s.
     let velocity = motion.velocity_of(&antenna_in_body, at) + position.speed_error;
     let speed_mps = velocity.xy().norm();
     let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&(antenna + position.error));
@@ -114,13 +113,13 @@ fn epoch(motion: &Motion, spec: &GnssSpec, tracking: &mut Tracking, i: i64, sign
     Epoch { stamp, fix: Some(fix), n_in_sight, n_reflected, error: Some(position.error) }
 }
 
-/// The log of all seconds.
+/// NMEA log of all epochs.
 pub fn nmea(epochs: &[Epoch]) -> String {
     let sentences = epochs.iter().flat_map(|epoch| [epoch.gga(), epoch.rmc()]);
     sentences.flat_map(|sentence| [sentence, "\r\n".to_owned()]).collect()
 }
 
-/// The truth about all seconds, for `truth/gnss.csv`; errors are empty where there was no position.
+/// Truth of all epochs, for `truth/gnss.csv`. Errors are empty without a position.
 pub fn truth_csv(epochs: &[Epoch]) -> String {
     let mut text = "stamp,in_sight,reflected,east_m,north_m,up_m\n".to_owned();
     for epoch in epochs {
@@ -135,7 +134,7 @@ pub fn truth_csv(epochs: &[Epoch]) -> String {
 mod tests {
     use super::*;
     use crate::motion::example;
-    use crate::trace::{Ray, Vec3};
+    use raytrace::{Ray, Vec3};
 
     /// Endless walls along the street, so many metres from its middle line and so high; none if they have no height.
     #[derive(Clone, Copy)]
@@ -194,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn under_the_open_sky_errors_have_the_stated_size_and_wander() {
+    fn open_sky_errors_have_stated_size_and_drift_slowly() {
         for (receiver, range) in [(Receiver::SingleFrequency, 0.8..2.0), (Receiver::Differential, 0.1..0.4)] {
             let drives = drives(FIELD, receiver);
             assert!(drives.iter().flatten().all(|epoch| epoch.fix.is_some()));
@@ -209,9 +208,9 @@ mod tests {
         }
     }
 
-    /// What no drive of some minutes can tell: `docs/georeference.md` quotes it.
+    /// Bias that drives of some minutes cannot average out; `docs/experiments/georeferencing.md` quotes it.
     #[test]
-    fn the_mean_of_a_minute_under_the_open_sky_is_off() {
+    fn one_minute_mean_keeps_a_bias() {
         let (motion, spec) = (motion(), spec(Receiver::Differential));
         let mean = |seed: u64| {
             let epochs = record_in(|_| FIELD, &motion, &spec, 59.0, seed);
@@ -229,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn between_houses_fewer_satellites_give_a_worse_position() {
+    fn street_canyon_has_fewer_satellites_and_larger_errors() {
         let canyon = Canyon { half_width: 20.0, height: motion().pose(10.0).translation.z as f32 + 25.0 };
         let (open, narrow) = (drives(FIELD, Receiver::SingleFrequency), drives(canyon, Receiver::SingleFrequency));
         let in_sight = |drives: &[Vec<Epoch>]| drives.iter().flatten().map(|e| f64::from(e.n_in_sight)).sum::<f64>();
@@ -242,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tunnel_is_an_outage_and_the_log_says_so() {
+    fn tunnel_gives_an_outage_in_the_nmea_log() {
         let (motion, spec) = (motion(), spec(Receiver::SingleFrequency));
         let tunnel = |at: f64| Underground((20.0..28.0).contains(&at));
         let epochs = record_in(tunnel, &motion, &spec, 40.0, 3);
@@ -255,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn the_log_says_what_was_measured() {
+    fn nmea_log_contains_the_fixes() {
         let (motion, spec) = (motion(), spec(Receiver::Differential));
         let epochs = record_in(|_| FIELD, &motion, &spec, 10.0, 9);
         let (read, stats) = formats::nmea::fixes(nmea(&epochs).as_bytes());
@@ -268,7 +267,7 @@ mod tests {
             assert!(off.into_iter().all(|off| off < 1e-6 / 60.0));
             let altitude = |fix: &Fix| fix.altitude_m.expect("GGA has one");
             assert!((altitude(read) - altitude(&fix)).abs() < 1e-3);
-            // The error that is told is the one that was made.
+            // The truth error equals the error of the fix.
             let antenna = motion.pose(i as f64) * Point3::from(spec.antenna_in_body);
             let Geodetic { latitude_deg, longitude_deg, altitude_m } = world().geodetic_from_world(&antenna);
             let error = epoch.error.expect("an open sky");
@@ -281,20 +280,20 @@ mod tests {
         assert!(!has_course(0) && has_course(10));
     }
 
-    /// It once told the body's: in each turn 0.4 m/s to the side of what the antenna does.
+    /// Regression: the fix had the velocity of the body origin, which differs by 0.4 m/s in turns.
     #[test]
-    fn the_velocity_is_that_of_the_antenna() {
+    fn fix_velocity_is_that_of_the_antenna() {
         let (motion, spec) = (motion(), spec(Receiver::Differential));
         let antenna = Point3::from(spec.antenna_in_body);
         // In the first turn.
         let at = 34;
         let [expected, of_body] = [motion.velocity_of(&antenna, at as f64), motion.velocity(at as f64)];
-        let told = |seed: u64| {
+        let reported = |seed: u64| {
             let fix = record_in(|_| FIELD, &motion, &spec, 35.0, seed)[at].fix.expect("an open sky");
             let (east, north) = fix.course_deg.expect("it drives").to_radians().sin_cos();
             Vector3::new(east, north, 0.0) * fix.speed_mps.expect("it drives")
         };
-        let mean = (0..30).map(told).sum::<Vector3<f64>>() / 30.0;
+        let mean = (0..30).map(reported).sum::<Vector3<f64>>() / 30.0;
         let off = (mean - expected).xy().norm();
         assert!(off < 0.1 * (of_body - expected).xy().norm(), "{off} m/s");
     }

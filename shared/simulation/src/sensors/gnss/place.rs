@@ -1,4 +1,4 @@
-//! Where on the Earth the simulated towns lie.
+//! Geodetic origin of the simulated towns.
 
 use geometry::{Geodetic, LocalFrame};
 

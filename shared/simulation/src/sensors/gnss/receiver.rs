@@ -1,12 +1,12 @@
-//! What a receiver makes of the signals: code ranges with their errors, a position, and a filter that leans on the speed.
+//! Receiver: code ranges with errors, a position, and a Kalman filter that is aided by velocity.
 
 use super::signal::Signal;
 use super::sky::{N_SATELLITES, Satellite};
 use super::solve::{CodeRange, Solution, solve};
-use crate::random::{gauss, hash};
 use geometry::Vector3;
+use random::{gauss, hash};
 
-/// How good a receiver is.
+/// Class of a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receiver {
     /// L1 and E1 alone, broadcast orbits and ionosphere: 1 to 2 m under the open sky.
@@ -15,15 +15,24 @@ pub enum Receiver {
     Differential,
 }
 
-/// Errors of the ranges, m.
+/// A GNSS receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GnssSpec {
+    /// Class.
+    pub receiver: Receiver,
+    /// Position of the antenna, m.
+    pub antenna_in_body: [f64; 3],
+}
+
+/// Standard deviations of the measurement errors.
 struct Errors {
-    /// Orbit, clock and what the models of ionosphere and troposphere leave, at the zenith, by satellite.
+    /// Per satellite at the zenith, m: orbit, clock, residual ionosphere and troposphere.
     slow_m: f64,
-    /// The same for all satellites, at the zenith.
+    /// Common to all satellites at the zenith, m.
     zenith_m: f64,
-    /// Code noise at 45 dB-Hz.
+    /// Code noise at 45 dB-Hz, m.
     noise_m: f64,
-    /// Of the speed, m/s, at a dilution of 1.
+    /// Velocity at a dilution of 1, m/s.
     speed_mps: f64,
 }
 
@@ -31,18 +40,18 @@ struct Errors {
 const SLOW_SECONDS: f64 = 900.0;
 /// No satellite lower than this is used, as a sine: 10 degrees.
 const MASK: f64 = 0.174;
-/// Signals below this are not tracked, dB-Hz.
+/// Tracking threshold, dB-Hz.
 const WEAKEST_DBHZ: f64 = 27.0;
-/// The receiver trusts its speed this well over a second, m: how far the filter lets positions jump.
+/// Process noise of the filter per second, m.
 const TRUST_M: f64 = 0.15;
-/// After so many seconds without a position the filter starts anew.
+/// The filter restarts after this many seconds without a position.
 const FORGET_SECONDS: u32 = 5;
 
 impl Receiver {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::SingleFrequency, Self::Differential];
 
-    /// As a rig file writes it.
+    /// Name in rig files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::SingleFrequency => "single_frequency",
@@ -66,7 +75,7 @@ impl Receiver {
     }
 }
 
-/// A position and speed, with their errors against the truth.
+/// Position and velocity errors of a fix.
 #[derive(Clone, Debug)]
 pub struct Position {
     /// World frame, m.
@@ -75,11 +84,11 @@ pub struct Position {
     pub speed_error: Vector3<f64>,
     /// Horizontal dilution of precision.
     pub hdop: f64,
-    /// Ranges that were used.
+    /// Ranges in the solution.
     pub used: Vec<CodeRange>,
 }
 
-/// A receiver at work: call it once a second.
+/// State of a receiver; updated once a second.
 #[derive(Clone, Debug)]
 pub struct Tracking {
     receiver: Receiver,
@@ -93,7 +102,7 @@ pub struct Tracking {
 }
 
 impl Tracking {
-    /// Switched on, long before the drive.
+    /// A receiver in steady state.
     pub fn new(receiver: Receiver, seed: u64) -> Self {
         let errors = receiver.errors();
         let start = |i: usize| f64::from(gauss(hash(seed, i as u64)));
@@ -102,7 +111,7 @@ impl Tracking {
         Self { receiver, seed, second: 0, slow, zenith, filtered: None, seconds_without: 0 }
     }
 
-    /// The next second's position from the signals that arrive; `None` if they give none.
+    /// The position of the next second; `None` without a solution.
     pub fn next(&mut self, signals: &[(Satellite, Signal)]) -> Option<Position> {
         let ranges = signals.iter().filter_map(|(satellite, signal)| self.range(satellite, signal)).collect();
         let solution = solve(ranges);
@@ -123,13 +132,13 @@ impl Tracking {
         let noise_m = errors.noise_m * 10_f64.powf((45.0 - signal.strength_dbhz) / 20.0);
         let slow_m = slant * (self.slow[satellite.index] + self.zenith);
         let error_m = slow_m + noise_m * self.draw(satellite.index as u64) + signal.detour_m;
-        // Multipath is known to be there and not how much: receivers allow for a metre at the zenith, and more below.
+        // Receivers allow for multipath of one meter at the zenith, and more below.
         let sigma_m = noise_m.hypot(slant * errors.slow_m.hypot(1.0));
         let (system, direction) = (satellite.system, satellite.direction);
         Some(CodeRange { system, direction, error_m, sigma_m, is_reflected: signal.is_reflected })
     }
 
-    /// A Kalman filter by axis: positions follow the measured speed, and new ones pull.
+    /// Kalman filter per axis: predicted with the measured velocity, updated with new positions.
     fn filter(&mut self, solution: Option<Solution>) -> Option<Position> {
         let spread = self.filtered.map(|(error, variances)| (error, variances.add_scalar(TRUST_M * TRUST_M)));
         let Some(solution) = solution else {
@@ -141,9 +150,9 @@ impl Tracking {
         let (error, variances) = match spread {
             None => (solution.error, solution.variances),
             Some((error, variances)) => {
-                let pull = variances.component_div(&(variances + solution.variances));
-                let error = error + pull.component_mul(&(solution.error - error));
-                (error, variances - pull.component_mul(&variances))
+                let gain = variances.component_div(&(variances + solution.variances));
+                let error = error + gain.component_mul(&(solution.error - error));
+                (error, variances - gain.component_mul(&variances))
             }
         };
         self.filtered = Some((error, variances));
@@ -152,7 +161,7 @@ impl Tracking {
         Some(Position { error, speed_error, hdop: solution.hdop, used: solution.used })
     }
 
-    /// The slow errors go on as first-order Gauss-Markov processes.
+    /// Advances the slow errors, which are first-order Gauss-Markov processes.
     fn wander(&mut self) {
         let errors = self.receiver.errors();
         let memory = (-1.0 / SLOW_SECONDS).exp();
@@ -163,7 +172,7 @@ impl Tracking {
         self.zenith = memory * self.zenith + fresh * errors.zenith_m * self.draw(300);
     }
 
-    /// Normal, by second and use.
+    /// A normal random number, by second and use.
     fn draw(&self, kind: u64) -> f64 {
         f64::from(gauss(hash(self.seed ^ 0x6e55, self.second << 10 | kind)))
     }

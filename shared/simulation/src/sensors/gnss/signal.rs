@@ -1,20 +1,20 @@
-//! What the antenna receives of one satellite between houses: how strong, and over which detour.
+//! Signal of a satellite at the antenna: strength and multipath error.
 //!
-//! Directly if the line of sight is free; weaker where leaves or edges cover part of the first Fresnel zone; and as mirror
-//! images in smooth walls. A reflection beside the direct signal shifts the correlation peak (Braasch, "Multipath effects",
-//! in: Global Positioning System: Theory and Applications, 1996); a reflection alone is taken for the direct signal and is
-//! late by the whole detour.
+//! A signal arrives directly if the line of sight is free, attenuated if leaves or edges cover part of the first Fresnel zone,
+//! and by specular reflection at walls. A reflection beside the direct signal shifts the correlation peak (Braasch, "Multipath effects",
+//! in: Global Positioning System: Theory and Applications, 1996); a reflection without direct signal is tracked
+//! instead and is late by the whole detour.
 
 use super::sky::Satellite;
-use crate::random::hash;
-use crate::scene::{Scene, Snapshot};
-use crate::trace::{Ray, Vec3};
 use geometry::Vector3;
+use random::hash;
+use raytrace::{Ray, Vec3};
 use std::f64::consts::TAU;
+use town::{Scene, Snapshot};
 
 /// Wavelength of L1 and E1, m.
 const WAVE_M: f64 = 0.190_293_67;
-/// Nothing farther away stands in the way, m.
+/// Maximum distance of obstacles, m.
 const REACH_M: f32 = 250.0;
 /// Half the opening of the cone around the line of sight that stands for the first Fresnel zone, rad: 1 m at 20 m, where its
 /// radius is 2 m.
@@ -34,15 +34,15 @@ const SMOOTHING_SECONDS: f64 = 1.0;
 /// Two walls are one if their normals differ by less than 8 degrees and their distances by less than this, m.
 const SAME_WALL_M: f64 = 0.5;
 
-/// What can stand around an antenna.
+/// Surroundings of an antenna, for ray casts.
 pub trait Surroundings {
-    /// Whether anything lies on the ray before `max_m`.
+    /// Whether the ray hits anything before `max_m`.
     fn is_blocked(&self, ray: &Ray, max_m: f32) -> bool;
     /// Range (m) and normal of the nearest surface.
     fn nearest(&self, ray: &Ray, max_m: f32) -> Option<(f32, Vec3)>;
 }
 
-/// The town at one moment.
+/// A town at one time.
 pub struct Around<'a>(pub &'a Scene, pub Snapshot);
 
 impl Surroundings for Around<'_> {
@@ -59,9 +59,9 @@ impl Surroundings for Around<'_> {
 pub struct Signal {
     /// Carrier to noise density, dB-Hz.
     pub strength_dbhz: f64,
-    /// How much too long multipath makes the range, m.
+    /// Range error by multipath, m.
     pub detour_m: f64,
-    /// Whether it came by a wall alone.
+    /// Whether only a reflection is received.
     pub is_reflected: bool,
 }
 
@@ -72,7 +72,7 @@ pub struct Wall {
     distance_m: f64,
 }
 
-/// The antenna at one moment.
+/// An antenna at one time.
 pub struct Antenna<'a, S> {
     around: &'a S,
     position: Vector3<f64>,
@@ -82,7 +82,7 @@ pub struct Antenna<'a, S> {
 }
 
 impl<'a, S: Surroundings> Antenna<'a, S> {
-    /// An antenna at a place (m) and velocity (m/s). Looks for walls around it.
+    /// An antenna at a position (m) with a velocity (m/s). Searches for walls around it.
     pub fn new(around: &'a S, position: Vector3<f64>, velocity: Vector3<f64>, seed: u64) -> Self {
         let mut antenna = Self { around, position, velocity, walls: Vec::new(), seed };
         // 36 directions at each of three heights find every facade of a street that is nearer than it is high.
@@ -112,7 +112,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         }
     }
 
-    /// What comes from a satellite; `None` if nothing does.
+    /// The signal of a satellite; `None` if none arrives.
     pub fn receive(&self, satellite: &Satellite) -> Option<Signal> {
         let to = satellite.direction;
         let free_dbhz = ZENITH_DBHZ - HORIZON_LOSS_DB * (1.0 - to.z);
@@ -124,13 +124,13 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
             let detour_m = reflections.iter().map(|(late_m, fading)| peak_shift(*late_m, share, *fading)).sum();
             return Some(Signal { strength_dbhz: free_dbhz + 20.0 * open.log10(), detour_m, is_reflected: false });
         }
-        // The first one to arrive is tracked.
+        // The earliest reflection is tracked.
         let late_m = reflections.iter().map(|(late_m, _)| *late_m).min_by(f64::total_cmp)?;
         let strength_dbhz = free_dbhz + 20.0 * REFLECTED.log10();
         Some(Signal { strength_dbhz, detour_m: late_m, is_reflected: true })
     }
 
-    /// Share of the cone around the line of sight that is free.
+    /// Unobstructed share of the cone around the line of sight.
     fn open_share(&self, satellite: &Satellite) -> f64 {
         let to = satellite.direction;
         let side = to.cross(&if to.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
@@ -145,8 +145,8 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
         (0..=N_CONE).filter(|i| free(*i)).count() as f64 / (N_CONE + 1) as f64
     }
 
-    /// Detour (m) by a wall and the mean of its carrier's phase over the smoothing time, -1 to 1; `None` if the wall shows no
-    /// image of the satellite.
+    /// Detour (m) by a wall and the mean of its carrier's phase over the smoothing time, -1 to 1; `None` if the wall does
+    /// not reflect the satellite.
     fn reflection(&self, satellite: &Satellite, wall: &Wall) -> Option<(f64, f64)> {
         let to = satellite.direction;
         let facing = to.dot(&wall.normal);
@@ -164,7 +164,7 @@ impl<'a, S: Surroundings> Antenna<'a, S> {
             return None;
         }
         let late_m = 2.0 * wall.distance_m * facing;
-        // The detour of a moving antenna changes, and its phase averages out.
+        // The detour of a moving antenna changes, so its phase averages out.
         let turns = 2.0 * facing * self.velocity.dot(&wall.normal) * SMOOTHING_SECONDS / WAVE_M;
         let half = 0.5 * TAU * turns;
         let kept = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sky_over_a_field_is_free() {
+    fn open_field_signal_has_full_strength() {
         let around = OneWall { at: 1e6, height: 0.0 };
         let antenna = Antenna::new(&around, Vector3::zeros(), Vector3::zeros(), 1);
         let signal = antenna.receive(&from(0.0, 0.0, 1.0)).expect("free");
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_between_leaves_nothing_and_its_edge_something() {
+    fn blocked_satellite_gives_no_signal_and_edge_attenuates_it() {
         let around = OneWall { at: 10.0, height: 20.0 };
         let antenna = Antenna::new(&around, Vector3::zeros(), Vector3::zeros(), 1);
         assert_eq!(antenna.receive(&from(1.0, 0.3, 1.0)), None);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_behind_adds_a_detour_of_twice_its_distance_by_the_cosine() {
+    fn reflection_detour_equals_geometry() {
         let around = OneWall { at: -10.0, height: 100.0 };
         let still = Antenna::new(&around, Vector3::zeros(), Vector3::zeros(), 1);
         let satellite = from(1.0, 0.0, 1.0);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reflection_alone_is_late_by_its_whole_detour() {
+    fn non_line_of_sight_signal_is_late_by_the_full_detour() {
         /// A second wall that hides the satellite and not its image.
         struct Canyon;
         impl Surroundings for Canyon {

@@ -1,8 +1,8 @@
-//! Which satellites stand where: the nominal constellations of GPS and Galileo on circular orbits.
+//! Satellite positions: nominal constellations of GPS and Galileo on circular orbits.
 
 use super::place::world;
-use crate::random::{hash, unit};
 use geometry::Vector3;
+use random::{hash, unit};
 use std::f64::consts::TAU;
 
 /// Gravitation of the Earth, m^3/s^2 (IS-GPS-200).
@@ -41,13 +41,13 @@ pub const N_SATELLITES: usize = 54;
 pub struct Satellite {
     /// 0 to [`N_SATELLITES`] - 1.
     pub index: usize,
-    /// Whose.
+    /// System.
     pub system: System,
-    /// Towards it, unit, world frame.
+    /// Direction to the satellite, unit, world frame.
     pub direction: Vector3<f64>,
 }
 
-/// Both constellations, turned by the seed.
+/// Both constellations, rotated by the seed.
 #[derive(Clone, Copy, Debug)]
 pub struct Sky {
     /// Of the first orbit's node and of its first satellite, rad, by system.
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_many_stand_above_15_degrees_as_in_reality_and_they_move_slowly() {
+    fn constellation_has_realistic_satellite_count_and_motion() {
         for seed in 0..40 {
             let sky = Sky::new(seed);
             let high: Vec<Satellite> = sky.above(0.0).into_iter().filter(|s| s.direction.z > 0.26).collect();
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn at_this_latitude_no_satellite_stands_in_the_north() {
+    fn no_satellite_is_in_the_northern_sky() {
         // Orbits of 55 degrees of inclination leave a hole around the pole, whose far side is just above the horizon.
         let mut n_south = 0;
         for seed in 0..200 {

@@ -1,4 +1,4 @@
-//! A position out of code ranges: weighted least squares with a test for ranges that do not fit.
+//! Position from code ranges: weighted least squares with outlier rejection.
 //!
 //! The unknowns are the position's error in the world frame, the receiver's clock and the offset of Galileo's time, all in m.
 //! Satellites are 20 000 km away, so that the equations are linear within a millimetre over the errors met here.
@@ -7,23 +7,23 @@ use super::sky::System;
 use geometry::Vector3;
 use nalgebra::{Matrix5, Vector5};
 
-/// Receivers give no position out of a geometry that is worse.
+/// Largest PDOP of a valid position.
 const MAX_PDOP: f64 = 20.0;
-/// A range whose residual is so many standard deviations long does not fit.
+/// Outlier threshold, in standard deviations.
 const MAX_RESIDUAL: f64 = 3.5;
 
 /// One code range.
 #[derive(Clone, Copy, Debug)]
 pub struct CodeRange {
-    /// Whose clock.
+    /// System, which selects the clock.
     pub system: System,
     /// Towards the satellite, unit, world frame.
     pub direction: Vector3<f64>,
-    /// Measured less true, m.
+    /// Measured minus true range, m.
     pub error_m: f64,
-    /// What the receiver believes its standard deviation to be, m.
+    /// Standard deviation assumed by the receiver, m.
     pub sigma_m: f64,
-    /// Whether it came by a wall alone, which the receiver does not know.
+    /// Truth: whether only a reflection was received.
     pub is_reflected: bool,
 }
 
@@ -32,21 +32,21 @@ pub struct CodeRange {
 pub struct Solution {
     /// Its error in the world frame, m.
     pub error: Vector3<f64>,
-    /// Variances that the receiver believes, by axis of the world frame, m^2.
+    /// Variances assumed by the receiver, by axis of the world frame, m^2.
     pub variances: Vector3<f64>,
     /// Horizontal dilution of precision.
     pub hdop: f64,
-    /// Ranges that were used.
+    /// Ranges in the solution.
     pub used: Vec<CodeRange>,
 }
 
-/// The position of the ranges that fit together; `None` if there are too few or they come from one side.
+/// Position from consistent ranges; `None` if there are too few or the geometry is degenerate.
 pub fn solve(mut ranges: Vec<CodeRange>) -> Option<Solution> {
     loop {
         let (solution, residuals) = least_squares(&ranges)?;
         let worst = residuals.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
-            // What is left must still have one range more than unknowns, or every range fits.
+            // One range more than unknowns must remain; otherwise no residual is left.
             Some((index, residual)) if residual > MAX_RESIDUAL && ranges.len() > n_unknowns(&ranges) + 1 => {
                 ranges.remove(index);
             }
@@ -73,7 +73,7 @@ fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
         plain += row * row.transpose();
         right += row * (weight * range.error_m);
     }
-    // A clock that no range needs.
+    // Clocks without ranges.
     for system in [System::Gps, System::Galileo] {
         if !ranges.iter().any(|range| range.system == system) {
             weighted[(clock(system), clock(system))] = 1.0;
@@ -83,7 +83,7 @@ fn least_squares(ranges: &[CodeRange]) -> Option<(Solution, Vec<f64>)> {
     let covariance = weighted.try_inverse()?;
     let shape = plain.try_inverse()?;
     let pdop2 = shape[(0, 0)] + shape[(1, 1)] + shape[(2, 2)];
-    // Also refuses what rounding has made of a geometry without solution.
+    // Also rejects degenerate geometry after rounding.
     if !(0.0..=MAX_PDOP * MAX_PDOP).contains(&pdop2) {
         return None;
     }
@@ -105,7 +105,7 @@ const fn clock(system: System) -> usize {
     }
 }
 
-/// How a range grows with the unknowns.
+/// Derivative of a range by the unknowns.
 fn row(range: &CodeRange) -> Vector5<f64> {
     let d = range.direction;
     let mut row = Vector5::new(-d.x, -d.y, -d.z, 0.0, 0.0);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn position_and_clocks_are_told_apart() {
+    fn solution_separates_position_from_clocks() {
         let off = Vector3::new(3.0, -2.0, 7.0);
         let solution = solve(ranges(off, [100.0, -40.0])).expect("a fix");
         assert!((solution.error - off).norm() < 1e-9, "{solution:?}");
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn one_range_that_does_not_fit_is_left_out() {
+    fn outlier_range_is_excluded() {
         let mut ranges = ranges(Vector3::zeros(), [0.0; 2]);
         let n = ranges.len();
         ranges[4].error_m += 60.0;
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_or_from_one_side_is_no_fix() {
+    fn too_few_or_one_sided_ranges_give_no_fix() {
         let all = ranges(Vector3::zeros(), [0.0; 2]);
         let gps: Vec<CodeRange> = all.iter().copied().filter(|r| r.system == System::Gps).collect();
         assert!(solve(gps[..4].to_vec()).is_some());

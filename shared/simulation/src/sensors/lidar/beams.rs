@@ -1,16 +1,16 @@
-//! Where beams start and look.
+//! Origins and directions of the beams.
 
 use super::model::{LidarModel, N_SLOTS, Slot, slots};
-use crate::trace::{Ray, Vec3};
 use formats::velodyne::Model;
 use nalgebra::{Isometry3, Point3};
+use raytrace::{Ray, Vec3};
 
-/// A model's beams, by slot of a packet.
+/// Beams of a model, by slot of a packet.
 #[derive(Clone, Debug)]
 pub struct Beams {
-    /// What is known of each slot.
+    /// The slots.
     pub slots: Vec<Slot>,
-    /// The slots ring after ring, there and back: each beside the one before.
+    /// The slots in the order of tracing: ring by ring in alternating direction, so that neighbors are coherent.
     pub order: Vec<usize>,
     lasers: Vec<Laser>,
     turns_per_nano: f64,
@@ -21,25 +21,25 @@ pub struct Beams {
 struct Laser {
     sin_elevation: f32,
     cos_elevation: f32,
-    /// Left of the encoder's angle, rad.
+    /// Azimuth offset, to the left of the encoder angle, rad.
     left: f64,
-    /// Where the beam starts: ahead of the axis, left of it, above the origin, m.
+    /// Origin of the beam: ahead of the axis, left of it, above the origin, m.
     start: [f32; 3],
 }
 
 /// One beam.
 #[derive(Clone, Copy, Debug)]
 pub struct Beam {
-    /// Its middle.
+    /// Center ray.
     pub ray: Ray,
-    /// Across it, clockwise as the head turns, unit.
+    /// Unit vector across the beam, clockwise as the head rotates.
     pub right: Vec3,
-    /// Across it, towards higher rings, unit.
+    /// Unit vector across the beam, towards higher rings.
     pub up: Vec3,
 }
 
 impl Beams {
-    /// Of a model.
+    /// Beams of a model.
     pub fn new(model: &LidarModel) -> Self {
         let lasers = model.model.lasers().iter().map(|laser| {
             let (sin, cos) = laser.elevation_deg.to_radians().sin_cos();
@@ -69,7 +69,7 @@ impl Beams {
         }
     }
 
-    /// Turns of the head since the begin, at a time after it, ns.
+    /// Rotations of the head after `nanos` ns.
     pub fn turns(&self, nanos: i64) -> f64 {
         nanos as f64 * self.turns_per_nano
     }

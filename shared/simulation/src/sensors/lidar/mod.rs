@@ -1,93 +1,50 @@
-//! Rotating multi-beam lidars: the HDL-32E and its kin, as data in [`LidarModel`].
+//! Rotating multi-beam lidars such as the HDL-32E. [`LidarModel`] holds the parameters.
 //!
-//! Timing and layout of packets are those that [`formats::velodyne`] decodes. The vehicle moves while the head turns: every
-//! block is cast from where the head is then (it moves less than 0.6 mm within a block of an HDL-32E), things that move
-//! stand still during a packet (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
+//! Timing and layout of packets are those that [`formats::velodyne`] decodes. The vehicle moves while the head rotates: every
+//! block is cast from the current pose (it moves less than 0.6 mm within a block of an HDL-32E), movers
+//! are static during a packet (0.55 ms; 4 mm at 15 m/s between its ends and its middle).
 //!
-//! A beam is some centimetres wide. Its middle is traced always. Where the beams beside it meet something else than the
-//! surface that the middle met would be there, the beam's side towards them is traced too: the light of both surfaces comes
-//! back, as one echo if they are closer than the pulse is long, and of several echoes the strongest counts. About half of
-//! the beams of a street need no more than the middle.
+//! A beam is some centimeters wide. Its center ray is always traced. Where a neighboring beam hits a surface other than the
+//! plane of the center hit, the side of the beam towards it is traced too. The light of both surfaces returns: as one echo if
+//! they are closer than the pulse length, else the strongest echo counts. About half of the beams in a street need only the
+//! center ray.
 //!
-//! The own vehicle is not there to see: the rig stands clear of the roof, and what is nearer than the shortest range
-//! is not measured.
+//! The ego vehicle itself is not modeled: the rig stands clear of the roof, and surfaces below the minimum range are not
+//! measured.
 
 mod beams;
 mod model;
 mod receiver;
+mod returns;
 
 pub use model::LidarModel;
+pub use returns::{Block, LidarReturn, N_BLOCKS, N_LASERS};
 
 use crate::motion::Motion;
-use crate::random::{gauss, hash};
-use crate::scene::{Scene, SceneHit};
-use crate::trace::{Ray, Vec3};
 use beams::{Beam, Beams};
-use formats::velodyne::{
-    BLOCKS_PER_PACKET, DATA_PACKET_BYTES, LASERS_PER_BLOCK, RawBlock, RawReturn, encode_data_packet,
-};
+use formats::velodyne::{DATA_PACKET_BYTES, encode_data_packet};
 use geometry::{Isometry3, Pose, Stamp};
-use messages::ClassId;
 use model::N_SLOTS;
+use random::{gauss, hash};
 use rayon::prelude::*;
+use raytrace::{Ray, Vec3};
 use receiver::{N_PARTS, Part, Receiver};
 use std::ops::Range;
+use town::{Scene, SceneHit};
 
-/// Blocks of a packet.
-pub const N_BLOCKS: usize = BLOCKS_PER_PACKET;
-/// Returns of a block.
-pub const N_LASERS: usize = LASERS_PER_BLOCK;
-/// The parts beside the middle lie this far from it, as a share of the beam's width and height: five parts of equal weight
-/// then stand for a beam of even brightness.
+/// Offset of the side rays from the center, as a share of the beam's width and height: five rays of equal weight then
+/// approximate a beam of uniform brightness.
 const OFF_MIDDLE: f32 = 0.35;
 /// Share of the beam of each part.
 const PART_WEIGHT: f32 = 1.0 / N_PARTS as f32;
-/// The beam beside meets another surface if it is this far off the plane of this one, m, and this share of the range:
-/// sideways, where beams touch, and upwards, where they are ten widths apart and uneven ground is off its plane.
+/// A neighboring beam hits another surface if it is off the plane of this hit by more than this distance, m, plus a share of
+/// the range: sideways, where beams touch, and upwards, where they are ten widths apart.
 const JUMP_M: f32 = 0.1;
 const JUMP_SHARES: [f32; 2] = [0.02, 0.15];
-/// Nothing moves faster, m/s.
+/// Upper bound of the speed of movers, m/s.
 const MAX_SPEED_MPS: f64 = 60.0;
 
-/// A block of a packet: one round of firings, two of a VLP-16, half a one of an HDL-64E.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Block {
-    /// Encoder angle at its first firing, 0.01 deg, 0 to 35999.
-    pub azimuth: u16,
-    /// Whether it is of lasers 32 to 63.
-    pub is_lower: bool,
-    /// What came back, in firing order.
-    pub returns: [Option<LidarReturn>; N_LASERS],
-}
-
-impl Block {
-    /// What the device sends of it.
-    pub fn raw(&self) -> RawBlock {
-        let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
-        RawBlock {
-            azimuth: self.azimuth,
-            is_lower: self.is_lower,
-            returns: self.returns.each_ref().map(|found| found.as_ref().map(raw_return).unwrap_or_default()),
-        }
-    }
-}
-
-/// One return.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LidarReturn {
-    /// Range as sent, in units of 2 mm, never zero.
-    pub range_2mm: u16,
-    /// 0 to 100 for what scatters, above for what reflects.
-    pub intensity: u8,
-    /// Truth: class of the surface that gave most of the echo.
-    pub class: ClassId,
-    /// Truth: its instance.
-    pub instance: u16,
-    /// Truth: the echo's range, m, before noise and correction.
-    pub range_m: f32,
-}
-
-/// The sensor on its way through the scene.
+/// A lidar that moves through a scene.
 #[derive(Debug)]
 pub struct Lidar<'a> {
     scene: &'a Scene,
@@ -100,14 +57,14 @@ pub struct Lidar<'a> {
     step: u32,
 }
 
-/// A firing and what its middle meets.
+/// A firing and the hit of its center ray.
 #[derive(Clone, Copy, Debug)]
 struct Shot {
     beam: Beam,
     hit: Option<SceneHit>,
 }
 
-/// A beam's sides: where they lie, by shares of its width and height.
+/// Side rays of a beam, as shares of its width and height.
 const SIDES: [[f32; 2]; N_PARTS - 1] = [[-OFF_MIDDLE, 0.0], [OFF_MIDDLE, 0.0], [0.0, -OFF_MIDDLE], [0.0, OFF_MIDDLE]];
 
 impl<'a> Lidar<'a> {
@@ -124,7 +81,7 @@ impl<'a> Lidar<'a> {
         Self { scene, motion, model, beams, receiver, body_from_lidar, seed, step: step.max(1) }
     }
 
-    /// What it is.
+    /// The model.
     pub fn model(&self) -> &LidarModel {
         &self.model
     }
@@ -139,7 +96,7 @@ impl<'a> Lidar<'a> {
         self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).0
     }
 
-    /// The blocks of some packets, made in parallel.
+    /// The blocks of several packets, computed in parallel.
     pub fn packets(&self, packets: Range<u64>) -> Vec<[Block; N_BLOCKS]> {
         let movers = self.movers_in_reach(packets.clone());
         packets.into_par_iter().map(|packet| self.shoot(packet, &movers).0).collect()
@@ -150,17 +107,17 @@ impl<'a> Lidar<'a> {
         encode_data_packet(self.model.model, self.packet_stamp(packet), &blocks.each_ref().map(Block::raw))
     }
 
-    /// The beams' middles of one packet, in firing order; for benches.
+    /// Center rays of one packet, in firing order; for benchmarks.
     pub fn rays(&self, packet: u64) -> Vec<Ray> {
         self.aim(packet).into_iter().flatten().map(|beam| beam.ray).collect()
     }
 
-    /// The firings of a packet in the order in which they are traced: each beside the one before.
+    /// The firings of a packet in the order of tracing: neighbors are coherent.
     pub fn order(&self) -> &[usize] {
         &self.beams.order
     }
 
-    /// How many rays a packet takes, those beside the beams' middles among them; for benches.
+    /// Number of rays of a packet, side rays included; for benchmarks.
     pub fn n_rays(&self, packet: u64) -> usize {
         self.shoot(packet, &self.movers_in_reach(packet..packet + 1)).1
     }
@@ -169,7 +126,7 @@ impl<'a> Lidar<'a> {
         packet as i64 * self.model.packet_nanos()
     }
 
-    /// Things that may be seen during some packets.
+    /// Movers within range during some packets.
     fn movers_in_reach(&self, packets: Range<u64>) -> Vec<usize> {
         let [begin, end] = [packets.start, packets.end].map(|packet| self.packet_nanos(packet) as f64 * 1e-9);
         let middle = 0.5 * (begin + end);
@@ -178,7 +135,7 @@ impl<'a> Lidar<'a> {
         self.scene.movers_near(&eye, self.model.range_m[1] + margin_m as f32, middle)
     }
 
-    /// The beams by slot; `None` where the step leaves them out.
+    /// Beams by slot; `None` for slots skipped by the step.
     fn aim(&self, packet: u64) -> Vec<Option<Beam>> {
         let begin = self.packet_nanos(packet);
         let mut beams = vec![None; N_SLOTS];
@@ -202,7 +159,7 @@ impl<'a> Lidar<'a> {
         beams
     }
 
-    /// The blocks, and the number of rays that they took.
+    /// The blocks and the number of traced rays.
     fn shoot(&self, packet: u64, movers: &[usize]) -> ([Block; N_BLOCKS], usize) {
         let begin = self.packet_nanos(packet);
         let middle = (begin + self.model.packet_nanos() / 2) as f64 * 1e-9;
@@ -239,27 +196,27 @@ impl<'a> Lidar<'a> {
         (blocks, middles.len() + sides.len())
     }
 
-    /// What the encoder reads at a block.
+    /// Encoder reading of a block.
     fn azimuth(&self, packet: u64, slot: usize) -> u16 {
         let nanos = self.packet_nanos(packet) + i64::from(self.beams.slots[slot].block_nanos);
         let noise = gauss(hash(self.seed ^ 0xe2c0_de12, nanos as u64)) * self.model.encoder_sigma;
-        // The encoder counts down to 0.01 deg; what is left is the sensor's own error. A recording begins with a turn.
+        // The encoder truncates to 0.01 deg. A recording begins at azimuth 0.
         let count = (self.beams.turns(nanos) * 36_000.0 + f64::from(noise)).max(0.0);
         (count % 36_000.0) as u16
     }
 
-    /// The sides of a firing's beam that are traced, too.
+    /// Sides of a beam that need side rays.
     fn edges(&self, shots: &[Option<Shot>], number: usize) -> [bool; 4] {
         let Some(shot) = &shots[number] else { return [false; 4] };
         let slot = &self.beams.slots[number];
         let neighbor = |other: Option<usize>| other.and_then(|other| shots[other].as_ref());
-        // Of the beam of another packet nothing is known: it is looked for.
+        // The neighbor in another packet is unknown: the side is traced.
         let beside = slot.beside.map(|other| neighbor(other).is_none_or(|other| shot.jumps_to(other, JUMP_SHARES[0])));
         let above = slot.above.map(|other| neighbor(other).is_some_and(|other| shot.jumps_to(other, JUMP_SHARES[1])));
         [beside[0], beside[1], above[0], above[1]]
     }
 
-    /// The rays of some sides of a beam.
+    /// Side rays of a beam.
     fn sides(&self, beam: &Beam, edges: [bool; 4]) -> impl Iterator<Item = Ray> {
         let (beam, LidarModel { aperture_m, divergence, .. }) = (*beam, self.model);
         (0..SIDES.len()).filter(move |side| edges[*side]).map(move |side| {
@@ -273,7 +230,7 @@ impl<'a> Lidar<'a> {
         })
     }
 
-    /// What comes back of a firing whose sides met `sides`; `parts` is memory to work in.
+    /// The return of a firing whose side rays hit `sides`; `parts` is scratch memory.
     fn receive<'r>(
         &self,
         shots: &[Option<Shot>],
@@ -293,14 +250,14 @@ impl<'a> Lidar<'a> {
 }
 
 impl Shot {
-    /// Whether another beam meets something else than the plane that this one meets.
+    /// Whether another beam hits a surface other than the plane of this hit.
     fn jumps_to(&self, other: &Self, share: f32) -> bool {
         match (&self.hit, &other.hit) {
             (None, None) => false,
             (Some(hit), Some(there)) => {
                 let ahead = hit.normal.dot(&self.beam.ray.direction) / hit.normal.dot(&other.beam.ray.direction);
                 let off = (hit.range_m * ahead - there.range_m).abs();
-                // Also where the other beam does not meet the plane at all.
+                // True also if the other beam does not meet the plane.
                 ahead <= 0.0 || off.is_nan() || off >= JUMP_M + share * hit.range_m
             }
             _ => true,

@@ -1,18 +1,18 @@
-//! What tells one lidar from another, as data. Beams, firing times and packets are those of [`formats::velodyne`].
+//! Parameters of the lidar models. Beams, firing times and packets are those of [`formats::velodyne`].
 
 use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, Model};
 
 /// Returns in a packet, by slot: 32 for each of 12 blocks.
 pub const N_SLOTS: usize = BLOCKS_PER_PACKET * LASERS_PER_BLOCK;
 
-/// A sensor's physics.
+/// Physical parameters of a lidar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LidarModel {
-    /// Whose beams and packets.
+    /// Beams and packet format.
     pub model: Model,
     /// Revolutions per second.
     pub turns_per_second: f64,
-    /// Shortest and longest range, m. What is nearer is not measured: neither the rig beside the head nor the roof below it.
+    /// Minimum and maximum range, m. The rig and the roof are below the minimum range.
     pub range_m: [f32; 2],
     /// Standard deviation of a range, m.
     pub range_sigma_m: f32,
@@ -22,9 +22,9 @@ pub struct LidarModel {
     pub aperture_m: [f32; 2],
     /// Wavelength, nm.
     pub wavelength_nm: f32,
-    /// Echoes closer than this are one, m.
+    /// Echoes closer than this merge, m.
     pub echo_m: f32,
-    /// A surface that reflects a tenth, met at right angles, is just seen at this range, m.
+    /// Detection range of a surface with 10 % reflectance at normal incidence, m.
     pub tenth_m: f32,
     /// Standard deviation of the encoder's reading, 0.01 deg.
     pub encoder_sigma: f32,
@@ -34,7 +34,7 @@ impl LidarModel {
     /// The HDL-32E at 600 turns a minute. Maker's data sheet 97-0038: 1 to 100 m, ±2 cm (one sigma), 903 nm. Walls of stone and plaster
     /// come back from farther; in real recordings the last thousandth lies between 100 and 128 m. Beam: 3.0 by 1.5 mrad and
     /// 12.7 by 9.5 mm, which the maker states for the younger models with the same optics (manuals of VLP-16 and VLS-128,
-    /// appendix "Laser Pulse"). Echoes: two surfaces a metre apart are told apart (the same manuals); a pulse of 5 ns is
+    /// appendix "Laser Pulse"). Echoes: two surfaces a meter apart are resolved (the same manuals); a pulse of 5 ns is
     /// 0.75 m long there and back. Range limit and encoder are fitted to a real recording: road under 20 degrees of
     /// incidence is lost between 30 and 40 m, the encoder's steps scatter by half a count.
     pub const HDL32E: Self = Self {
@@ -64,7 +64,7 @@ impl LidarModel {
         ..Self::HDL32E
     };
 
-    /// The physics of a model.
+    /// Parameters of a model.
     pub const fn of(model: Model) -> Self {
         match model {
             Model::Hdl32e => Self::HDL32E,
@@ -85,7 +85,7 @@ impl LidarModel {
     }
 }
 
-/// Where a slot of a packet looks, and when.
+/// Laser, time and neighbors of a slot of a packet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slot {
     /// Number of the laser in [`Model::lasers`].
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbors_are_mutual_and_differ_in_one_way_only() {
+    fn slot_neighbors_are_mutual_and_adjacent() {
         for model in Model::ALL {
             let slots = slots(model);
             let rings = model.rings();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_halves_of_an_hdl64e_fire_at_once() {
+    fn hdl64e_halves_fire_at_the_same_time() {
         let slots = slots(Model::Hdl64e);
         assert_eq!((slots[0].laser, slots[32].laser, slots[64].laser), (0, 32, 0));
         assert_eq!((slots[0].firing_nanos, slots[32].firing_nanos, slots[64].firing_nanos), (0, 0, 57_600));

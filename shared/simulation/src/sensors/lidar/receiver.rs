@@ -1,58 +1,56 @@
-//! What a receiver makes of the light that comes back: echoes, the strongest of them, its range and its intensity.
+//! Lidar receiver: merges the returned light into echoes and measures range and intensity of the strongest.
 
-use super::LidarReturn;
 use super::model::LidarModel;
-use crate::material::{Material, Properties};
-use crate::random::{gauss, hash, unit};
-use crate::scene::{SceneHit, Surface};
-use crate::trace::Ray;
+use super::returns::LidarReturn;
+use random::{gauss, hash, unit};
+use raytrace::Ray;
+use town::material::{Material, Properties};
+use town::{SceneHit, Surface};
 
-/// Parts of a beam: its middle and four beside it.
+/// Rays per beam: the center and four sides.
 pub const N_PARTS: usize = 5;
-/// A full foil sends back this many times the light of a white wall; the maker's scale says only "more".
+/// Light of a full retroreflector relative to a white wall.
 const FOIL_GAIN: f32 = 30.0;
-/// Glass and paint mirror the beam into the receiver if they are met at right angles within this, rad (1.5 deg: panes and
-/// sheets are not quite flat). Light of a lobe that narrow is far stronger than what scatters.
+/// Width of the specular lobe of glass and paint around normal incidence, rad (1.5 deg: panes and sheets are not quite flat).
 const MIRROR_ANGLE: f32 = 0.026;
-/// The light mirrored by a surface of gloss 1, in units of a white wall's.
+/// Specular light of a surface of gloss 1, relative to a white wall.
 const MIRROR_GAIN: f32 = 100.0;
-/// The device's correction of intensities for the range falls short by this share at the longest range.
+/// Error of the range correction of intensities at the maximum range, as a share.
 const RANGE_SHORTFALL: f32 = 0.25;
-/// Standard deviation of intensities: counts, and share of the level.
+/// Intensity noise, standard deviation: counts, and share of the level.
 const INTENSITY_SIGMA: [f32; 2] = [0.4, 0.04];
-/// Standard deviation between the gains of lasers: what the factory's calibration leaves. Rings of a real HDL-32E see the same road as 3
-/// to 7.
+/// Standard deviation of the laser gains after factory calibration. Rings of a real HDL-32E measure the same road as 3 to 7.
 const GAIN_SIGMA: f32 = 0.15;
-/// A count of the range, m.
+/// Range unit of the packets, m.
 const RANGE_UNIT_M: f32 = 0.002;
 
-/// What a part of a beam brings back.
+/// Light returned by a part of a beam.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
     /// Share of the beam.
     weight: f32,
     range_m: f32,
-    /// Scattered, 1 = all that a white wall does that is met at right angles.
+    /// Scattered light; 1 = a white wall at normal incidence.
     scattered: f32,
-    /// Sent straight back by foils and mirrors, in the same unit.
-    straight: f32,
+    /// Light returned by retroreflection and specular reflection, in the same unit.
+    retro: f32,
     surface: Surface,
 }
 
 impl Part {
-    /// Light at the receiver, in units of a white wall's at 1 m.
+    /// Light at the receiver, relative to a white wall at 1 m.
     fn light(&self) -> f32 {
-        self.weight * (self.scattered + self.straight) / (self.range_m * self.range_m)
+        self.weight * (self.scattered + self.retro) / (self.range_m * self.range_m)
     }
 }
 
-/// The receiver and what it knows of materials.
+/// A receiver with the properties of all materials.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     model: LidarModel,
     /// Properties and reflectance at the laser's wavelength, by material.
     materials: Vec<(Properties, f32)>,
-    /// What each laser's range is to be corrected by, m, and its gain.
+    /// Range correction (m) and gain by laser.
     lasers: Vec<(f32, f32)>,
 }
 
@@ -69,23 +67,23 @@ impl Receiver {
         Self { model: *model, materials: materials.collect(), lasers: lasers.collect() }
     }
 
-    /// What a part of a beam brings back of a hit; `None` if it is mirrored away or goes through.
+    /// Light returned by a hit; `None` if it is mirrored away or transmitted.
     pub fn part(&self, weight: f32, ray: &Ray, hit: &SceneHit) -> Option<Part> {
         let (properties, reflectance) = &self.materials[hit.surface.material as usize];
         let incidence = -hit.normal.dot(&ray.direction);
         let off2 = 2.0 * (1.0 - incidence) / (MIRROR_ANGLE * MIRROR_ANGLE);
         let mirrored = if off2 < 9.0 { MIRROR_GAIN * properties.gloss * (-off2).exp() } else { 0.0 };
-        if mirrored < 0.1 && unit(hash(ray.seed, 2)) < properties.beam_loss {
+        if mirrored < 0.1 && unit(hash(ray.seed, 2)) < properties.specular_loss {
             return None;
         }
-        // Foil sends light back whence it came, up to about 60 degrees from its normal.
+        // Retroreflectors work up to about 60 degrees from their normal.
         let foil = properties.retroreflection * ((incidence - 0.3) / 0.7).max(0.0);
         let scattered = reflectance * properties.texture(&hit.texture_point, &hit.normal) * incidence;
-        let straight = FOIL_GAIN * foil + mirrored;
-        Some(Part { weight, range_m: hit.range_m, scattered, straight, surface: hit.surface })
+        let retro = FOIL_GAIN * foil + mirrored;
+        Some(Part { weight, range_m: hit.range_m, scattered, retro, surface: hit.surface })
     }
 
-    /// The strongest echo of the parts; `None` if it is too weak, too near or too far.
+    /// The strongest echo; `None` if it is too weak, too near or too far.
     pub fn strongest(&self, parts: &mut [Part], laser: usize, seed: u64) -> Option<LidarReturn> {
         let (correction_m, gain) = self.lasers[laser];
         parts.sort_unstable_by(|a, b| a.range_m.total_cmp(&b.range_m));
@@ -94,12 +92,12 @@ impl Receiver {
             .map(|echo| (echo, echo.iter().map(Part::light).sum::<f32>()))
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let (echo, light) = echo?;
-        // The weakest are lost or kept by chance.
+        // Near the threshold, detection is random.
         let needed = 0.1 / self.model.tenth_m.powi(2) * (0.8 + 0.4 * unit(hash(seed, 3)));
         if light < needed {
             return None;
         }
-        // Surfaces within a pulse's length are measured between them.
+        // Surfaces within the pulse length give a range between them.
         let range_m = echo.iter().map(|part| part.light() * part.range_m).sum::<f32>() / light;
         let measured_m = range_m + self.model.range_sigma_m * gauss(hash(seed, 1));
         let [shortest_m, longest_m] = self.model.range_m;
@@ -117,13 +115,13 @@ impl Receiver {
         })
     }
 
-    /// The maker's scale: 0 to 100 for what scatters, in percent of a white wall, above for what sends straight back.
+    /// Intensity as defined by the manufacturer: 0 to 100 for diffuse targets, in percent of a white wall; above for retroreflectors.
     fn intensity(&self, echo: &[Part], range_m: f32, gain: f32, seed: u64) -> u8 {
         let kept = 1.0 - RANGE_SHORTFALL * range_m / self.model.range_m[1];
         let scattered: f32 = echo.iter().map(|part| part.weight * part.scattered).sum();
-        let straight: f32 = echo.iter().map(|part| part.weight * part.straight).sum();
+        let retro: f32 = echo.iter().map(|part| part.weight * part.retro).sum();
         let diffuse = (100.0 * scattered * kept * gain).min(100.0);
-        let level = diffuse + 155.0 * (straight / FOIL_GAIN).min(1.0);
+        let level = diffuse + 155.0 * (retro / FOIL_GAIN).min(1.0);
         let noise = (INTENSITY_SIGMA[0] + INTENSITY_SIGMA[1] * level) * gauss(hash(seed, 4));
         (level + noise).round().clamp(1.0, 255.0) as u8
     }
@@ -132,13 +130,13 @@ impl Receiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::Vec3;
     use messages::ClassId;
+    use raytrace::Vec3;
 
     const SURFACE: Surface = Surface { class: ClassId::Wall, instance: 0, material: Material::Concrete };
 
     fn part(weight: f32, range_m: f32, scattered: f32, class: ClassId) -> Part {
-        Part { weight, range_m, scattered, straight: 0.0, surface: Surface { class, ..SURFACE } }
+        Part { weight, range_m, scattered, retro: 0.0, surface: Surface { class, ..SURFACE } }
     }
 
     fn receiver() -> Receiver {
@@ -146,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn close_surfaces_are_one_echo_between_them_and_distant_ones_two() {
+    fn close_surfaces_merge_into_one_echo_and_distant_ones_do_not() {
         let receiver = receiver();
         let found = |parts: &mut [Part]| receiver.strongest(parts, 0, 5).expect("an echo");
         let close = found(&mut [part(0.6, 10.0, 0.5, ClassId::Pole), part(0.4, 10.5, 0.5, ClassId::Building)]);
@@ -176,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn white_walls_fill_the_lower_part_of_the_scale_and_foil_the_upper() {
+    fn diffuse_targets_stay_below_100_and_retroreflectors_exceed_it() {
         let receiver = receiver();
         let mean = |parts: &[Part]| {
             let level = |seed| receiver.strongest(&mut parts.to_vec(), (seed % 32) as usize, seed).expect("an echo");
@@ -185,14 +183,14 @@ mod tests {
         let gray = mean(&[part(1.0, 5.0, 0.5, ClassId::Wall)]);
         let dark = mean(&[part(1.0, 5.0, 0.1, ClassId::Wall)]);
         assert!((gray - 50.0).abs() < 5.0 && (dark - 10.0).abs() < 1.5, "{gray} {dark}");
-        let foil = Part { straight: FOIL_GAIN, ..part(1.0, 5.0, 0.5, ClassId::TrafficSign) };
+        let foil = Part { retro: FOIL_GAIN, ..part(1.0, 5.0, 0.5, ClassId::TrafficSign) };
         assert!(mean(&[foil]) > 190.0);
-        let half = Part { straight: FOIL_GAIN * 0.4, ..part(1.0, 5.0, 0.5, ClassId::TrafficSign) };
+        let half = Part { retro: FOIL_GAIN * 0.4, ..part(1.0, 5.0, 0.5, ClassId::TrafficSign) };
         assert!((100.0..130.0).contains(&mean(&[half])));
     }
 
     #[test]
-    fn glass_loses_what_does_not_meet_it_straight_and_oblique_light_comes_back_weaker() {
+    fn glass_returns_normal_incidence_only_and_oblique_echoes_are_weaker() {
         let receiver = receiver();
         let seen = |material, degrees: f32| {
             let direction = Vec3::new(1.0, 0.0, 0.0);
@@ -204,9 +202,9 @@ mod tests {
             let light = parts.iter().map(Part::light).sum::<f32>() / parts.len().max(1) as f32;
             (parts.len(), light)
         };
-        let (straight, oblique) = (seen(Material::Glass, 0.0), seen(Material::Glass, 30.0));
-        assert!(straight.0 == 500 && oblique.0 < 120, "{straight:?} {oblique:?}");
-        assert!(straight.1 > 50.0 * oblique.1, "a pane mirrors: {straight:?} {oblique:?}");
+        let (retro, oblique) = (seen(Material::Glass, 0.0), seen(Material::Glass, 30.0));
+        assert!(retro.0 == 500 && oblique.0 < 120, "{retro:?} {oblique:?}");
+        assert!(retro.1 > 50.0 * oblique.1, "a pane mirrors: {retro:?} {oblique:?}");
         let (wall, slanted) = (seen(Material::Concrete, 0.0), seen(Material::Concrete, 60.0));
         assert_eq!((wall.0, slanted.0), (500, 500));
         assert!((slanted.1 / wall.1 - 0.5).abs() < 1e-3);

@@ -1,4 +1,4 @@
-//! The maker's calibration file of a simulated camera, its spectral correction among it.
+//! Calibration file of a simulated camera, with its spectral correction matrix.
 
 use super::chip::{BIT_DEPTH, FULL_WELL, SIZE};
 use super::model::MosaicModel;
@@ -14,7 +14,7 @@ const LAST_NM: i32 = 1000;
 /// Weight of small coefficients against right bands: with less, the correction makes noise stronger than three times.
 const RIDGE: f64 = 4e-4;
 
-/// What the camera's `sensor.xml` holds.
+/// Content of the camera's `sensor.xml`.
 pub fn sensor_calibration(model: &MosaicModel) -> SensorCalibration {
     let bands = model
         .bands()
@@ -64,8 +64,8 @@ pub fn sensor_calibration(model: &MosaicModel) -> SensorCalibration {
     calibration
 }
 
-/// The coefficients c that make of the bands' responses, each of area 1, the response v of a plain band of area 1:
-/// `min |E^T c - v|^2 + ridge |c|^2` with coefficients that sum to 1, for every band that stays.
+/// Coefficients c that combine the band responses E (each of area 1) to a Gaussian band v of area 1:
+/// `min |E^T c - v|^2 + ridge |c|^2` subject to `sum c = 1`, for every band that is kept.
 fn reflectance_matrix(model: &MosaicModel, calibration: &SensorCalibration) -> CorrectionMatrix {
     let n = model.bands().len();
     let responses: Vec<Vec<f64>> = (0..n)
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_file_comes_back_and_its_correction_is_right() {
+    fn calibration_file_round_trips_and_correction_recovers_reflectance() {
         for (model, n_virtual) in [(MosaicModel::hs02(), 23), (MosaicModel::hs03(), 13)] {
             let calibration = sensor_calibration(&model);
             assert_eq!(SensorCalibration::from_xml(&calibration.to_xml()).as_ref(), Ok(&calibration));

@@ -1,14 +1,14 @@
-//! The silicon of the mosaic cameras: bias, dark current, uneven and broken pixels, noise and counting.
+//! Sensor chip of the mosaic cameras: bias, dark current, non-uniformity, defective pixels, noise and quantization.
 
-use crate::random::{gauss, hash, unit};
+use random::{gauss, hash, unit};
 
 /// Columns and rows of the raw image.
 pub const SIZE: [usize; 2] = [2048, 1088];
 /// Bits of a sample.
 pub const BIT_DEPTH: u32 = 10;
-/// The largest sample.
+/// Largest sample.
 pub const FULL: f32 = 1023.0;
-/// Electrons that fill a pixel.
+/// Full well capacity, electrons.
 pub const FULL_WELL: f32 = 11_000.0;
 /// Level without light, counts.
 const BIAS: f32 = 16.0;
@@ -18,21 +18,21 @@ const DARK_PER_MS: f32 = 0.05;
 const ELECTRONS: f32 = FULL_WELL / FULL;
 /// Read noise, counts.
 const READ_NOISE: f32 = 0.8;
-/// Uneven bias of pixels and of columns, gain of pixels: half widths, counts and share.
-const UNEVEN: [f32; 3] = [1.2, 0.8, 0.012];
-/// One pixel in this many is stuck at full or at nothing.
-const BROKEN_EVERY: u64 = 60_000;
+/// Fixed-pattern noise, half widths: bias of pixels and of columns (counts), gain of pixels (share).
+const FIXED_PATTERN: [f32; 3] = [1.2, 0.8, 0.012];
+/// One pixel in this many is defective.
+const DEFECT_EVERY: u64 = 60_000;
 
-/// What is wrong with a pixel.
+/// Defect of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Defect {
-    /// Always full.
+    /// Always saturated.
     Hot,
-    /// Never more than nothing.
+    /// Always zero.
     Dead,
 }
 
-/// One chip; what is uneven on it belongs to it and not to the drive.
+/// One chip. Its non-uniformity and defects depend on its serial number, not on the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Chip(u64);
 
@@ -42,22 +42,22 @@ impl Chip {
         Self(sensor_id.bytes().fold(0x00c4_1900, |seed, byte| hash(seed, u64::from(byte))))
     }
 
-    /// Broken pixels: column, row and fault, row by row.
+    /// Defective pixels: column, row and defect, row by row.
     pub fn defects(self) -> impl Iterator<Item = (usize, usize, Defect)> {
         let pixels = (0..SIZE[1]).flat_map(|v| (0..SIZE[0]).map(move |u| (u, v)));
         pixels.filter_map(move |(u, v)| self.defect(u, v).map(|defect| (u, v, defect)))
     }
 
-    /// What is wrong with a pixel.
+    /// Defect of a pixel, if any.
     pub fn defect(self, u: usize, v: usize) -> Option<Defect> {
-        match self.of_pixel(u, v) % (2 * BROKEN_EVERY) {
+        match self.of_pixel(u, v) % (2 * DEFECT_EVERY) {
             0 => Some(Defect::Hot),
             1 => Some(Defect::Dead),
             _ => None,
         }
     }
 
-    /// A pixel's sample for `light` counts.
+    /// Sample of a pixel that receives `light` counts.
     pub fn read_out(self, [u, v]: [usize; 2], light: f32, exposure_ms: f32, seed: u64) -> u16 {
         match self.defect(u, v) {
             Some(Defect::Hot) => return FULL as u16,
@@ -67,10 +67,10 @@ impl Chip {
         let pixel = self.of_pixel(u, v);
         let around_zero = |random: u64| 2.0 * unit(random) - 1.0;
         let column = hash(self.0 ^ 0xc0_1000, u as u64);
-        let bias = BIAS + UNEVEN[0] * around_zero(pixel << 8) + UNEVEN[1] * around_zero(column);
-        // A few pixels leak much more than the mean.
+        let bias = BIAS + FIXED_PATTERN[0] * around_zero(pixel << 8) + FIXED_PATTERN[1] * around_zero(column);
+        // A few pixels have a much larger dark current than the mean.
         let dark = DARK_PER_MS * exposure_ms * -unit(pixel << 16).max(1e-6).ln();
-        let light = light * (1.0 + UNEVEN[2] * around_zero(pixel << 24));
+        let light = light * (1.0 + FIXED_PATTERN[2] * around_zero(pixel << 24));
         let random = hash(seed, (v * SIZE[0] + u) as u64);
         let noise = (READ_NOISE * READ_NOISE + (light + dark) / ELECTRONS).sqrt() * gauss(random);
         (bias + dark + light + noise).round().clamp(0.0, FULL) as u16
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_grow_with_light_and_dark_current_and_clip() {
+    fn samples_grow_with_light_and_dark_current_and_saturate() {
         let (dark, spread) = statistics(0.0, 5.0);
         assert!((dark - 16.25).abs() < 0.1 && (1.0..1.8).contains(&spread), "{dark} {spread}");
         let (long, _) = statistics(0.0, 100.0);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_pixels_are_few_and_stay_where_they_are() {
+    fn defective_pixels_are_few_and_fixed() {
         let chip = Chip::new("13.8.0.2");
         let defects: Vec<_> = chip.defects().collect();
         assert!((15..80).contains(&defects.len()), "{}", defects.len());

@@ -1,4 +1,4 @@
-//! The two models of camera: where their filters lie and what they let through.
+//! The two camera models: layout and response of their filters.
 //!
 //! The filters are interference filters on the pixels (Fabry-Pérot): each has a second, weaker passband, which the rejection
 //! filters before the sensor and the spectral correction remove. Numbers are in the range of those that the maker
@@ -16,16 +16,16 @@ pub struct MosaicModel {
     pub pattern: usize,
     /// Left column, top row, width and height of the area with filters, px.
     pub active_area: [usize; 4],
-    /// What the sensor is sold for, nm.
+    /// Spectral range of the sensor, nm.
     pub range_nm: [f64; 2],
-    /// Where the long-pass and the short-pass filter before the sensor pass half, nm.
+    /// Half-transmission wavelengths of the long-pass and short-pass filters, nm.
     pub rejection_nm: [f64; 2],
-    /// Bands that are too weak or too much like others for a band of their own after the correction.
+    /// Bands without a virtual band of their own: too weak or too similar to others.
     pub left_out: &'static [usize],
     filters: &'static [InterferenceFilter],
 }
 
-/// What is on a pixel.
+/// Filter of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InterferenceFilter {
     /// Middle of the passband, nm.
@@ -129,8 +129,7 @@ impl MosaicModel {
 }
 
 impl InterferenceFilter {
-    /// Quantum efficiency at a wavelength in nm: both passbands (Airy functions near their peaks) and what leaks through
-    /// everywhere.
+    /// Quantum efficiency at a wavelength in nm: both passbands (Airy functions near their peaks) and broadband leakage.
     pub fn response(&self, nm: f64) -> f64 {
         let pass = |center: f32, fwhm: f32, peak: f32| {
             f64::from(peak) / (1.0 + ((nm - f64::from(center)) / (0.5 * f64::from(fwhm))).powi(2))

@@ -1,0 +1,5 @@
+//! The stage on hand-made and real recordings, offline and live.
+
+mod live;
+mod step;
+mod support;

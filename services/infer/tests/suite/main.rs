@@ -1,0 +1,3 @@
+//! The stage infer, run without processes.
+
+mod step;

@@ -1,0 +1,180 @@
+//! The steps of the stage: class columns, counters, restart, invalid models.
+
+use infer::{Infer, Settings};
+use messages::{
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, ColorHeader, ColorTopic, GROUND_CLASSES, SubmapHeader,
+    SubmapPoint, SubmapTopic,
+};
+use stage::testing::{Bench, context};
+use stage::{Context, Stage};
+use std::path::Path;
+
+/// The root of the project, with launch.toml and models/.
+fn at_root() -> Context {
+    context(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")))
+}
+
+/// The ground model, which needs no sweeps.
+fn ground() -> Settings {
+    Settings { model: "models/ground.safetensors".to_owned(), ..Settings::default() }
+}
+
+fn bench() -> Bench<Infer> {
+    Bench::new(&ground(), &at_root()).expect("the model loads")
+}
+
+/// One revolution of an upright HDL-32E, 1.9 m above a road between walls at 9 m on both sides, and which points are road. Without
+/// intensities: with equal ones on road and wall, the model classifies walls as grass.
+fn street_sweep() -> (SubmapHeader, Vec<SubmapPoint>, Vec<bool>) {
+    let (mut points, mut is_road) = (Vec::new(), Vec::new());
+    for firing in 0..2170_u32 {
+        for ring in 0..32_u8 {
+            let (azimuth, up) = (firing as f32 / 2170.0 * 360.0, (-30.67 + 4.0 / 3.0 * f32::from(ring)).to_radians());
+            let (sin, cos) = azimuth.to_radians().sin_cos();
+            let ray = [up.cos() * cos, -up.cos() * sin, up.sin()];
+            let to_road = if ray[2] < 0.0 { -1.9 / ray[2] } else { f32::INFINITY };
+            let range = to_road.min(9.0 / ray[1].abs());
+            if range > 40.0 {
+                continue;
+            }
+            let [x, y, z] = ray.map(|v| v * range);
+            points.push(SubmapPoint { x, y, z, azimuth: (azimuth * 100.0) as u16, ring, ..Default::default() });
+            is_road.push(range == to_road);
+        }
+    }
+    let mut header = SubmapHeader { n_rings: 32, n_sweeps: 1, ..SubmapHeader::default() };
+    header.sweeps[0].n_points = points.len() as u32;
+    header.sweeps[0].duration_nanos = 100_000_000;
+    header.sweeps[0].submap_from_lidar_begin = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    header.sweeps[0].submap_from_lidar_end = header.sweeps[0].submap_from_lidar_begin;
+    (header, points, is_road)
+}
+
+/// Both sweeps are equal, so the classes of the skipped one must be those of the other.
+#[test]
+fn points_of_skipped_sweep_get_votes_of_nearby_points() {
+    let (header, points, _) = street_sweep();
+    let mut twice = header;
+    twice.n_sweeps = 2;
+    twice.sweeps[1] = twice.sweeps[0];
+    twice.sweeps[1].first_point = points.len() as u32;
+    let classes = |every: u32, header: &SubmapHeader, points: Vec<SubmapPoint>| {
+        let settings = Settings { every, ..Settings::default() };
+        let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the model loads");
+        bench.send::<SubmapTopic>(0, *header, points);
+        bench.tick().expect("steps");
+        bench.take::<ClassTopic>()[0].rows().to_vec()
+    };
+    let alone = classes(1, &header, points.clone());
+    let both = classes(2, &twice, [points.clone(), points].concat());
+    assert!(both[..alone.len()] == alone && both[alone.len()..] == alone);
+}
+
+#[test]
+fn default_model_distinguishes_road_from_walls() {
+    let mut bench: Bench<Infer> = Bench::new(&Settings::default(), &at_root()).expect("the model loads");
+    let (header, points, is_road) = street_sweep();
+    bench.send::<SubmapTopic>(0, header, points);
+    // Without sweeps in the header, the position of the LiDAR is unknown.
+    bench.send::<SubmapTopic>(1, SubmapHeader::default(), vec![SubmapPoint::default(); 5]);
+    bench.tick().expect("steps");
+    let columns = bench.take::<ClassTopic>();
+    let rows = columns[0].rows();
+    assert_eq!(rows.len(), is_road.len());
+    let is_ground = |row: &ClassRow| GROUND_CLASSES.iter().any(|class| *class as u8 == row.class_id);
+    let share = |road: bool| {
+        let of_kind: Vec<&ClassRow> =
+            rows.iter().zip(&is_road).filter(|(_, is)| **is == road).map(|(row, _)| row).collect();
+        of_kind.iter().filter(|row| is_ground(row)).count() as f64 / of_kind.len() as f64
+    };
+    assert!(share(true) > 0.9, "{:.3} of the road is ground", share(true));
+    assert!(share(false) < 0.1, "{:.3} of the walls are ground", share(false));
+    assert!(rows.iter().all(|row| row.score > 0));
+    assert!(columns[1].rows().iter().all(|row| *row == ClassRow::default()));
+    assert_eq!(bench.counter("points_unseen"), 5);
+}
+
+/// A road of 20 m x 10 m that rises by 5 %, with a box of 1.5 m height on it. The points of the box are last.
+fn road_with_box() -> (Vec<SubmapPoint>, usize) {
+    let point = |x: f32, y: f32, above: f32| SubmapPoint { x, y, z: 0.05 * x + above, ..SubmapPoint::default() };
+    let grid = |n: u16, step: f32| (0..n).map(move |i| f32::from(i) * step + 0.05);
+    let mut points: Vec<SubmapPoint> =
+        grid(200, 0.1).flat_map(|x| grid(100, 0.1).map(move |y| (x, y))).map(|(x, y)| point(x, y, 0.0)).collect();
+    let n_road = points.len();
+    points.extend(grid(40, 0.1).flat_map(|x| grid(18, 0.1).map(move |y| point(x + 8.0, y + 4.0, 1.5))));
+    (points, n_road)
+}
+
+#[test]
+fn every_submap_gets_class_column_of_its_length_and_seq() {
+    let mut bench = bench();
+    let (points, n_road) = road_with_box();
+    let n_points = points.len();
+    bench.send::<SubmapTopic>(70, SubmapHeader::default(), points);
+    bench.send::<ColorTopic>(70, ColorHeader::default(), Vec::new());
+    bench.send::<SubmapTopic>(80, SubmapHeader::default(), Vec::new());
+    bench.tick().expect("steps");
+    bench.tick().expect("steps without input");
+    let columns = bench.take::<ClassTopic>();
+    let shapes: Vec<_> = columns.iter().map(|column| (column.seq(), column.stamp(), column.rows().len())).collect();
+    assert_eq!(shapes, [(0, 70, n_points), (1, 80, 0)]);
+    let header = columns[0].header();
+    assert_eq!(header.class_table_version, CLASS_TABLE_VERSION);
+    assert_ne!(header.model_digest, 0);
+    let is_ground = |row: &ClassRow| row.class_id == ClassId::Ground as u8 && row.score > 127;
+    assert!(columns[0].rows()[..n_road].iter().all(is_ground));
+    assert!(columns[0].rows()[n_road..].iter().all(|row| *row == ClassRow::default()));
+    assert_eq!(bench.counter("points_unseen"), 0);
+}
+
+#[test]
+fn points_with_nan_are_counted_and_unlabeled() {
+    let mut bench = bench();
+    let (mut points, n_road) = road_with_box();
+    points[7].x = f32::NAN;
+    points[8].z = f32::INFINITY;
+    bench.send::<SubmapTopic>(0, SubmapHeader::default(), points);
+    bench.tick().expect("steps");
+    let columns = bench.take::<ClassTopic>();
+    assert_eq!(bench.counter("points_unseen"), 2);
+    assert_eq!(columns[0].rows().iter().filter(|row| row.score > 0).count(), n_road - 2);
+}
+
+#[test]
+fn restart_between_submaps_gives_same_output() {
+    let outputs = |restart: bool| {
+        let mut bench = bench();
+        let mut rows = Vec::new();
+        for seq in 0..4 {
+            let (mut points, _) = road_with_box();
+            points.truncate(points.len() - 100 * seq);
+            bench.send::<SubmapTopic>(seq as i64, SubmapHeader::default(), points);
+            bench.tick().expect("steps");
+            rows.extend(bench.take::<ClassTopic>().iter().map(|column| (column.seq(), column.rows().to_vec())));
+            if restart && seq == 1 {
+                bench = bench.restarted(&ground(), &at_root()).expect("restarts");
+            }
+        }
+        rows
+    };
+    let undisturbed = outputs(false);
+    assert_eq!(undisturbed.len(), 4);
+    assert!(outputs(true) == undisturbed);
+}
+
+#[test]
+fn missing_and_broken_models_are_reported_by_check() {
+    assert_eq!(Infer::check(&Settings::default(), &at_root()), []);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let here = context(folder.path());
+    let problems = Infer::check(&Settings::default(), &here);
+    assert_eq!(problems.len(), 1);
+    assert_eq!(problems[0].key, "model");
+    assert!(problems[0].text.contains("models/street.safetensors"), "{}", problems[0].text);
+
+    std::fs::write(folder.path().join("torn.safetensors"), b"torn").expect("writes");
+    let settings = Settings { model: "torn.safetensors".to_owned(), ..Settings::default() };
+    let problems = Infer::check(&settings, &here);
+    assert!(problems[0].text.contains("torn.safetensors: not a complete safetensors file"), "{}", problems[0].text);
+    assert!(Infer::new(&settings, &here).is_err());
+}

@@ -1,0 +1,125 @@
+//! Associates objects of a submap with objects of earlier submaps.
+//!
+//! Neighboring submaps overlap, so an object at their border has a footprint in both. The tracker stores ids and footprints of the
+//! objects of the last submaps, in cells of the world frame. Submaps are not delayed: the later part of an object gets the id of the
+//! earlier part.
+
+use crate::objects::Object;
+use crate::visits::overlap;
+use geometry::{BevGrid, Point3, Pose};
+use serde::{Deserialize, Serialize};
+
+/// Cell size for comparing footprints of two submaps, m: larger than the errors of their poses.
+const CELL_M: f64 = 0.2;
+
+/// An object moves if its first and its last footprint overlap by less than this fraction of the smaller one.
+const SAME_PLACE: f64 = 0.2;
+
+/// Longest gap in the observation of a moving object, ns.
+const MAX_PAUSE_NANOS: i64 = 1_000_000_000;
+
+/// Most tracked objects. The oldest are removed first.
+const MAX_OBJECTS: usize = 4096;
+
+/// Objects of earlier submaps, the latest observed last.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Tracker {
+    objects: Vec<TrackedObject>,
+}
+
+/// Cell of the world.
+type WorldCell = (i32, i32);
+
+/// Footprint of an object in the world frame.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct TrackedObject {
+    pub(crate) id: u32,
+    class: u8,
+    /// All cells, cells of its first and cells of its last half second, sorted.
+    cells: [Vec<WorldCell>; 3],
+    begin: i64,
+    end: i64,
+    /// Submaps since it was observed.
+    age: u32,
+}
+
+impl TrackedObject {
+    /// The object in the world frame, without id.
+    pub(crate) fn of(object: &Object, class: u8, grid: &BevGrid, world_from_submap: &Pose) -> Self {
+        let world_cell = |&(row, col): &(usize, usize)| {
+            let (x, y) = grid.center(row, col);
+            let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
+            ((p_in_world.x / CELL_M).floor() as i32, (p_in_world.y / CELL_M).floor() as i32)
+        };
+        let cells = object.cells.each_ref().map(|cells| {
+            let mut cells: Vec<WorldCell> = cells.iter().map(world_cell).collect();
+            cells.sort_unstable();
+            cells.dedup();
+            cells
+        });
+        Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, age: 0 }
+    }
+
+    fn is_moving(&self) -> bool {
+        overlap(&self.cells[1], &self.cells[2]) < SAME_PLACE
+    }
+
+    /// Overlap with the footprint of `later`; 0 if it cannot be the same object.
+    fn overlap_with(&self, later: &Self) -> f64 {
+        if self.class != later.class {
+            return 0.0;
+        }
+        if !self.is_moving() && !later.is_moving() {
+            return overlap(&self.cells[0], &later.cells[0]);
+        }
+        let is_continued = later.begin - self.end <= MAX_PAUSE_NANOS;
+        if is_continued { overlap(&self.cells[2], &later.cells[1]) } else { 0.0 }
+    }
+}
+
+impl Tracker {
+    /// Ids of the objects that were observed before. An id is assigned at most once, to the object with the largest overlap, or the
+    /// first of equal ones.
+    pub(crate) fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
+        let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+        for (new_idx, new) in objects.iter().enumerate() {
+            for (old_idx, old) in self.objects.iter().enumerate() {
+                let share = if old.rows_overlap(new) { old.overlap_with(new) } else { 0.0 };
+                if share > 0.0 && share >= min_overlap {
+                    pairs.push((share, new_idx, old_idx));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut ids = vec![None; objects.len()];
+        let mut is_taken = vec![false; self.objects.len()];
+        for (_, new_idx, old_idx) in pairs {
+            if ids[new_idx].is_none() && !is_taken[old_idx] {
+                ids[new_idx] = Some(self.objects[old_idx].id);
+                is_taken[old_idx] = true;
+            }
+        }
+        ids
+    }
+
+    /// Adds the objects of a submap with their ids. Removes objects that were not observed for `remembered_submaps` submaps.
+    pub(crate) fn update(&mut self, objects: Vec<TrackedObject>, remembered_submaps: u32) {
+        self.objects.iter_mut().for_each(|object| object.age += 1);
+        self.objects.retain(|old| old.age < remembered_submaps.max(1) && objects.iter().all(|new| new.id != old.id));
+        if remembered_submaps > 0 {
+            self.objects.extend(objects);
+        } else {
+            self.objects.clear();
+        }
+        let n_too_many = self.objects.len().saturating_sub(MAX_OBJECTS);
+        drop(self.objects.drain(..n_too_many));
+    }
+}
+
+impl TrackedObject {
+    /// Whether the row ranges of the two footprints overlap. A fast test: most pairs are far apart, and cells are sorted by row.
+    fn rows_overlap(&self, other: &Self) -> bool {
+        let ends = |object: &Self| object.cells[0].first().zip(object.cells[0].last()).map(|(a, b)| (a.0, b.0));
+        ends(self).zip(ends(other)).is_some_and(|(a, b)| a.0 <= b.1 && b.0 <= a.1)
+    }
+}

@@ -1,0 +1,5 @@
+//! All tests of the stage in one program.
+
+mod extensions;
+mod step;
+mod support;

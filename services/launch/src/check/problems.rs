@@ -1,0 +1,100 @@
+//! Collects the problems of a launch file.
+
+use run::Problem;
+use run::launch_file::LaunchFile;
+use run::{Settings, parse_table};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The problems so far.
+pub struct Problems<'a> {
+    file: &'a LaunchFile,
+    problems: Vec<Problem>,
+}
+
+impl<'a> Problems<'a> {
+    /// None yet.
+    pub fn new(file: &'a LaunchFile) -> Self {
+        Self { file, problems: Vec::new() }
+    }
+
+    /// The file without the borrow of the problems.
+    pub fn file(&self) -> &'a LaunchFile {
+        self.file
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.problems.is_empty()
+    }
+
+    /// Whether the file has the table.
+    pub fn has_table(&self, name: &str) -> bool {
+        self.file.tables().iter().any(|(table, _)| table == name)
+    }
+
+    /// Adds a problem of a table.
+    pub fn add(&mut self, table: &str, problem: Problem) {
+        self.problems.push(self.file.located(table, problem));
+    }
+
+    /// Adds a problem of a table that stands at `span`.
+    pub fn add_at(&mut self, table: &str, span: Option<Range<usize>>, text: String) {
+        self.add(table, Problem { key: String::new(), span, text });
+    }
+
+    /// Adds a problem of the file as a whole.
+    pub fn add_without_place(&mut self, text: impl Into<String>) {
+        self.add("", Problem::of_key("", text));
+    }
+
+    /// Adds problems that a program has located itself.
+    pub fn add_located(&mut self, problems: Vec<Problem>) {
+        self.problems.extend(problems);
+    }
+
+    /// Parses the keys of a table that `is_wanted` selects. Problems are added.
+    pub fn table<S: Settings>(&mut self, name: &str, is_wanted: impl Fn(&str) -> bool) -> S {
+        match self.file.table(name) {
+            Ok(table) => {
+                let table = table.into_iter().filter(|(key, _)| is_wanted(key.get_ref())).collect();
+                let (settings, problems) = parse_table::<S>(&table);
+                for problem in problems {
+                    self.add(name, problem);
+                }
+                settings
+            }
+            Err(problem) => {
+                self.problems.push(problem);
+                S::default()
+            }
+        }
+    }
+
+    /// A problem at the place of a value, or at the table if the key is absent.
+    pub fn of_value(&self, table: &str, key: &str, text: String) -> Problem {
+        let span = self.file.table(table).ok().and_then(|table| {
+            let (_, value) = table.iter().find(|(name, _)| name.get_ref() == key)?;
+            Some(value.span())
+        });
+        Problem { key: key.to_owned(), span, text }
+    }
+
+    /// A path of `[run]`, relative to `folder`.
+    pub fn path(&mut self, key: &str, value: &str, folder: &Path) -> PathBuf {
+        if value.is_empty() {
+            let problem = self.of_value("run", key, "must be given".to_owned());
+            self.add("run", problem);
+        }
+        let path = folder.join(value);
+        // Symbolic links and `..` resolved, so that one folder has one name.
+        path.canonicalize().unwrap_or(path)
+    }
+
+    /// In the order of the file; problems without a place come first.
+    pub fn into_rendered(mut self) -> Vec<String> {
+        self.problems.sort_by_key(|problem| problem.span.as_ref().map(|span| span.start));
+        self.problems.dedup();
+        self.problems.iter().map(|problem| self.file.render(problem)).collect()
+    }
+}

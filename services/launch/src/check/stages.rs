@@ -1,0 +1,89 @@
+//! The stages of a launch file: their tables, and how their programs describe themselves.
+
+use super::problems::Problems;
+use crate::manifest::StageTable;
+use crate::plan::PlannedStage;
+use crate::programs::{self, ProgramError};
+use run::assignment::{CONTRACT_VERSION, Description};
+use run::{DescribeRequest, SUPERVISOR_KEYS};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Tables that are no stages.
+const OWN_TABLES: [&str; 2] = ["run", "simulate"];
+
+struct Table {
+    name: String,
+    span: Option<Range<usize>>,
+    keys: StageTable,
+}
+
+/// All stages of the file but those of `without`, in its order.
+pub fn read(
+    problems: &mut Problems,
+    folder: &Path,
+    launch_file: &Path,
+    overrides: &[String],
+    without: &[String],
+) -> Vec<PlannedStage> {
+    let tables = tables(problems, without);
+    let described = programs::ask_all(&tables, |table| {
+        let request = DescribeRequest {
+            launch_file: launch_file.to_owned(),
+            overrides: overrides.to_vec(),
+            table: table.name.clone(),
+        };
+        let program = programs::find(&table.name, &table.keys.program, folder)?;
+        programs::describe(&program, &request).map(|description| (program, description))
+    });
+    let described = tables.into_iter().zip(described);
+    described.filter_map(|(table, described)| planned(table, described, problems)).collect()
+}
+
+fn tables(problems: &mut Problems, without: &[String]) -> Vec<Table> {
+    let mut tables = Vec::new();
+    for (name, span) in problems.file().tables() {
+        if OWN_TABLES.contains(&name.as_str()) || without.contains(&name) {
+            continue;
+        }
+        let is_plain = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_';
+        if !name.bytes().all(is_plain) || name.is_empty() || name == "settings" {
+            let rule = "a stage's name has lower-case letters, digits and _ only, and is not `settings`";
+            problems.add_at(&name, span, rule.to_owned());
+            continue;
+        }
+        let keys = problems.table(&name, |key| SUPERVISOR_KEYS.contains(&key));
+        tables.push(Table { name, span, keys });
+    }
+    tables
+}
+
+fn planned(
+    table: Table,
+    described: Result<(PathBuf, Description), ProgramError>,
+    problems: &mut Problems,
+) -> Option<PlannedStage> {
+    let Table { name, span, keys } = table;
+    let (program, description) = match described {
+        Ok(described) => described,
+        Err(error) => {
+            problems.add_at(&name, span, error.to_string());
+            return None;
+        }
+    };
+    if description.contract != CONTRACT_VERSION {
+        let text = format!(
+            "{} has contract version {}, this supervisor has {CONTRACT_VERSION}; build both from one state",
+            program.display(),
+            description.contract
+        );
+        problems.add_at(&name, span, text);
+        return None;
+    }
+    for field in description.settings.iter().filter(|field| SUPERVISOR_KEYS.contains(&field.key.as_str())) {
+        let text = format!("its setting `{}` cannot be set: the supervisor uses this key itself", field.key);
+        problems.add_at(&name, span.clone(), text);
+    }
+    let (inputs, outputs) = (Vec::new(), Vec::new());
+    Some(PlannedStage { name, span, program, table: keys, description, inputs, outputs })
+}

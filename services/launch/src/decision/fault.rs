@@ -1,0 +1,276 @@
+//! Exit, hang and stall: which stage is at fault, if any. Part of [`super::decide`].
+
+use super::cause::Cause;
+use super::policy::Policy;
+use run::exit;
+use run::health::Activity;
+use std::fmt;
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+use std::time::Duration;
+
+/// Exit code of a Rust program that panicked.
+const PANIC: i32 = 101;
+
+/// Signals and their usual reasons.
+const SIGNALS: [(i32, &str); 7] = [
+    (4, "SIGILL: this processor does not support an instruction of the program"),
+    (6, "SIGABRT: an allocation failed, or a panic occurred within a panic"),
+    (7, "SIGBUS: mapped memory was not available; shared memory may be full"),
+    (9, "SIGKILL: by another process, or by the kernel for lack of memory"),
+    (11, "SIGSEGV: invalid memory access"),
+    (24, "SIGXCPU: its CPU time reached the limit (ulimit -t)"),
+    (25, "SIGXFSZ: a file reached the largest size allowed (ulimit -f)"),
+];
+
+/// What is known of a stage at one moment.
+#[derive(Clone, Debug)]
+pub struct ObservedStage {
+    /// Its table in the launch file.
+    pub name: String,
+    /// How its process ended. `None`: it runs.
+    pub exit: Option<Exit>,
+    /// What it does, from its last heartbeat.
+    pub activity: Activity,
+    /// Ticks that it has finished.
+    pub ticks: u64,
+    /// When its last heartbeat was received, or when the process was started.
+    pub last_heartbeat: Duration,
+    /// When its progress or its activity last changed.
+    pub last_progress: Duration,
+    /// Why its last heartbeat could not be read.
+    pub heartbeat_error: Option<String>,
+    /// Live: the stage has failed, and its restart is due later.
+    pub awaits_restart: bool,
+}
+
+/// How a process ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// By itself.
+    Code(i32),
+    /// By a signal.
+    Signal(i32),
+}
+
+impl From<ExitStatus> for Exit {
+    fn from(status: ExitStatus) -> Self {
+        match (status.code(), status.signal()) {
+            (Some(code), _) => Self::Code(code),
+            // A process that was waited for has one or the other.
+            (None, signal) => Self::Signal(signal.unwrap_or_default()),
+        }
+    }
+}
+
+impl Exit {
+    /// Configuration and usage errors are the same after a restart.
+    fn may_restart(self) -> bool {
+        self != Self::Code(exit::CONFIGURATION.into()) && self != Self::Code(exit::USAGE.into())
+    }
+}
+
+impl fmt::Display for Exit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Code(PANIC) => write!(f, "panicked (exit code {PANIC})"),
+            Self::Code(code) if code == i32::from(exit::CONFIGURATION) => {
+                write!(f, "refused its configuration (exit code {code})")
+            }
+            Self::Code(code) => write!(f, "ended with exit code {code}"),
+            Self::Signal(signal) => match SIGNALS.iter().find(|(number, _)| *number == signal) {
+                Some((_, reason)) => write!(f, "was killed by {reason}"),
+                None => write!(f, "was killed by signal {signal}"),
+            },
+        }
+    }
+}
+
+/// What is wrong with a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fault {
+    /// Table of the stage.
+    pub stage: String,
+    /// What happened.
+    pub kind: FaultKind,
+    /// The exhausted resource that caused it.
+    pub cause: Option<Cause>,
+}
+
+/// What happened to a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FaultKind {
+    /// Its process ended with an error.
+    Exit(Exit),
+    /// Its process ended with code 0 before its work was done.
+    EarlyExit,
+    /// No heartbeat.
+    Hang {
+        /// For how long, s.
+        seconds: f64,
+    },
+    /// Heartbeats, but no progress.
+    Stall {
+        /// For how long, s.
+        seconds: f64,
+        /// In which activity.
+        activity: Activity,
+        /// Ticks finished before.
+        ticks: u64,
+    },
+    /// Every stage waits for another one, and none makes progress.
+    Deadlock {
+        /// For how long, s.
+        seconds: f64,
+        /// What each stage waits for.
+        activities: String,
+    },
+    /// Its heartbeat cannot be read.
+    UnreadableHeartbeat(String),
+}
+
+impl FaultKind {
+    /// One word for programs that read the events.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Exit(_) | Self::EarlyExit => "exit",
+            Self::Hang { .. } => "hang",
+            Self::Stall { .. } | Self::Deadlock { .. } => "stall",
+            Self::UnreadableHeartbeat(_) => "heartbeat",
+        }
+    }
+}
+
+impl fmt::Display for FaultKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.name())?;
+        match self {
+            Self::Exit(exit) => write!(f, "{exit}"),
+            Self::EarlyExit => write!(f, "ended with exit code 0 before its work was done"),
+            Self::Hang { seconds } => write!(f, "no heartbeat for {seconds:.1} s"),
+            Self::Stall { seconds, activity, ticks } => match activity {
+                Activity::Working => write!(f, "{seconds:.1} s in the step of tick {ticks}"),
+                Activity::Starting => write!(f, "{seconds:.1} s in its start"),
+                Activity::Saving => write!(f, "{seconds:.1} s while saving its state"),
+                Activity::Connecting(topic) => write!(f, "{seconds:.1} s waiting for topic {topic} to open"),
+                other => write!(f, "{seconds:.1} s in {other:?}"),
+            },
+            Self::Deadlock { seconds, activities } => {
+                write!(f, "no stage has made progress for {seconds:.1} s ({activities})")
+            }
+            Self::UnreadableHeartbeat(error) => write!(f, "cannot be read: {error}"),
+        }
+    }
+}
+
+impl Fault {
+    /// Whether a restart can help.
+    pub fn may_restart(&self) -> bool {
+        let by_exit = if let FaultKind::Exit(exit) = self.kind { exit.may_restart() } else { true };
+        by_exit && self.cause.as_ref().is_none_or(Cause::may_restart)
+    }
+
+    /// The signal that ended the stage.
+    pub fn signal(&self) -> Option<i32> {
+        if let FaultKind::Exit(Exit::Signal(signal)) = self.kind { Some(signal) } else { None }
+    }
+
+    /// The text without the stage's name.
+    pub fn text(&self) -> String {
+        match &self.cause {
+            None => self.kind.to_string(),
+            Some(cause) => format!("{}; {cause}", self.kind),
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "[{}] {}", self.stage, self.text())
+    }
+}
+
+/// The first faulty stage in dataflow order: an upstream fault causes the faults downstream of it.
+pub(super) fn first_fault(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<Fault> {
+    let connecting_since = connecting_since(stages);
+    let of_stage = |stage: &ObservedStage| {
+        let kind = fault(at, stage, connecting_since, policy)?;
+        Some(Fault { stage: stage.name.clone(), kind, cause: None })
+    };
+    stages.iter().find_map(of_stage).or_else(|| deadlock(at, stages, policy)).or_else(|| unreadable_heartbeat(stages))
+}
+
+/// Since when the connecting stages wait only for each other. `None` while another stage still starts: its own limit counts.
+fn connecting_since(stages: &[ObservedStage]) -> Option<Duration> {
+    let running = || stages.iter().filter(|stage| stage.exit.is_none());
+    if running().any(|stage| stage.activity == Activity::Starting) {
+        return None;
+    }
+    let connecting = running().filter(|stage| matches!(stage.activity, Activity::Connecting(_)));
+    connecting.map(|stage| stage.last_progress).max()
+}
+
+fn fault(
+    at: Duration,
+    stage: &ObservedStage,
+    connecting_since: Option<Duration>,
+    policy: &Policy,
+) -> Option<FaultKind> {
+    if stage.awaits_restart {
+        return None;
+    }
+    match stage.exit {
+        Some(Exit::Code(0)) if stage.activity == Activity::Done => return None,
+        Some(Exit::Code(0)) => return Some(FaultKind::EarlyExit),
+        Some(exit) => return Some(FaultKind::Exit(exit)),
+        None => {}
+    }
+    let seconds = at.saturating_sub(stage.last_heartbeat).as_secs_f64();
+    if seconds > policy.hang_s {
+        return Some(FaultKind::Hang { seconds });
+    }
+    let since = match stage.activity {
+        Activity::Connecting(_) => connecting_since?,
+        Activity::Working | Activity::Starting | Activity::Saving => stage.last_progress,
+        // A stage that waits for others is not to blame for their delay; see `deadlock`.
+        Activity::Ready
+        | Activity::Waiting(_)
+        | Activity::Blocked(_)
+        | Activity::Paused
+        | Activity::Draining
+        | Activity::Done => return None,
+    };
+    let seconds = at.saturating_sub(since).as_secs_f64();
+    let (activity, ticks) = (stage.activity.clone(), stage.ticks);
+    (seconds > policy.stall_limit_s(&stage.name)).then_some(FaultKind::Stall { seconds, activity, ticks })
+}
+
+/// Every stage waits for another one and none makes progress. A stage that works has its own limit (see [`fault`]); live,
+/// all stages may wait for a sensor.
+fn deadlock(at: Duration, stages: &[ObservedStage], policy: &Policy) -> Option<Fault> {
+    let running: Vec<&ObservedStage> = stages.iter().filter(|stage| stage.exit.is_none()).collect();
+    if policy.is_live || running.iter().any(|stage| is_active(&stage.activity)) {
+        return None;
+    }
+    let last_progress = running.iter().map(|stage| stage.last_progress).max()?;
+    let seconds = at.saturating_sub(last_progress).as_secs_f64();
+    if seconds <= policy.stall_s {
+        return None;
+    }
+    let activities = running.iter().map(|stage| format!("{}: {:?}", stage.name, stage.activity));
+    let activities = activities.collect::<Vec<_>>().join("; ");
+    let kind = FaultKind::Deadlock { seconds, activities };
+    Some(Fault { stage: running.first()?.name.clone(), kind, cause: None })
+}
+
+fn is_active(activity: &Activity) -> bool {
+    matches!(activity, Activity::Starting | Activity::Connecting(_) | Activity::Working | Activity::Saving)
+}
+
+/// A stage that is killed while it connects may leave a heartbeat that cannot be read: a fault of the stage, not of the run.
+fn unreadable_heartbeat(stages: &[ObservedStage]) -> Option<Fault> {
+    stages.iter().find_map(|stage| {
+        let kind = FaultKind::UnreadableHeartbeat(stage.heartbeat_error.clone()?);
+        Some(Fault { stage: stage.name.clone(), kind, cause: None })
+    })
+}

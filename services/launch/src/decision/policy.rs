@@ -1,0 +1,42 @@
+//! The rules of a run, from its launch file. Part of [`super::decide`].
+
+use crate::manifest::Run;
+use crate::plan::PlannedStage;
+use std::collections::BTreeMap;
+
+/// The rules of a run, from its launch file.
+#[derive(Clone, Debug)]
+pub struct Policy {
+    /// Live mode: stages are restarted one by one, and waiting for a sensor is no fault.
+    pub is_live: bool,
+    /// A stage without a heartbeat for this long hangs, s.
+    pub hang_s: f64,
+    /// A stage without progress for this long stalls, s.
+    pub stall_s: f64,
+    /// Stall limits of single stages, s; they replace `stall_s`.
+    pub stage_stall_s: BTreeMap<String, f64>,
+    /// Restarts without progress before the run is given up.
+    pub restarts: u32,
+    /// Pause before the first restart, s.
+    pub restart_delay_s: f64,
+}
+
+impl Policy {
+    /// The rules that `[run]` and the stages' tables set.
+    pub fn new(run: &Run, stages: &[PlannedStage]) -> Self {
+        let own = stages.iter().filter(|stage| stage.table.stall_s > 0.0);
+        Self {
+            is_live: run.mode == "live",
+            hang_s: run.hang_s,
+            stall_s: run.stall_s,
+            stage_stall_s: own.map(|stage| (stage.name.clone(), stage.table.stall_s)).collect(),
+            restarts: run.restarts,
+            restart_delay_s: run.restart_delay_s,
+        }
+    }
+
+    /// Stall limit of a stage, s.
+    pub(super) fn stall_limit_s(&self, stage: &str) -> f64 {
+        self.stage_stall_s.get(stage).copied().unwrap_or(self.stall_s)
+    }
+}

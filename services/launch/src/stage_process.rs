@@ -1,0 +1,197 @@
+//! One stage's process: started, observed, commanded, killed.
+
+mod log_tail;
+
+use crate::decision::ObservedStage;
+use crate::log::LogFormat;
+use crate::plan::PlannedStage;
+use ipc::{IpcError, LatestPublisher, LatestSubscriber, Node, Waker};
+use run::LOG_FORMAT;
+use run::assignment::{Command as StageCommand, wake_name};
+use run::health::Health;
+use rustix::process::{Pid, Signal, kill_process_group};
+use std::fs::OpenOptions;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Instant;
+
+/// Why a stage cannot be started.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// Its program or its log.
+    #[error("[{stage}] {program}: cannot be started: {source}")]
+    Program {
+        /// Its table.
+        stage: String,
+        /// Its binary.
+        program: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// The supervisor's ends of its services.
+    #[error("[{stage}]: {source}")]
+    Services {
+        /// Its table.
+        stage: String,
+        /// The error of the transport.
+        source: IpcError,
+    },
+}
+
+/// A stage's process.
+pub struct StageProcess {
+    /// Its table.
+    pub name: String,
+    child: Child,
+    log: PathBuf,
+    /// Length of the log when this process was started; earlier lines are of earlier processes.
+    log_start: u64,
+    control: LatestPublisher,
+    wake: Waker,
+    last_command: StageCommand,
+    heartbeat: LatestSubscriber,
+    /// The last heartbeat.
+    pub health: Health,
+    last_heartbeat: Instant,
+    last_progress: Instant,
+    heartbeat_error: Option<String>,
+    /// Set once it has ended.
+    pub status: Option<ExitStatus>,
+    /// Live: it has failed, and its restart is due later.
+    pub awaits_restart: bool,
+}
+
+impl StageProcess {
+    /// Starts the program in a process group of its own, so that a Ctrl-C at the terminal reaches the supervisor alone.
+    pub fn start(
+        stage: &PlannedStage,
+        assignment: &Path,
+        log: PathBuf,
+        format: LogFormat,
+        node: &Node,
+    ) -> Result<Self, StartError> {
+        let failed = |source: IpcError| StartError::Services { stage: stage.name.clone(), source };
+        let control = LatestPublisher::open(node, &format!("{}.control", stage.name)).map_err(failed)?;
+        let wake = Waker::open(node, &wake_name(&stage.name)).map_err(failed)?;
+        let heartbeat = LatestSubscriber::open(node, &format!("{}.health", stage.name)).map_err(failed)?;
+        let (child, log_start) = spawn(stage, assignment, &log, format)?;
+        let now = Instant::now();
+        Ok(Self {
+            name: stage.name.clone(),
+            child,
+            log_start,
+            log,
+            control,
+            wake,
+            last_command: StageCommand::default(),
+            heartbeat,
+            health: Health::default(),
+            last_heartbeat: now,
+            last_progress: now,
+            heartbeat_error: None,
+            status: None,
+            awaits_restart: false,
+        })
+    }
+
+    /// Restarts the stage after its process has ended. The supervisor's ends of its services stay open.
+    pub fn restart(&mut self, stage: &PlannedStage, assignment: &Path, format: LogFormat) -> Result<(), StartError> {
+        let (child, log_start) = spawn(stage, assignment, &self.log, format)?;
+        let now = Instant::now();
+        (self.child, self.log_start) = (child, log_start);
+        (self.last_heartbeat, self.last_progress) = (now, now);
+        (self.health, self.status, self.awaits_restart) = (Health::default(), None, false);
+        Ok(())
+    }
+
+    /// Reads the exit status and the latest heartbeat.
+    pub fn observe(&mut self) {
+        // The status first: the last heartbeat before an exit is then surely read.
+        if self.status.is_none() {
+            self.status = self.child.try_wait().ok().flatten();
+        }
+        let beat = self.heartbeat.poll();
+        self.heartbeat_error = beat.as_ref().err().map(ToString::to_string);
+        let health = beat.ok().flatten().and_then(|bytes| serde_json::from_slice::<Health>(&bytes).ok());
+        if let Some(health) = health {
+            let now = Instant::now();
+            self.last_heartbeat = now;
+            if health.progress_mark != self.health.progress_mark || health.activity != self.health.activity {
+                self.last_progress = now;
+            }
+            self.health = health;
+        }
+    }
+
+    /// What [`StageProcess::observe`] read last, with times since `origin`.
+    pub fn observed(&self, origin: Instant) -> ObservedStage {
+        ObservedStage {
+            name: self.name.clone(),
+            exit: self.status.map(Into::into),
+            activity: self.health.activity.clone(),
+            ticks: self.health.ticks,
+            last_heartbeat: self.last_heartbeat - origin,
+            last_progress: self.last_progress - origin,
+            heartbeat_error: self.heartbeat_error.clone(),
+            awaits_restart: self.awaits_restart,
+        }
+    }
+
+    /// Publishes the command again, and wakes the stage if it is a new one.
+    pub fn command(&mut self, command: StageCommand) -> Result<(), IpcError> {
+        let command = StageCommand { heard: self.health.beat > 0, ..command };
+        let text = serde_json::to_vec(&command).unwrap_or_default();
+        self.control.publish(&text)?;
+        if command != self.last_command {
+            self.wake.wake();
+            self.last_command = command;
+        }
+        Ok(())
+    }
+
+    /// Signals the stage and the processes that it has started.
+    pub fn signal(&self, signal: Signal) {
+        if self.status.is_none()
+            && let Some(group) = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw)
+        {
+            // It may just have ended by itself.
+            let _ = kill_process_group(group, signal);
+        }
+    }
+
+    /// Kills it and waits for its end.
+    pub fn kill(&mut self) {
+        self.signal(Signal::KILL);
+        if self.status.is_none() {
+            self.status = self.child.wait().ok();
+        }
+    }
+
+    /// The last lines of its log, and why it failed if that could not be logged.
+    pub fn last_log_lines(&self) -> Vec<String> {
+        log_tail::read(&self.log, self.log_start, self.health.error.as_deref())
+    }
+}
+
+/// Starts the program, which appends to its log. The length of the log before.
+fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat) -> Result<(Child, u64), StartError> {
+    let failed = |source: std::io::Error| StartError::Program {
+        stage: stage.name.clone(),
+        program: stage.program.clone(),
+        source,
+    };
+    let file = OpenOptions::new().create(true).append(true).open(log).map_err(failed)?;
+    let mut command = Command::new(&stage.program);
+    command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
+    if stage.table.threads > 0 {
+        command.env("RAYON_NUM_THREADS", stage.table.threads.to_string());
+    }
+    if format == LogFormat::Json {
+        command.env(LOG_FORMAT, "json");
+    }
+    let log_start = file.metadata().map_or(0, |metadata| metadata.len());
+    let stdout = file.try_clone().map_err(failed)?;
+    let child = command.stdout(stdout).stderr(file).spawn().map_err(failed)?;
+    Ok((child, log_start))
+}

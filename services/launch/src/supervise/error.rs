@@ -1,0 +1,52 @@
+//! Why a run cannot be supervised.
+
+use crate::control::ControlError;
+use crate::metrics::MetricsError;
+use crate::programs::ProgramError;
+use crate::recorder::RecorderError;
+use crate::run_folder::RunFolderError;
+use crate::stage_process::StartError;
+use crate::swap::SwapError;
+use ipc::IpcError;
+use run::summary::SummaryError;
+
+/// The errors that end a run at once.
+#[derive(Debug, thiserror::Error)]
+pub enum SuperviseError {
+    /// The run folder.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// Shared memory.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A stage.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The simulation of the drive.
+    #[error(transparent)]
+    Simulate(#[from] ProgramError),
+    /// The recording.
+    #[error(transparent)]
+    Recorder(#[from] RecorderError),
+    /// The metrics.
+    #[error(transparent)]
+    Metrics(#[from] MetricsError),
+    /// The socket of requests.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// A swap.
+    #[error(transparent)]
+    Swap(#[from] SwapError),
+    /// Signals cannot be received.
+    #[error("signals cannot be received: {0}")]
+    Signals(std::io::Error),
+    /// The summary cannot be written.
+    #[error(transparent)]
+    Summary(#[from] SummaryError),
+    /// `--resume` in live mode.
+    #[error("a live run cannot be resumed: the sensor data of the meantime is lost; start a new run")]
+    LiveResume,
+    /// `--resume --record`.
+    #[error("a recording must start with its run: leave out --record, or start a new run")]
+    RecordingResume,
+}

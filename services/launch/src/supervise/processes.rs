@@ -1,0 +1,84 @@
+//! The processes of an attempt, in dataflow order.
+
+use super::POLL;
+use super::error::SuperviseError;
+use crate::active_run::ActiveRun;
+use crate::decision::ObservedStage;
+use crate::log::LogFormat;
+use crate::stage_process::StageProcess;
+use ipc::{IpcError, Node};
+use run::assignment::Command;
+use run::health::Activity;
+use rustix::process::Signal;
+use std::time::{Duration, Instant};
+
+/// From SIGTERM to SIGKILL.
+const STOP_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// All processes that were started.
+#[derive(Default)]
+pub struct Processes(pub Vec<StageProcess>);
+
+impl Processes {
+    /// Starts all stages from a barrier.
+    pub fn start(
+        &mut self,
+        run: &ActiveRun,
+        node: &Node,
+        from: Option<u64>,
+        format: LogFormat,
+    ) -> Result<(), SuperviseError> {
+        for stage in &run.plan.stages {
+            let assignment = run.folder.assign(&run.plan, stage, &run.domain, from, None)?;
+            self.0.push(StageProcess::start(stage, &assignment, run.folder.log(&stage.name), format, node)?);
+        }
+        Ok(())
+    }
+
+    /// The process of a stage.
+    pub fn find(&mut self, stage: &str) -> Option<&mut StageProcess> {
+        self.0.iter_mut().find(|process| process.name == stage)
+    }
+
+    /// Reads exit statuses and heartbeats.
+    pub fn observe(&mut self) {
+        self.0.iter_mut().for_each(StageProcess::observe);
+    }
+
+    /// What was read last, with times since `origin`.
+    pub fn observed(&self, origin: Instant) -> Vec<ObservedStage> {
+        self.0.iter().map(|process| process.observed(origin)).collect()
+    }
+
+    /// Whether all have connected to their topics.
+    pub fn are_ready(&self) -> bool {
+        self.0.iter().all(|process| !matches!(process.health.activity, Activity::Starting | Activity::Connecting(_)))
+    }
+
+    /// Publishes a command to all that run.
+    pub fn command(&mut self, command: Command) -> Result<(), IpcError> {
+        let mut running = self.0.iter_mut().filter(|process| process.status.is_none());
+        running.try_for_each(|process| process.command(command))
+    }
+
+    /// Asks all to stop, and kills those that do not in time.
+    pub fn stop(&mut self) {
+        for process in &self.0 {
+            process.signal(Signal::TERM);
+        }
+        let asked = Instant::now();
+        while asked.elapsed() < STOP_TIMEOUT && self.0.iter().any(|process| process.status.is_none()) {
+            self.observe();
+            std::thread::sleep(POLL);
+        }
+        self.kill();
+    }
+
+    /// Kills all. At once, because freeing gigabytes of memory takes a process some tenths of a second.
+    pub fn kill(&mut self) {
+        for process in &self.0 {
+            process.signal(Signal::KILL);
+        }
+        self.0.iter_mut().for_each(StageProcess::kill);
+    }
+}

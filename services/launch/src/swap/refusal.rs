@@ -1,0 +1,32 @@
+//! Why a swap is refused before anything is checked.
+
+/// The reasons. Nothing was changed.
+#[derive(Debug, thiserror::Error)]
+pub enum SwapRefusal {
+    /// The end of the run was requested.
+    #[error("the run is draining")]
+    Draining,
+    /// One swap at a time.
+    #[error("a swap of [{stage}] is under way")]
+    UnderWay {
+        /// Table of the other stage.
+        stage: String,
+    },
+    /// A sensor does not wait for the swap.
+    #[error("a live run cannot swap a stage: sensor data would be lost")]
+    Live,
+    /// A recording cannot take back ticks.
+    #[error("the run is being recorded: the ticks of a swap that is undone could not be removed from the recording")]
+    Recorded,
+    /// The run has no stage of this name.
+    #[error("[{stage}]: {hint}")]
+    UnknownStage {
+        /// The name.
+        stage: String,
+        /// The closest names.
+        hint: String,
+    },
+    /// The operating system gives no thread.
+    #[error("the check cannot be started: {0}")]
+    Thread(std::io::Error),
+}

@@ -1,0 +1,3 @@
+//! The stage, step by step.
+
+mod step;

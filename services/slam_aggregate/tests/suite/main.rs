@@ -1,0 +1,8 @@
+//! The stage on a synthetic street with ground truth, and on real sweeps.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod placement;
+mod step;
+#[path = "../../../../shared/registration/tests/suite/support/world.rs"]
+#[allow(dead_code, reason = "the tests of the odometry use more of it")]
+mod world;

@@ -1,0 +1,24 @@
+//! Monitors the alignment of cameras and LiDAR during a run: angular offset of each camera, and delay of the exposures.
+//!
+//! 1. [`depth_edges()`] finds the outlines of objects in the points of a submap.
+//! 2. [`AlignmentExposure::profiles`] reads the brightness of an image across the projected outlines.
+//! 3. [`OffsetMonitor`] collects profiles over a run.
+//! 4. [`fit()`] searches the rotation of each camera and the common delay that bring both together.
+//! 5. [`report`] writes the result as log lines.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod depth_edges;
+mod fit;
+mod monitor;
+mod offset;
+mod outlines;
+mod profile;
+pub mod report;
+mod search;
+
+pub use depth_edges::{DepthEdge, depth_edges};
+pub use fit::{fit, fit_at_range};
+pub use monitor::{OffsetMonitor, RANGES_M, profiles_by_camera};
+pub use offset::{CameraOffset, Offset, Rotation};
+pub use profile::{AlignmentExposure, Profile, REACH};

@@ -1,0 +1,75 @@
+//! Profiles of a whole run, and the offset that follows from them.
+
+use crate::depth_edges::depth_edges;
+use crate::fit::{fit, fit_at_range};
+use crate::offset::{CameraOffset, Offset};
+use crate::profile::{AlignmentExposure, MAX_AGE_S, Profile};
+use coloring::{SubmapPoints, seconds};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Largest number of profiles per camera, at 140 bytes: enough for a tenth of a pixel, and less than the saved state of a
+/// submap.
+const MAX_PROFILES: usize = 1200;
+
+/// Ranges that are reported, m: a delay shows at the nearest and does not at the farthest.
+pub const RANGES_M: [Range<f32>; 3] = [0.0..8.0, 8.0..20.0, 20.0..120.0];
+
+/// The profiles of a submap's depth edges in some exposures. Exposures and profiles come with the index of their camera.
+pub fn profiles_by_camera(
+    points: &SubmapPoints<'_>,
+    exposures: &[(usize, AlignmentExposure<'_>)],
+) -> Vec<(usize, Vec<Profile>)> {
+    let span = |(_, exposure): &(usize, AlignmentExposure<'_>)| {
+        let time = seconds(exposure.exposure.stamp, points.origin);
+        [time - MAX_AGE_S, time + MAX_AGE_S]
+    };
+    let edges = depth_edges(points, &exposures.iter().map(span).collect::<Vec<_>>());
+    exposures.par_iter().map(|(camera, exposure)| (*camera, exposure.profiles(points, &edges))).collect()
+}
+
+/// Collects profiles, submap by submap.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct OffsetMonitor {
+    /// Profiles of each camera.
+    profiles: Vec<Vec<Profile>>,
+}
+
+impl OffsetMonitor {
+    /// Whether a camera has the largest number of profiles.
+    pub fn is_complete(&self, camera: usize) -> bool {
+        self.profiles.get(camera).is_some_and(|profiles| profiles.len() >= MAX_PROFILES)
+    }
+
+    /// Adds the profiles of a submap, each list with the index of its camera.
+    pub fn add(&mut self, profiles: Vec<(usize, Vec<Profile>)>) {
+        for (camera, added) in profiles {
+            if self.profiles.len() <= camera {
+                self.profiles.resize(camera + 1, Vec::new());
+            }
+            self.profiles[camera].extend(added);
+            self.profiles[camera].truncate(MAX_PROFILES);
+        }
+    }
+
+    /// Whether there are no profiles at all.
+    pub fn is_empty(&self) -> bool {
+        self.profiles.iter().all(Vec::is_empty)
+    }
+
+    /// The offset by all profiles.
+    pub fn offset(&self) -> Offset {
+        fit(&self.profiles)
+    }
+
+    /// The offset of a camera in each of [`RANGES_M`], with the delay of all profiles.
+    pub fn by_range(&self, camera: usize, offset: &Offset) -> Vec<(Range<f32>, CameraOffset)> {
+        let delay_s = offset.delay_s.map_or(0.0, |[delay_s, _]| delay_s);
+        let at = |range: Range<f32>| {
+            let found = fit_at_range(&self.profiles[camera], range.clone(), &offset.cameras[camera], delay_s);
+            (range, found)
+        };
+        RANGES_M.into_iter().map(at).collect()
+    }
+}

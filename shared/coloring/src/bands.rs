@@ -1,0 +1,78 @@
+//! The bands of a spectrum.
+
+use messages::MAX_BANDS;
+use std::collections::BTreeMap;
+
+/// The bands of all mosaic cameras, one camera after another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bands {
+    /// Center wavelength of each band, nm; 0 behind the last.
+    pub wavelengths_nm: [f32; MAX_BANDS],
+    /// Index of the camera of each band.
+    pub cameras: [u8; MAX_BANDS],
+    /// First band of each camera, and the end.
+    pub(crate) starts: Vec<usize>,
+}
+
+/// The mosaic cameras have more bands than a spectrum can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{n_bands} bands of {n_cameras} mosaic cameras; the limits are {MAX_BANDS} bands and 255 cameras")]
+pub struct TooManyBands {
+    /// Number of bands of all cameras.
+    pub n_bands: usize,
+    /// Number of cameras.
+    pub n_cameras: usize,
+}
+
+impl Bands {
+    /// From the wavelengths of each camera, nm.
+    ///
+    /// # Errors
+    /// For more than [`MAX_BANDS`] bands or more than 255 cameras.
+    pub fn new(wavelengths_nm: &[Vec<f32>]) -> Result<Self, TooManyBands> {
+        let (n_bands, n_cameras) = (wavelengths_nm.iter().map(Vec::len).sum(), wavelengths_nm.len());
+        if n_bands > MAX_BANDS || n_cameras > usize::from(u8::MAX) {
+            return Err(TooManyBands { n_bands, n_cameras });
+        }
+        let mut bands = Self { wavelengths_nm: [0.0; MAX_BANDS], cameras: [0; MAX_BANDS], starts: vec![0] };
+        let mut n_bands = 0;
+        for (camera, wavelengths_nm) in wavelengths_nm.iter().enumerate() {
+            for wavelength_nm in wavelengths_nm {
+                bands.wavelengths_nm[n_bands] = *wavelength_nm;
+                bands.cameras[n_bands] = camera as u8;
+                n_bands += 1;
+            }
+            bands.starts.push(n_bands);
+        }
+        Ok(bands)
+    }
+
+    /// From the wavelengths of the first cubes, by index of the camera, and the expected ones for cameras without a cube.
+    ///
+    /// # Errors
+    /// As [`Bands::new`].
+    pub fn of_first_cubes(expected_nm: &[Vec<f32>], first_nm: &BTreeMap<u32, Vec<f32>>) -> Result<Self, TooManyBands> {
+        let known = |(camera, expected): (u32, &Vec<f32>)| first_nm.get(&camera).unwrap_or(expected).clone();
+        Self::new(&(0..).zip(expected_nm).map(known).collect::<Vec<_>>())
+    }
+
+    /// Number of bands of all cameras.
+    pub fn n_bands(&self) -> usize {
+        self.starts.last().copied().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_of_all_cameras_are_concatenated() {
+        let bands = Bands::new(&[vec![700.0, 650.0], vec![], vec![500.0]]).expect("few");
+        assert_eq!((bands.n_bands(), &bands.starts[..]), (3, &[0, 2, 2, 3][..]));
+        assert_eq!(bands.wavelengths_nm[..4], [700.0, 650.0, 500.0, 0.0]);
+        assert_eq!(bands.cameras[..3], [0, 0, 2]);
+        assert_eq!(Bands::new(&[]).map(|bands| bands.n_bands()), Ok(0));
+        assert_eq!(Bands::new(&[vec![1.0; 40], vec![1.0; 25]]), Err(TooManyBands { n_bands: 65, n_cameras: 2 }));
+    }
+}

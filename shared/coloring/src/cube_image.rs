@@ -1,0 +1,65 @@
+//! The cells of a spectral exposure.
+
+use messages::{CubeHeader, CubeView};
+
+/// A reflectance cube, in place.
+#[derive(Clone, Copy)]
+pub struct CubeImage<'a> {
+    planes: CubeView<'a>,
+    header: &'a CubeHeader,
+}
+
+impl<'a> CubeImage<'a> {
+    /// `None` unless the rows fit the header and there is at least one cell.
+    pub fn new(header: &'a CubeHeader, rows: &'a [u32]) -> Option<Self> {
+        let sound = header.width > 0 && header.height > 0 && header.pattern > 0;
+        Some(Self { planes: CubeView::new(header, rows).filter(|_| sound)?, header })
+    }
+
+    /// Number of bands.
+    pub fn n_bands(&self) -> usize {
+        self.header.n_bands as usize
+    }
+
+    /// Reflectances of one band, cell by cell.
+    pub fn band(&self, band: usize) -> &'a [f32] {
+        self.planes.band(band)
+    }
+
+    /// Index of the cell whose filters cover the pixel of the raw image.
+    pub fn cell(&self, [u, v]: [f32; 2]) -> u32 {
+        // A pixel's area reaches half a pixel to each side of its center.
+        let index = |at: f32, first: u32, len: u32| {
+            ((at + 0.5 - first as f32).max(0.0) as u32 / self.header.pattern).min(len - 1)
+        };
+        let column = index(u, self.header.x0, self.header.width);
+        index(v, self.header.y0, self.header.height) * self.header.width + column
+    }
+
+    /// Valid bands of a cell, one bit each.
+    pub fn valid_bands(&self, cell: u32) -> u32 {
+        // Bits above the bands of this cube would be counted for another camera.
+        let in_use = (1_u64 << self.header.n_bands) - 1;
+        self.planes.masks()[cell as usize] & self.header.valid_bands & in_use as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixel_belongs_to_cell_of_its_filters() {
+        let header = CubeHeader { width: 3, height: 2, n_bands: 1, pattern: 4, x0: 2, y0: 1, ..CubeHeader::default() };
+        let rows = [0; 12];
+        let cube = CubeImage::new(&header, &rows).expect("fits");
+        // Pixels 2 to 5 of rows 1 to 4 are cell 0; their areas reach from 1.5 to 5.5.
+        for (pixel, cell) in
+            [([1.5, 0.5], 0), ([5.49, 4.49], 0), ([5.51, 1.0], 1), ([2.0, 4.51], 3), ([13.49, 8.49], 5)]
+        {
+            assert_eq!(cube.cell(pixel), cell, "{pixel:?}");
+        }
+        assert!(CubeImage::new(&header, &rows[1..]).is_none());
+        assert!(CubeImage::new(&CubeHeader { pattern: 0, ..header }, &rows).is_none());
+    }
+}

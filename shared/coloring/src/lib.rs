@@ -1,0 +1,53 @@
+//! Colors and spectra of a submap's points, from the exposures of its cameras (thesis 2.5.1, 4.3.2).
+//!
+//! [`color_into`] and [`SpectraColumn`] give each point its color and its spectrum:
+//!
+//! 1. [`SubmapPoints`] splits a submap into chunks, [`ProjectionCamera`] prepares lenses and exposures.
+//! 2. [`visibility_maps`] computes for every exposure how far it sees in each direction (occlusion by other points).
+//! 3. [`Choices`] selects one exposure for each point: the visible one with the smallest expected color position error.
+//! 4. [`ColorImage`] and [`CubeImage`] are sampled at the projected pixel. [`ExposureGains`] can level the brightness of
+//!    exposures.
+//!
+//! A point that no exposure sees stays unseen; no value is interpolated between points.
+//!
+//! # Vectorized loops
+//! As in `wide_loops::run`, but the work is a struct with its own `call`, and the arrays of a loop are those of one or two
+//! structs with constant length: only then does the compiler know that they do not overlap.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+#![allow(clippy::needless_bitwise_bool, reason = "conditions without jumps let the loops over a chunk become vectors")]
+
+mod bands;
+mod camera;
+mod candidates;
+mod choice;
+mod chunk;
+mod color;
+mod color_image;
+mod cube_image;
+mod exposure;
+mod frustum;
+mod gains;
+mod lens;
+mod occlusion;
+mod points;
+mod projection;
+mod spectra;
+mod visibility;
+
+pub use bands::{Bands, TooManyBands};
+pub use camera::ProjectionCamera;
+pub use candidates::{AgeLimits, Candidates};
+pub use choice::Choices;
+pub use chunk::{CHUNK, Chunk, Lanes, seconds};
+pub use color::{color_into, leveled_color};
+pub use color_image::ColorImage;
+pub use cube_image::CubeImage;
+pub use exposure::PosedExposure;
+pub use frustum::Frustum;
+pub use gains::{ExposureGains, Overlap, overlaps};
+pub use lens::Lens;
+pub use occlusion::visibility_maps;
+pub use points::{PointBuffers, SubmapPoints};
+pub use spectra::{CameraCubes, SpectraColumn};
+pub use visibility::{CellGrid, VisibilityMap};

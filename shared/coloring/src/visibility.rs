@@ -1,0 +1,81 @@
+//! How far an exposure sees in each direction.
+
+use crate::exposure::PosedExposure;
+
+/// Side of a cell, rad: about the spacing of shots along a ring of a spinning LiDAR at 10 Hz.
+pub const CELL_RAD: f32 = 0.0035;
+
+/// An index that is in no grid.
+pub const NO_CELL: u32 = u32::MAX;
+
+/// The cells into which the image of an exposure is divided.
+#[derive(Clone, Copy, Debug)]
+pub struct CellGrid {
+    min: [f32; 2],
+    cells_per_px: f32,
+    columns: i32,
+    rows: i32,
+}
+
+impl CellGrid {
+    /// Cells of `CELL_RAD`, at least one pixel wide.
+    pub fn new(exposure: &PosedExposure<'_>) -> Self {
+        let cells_per_px = 1.0 / (CELL_RAD * exposure.lens.px_per_rad()).max(1.0);
+        let [columns, rows] = [0, 1].map(|axis| ((exposure.max[axis] - exposure.min[axis]) * cells_per_px) as i32 + 1);
+        Self { min: exposure.min, cells_per_px, columns, rows }
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows].map(|n| n as usize)
+    }
+
+    /// Number of cells.
+    pub fn n_cells(&self) -> usize {
+        (self.columns * self.rows) as usize
+    }
+
+    /// The cell of a pixel of the exposure. For pixels outside of the image, any number.
+    #[inline(always)]
+    pub fn cell(&self, u: f32, v: f32) -> u32 {
+        // Truncation: rounding to the nearest integer would be slow, and pixels outside of the image may give any number.
+        let column = ((u - self.min[0]) * self.cells_per_px) as i32;
+        let row = ((v - self.min[1]) * self.cells_per_px) as i32;
+        row.wrapping_mul(self.columns).wrapping_add(column) as u32
+    }
+}
+
+/// For every cell of an exposure, the largest range at which a point is still visible.
+#[derive(Debug)]
+pub struct VisibilityMap {
+    /// The cells.
+    pub grid: CellGrid,
+    /// Per cell, row by row: the largest visible range, m.
+    max_range_m: Vec<f32>,
+}
+
+impl VisibilityMap {
+    /// From the largest visible range of each cell, m, row by row.
+    pub fn new(grid: CellGrid, max_range_m: Vec<f32>) -> Self {
+        Self { grid, max_range_m }
+    }
+
+    /// A map without any occlusion.
+    pub fn unobstructed() -> Self {
+        let grid = CellGrid { min: [0.0; 2], cells_per_px: 0.0, columns: 1, rows: 1 };
+        Self { grid, max_range_m: vec![f32::INFINITY] }
+    }
+
+    /// The largest range at which a point of the cell is visible, m. Minus infinity if there is no such cell.
+    #[inline(always)]
+    pub fn max_range_m(&self, cell: u32) -> f32 {
+        self.max_range_m.get(cell as usize).copied().unwrap_or(f32::NEG_INFINITY)
+    }
+
+    /// Whether a point of the camera frame that falls on pixel (u, v) is visible: in the image and not occluded.
+    #[inline]
+    pub fn sees(&self, exposure: &PosedExposure<'_>, p_in_camera: [f32; 3], [u, v]: [f32; 2]) -> bool {
+        let range_m = p_in_camera.iter().map(|v| v * v).sum::<f32>().sqrt();
+        exposure.contains(u, v) && range_m <= self.max_range_m(self.grid.cell(u, v))
+    }
+}

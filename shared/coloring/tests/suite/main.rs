@@ -1,0 +1,3 @@
+//! Coloring against the truth of a simulated town.
+
+mod occlusion;

@@ -1,0 +1,152 @@
+//! The text header.
+
+use super::error::{PcdError, PcdFault};
+
+/// Longest header that is read, lines. Real headers have about a dozen.
+const MAX_HEADER_LINES: usize = 64;
+/// Most values of a row, over all fields and counts.
+const MAX_ROW_VALUES: usize = 4096;
+/// Fields that are read, in the order of [`crate::cloud::CloudPoint`].
+const WANTED: [&str; 4] = ["x", "y", "z", "intensity"];
+
+/// Type and position of a value in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Value {
+    kind: u8,
+    size: usize,
+    /// Offset in a binary row.
+    offset: usize,
+    /// Index of the word in an ASCII row.
+    pub(super) word: usize,
+}
+
+#[derive(Debug)]
+pub(super) struct Header {
+    /// Values by [`WANTED`]. x y z are present.
+    pub(super) values: [Option<Value>; 4],
+    pub(super) row_bytes: usize,
+    pub(super) row_words: usize,
+    pub(super) n_points: usize,
+    pub(super) is_binary: bool,
+    /// Lines of the header.
+    pub(super) n_lines: usize,
+    /// Bytes of the header.
+    pub(super) n_bytes: usize,
+}
+
+impl Value {
+    /// The value in a binary row. [`Header::parse`] ensures that it lies inside the row.
+    pub(super) fn decode(self, row: &[u8]) -> f32 {
+        let bytes = &row[self.offset..self.offset + self.size];
+        let mut wide = [0; 8];
+        wide[..self.size].copy_from_slice(bytes);
+        let unsigned = u64::from_le_bytes(wide);
+        let unused_bits = 64 - 8 * self.size as u32;
+        match (self.kind, self.size) {
+            (b'F', 4) => f32::from_bits(unsigned as u32),
+            (b'F', _) => f64::from_bits(unsigned) as f32,
+            (b'I', _) => ((unsigned << unused_bits) as i64 >> unused_bits) as f32,
+            _ => unsigned as f32,
+        }
+    }
+}
+
+impl Header {
+    pub(super) fn parse(bytes: &[u8]) -> Result<Self, PcdError> {
+        let (mut fields, mut sizes, mut kinds, mut counts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut width, mut height, mut n_points) = (None, None, None);
+        let mut at = 0;
+        for line in 1..=MAX_HEADER_LINES {
+            let error = |fault: PcdFault| PcdError { line, fault };
+            let rest = bytes.get(at..).unwrap_or_default();
+            let length = rest.iter().position(|byte| *byte == b'\n');
+            let length = length.ok_or_else(|| error(PcdFault::HeaderTruncated))?;
+            let text = std::str::from_utf8(&rest[..length]).map_err(|_| error(PcdFault::NotText))?;
+            at += length + 1;
+            let mut words = text.split_ascii_whitespace();
+            let keyword = words.next().unwrap_or_default();
+            let words: Vec<&str> = words.take(MAX_ROW_VALUES).collect();
+            let count = || {
+                let word = words.first().and_then(|word| word.parse::<usize>().ok());
+                let (keyword, found) = (keyword.to_owned(), words.join(" "));
+                word.ok_or_else(|| error(PcdFault::Count { keyword, found }))
+            };
+            match keyword {
+                "FIELDS" => fields = words.iter().map(|word| (*word).to_owned()).collect(),
+                "SIZE" => sizes = integers(&words).map_err(error)?,
+                "COUNT" => counts = integers(&words).map_err(error)?,
+                "TYPE" => kinds = words.iter().map(|word| (*word).to_owned()).collect(),
+                "WIDTH" => width = Some(count()?),
+                "HEIGHT" => height = Some(count()?),
+                "POINTS" => n_points = Some(count()?),
+                "DATA" => {
+                    let is_binary = match words.first() {
+                        Some(&"binary") => true,
+                        Some(&"ascii") => false,
+                        other => {
+                            return Err(error(PcdFault::Encoding(other.copied().unwrap_or_default().to_owned())));
+                        }
+                    };
+                    let n_points = n_points.or(width.zip(height).and_then(|(w, h)| w.checked_mul(h)));
+                    let n_points = n_points.ok_or_else(|| error(PcdFault::NoCount))?;
+                    let (values, row_bytes, row_words) = layout(&fields, &sizes, &kinds, &counts).map_err(error)?;
+                    return Ok(Self { values, row_bytes, row_words, n_points, is_binary, n_lines: line, n_bytes: at });
+                }
+                // VERSION, VIEWPOINT, comments and unknown keywords are ignored.
+                _ => {}
+            }
+        }
+        Err(PcdError { line: MAX_HEADER_LINES, fault: PcdFault::NoData })
+    }
+}
+
+fn integers(words: &[&str]) -> Result<Vec<usize>, PcdFault> {
+    let integer = |word: &&str| {
+        let number = word.parse::<usize>().ok().filter(|number| *number <= MAX_ROW_VALUES);
+        number.ok_or_else(|| PcdFault::Integer { found: (*word).to_owned(), limit: MAX_ROW_VALUES })
+    };
+    words.iter().map(integer).collect()
+}
+
+/// Positions of the values that are read, bytes of a row and words of a row.
+fn layout(
+    fields: &[String],
+    sizes: &[usize],
+    kinds: &[String],
+    counts: &[usize],
+) -> Result<([Option<Value>; 4], usize, usize), PcdFault> {
+    if sizes.len() != fields.len()
+        || kinds.len() != fields.len()
+        || !(counts.is_empty() || counts.len() == fields.len())
+    {
+        let (fields, sizes, types, counts) = (fields.len(), sizes.len(), kinds.len(), counts.len());
+        return Err(PcdFault::Lists { fields, sizes, types, counts });
+    }
+    let (mut values, mut row_bytes, mut row_words) = ([None; 4], 0, 0);
+    for (index, field) in fields.iter().enumerate() {
+        let (size, count) = (sizes[index], counts.get(index).copied().unwrap_or(1));
+        let kind = kinds[index].bytes().next().unwrap_or_default();
+        let is_known = match kind {
+            b'F' => matches!(size, 4 | 8),
+            b'I' | b'U' => matches!(size, 1 | 2 | 4 | 8),
+            _ => false,
+        };
+        if !is_known {
+            return Err(PcdFault::Type { field: field.clone(), kind: kinds[index].clone(), size });
+        }
+        if let Some(place) = WANTED.iter().position(|wanted| wanted == field)
+            && count > 0
+        {
+            values[place] = Some(Value { kind, size, offset: row_bytes, word: row_words });
+        }
+        row_bytes += size * count;
+        row_words += count;
+    }
+    if row_words > MAX_ROW_VALUES {
+        return Err(PcdFault::RowLength { found: row_words, limit: MAX_ROW_VALUES });
+    }
+    match values[..3].iter().position(Option::is_none) {
+        None => Ok((values, row_bytes, row_words)),
+        Some(missing) => Err(PcdFault::MissingField(WANTED[missing])),
+    }
+}

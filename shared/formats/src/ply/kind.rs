@@ -1,0 +1,83 @@
+//! Types of scalar properties.
+
+use ply_rs::ply::ScalarType;
+
+/// Type of a scalar property.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// i8, read only.
+    Char,
+    /// u8.
+    UChar,
+    /// i16, read only.
+    Short,
+    /// u16, read only.
+    UShort,
+    /// i32.
+    Int,
+    /// u32, read only.
+    UInt,
+    /// f32.
+    Float,
+    /// f64.
+    Double,
+}
+
+impl Kind {
+    /// Name in the header.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::Char => "char",
+            Kind::UChar => "uchar",
+            Kind::Short => "short",
+            Kind::UShort => "ushort",
+            Kind::Int => "int",
+            Kind::UInt => "uint",
+            Kind::Float => "float",
+            Kind::Double => "double",
+        }
+    }
+    /// Bytes of a value.
+    pub const fn size(self) -> usize {
+        match self {
+            Kind::Char | Kind::UChar => 1,
+            Kind::Short | Kind::UShort => 2,
+            Kind::Int | Kind::UInt | Kind::Float => 4,
+            Kind::Double => 8,
+        }
+    }
+    /// Whether common readers support it: `Open3D` skips the others.
+    pub(super) const fn is_widely_supported(self) -> bool {
+        matches!(self, Kind::UChar | Kind::Int | Kind::Float | Kind::Double)
+    }
+}
+
+impl From<&ScalarType> for Kind {
+    fn from(scalar: &ScalarType) -> Self {
+        match scalar {
+            ScalarType::Char => Kind::Char,
+            ScalarType::UChar => Kind::UChar,
+            ScalarType::Short => Kind::Short,
+            ScalarType::UShort => Kind::UShort,
+            ScalarType::Int => Kind::Int,
+            ScalarType::UInt => Kind::UInt,
+            ScalarType::Float => Kind::Float,
+            ScalarType::Double => Kind::Double,
+        }
+    }
+}
+
+impl From<Kind> for ScalarType {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Char => ScalarType::Char,
+            Kind::UChar => ScalarType::UChar,
+            Kind::Short => ScalarType::Short,
+            Kind::UShort => ScalarType::UShort,
+            Kind::Int => ScalarType::Int,
+            Kind::UInt => ScalarType::UInt,
+            Kind::Float => ScalarType::Float,
+            Kind::Double => ScalarType::Double,
+        }
+    }
+}

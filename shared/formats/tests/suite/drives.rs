@@ -1,0 +1,154 @@
+//! Drive folders: contents, and all faults reported at once.
+
+use formats::drive::{Drive, TIMES_FILE};
+use formats::problems::FileProblem;
+use formats::velodyne::Model;
+use std::fs;
+use std::path::Path;
+
+const GOOD: &str = r#"version = 1
+name = "two sensors"
+
+[lidar]
+model = "hdl64e"
+format = "bin"
+folder = "lidar"
+body_from_lidar = { translation = [0, 0, 1.9], rotation = [0, 0, 0, 1] }
+
+[[camera]]
+name = "front"
+folder = "camera/0"
+exposure_nanos = 5000000
+body_from_camera = { translation = [0, 0, 1], rotation = [0, 0, 0, 1] }
+model = { kind = "pinhole", width = 64, height = 48, fx = 60.0, fy = 60.0, cx = 32.0, cy = 24.0 }
+
+[gnss]
+file = "gnss.nmea"
+origin = [48.8, 2.3, 100.0]
+antenna_in_body = [0, 0, 2]
+"#;
+
+fn drive(text: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("has one")).expect("makes");
+        fs::write(path, bytes).expect("writes");
+    };
+    write("drive.toml", text.as_bytes());
+    for k in 0..3 {
+        write(&format!("lidar/{k:06}.bin"), &[0; 16]);
+    }
+    for stamp in [300, 100, 200] {
+        write(&format!("camera/0/{stamp}.jpg"), b"");
+    }
+    write("camera/0/thumbs.png", b"");
+    write("gnss.nmea", b"");
+    folder
+}
+
+fn problems(folder: &Path) -> Vec<FileProblem> {
+    Drive::open(folder).expect_err("has faults").problems
+}
+
+#[test]
+fn valid_folder_lists_files_by_stamp() {
+    let folder = drive(GOOD);
+    let drive = Drive::open(folder.path()).expect("is valid");
+    assert_eq!((drive.model(), drive.sweep_files().len(), drive.is_inferred()), (Model::Hdl64e, 3, false));
+    let stamps: Vec<i64> = drive.camera_frames().iter().map(|frame| frame.stamp.0).collect();
+    assert_eq!(stamps, [100, 200, 300]);
+    assert_eq!(drive.strange_files().len(), 1);
+    assert!((drive.rig().body_from_lidar.translation.z - 1.9).abs() < 1e-12);
+}
+
+#[test]
+fn every_fault_is_reported_with_its_line() {
+    let text = GOOD
+        .replace("version = 1", "version = 9")
+        .replace("hdl64e", "hdl65e")
+        .replace("rotation = [0, 0, 0, 1] }\n\n", "rotation = [0, 0, 0, 2] }\n\n")
+        .replace("camera/0", "../camera")
+        .replace("fx = 60.0", "fx = -1.0")
+        .replace("48.8", "98.8")
+        .replace("gnss.nmea", "fixes.nmea");
+    let folder = drive(&text);
+    let found: Vec<(Option<usize>, String)> =
+        problems(folder.path()).into_iter().map(|problem| (problem.line, problem.key)).collect();
+    let expected = [
+        (1, "version"),
+        (8, "lidar.body_from_lidar"),
+        (5, "lidar.model"),
+        (15, "camera[0].model"),
+        (12, "camera[0].folder"),
+        (19, "gnss.origin"),
+        (18, "gnss.file"),
+    ];
+    assert_eq!(found, expected.map(|(line, key)| (Some(line), key.to_owned())));
+}
+
+#[test]
+fn unreadable_entries_do_not_hide_other_faults() {
+    let text = GOOD.replace("folder = \"lidar\"", "foldr = \"lidar\"").replace("origin = [48.8, 2.3, 100.0]\n", "")
+        + "\n[radar]\nfile = \"x\"\n";
+    let folder = drive(&text);
+    let found = problems(folder.path());
+    let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
+    for (problem, (key, words)) in found.iter().zip([("radar", "unknown key"), ("lidar", "foldr"), ("gnss", "origin")])
+    {
+        assert!(problem.key == key && problem.rule.contains(words) && problem.line.is_some(), "{texts:?}");
+    }
+    assert_eq!(found.len(), 3, "{texts:?}");
+    fs::write(folder.path().join("drive.toml"), "version = [").expect("writes");
+    assert_eq!(problems(folder.path())[0].line, Some(1));
+    fs::remove_file(folder.path().join("drive.toml")).expect("removes");
+    assert!(problems(folder.path())[0].rule.contains("neither drive.toml nor *.pcd"));
+    assert!(problems(&folder.path().join("nowhere"))[0].rule.contains("not a folder"));
+}
+
+#[test]
+fn times_file_must_match_the_clouds() {
+    let folder = drive(GOOD);
+    let times = folder.path().join("lidar").join(TIMES_FILE);
+    for (text, is_good) in [("5\n70\n90\n", true), ("5\n70\n", false), ("5\n90\n70\n", false), ("5\nx\n70\n", false)] {
+        fs::write(&times, text).expect("writes");
+        assert_eq!(Drive::open(folder.path()).is_ok(), is_good, "{text:?}");
+    }
+}
+
+#[real_data::test("kitti_raw_0048")]
+fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
+    let folder = real_data::path("kitti_raw_0048");
+    let drive = Drive::open(&folder).expect("opens");
+    assert!(drive.is_inferred());
+    assert_eq!((drive.model(), drive.sweep_files().len()), (Model::Hdl64e, 22));
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut returns = Vec::new();
+    let mut positions = Vec::new();
+    let mut found = Vec::new();
+    while let Some(sweep) = sweeps.next_sweep(|piece| returns.extend_from_slice(piece)).expect("reads") {
+        positions.push(sweeps.position());
+        found.push(sweep);
+    }
+    assert!(found.iter().enumerate().all(|(k, sweep)| sweep.stamp.0 == k as i64 * 100_000_000 && !sweep.has_times));
+    let mut by_ring = [0; 64];
+    for one in &returns {
+        by_ring[usize::from(one.ring)] += 1;
+    }
+    // Every beam sees its part of the street; the lowest ones see the car's roof.
+    assert!(by_ring.iter().all(|n| (20_000..50_000).contains(n)), "{by_ring:?}");
+    assert!(returns.iter().all(|one| one.x.hypot(one.y) < 130.0));
+    // Reads the last third again from a saved position.
+    let mut again = drive.sweeps().expect("opens");
+    assert!(again.resume(positions[14].clone()).expect("is there"));
+    assert_eq!(again.next_sweep(|_| {}).expect("reads"), Some(found[15]));
+}
+
+#[real_data::test("velodyne/vlp16_moving_car.pcap")]
+fn folder_of_captures_without_manifest_detects_its_sensor() {
+    let capture = real_data::path("velodyne/vlp16_moving_car.pcap");
+    let folder = tempfile::tempdir().expect("a folder");
+    std::os::unix::fs::symlink(capture, folder.path().join("a.pcap")).expect("links");
+    let drive = Drive::open(folder.path()).expect("opens");
+    assert_eq!((drive.model(), drive.manifest().lidar.format.as_str()), (Model::Vlp16, "pcap"));
+}

@@ -1,0 +1,15 @@
+//! All tests of the crate's public interface in one program.
+
+mod damaged_input;
+mod drives;
+mod envi;
+mod ladybug;
+mod nmea_log;
+mod packet_streams;
+mod ply;
+mod raw_mosaic;
+mod real_captures;
+mod recording;
+mod sensor_calibration;
+mod support;
+mod veloview_reference;

@@ -1,0 +1,11 @@
+//! The pose graph: measurements, and the poses that fit them best.
+
+mod elimination;
+mod factors;
+mod measurements;
+mod solve;
+mod tangent;
+
+pub use measurements::{AntennaPosition, PoseGraph, RelativePose, UpDirection};
+pub use solve::{Gauge, Solution};
+pub use tangent::moved;

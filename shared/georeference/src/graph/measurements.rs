@@ -1,0 +1,70 @@
+//! Measurements of submaps.
+
+use geometry::{Point3, Pose, UnitQuaternion};
+use nalgebra::{Matrix6, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// Pose of one submap in another.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RelativePose {
+    /// Number of the submap in whose frame the pose is.
+    pub target: usize,
+    /// Number of the measured submap.
+    pub source: usize,
+    /// The measurement.
+    pub target_from_source: Pose,
+    /// Inverse covariance: translation in the target's axes (m), then rotation in the source's (rad).
+    pub information: Matrix6<f64>,
+}
+
+/// Position of a point of a submap in the world: the antenna of a GNSS receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AntennaPosition {
+    /// Number of the submap.
+    pub submap: usize,
+    /// m.
+    pub p_in_submap: Point3<f64>,
+    /// m.
+    pub p_in_world: Point3<f64>,
+    /// Standard deviation along east, north, and down, m.
+    pub sigma_m: [f64; 3],
+    /// Standard deviation of heights above the true one, m. Reflected signals arrive late, never early, and raise the
+    /// measured position, so the distribution has two different halves.
+    pub sigma_above_m: f64,
+    /// Weight as a share of an independent measurement, above 0 to 1: errors of a receiver last longer than the time
+    /// between two fixes.
+    pub share: f64,
+}
+
+/// Direction against gravity in a submap.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct UpDirection {
+    /// Number of the submap.
+    pub submap: usize,
+    /// Unit vector.
+    pub up_in_submap: Vector3<f64>,
+    /// Standard deviation, rad.
+    pub sigma_rad: f64,
+}
+
+/// All measurements. Submaps are numbered from 0 in the order of the drive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PoseGraph {
+    /// Each submap after the first in the previous one, by odometry.
+    pub odometry: Vec<RelativePose>,
+    /// Loop closures. They may be outliers.
+    pub loops: Vec<RelativePose>,
+    /// Positions. They may be outliers.
+    pub positions: Vec<AntennaPosition>,
+    /// Directions against gravity.
+    pub up_directions: Vec<UpDirection>,
+}
+
+impl RelativePose {
+    /// Difference between these poses and the measurement: translation in the target's axes, rotation in the source's.
+    pub(crate) fn error(&self, world_from_target: &Pose, world_from_source: &Pose) -> (Vector3<f64>, Vector3<f64>) {
+        let found = world_from_target.inv_mul(world_from_source);
+        let rotation: UnitQuaternion<f64> = self.target_from_source.rotation.inverse() * found.rotation;
+        (found.translation.vector - self.target_from_source.translation.vector, rotation.scaled_axis())
+    }
+}

@@ -1,0 +1,106 @@
+//! Direction of gravity in submaps from inertial samples.
+//!
+//! An accelerometer measures the acceleration of the vehicle minus gravity. Over a submap the mean acceleration equals the
+//! change of velocity divided by the time, which the odometry knows. The rest of the mean points up.
+
+use crate::UpDirection;
+use crate::recent_path::{HALF_SPAN_NANOS, RecentPath};
+use geometry::{Point3, Pose, Vector3};
+use messages::ImuRow;
+use serde::{Deserialize, Serialize};
+
+/// Shorter stretches are not used, s: the error of the velocity weighs too much.
+const MIN_SECONDS: f64 = 0.8;
+/// Longer pauses between samples are gaps, s.
+const GAP_SECONDS: f64 = 0.1;
+/// The length of the rest must be that of gravity, m/s^2, within this tolerance.
+const GRAVITY_MPS2: f64 = 9.81;
+const TOLERANCE_MPS2: f64 = 0.5;
+/// 6 mrad: a lasting bias of 4 mg, or a velocity error of 12 cm/s over two seconds.
+const SIGMA_RAD: f64 = 0.006;
+
+/// Collects inertial samples.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct Gravity {
+    /// Samples later than the odometry.
+    pending: Vec<(i64, Vector3<f64>)>,
+    stretch: Option<Stretch>,
+}
+
+/// Samples of one submap without gaps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Stretch {
+    submap: usize,
+    begin: i64,
+    end: i64,
+    /// At the begin, m/s, odom axes.
+    velocity: Vector3<f64>,
+    /// Specific force at the last sample, odom axes, m/s^2.
+    force: Vector3<f64>,
+    /// Integral of the specific force, m/s.
+    integral: Vector3<f64>,
+}
+
+impl Gravity {
+    pub fn push(&mut self, row: &ImuRow) {
+        let force = Vector3::from(row.acceleration);
+        let is_later = self.pending.last().is_none_or(|(last, _)| *last < row.stamp);
+        if is_later && force.iter().all(|v| v.is_finite()) {
+            self.pending.push((row.stamp, force));
+        }
+    }
+
+    /// Uses the samples at whose times the odometry knows the velocity.
+    pub fn update(
+        &mut self,
+        path: &RecentPath,
+        imu_in_body: &Point3<f64>,
+        submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
+        up_directions: &mut Vec<UpDirection>,
+    ) {
+        let Some(end) = path.last() else { return };
+        let n_ready = self.pending.iter().take_while(|(stamp, _)| *stamp <= end - HALF_SPAN_NANOS).count();
+        let ready: Vec<(i64, Vector3<f64>)> = self.pending.drain(..n_ready).collect();
+        for (stamp, force_in_body) in ready {
+            let (Some(pose), Some((submap, _))) = (path.at(stamp), submap_at(stamp)) else { continue };
+            let force = pose.rotation * force_in_body;
+            let continues = |s: &Stretch| s.submap == submap && ((stamp - s.end) as f64) < GAP_SECONDS * 1e9;
+            if self.stretch.as_ref().is_none_or(|stretch| !continues(stretch)) {
+                self.close(path, imu_in_body, &submap_at, up_directions);
+                let Some(velocity) = path.velocity(stamp, imu_in_body) else { continue };
+                let (begin, end, integral) = (stamp, stamp, Vector3::zeros());
+                self.stretch = Some(Stretch { submap, begin, end, velocity, force, integral });
+                continue;
+            }
+            if let Some(stretch) = &mut self.stretch {
+                stretch.integral += (stretch.force + force) * (0.5e-9 * (stamp - stretch.end) as f64);
+                (stretch.end, stretch.force) = (stamp, force);
+            }
+        }
+    }
+
+    /// Ends the open stretch.
+    pub fn close(
+        &mut self,
+        path: &RecentPath,
+        imu_in_body: &Point3<f64>,
+        submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
+        up_directions: &mut Vec<UpDirection>,
+    ) {
+        let Some(stretch) = self.stretch.take() else { return };
+        let seconds = (stretch.end - stretch.begin) as f64 * 1e-9;
+        let (Some(velocity), Some((_, odom_from_submap))) =
+            (path.velocity(stretch.end, imu_in_body), submap_at(stretch.begin))
+        else {
+            return;
+        };
+        if seconds < MIN_SECONDS {
+            return;
+        }
+        let up = (stretch.integral - (velocity - stretch.velocity)) / seconds;
+        if (up.norm() - GRAVITY_MPS2).abs() < TOLERANCE_MPS2 {
+            let up_in_submap = odom_from_submap.rotation.inverse() * up.normalize();
+            up_directions.push(UpDirection { submap: stretch.submap, up_in_submap, sigma_rad: SIGMA_RAD });
+        }
+    }
+}

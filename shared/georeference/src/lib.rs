@@ -1,0 +1,35 @@
+//! Where the submaps of a drive lie in the world: one least-squares problem over the submaps' poses
+//! (`docs/explanation/georeferencing.md`).
+//!
+//! | measurement | module |
+//! |---|---|
+//! | odometry between consecutive submaps, with its covariance | `drift` |
+//! | antenna positions from the fixes of a GNSS receiver, and their errors | `fixes`, `receiver_errors`, `receiver_filter` |
+//! | direction of gravity from the samples of an inertial unit | `gravity` |
+//! | loop closures: places that were visited twice | [`loops`](LoopFinder) |
+//!
+//! - [`Georeferencer`] collects the measurements while the drive goes on and solves the problem at the end.
+//! - [`PoseGraph`] holds the measurements. [`PoseGraph::solve`] finds the poses and their covariances.
+//! - [`align_odometry`] finds north and the offset to the world before the graph is solved.
+//! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later.
+//!
+//! Points never move against their submap. A pose here is `world_from_submap`. Errors of poses are in the axes of the
+//! submap, translation (m) before rotation vector (rad). Everything is a pure function of its inputs.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod alignment;
+mod drift;
+mod fixes;
+mod georeferencer;
+mod graph;
+mod gravity;
+mod loops;
+mod receiver_errors;
+mod receiver_filter;
+mod recent_path;
+
+pub use alignment::{Alignment, PointPair, align_odometry};
+pub use georeferencer::{GeoreferenceSettings, Georeferencer, Placed};
+pub use graph::{AntennaPosition, Gauge, PoseGraph, RelativePose, Solution, UpDirection};
+pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings};

@@ -1,0 +1,10 @@
+//! Loop closures: places that the vehicle visits again.
+
+mod correlation;
+mod finder;
+mod keyframe;
+mod refinement;
+mod scan_context;
+
+pub use finder::{LoopClosure, LoopFinder, LoopSettings};
+pub use keyframe::Keyframe;

@@ -1,0 +1,70 @@
+//! The services of a run, held open by its supervisor.
+
+use crate::channel::{MAX_OBSERVERS, MessageService, attribute};
+use crate::domain::service_name;
+use crate::latest::{LatestService, builder};
+use crate::opaque::Opaque;
+use crate::{Channel, Iox, IpcError, Node, Transport};
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::event;
+
+/// Handles of the services of a run. As long as the supervisor holds them, the services outlive any stage.
+#[derive(Default)]
+pub struct ServiceHandles {
+    messages: Vec<Opaque<MessageService>>,
+    latest: Vec<Opaque<LatestService>>,
+    wakes: Vec<Opaque<event::PortFactory<Iox>>>,
+}
+
+impl ServiceHandles {
+    /// Creates a topic's service and its acknowledgements.
+    pub fn create_channel(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
+        // The producer creates a socket itself.
+        if channel.transport == Transport::Shared {
+            self.create_messages(node, channel)?;
+        }
+        for index in 0..channel.consumers.len() {
+            self.create_latest(node, &channel.acknowledgement(index))?;
+        }
+        self.create_latest(node, &channel.observer_acknowledgement())
+    }
+
+    fn create_messages(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
+        let mut specifier = AttributeSpecifier::new();
+        for (key, value) in channel.attributes() {
+            specifier = specifier
+                .define(&attribute(key)?, &attribute(&value)?)
+                .map_err(|cause| IpcError::transport(format!("service attribute {key}"), cause))?;
+        }
+        let service = channel
+            .builder(node)?
+            .create_with_attributes(&specifier)
+            .map_err(|cause| IpcError::transport(format!("creating topic {}", channel.name), cause))?;
+        self.messages.push(Opaque::new(service));
+        Ok(())
+    }
+
+    /// Creates the service of a latest value.
+    pub fn create_latest(&mut self, node: &Node, name: &str) -> Result<(), IpcError> {
+        let service =
+            builder(node, name)?.create().map_err(|cause| IpcError::transport(format!("creating {name}"), cause))?;
+        self.latest.push(Opaque::new(service));
+        Ok(())
+    }
+
+    /// Creates the service of a wake that at most `max_wakers` other processes use.
+    pub fn create_wake(&mut self, node: &Node, name: &str, max_wakers: usize) -> Result<(), IpcError> {
+        let service = node
+            .0
+            .service_builder(&service_name(name)?)
+            .event()
+            .max_listeners(1)
+            .max_notifiers(max_wakers + MAX_OBSERVERS)
+            // The sleeping process, its wakers, observers, and the supervisor.
+            .max_nodes(max_wakers + MAX_OBSERVERS + 2)
+            .create()
+            .map_err(|cause| IpcError::transport(format!("creating wake {name}"), cause))?;
+        self.wakes.push(Opaque::new(service));
+        Ok(())
+    }
+}

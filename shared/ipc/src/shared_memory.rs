@@ -1,0 +1,132 @@
+//! Messages in shared memory, by iceoryx2: written once, read in place.
+
+use crate::channel::MessageService;
+use crate::message_type::MessageType;
+use crate::opaque::Opaque;
+use crate::slot::{CacheLine, ReceivedSlot, Slot, WireEnvelope};
+use crate::transport::{Arrived, Incoming, Outgoing, Written};
+use crate::{Channel, Iox, IpcError, Node};
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::port::{DegradationAction, LoanError, ReceiveError, publisher, subscriber};
+use iceoryx2::prelude::*;
+use messages::Envelope;
+
+/// Loans that a stage may hold at a time: one kept open over several steps, one for a message in between.
+const MAX_LOANS: usize = 2;
+
+/// The producing end.
+pub(crate) struct SharedOutgoing {
+    channel: Channel,
+    message: MessageType,
+    service: Opaque<MessageService>,
+    publisher: Opaque<publisher::Publisher<Iox, [CacheLine], WireEnvelope>>,
+}
+
+impl SharedOutgoing {
+    pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
+        let service = channel.open(node)?;
+        let publisher = service
+            .publisher_builder()
+            .max_loaned_samples(MAX_LOANS)
+            // All slots have the largest size. tmpfs gives memory to what is written, not to what is reserved; growing
+            // slots instead lose one of their number with each growth and run out (iceoryx2 0.10).
+            .initial_max_slice_len(message.lines_for(message.max_rows))
+            .allocation_strategy(AllocationStrategy::Static)
+            // Credits guarantee free space in the queue. A full queue is therefore a loss: report it, do not wait.
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
+            .create()
+            .map(Opaque::new)
+            .map_err(|cause| IpcError::transport(format!("publisher of {}", channel.name), cause))?;
+        Ok(Self { channel: channel.clone(), message, service, publisher })
+    }
+}
+
+impl Outgoing for SharedOutgoing {
+    fn connect(&self) -> Result<bool, IpcError> {
+        // Observers are subscribers too; the acknowledgements show whether all consumers are there.
+        let all_there = self.service.dynamic_config().number_of_subscribers() >= self.channel.consumers.len();
+        self.publisher
+            .update_connections()
+            .map_err(|cause| IpcError::transport(format!("connecting {}", self.channel.name), cause))?;
+        Ok(all_there)
+    }
+
+    fn slot(&self, capacity: usize) -> Result<Option<Slot>, IpcError> {
+        let sample = self.publisher.loan_slice_uninit(self.message.lines_for(capacity)).map_err(|cause| {
+            let what = format!("loan of {capacity} rows ({} bytes each)", self.message.row_bytes);
+            match cause {
+                LoanError::ExceedsMaxLoans => {
+                    IpcError::transport(what, format_args!("a stage may hold {MAX_LOANS} loans of a topic at a time"))
+                }
+                other => IpcError::transport(what, other),
+            }
+        })?;
+        Ok(Some(Slot::new(sample)))
+    }
+
+    fn send(&self, message: Written<'_>, envelope: &Envelope) -> Result<usize, IpcError> {
+        let Written::Slot(slot) = message else { return Err(self.channel.foreign_loan(envelope.seq)) };
+        let sent = slot.into_sample().send();
+        sent.map_err(|cause| IpcError::transport(format!("publishing {} {}", self.channel.name, envelope.seq), cause))
+    }
+
+    fn needs_notification(&self) -> bool {
+        true
+    }
+}
+
+/// The consuming end.
+pub(crate) struct SharedIncoming {
+    channel: Channel,
+    message: MessageType,
+    service: Opaque<MessageService>,
+    subscriber: Opaque<subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>>,
+}
+
+impl SharedIncoming {
+    pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
+        let service = channel.open(node)?;
+        let subscriber = service
+            .subscriber_builder()
+            .buffer_size(channel.queue)
+            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
+            .create()
+            .map(Opaque::new)
+            .map_err(|cause| IpcError::transport(format!("subscriber of {}", channel.name), cause))?;
+        Ok(Self { channel: channel.clone(), message, service, subscriber })
+    }
+}
+
+impl Incoming for SharedIncoming {
+    fn connect(&self) -> Result<bool, IpcError> {
+        let is_there = self.service.dynamic_config().number_of_publishers() > 0;
+        self.subscriber
+            .update_connections()
+            .map_err(|cause| IpcError::transport(format!("connecting to {}", self.channel.name), cause))?;
+        Ok(is_there)
+    }
+
+    fn receive(&self) -> Result<Option<Arrived>, IpcError> {
+        let channel = &self.channel;
+        let sample = self.subscriber.receive().map_err(|cause| match cause {
+            ReceiveError::ExceedsMaxBorrows => {
+                IpcError::HeldTooMany { service: channel.name.clone(), allowed: channel.borrowed }
+            }
+            other @ ReceiveError::ConnectionFailure(_) => {
+                IpcError::transport(format!("receiving {}", channel.name), other)
+            }
+        })?;
+        let Some(sample) = sample else { return Ok(None) };
+        let slot = ReceivedSlot::new(sample);
+        let (envelope, lines) = slot.content();
+        let len = envelope.len as usize;
+        if !self.message.fits(lines.len(), len) {
+            let service = channel.name.clone();
+            return Err(IpcError::Torn { service, bytes: size_of_val(lines), len, row_bytes: self.message.row_bytes });
+        }
+        Ok(Some(Arrived::Slot(slot)))
+    }
+}

@@ -1,0 +1,154 @@
+//! The producing end of a channel, without its type: compiled once here, not again for each type in every program.
+
+use crate::message_type::MessageType;
+use crate::open_transport::outgoing;
+use crate::slot::Slot;
+use crate::transport::{Outgoing, Written};
+use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node, Waker};
+use messages::Envelope;
+
+/// Publishes messages and counts the credits of its consumers.
+pub(crate) struct UntypedPublisher {
+    channel: Channel,
+    max_rows: usize,
+    transport: Box<dyn Outgoing>,
+    consumers: Vec<Consumer>,
+    observer: LosslessObserver,
+    sent: u64,
+    /// Seq of the next message.
+    next_seq: u64,
+}
+
+struct Consumer {
+    /// Seq after the last message that it took; `None` until it has taken one.
+    taken: Option<u64>,
+    acknowledgement: LatestSubscriber,
+    /// `None` if the consumer's end of the transport wakes it.
+    waker: Option<Waker>,
+}
+
+/// The lossless observer of the topic, if there is one.
+struct LosslessObserver {
+    /// Seq after the last message that it took or need not receive. `None` until its first acknowledgement.
+    taken: Option<u64>,
+    /// How often it has repeated its acknowledgement since the last message was sent. It repeats when its queue is empty: the
+    /// second repetition was sent after that message had arrived.
+    repeats: u32,
+    acknowledgement: LatestSubscriber,
+}
+
+impl LosslessObserver {
+    /// Messages up to `next_seq` that it has not taken. An observer that was killed is removed with its node.
+    fn n_waiting(&mut self, next_seq: u64) -> Result<u64, IpcError> {
+        let there = self.acknowledgement.connect()?;
+        // Polls a last acknowledgement after the observer has left, too: until then the connection stays.
+        let latest = self.acknowledgement.poll()?;
+        if !there {
+            (self.taken, self.repeats) = (None, 0);
+            return Ok(0);
+        }
+        if let Some(bytes) = latest
+            && let Ok(taken) = bytes.try_into()
+        {
+            let acknowledged = match u64::from_le_bytes(taken) {
+                // A new observer need not receive messages from before it was known, but the last message, sent since the
+                // last poll, may be in its queue. A later acknowledgement may have been sent before further messages.
+                NOTHING_TAKEN => self.taken.unwrap_or(next_seq.saturating_sub(1)),
+                taken => taken,
+            };
+            self.repeats = if self.taken == Some(acknowledged) { self.repeats + 1 } else { 0 };
+            self.taken = Some(acknowledged);
+        }
+        // Its queue is empty: the messages that it lacks overran the queue before it was known, and will not arrive.
+        if self.repeats >= 2 {
+            return Ok(0);
+        }
+        // A connected observer without an acknowledgement receives every message from now on.
+        Ok(self.taken.map_or(u64::MAX, |taken| next_seq.saturating_sub(taken)))
+    }
+}
+
+impl UntypedPublisher {
+    pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
+        let transport = outgoing(node, channel, message)?;
+        let consumers = channel
+            .consumers
+            .iter()
+            .enumerate()
+            .map(|(index, wake)| {
+                Ok(Consumer {
+                    taken: None,
+                    acknowledgement: LatestSubscriber::open(node, &channel.acknowledgement(index))?,
+                    waker: transport.needs_notification().then(|| Waker::open(node, wake)).transpose()?,
+                })
+            })
+            .collect::<Result<_, IpcError>>()?;
+        let acknowledgement = LatestSubscriber::open(node, &channel.observer_acknowledgement())?;
+        let observer = LosslessObserver { taken: None, repeats: 0, acknowledgement };
+        let channel = channel.clone();
+        Ok(Self { channel, max_rows: message.max_rows, transport, consumers, observer, sent: 0, next_seq: 0 })
+    }
+
+    pub(crate) fn connect(&self) -> Result<bool, IpcError> {
+        let all_there = self.transport.connect()?;
+        for consumer in &self.consumers {
+            if !consumer.acknowledgement.connect()? {
+                return Ok(false);
+            }
+        }
+        Ok(all_there)
+    }
+
+    /// See [`Outgoing::slot`].
+    pub(crate) fn slot(&self, capacity: usize) -> Result<Option<Slot>, IpcError> {
+        if capacity > self.max_rows {
+            let what = format!("loan of {capacity} rows on {}", self.channel.name);
+            return Err(IpcError::transport(what, format!("a message has at most {}", self.max_rows)));
+        }
+        self.transport.slot(capacity)
+    }
+
+    /// Whether every consumer has room for one more message.
+    pub(crate) fn has_credit(&mut self) -> Result<bool, IpcError> {
+        let queue = self.channel.queue as u64;
+        // Polled in any case: this connects the acknowledgements of restarted consumers.
+        let has_room = self.n_waiting()? < queue;
+        Ok(self.channel.drops_oldest || has_room && self.observer.n_waiting(self.next_seq)? < queue)
+    }
+
+    /// Messages that the slowest consumer has not taken yet.
+    pub(crate) fn n_waiting(&mut self) -> Result<u64, IpcError> {
+        let mut waiting = 0;
+        for consumer in &mut self.consumers {
+            // Live, a consumer may have ended before its last acknowledgement was received.
+            if self.channel.drops_oldest && !consumer.acknowledgement.connect()? {
+                continue;
+            }
+            if let Some(bytes) = consumer.acknowledgement.poll()?
+                && let Ok(taken) = bytes.try_into()
+            {
+                consumer.taken = Some(u64::from_le_bytes(taken));
+            }
+            let behind = consumer.taken.map_or(self.sent, |taken| self.next_seq.saturating_sub(taken));
+            waiting = waiting.max(behind);
+        }
+        Ok(waiting)
+    }
+
+    pub(crate) fn send(&mut self, message: Written<'_>, envelope: &Envelope) -> Result<(), IpcError> {
+        let reached = self.transport.send(message, envelope)?;
+        self.sent += 1;
+        self.next_seq = envelope.seq + 1;
+        self.observer.repeats = 0;
+        let expected = self.consumers.len();
+        // Observers may be among those whom it reached.
+        if reached < expected && !self.channel.drops_oldest {
+            let service = self.channel.name.clone();
+            return Err(IpcError::Lost { service, seq: envelope.seq, reached, expected });
+        }
+        for waker in self.consumers.iter().filter_map(|consumer| consumer.waker.as_ref()) {
+            waker.wake();
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,226 @@
+//! Channels: messages are read in place, in order and without loss, by the processes of one run only.
+
+use crate::support::{Pair, TestDomain, pair, pair_over, send, sweep_channel};
+use ipc::{
+    Channel, Domain, IpcError, LatestPublisher, LatestSubscriber, Publisher, Received, ServiceHandles, Subscriber,
+    Transport,
+};
+use messages::{ClassRow, Envelope, Message, SweepPoint};
+use std::time::Duration;
+
+/// The next message; through a socket it arrives after a moment.
+fn receive(pair: &mut Pair) -> Received<messages::SweepTopic> {
+    for _ in 0..100 {
+        if let Some(received) = pair.subscriber.receive().expect("no error") {
+            return received;
+        }
+        pair.consumer_wake.wait(Duration::from_millis(100)).expect("waits");
+    }
+    panic!("no message has arrived");
+}
+
+/// The mapping of /proc/self/maps that holds `address`.
+fn mapping_of(address: usize) -> String {
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("Linux");
+    let holds = |line: &&str| {
+        let range = line.split(' ').next().and_then(|range| range.split_once('-')).expect("a range");
+        let bound = |text: &str| usize::from_str_radix(text, 16).expect("hexadecimal");
+        (bound(range.0)..bound(range.1)).contains(&address)
+    };
+    maps.lines().find(holds).expect("mapped").to_owned()
+}
+
+#[test]
+fn rows_in_shared_memory_are_read_in_place() {
+    let domain = TestDomain::new("inplace");
+    let mut pair = pair(&domain.0);
+    let written_at = send(&mut pair.publisher, 0, 100_000);
+    pair.consumer_wake.wait(Duration::from_secs(5)).expect("woken");
+    let received = pair.subscriber.receive().expect("no error").expect("a message");
+    assert_eq!(received.rows().len(), 100_000);
+    assert_eq!(received.rows()[4321].x, 4321.0);
+    assert_eq!(received.header().n_rings, 32);
+    let bytes = size_of_val(received.rows());
+    let first = received.rows().as_ptr().addr();
+    let segment = format!("/dev/shm/{}", domain.0.prefix());
+    for address in [written_at, first, first + bytes - 1] {
+        let mapping = mapping_of(address);
+        assert!(mapping.contains(&segment), "{address:x} lies in {mapping}");
+    }
+    assert_eq!(first % 64, 0, "rows start on a cache line");
+}
+
+#[test]
+fn full_queue_stops_producer_without_loss() {
+    for (name, transport) in [("credit", Transport::Shared), ("creditcopy", Transport::Copying)] {
+        let domain = TestDomain::new(name);
+        let mut pair = pair_over(&domain.0, transport);
+        let mut sent = 0;
+        while pair.publisher.has_credit().expect("no error") {
+            send(&mut pair.publisher, sent, 10 + sent as usize);
+            sent += 1;
+        }
+        assert_eq!(sent as usize, messages::SweepTopic::QUEUE);
+        let mut held = Vec::new();
+        // Sizes grow, so slots are reallocated while older messages are still held.
+        for expected in 0..200 {
+            let received = receive(&mut pair);
+            assert_eq!(received.envelope().seq, expected);
+            assert_eq!(received.header().n_rings, 32);
+            assert_eq!(received.rows().last().map(|row| row.x), Some((expected * 1000 + 9 + expected) as f32));
+            held.push(received);
+            if held.len() > messages::SweepTopic::BORROWED {
+                held.remove(0);
+            }
+            assert!(pair.publisher.has_credit().expect("no error"));
+            send(&mut pair.publisher, sent, 10 + sent as usize);
+            sent += 1;
+        }
+    }
+}
+
+/// The messages are far larger than the socket's buffer. The producer sends all, because a queue's length is read ahead.
+#[test]
+fn copying_producer_does_not_wait_for_idle_consumer() {
+    let domain = TestDomain::new("ahead");
+    let mut pair = pair_over(&domain.0, Transport::Copying);
+    for seq in 0..messages::SweepTopic::QUEUE as u64 {
+        send(&mut pair.publisher, seq, 500_000);
+    }
+    assert!(!pair.publisher.has_credit().expect("no error"));
+    for expected in 0..messages::SweepTopic::QUEUE as u64 {
+        let received = receive(&mut pair);
+        assert_eq!(received.envelope().seq, expected);
+        assert_eq!(received.rows()[499_999].x, (expected * 1000 + 499_999) as f32);
+        assert!(mapping_of(received.rows().as_ptr().addr()).contains(" 0 "), "the rows are the consumer's own");
+    }
+    assert!(pair.publisher.has_credit().expect("no error"));
+}
+
+#[test]
+fn copying_consumer_of_another_layout_is_refused() {
+    let domain = TestDomain::new("hello");
+    let pair = pair_over(&domain.0, Transport::Copying);
+    let node = domain.0.node("stranger").expect("node");
+    let channel = Channel { layout: messages::ClassTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
+    assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    drop(pair.subscriber);
+    assert!(Subscriber::<messages::SweepTopic>::open(&node, &channel, "consumer.wake").is_err());
+    let stranger = Subscriber::<messages::ClassTopic>::open(&node, &channel, "consumer.wake").expect("opened");
+    stranger.connect().expect("connects");
+    assert!(matches!(pair.publisher.connect(), Err(IpcError::Transport { .. })));
+}
+
+#[test]
+fn publisher_of_another_layout_or_version_is_refused() {
+    let domain = TestDomain::new("layout");
+    let pair = pair(&domain.0);
+    let node = domain.0.node("stranger").expect("node");
+    let mut channel = Channel::of::<messages::SweepTopic>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
+    channel.version += 1;
+    assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    channel.version -= 1;
+    channel.layout = messages::ClassTopic::LAYOUT;
+    assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    // The channel agrees with this type, but the attributes of the service do not.
+    assert!(matches!(Publisher::<messages::ClassTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
+    drop(pair);
+}
+
+#[test]
+fn reader_receives_only_latest_value() {
+    let domain = TestDomain::new("latest");
+    let node = domain.0.node("supervisor").expect("node");
+    let mut services = ServiceHandles::default();
+    services.create_latest(&node, "health").expect("created");
+    let writer = LatestPublisher::open(&node, "health").expect("opened");
+    let reader = LatestSubscriber::open(&node, "health").expect("opened");
+    assert!(reader.connect().expect("connects"));
+    for size in [10, 20_000, 30] {
+        writer.publish(&vec![7; size]).expect("published");
+    }
+    assert_eq!(reader.poll().expect("no error").map(|value| value.len()), Some(30));
+    assert_eq!(reader.poll().expect("no error"), None);
+}
+
+#[test]
+fn shared_memory_is_private_and_wipe_removes_all() {
+    use std::os::unix::fs::PermissionsExt;
+    let domain = TestDomain::new("wipe");
+    let other = TestDomain::new("other");
+    let files = |domain: &Domain| -> Vec<std::path::PathBuf> {
+        let entries = std::fs::read_dir("/dev/shm").expect("Linux").flatten();
+        entries.map(|e| e.path()).filter(|p| p.to_string_lossy().contains(&domain.prefix())).collect()
+    };
+    let mut pair = pair(&domain.0);
+    send(&mut pair.publisher, 0, 1000);
+    let _other_pair = self::pair(&other.0);
+    let present = files(&domain.0);
+    assert!(!present.is_empty());
+    for file in present {
+        let mode = std::fs::metadata(&file).expect("there").permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", file.display());
+    }
+    // As after SIGKILL: no destructor runs.
+    std::mem::forget(pair);
+    domain.0.wipe().expect("wiped");
+    assert_eq!(files(&domain.0), Vec::<std::path::PathBuf>::new());
+    assert!(!domain.0.root().exists());
+    assert!(!files(&other.0).is_empty(), "another run's memory is not touched");
+}
+
+#[test]
+fn ports_of_process_killed_while_creating_a_file_are_removed() {
+    let domain = TestDomain::new("unfinished");
+    let pair = pair(&domain.0);
+    let node = &pair.nodes[0];
+    assert!(node.remove_dead_ports(), "all files of a channel have a length");
+    let path = format!("/dev/shm/{}unfinished.connection", domain.0.prefix());
+    let file = std::fs::File::create(&path).expect("made");
+    assert!(!node.remove_dead_ports(), "a process may be creating it");
+    file.set_modified(std::time::SystemTime::now() - Duration::from_mins(1)).expect("set");
+    assert!(node.remove_dead_ports());
+    assert!(!std::path::Path::new(&path).exists(), "the process that was creating it is dead");
+}
+
+#[test]
+fn row_sizes_match_byte_tables() {
+    assert_eq!(size_of::<SweepPoint>(), 20);
+    assert_eq!(size_of::<messages::SubmapPoint>(), 28);
+    assert_eq!(size_of::<Envelope>(), 64);
+    assert_eq!(size_of::<ClassRow>(), 2);
+    assert_eq!(size_of::<messages::TickRow>(), 48);
+}
+
+#[test]
+fn unwritten_part_of_slot_uses_no_memory() {
+    let domain = TestDomain::new("large");
+    let mut pair = pair(&domain.0);
+    for capacity in [10, messages::SweepTopic::MAX_ROWS] {
+        let mut loan = pair.publisher.loan(capacity).expect("loaned");
+        loan.grow(10).expect("fits");
+        pair.publisher.send(loan, Envelope::default()).expect("sent");
+        pair.subscriber.receive().expect("no error").expect("a message");
+    }
+    assert!(pair.publisher.loan(messages::SweepTopic::MAX_ROWS + 1).is_err());
+    assert!(domain.0.used_bytes() < 4 << 20, "memory that is never written is never used");
+}
+
+/// iceoryx2 0.10 loses a slot with each growth of its slots until none is left: sizes from 50 to half a million rows failed
+/// at 4 MB. Therefore all slots have the largest size.
+#[test]
+fn messages_of_growing_size_are_sent_without_loss() {
+    let domain = TestDomain::new("growth");
+    let mut pair = pair(&domain.0);
+    let mut seq = 0;
+    for shift in 0..=19 {
+        for _ in 0..20 {
+            // `send` loans a few rows more than it writes.
+            let n_points = (1 << shift) - if shift == 19 { 5 } else { 0 };
+            send(&mut pair.publisher, seq, n_points);
+            let received = pair.subscriber.receive().expect("no error").expect("a message");
+            assert_eq!(received.rows().len(), n_points);
+            seq += 1;
+        }
+    }
+}

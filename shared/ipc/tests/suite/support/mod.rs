@@ -1,0 +1,74 @@
+//! A domain, a channel and its two ends.
+
+use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Transport, Wake};
+use messages::{Envelope, SweepHeader};
+
+/// A domain whose files are removed, also when its test fails.
+pub struct TestDomain(pub Domain);
+
+impl TestDomain {
+    pub fn new(name: &str) -> Self {
+        let domain = Domain::new(&format!("test{name}{}", std::process::id())).expect("name fits");
+        domain.wipe().expect("wiped");
+        Self(domain)
+    }
+}
+
+impl Drop for TestDomain {
+    fn drop(&mut self) {
+        self.0.wipe().expect("wiped");
+    }
+}
+
+pub struct Pair {
+    pub channel: Channel,
+    pub publisher: Publisher<messages::SweepTopic>,
+    pub subscriber: Subscriber<messages::SweepTopic>,
+    pub consumer_wake: Wake,
+    pub _services: ServiceHandles,
+    pub nodes: Vec<Node>,
+}
+
+pub fn sweep_channel(transport: Transport) -> Channel {
+    let channel = Channel::of::<messages::SweepTopic>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
+    Channel { transport, ..channel }
+}
+
+pub fn pair(domain: &Domain) -> Pair {
+    pair_over(domain, Transport::Shared)
+}
+
+pub fn pair_over(domain: &Domain, transport: Transport) -> Pair {
+    let supervisor = domain.node("supervisor").expect("node");
+    let channel = sweep_channel(transport);
+    let mut services = ServiceHandles::default();
+    services.create_channel(&supervisor, &channel).expect("created");
+    services.create_wake(&supervisor, "producer.wake", 1).expect("created");
+    services.create_wake(&supervisor, "consumer.wake", 1).expect("created");
+    let (producer, consumer) = (domain.node("producer").expect("node"), domain.node("consumer").expect("node"));
+    let consumer_wake = Wake::open(&consumer, "consumer.wake").expect("opened");
+    let publisher = Publisher::open(&producer, &channel).expect("opened");
+    let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
+    assert!(subscriber.connect().expect("connects"));
+    assert!(publisher.connect().expect("connects"));
+    Pair {
+        channel,
+        publisher,
+        subscriber,
+        consumer_wake,
+        _services: services,
+        nodes: vec![supervisor, producer, consumer],
+    }
+}
+
+pub fn send(publisher: &mut Publisher<messages::SweepTopic>, seq: u64, n_points: usize) -> usize {
+    let mut loan = publisher.loan(n_points + 5).expect("loaned");
+    *loan.header_mut() = SweepHeader { n_rings: 32, ..SweepHeader::default() };
+    let rows = loan.grow(n_points).expect("fits");
+    for (i, row) in rows.iter_mut().enumerate() {
+        row.x = (seq * 1000 + i as u64) as f32;
+    }
+    let address = rows.as_ptr().addr();
+    publisher.send(loan, Envelope { seq, ..Envelope::default() }).expect("sent");
+    address
+}

@@ -1,0 +1,174 @@
+//! Requests to a running supervisor and its answers.
+//!
+//! They use a Unix socket, not a topic: it outlives the attempts of a run, each of which has services of its own; a request is
+//! not repeated; and the operating system reports at once when the supervisor ends.
+//!
+//! One request per connection, one JSON text per line. The supervisor sends [`Answer::Working`] at least once a second until
+//! its final answer. The client may disconnect; the supervisor completes the request.
+
+use crate::wiring::{Wiring, WiringError};
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A supervisor that sends nothing for so long hangs: it sends every second, and stopping an attempt takes up to three.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Bytes of a request at most.
+pub const MAX_REQUEST: usize = 64 << 10;
+
+/// A request.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Request {
+    /// Another program or other settings for a stage, from a barrier on.
+    Swap(SwapRequest),
+    /// The end of the run.
+    Stop {
+        /// Without draining in-flight data.
+        now: bool,
+    },
+}
+
+/// The change of one stage.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SwapRequest {
+    /// Its table.
+    pub stage: String,
+    /// Undo earlier swaps of this stage first: the changes below apply to the launch file alone.
+    pub back: bool,
+    /// Another program, absolute.
+    pub program: Option<PathBuf>,
+    /// Keys that are removed, as if launch.toml did not have them.
+    pub unset: Vec<String>,
+    /// `key=value`, as after `--set`.
+    pub set: Vec<String>,
+}
+
+/// An answer of the supervisor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer {
+    /// The request is being processed; what the supervisor does now.
+    Working(String),
+    /// Nothing was changed, for these reasons.
+    Refused(Vec<String>),
+    /// The stage was replaced, or the attempt was undone ([`Swapped::undone`]).
+    Swapped(Swapped),
+    /// How the run has ended: `done`, `drained`, `stopped` or `failed`.
+    Ended(String),
+}
+
+/// The result of a swap. Kept in the run folder and in summary.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Swapped {
+    /// Its table.
+    pub stage: String,
+    /// Barrier at which it changed: the old program processed the ticks up to it, the new one all later ticks.
+    pub barrier: u64,
+    /// Ticks up to the barrier.
+    pub ticks: u64,
+    /// Drive time at the barrier, ns since the Unix epoch.
+    pub drive_time: i64,
+    /// The same, from the first tick on, s.
+    pub drive_s: f64,
+    /// What changed: `infer.model=…`, `!infer.model` for a removed key.
+    pub changes: Vec<String>,
+    /// Saved state that the new program loaded, bytes; an empty state is not loaded.
+    pub state_bytes: u64,
+    /// From the sink's last tick before to its first tick after, s. None if there was no tick after.
+    pub seconds_without_output: Option<f64>,
+    /// Why the swap was undone. None: it was not.
+    pub undone: Option<String>,
+}
+
+impl std::fmt::Display for Swapped {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { stage, barrier, drive_s, state_bytes, .. } = self;
+        let verb = if self.undone.is_some() { "not swapped" } else { "swapped" };
+        write!(f, "{verb} {stage} at barrier {barrier} ({drive_s:.1} s of drive): ")?;
+        match self.seconds_without_output {
+            Some(seconds) => write!(f, "{seconds:.2} s without output")?,
+            None => write!(f, "no output since")?,
+        }
+        match &self.undone {
+            None => write!(f, "; state taken over: {state_bytes} bytes"),
+            Some(reason) => write!(f, "; everything is as before: {reason}"),
+        }
+    }
+}
+
+/// Where the supervisor of a domain listens: a folder of its owner alone, with the socket in it. Short, because socket paths
+/// have at most 108 bytes.
+pub fn socket_of(domain: &str) -> PathBuf {
+    PathBuf::from(format!("/tmp/replica_{domain}_control/socket"))
+}
+
+/// A request that got no final answer.
+#[derive(Debug, thiserror::Error)]
+pub enum AskError {
+    /// There is no run.
+    #[error(transparent)]
+    Wiring(#[from] WiringError),
+    /// The supervisor does not listen.
+    #[error("no run in {}: its supervisor has ended or is not ready yet", output.display())]
+    NotListening {
+        /// Output folder.
+        output: PathBuf,
+        /// Why the socket cannot be connected.
+        #[source]
+        cause: std::io::Error,
+    },
+    /// The supervisor sent nothing for too long.
+    #[error("the supervisor (process {supervisor}) has sent nothing for {} s: it hangs", SILENCE.as_secs())]
+    Hangs {
+        /// Its process id.
+        supervisor: u32,
+    },
+    /// The connection failed.
+    #[error("connection to the supervisor: {0}")]
+    Connection(#[source] std::io::Error),
+    /// An answer that this program does not know.
+    #[error("invalid reply of the supervisor: {cause}: {line}")]
+    Reply {
+        /// As received.
+        line: String,
+        /// Where it does not parse.
+        #[source]
+        cause: serde_json::Error,
+    },
+    /// The supervisor ended before its final answer.
+    #[error("the supervisor (process {supervisor}) ended before it answered")]
+    Ended {
+        /// Its process id.
+        supervisor: u32,
+    },
+}
+
+/// Sends a request to the supervisor of the run into `output` and waits for its final answer. `progress` receives the
+/// texts of [`Answer::Working`].
+pub fn ask(output: &Path, request: &Request, mut progress: impl FnMut(&str)) -> Result<Answer, AskError> {
+    let wiring = Wiring::read(output)?;
+    let supervisor = wiring.supervisor;
+    let stream = UnixStream::connect(socket_of(&wiring.domain))
+        .map_err(|cause| AskError::NotListening { output: output.to_owned(), cause })?;
+    let failed = |cause: std::io::Error| match cause.kind() {
+        std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut => AskError::Hangs { supervisor },
+        _ => AskError::Connection(cause),
+    };
+    stream.set_read_timeout(Some(SILENCE)).and_then(|()| stream.set_write_timeout(Some(SILENCE))).map_err(failed)?;
+    let mut text = serde_json::to_vec(request).map_err(|error| AskError::Connection(error.into()))?;
+    text.push(b'\n');
+    (&stream).write_all(&text).map_err(failed)?;
+    for line in BufReader::new(&stream).lines() {
+        let line = line.map_err(failed)?;
+        match serde_json::from_str(&line).map_err(|cause| AskError::Reply { line, cause })? {
+            Answer::Working(text) => progress(&text),
+            last => return Ok(last),
+        }
+    }
+    Err(AskError::Ended { supervisor })
+}

@@ -1,0 +1,212 @@
+//! Reads launch.toml. Every problem can be shown with its line.
+
+use crate::Problem;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// A parsed launch.toml with the overrides of the command line applied to it.
+#[derive(Debug)]
+pub struct LaunchFile {
+    path: PathBuf,
+    text: &'static str,
+    root: DeTable<'static>,
+    overridden: Vec<String>,
+}
+
+impl LaunchFile {
+    /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text, or `!table.key`, which removes
+    /// the key. All problems are reported, not only the first.
+    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, Vec<Problem>> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
+        Self::parse(path, text, overrides)
+    }
+
+    /// [`LaunchFile::load`] of a text.
+    pub fn parse(path: &Path, text: String, overrides: &[String]) -> Result<Self, Vec<Problem>> {
+        // A process reads its launch file once and needs it to its end: parsed values borrow from the text.
+        let text: &'static str = text.leak();
+        let (parsed, errors) = DeTable::parse_recoverable(text);
+        let mut problems: Vec<Problem> = errors
+            .iter()
+            .map(|error| Problem {
+                key: String::new(),
+                span: error.span(),
+                text: error.message().trim_end().to_owned(),
+            })
+            .collect();
+        let mut root = parsed.into_inner();
+        let mut overridden = Vec::new();
+        for text in overrides {
+            match apply(&mut root, text) {
+                Ok(key) => overridden.push(key),
+                Err(rule) => problems.push(Problem::of_key("", format!("--set {text}: {rule}"))),
+            }
+        }
+        if problems.is_empty() { Ok(Self { path: path.to_owned(), text, root, overridden }) } else { Err(problems) }
+    }
+
+    /// Names of all tables and their places, in the order of the file. Tables of the command line have no place in it.
+    pub fn tables(&self) -> Vec<(String, Option<Range<usize>>)> {
+        let place = |span: Range<usize>| (!span.is_empty()).then_some(span);
+        let mut tables: Vec<_> = self.root.keys().map(|key| (key.get_ref().to_string(), place(key.span()))).collect();
+        tables.sort_by_key(|(_, span)| span.as_ref().map_or(usize::MAX, |span| span.start));
+        tables
+    }
+
+    /// A table's content; an absent table is empty. `Err` if the key is there but no table.
+    pub fn table(&self, name: &str) -> Result<DeTable<'static>, Problem> {
+        let Some((_, value)) = self.root.iter().find(|(key, _)| key.get_ref() == name) else {
+            return Ok(DeTable::new());
+        };
+        match value.get_ref() {
+            DeValue::Table(table) => Ok(table.clone()),
+            other => Err(Problem {
+                key: name.to_owned(),
+                span: Some(value.span()),
+                text: format!("must be a table, is a {}", other.type_str()),
+            }),
+        }
+    }
+
+    /// Completes a problem of `table`: full key, and no place in the file for values of the command line.
+    pub fn located(&self, table: &str, mut problem: Problem) -> Problem {
+        problem.key = if problem.key.is_empty() { table.to_owned() } else { format!("{table}.{}", problem.key) };
+        if self.overridden.contains(&problem.key) {
+            problem.span = None;
+            problem.text = format!("{} (from --set)", problem.text);
+        }
+        problem
+    }
+
+    /// One problem for people: file, line, column, key, rule, and the line itself.
+    pub fn render(&self, problem: &Problem) -> String {
+        render(&self.path, self.text, problem)
+    }
+}
+
+/// See [`LaunchFile::render`]; for a file that did not parse.
+pub fn render(path: &Path, text: &str, problem: &Problem) -> String {
+    let key = if problem.key.is_empty() { String::new() } else { format!("{}: ", problem.key) };
+    let Some(span) = problem.span.clone().filter(|span| span.start <= text.len()) else {
+        return format!("{}: {key}{}", path.display(), problem.text);
+    };
+    let before = &text[..span.start];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    let line_number = before.matches('\n').count() + 1;
+    let line = text[line_start..].lines().next().unwrap_or_default();
+    let column = text[line_start..span.start].chars().count();
+    let width =
+        text.get(span.clone()).map_or(1, |marked| marked.lines().next().unwrap_or_default().chars().count().max(1));
+    format!(
+        "{}:{line_number}:{}: {key}{}\n    {line}\n    {}{}",
+        path.display(),
+        column + 1,
+        problem.text,
+        " ".repeat(column),
+        "^".repeat(width)
+    )
+}
+
+/// An override that cannot be applied.
+#[derive(Debug, thiserror::Error)]
+enum OverrideError {
+    #[error("must have the form table.key=value")]
+    Form,
+    #[error("must have the form !table.key")]
+    RemovalForm,
+    #[error("there is no {path} to remove")]
+    Absent { path: String },
+    #[error("{key} is not a table")]
+    NotATable { key: String },
+}
+
+/// Sets `table.key=value` in the tables, or removes `!table.key` from them; returns `table.key`.
+fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, OverrideError> {
+    if let Some(path) = text.strip_prefix('!') {
+        let (name, left_out) = path.trim().split_once('.').ok_or(OverrideError::RemovalForm)?;
+        let table = root.iter_mut().find(|(key, _)| key.get_ref() == name).map(|(_, value)| value.get_mut());
+        let found = if let Some(DeValue::Table(table)) = table { table.remove(left_out) } else { None };
+        let path = path.trim().to_owned();
+        return if found.is_some() { Ok(path) } else { Err(OverrideError::Absent { path }) };
+    }
+    let (path, value) = text.split_once('=').ok_or(OverrideError::Form)?;
+    let (table, key) = path.trim().split_once('.').ok_or(OverrideError::Form)?;
+    let nowhere = || Spanned::new(0..0, std::borrow::Cow::Owned(String::new()));
+    let named = |name: &str| {
+        let mut key = nowhere();
+        *key.get_mut() = std::borrow::Cow::Owned(name.to_owned());
+        key
+    };
+    let value = toml_value(value.trim());
+    let slot = root.entry(named(table)).or_insert_with(|| Spanned::new(0..0, DeValue::Table(DeTable::new())));
+    match slot.get_mut() {
+        DeValue::Table(table) => {
+            table.insert(named(key), value);
+            Ok(path.trim().to_owned())
+        }
+        _ => Err(OverrideError::NotATable { key: table.to_owned() }),
+    }
+}
+
+/// The text as a TOML value if it is one, else as a string: `--set run.drive=drives/a` needs no quotes.
+fn toml_value(text: &str) -> Spanned<DeValue<'static>> {
+    let wrapped: &'static str = format!("v = {text}").leak();
+    let parsed = DeTable::parse(wrapped).ok().and_then(|table| table.into_inner().into_iter().next());
+    match parsed {
+        Some((_, value)) => value,
+        None => Spanned::new(0..0, DeValue::String(std::borrow::Cow::Owned(text.to_owned()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "[run]\ndrive = \"a\"\n\n[infer]\nmodell = 3\n";
+
+    #[test]
+    fn problem_is_rendered_with_its_line() {
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &[]).expect("parses");
+        let table = file.table("infer").expect("a table");
+        let (key, _) = table.iter().next().expect("one key");
+        let problem = Problem { key: "modell".into(), span: Some(key.span()), text: "unknown key".into() };
+        let shown = file.render(&file.located("infer", problem));
+        assert_eq!(shown, "launch.toml:5:1: infer.modell: unknown key\n    modell = 3\n    ^^^^^^");
+    }
+
+    #[test]
+    fn override_replaces_value_and_needs_no_quotes() {
+        let overrides = ["run.drive=/data/drive 7".to_owned(), "infer.modell=4".to_owned(), "new.key=true".to_owned()];
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");
+        let value = |table: &str| file.table(table).expect("a table").into_iter().next().expect("one").1.into_inner();
+        assert_eq!(value("run").as_str(), Some("/data/drive 7"));
+        assert_eq!(value("infer").as_integer().map(|i| i.as_str().to_owned()), Some("4".to_owned()));
+        assert_eq!(value("new").as_bool(), Some(true));
+        let shown = file.located("infer", Problem { key: "modell".into(), span: Some(0..1), text: "x".into() });
+        assert_eq!((shown.span, shown.text.as_str()), (None, "x (from --set)"));
+    }
+
+    #[test]
+    fn removal_of_key_requires_the_key() {
+        let parse = |overrides: &[&str]| {
+            let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+            LaunchFile::parse(Path::new("l"), TEXT.to_owned(), &overrides)
+        };
+        assert!(parse(&["!infer.modell"]).expect("parses").table("infer").expect("a table").is_empty());
+        let set_again = parse(&["!infer.modell", "infer.modell=4"]).expect("parses");
+        assert_eq!(set_again.table("infer").expect("a table").len(), 1);
+        for absent in ["!infer.mode", "!instance.modell", "!infer"] {
+            assert_eq!(parse(&[absent]).expect_err("there is none").len(), 1, "{absent}");
+        }
+    }
+
+    #[test]
+    fn syntax_errors_are_all_reported() {
+        let problems = LaunchFile::parse(Path::new("l"), "[run]\na = \nb = = 3\n".to_owned(), &["nonsense".to_owned()])
+            .expect_err("faulty");
+        assert!(problems.len() >= 3, "{problems:?}");
+    }
+}

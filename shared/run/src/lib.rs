@@ -1,0 +1,40 @@
+//! What the supervisor, the tools and the runner of a stage agree on.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`launch_file`], [`mod@settings`] | launch.toml and its tables |
+//! | [`program`] | command line and exit codes of every program |
+//! | [`assignment`] | what the supervisor hands to a stage, and its commands |
+//! | [`health`] | the heartbeat of a stage |
+//! | [`state_file`] | the saved state of a stage at a barrier |
+//! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
+//! | [`control`] | requests to a running supervisor |
+//! | [`summary`] | `summary.json` |
+//! | [`process`], [`histogram`] | what the operating system reports of a process; durations |
+//!
+//! Authors of stages use the crate `stage`, which re-exports what they need.
+
+pub mod assignment;
+pub mod context;
+pub mod control;
+pub mod health;
+pub mod histogram;
+pub mod launch_file;
+pub mod process;
+pub mod program;
+pub mod settings;
+pub mod state_file;
+pub mod summary;
+pub mod wiring;
+
+pub use context::{Context, Mode};
+pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
+pub use settings::{
+    Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
+};
+pub use state_file::{StateError, saved_bytes, verify_state};
+
+#[doc(hidden)]
+pub use settings::{default_text, read_value};
+#[doc(hidden)]
+pub use {serde, toml};

@@ -1,0 +1,96 @@
+//! What the operating system reports about this process and its program.
+
+use rustix::time::{ClockId, clock_gettime};
+use std::path::{Path, PathBuf};
+
+/// CPU time and memory.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Usage {
+    /// User and system time of all threads, s.
+    pub cpu_s: f64,
+    /// Resident memory, bytes; shared memory that was touched counts too.
+    pub rss_bytes: u64,
+    /// Largest resident memory so far, bytes.
+    pub peak_rss_bytes: u64,
+}
+
+/// From the process clock and /proc/self; zero for what cannot be read.
+pub fn usage() -> Usage {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let kib = |key: &str| {
+        let line = status.lines().find(|line| line.starts_with(key));
+        line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or_default()
+    };
+    Usage {
+        cpu_s: nanos_of(ClockId::ProcessCPUTime) as f64 * 1e-9,
+        rss_bytes: kib("VmRSS:") * 1024,
+        peak_rss_bytes: kib("VmHWM:") * 1024,
+    }
+}
+
+/// The monotonic clock, the same for all processes of the machine.
+pub fn monotonic_nanos() -> u64 {
+    nanos_of(ClockId::Monotonic)
+}
+
+/// User and system time of the calling thread.
+pub fn thread_cpu_nanos() -> u64 {
+    nanos_of(ClockId::ThreadCPUTime)
+}
+
+fn nanos_of(clock: ClockId) -> u64 {
+    let now = clock_gettime(clock);
+    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
+}
+
+/// Folder of this program. All programs of the project are in one folder.
+pub fn own_folder() -> PathBuf {
+    let own = std::env::current_exe().unwrap_or_default();
+    own.parent().unwrap_or(Path::new(".")).to_owned()
+}
+
+/// A program of the project that is not installed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("program {} does not exist", path.display())]
+pub struct ProgramMissing {
+    /// Where it should be.
+    pub path: PathBuf,
+}
+
+/// Another program of the project.
+pub fn sibling(name: &str) -> Result<PathBuf, ProgramMissing> {
+    let path = own_folder().join(name);
+    if path.is_file() { Ok(path) } else { Err(ProgramMissing { path }) }
+}
+
+/// A process that cannot be bound to its supervisor.
+#[derive(Debug, thiserror::Error)]
+pub enum SupervisorError {
+    /// The kernel refused the death signal.
+    #[error("death signal of the supervisor: {0}")]
+    Signal(#[source] std::io::Error),
+    /// It is not the parent of this process, or not any more.
+    #[error("the supervisor (process {supervisor}) has ended")]
+    Ended {
+        /// Its process id.
+        supervisor: u32,
+    },
+}
+
+/// Asks the kernel to kill this process when its supervisor ends, so that no run leaves processes behind.
+pub fn end_with(supervisor: u32) -> Result<(), SupervisorError> {
+    rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
+        .map_err(|errno| SupervisorError::Signal(errno.into()))?;
+    // It may have ended before the request.
+    let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
+    if parent == i32::try_from(supervisor).ok() {
+        return Ok(());
+    }
+    Err(SupervisorError::Ended { supervisor })
+}
+
+/// The files that a process of this user has open. Empty for processes of other users and for processes that have ended.
+pub fn open_files(pid: u32) -> impl Iterator<Item = PathBuf> {
+    let descriptors = std::fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten();
+    descriptors.filter_map(|descriptor| std::fs::read_link(descriptor.path()).ok())
+}

@@ -1,0 +1,3 @@
+//! Scores of hand-made examples.
+
+mod instances;

@@ -1,0 +1,144 @@
+//! The memory layout of images.
+
+/// Channels per block: one AVX-512 register, two AVX2 registers.
+pub const LANES: usize = 16;
+
+/// The 16 channels of a pixel in one block.
+pub type Feature = [f32; LANES];
+
+/// Width of the border around an image, px: enough for 5 x 5 filters.
+pub const BORDER: usize = 2;
+
+/// Padding beyond the left and right edge. Above and below it is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Border {
+    /// Zeros.
+    Zero,
+    /// The opposite edge: columns are the angles of a full revolution.
+    Circular,
+}
+
+/// Number of blocks for a number of channels.
+pub const fn blocks(channels: usize) -> usize {
+    channels.div_ceil(LANES)
+}
+
+/// An image with any number of channels: one plane per 16 channels, rows from top to bottom, with a border around it.
+/// Padding channels of the last block are zero.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planes {
+    channels: usize,
+    height: usize,
+    width: usize,
+    pixels: Vec<Feature>,
+}
+
+impl Planes {
+    /// An image of zeros.
+    pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
+        let n = blocks(channels) * (height + 2 * BORDER) * (width + 2 * BORDER);
+        Self { channels, height, width, pixels: vec![[0.0; LANES]; n] }
+    }
+    /// From pixels without a border, in the order block, row, column.
+    ///
+    /// # Panics
+    /// If their number is not blocks x height x width.
+    pub fn from_inner(channels: usize, height: usize, width: usize, inner: &[Feature], border: Border) -> Self {
+        assert_eq!(inner.len(), blocks(channels) * height * width);
+        let mut planes = Self::zeros(channels, height, width);
+        for (i, row) in inner.chunks_exact(width.max(1)).enumerate() {
+            planes.row_mut(i / height, i % height).copy_from_slice(row);
+        }
+        planes.fill_border(border);
+        planes
+    }
+    /// The pixels without the border, in the order block, row, column.
+    pub fn to_inner(&self) -> Vec<Feature> {
+        let mut inner = Vec::with_capacity(self.n_blocks() * self.height * self.width);
+        for block in 0..self.n_blocks() {
+            (0..self.height).for_each(|y| inner.extend_from_slice(self.row(block, y)));
+        }
+        inner
+    }
+    /// Number of channels.
+    #[inline]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+    /// Number of rows.
+    #[inline]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+    /// Number of columns.
+    #[inline]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+    /// Number of blocks.
+    #[inline]
+    pub fn n_blocks(&self) -> usize {
+        blocks(self.channels)
+    }
+    /// Pixels from one row to the next, with the border.
+    #[inline]
+    pub fn pitch(&self) -> usize {
+        self.width + 2 * BORDER
+    }
+    /// Number of pixels of a block, with the border.
+    #[inline]
+    fn plane_len(&self) -> usize {
+        self.pitch() * (self.height + 2 * BORDER)
+    }
+    /// A block with its border.
+    #[inline]
+    pub fn plane(&self, block: usize) -> &[Feature] {
+        &self.pixels[block * self.plane_len()..][..self.plane_len()]
+    }
+    #[inline]
+    fn start(&self, block: usize, y: usize) -> usize {
+        block * self.plane_len() + (y + BORDER) * self.pitch() + BORDER
+    }
+    /// One row of a block without the border.
+    #[inline]
+    pub fn row(&self, block: usize, y: usize) -> &[Feature] {
+        &self.pixels[self.start(block, y)..][..self.width]
+    }
+    /// One row of a block without the border. Call [`Planes::fill_border`] after all rows are written.
+    #[inline]
+    pub fn row_mut(&mut self, block: usize, y: usize) -> &mut [Feature] {
+        let (start, width) = (self.start(block, y), self.width);
+        &mut self.pixels[start..][..width]
+    }
+    /// All numbers, with borders and padding channels.
+    pub fn values(&self) -> &[f32] {
+        self.pixels.as_flattened()
+    }
+    /// All numbers, with borders and padding channels.
+    pub fn values_mut(&mut self) -> &mut [f32] {
+        self.pixels.as_flattened_mut()
+    }
+    /// Writes the padding beyond the left and right edge.
+    ///
+    /// # Panics
+    /// If a circular image is narrower than its border.
+    pub fn fill_border(&mut self, border: Border) {
+        let (pitch, width, rows) = (self.pitch(), self.width, self.height + 2 * BORDER);
+        assert!(border == Border::Zero || width >= BORDER, "a circular image of {width} columns");
+        for block in 0..self.n_blocks() {
+            for y in BORDER..rows - BORDER {
+                let row = &mut self.pixels[(block * rows + y) * pitch..][..pitch];
+                match border {
+                    Border::Circular => {
+                        row.copy_within(width..width + BORDER, 0);
+                        row.copy_within(BORDER..2 * BORDER, width + BORDER);
+                    }
+                    Border::Zero => {
+                        row[..BORDER].fill([0.0; LANES]);
+                        row[width + BORDER..].fill([0.0; LANES]);
+                    }
+                }
+            }
+        }
+    }
+}

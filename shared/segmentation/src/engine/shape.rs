@@ -1,0 +1,71 @@
+//! Shapes of convolutions, and the order of packed filters.
+
+use super::planes::{Feature, LANES, blocks};
+
+/// The shape of a convolution.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Rows and columns of the filter: 1, 3 or 5 each.
+    pub kernel: [usize; 2],
+    /// Stride along the columns: 1 or 2. Output column x is centered on input column `stride_x * x`.
+    pub stride_x: usize,
+    /// Channels of each source. Sources are concatenated along the channels.
+    pub in_channels: Vec<usize>,
+    /// Channels of the output.
+    pub out_channels: usize,
+    /// Whether a rectifier (`ReLU`) follows.
+    pub rectify: bool,
+}
+
+impl Shape {
+    /// Number of blocks of all sources.
+    pub fn in_blocks(&self) -> usize {
+        self.in_channels.iter().map(|&channels| blocks(channels)).sum()
+    }
+    /// Number of rows of 16 weights of one output block.
+    pub(super) fn rows_per_block(&self) -> usize {
+        self.in_blocks() * self.kernel[0] * self.kernel[1] * LANES
+    }
+    /// Number of rows of 16 values of a packed filter: its weights, then its biases.
+    pub fn packed_rows(&self) -> usize {
+        blocks(self.out_channels) * (self.rows_per_block() + 1)
+    }
+    /// Position of weight `[out, in, row, column]` (the order of `PyTorch`) in the packed filter: row and lane.
+    pub fn weight_position(&self, out: usize, input: usize, [row, column]: [usize; 2]) -> (usize, usize) {
+        let (mut block, mut channel) = (0, input);
+        for &channels in &self.in_channels {
+            if channel < channels {
+                break;
+            }
+            channel -= channels;
+            block += blocks(channels);
+        }
+        let block = block + channel / LANES;
+        let tap = ((out / LANES * self.in_blocks() + block) * self.kernel[0] + row) * self.kernel[1] + column;
+        (tap * LANES + channel % LANES, out % LANES)
+    }
+    /// Position of a bias in the packed filter: row and lane.
+    pub fn bias_position(&self, out: usize) -> (usize, usize) {
+        (blocks(self.out_channels) * self.rows_per_block() + out / LANES, out % LANES)
+    }
+    /// Weights in the order of `PyTorch`, `[out, in, row, column]`, and biases from a packed filter.
+    pub fn unpacked(&self, packed: &[Feature]) -> (Vec<f32>, Vec<f32>) {
+        let n_in: usize = self.in_channels.iter().sum();
+        let [rows, columns] = self.kernel;
+        let weight = |i: usize| {
+            let (input, out) = (i / (rows * columns) % n_in, i / (rows * columns * n_in));
+            let (row, lane) = self.weight_position(out, input, [i / columns % rows, i % columns]);
+            packed[row][lane]
+        };
+        let bias = |out: usize| {
+            let (row, lane) = self.bias_position(out);
+            packed[row][lane]
+        };
+        let n_weights = self.out_channels * n_in * rows * columns;
+        ((0..n_weights).map(weight).collect(), (0..self.out_channels).map(bias).collect())
+    }
+    /// Columns of the output.
+    pub fn out_width(&self, width: usize) -> usize {
+        width / self.stride_x
+    }
+}

@@ -1,0 +1,136 @@
+//! Errors of model files and of segmentation.
+
+use std::path::PathBuf;
+
+/// A model file or an input that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SegmentationError {
+    /// The file cannot be read or written.
+    #[error("{}: {cause}", path.display())]
+    Io {
+        /// Model file.
+        path: PathBuf,
+        /// Error of the operating system.
+        cause: std::io::Error,
+    },
+    /// The file is larger than any model of this project.
+    #[error("{}: {found} bytes; a model file has at most {limit}", path.display())]
+    TooLarge {
+        /// Model file.
+        path: PathBuf,
+        /// Size of the file, bytes.
+        found: u64,
+        /// Largest allowed size, bytes.
+        limit: u64,
+    },
+    /// The file is not safetensors, or it is truncated.
+    #[error("{}: not a complete safetensors file: {cause}", path.display())]
+    Container {
+        /// Model file.
+        path: PathBuf,
+        /// Error of the safetensors reader.
+        cause: safetensors::SafeTensorError,
+    },
+    /// The metadata key `model` is missing or invalid.
+    #[error("{}: metadata key `model`: {reason}", path.display())]
+    Card {
+        /// Model file.
+        path: PathBuf,
+        /// What is missing or invalid.
+        reason: String,
+    },
+    /// The architecture is unknown.
+    #[error("{}: unknown architecture `{found}`; known are {known}", path.display())]
+    Architecture {
+        /// Model file.
+        path: PathBuf,
+        /// Architecture in the file.
+        found: String,
+        /// Known architectures.
+        known: &'static str,
+    },
+    /// The architecture has another version.
+    #[error("{}: {architecture} has version {found}; this program runs version {expected}", path.display())]
+    Version {
+        /// Model file.
+        path: PathBuf,
+        /// Architecture in the file.
+        architecture: String,
+        /// Version in the file.
+        found: u32,
+        /// Version of this program.
+        expected: u32,
+    },
+    /// A setting of the file is out of range.
+    #[error("{}: settings.{key} = {value}; {rule}", path.display())]
+    Setting {
+        /// Model file.
+        path: PathBuf,
+        /// Name of the setting.
+        key: &'static str,
+        /// Value in the file.
+        value: f64,
+        /// Allowed values.
+        rule: String,
+    },
+    /// A tensor is missing, or has another shape or type than the architecture needs.
+    #[error("{}: tensor `{name}`: {reason}", path.display())]
+    Tensor {
+        /// Model file.
+        path: PathBuf,
+        /// Name of the tensor.
+        name: String,
+        /// What is wrong, and what is expected.
+        reason: String,
+    },
+    /// The settings of a model contradict each other.
+    #[error("model settings: {0}")]
+    Settings(String),
+    /// A tensor does not fit the network.
+    #[error("tensor `{name}` has shape {found:?}; the network needs {expected:?}")]
+    WeightShape {
+        /// Name of the tensor.
+        name: String,
+        /// Shape of the tensor; `None` if there is no such tensor.
+        found: Option<Vec<usize>>,
+        /// Shape that the network needs.
+        expected: Vec<usize>,
+    },
+    /// An image does not fit the network.
+    #[error(
+        "input image of {found:?} channels, rows, columns; the network needs {channels} channels, and rows and columns that \
+         are multiples of {multiple_of:?}"
+    )]
+    InputSize {
+        /// Channels, rows and columns of the image.
+        found: [usize; 3],
+        /// Channels of the network's input.
+        channels: usize,
+        /// Divisors of rows and columns.
+        multiple_of: [usize; 2],
+    },
+    /// The columns of a submap differ in length.
+    #[error("{column} has {found} rows; the submap has {expected} points")]
+    Length {
+        /// Name of the column.
+        column: &'static str,
+        /// Rows of the column.
+        found: usize,
+        /// Points of the submap.
+        expected: usize,
+    },
+    /// The labels of an example do not fit the network.
+    #[error("example {example} of the data: {reason}")]
+    Example {
+        /// Index in the data set.
+        example: usize,
+        /// Place, value and expected values.
+        reason: String,
+    },
+    /// A tensor operation failed.
+    #[error("tensor operation: {0}")]
+    Compute(#[from] candle_core::Error),
+    /// A model cannot be encoded.
+    #[error("encoding of a model file: {0}")]
+    Encode(String),
+}

@@ -1,0 +1,102 @@
+//! Ground by lambda-quasi-flat zones of the top view (thesis section 6.3.2; Serna and Marcotegui 2014).
+//!
+//! 1. *Elevation*: the lowest point of every cell of a top-view grid.
+//! 2. *Zones*: a cell is joined with its nearest neighbors in row and column, also across gaps, if the step between them is at most
+//!    that allowed for a gap of this length: a curb or a slope, but not the side of a car.
+//! 3. *Ground zones*: large zones close to the morphological opening of the elevation. An opening keeps slopes, so the street may
+//!    rise. Roofs of cars are small, crowns of trees are high. The roof of a house without visible ground around it is low, too:
+//!    zones other than the largest must not be higher than ground that rises from the largest zone like a steep street (as in the
+//!    slope-based filter of Vosselman 2000).
+//! 4. *Terrain*: the elevation of the ground zones with filled gaps (digital terrain model).
+//! 5. A point is ground if its distance to the terrain is within the tolerance. The upper tolerance admits a curb within a cell.
+//!    In cells with an object, i.e. with points above the tolerance and below the height of a car, low points belong to the foot of
+//!    the object, and the tolerance admits noise only. The score falls linearly from 1 on the terrain to 1/2 at the tolerance. It is
+//!    not a probability.
+//!
+//! Road, sidewalk and terrain are not distinguished: a lowered curb joins their zones.
+
+mod elevation;
+mod parameters;
+mod terrain;
+
+pub use parameters::{Parameters, Settings};
+
+use crate::model_file::ModelFile;
+use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use elevation::Elevation;
+use messages::{ClassId, ClassRow, SubmapPoint};
+
+/// Name of the architecture in model files.
+pub const ARCHITECTURE: &str = "ground_quasi_flat";
+
+/// Version that this program writes and runs.
+pub const VERSION: u32 = 2;
+
+/// The ground model.
+pub struct GroundQuasiFlat {
+    card: ModelCard,
+    parameters: Parameters,
+}
+
+impl GroundQuasiFlat {
+    pub(crate) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
+        file.expect_version(VERSION)?;
+        Ok(Self { card: file.card.clone(), parameters: Parameters::from_file(file)? })
+    }
+}
+
+/// Height of every point above the terrain of the default parameters, m. NaN without terrain.
+pub fn heights(input: &ModelInput<'_>) -> Vec<f32> {
+    let parameters = Parameters::default();
+    let elevation = Elevation::of(input, &parameters.settings);
+    let heights = elevation.and_then(|elevation| {
+        let terrain = terrain::terrain(&elevation, &parameters)?;
+        Some(heights_above(&terrain, &elevation, input.points))
+    });
+    heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()])
+}
+
+/// Heights above the terrain. NaN for points outside of the grid, whose terrain is at infinity.
+fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint]) -> Vec<f32> {
+    let height = |(point, &cell): (&SubmapPoint, &u32)| {
+        let height = point.z - terrain[cell as usize];
+        if height.is_finite() { height } else { f32::NAN }
+    };
+    points.iter().zip(&elevation.cells).map(height).collect()
+}
+
+impl Segmenter for GroundQuasiFlat {
+    fn card(&self) -> &ModelCard {
+        &self.card
+    }
+
+    fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
+        input.check(classes)?;
+        classes.fill(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 });
+        let nothing = Report { n_unseen: input.points.len(), coarsened: 1 };
+        let Some(elevation) = Elevation::of(input, &self.parameters.settings) else { return Ok(nothing) };
+        let coarsened = elevation.coarsened(&self.parameters.settings);
+        let report = Report { n_unseen: elevation.n_outside, coarsened };
+        let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
+        let heights_m = heights_above(&terrain, &elevation, input.points);
+        let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = &self.parameters;
+        let object_heights = *above_m..settings.standing_m as f32;
+        let mut has_object = vec![false; terrain.len()];
+        for (height_m, &cell) in heights_m.iter().zip(&elevation.cells) {
+            has_object[cell as usize] |= object_heights.contains(height_m);
+        }
+        for ((row, &height_m), &cell) in classes.iter_mut().zip(&heights_m).zip(&elevation.cells) {
+            let tolerance_m = match (height_m < 0.0, has_object[cell as usize]) {
+                (true, _) => below_m,
+                (false, true) => foot_m,
+                (false, false) => above_m,
+            };
+            let off = height_m.abs() / tolerance_m;
+            if off <= 1.0 {
+                let score = (255.0 - 127.5 * off).round() as u8;
+                *row = ClassRow { class_id: ClassId::Ground as u8, score };
+            }
+        }
+        Ok(report)
+    }
+}

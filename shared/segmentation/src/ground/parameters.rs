@@ -1,0 +1,120 @@
+//! Parameters of the ground model and their model file.
+
+use super::{ARCHITECTURE, VERSION};
+use crate::SegmentationError;
+use crate::model_file::{ModelFile, encode_model};
+use candle_core::{Device, Tensor};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Longest gap that zones may bridge, cells.
+const MAX_GAP_CELLS: usize = 256;
+
+/// Scalars, in the metadata of the file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Side of a cell of the grid, m, 0.02 to 2.
+    pub cell_m: f64,
+    /// Largest distance of points from the path of the LiDAR, m, 5 to 500.
+    pub reach_m: f64,
+    /// Side of the square of the opening, m, 1 to 50: wider than any object that covers the ground.
+    pub window_m: f64,
+    /// Largest height of ground above the opening, m, 0.05 to 5.
+    pub low_m: f64,
+    /// Largest slope of ground around the largest zone, 0 to 2: 0.15 are 15 m in 100 m. Other zones may be `low_m` higher.
+    pub slope: f64,
+    /// Largest height above the terrain of points that indicate an object in their cell, m, 0.1 to 10. Higher ones are crowns and roofs.
+    pub standing_m: f64,
+    /// Smallest area of a ground zone, m^2 of cells with points, 0 to 1000.
+    pub min_zone_m2: f64,
+}
+
+/// All parameters of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Scalars.
+    pub settings: Settings,
+    /// Tensor `steps_m`: largest step between ground cells that are 1, 2 … cells apart, m; 1 to 256 elements.
+    pub steps_m: Vec<f32>,
+    /// Tensor `tolerance_m`: largest distance of ground points below the terrain, above it, and above it in cells with an object, m,
+    /// above 0.
+    pub tolerance_m: [f32; 3],
+}
+
+impl Default for Parameters {
+    /// The parameters of `models/ground.safetensors`. They follow from the size of curbs and cars and from sensor noise; window and
+    /// tolerance were selected on four simulated towns. See the model card in models/README.md.
+    fn default() -> Self {
+        let settings = Settings {
+            cell_m: 0.2,
+            reach_m: 100.0,
+            window_m: 20.0,
+            low_m: 0.5,
+            slope: 0.15,
+            standing_m: 1.5,
+            min_zone_m2: 2.0,
+        };
+        // Noise of 8 cm and a slope of 15 %, across gaps of up to 3 m.
+        let steps_m = (1..=15).map(|gap| 0.08 + 0.15 * 0.2 * gap as f32).collect();
+        // Below: noise and the slope of a steep street within a cell. Above: a curb in the same cell. With an object: three times the
+        // noise of the LiDAR.
+        Self { settings, steps_m, tolerance_m: [0.18, 0.25, 0.06] }
+    }
+}
+
+impl Parameters {
+    pub(super) fn from_file(file: &ModelFile) -> Result<Self, SegmentationError> {
+        let settings: Settings = file.settings()?;
+        settings.check(file)?;
+        let steps_m = file.vector("steps_m", 1..=MAX_GAP_CELLS)?;
+        if let Some(idx) = steps_m.iter().position(|&step| step < 0.0) {
+            return Err(file.bad_tensor("steps_m", format!("element {idx} is {}, must be at least 0", steps_m[idx])));
+        }
+        let tolerance_m = file.vector("tolerance_m", 3..=3)?;
+        if tolerance_m.iter().any(|&tolerance| tolerance <= 0.0) {
+            return Err(file.bad_tensor("tolerance_m", format!("is {tolerance_m:?}, all must be above 0")));
+        }
+        Ok(Self { settings, steps_m, tolerance_m: std::array::from_fn(|i| tolerance_m[i]) })
+    }
+
+    /// `steps_m` for cells that are `coarsened` times as large: the same distances in fewer cells, at least one.
+    pub(super) fn steps_of_cells(&self, coarsened: u32) -> Vec<f32> {
+        let stride = (coarsened.max(1) as usize).min(self.steps_m.len());
+        self.steps_m.iter().copied().skip(stride - 1).step_by(stride).collect()
+    }
+
+    /// The bytes of the model file. Equal parameters give equal bytes.
+    ///
+    /// # Errors
+    /// If the file cannot be encoded.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, SegmentationError> {
+        let tensor = |values: &[f32]| Tensor::from_slice(values, values.len(), &Device::Cpu);
+        let tensors =
+            BTreeMap::from([("steps_m", tensor(&self.steps_m)?), ("tolerance_m", tensor(&self.tolerance_m)?)]);
+        encode_model(ARCHITECTURE, VERSION, &self.settings, tensors)
+    }
+}
+
+impl Settings {
+    fn check(&self, file: &ModelFile) -> Result<(), SegmentationError> {
+        let rules = [
+            ("cell_m", self.cell_m, 0.02, 2.0),
+            ("reach_m", self.reach_m, 5.0, 500.0),
+            ("window_m", self.window_m, 1.0, 50.0),
+            ("low_m", self.low_m, 0.05, 5.0),
+            ("slope", self.slope, 0.0, 2.0),
+            ("standing_m", self.standing_m, 0.1, 10.0),
+            ("min_zone_m2", self.min_zone_m2, 0.0, 1000.0),
+        ];
+        match rules.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
+            Some((key, value, low, high)) => Err(SegmentationError::Setting {
+                path: file.path.clone(),
+                key,
+                value,
+                rule: format!("must be between {low} and {high}"),
+            }),
+            None => Ok(()),
+        }
+    }
+}

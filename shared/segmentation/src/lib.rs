@@ -1,0 +1,30 @@
+//! Semantic segmentation of submaps: a class and a score for every point.
+//!
+//! [`load()`] reads a model file and returns a [`Segmenter`]. The file names the architecture of the model:
+//!
+//! | architecture | module |
+//! |---|---|
+//! | `ground_quasi_flat` | [`ground`]: ground by mathematical morphology, no training |
+//! | `spherical` | [`spherical`]: a network on range images, back-projection, votes of all sweeps |
+//!
+//! A further architecture is a module and a line in [`load()`]. Training is in the crate `training`; both run the same kernels
+//! ([`engine`]).
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod dataset;
+pub mod engine;
+mod error;
+pub mod ground;
+mod load;
+mod model_file;
+pub mod network;
+mod segmenter;
+pub mod spherical;
+
+pub use dataset::{Dataset, Example, UNKNOWN};
+pub use error::SegmentationError;
+pub use load::load;
+pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
+pub use segmenter::{ModelInput, Report, Segmenter};
+pub use spherical::Options;

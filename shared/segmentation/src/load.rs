@@ -1,0 +1,24 @@
+//! Loading of models by the architecture in their file.
+
+use crate::SegmentationError;
+use crate::ground::{self, GroundQuasiFlat};
+use crate::model_file::ModelFile;
+use crate::segmenter::Segmenter;
+use crate::spherical::{self, Options, SphericalModel};
+use std::path::Path;
+
+/// Names of the architectures.
+const KNOWN: &str = "ground_quasi_flat, spherical";
+
+/// Reads a model file.
+///
+/// # Errors
+/// If the file is truncated, its architecture or version is unknown, or a setting or tensor is invalid.
+pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
+    let file = ModelFile::read(path)?;
+    match file.card.architecture.as_str() {
+        ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options))),
+        other => Err(SegmentationError::Architecture { path: path.into(), found: other.to_owned(), known: KNOWN }),
+    }
+}

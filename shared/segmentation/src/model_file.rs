@@ -1,0 +1,161 @@
+//! Model files: safetensors with one metadata key `model`, a JSON object
+//! `{"architecture": …, "version": …, "settings": {…}}`.
+//!
+//! One key and not three, because safetensors keeps its metadata in a hash map: with one key, equal models give equal
+//! bytes.
+
+use crate::SegmentationError;
+use candle_core::safetensors::SliceSafetensors;
+use candle_core::{DType, Device, Tensor};
+use messages::pod::{FINGERPRINT_START, fingerprint};
+use safetensors::SafeTensors;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::collections::{BTreeMap, HashMap};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Largest model file that is read, bytes: a hundred times the networks that run on a CPU beside the other stages.
+pub const MAX_MODEL_BYTES: u64 = 1 << 30;
+
+/// Metadata key of the model card.
+const CARD_KEY: &str = "model";
+
+/// Identification of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModelCard {
+    /// Name of the architecture.
+    pub architecture: String,
+    /// Version of the architecture. Incremented when the same file would give other classes.
+    pub version: u32,
+    /// 64-bit FNV-1a of the whole file.
+    pub digest: u64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CardText {
+    architecture: String,
+    version: u32,
+    settings: serde_json::Value,
+}
+
+/// A model file whose container and card are valid.
+pub struct ModelFile {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// Architecture, version and digest.
+    pub card: ModelCard,
+    settings: serde_json::Value,
+    bytes: Vec<u8>,
+}
+
+impl ModelFile {
+    /// Reads a file.
+    pub fn read(path: &Path) -> Result<Self, SegmentationError> {
+        let bytes = read_bounded(path)?;
+        let container = |cause| SegmentationError::Container { path: path.into(), cause };
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(container)?;
+        // This also checks the extents of the tensors: a truncated file fails here.
+        SafeTensors::deserialize(&bytes).map_err(container)?;
+        let card = |reason: String| SegmentationError::Card { path: path.into(), reason };
+        let text = metadata.metadata().as_ref().and_then(|metadata| metadata.get(CARD_KEY));
+        let text = text.ok_or_else(|| card("missing; it names the architecture of the model".to_owned()))?;
+        let text: CardText = serde_json::from_str(text).map_err(|error| card(error.to_string()))?;
+        let digest = fingerprint(FINGERPRINT_START, &bytes);
+        let card = ModelCard { architecture: text.architecture, version: text.version, digest };
+        Ok(Self { path: path.into(), card, settings: text.settings, bytes })
+    }
+
+    /// Returns an error if the file has another version of its architecture.
+    pub fn expect_version(&self, expected: u32) -> Result<(), SegmentationError> {
+        if self.card.version == expected {
+            return Ok(());
+        }
+        let (architecture, found) = (self.card.architecture.clone(), self.card.version);
+        Err(SegmentationError::Version { path: self.path.clone(), architecture, found, expected })
+    }
+
+    /// Settings of the model.
+    pub fn settings<S: DeserializeOwned>(&self) -> Result<S, SegmentationError> {
+        S::deserialize(&self.settings)
+            .map_err(|error| SegmentationError::Card { path: self.path.clone(), reason: format!("settings: {error}") })
+    }
+
+    /// The error for an invalid tensor.
+    pub(crate) fn bad_tensor(&self, name: &str, reason: String) -> SegmentationError {
+        SegmentationError::Tensor { path: self.path.clone(), name: name.to_owned(), reason }
+    }
+
+    /// The finite f32 values of a tensor of this shape.
+    pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, SegmentationError> {
+        let tensor = self.load(name)?;
+        if tensor.dims() != shape {
+            return Err(self.bad_tensor(name, format!("has shape {:?}, expected {shape:?}", tensor.dims())));
+        }
+        self.finite(name, &tensor)
+    }
+
+    fn load(&self, name: &str) -> Result<Tensor, SegmentationError> {
+        SliceSafetensors::new(&self.bytes)
+            .and_then(|tensors| tensors.load(name, &Device::Cpu))
+            .map_err(|error| self.bad_tensor(name, error.to_string()))
+    }
+
+    fn finite(&self, name: &str, tensor: &Tensor) -> Result<Vec<f32>, SegmentationError> {
+        if tensor.dtype() != DType::F32 {
+            return Err(self.bad_tensor(name, format!("has type {:?}, expected F32", tensor.dtype())));
+        }
+        let values = tensor.flatten_all()?.to_vec1::<f32>()?;
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(idx) => {
+                Err(self.bad_tensor(name, format!("element {idx} is {}, expected a finite number", values[idx])))
+            }
+            None => Ok(values),
+        }
+    }
+
+    /// A vector of `len` finite f32.
+    pub(crate) fn vector(
+        &self,
+        name: &'static str,
+        len: std::ops::RangeInclusive<usize>,
+    ) -> Result<Vec<f32>, SegmentationError> {
+        let tensor = self.load(name)?;
+        let [n] = tensor.dims() else {
+            return Err(self.bad_tensor(name, format!("has shape {:?}, expected one dimension", tensor.dims())));
+        };
+        if !len.contains(n) {
+            let rule = format!("has {n} elements, expected {} to {}", len.start(), len.end());
+            return Err(self.bad_tensor(name, rule));
+        }
+        self.finite(name, &tensor)
+    }
+}
+
+#[allow(clippy::disallowed_methods, reason = "a stage loads its model before its first step")]
+fn read_bounded(path: &Path) -> Result<Vec<u8>, SegmentationError> {
+    let io = |cause| SegmentationError::Io { path: path.into(), cause };
+    let file = std::fs::File::open(path).map_err(io)?;
+    let found = file.metadata().map_err(io)?.len();
+    if found > MAX_MODEL_BYTES {
+        return Err(SegmentationError::TooLarge { path: path.into(), found, limit: MAX_MODEL_BYTES });
+    }
+    let mut bytes = Vec::with_capacity(found as usize);
+    file.take(MAX_MODEL_BYTES).read_to_end(&mut bytes).map_err(io)?;
+    Ok(bytes)
+}
+
+/// The bytes of a model file. Equal models give equal bytes.
+pub fn encode_model(
+    architecture: &str,
+    version: u32,
+    settings: &impl Serialize,
+    tensors: BTreeMap<&str, Tensor>,
+) -> Result<Vec<u8>, SegmentationError> {
+    let wrong = SegmentationError::Encode;
+    let settings = serde_json::to_value(settings).map_err(|error| wrong(error.to_string()))?;
+    let card = CardText { architecture: architecture.to_owned(), version, settings };
+    let card = serde_json::to_string(&card).map_err(|error| wrong(error.to_string()))?;
+    let metadata = HashMap::from([(CARD_KEY.to_owned(), card)]);
+    safetensors::serialize(tensors, Some(metadata)).map_err(|error| wrong(error.to_string()))
+}

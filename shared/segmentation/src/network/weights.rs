@@ -1,0 +1,68 @@
+//! The weights of a network by name, named and ordered as by `PyTorch`.
+
+use super::{Layer, NetworkSpec};
+use crate::SegmentationError;
+use crate::engine::Filter;
+use crate::model_file::ModelFile;
+use candle_core::{Device, Tensor};
+use std::collections::BTreeMap;
+
+/// Weights `<layer>.weight` `[out, in, rows, columns]` and biases `<layer>.bias` `[out]` of every layer.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Weights {
+    /// Shape and values by name.
+    pub tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+}
+
+impl Weights {
+    /// Reads the weights of a network from a model file.
+    ///
+    /// # Errors
+    /// If a tensor is missing or invalid.
+    pub fn from_file(spec: &NetworkSpec, file: &ModelFile) -> Result<Self, SegmentationError> {
+        let mut tensors = BTreeMap::new();
+        for layer in spec.layers() {
+            for (name, shape) in layer.tensors() {
+                let values = file.tensor(&name, &shape)?;
+                tensors.insert(name, (shape, values));
+            }
+        }
+        Ok(Self { tensors })
+    }
+    pub(crate) fn to_tensors(&self) -> Result<BTreeMap<&str, Tensor>, SegmentationError> {
+        let tensor =
+            |(shape, values): &(Vec<usize>, Vec<f32>)| Tensor::from_slice(values, shape.as_slice(), &Device::Cpu);
+        let pairs = self.tensors.iter().map(|(name, of)| Ok((name.as_str(), tensor(of)?)));
+        pairs.collect()
+    }
+    /// The packed filters of the layers, in order.
+    ///
+    /// # Errors
+    /// If a tensor is missing or has another shape.
+    pub fn filters(&self, spec: &NetworkSpec) -> Result<Vec<Filter>, SegmentationError> {
+        let of_layer = |layer: &Layer| {
+            let mut found = Vec::new();
+            for (name, shape) in layer.tensors() {
+                match self.tensors.get(&name) {
+                    Some((of, values)) if *of == shape => found.push(values),
+                    other => {
+                        let found = other.map(|(of, _)| of.clone());
+                        return Err(SegmentationError::WeightShape { name, found, expected: shape });
+                    }
+                }
+            }
+            Ok(Filter::new(layer.shape.clone(), found[0], found[1]))
+        };
+        spec.layers().iter().map(of_layer).collect()
+    }
+}
+
+impl Layer {
+    /// Names and shapes of the tensors of weights and biases.
+    pub fn tensors(&self) -> [(String, Vec<usize>); 2] {
+        let shape = &self.shape;
+        let n_in = shape.in_channels.iter().sum();
+        let weight = vec![shape.out_channels, n_in, shape.kernel[0], shape.kernel[1]];
+        [(format!("{}.weight", self.name), weight), (format!("{}.bias", self.name), vec![shape.out_channels])]
+    }
+}

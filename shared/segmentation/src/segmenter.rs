@@ -1,0 +1,50 @@
+//! The interface of all models.
+
+use crate::{ModelCard, SegmentationError};
+use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
+
+/// The input of a model: a submap, in place.
+#[derive(Clone, Copy)]
+pub struct ModelInput<'a> {
+    /// Sweeps and sensor positions.
+    pub header: &'a SubmapHeader,
+    /// Points in the submap frame: z is up within the tilt of the vehicle, m.
+    pub points: &'a [SubmapPoint],
+    /// A color for every point, if the drive has cameras.
+    pub colors: Option<&'a [ColorRow]>,
+}
+
+/// Diagnostics of one submap.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Points that the model could not classify: not finite, or too far from the LiDAR.
+    pub n_unseen: usize,
+    /// Factor by which the cells of the model's grid were enlarged to stay within its memory limit; 1 if they were not.
+    pub coarsened: u32,
+}
+
+/// Gives every point a class and a score.
+pub trait Segmenter: Send {
+    /// Identification of the model.
+    fn card(&self) -> &ModelCard;
+
+    /// Writes the class of each point, in order. Equal inputs give equal classes.
+    ///
+    /// Scores are 0 to 255 for 0 to 1. A point that the model cannot classify is
+    /// [`messages::ClassId::Unlabeled`] with score 0.
+    fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError>;
+}
+
+impl ModelInput<'_> {
+    /// Checks that all columns have one row per point.
+    pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {
+        let expected = self.points.len();
+        let columns = [("class column", Some(classes.len())), ("color column", self.colors.map(<[ColorRow]>::len))];
+        for (column, len) in columns {
+            if let Some(found) = len.filter(|&found| found != expected) {
+                return Err(SegmentationError::Length { column, found, expected });
+            }
+        }
+        Ok(())
+    }
+}

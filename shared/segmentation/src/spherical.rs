@@ -1,0 +1,25 @@
+//! Segmentation with range images (thesis section 6.3.2): a network on the image of each sweep, back-projection to its points,
+//! and votes of all sweeps of a submap.
+
+pub mod back_projection;
+mod elementary;
+mod features;
+mod model;
+mod neighbors;
+mod options;
+mod polar_image;
+mod range_sweep;
+mod refinement;
+mod settings;
+mod softmax;
+mod surface;
+mod votes;
+
+pub use features::{FEATURES, N_FEATURES, features};
+pub use model::SphericalModel;
+pub use neighbors::Neighbors;
+pub use options::Options;
+pub use polar_image::{PolarImage, PolarPixel};
+pub use range_sweep::{RangeSweep, range_sweeps};
+pub use refinement::Refinement;
+pub use settings::{ARCHITECTURE, Settings, VERSION};

@@ -1,0 +1,73 @@
+//! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel.
+
+use super::{PolarImage, PolarPixel};
+use crate::ModelInput;
+use geometry::{RangeImage, column_of_azimuth};
+use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
+use std::ops::Range;
+
+/// One sweep of a submap as a range image.
+#[derive(Clone, Debug)]
+pub struct RangeSweep {
+    /// Indices of its points in the submap.
+    pub points: Range<usize>,
+    /// The nearest point of each pixel; indices count from the first point of the sweep.
+    pub image: RangeImage,
+    /// The same points relative to the position of the LiDAR.
+    pub polar: PolarImage,
+}
+
+/// Indices of the points of each sweep. Sweeps whose indices exceed the points of the submap are skipped.
+pub fn point_ranges(input: &ModelInput<'_>) -> Vec<(SubmapSweep, Range<usize>)> {
+    let n_sweeps = (input.header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
+    let range = |sweep: &SubmapSweep| {
+        let first = sweep.first_point as usize;
+        (*sweep, first..first + sweep.n_points as usize)
+    };
+    input.header.sweeps[..n_sweeps].iter().map(range).filter(|(_, range)| range.end <= input.points.len()).collect()
+}
+
+/// Number of rows of the range images.
+pub fn rows_of(header: &SubmapHeader) -> usize {
+    (header.n_rings as usize).clamp(1, 256)
+}
+
+/// The range image of one sweep: row 0 is the highest ring, columns count azimuths. `heights_m` are the heights of all points above
+/// the ground; where they are NaN, the LiDAR is assumed 2 m above it.
+pub fn range_sweep(
+    input: &ModelInput<'_>,
+    sweep: &SubmapSweep,
+    points: Range<usize>,
+    columns: usize,
+    heights_m: &[f32],
+) -> RangeSweep {
+    let rows = rows_of(input.header);
+    let of_sweep = &input.points[points.clone()];
+    let ray = |point: &SubmapPoint| {
+        let share = point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32;
+        let (begin, end) = (&sweep.submap_from_lidar_begin, &sweep.submap_from_lidar_end);
+        let origin = |i: usize| begin[i] + share.min(1.0) * (end[i] - begin[i]);
+        [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
+    };
+    let placed = of_sweep.iter().map(|point| {
+        let [x, y, z] = ray(point);
+        let range_m = (x * x + y * y + z * z).sqrt();
+        let row = rows.checked_sub(1 + usize::from(point.ring));
+        let row = row.filter(|_| range_m > 0.0);
+        (row.map(|row| (row, column_of_azimuth(point.azimuth, columns))), range_m)
+    });
+    let image = RangeImage::new(rows, columns, placed);
+    let polar = PolarImage::of(&image, of_sweep.iter().any(|point| point.intensity > 0), |index| {
+        let (point, height_m) = (&of_sweep[index], heights_m[points.start + index]);
+        let ray = ray(point);
+        let height_m = if height_m.is_finite() { height_m } else { ray[2] + 2.0 };
+        PolarPixel { ray, height_m, intensity: point.intensity }
+    });
+    RangeSweep { points, image, polar }
+}
+
+/// The range images of all sweeps of a submap, in order.
+pub fn range_sweeps(input: &ModelInput<'_>, columns: usize, heights_m: &[f32]) -> Vec<RangeSweep> {
+    let ranges = point_ranges(input).into_iter();
+    ranges.map(|(of, points)| range_sweep(input, &of, points, columns, heights_m)).collect()
+}

@@ -1,0 +1,91 @@
+//! Settings of a model file, and their rules.
+
+use super::N_FEATURES;
+use super::softmax::MAX_CLASSES;
+use crate::SegmentationError;
+use crate::model_file::encode_model;
+use crate::network::{NetworkSpec, Weights};
+use messages::ClassId;
+use serde::{Deserialize, Serialize};
+
+/// Name of the architecture in model files.
+pub const ARCHITECTURE: &str = "spherical";
+
+/// Version that this program writes and runs.
+pub const VERSION: u32 = 1;
+
+/// Settings of a model file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// The network. It has `fold` times the features as inputs and `fold` times the classes as outputs.
+    pub network: NetworkSpec,
+    /// Columns of a range image, 64 to 8192.
+    pub columns: usize,
+    /// Neighboring columns that are one pixel of the network, 1 to 16.
+    pub fold: usize,
+    /// Names of the classes, in the order of the outputs.
+    pub classes: Vec<String>,
+    /// Side of the cells in which sweeps vote, m, 0.02 to 5.
+    pub vote_cell_m: f32,
+    /// Divisor of the logits that calibrates the scores, 0.1 to 10.
+    pub temperature: f32,
+}
+
+impl Settings {
+    /// The class of every output.
+    ///
+    /// # Errors
+    /// [`SegmentationError::Settings`] with the violated rule.
+    pub fn check(&self) -> Result<Vec<ClassId>, SegmentationError> {
+        let wrong = SegmentationError::Settings;
+        let classes: Option<Vec<ClassId>> = self.classes.iter().map(|name| ClassId::from_name(name)).collect();
+        let classes =
+            classes.ok_or_else(|| wrong(format!("classes {:?}: not all are in the class table", self.classes)))?;
+        if let Some(problem) = self.network.problem() {
+            return Err(wrong(format!("network: {problem}")));
+        }
+        let (inputs, outputs, _) = self.network.channels();
+        let [rows, columns] = self.network.multiple_of();
+        let rules = [
+            ((64..=8192).contains(&self.columns), format!("columns = {}, must be 64 to 8192", self.columns)),
+            ((1..=16).contains(&self.fold), format!("fold = {}, must be 1 to 16", self.fold)),
+            (
+                self.columns.is_multiple_of(self.fold.max(1) * columns),
+                format!("columns = {}, must be a multiple of fold x {columns}", self.columns),
+            ),
+            (
+                (1..=MAX_CLASSES).contains(&classes.len()),
+                format!("{} classes, must be 1 to {MAX_CLASSES}", classes.len()),
+            ),
+            (rows <= 64, format!("network: rows must be a multiple of {rows}, the limit is 64")),
+            (
+                inputs == self.fold * N_FEATURES,
+                format!("network.inputs = {inputs}, must be fold x {N_FEATURES} features"),
+            ),
+            (
+                outputs == self.fold * classes.len(),
+                format!("network.outputs = {outputs}, must be fold x {} classes", classes.len()),
+            ),
+            (
+                (0.02..=5.0).contains(&self.vote_cell_m),
+                format!("vote_cell_m = {}, must be 0.02 to 5", self.vote_cell_m),
+            ),
+            (
+                (0.1..=10.0).contains(&self.temperature),
+                format!("temperature = {}, must be 0.1 to 10", self.temperature),
+            ),
+        ];
+        match rules.into_iter().find(|(holds, _)| !holds) {
+            Some((_, text)) => Err(wrong(text)),
+            None => Ok(classes),
+        }
+    }
+    /// The bytes of a model file. Equal models give equal bytes.
+    ///
+    /// # Errors
+    /// If the file cannot be encoded.
+    pub fn to_bytes(&self, weights: &Weights) -> Result<Vec<u8>, SegmentationError> {
+        encode_model(ARCHITECTURE, VERSION, self, weights.to_tensors()?)
+    }
+}

@@ -1,0 +1,245 @@
+//! Votes of all sweeps in cells of space.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
+)]
+
+use super::softmax::{MAX_CLASSES, Vote};
+use geometry::NO_POINT;
+use messages::SubmapPoint;
+use pulp::{Arch, NullaryFnOnce};
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Added to cell coordinates, so that they are positive numbers of 21 bits: +-100 km in cells of 0.1 m.
+const OFFSET: i64 = 1 << 20;
+const MASK: i64 = (1 << 21) - 1;
+
+/// Cells without votes take those of cells with up to 2^4 times the side: 3.2 m for 0.2 m, the distance between the rings of an
+/// HDL-32E on the road at 20 m.
+const COARSER: u32 = 4;
+
+/// Probabilities of classes for every point.
+pub(super) struct Votes<'a> {
+    /// Votes of all pixels of all sweeps.
+    pub of_pixels: &'a [Vote],
+    /// Index of the pixel of each point; [`NO_POINT`] for a point without a vote.
+    pub pixel_of_point: &'a [u32],
+}
+
+/// Points whose cells are computed together.
+const CHUNK: usize = 64;
+
+/// Sums of votes by class.
+type Sums = [u32; MAX_CLASSES];
+
+/// Indices of cells by their keys.
+type Cells = HashMap<u64, u32, BuildHasherDefault<CellHasher>>;
+
+/// Best class and its share of the votes.
+type Decision = Option<(usize, f32)>;
+
+impl Votes<'_> {
+    /// The class with the most votes in the cell of each point, of side `cell_m` in the submap frame. Without votes, the smallest of
+    /// the surrounding cells of 2, 4, 8, 16 times the side that has votes decides; `None` if none has.
+    pub fn decide(&self, points: &[SubmapPoint], cell_m: f32) -> impl Iterator<Item = Decision> + use<> {
+        let cast = Cast { votes: self, points, cell_m };
+        let Ballots { cells, sums, number_of_point } = Arch::new().dispatch(cast);
+        let mut decisions: Vec<Decision> = sums.iter().map(decide).collect();
+        for level in 1..=COARSER {
+            decide_coarsely(&cells, &sums, level, &mut decisions);
+        }
+        number_of_point.into_iter().map(move |number| decisions[number as usize])
+    }
+}
+
+/// The cells in the order of their first points.
+struct Ballots {
+    cells: Vec<u64>,
+    sums: Vec<Sums>,
+    /// Index of the cell of each point.
+    number_of_point: Vec<u32>,
+}
+
+/// Sums the votes.
+struct Cast<'a> {
+    votes: &'a Votes<'a>,
+    points: &'a [SubmapPoint],
+    cell_m: f32,
+}
+
+impl NullaryFnOnce for Cast<'_> {
+    type Output = Ballots;
+
+    #[inline(always)]
+    fn call(self) -> Ballots {
+        let Self { votes, points, cell_m } = self;
+        let (mut numbers, mut cells, mut sums) = (Cells::default(), Vec::new(), Vec::new());
+        let mut number_of_point = Vec::with_capacity(points.len());
+        // The next point of a ring is mostly in the cell of the last one.
+        let mut last_of_ring = vec![Last { cell: u64::MAX, number: 0, sums: [0; MAX_CLASSES] }; 256];
+        for (points, pixels) in points.chunks(CHUNK).zip(votes.pixel_of_point.chunks(CHUNK)) {
+            // A separate loop, which is vectorized.
+            let mut cell_of_point = [0; CHUNK];
+            for (cell, point) in cell_of_point.iter_mut().zip(points) {
+                *cell = cell_of(point, cell_m);
+            }
+            for ((&cell, point), &pixel) in cell_of_point.iter().zip(points).zip(pixels) {
+                let last = &mut last_of_ring[usize::from(point.ring)];
+                if last.cell != cell {
+                    last.flush(&mut sums);
+                    let number = *numbers.entry(cell).or_insert(cells.len() as u32);
+                    if number as usize == cells.len() {
+                        cells.push(cell);
+                        sums.push([0; MAX_CLASSES]);
+                    }
+                    *last = Last { cell, number, sums: [0; MAX_CLASSES] };
+                }
+                if pixel != NO_POINT {
+                    let (vote, mut sums) = (votes.of_pixels[pixel as usize], last.sums);
+                    for class in 0..MAX_CLASSES {
+                        sums[class] += u32::from(vote[class]);
+                    }
+                    last.sums = sums;
+                }
+                number_of_point.push(last.number);
+            }
+        }
+        for last in &last_of_ring {
+            last.flush(&mut sums);
+        }
+        Ballots { cells, sums, number_of_point }
+    }
+}
+
+/// Decides cells without votes by the votes of cells with 2^`level` times the side.
+fn decide_coarsely(cells: &[u64], sums: &[Sums], level: u32, decisions: &mut [Decision]) {
+    let mut number_of_cell = Cells::default();
+    for (cell, _) in cells.iter().zip(decisions.iter()).filter(|(_, decision)| decision.is_none()) {
+        let next = number_of_cell.len() as u32;
+        number_of_cell.entry(coarser(*cell, level)).or_insert(next);
+    }
+    if number_of_cell.is_empty() {
+        return;
+    }
+    let mut coarse_sums: Vec<Sums> = vec![[0; MAX_CLASSES]; number_of_cell.len()];
+    for (cell, sums) in cells.iter().zip(sums) {
+        if let Some(&number) = number_of_cell.get(&coarser(*cell, level)) {
+            add(&mut coarse_sums[number as usize], sums);
+        }
+    }
+    for (cell, decision) in cells.iter().zip(decisions).filter(|(_, decision)| decision.is_none()) {
+        *decision = decide(&coarse_sums[number_of_cell[&coarser(*cell, level)] as usize]);
+    }
+}
+
+/// The last cell of a ring, and the votes since it was entered.
+#[derive(Clone, Copy)]
+struct Last {
+    cell: u64,
+    number: u32,
+    sums: Sums,
+}
+
+impl Last {
+    #[inline(always)]
+    fn flush(&self, sums: &mut [Sums]) {
+        if self.cell != u64::MAX {
+            add(&mut sums[self.number as usize], &self.sums);
+        }
+    }
+}
+
+#[inline(always)]
+fn add(sums: &mut Sums, votes: &Sums) {
+    for class in 0..MAX_CLASSES {
+        sums[class] += votes[class];
+    }
+}
+
+/// The class with the most votes. Of equal classes the first one, so that the order of the points does not matter.
+fn decide(sums: &Sums) -> Decision {
+    let total: u32 = sums.iter().sum();
+    let most = *sums.iter().max()?;
+    let class = sums.iter().position(|&votes| votes == most)?;
+    (total > 0).then_some((class, most as f32 / total as f32))
+}
+
+/// The cell of 2^`level` times the side that contains a cell.
+fn coarser(cell: u64, level: u32) -> u64 {
+    let keep = MASK as u64 >> level << level;
+    cell & (keep << 42 | keep << 21 | keep)
+}
+
+/// Hashes keys of cells by one multiplication (Fibonacci hashing, Knuth vol. 3, 6.4). Keys come from positions; protection against
+/// malicious keys is not needed.
+#[derive(Default)]
+struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+    fn write(&mut self, _: &[u8]) {
+        unreachable!("cells are u64");
+    }
+    fn write_u64(&mut self, cell: u64) {
+        let product = cell.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        // The table uses the low bits, which a product mixes least.
+        self.0 = product ^ product >> 32;
+    }
+}
+
+/// The cell of a point. Points with NaN coordinates have no votes, so it does not matter which cell they share.
+#[inline(always)]
+fn cell_of(point: &SubmapPoint, cell_m: f32) -> u64 {
+    // The floor, without a library call.
+    let floor = |v: f64| v as i64 - i64::from(v < (v as i64) as f64);
+    let count = |v: f32| (floor(f64::from(v) / f64::from(cell_m)) + OFFSET) & MASK;
+    (count(point.x) << 42 | count(point.y) << 21 | count(point.z)) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn vote([first, second]: [u8; 2]) -> Vote {
+        let mut vote = [0; MAX_CLASSES];
+        vote[..2].copy_from_slice(&[first, second]);
+        vote
+    }
+
+    #[test]
+    fn points_without_vote_get_class_of_their_cell() {
+        let at = |x: f32| SubmapPoint { x, ..SubmapPoint::default() };
+        let points = [at(0.01), at(0.05), at(0.19), at(0.21), at(-0.01), at(5.0)];
+        let of_pixels = [[200, 55], [100, 155], [10, 245], [255, 0]].map(vote);
+        let pixel_of_point = &[0, 1, NO_POINT, 2, 3, NO_POINT];
+        let votes = Votes { of_pixels: &of_pixels, pixel_of_point };
+        let decided: Vec<Decision> = votes.decide(&points, 0.2).collect();
+        let near = |got: Option<(usize, f32)>, class: usize, share: f32| {
+            let (got_class, got_share) = got.expect("has votes");
+            assert!(got_class == class && (got_share - share).abs() < 1e-6, "{got_class} {got_share}");
+        };
+        for decision in &decided[..3] {
+            near(*decision, 0, 300.0 / 510.0);
+        }
+        near(decided[3], 1, 245.0 / 255.0);
+        near(decided[4], 0, 1.0);
+        assert_eq!(decided[5], None);
+    }
+
+    #[test]
+    fn cell_without_votes_gets_class_of_smallest_enclosing_cell_with_votes() {
+        let at = |x: f32, z: f32| SubmapPoint { x, z, ..SubmapPoint::default() };
+        // Votes for class 0 in the cell at 0, for class 1 in the cell at 0.6; no votes at 0.2, 0.4, 1.0 and 9.
+        let points = [at(0.1, 0.1), at(0.3, 0.1), at(0.5, 0.1), at(0.7, 0.1), at(1.1, 0.1), at(9.0, 0.1)];
+        let none = NO_POINT;
+        let of_pixels = [[255, 0], [55, 200]].map(vote);
+        let votes = Votes { of_pixels: &of_pixels, pixel_of_point: &[0, none, none, 1, none, none] };
+        let classes: Vec<Option<usize>> =
+            votes.decide(&points, 0.2).map(|decision| decision.map(|(class, _)| class)).collect();
+        assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
+    }
+}

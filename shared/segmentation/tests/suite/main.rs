@@ -1,0 +1,9 @@
+//! Models, kernels and ground.
+
+mod convolution;
+mod model_files;
+mod real_street;
+mod sloped_street;
+mod spherical_model;
+mod support;
+mod torch_weights;

@@ -1,0 +1,283 @@
+//! Models on range images: range sweeps, classes, invalid files, nearest examples.
+
+use geometry::NO_POINT;
+use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use random::Random;
+use segmentation::network::{NetworkSpec, Weights};
+use segmentation::spherical::{
+    N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel, features, range_sweeps,
+};
+use segmentation::{Dataset, Example, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
+use std::path::PathBuf;
+
+const RINGS: u8 = 16;
+const FIRINGS: u32 = 512;
+
+fn settings() -> Settings {
+    let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
+    let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16], head: None };
+    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0 }
+}
+
+/// Random filters of mean 0, scaled as the first ones of a training, and biases of 0.
+fn weights(settings: &Settings) -> Weights {
+    let mut weights = Weights::default();
+    for (stream, layer) in (0..).zip(settings.network.layers()) {
+        let mut random = Random::of_stream(1, stream);
+        let [(weight_name, weight), (bias_name, bias)] = layer.tensors();
+        let fan_in: usize = weight[1..].iter().product();
+        let gain = if layer.shape.rectify { 1.713_858 } else { 1.0 };
+        let filter = |_: usize| {
+            let raw: Vec<f32> = (0..fan_in).map(|_| random.gauss()).collect();
+            let mean = raw.iter().sum::<f32>() / fan_in as f32;
+            raw.into_iter().map(|v| gain * (v - mean) / (fan_in as f32).sqrt()).collect::<Vec<f32>>()
+        };
+        let values = (0..bias[0]).flat_map(filter).collect();
+        weights.tensors.insert(weight_name, (weight, values));
+        weights.tensors.insert(bias_name, (bias.clone(), vec![0.0; bias[0]]));
+    }
+    weights
+}
+
+fn file_of(settings: &Settings, weights: &Weights) -> Vec<u8> {
+    settings.to_bytes(weights).expect("encodes")
+}
+
+fn load(bytes: &[u8]) -> Result<SphericalModel, SegmentationError> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path: PathBuf = folder.path().join("model.safetensors");
+    std::fs::write(&path, bytes).expect("writes");
+    SphericalModel::load(&path).map(|(model, _)| model)
+}
+
+/// Two sweeps of a LiDAR that moves 1 m in each, and their rays.
+fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
+    let mut random = Random::new(8);
+    let mut header: Box<SubmapHeader> = Box::default();
+    (header.n_rings, header.n_sweeps) = (u32::from(RINGS), 2);
+    let (mut points, mut rays) = (Vec::new(), Vec::new());
+    for sweep in 0..2_u16 {
+        let begin_x = f32::from(sweep);
+        let first_point = points.len() as u32;
+        for firing in 0..FIRINGS {
+            for ring in 0..RINGS {
+                if random.unit() < 0.2 {
+                    continue;
+                }
+                let (azimuth, up) =
+                    ((firing as f32 + 0.5) / FIRINGS as f32 * 360.0, (f32::from(ring) * 2.0 - 25.0).to_radians());
+                let (sin, cos) = azimuth.to_radians().sin_cos();
+                let range = random.range(3.0, 40.0);
+                let ray = [up.cos() * cos, -up.cos() * sin, up.sin()].map(|v| v * range);
+                let offset_nanos = firing * 195_000;
+                let x0 = begin_x + offset_nanos as f32 / 1e8;
+                points.push(SubmapPoint {
+                    x: x0 + ray[0],
+                    y: ray[1],
+                    z: ray[2],
+                    offset_nanos,
+                    azimuth: (azimuth * 100.0).round() as u16,
+                    ring,
+                    sweep_idx: sweep,
+                    intensity: 1 + ring,
+                    ..SubmapPoint::default()
+                });
+                rays.push(ray);
+            }
+        }
+        let pose = |x: f32| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        header.sweeps[usize::from(sweep)] = SubmapSweep {
+            duration_nanos: 100_000_000,
+            first_point,
+            n_points: points.len() as u32 - first_point,
+            submap_from_lidar_begin: pose(begin_x),
+            submap_from_lidar_end: pose(begin_x + 1.0),
+            ..SubmapSweep::default()
+        };
+    }
+    (header, points, rays)
+}
+
+#[test]
+fn range_sweeps_contain_all_rays_of_submap() {
+    let (header, points, rays) = submap();
+    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let heights: Vec<f32> = (0..points.len()).map(|i| i as f32).collect();
+    let images = range_sweeps(&cloud, FIRINGS as usize, &heights);
+    assert_eq!(images.len(), 2);
+    let mut n_pixels = 0;
+    for sweep in &images {
+        assert_eq!(sweep.image.collision_rate(), 0.0);
+        for (index, point) in points[sweep.points.clone()].iter().enumerate() {
+            let firing = (u64::from(point.offset_nanos) / 195_000) as usize;
+            let row = usize::from(RINGS - 1 - point.ring);
+            assert_eq!(sweep.image.pixel_of_point[index] as usize, row * FIRINGS as usize + firing);
+            let pixel = &sweep.polar.pixels[row * FIRINGS as usize + firing];
+            let ray = rays[sweep.points.start + index];
+            assert!((0..3).all(|i| (pixel.ray[i] - ray[i]).abs() < 1e-4), "{:?} for {ray:?}", pixel.ray);
+            assert_eq!((pixel.height_m, pixel.intensity), ((sweep.points.start + index) as f32, point.intensity));
+        }
+        n_pixels += sweep.polar.pixels.iter().filter(|pixel| pixel.is_valid()).count();
+    }
+    assert_eq!(n_pixels, points.len());
+}
+
+#[test]
+fn number_of_threads_does_not_change_classes() {
+    let settings = settings();
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    let (header, points, _) = submap();
+    let classes = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let mut classes = vec![ClassRow::default(); points.len()];
+        let cloud = ModelInput { header: &header, points: &points, colors: None };
+        let report = pool.install(|| model.segment(&cloud, &mut classes)).expect("segments");
+        assert_eq!(report.n_unseen, 0);
+        classes
+    };
+    let one = classes(1);
+    assert_eq!(one, classes(3));
+    let known = [ClassId::Road, ClassId::Building, ClassId::Vehicles].map(|class| class as u8);
+    assert!(one.iter().all(|row| known.contains(&row.class_id) && row.score >= 84), "one of three has a third");
+    let n_of = |class: u8| one.iter().filter(|row| row.class_id == class).count();
+    assert!(known.iter().filter(|class| n_of(**class) > 0).count() > 1, "all points have one class");
+}
+
+#[test]
+fn points_without_sweep_or_ring_are_unlabeled() {
+    let settings = settings();
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    let (mut header, mut points, _) = submap();
+    // Far from all others, so that it gets no vote of a neighbor.
+    points[5] = SubmapPoint { ring: 200, z: 30.0, ..points[5] };
+    points[6].x = f32::NAN;
+    header.n_sweeps = 1;
+    let n_first = header.sweeps[0].n_points as usize;
+    let mut classes = vec![ClassRow::default(); points.len()];
+    let report =
+        model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).expect("segments");
+    assert_eq!((classes[5], classes[6]), (ClassRow::default(), ClassRow::default()));
+    assert!(report.n_unseen >= 2 && report.n_unseen <= points.len() - n_first + 2, "{}", report.n_unseen);
+    // A sweep beyond the points of the submap is skipped.
+    header.sweeps[0].n_points = u32::MAX;
+    assert!(model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).is_ok());
+}
+
+#[test]
+fn invalid_files_are_rejected_with_reason() {
+    let good = settings();
+    let weights = weights(&good);
+    let bytes = file_of(&good, &weights);
+    for len in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
+        assert!(matches!(load(&bytes[..len]), Err(SegmentationError::Container { .. })), "cut at {len}");
+    }
+    let rejected = |settings: &Settings, rule: &str| {
+        let Err(error) = load(&file_of(settings, &weights)) else { panic!("{rule}: was loaded") };
+        assert!(error.to_string().contains(rule), "{error}");
+    };
+    rejected(&Settings { columns: 510, ..good.clone() }, "columns = 510, must be a multiple of fold x 2");
+    rejected(&Settings { columns: 1 << 20, ..good.clone() }, "columns = 1048576, must be 64 to 8192");
+    rejected(&Settings { fold: 0, ..good.clone() }, "fold = 0, must be 1 to 16");
+    rejected(&Settings { temperature: 0.0, ..good.clone() }, "temperature = 0, must be 0.1 to 10");
+    rejected(&Settings { vote_cell_m: 0.0, ..good.clone() }, "vote_cell_m = 0, must be 0.02 to 5");
+    let two = good.classes[..2].to_vec();
+    rejected(&Settings { classes: two, ..good.clone() }, "network.outputs = 6, must be fold x 2 classes");
+    let unknown = vec!["road".to_owned(), "castle".to_owned(), "moat".to_owned()];
+    rejected(&Settings { classes: unknown, ..good.clone() }, "castle");
+    let wider = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![32, 16], head: None };
+    rejected(
+        &Settings { network: wider, ..good.clone() },
+        "`down.0.0.weight`: has shape [16, 20, 3, 3], expected [32, 20, 3, 3]",
+    );
+    let deep = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16; 7], head: None };
+    rejected(&Settings { network: deep, ..good.clone() }, "7 levels, must be 1 to 6");
+    let mut missing = weights.clone();
+    missing.tensors.remove("up.0.1.bias");
+    assert!(
+        matches!(load(&file_of(&good, &missing)), Err(SegmentationError::Tensor { name, .. }) if name == "up.0.1.bias")
+    );
+    let mut broken = weights.clone();
+    broken.tensors.get_mut("classes.bias").expect("is there").1[1] = f32::INFINITY;
+    let Err(error) = load(&file_of(&good, &broken)) else { panic!("was loaded") };
+    assert!(error.to_string().contains("`classes.bias`: element 1 is inf"), "{error}");
+}
+
+/// Range images with the class of every pixel.
+struct Labeled(Vec<(PolarImage, Vec<u8>)>);
+
+impl Dataset for Labeled {
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+    fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
+        let (image, truth) = &self.0[index];
+        Example { input: features(image, 2, 2), truth: truth.clone() }
+    }
+}
+
+#[test]
+fn nearest_examples_beat_untrained_last_layer() {
+    let settings = settings();
+    let weights = weights(&settings);
+    let (header, points, _) = submap();
+    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let heights_m = ground::heights(&cloud);
+    // Low rings are road, middle ones vehicles, high ones buildings.
+    let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
+    let of_sweep = |sweep: RangeSweep| {
+        let class = |&shown: &u32| match shown {
+            NO_POINT => UNKNOWN,
+            shown => truth(&points[sweep.points.start + shown as usize]),
+        };
+        let truth = sweep.image.nearest.iter().map(class).collect();
+        (sweep.polar, truth)
+    };
+    let data = Labeled(range_sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect());
+    let draw = |per_class: usize, k: usize| Neighbors::draw(&settings, &weights, &data, per_class, k).expect("draws");
+    let share_right = |neighbors: Option<Neighbors>| {
+        let mut model = load(&file_of(&settings, &weights)).expect("loads");
+        if let Some(neighbors) = neighbors {
+            model = model.with_neighbors(neighbors, &weights).expect("fits");
+        }
+        let mut classes = vec![ClassRow::default(); points.len()];
+        model.segment(&cloud, &mut classes).expect("segments");
+        let is_right = |(point, row): &(&SubmapPoint, &ClassRow)| {
+            ClassId::from_id(row.class_id).map(ClassId::name)
+                == Some(settings.classes[usize::from(truth(point))].as_str())
+        };
+        points.iter().zip(&classes).filter(is_right).count() as f64 / points.len() as f64
+    };
+    let all = draw(usize::MAX, 1);
+    assert_eq!(all.len(), points.len());
+    let (last_layer, own, few) = (share_right(None), share_right(Some(all)), share_right(Some(draw(200, 5))));
+    assert!(last_layer < 0.5, "{last_layer}");
+    // Every pixel is its own nearest example; errors share a cell with other points.
+    assert!(own > 0.98, "{own}");
+    // The features of an untrained network depend on the ring only in part. Chance is a third.
+    assert!(few > 0.5, "{few}");
+}
+
+#[test]
+fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
+    let settings = settings();
+    let weights = weights(&settings);
+    let (header, points, _) = submap();
+    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let images = range_sweeps(&cloud, settings.columns, &ground::heights(&cloud));
+    let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
+        let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
+        let mut data = Labeled(known.collect());
+        assert!(Neighbors::draw(&settings, &weights, &data, 10, 1).is_ok());
+        change(&mut data.0[1].1);
+        Neighbors::draw(&settings, &weights, &data, 10, 1).err().expect("is rejected").to_string()
+    };
+    let (n_classes, columns) = (settings.classes.len(), settings.columns);
+    assert_eq!(
+        rejected(&|truth| truth[2 * columns + 5] = n_classes as u8),
+        format!(
+            "example 1 of the data: row 2, column 5 has class {n_classes}, must be below {n_classes}, or 255 if unknown"
+        )
+    );
+    let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
+    assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
+}

@@ -1,0 +1,43 @@
+//! A model with weights from `PyTorch`: `data/torch_unet.py` wrote the file with an input and the output of torch.
+
+use safetensors::SafeTensors;
+use segmentation::engine::{Border, LANES, Planes};
+use segmentation::network::Inference;
+use segmentation::spherical::SphericalModel;
+use std::path::PathBuf;
+
+/// Shape and values of a tensor of the file.
+fn tensor(file: &SafeTensors<'_>, name: &str) -> ([usize; 3], Vec<f32>) {
+    let tensor = file.tensor(name).expect("written by the script");
+    let shape = tensor.shape().try_into().expect("channels, rows, columns");
+    (shape, tensor.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
+}
+
+#[test]
+fn network_with_torch_weights_gives_output_of_torch() {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/torch_unet.safetensors");
+    let (model, weights) = SphericalModel::load(&path).expect("a model file");
+    let network = Inference::new(model.settings().network.clone(), &weights, Border::Circular).expect("fits");
+    let bytes = std::fs::read(&path).expect("is there");
+    let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+    let ([channels, height, width], values) = tensor(&file, "test.input");
+    let mut input = Planes::zeros(channels, height, width);
+    for (i, value) in values.into_iter().enumerate() {
+        let (channel, y, x) = (i / (height * width), i / width % height, i % width);
+        input.row_mut(channel / LANES, y)[x][channel % LANES] = value;
+    }
+    input.fill_border(Border::Circular);
+
+    let got = network.run(&input).expect("runs");
+    let (shape, expected) = tensor(&file, "test.output");
+    assert_eq!([got.channels(), got.height(), got.width()], shape);
+    let largest = expected.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+    for (i, expected) in expected.into_iter().enumerate() {
+        let (channel, y, x) = (i / (height * width), i / width % height, i % width);
+        let got = got.row(channel / LANES, y)[x][channel % LANES];
+        assert!(
+            (got - expected).abs() < 1e-5 * largest,
+            "channel {channel}, row {y}, column {x}: {got} for {expected}"
+        );
+    }
+}

@@ -1,0 +1,78 @@
+//! Specification of a vehicle and its sensors.
+
+use crate::sensors::gnss::GnssSpec;
+use crate::sensors::imu::ImuSpec;
+use crate::sensors::mosaic::MosaicModel;
+use crate::sensors::trigger::TriggerSpec;
+use formats::velodyne::Model;
+use geometry::{CameraModel, Pose};
+
+/// A vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigSpec {
+    /// Display name.
+    pub name: String,
+    /// Height of the body frame above the road, 0 to 3 m.
+    pub body_height_m: f64,
+    /// The LiDAR.
+    pub lidar: LidarSpec,
+    /// Trigger of all cameras.
+    pub trigger: TriggerSpec,
+    /// Color cameras by index.
+    pub cameras: Vec<CameraSpec>,
+    /// Mosaic cameras by index.
+    pub mosaics: Vec<MosaicSpec>,
+    /// GNSS receiver, if any.
+    pub gnss: Option<GnssSpec>,
+    /// Inertial unit, if any.
+    pub imu: Option<ImuSpec>,
+}
+
+/// A LiDAR.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LidarSpec {
+    /// Model.
+    pub model: Model,
+    /// Mounting.
+    pub body_from_lidar: Pose,
+}
+
+/// A color camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSpec {
+    /// Display name.
+    pub name: String,
+    /// Exposure time, ns.
+    pub exposure_nanos: u64,
+    /// Mounting.
+    pub body_from_camera: Pose,
+    /// Lens and size of the image.
+    pub lens: CameraModel,
+}
+
+/// A mosaic camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MosaicSpec {
+    /// Name, also of its folder in the drive.
+    pub name: String,
+    /// Model.
+    pub sensor: MosaicModel,
+    /// Mounting.
+    pub body_from_camera: Pose,
+    /// Lens; the image has the sensor's size.
+    pub lens: CameraModel,
+}
+
+impl RigSpec {
+    /// Indexes of color cameras with equal lenses: they count as one instrument and share their gain.
+    pub fn lens_groups(&self) -> Vec<Vec<usize>> {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            match groups.iter_mut().find(|group| self.cameras[group[0]].lens == camera.lens) {
+                Some(group) => group.push(index),
+                None => groups.push(vec![index]),
+            }
+        }
+        groups
+    }
+}

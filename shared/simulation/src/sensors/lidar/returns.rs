@@ -1,0 +1,47 @@
+//! Blocks of a packet and their returns.
+
+use formats::velodyne::{BLOCKS_PER_PACKET, LASERS_PER_BLOCK, RawBlock, RawReturn};
+use messages::ClassId;
+
+/// Blocks of a packet.
+pub const N_BLOCKS: usize = BLOCKS_PER_PACKET;
+/// Returns of a block.
+pub const N_LASERS: usize = LASERS_PER_BLOCK;
+
+/// A block of a packet: one round of firings, two of a VLP-16, half a one of an HDL-64E.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Block {
+    /// Encoder angle at its first firing, 0.01 deg, 0 to 35999.
+    pub azimuth: u16,
+    /// Whether it is of lasers 32 to 63.
+    pub is_lower: bool,
+    /// Returns in firing order.
+    pub returns: [Option<LidarReturn>; N_LASERS],
+}
+
+impl Block {
+    /// The block as the device sends it.
+    pub fn raw(&self) -> RawBlock {
+        let raw_return = |found: &LidarReturn| RawReturn { range_2mm: found.range_2mm, intensity: found.intensity };
+        RawBlock {
+            azimuth: self.azimuth,
+            is_lower: self.is_lower,
+            returns: self.returns.each_ref().map(|found| found.as_ref().map(raw_return).unwrap_or_default()),
+        }
+    }
+}
+
+/// One return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LidarReturn {
+    /// Range as sent, in units of 2 mm, never zero.
+    pub range_2mm: u16,
+    /// Intensity: 0 to 100 for diffuse targets, above for retroreflectors.
+    pub intensity: u8,
+    /// Truth: class of the surface with most of the light.
+    pub class: ClassId,
+    /// Truth: its instance.
+    pub instance: u16,
+    /// Truth: the echo's range, m, before noise and correction.
+    pub range_m: f32,
+}

@@ -1,0 +1,108 @@
+//! The simulated world: the town, the motion of the ego vehicle, and the rig with its true mountings.
+
+use crate::error::SimulationError;
+use crate::motion::Motion;
+use crate::rig::RigSpec;
+use crate::sensors::camera::ColorCamera;
+use crate::sensors::exposure::Exposure;
+use crate::sensors::gnss::{self, Epoch};
+use crate::sensors::imu;
+use crate::sensors::lidar::{Lidar, LidarModel};
+use crate::sensors::mosaic::MosaicCamera;
+use crate::sensors::trigger;
+use crate::spec::DriveSpec;
+use formats::imu::ImuSample;
+use geometry::{Pose, Stamp};
+use random::{hash, unit};
+use town::Scene;
+
+/// 2021-06-01T10:00:00Z; the seed adds up to ten minutes.
+const DATE_SECONDS: i64 = 1_622_541_600;
+
+/// Streams of random numbers, one for each sensor.
+const LIDAR_STREAM: u64 = 1;
+const CAMERA_STREAM: u64 = 2;
+pub(crate) const MOSAIC_STREAM: u64 = 3;
+const GNSS_STREAM: u64 = 4;
+const IMU_STREAM: u64 = 5;
+const CALIBRATION_STREAM: u64 = 6;
+
+/// A simulated world: the town, the motion of the ego vehicle, and its rig.
+#[derive(Debug)]
+pub struct Simulation {
+    /// The settings it is built from.
+    pub spec: DriveSpec,
+    /// The town.
+    pub scene: Scene,
+    /// Motion of the ego vehicle.
+    pub motion: Motion,
+    /// The rig with its true mountings; the spec has the nominal ones.
+    pub rig: RigSpec,
+}
+
+impl Simulation {
+    /// Builds the town of a spec.
+    pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
+        spec.check()?;
+        let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
+        let town::Drive { scene, path, speed } = town::build(spec.town, spec.seed, spec.seconds);
+        let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
+        let motion = Motion::new(begin, path, speed, phase).with_body_height(spec.rig.body_height_m);
+        let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
+        Ok(Self { spec: spec.clone(), scene, motion, rig })
+    }
+    /// The lidar of the rig.
+    pub fn lidar(&self) -> Lidar<'_> {
+        let seed = hash(self.spec.seed, LIDAR_STREAM);
+        self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)
+    }
+    /// A lidar of any model at any mounting.
+    pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
+        Lidar::new(&self.scene, &self.motion, model, body_from_lidar, seed, self.spec.lidar_step)
+    }
+    /// Stamps of the exposures.
+    pub fn exposures(&self) -> Vec<Stamp> {
+        trigger::exposures(&self.motion, &self.rig.trigger, self.spec.seconds)
+    }
+    /// Images of the color cameras `group` (indexes) at a stamp. They fire together and share their gain.
+    pub fn images(&self, camera: &ColorCamera, group: &[usize], stamp: Stamp) -> Vec<Vec<u8>> {
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        let members = exposures.iter().zip(group);
+        members.map(|(exposure, index)| camera.shoot(exposure, gain, self.image_seed(*index, stamp))).collect()
+    }
+    /// Image of one color camera; the same as in [`Self::images`].
+    pub fn image(&self, camera: &ColorCamera, index: usize, stamp: Stamp) -> Vec<u8> {
+        let group = self.rig.lens_groups().into_iter().find(|group| group.contains(&index)).unwrap_or_default();
+        let exposures: Vec<Exposure<'_>> = group.iter().map(|index| self.color_exposure(*index, stamp)).collect();
+        let gain = camera.meter(&exposures);
+        camera.shoot(&self.color_exposure(index, stamp), gain, self.image_seed(index, stamp))
+    }
+    /// Output of the GNSS receiver, one epoch per second; empty without a receiver.
+    pub fn epochs(&self) -> Vec<Epoch> {
+        let seed = hash(self.spec.seed, GNSS_STREAM);
+        let end = self.spec.recorded_seconds();
+        let record = |gnss| gnss::record(&self.scene, &self.motion, gnss, end, seed);
+        self.rig.gnss.as_ref().map(record).unwrap_or_default()
+    }
+    /// Samples of the inertial unit; none without a unit.
+    pub fn imu_samples(&self) -> Option<Vec<ImuSample>> {
+        let imu = self.rig.imu.as_ref()?;
+        Some(imu::record(&self.motion, imu, self.spec.recorded_seconds(), hash(self.spec.seed, IMU_STREAM)))
+    }
+    /// Raw samples of mosaic camera `index` at a stamp.
+    pub fn mosaic(&self, camera: &MosaicCamera, index: usize, stamp: Stamp) -> Vec<u16> {
+        let seed = hash(hash(self.spec.seed, MOSAIC_STREAM), stamp.0 as u64 ^ index as u64);
+        let body_from_camera = self.rig.mosaics[index].body_from_camera;
+        let nanos = camera.exposure_nanos();
+        camera.shoot(&Exposure::new(&self.scene, &self.motion, &body_from_camera, stamp, nanos, seed), seed)
+    }
+    fn color_exposure(&self, index: usize, stamp: Stamp) -> Exposure<'_> {
+        let camera = &self.rig.cameras[index];
+        let seed = self.image_seed(index, stamp);
+        Exposure::new(&self.scene, &self.motion, &camera.body_from_camera, stamp, camera.exposure_nanos, seed)
+    }
+    fn image_seed(&self, index: usize, stamp: Stamp) -> u64 {
+        hash(hash(self.spec.seed, CAMERA_STREAM), stamp.0 as u64 ^ index as u64)
+    }
+}

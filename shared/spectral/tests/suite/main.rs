@@ -1,0 +1,5 @@
+//! Calibration and demosaicing on synthetic scenes and real frames.
+
+mod demosaic;
+mod real_mosaic;
+mod reflectance;

@@ -1,0 +1,129 @@
+//! The command line that every stage's program has.
+
+use crate::program::Program;
+use crate::{Port, exit};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// `--describe` without a request.
+pub(crate) const NO_REQUEST: &str = "";
+
+#[derive(Parser)]
+#[command(arg_required_else_help = true)]
+pub(crate) struct CommandLine {
+    /// Print inputs, outputs and settings as JSON; with REQUEST, as the launch file of the request sets them
+    #[arg(long, value_name = "REQUEST", num_args = 0..=1, default_missing_value = NO_REQUEST, conflicts_with = "check")]
+    pub(crate) describe: Option<String>,
+    /// Print the problems of a launch file's table as JSON
+    #[arg(long, value_name = "REQUEST")]
+    pub(crate) check: Option<String>,
+    #[command(subcommand)]
+    pub(crate) action: Option<Action>,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Action {
+    /// Run as the supervisor's assignment says; or alone, on a recording of the inputs
+    ///
+    /// Alone, the stage reads its inputs from a recording (a source: from a drive), writes its outputs into another recording
+    /// and reports what the steps cost. It needs no supervisor and no shared memory.
+    Run(RunArguments),
+}
+
+#[derive(Args)]
+pub(crate) struct RunArguments {
+    /// File of the supervisor
+    #[arg(conflicts_with_all = ["recording", "record", "launch", "overrides", "drive", "output", "json"])]
+    pub(crate) assignment: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) alone: AloneArguments,
+}
+
+#[derive(Args)]
+pub(crate) struct AloneArguments {
+    /// Recording of the inputs
+    #[arg(long, value_name = "IN.mcap")]
+    pub(crate) recording: Option<PathBuf>,
+    /// Recording of the outputs; created
+    #[arg(long, value_name = "OUT.mcap")]
+    pub(crate) record: Option<PathBuf>,
+    /// Launch file with the settings; defaults without
+    #[arg(long, value_name = "launch.toml")]
+    pub(crate) launch: Option<PathBuf>,
+    /// Override a key of the launch file; !TABLE.KEY removes it
+    #[arg(long = "set", value_name = "TABLE.KEY=VALUE")]
+    pub(crate) overrides: Vec<String>,
+    /// Drive that a source reads
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) drive: Option<PathBuf>,
+    /// Folder for results that are files
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) output: Option<PathBuf>,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The arguments of this process, or the exit code after help or a usage error has been printed.
+pub(crate) fn parse(program: &dyn Program) -> Result<CommandLine, u8> {
+    let parsed = command(program).try_get_matches().and_then(|matches| CommandLine::from_arg_matches(&matches));
+    parsed.map_err(|error| print(&error))
+}
+
+/// Prints a usage error; the exit code.
+pub(crate) fn usage(program: &dyn Program, text: &str) -> u8 {
+    print(&command(program).error(ErrorKind::ValueValidation, text))
+}
+
+/// Prints an answer; the exit code.
+pub(crate) fn print_json<T: Serialize>(value: &T) -> u8 {
+    match serde_json::to_string(value) {
+        Ok(text) => {
+            println!("{text}");
+            exit::DONE
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            exit::FAILED
+        }
+    }
+}
+
+fn print(error: &clap::Error) -> u8 {
+    // Without a terminal or a pipe there is nowhere to print it.
+    let _ = error.print();
+    if error.exit_code() == 0 { exit::DONE } else { exit::USAGE }
+}
+
+fn command(program: &dyn Program) -> clap::Command {
+    CommandLine::command()
+        .name(program.name())
+        .about(format!("Stage {} of REPLICA. The supervisor, replica-launch, starts it.", program.name()))
+        .after_help(reference(program))
+}
+
+/// Topics and settings of a stage.
+fn reference(program: &dyn Program) -> String {
+    let topics = |ports: &[Port]| match ports {
+        [] => "none".to_owned(),
+        ports => ports.iter().map(Port::topic).collect::<Vec<_>>().join(", "),
+    };
+    let mut text = format!("Inputs: {}\nOutputs: {}", topics(&program.inputs()), topics(&program.outputs()));
+    let fields = program.fields();
+    if fields.is_empty() {
+        return text;
+    }
+    // Writing to a string cannot fail.
+    let _ = write!(text, "\n\nSettings in [{}] of launch.toml:", program.name());
+    for field in fields {
+        let _ = write!(text, "\n  {} = {} ({})", field.key, field.default, field.kind);
+        let texts = [field.meaning.trim(), field.rule.trim()];
+        for line in texts.into_iter().filter(|text| !text.is_empty()) {
+            let _ = write!(text, "\n      {line}");
+        }
+    }
+    text
+}

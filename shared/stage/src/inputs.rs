@@ -1,0 +1,43 @@
+//! What a step reads.
+
+use crate::StepError;
+use ipc::Received;
+use messages::Message;
+use std::any::Any;
+use std::collections::BTreeMap;
+
+/// All messages of one tick.
+#[derive(Default)]
+pub struct Inputs {
+    by_topic: BTreeMap<&'static str, Box<dyn Any>>,
+}
+
+impl Inputs {
+    /// The tick's messages of `T` in the order they were published; empty if there are none left.
+    pub fn take<T: Message>(&mut self) -> Vec<Received<T>> {
+        self.by_topic
+            .get_mut(T::TOPIC)
+            .and_then(|messages| messages.downcast_mut::<Vec<Received<T>>>())
+            .map(std::mem::take)
+            .unwrap_or_default()
+    }
+    pub(crate) fn push<T: Message>(&mut self, message: Received<T>) {
+        let messages = self.by_topic.entry(T::TOPIC).or_insert_with(|| Box::new(Vec::<Received<T>>::new()));
+        if let Some(messages) = messages.downcast_mut::<Vec<Received<T>>>() {
+            messages.push(message);
+        }
+    }
+    /// The first message of `T`, which stays.
+    pub(crate) fn first<T: Message>(&self) -> Option<&Received<T>> {
+        self.by_topic.get(T::TOPIC)?.downcast_ref::<Vec<Received<T>>>()?.first()
+    }
+    pub(crate) fn is_empty(&self) -> bool {
+        self.by_topic.is_empty()
+    }
+}
+
+/// Adds a message that was kept as bytes to the inputs.
+pub(crate) fn push_bytes<T: Message>(inputs: &mut Inputs, bytes: &[u8]) -> Result<(), StepError> {
+    inputs.push::<T>(Received::from_bytes(bytes)?);
+    Ok(())
+}

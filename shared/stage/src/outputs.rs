@@ -1,0 +1,176 @@
+//! What a step writes.
+
+use crate::StepError;
+use ipc::{Loan, Received};
+use messages::{Envelope, Message, TickRow};
+use run::health::{Pulse, Traffic};
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Notes of a stage: the heartbeat that carries them has 64 KiB, and an operator reads no more.
+const MAX_NOTES: usize = 32;
+const MAX_NOTE_CHARS: usize = 300;
+
+/// Where a step's results go.
+#[derive(Default)]
+pub struct Outputs {
+    pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
+    pub(crate) counters: BTreeMap<String, u64>,
+    pub(crate) notes: Vec<String>,
+    pub(crate) drive_time: Option<i64>,
+    pub(crate) progress: Option<f64>,
+    /// Of the process, if there is one.
+    pub(crate) pulse: Option<Arc<Pulse>>,
+}
+
+impl Outputs {
+    fn output<T: Message>(&mut self) -> Result<&mut dyn Output<T>, StepError> {
+        let output = self
+            .by_topic
+            .get_mut(T::TOPIC)
+            .ok_or_else(|| StepError::contract(format!("topic {} is not among the stage's outputs", T::TOPIC)))?;
+        match output.as_any().downcast_mut::<TypedOutput<T>>() {
+            Some(output) => Ok(&mut *output.0),
+            None => Err(StepError::contract(format!("topic {} has another type", T::TOPIC))),
+        }
+    }
+
+    /// A slot for at most `capacity` rows. Memory that is never written is never used.
+    pub fn loan<T: Message>(&mut self, capacity: usize) -> Result<Loan<T>, StepError> {
+        self.output::<T>()?.loan(capacity)
+    }
+
+    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full.
+    pub fn publish<T: Message>(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
+        self.publish_as(loan, stamp, None)
+    }
+
+    /// Publishes a column of submap `seq`. Columns are published in the order of submaps, one for each; live, one for each
+    /// submap that has arrived.
+    pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {
+        self.publish_as(loan, stamp, Some(seq))
+    }
+
+    fn publish_as<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
+        let output = self.output::<T>()?;
+        if let Some(seq) = seq {
+            // After a restart from an older state, a stage processes submaps again that the process before it published.
+            if !output.skip_to(seq) {
+                self.count("columns_published_before", 1);
+                return Ok(());
+            }
+            let next = output.next_seq();
+            if seq != next {
+                let text = format!("{} for submap {seq} published when that of {next} was due", T::TOPIC);
+                return Err(StepError::contract(text));
+            }
+        }
+        output.publish(loan, stamp)
+    }
+
+    /// Reports progress within a step that takes long: the time after which the step counts as stalled starts again.
+    pub fn mark_progress(&self) {
+        if let Some(pulse) = &self.pulse {
+            pulse.mark_progress();
+        }
+    }
+
+    /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.
+    pub fn count(&mut self, name: &'static str, n: u64) {
+        match self.counters.get_mut(name) {
+            Some(count) => *count += n,
+            None => drop(self.counters.insert(name.to_owned(), n)),
+        }
+    }
+
+    /// Reports a text to the operator, once per distinct text: in the log, the heartbeat and the run summary. The first 32
+    /// texts are kept, up to 300 characters each.
+    pub fn note(&mut self, text: impl Into<String>) {
+        let text: String = text.into().chars().take(MAX_NOTE_CHARS).collect();
+        if self.notes.contains(&text) {
+            return;
+        }
+        if self.notes.len() < MAX_NOTES {
+            self.notes.push(text);
+        } else {
+            self.count("notes_left_out", 1);
+        }
+    }
+
+    /// Sources only: the drive's time at this tick. Barriers and rates depend on it.
+    pub fn set_drive_time(&mut self, stamp: i64) {
+        self.drive_time = Some(stamp);
+    }
+
+    /// Sources only: share of the drive that has been read, 0 to 1.
+    pub fn set_progress(&mut self, share: f64) {
+        self.progress = Some(share.clamp(0.0, 1.0));
+    }
+}
+
+/// An output of the topic of `T`.
+pub(crate) trait Output<T: Message> {
+    fn loan(&self, capacity: usize) -> Result<Loan<T>, StepError>;
+    fn publish(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError>;
+    fn next_seq(&self) -> u64;
+    /// Live: columns are numbered by the submaps that arrived. `false` if this one has been published.
+    fn skip_to(&mut self, _seq: u64) -> bool {
+        true
+    }
+    /// Hands over what was published and is kept in memory: envelope, header, rows.
+    fn take_published(&mut self, _take: &mut PublishedSink<'_>) -> Result<(), StepError> {
+        Ok(())
+    }
+    /// The same as messages.
+    fn take_messages(&mut self) -> Vec<Received<T>> {
+        Vec::new()
+    }
+    /// What the runner needs of an output in shared memory.
+    fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
+        None
+    }
+}
+
+/// An output as the runner sees it.
+pub(crate) trait TickedOutput {
+    fn topic(&self) -> &str;
+    /// Whether all consumers are there.
+    fn connect(&self) -> Result<bool, StepError>;
+    /// Publishes that the tick is complete.
+    fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError>;
+    /// Whether consumers have taken everything.
+    fn is_drained(&mut self) -> Result<bool, StepError>;
+    /// Continues the numbers of what was published before this process began.
+    fn resume(&mut self, published: Traffic);
+    fn traffic(&self) -> Traffic;
+    /// Updates the number of messages that wait for a consumer in the heartbeat.
+    fn note_waiting(&mut self) -> Result<(), StepError>;
+}
+
+/// An output whose type only the step knows: a [`TypedOutput`].
+pub(crate) trait AnyOutput {
+    fn as_any(&mut self) -> &mut dyn Any;
+    /// See [`Output::take_published`].
+    fn take_published(&mut self, take: &mut PublishedSink<'_>) -> Result<(), StepError>;
+    /// See [`Output::ticked`].
+    fn ticked(&mut self) -> Option<&mut dyn TickedOutput>;
+}
+
+/// Takes over a message: envelope, header, rows.
+pub(crate) type PublishedSink<'a> = dyn FnMut(&Envelope, &[u8], &[u8]) -> Result<(), StepError> + 'a;
+
+/// What an [`AnyOutput`] is.
+pub(crate) struct TypedOutput<T: Message>(pub(crate) Box<dyn Output<T>>);
+
+impl<T: Message> AnyOutput for TypedOutput<T> {
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
+    }
+    fn take_published(&mut self, take: &mut PublishedSink<'_>) -> Result<(), StepError> {
+        self.0.take_published(take)
+    }
+    fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
+        self.0.ticked()
+    }
+}

@@ -1,0 +1,67 @@
+//! A stage's state: a part of its own, then messages as they are.
+
+use crate::state::{decode_state, encode_state};
+use crate::{Received, StateError, StepError};
+use messages::Message;
+use serde::{Serialize, de::DeserializeOwned};
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+/// What [`crate::Stage::save`] returns: bytes in consecutive pieces. A message that the stage holds is a piece that is written
+/// from shared memory without a copy, because a window of images has hundreds of megabytes.
+#[derive(Debug, Default)]
+pub struct StateBytes<'a> {
+    pieces: Vec<Cow<'a, [u8]>>,
+    files: Vec<PathBuf>,
+}
+
+impl From<Vec<u8>> for StateBytes<'_> {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self { pieces: vec![bytes.into()], files: Vec::new() }
+    }
+}
+
+impl<'a> StateBytes<'a> {
+    /// A state whose messages follow `head`: [`encode_state`] behind its length (u32, little-endian). [`decode_head`] is the inverse.
+    pub fn with_head<S: Serialize>(version: u32, head: &S) -> Result<Self, StateError> {
+        let head = encode_state(version, head)?;
+        Ok(Self { pieces: vec![(head.len() as u32).to_le_bytes().to_vec().into(), head.into()], files: Vec::new() })
+    }
+    /// Appends a message. [`next_message`] is the inverse.
+    pub fn push<T: Message>(&mut self, message: &'a Received<T>) {
+        self.pieces.extend(message.parts().map(Cow::Borrowed));
+    }
+    /// Appends bytes without a copy.
+    pub fn push_bytes(&mut self, bytes: &'a [u8]) {
+        self.pieces.push(Cow::Borrowed(bytes));
+    }
+    /// Files that the state refers to. They are synced to the disk before the state counts as saved.
+    pub fn rely_on(&mut self, files: impl IntoIterator<Item = PathBuf>) {
+        self.files.extend(files);
+    }
+    /// The files of [`StateBytes::rely_on`].
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+    /// The pieces in their order.
+    pub fn pieces(&self) -> impl Iterator<Item = &[u8]> {
+        self.pieces.iter().map(|piece| &**piece)
+    }
+    /// All pieces in one.
+    pub fn to_vec(&self) -> Vec<u8> {
+        self.pieces.concat()
+    }
+}
+
+/// The head of [`StateBytes::with_head`], and the bytes of the messages after it.
+pub fn decode_head<S: DeserializeOwned>(version: u32, state: &[u8]) -> Result<(S, &[u8]), StateError> {
+    let foreign = || StateError::Foreign(state.len());
+    let (len, rest) = state.split_first_chunk::<4>().ok_or_else(foreign)?;
+    let (head, messages) = rest.split_at_checked(u32::from_le_bytes(*len) as usize).ok_or_else(foreign)?;
+    Ok((decode_state(version, head)?, messages))
+}
+
+/// Takes the first message of `bytes`.
+pub fn next_message<T: Message>(bytes: &mut &[u8]) -> Result<Received<T>, StepError> {
+    Ok(Received::take_from(bytes)?)
+}

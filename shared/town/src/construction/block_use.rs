@@ -1,0 +1,34 @@
+//! What the blocks between streets are used for.
+
+use crate::kind::Town;
+use crate::streets::network::Network;
+use random::Random;
+
+/// What is between four streets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockUse {
+    /// Houses around a yard.
+    Houses,
+    /// Houses in gardens.
+    Gardens,
+    /// Open and paved: a fountain, stalls, trees, people.
+    Square,
+    /// Lawns and trees behind a fence.
+    Park,
+}
+
+impl BlockUse {
+    /// The uses of a town's blocks: one in seven is a square, one in seven a park.
+    pub fn of_blocks(network: &Network, kind: Town, random: &mut Random) -> Vec<Self> {
+        let usual = if kind == Town::Urban { Self::Houses } else { Self::Gardens };
+        let draw = |random: &mut Random| match random.index(7) {
+            0 if kind == Town::Urban => Self::Square,
+            1 => Self::Park,
+            _ => usual,
+        };
+        network.blocks.iter().map(|_| draw(random)).collect()
+    }
+    pub const fn has_houses(self) -> bool {
+        matches!(self, Self::Houses)
+    }
+}

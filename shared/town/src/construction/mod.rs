@@ -1,0 +1,17 @@
+//! Construction of a town: what is built where, in which order.
+
+pub mod block_use;
+pub mod build;
+mod crossings;
+mod gardens;
+pub mod ground;
+mod junction;
+mod kerbside;
+mod open_blocks;
+mod parking;
+pub mod reach;
+mod rows;
+mod rural;
+pub mod tour;
+pub mod town_builder;
+mod traffic;

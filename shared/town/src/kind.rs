@@ -1,0 +1,43 @@
+//! The kinds of towns.
+
+/// The kind of town.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Town {
+    /// Blocks of houses, squares and parks; crossings with lights.
+    Urban,
+    /// Houses in gardens along curved roads.
+    Suburban,
+    /// A country road: village, fields, forest, tunnel, level crossing, canal, farms.
+    Rural,
+    /// The same road between open fields: nothing stands near it but at its village.
+    Field,
+    /// The same road through tunnels; the drive begins before the first one.
+    Tunnel,
+}
+
+impl Town {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [Self::Urban, Self::Suburban, Self::Rural, Self::Field, Self::Tunnel];
+
+    /// Name in launch files and on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Urban => "urban",
+            Self::Suburban => "suburban",
+            Self::Rural => "rural",
+            Self::Field => "field",
+            Self::Tunnel => "tunnel",
+        }
+    }
+
+    /// One line about the town, for help texts.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Urban => "blocks of houses, squares and parks; a round of 1.5 km",
+            Self::Suburban => "houses in gardens along curved roads; a round of 1.5 km",
+            Self::Rural => "a country road with village, fields, forest, tunnel, level crossing, canal and farms",
+            Self::Field => "a country road through open fields: degenerate geometry for odometry",
+            Self::Tunnel => "a country road through tunnels of 110 m and more; the drive begins before the first one",
+        }
+    }
+}

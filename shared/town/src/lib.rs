@@ -1,0 +1,43 @@
+//! Procedural towns: terrain, streets, houses, vegetation, vehicles and people, each with class, instance and material.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`terrain`](Terrain), `streets` | terrain, street map and lanes |
+//! | `construction` | what is built where, and in which order |
+//! | `models` | geometry of each kind of object |
+//! | `movers`, `path`, `speed_profile` | what moves, where and when |
+//! | [`material`], [`spectrum`] | reflectance and texture of surfaces |
+//! | `scene` | the finished town, for ray casts |
+//!
+//! A town is determined by its [`Town`] kind, its seed and the length of the drive. This crate does not know sensors.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+pub mod catalogue;
+mod construction;
+mod kind;
+pub mod material;
+mod models;
+mod movers;
+pub mod noise;
+mod path;
+mod scene;
+mod scene_builder;
+pub mod spectrum;
+mod speed_profile;
+mod spline;
+mod streets;
+mod surface;
+mod terrain;
+
+pub use construction::build::{Drive, build};
+pub use kind::Town;
+pub use material::Material;
+pub use movers::mover::{Mover, Route, Timing};
+pub use path::GroundPath;
+pub use scene::{Scene, SceneHit, Snapshot};
+pub use spectrum::Spectrum;
+pub use speed_profile::{Driver, SpeedProfile};
+pub use streets::profile::LANE_T;
+pub use surface::Surface;
+pub use terrain::{MAX_SLOPE, Terrain};

@@ -1,0 +1,9 @@
+//! The street map: cross-sections, streets, the network that they form, and lanes through it.
+
+pub mod country;
+pub mod grid;
+pub mod lane;
+pub mod network;
+pub mod paving;
+pub mod profile;
+pub mod street;

@@ -1,0 +1,3 @@
+//! Tests of towns through the public interface.
+
+mod materials;

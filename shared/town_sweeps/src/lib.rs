@@ -1,0 +1,19 @@
+//! Lidar sweeps of simulated towns with the class of every point, simulated on demand. Models are trained and evaluated on them.
+
+mod drive;
+mod error;
+mod mount;
+mod submap;
+
+pub use drive::TownDrive;
+pub use error::TownSweepsError;
+pub use mount::Mount;
+pub use submap::TownSubmap;
+
+use simulation::Town;
+
+/// The kind of town of this name.
+pub fn town_from_name(name: &str) -> Result<Town, TownSweepsError> {
+    let town = Town::ALL.into_iter().find(|town| town.name() == name);
+    town.ok_or_else(|| TownSweepsError::UnknownTown { name: name.to_owned() })
+}

@@ -1,0 +1,3 @@
+//! Properties of the simulated sweeps.
+
+mod submaps;

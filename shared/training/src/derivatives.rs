@@ -1,0 +1,7 @@
+//! Derivatives of the kernels of `segmentation::engine`.
+
+mod convolution;
+mod resample;
+
+pub use convolution::{input_gradient, transposed_filters, weight_gradient};
+pub use resample::{max_pool_gradient, upsample_gradient};

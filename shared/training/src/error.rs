@@ -1,0 +1,35 @@
+//! Errors of training.
+
+use segmentation::SegmentationError;
+use std::path::PathBuf;
+
+/// A training that cannot begin, continue or resume.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// The network or a file of weights cannot be used.
+    #[error(transparent)]
+    Segmentation(#[from] SegmentationError),
+    /// A tensor operation failed.
+    #[error("tensor operation: {0}")]
+    Compute(#[from] candle_core::Error),
+    /// There is no variable of this name.
+    #[error("no variable `{name}`")]
+    NoVariable {
+        /// Name of the variable.
+        name: String,
+    },
+    /// The filters of a tensor do not have mean zero, so that they cannot be standardized filters.
+    #[error("tensor `{name}`: the mean of a filter is not zero; such weights can run, but cannot be trained further")]
+    NotStandardized {
+        /// Name of the tensor.
+        name: String,
+    },
+    /// The file is not a checkpoint of this training.
+    #[error("{}: {reason}", path.display())]
+    Checkpoint {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is different, and what to do.
+        reason: &'static str,
+    },
+}

@@ -1,0 +1,26 @@
+//! Training of the networks of the crate `segmentation`.
+//!
+//! [`Trainer`] draws batches from a [`Dataset`], computes a [`Loss`] and its derivatives ([`Differential`] runs a network on the
+//! kernels of `segmentation` and records it), and changes [`Variables`] with [`Adam`]. After each epoch it validates, keeps the
+//! best weights, and can write a checkpoint from which training resumes exactly.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod adam;
+mod curves;
+pub mod derivatives;
+mod differential;
+mod error;
+mod losses;
+mod pixels;
+mod trainer;
+mod variables;
+
+pub use adam::Adam;
+pub use curves::{Curves, Epoch};
+pub use differential::{Differential, Recording};
+pub use error::TrainingError;
+pub use losses::{Hierarchy, Loss};
+pub use segmentation::{Dataset, Example, UNKNOWN};
+pub use trainer::{Progress, TrainSettings, Trainer};
+pub use variables::Variables;

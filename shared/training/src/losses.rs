@@ -1,0 +1,168 @@
+//! Losses for segmentation (thesis chapter 5 and section 6.4.2), on candle.
+//!
+//! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is a pixel without label, which is ignored. Sums
+//! are taken over all pixels of the batch before any division.
+
+mod hierarchy;
+
+pub use hierarchy::Hierarchy;
+
+use candle_core::{D, DType, Result, Tensor};
+use serde::{Deserialize, Serialize};
+
+/// Added to numerator and denominator of the set losses, pixels: an absent class that is not predicted costs nothing.
+const EPSILON: f64 = 1.0;
+
+/// Added to probabilities before their logarithm.
+const MIN_PROBABILITY: f64 = 1e-7;
+
+/// A loss function.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Loss {
+    /// Cross-entropy, mean over pixels.
+    CrossEntropy,
+    /// Cross-entropy with a weight per class, weighted mean.
+    WeightedCrossEntropy {
+        /// Weights of the classes, above 0.
+        weights: Vec<f32>,
+    },
+    /// Cross-entropy of each pixel times (1 - p)^gamma (Lin et al. 2017).
+    Focal {
+        /// At least 0; 0 is cross-entropy.
+        gamma: f64,
+    },
+    /// 1 - 2 |A n B| / (|A| + |B|), mean over classes.
+    Dice,
+    /// 1 - |A n B| / (|A n B| + alpha FP + beta FN), mean over classes (Salehi et al. 2017).
+    Tversky {
+        /// Cost of a false positive. 1 with `beta` 1 is Jaccard, 0.5 with `beta` 0.5 is Dice.
+        alpha: f64,
+        /// Cost of a false negative.
+        beta: f64,
+    },
+    /// 1 - |A n B| / |A u B|, mean over classes: eq. (5.1).
+    Jaccard,
+    /// 1 - sum(y p) / sum(y + p^power - y p), mean over classes: eq. (5.3). Its minimum is at the labels for powers in ]1, 2]
+    /// only.
+    PowerJaccard {
+        /// 1 is Jaccard.
+        power: f64,
+    },
+    /// Sum of cross-entropy and Power Jaccard.
+    CrossEntropyPowerJaccard {
+        /// Power of the second term.
+        power: f64,
+    },
+    /// Sum of weighted cross-entropy and Power Jaccard.
+    WeightedCrossEntropyPowerJaccard {
+        /// Weights of the classes in the first term, above 0.
+        weights: Vec<f32>,
+        /// Power of the second term.
+        power: f64,
+    },
+}
+
+/// One level of classes.
+struct Level {
+    /// Probabilities, pixels x classes.
+    p: Tensor,
+    /// Their logarithms.
+    log_p: Tensor,
+    /// One-hot labels, pixels x classes.
+    y: Tensor,
+}
+
+impl Loss {
+    /// The loss of logits (pixels x classes) against one-hot labels of the same shape.
+    ///
+    /// # Errors
+    /// If the shapes do not agree.
+    pub fn of_logits(&self, logits: &Tensor, y: &Tensor) -> Result<Tensor> {
+        self.of_level(&level(logits, y)?)
+    }
+
+    /// The sum of the loss on the classes and that on their nodes in the class tree: eq. (6.2), algorithm 3.
+    ///
+    /// # Errors
+    /// If the shapes do not agree.
+    pub fn of_hierarchy(&self, logits: &Tensor, y: &Tensor, hierarchy: &Hierarchy) -> Result<Tensor> {
+        let leaves = level(logits, y)?;
+        let nodes_of_leaves = hierarchy.matrix(logits.device())?.to_dtype(logits.dtype())?;
+        let p = leaves.p.matmul(&nodes_of_leaves)?;
+        let nodes = Level { log_p: (&p + MIN_PROBABILITY)?.log()?, p, y: y.matmul(&nodes_of_leaves)? };
+        // Weights of classes do not apply to nodes.
+        let of_nodes = match self {
+            Self::WeightedCrossEntropy { .. } => Self::CrossEntropy.of_level(&nodes)?,
+            Self::WeightedCrossEntropyPowerJaccard { power, .. } => {
+                Self::CrossEntropyPowerJaccard { power: *power }.of_level(&nodes)?
+            }
+            other => other.of_level(&nodes)?,
+        };
+        self.of_level(&leaves)? + of_nodes
+    }
+
+    fn of_level(&self, level: &Level) -> Result<Tensor> {
+        match self {
+            Self::CrossEntropy => mean_of_pixels(&(&level.y * &level.log_p)?.neg()?, &level.y),
+            Self::WeightedCrossEntropy { weights } => {
+                let weights = Tensor::new(weights.as_slice(), level.y.device())?.to_dtype(level.y.dtype())?;
+                let weighted = level.y.broadcast_mul(&weights)?;
+                mean_of_pixels(&(&weighted * &level.log_p)?.neg()?, &weighted)
+            }
+            Self::WeightedCrossEntropyPowerJaccard { weights, power } => {
+                let entropy = Self::WeightedCrossEntropy { weights: weights.clone() }.of_level(level)?;
+                entropy + level.power_jaccard(*power)?
+            }
+            Self::Focal { gamma } => {
+                let hard = (level.p.affine(-1.0, 1.0 + MIN_PROBABILITY))?.powf(*gamma)?;
+                mean_of_pixels(&((&level.y * hard)? * &level.log_p)?.neg()?, &level.y)
+            }
+            Self::Dice => level.tversky(0.5, 0.5),
+            Self::Tversky { alpha, beta } => level.tversky(*alpha, *beta),
+            Self::Jaccard => level.tversky(1.0, 1.0),
+            Self::PowerJaccard { power } => level.power_jaccard(*power),
+            Self::CrossEntropyPowerJaccard { power } => {
+                Self::CrossEntropy.of_level(level)? + level.power_jaccard(*power)?
+            }
+        }
+    }
+}
+
+fn level(logits: &Tensor, y: &Tensor) -> Result<Level> {
+    // The largest logit is subtracted, without a derivative, so that no exponential overflows.
+    let largest = logits.detach().max_keepdim(D::Minus1)?;
+    let shifted = logits.broadcast_sub(&largest)?;
+    let log_sum = shifted.exp()?.sum_keepdim(D::Minus1)?.log()?;
+    let log_p = shifted.broadcast_sub(&log_sum)?;
+    Ok(Level { p: log_p.exp()?, log_p, y: y.clone() })
+}
+
+/// Sum of all elements over the sum of `y`.
+fn mean_of_pixels(values: &Tensor, y: &Tensor) -> Result<Tensor> {
+    let n = y.sum_all()?.to_dtype(DType::F64)?.to_scalar::<f64>()?;
+    values.sum_all()? / n.max(f64::from(f32::MIN_POSITIVE))
+}
+
+impl Level {
+    /// Probabilities of labeled pixels, zero elsewhere.
+    fn labeled(&self) -> Result<Tensor> {
+        self.p.broadcast_mul(&self.y.sum_keepdim(D::Minus1)?)
+    }
+    fn tversky(&self, alpha: f64, beta: f64) -> Result<Tensor> {
+        let (p, y) = (self.labeled()?, &self.y);
+        let both = (&p * y)?.sum(0)?;
+        let false_positives = (p.sum(0)? - &both)?;
+        let false_negatives = (y.sum(0)? - &both)?;
+        let either = ((&both + (false_positives * alpha)?)? + (false_negatives * beta)?)?;
+        (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
+    }
+    fn power_jaccard(&self, power: f64) -> Result<Tensor> {
+        let (p, y) = (self.labeled()?, &self.y);
+        let both = (&p * y)?.sum(0)?;
+        // y is 0 or 1, so its power is y. A square is the usual power, and much faster than `powf`.
+        let raised = if power == 2.0 { p.sqr()? } else { p.powf(power)? };
+        let either = ((y.sum(0)? + raised.sum(0)?)? - &both)?;
+        (((both + EPSILON)? / (either + EPSILON)?)?.neg()? + 1.0)?.mean_all()
+    }
+}

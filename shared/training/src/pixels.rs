@@ -1,0 +1,45 @@
+//! Conversion between the pixels of a batch of images and rows of class values.
+
+use segmentation::engine::{LANES, Planes};
+
+/// Layout of pixels in outputs: the channels hold `fold` neighboring columns.
+pub(crate) struct Pixels {
+    /// Channels per pixel.
+    pub(crate) n_classes: usize,
+    /// Pixels per column.
+    pub(crate) fold: usize,
+    /// Pixels per image. Indices of pixels continue from image to image, in raster order.
+    pub(crate) of_image: usize,
+}
+
+impl Pixels {
+    /// Image, row, column and first channel of a pixel.
+    fn position(&self, pixel: u32, outputs: &[&Planes]) -> [usize; 4] {
+        let (image, within) = (pixel as usize / self.of_image, pixel as usize % self.of_image);
+        let columns = outputs[image].width() * self.fold;
+        let (row, column) = (within / columns, within % columns);
+        [image, row, column / self.fold, column % self.fold * self.n_classes]
+    }
+    /// The channels of these pixels, pixel by pixel.
+    pub(crate) fn gather(&self, outputs: &[&Planes], pixels: &[u32]) -> Vec<f32> {
+        let mut rows = Vec::with_capacity(pixels.len() * self.n_classes);
+        for &pixel in pixels {
+            let [image, row, column, first] = self.position(pixel, outputs);
+            let value = |channel: usize| outputs[image].row(channel / LANES, row)[column][channel % LANES];
+            rows.extend((first..first + self.n_classes).map(value));
+        }
+        rows
+    }
+    /// Images of the size of the outputs, with these rows at the pixels and zeros elsewhere.
+    pub(crate) fn scatter(&self, rows: &[f32], pixels: &[u32], outputs: &[&Planes]) -> Vec<Planes> {
+        let zeros = |output: &&Planes| Planes::zeros(output.channels(), output.height(), output.width());
+        let mut images: Vec<Planes> = outputs.iter().map(zeros).collect();
+        for (values, &pixel) in rows.chunks_exact(self.n_classes).zip(pixels) {
+            let [image, row, column, first] = self.position(pixel, outputs);
+            for (channel, value) in (first..).zip(values) {
+                images[image].row_mut(channel / LANES, row)[column][channel % LANES] = *value;
+            }
+        }
+        images
+    }
+}

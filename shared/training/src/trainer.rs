@@ -1,0 +1,253 @@
+//! The training loop: batches from a data set, Adam, validation, early stopping.
+
+mod checkpoint;
+mod evaluation;
+
+use crate::adam::Adam;
+use crate::curves::{Curves, Epoch};
+use crate::differential::{Differential, Recording};
+use crate::losses::{Hierarchy, Loss};
+use crate::pixels::Pixels;
+use crate::variables::Variables;
+use crate::{Dataset, Example, TrainingError, UNKNOWN};
+use candle_core::{Device, Tensor, Var};
+use random::Random;
+use rayon::prelude::*;
+use segmentation::SegmentationError;
+use segmentation::engine::{Border, Feature, Planes};
+use segmentation::network::Weights;
+use serde::{Deserialize, Serialize};
+
+/// Settings of a training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainSettings {
+    /// Seed of the initial weights, the order of the examples, and augmentation.
+    pub seed: u64,
+    /// Largest number of passes over the data.
+    pub epochs: usize,
+    /// Examples per step.
+    pub batch: usize,
+    /// Learning rate of Adam. It rises from 0 during the first hundredth of all steps and falls to 0 along half a cosine.
+    pub learning_rate: f64,
+    /// Decay of the exponential mean of the variables over the steps, at least 0 and below 1. The mean is validated and kept (Polyak
+    /// and Juditsky 1992); 0 keeps the variables themselves.
+    #[serde(default)]
+    pub average: f64,
+    /// Training ends if validation has not improved for this number of epochs.
+    pub patience: usize,
+    /// The loss function.
+    pub loss: Loss,
+    /// Whether the loss is added for the nodes of the class tree of thesis figure 6.11.
+    #[serde(default)]
+    pub hierarchy: bool,
+    /// Labeled pixels per step that the loss uses, drawn at random; 0 for all.
+    #[serde(default)]
+    pub pixels: usize,
+}
+
+impl TrainSettings {
+    /// The first violated rule, if any.
+    pub fn problem(&self) -> Option<String> {
+        let rules = [
+            ((1..=100_000).contains(&self.epochs), format!("epochs = {}, must be 1 to 100000", self.epochs)),
+            ((1..=1024).contains(&self.batch), format!("batch = {}, must be 1 to 1024", self.batch)),
+            (
+                self.learning_rate > 0.0 && self.learning_rate <= 1.0,
+                format!("learning_rate = {}, must be above 0 and at most 1", self.learning_rate),
+            ),
+            (self.patience > 0, format!("patience = {}, must be at least 1", self.patience)),
+            ((0.0..1.0).contains(&self.average), format!("average = {}, must be at least 0 and below 1", self.average)),
+        ];
+        rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text)
+    }
+}
+
+/// Share of all steps in which the learning rate rises.
+const WARM_UP: f64 = 0.01;
+
+/// A training in progress.
+pub struct Trainer {
+    settings: TrainSettings,
+    /// Number of classes.
+    n_classes: usize,
+    fold: usize,
+    border: Border,
+    tree: Option<Hierarchy>,
+    variables: Variables,
+    /// Exponential mean of the variables.
+    averaged: Variables,
+    adam: Adam,
+    curves: Curves,
+    best: Weights,
+    /// Prefixes of the names of variables that are not changed.
+    frozen: Vec<String>,
+}
+
+/// Receives the number of finished batches of an epoch, and the number of all.
+pub type Progress<'a> = &'a mut dyn FnMut(usize, usize);
+
+impl Trainer {
+    /// Begins a training with initial variables. One column of the network holds `fold` columns of labels. `tree` is used with
+    /// `hierarchy` in the settings.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn new(
+        settings: TrainSettings,
+        variables: Variables,
+        (n_classes, fold): (usize, usize),
+        border: Border,
+        tree: Hierarchy,
+    ) -> Result<Self, TrainingError> {
+        let best = variables.weights()?;
+        let tree = settings.hierarchy.then_some(tree);
+        let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
+        let averaged = variables.copied()?;
+        Ok(Self {
+            settings,
+            n_classes,
+            fold,
+            border,
+            tree,
+            variables,
+            averaged,
+            adam,
+            curves,
+            best,
+            frozen: Vec::new(),
+        })
+    }
+    /// Freezes the variables whose names have one of these prefixes: `["down."]` freezes the encoder.
+    pub fn freeze(&mut self, prefixes: Vec<String>) {
+        self.frozen = prefixes;
+    }
+    /// The learning curves.
+    pub fn curves(&self) -> &Curves {
+        &self.curves
+    }
+    /// The weights with the best validation.
+    pub fn best(&self) -> &Weights {
+        &self.best
+    }
+    /// A trainer with the best weights instead of the last, for evaluation.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn best_trainer(&self) -> Result<Self, TrainingError> {
+        let variables = Variables::from_weights(self.variables.spec(), &self.best)?;
+        let tree = self.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; self.n_classes]));
+        Self::new(self.settings.clone(), variables, (self.n_classes, self.fold), self.border, tree)
+    }
+    /// Whether all epochs are done, or validation has not improved within `patience`.
+    pub fn is_done(&self) -> bool {
+        let done = self.curves.epochs.len();
+        let since_best = self.curves.best().map_or(0, |(epoch, _)| done - 1 - epoch);
+        done >= self.settings.epochs || since_best >= self.settings.patience
+    }
+    /// One pass over the training data and one over the validation data.
+    ///
+    /// # Errors
+    /// If the data does not fit the network.
+    pub fn epoch(
+        &mut self,
+        data: &dyn Dataset,
+        validation: &dyn Dataset,
+        progress: Progress<'_>,
+    ) -> Result<(), TrainingError> {
+        let epoch = self.curves.epochs.len();
+        let order = Random::of_stream(self.settings.seed, 1 + 2 * epoch as u64).permutation(data.len());
+        let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
+        let mut sum = 0.0;
+        for (i, batch) in batches.iter().enumerate() {
+            self.adam.rate = self.learning_rate(epoch * batches.len() + i, self.settings.epochs * batches.len());
+            let random = |index: usize| Random::of_stream(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
+            let examples: Vec<Example> =
+                batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
+            sum +=
+                self.step(&examples, Random::of_stream(self.settings.seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
+            progress(i + 1, batches.len());
+        }
+        let (validation_loss, confusion) = self.evaluate(validation)?;
+        // Nine decimals: serde_json may change the last digit of longer numbers, and a resumed training must give the same values.
+        let rounded = |value: f64| (value * 1e9).round() / 1e9;
+        let [validation_loss, mean_iou, accuracy] =
+            [validation_loss, confusion.mean_iou().unwrap_or(0.0), confusion.overall_accuracy().unwrap_or(0.0)]
+                .map(rounded);
+        let is_best = self.curves.best().is_none_or(|(_, best)| mean_iou > best);
+        let loss = rounded(sum / batches.len().max(1) as f64);
+        self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
+        if is_best {
+            self.best = self.averaged.weights()?;
+        }
+        Ok(())
+    }
+    fn learning_rate(&self, step: usize, n_steps: usize) -> f64 {
+        let share = (step as f64 + 0.5) / n_steps as f64;
+        let fall = 0.5 * (1.0 + (std::f64::consts::PI * share).cos());
+        self.settings.learning_rate * fall * (share / WARM_UP).min(1.0)
+    }
+    /// One step of the optimizer. Returns the loss before it.
+    fn step(&mut self, examples: &[Example], mut random: Random) -> Result<f64, TrainingError> {
+        let truth: Vec<u8> = examples.iter().flat_map(|example| example.truth.iter().copied()).collect();
+        let mut known: Vec<u32> = (0..truth.len() as u32).filter(|&i| truth[i as usize] != UNKNOWN).collect();
+        if known.is_empty() {
+            return Ok(0.0);
+        }
+        let wanted = self.settings.pixels;
+        if wanted > 0 && wanted < known.len() {
+            for i in 0..wanted {
+                let other = i + random.index(known.len() - i);
+                known.swap(i, other);
+            }
+            known.truncate(wanted);
+        }
+        let weights = self.variables.weights()?;
+        let network = Differential::new(self.variables.spec(), &weights, self.border)?;
+        let streams: Vec<Random> = examples.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
+        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
+        let recordings: Vec<Recording> =
+            examples.par_iter().zip(streams).map(of_example).collect::<Result<_, SegmentationError>>()?;
+        let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
+        let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
+        let logits = pixels.gather(&outputs, &known);
+        let logits = Var::from_tensor(&Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?)?;
+        let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
+        let loss = self.loss_of_logits(&logits, &classes)?;
+        let by_logits = loss.backward()?.get(&logits).map(|by| by.flatten_all()?.to_vec1::<f32>()).transpose()?;
+        let by_outputs = pixels.scatter(&by_logits.unwrap_or_default(), &known, &outputs);
+        let backward = |(recording, by_output): (&Recording, Planes)| network.backward(recording, by_output);
+        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
+        let gradients = self.variables.gradients(&sum_of(by_filters))?;
+        self.adam.step(&self.variables, gradients, &self.frozen)?;
+        // In the first steps, the plain mean: the initial variables must not dominate.
+        let n = self.adam.steps() as f64;
+        self.averaged.move_to(&self.variables, 1.0 - self.settings.average.min((n - 1.0) / n))?;
+        Ok(f64::from(loss.to_scalar::<f32>()?))
+    }
+    /// Loss of logits, one row per pixel, against the class of each row.
+    fn loss_of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
+        let mut y = vec![0.0_f32; classes.len() * self.n_classes];
+        for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
+            row[usize::from(class)] = 1.0;
+        }
+        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), &Device::Cpu)?;
+        Ok(match &self.tree {
+            Some(tree) => self.settings.loss.of_hierarchy(logits, &y, tree)?,
+            None => self.settings.loss.of_logits(logits, &y)?,
+        })
+    }
+}
+
+/// Sums by layer, row and lane, in the order of the images.
+fn sum_of(by_images: Vec<Vec<Vec<Feature>>>) -> Vec<Vec<Feature>> {
+    let mut images = by_images.into_iter();
+    let mut sum = images.next().unwrap_or_default();
+    for by_layer in images {
+        for (sum, rows) in sum.iter_mut().zip(by_layer) {
+            let values = sum.as_flattened_mut().iter_mut().zip(rows.as_flattened());
+            values.for_each(|(sum, value)| *sum += value);
+        }
+    }
+    sum
+}

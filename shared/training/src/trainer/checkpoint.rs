@@ -1,0 +1,87 @@
+//! Checkpoints: a resumed training gives the same bytes as an uninterrupted one.
+
+use super::{TrainSettings, Trainer};
+use crate::TrainingError;
+use crate::curves::Curves;
+use candle_core::{Device, Tensor};
+use segmentation::network::{NetworkSpec, Weights};
+use segmentation::{ModelFile, encode_model};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const ARCHITECTURE: &str = "checkpoint";
+const VERSION: u32 = 2;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct State {
+    settings: TrainSettings,
+    network: NetworkSpec,
+    steps: u64,
+    curves: Curves,
+}
+
+impl Trainer {
+    /// The bytes of a checkpoint after the last epoch.
+    ///
+    /// # Errors
+    /// If the file cannot be encoded.
+    pub fn checkpoint(&self) -> Result<Vec<u8>, TrainingError> {
+        let mut tensors: BTreeMap<String, Tensor> = BTreeMap::new();
+        for (name, var) in self.variables.iter() {
+            tensors.insert(format!("variable.{name}"), var.as_tensor().clone());
+            let averaged = self.averaged.iter().find(|(of, _)| *of == name).map(|(_, var)| var.as_tensor().clone());
+            tensors.extend(averaged.map(|averaged| (format!("averaged.{name}"), averaged)));
+            if let Some(means) = self.adam.means.get(name) {
+                for (kind, values) in ["mean", "square"].into_iter().zip(means) {
+                    tensors.insert(format!("{kind}.{name}"), Tensor::from_slice(values, var.shape(), &Device::Cpu)?);
+                }
+            }
+        }
+        for (name, (shape, values)) in &self.best.tensors {
+            tensors.insert(format!("best.{name}"), Tensor::from_slice(values, shape.as_slice(), &Device::Cpu)?);
+        }
+        let state = State {
+            settings: self.settings.clone(),
+            network: self.variables.spec().clone(),
+            steps: self.adam.steps,
+            curves: self.curves.clone(),
+        };
+        let borrowed = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.clone())).collect();
+        Ok(encode_model(ARCHITECTURE, VERSION, &state, borrowed)?)
+    }
+
+    /// Continues from a checkpoint of the same settings and network.
+    ///
+    /// # Errors
+    /// If the file is not a complete checkpoint, or one of other settings or of another network.
+    pub fn resume(&mut self, path: &Path) -> Result<(), TrainingError> {
+        let file = ModelFile::read(path)?;
+        file.expect_version(VERSION)?;
+        let wrong = |reason| TrainingError::Checkpoint { path: path.into(), reason };
+        if file.card.architecture != ARCHITECTURE {
+            return Err(wrong("this file is a model, not a checkpoint"));
+        }
+        let state: State = file.settings()?;
+        if state.settings != self.settings || &state.network != self.variables.spec() {
+            return Err(wrong("checkpoint of another recipe; train into another folder, or remove the file"));
+        }
+        let mut means = BTreeMap::new();
+        for (name, var) in self.variables.iter() {
+            let shape = var.dims();
+            self.variables.set(name, file.tensor(&format!("variable.{name}"), shape)?, shape)?;
+            self.averaged.set(name, file.tensor(&format!("averaged.{name}"), shape)?, shape)?;
+            if state.steps > 0 && !self.frozen.iter().any(|prefix| name.starts_with(prefix)) {
+                let [mean, square] = ["mean", "square"].map(|kind| file.tensor(&format!("{kind}.{name}"), shape));
+                means.insert(name.to_owned(), [mean?, square?]);
+            }
+        }
+        let mut best = Weights::default();
+        for (name, (shape, _)) in &self.best.tensors {
+            best.tensors.insert(name.clone(), (shape.clone(), file.tensor(&format!("best.{name}"), shape)?));
+        }
+        (self.best, self.curves, self.adam.steps, self.adam.means) = (best, state.curves, state.steps, means);
+        Ok(())
+    }
+}

@@ -1,0 +1,8 @@
+//! Derivatives, losses, variables and the training loop.
+
+mod derivatives;
+mod gradients;
+mod losses;
+mod reference;
+mod trainer;
+mod variables;

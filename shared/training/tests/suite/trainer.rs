@@ -1,0 +1,141 @@
+//! The training loop: it learns, is reproducible, and resumes exactly.
+
+use random::Random;
+use segmentation::engine::{Border, LANES, Planes};
+use segmentation::network::NetworkSpec;
+use training::{Dataset, Example, Hierarchy, Loss, TrainSettings, Trainer, UNKNOWN, Variables};
+
+const SIZE: [usize; 2] = [4, 16];
+const CLASSES: usize = 3;
+
+/// Noise with a bright bar in each row. The classes are the bar, the pixel to the right of it, and all others: a single pixel is
+/// ambiguous.
+struct Bars(usize);
+
+impl Dataset for Bars {
+    fn len(&self) -> usize {
+        self.0
+    }
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
+        let [height, width] = SIZE;
+        let mut own = Random::of_stream(9, index as u64);
+        let mut input = Planes::zeros(1, height, width);
+        let mut truth = vec![0; height * width];
+        for y in 0..height {
+            let bar = own.index(width - 1);
+            for (x, pixel) in input.row_mut(0, y).iter_mut().enumerate() {
+                pixel[0] = 0.2 * own.gauss() + if x == bar { 2.0 } else { 0.0 };
+            }
+            truth[y * width + bar] = 1;
+            truth[y * width + bar + 1] = 2;
+        }
+        if let Some(random) = random {
+            truth[random.index(height * width)] = UNKNOWN;
+        }
+        input.fill_border(Border::Circular);
+        assert_eq!(input.row(0, 0)[0].len(), LANES);
+        Example { input, truth }
+    }
+}
+
+fn settings() -> TrainSettings {
+    TrainSettings {
+        seed: 4,
+        epochs: 6,
+        batch: 4,
+        learning_rate: 1e-2,
+        patience: 100,
+        loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
+        hierarchy: true,
+        average: 0.5,
+        pixels: 200,
+    }
+}
+
+fn trainer(settings: TrainSettings) -> Trainer {
+    let spec = NetworkSpec::Unet { inputs: 1, outputs: CLASSES, widths: vec![8, 8], head: None };
+    let variables = Variables::random(&spec, settings.seed).expect("variables");
+    let tree = Hierarchy::new(vec![0, 1, 1]);
+    Trainer::new(settings, variables, (CLASSES, 1), Border::Circular, tree).expect("a trainer")
+}
+
+fn train(trainer: &mut Trainer, epochs: usize) {
+    for _ in 0..epochs {
+        trainer.epoch(&Bars(32), &Bars(8), &mut |_, _| {}).expect("trains");
+    }
+}
+
+#[test]
+fn network_learns_classes_from_context() {
+    let mut trainer = trainer(TrainSettings { epochs: 30, ..settings() });
+    let (_, before) = trainer.evaluate(&Bars(8)).expect("evaluates");
+    train(&mut trainer, 30);
+    assert!(trainer.is_done());
+    let (_, after) = trainer.evaluate(&Bars(8)).expect("evaluates");
+    let (before, after) = (before.mean_iou().expect("some"), after.mean_iou().expect("some"));
+    assert!(before < 0.5 && after > 0.95, "{before} {after}");
+    assert_eq!(trainer.curves().csv().lines().count(), 31);
+    assert!(trainer.curves().svg().contains("mIoU"));
+}
+
+#[test]
+fn resumed_training_gives_same_bytes() {
+    let mut whole = trainer(settings());
+    train(&mut whole, 4);
+    let mut cut = trainer(settings());
+    train(&mut cut, 2);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("checkpoint.safetensors");
+    std::fs::write(&path, cut.checkpoint().expect("encodes")).expect("writes");
+    let mut resumed = trainer(settings());
+    resumed.resume(&path).expect("resumes");
+    train(&mut resumed, 2);
+    assert_eq!(resumed.checkpoint().expect("encodes"), whole.checkpoint().expect("encodes"));
+
+    let mut other = trainer(TrainSettings { learning_rate: 2e-2, ..settings() });
+    let error = other.resume(&path).expect_err("another recipe");
+    assert!(error.to_string().contains("another recipe"), "{error}");
+}
+
+#[test]
+fn number_of_threads_does_not_change_weights() {
+    let learned = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let mut trainer = trainer(settings());
+        pool.install(|| train(&mut trainer, 2));
+        trainer.best().clone()
+    };
+    assert!(learned(1) == learned(3));
+}
+
+#[test]
+fn frozen_variables_do_not_change() {
+    let mut trainer = trainer(settings());
+    trainer.freeze(vec!["down.".to_owned()]);
+    let before = trainer.best().clone();
+    train(&mut trainer, 1);
+    let after = trainer.best();
+    assert_eq!(before.tensors["down.0.0.weight"], after.tensors["down.0.0.weight"]);
+    assert_ne!(before.tensors["classes.weight"], after.tensors["classes.weight"]);
+}
+
+#[test]
+fn training_stops_without_improvement() {
+    // The learning rate is too small for f32: the weights do not change.
+    let mut trainer = trainer(TrainSettings { patience: 2, learning_rate: 1e-12, ..settings() });
+    let mut epochs = 0;
+    while !trainer.is_done() {
+        train(&mut trainer, 1);
+        epochs += 1;
+    }
+    assert_eq!(epochs, 3);
+}
+
+#[test]
+fn temperature_is_inside_of_search_range() {
+    let mut trainer = trainer(TrainSettings { epochs: 3, ..settings() });
+    train(&mut trainer, 3);
+    let temperature = trainer.temperature(&Bars(16)).expect("evaluates");
+    // The limits of the search range would not be a calibration.
+    assert!((0.51..3.6).contains(&temperature), "{temperature}");
+}

@@ -1,0 +1,3 @@
+//! The three stages, step by step.
+
+mod step;

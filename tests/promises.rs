@@ -1,0 +1,103 @@
+//! `docs/promises.md` and the tests agree. Part of the test binary `architecture`.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+const PAGE: &str = "docs/promises.md";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The code spans of the page that name a test: `module::…::function`.
+fn named_tests() -> BTreeSet<String> {
+    let page = std::fs::read_to_string(root().join(PAGE)).expect("the page exists");
+    let is_test = |span: &&str| {
+        let is_name = |part: &str| {
+            !part.is_empty() && part.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
+        };
+        span.contains("::") && span.split("::").all(is_name)
+    };
+    // Code spans are the odd pieces between back-ticks.
+    let spans = page.split('`').skip(1).step_by(2);
+    spans.filter(is_test).map(str::to_owned).collect()
+}
+
+fn source_files(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            source_files(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+/// The test functions of a source file.
+fn tests_of(file: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(file).expect("a source file");
+    let mut tests = Vec::new();
+    let mut is_marked = false;
+    for line in text.lines().map(str::trim_start) {
+        is_marked |= line.starts_with("#[test]") || line.starts_with("#[real_data::test");
+        if let Some(rest) = line.strip_prefix("fn ") {
+            if is_marked {
+                tests.extend(rest.split('(').next().map(str::to_owned));
+            }
+            is_marked = false;
+        }
+    }
+    tests
+}
+
+/// The files in which a test of this path may stand: a module of the suite, or files of a crate below the module's name.
+fn files_of(path: &[&str]) -> Vec<PathBuf> {
+    let (crate_or_module, modules) = path.split_first().expect("a path");
+    let of_suite = root().join(format!("tests/suite/{crate_or_module}.rs"));
+    if modules.is_empty() && of_suite.is_file() {
+        return vec![of_suite];
+    }
+    let mut files = Vec::new();
+    if *crate_or_module == "architecture" {
+        files.extend(["tests/architecture.rs", "tests/promises.rs"].map(|file| root().join(file)));
+    }
+    for folder in ["shared", "services", "tools"] {
+        source_files(&root().join(folder).join(crate_or_module), &mut files);
+    }
+    // A module is a file or a folder.
+    let has_module = |file: &PathBuf, module: &str| {
+        file.file_stem().is_some_and(|stem| stem == module)
+            || file.parent().is_some_and(|folder| folder.ends_with(module))
+    };
+    files.retain(|file| modules.iter().all(|module| has_module(file, module)));
+    files
+}
+
+#[test]
+fn named_tests_exist() {
+    let absent: Vec<String> = named_tests()
+        .into_iter()
+        .filter(|name| {
+            let parts: Vec<&str> = name.split("::").collect();
+            let (test, path) = parts.split_last().expect("a name");
+            !files_of(path).iter().any(|file| tests_of(file).iter().any(|found| found == test))
+        })
+        .collect();
+    assert!(absent.is_empty(), "{PAGE} names tests that do not exist: {absent:#?}");
+}
+
+#[test]
+fn process_tests_are_listed() {
+    let named = named_tests();
+    let mut files = Vec::new();
+    source_files(&root().join("tests/suite"), &mut files);
+    let mut unlisted = Vec::new();
+    for file in files {
+        let module = file.file_stem().expect("a name").to_string_lossy().into_owned();
+        let tests = tests_of(&file).into_iter().map(|test| format!("{module}::{test}"));
+        // Pages, not processes.
+        unlisted.extend(tests.filter(|test| !test.starts_with("documentation::") && !named.contains(test)));
+    }
+    assert!(unlisted.is_empty(), "{PAGE} does not list these process tests: {unlisted:#?}");
+}

@@ -1,0 +1,165 @@
+//! The pages under `docs/` agree with the tree: links resolve, and the settings page is what the stages describe.
+
+use replica_tests::binary;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+use std::process::Command;
+
+/// The stages in the order of the pipeline.
+const STAGES: [&str; 8] =
+    ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export", "replay"];
+
+/// Set to rewrite the settings page instead of comparing it.
+const WRITE: &str = "REPLICA_WRITE_DOCS";
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every page: those in the root, the model cards and all under `docs/`.
+fn pages() -> Vec<PathBuf> {
+    let root = root();
+    let mut pages: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "models/README.md"].map(|page| root.join(page)).into();
+    let mut folders = vec![root.join("docs")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("docs/ is readable") {
+            let path = entry.expect("docs/ is readable").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                pages.push(path);
+            }
+        }
+    }
+    pages.sort();
+    pages
+}
+
+/// The lines of a page outside of code blocks.
+fn prose(page: &Path) -> Vec<String> {
+    let text = fs::read_to_string(page).expect("a page is UTF-8 text");
+    let mut in_code = false;
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        if line.trim_start().starts_with("```") {
+            in_code = !in_code;
+        } else if !in_code {
+            lines.push(line.to_owned());
+        }
+    }
+    lines
+}
+
+/// The anchors that GitHub makes of the headings of a page.
+fn anchors(page: &Path) -> BTreeSet<String> {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    let mut anchors = BTreeSet::new();
+    for line in prose(page) {
+        let title = line.trim_start_matches('#');
+        if title.len() == line.len() || !title.starts_with(' ') {
+            continue;
+        }
+        let is_kept = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+        let anchor = title.trim().to_lowercase().chars().filter(is_kept).collect::<String>().replace(' ', "-");
+        let count = counts.entry(anchor.clone()).or_default();
+        anchors.insert(if *count == 0 { anchor } else { format!("{anchor}-{count}") });
+        *count += 1;
+    }
+    anchors
+}
+
+/// The targets of the links of a page, without those to other sites.
+fn links(page: &Path) -> Vec<String> {
+    let text = prose(page).join("\n");
+    let without_code: Vec<&str> = text.split('`').step_by(2).collect();
+    let text = without_code.join(" ");
+    let targets = text.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(target, _)| target);
+    targets.filter(|target| !target.contains("://")).map(str::to_owned).collect()
+}
+
+/// `folder/../file` without the detour.
+fn normal(path: &Path) -> PathBuf {
+    let mut normal = PathBuf::new();
+    for component in path.components() {
+        match component {
+            Component::ParentDir => drop(normal.pop()),
+            other => normal.push(other),
+        }
+    }
+    normal
+}
+
+#[test]
+fn every_link_of_the_documentation_resolves() {
+    let mut broken = Vec::new();
+    for page in pages() {
+        for link in links(&page) {
+            let (path, anchor) = link.split_once('#').unwrap_or((&link, ""));
+            let target = match path {
+                "" => page.clone(),
+                path => normal(&page.parent().expect("a page lies in a folder").join(path)),
+            };
+            let is_page = target.extension().is_some_and(|extension| extension == "md");
+            if !target.exists() {
+                broken.push(format!("{}: {link}: no such file", page.display()));
+            } else if is_page && !anchor.is_empty() && !anchors(&target).contains(anchor) {
+                broken.push(format!("{}: {link}: no such heading", page.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+#[test]
+fn settings_page_matches_the_stages_descriptions() {
+    let page = root().join("docs/reference/settings.md");
+    let expected = settings_page();
+    if std::env::var_os(WRITE).is_some() {
+        fs::write(&page, &expected).expect("docs/reference is writable");
+    }
+    let found = fs::read_to_string(&page).unwrap_or_default();
+    let hint = format!("{} is out of date: run this test with {WRITE}=1 to rewrite it", page.display());
+    assert!(found == expected, "{hint}");
+}
+
+/// The page of all settings, from every stage's `--describe`.
+fn settings_page() -> String {
+    let mut text = String::from(
+        "# Settings of the stages\n\n\
+         With this page you can look up every setting of every stage: type, default, allowed values, meaning.\n\n\
+         <!-- Generated from `replica-<stage> --describe` by the test settings_page_matches_the_stages_descriptions; \
+         rewrite it with REPLICA_WRITE_DOCS=1. -->\n\n\
+         A stage reads its own table of [launch.toml](launch_file.md). Keys that every table has are \
+         [there](launch_file.md#keys-of-every-stage-table).\n\n\
+         An empty rule means that every value of the type is allowed.\n",
+    );
+    for stage in STAGES {
+        let output = Command::new(binary(&format!("replica-{stage}"))).arg("--describe").output();
+        let output = output.unwrap_or_else(|error| panic!("replica-{stage} --describe: {error}"));
+        let description: Value = serde_json::from_slice(&output.stdout).expect("--describe prints JSON");
+        let _ = write!(text, "\n## {stage}\n\n| key | type | default | rule | meaning |\n|---|---|---|---|---|\n");
+        for setting in description["settings"].as_array().expect("settings are a list") {
+            let column = |key: &str| setting[key].as_str().expect("a column is text").replace('|', "\\|");
+            let (key, kind, default) = (column("key"), column("kind"), column("default"));
+            let (rule, meaning) = (column("rule"), column("meaning"));
+            let kind = kind_in_toml(&kind);
+            let _ = writeln!(text, "| `{key}` | {kind} | `{default}` | {rule} | {meaning} |");
+        }
+    }
+    text
+}
+
+/// The TOML type of a Rust type.
+fn kind_in_toml(kind: &str) -> &str {
+    match kind {
+        "f32" | "f64" => "float",
+        "String" => "string",
+        "bool" => "boolean",
+        list if list.starts_with("Vec<") => "array",
+        _ => "integer",
+    }
+}

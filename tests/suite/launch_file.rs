@@ -1,0 +1,89 @@
+//! `--check` reports all problems of a launch file at once, with their lines, and starts nothing.
+
+use replica_tests::{Launch, binary, output_text};
+
+#[test]
+fn faulty_file_is_reported_completely_with_lines() {
+    let source = binary("misbehaving-source").display().to_string();
+    let relay = binary("misbehaving-relay").display().to_string();
+    let text = format!(
+        "[run]\ndrive = \"nowhere\"\noutput = \"out\"\nrestart = 3\nhang_s = \"long\"\n\n\
+         [source]\nprogram = '{source}'\ntick = 4\npoints = -1\n\n\
+         [relay]\nprogram = '{relay}'\nfault = \"flood\"\n\n\
+         [slam_agregate]\n"
+    );
+    let launch = Launch::new(&text).with("--check").with("--set").with("source.ticks=0");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(78), "{}", output_text(&output));
+    let output_text = output_text(&output);
+    for (place, words) in [
+        ("launch.toml:2:9:", "run.drive: "),
+        ("launch.toml:4:1:", "run.restart: unknown key; did you mean `restarts`?"),
+        ("launch.toml:5:10:", "run.hang_s: invalid type: string \"long\", expected f64"),
+        ("launch.toml:9:1:", "source.tick: unknown key; did you mean `ticks`?"),
+        ("launch.toml:10:10:", "source.points: "),
+        ("launch.toml:14:9:", "relay.fault: value \"flood\" must be one of none, error, exit, panic, hang, stall"),
+        ("launch.toml:16:2:", "slam_agregate: no such stage; did you mean `slam_aggregate`?"),
+        ("launch.toml:", "source.ticks: value 0 must be between 1 and 1000000 (from --set)"),
+    ] {
+        assert!(
+            output_text.lines().any(|line| line.contains(place) && line.contains(words)),
+            "no line with {place} and {words:?} in:\n{output_text}"
+        );
+    }
+    assert!(output_text.contains("8 problems"), "{output_text}");
+    assert!(!launch.output().exists(), "--check starts nothing and writes nothing");
+}
+
+#[test]
+fn mismatched_stages_are_reported() {
+    let relay = binary("misbehaving-relay").display().to_string();
+    let text =
+        format!("[run]\ndrive = \".\"\noutput = \"out\"\n[relay]\nprogram = '{relay}'\n[other]\nprogram = '{relay}'\n");
+    let output = Launch::new(&text).with("--check").run();
+    assert_eq!(output.status.code(), Some(78));
+    let output_text = output_text(&output);
+    assert!(output_text.contains("[relay]"), "{output_text}");
+    for words in [
+        "launch.toml:4:2: relay: needs topic sweep, which no stage of this file produces",
+        "launch.toml:6:2: other: topic class is already produced by [relay]",
+    ] {
+        assert!(output_text.contains(words), "{words:?} is not in:\n{output_text}");
+    }
+}
+
+#[test]
+fn invalid_stage_names_are_refused() {
+    let relay = binary("misbehaving-relay").display().to_string();
+    let text = format!(
+        "[run]\ndrive = \".\"\noutput = \"out\"\n['../x']\nprogram = '{relay}'\n[settings]\nprogram = '{relay}'\n"
+    );
+    let output = Launch::new(&text).with("--check").with("--set").with("infr.model=3").run();
+    assert_eq!(output.status.code(), Some(78));
+    let output_text = output_text(&output);
+    for words in [
+        "launch.toml:4:2: ../x: a stage's name",
+        "launch.toml:6:2: settings: a stage's name",
+        "launch.toml: infr: no such stage",
+    ] {
+        assert!(output_text.contains(words), "{words:?} is not in:\n{output_text}");
+    }
+}
+
+#[test]
+fn invalid_toml_is_reported_with_its_line() {
+    let output = Launch::new("[run]\ndrive = \n").with("--check").run();
+    assert_eq!(output.status.code(), Some(78));
+    assert!(output_text(&output).contains("launch.toml:2:"), "{}", output_text(&output));
+}
+
+#[test]
+fn graph_shows_the_dataflow_of_the_file() {
+    let launch = Launch::of_misbehaving("", "", "").with("--graph");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+    let graph = String::from_utf8_lossy(&output.stdout).into_owned();
+    for line in ["flowchart LR", "source -- sweep --> relay", "source -- sweep --> sink", "relay -- class --> sink"] {
+        assert!(graph.contains(line), "{line:?} is not in:\n{graph}");
+    }
+}

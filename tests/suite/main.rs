@@ -1,0 +1,24 @@
+//! Promises about the processes of REPLICA, a module for each topic. `docs/promises.md` lists every promise with its test.
+//!
+//! The programs must be built: `cargo build --release`, then `cargo test --release -p replica-tests`. Many tests wait most of
+//! their time, so more threads than cores pay off: `-- --test-threads 6`.
+
+mod crash_recovery;
+mod damaged_states;
+mod documentation;
+mod isolation;
+mod launch_file;
+mod live_mode;
+mod live_sensor;
+mod misbehaving_stages;
+mod observers;
+mod pipeline;
+mod recorder;
+mod recordings;
+mod resources;
+mod stage_alone;
+mod supervision;
+mod swap;
+mod swap_segmenter;
+mod transports;
+mod zero_copy;

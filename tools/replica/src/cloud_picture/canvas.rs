@@ -1,0 +1,171 @@
+//! Renders points: splats into a depth buffer, then eye-dome lighting.
+
+use super::camera::Camera;
+use super::settings::{Background, PictureSize};
+
+/// The picture is rendered at twice the size in both directions and averaged, for smooth edges.
+const SUPERSAMPLING: usize = 2;
+
+/// Diameter of a point's disk, m, and its limits in px before averaging: far points stay visible, near points stay small.
+const POINT_M: f64 = 0.06;
+const MIN_WIDTH_PX: f64 = 3.0;
+const MAX_WIDTH_PX: f64 = 8.0;
+
+/// Strength of the shading behind nearer neighbors, and distance of these neighbors in px before averaging.
+const SHADE_STRENGTH: f32 = 18.0;
+const SHADE_RADIUS: isize = 3;
+
+/// The picture before averaging.
+pub struct Canvas {
+    size: PictureSize,
+    width: usize,
+    height: usize,
+    depths_m: Vec<f32>,
+    colors: Vec<[u8; 3]>,
+}
+
+impl Canvas {
+    /// An empty canvas.
+    pub fn new(size: PictureSize) -> Self {
+        let (width, height) = (size.width * SUPERSAMPLING, size.height * SUPERSAMPLING);
+        let n = width * height;
+        Self { size, width, height, depths_m: vec![f32::INFINITY; n], colors: vec![[0; 3]; n] }
+    }
+
+    /// Draws a point, except where a nearer point was drawn.
+    pub fn splat(&mut self, camera: &Camera, position: [f64; 3], color: [u8; 3]) {
+        let Some(at) = camera.project(position) else { return };
+        let (u, v) = (at.u * SUPERSAMPLING as f64, at.v * SUPERSAMPLING as f64);
+        let radius = (POINT_M * at.px_per_m * SUPERSAMPLING as f64).clamp(MIN_WIDTH_PX, MAX_WIDTH_PX) / 2.0;
+        // Pixels whose centers lie inside. Casts of floats to integers stop at the ends of their range.
+        let range = |center: f64, half: f64, end: usize| {
+            let start = (center - half - 0.5).ceil().max(0.0) as usize;
+            start..((center + half - 0.5).floor() + 1.0).clamp(0.0, end as f64) as usize
+        };
+        let depth_m = at.depth_m as f32;
+        for row in range(v, radius, self.height) {
+            let above = row as f64 + 0.5 - v;
+            for column in range(u, (radius * radius - above * above).max(0.0).sqrt(), self.width) {
+                let pixel = row * self.width + column;
+                if depth_m < self.depths_m[pixel] {
+                    self.depths_m[pixel] = depth_m;
+                    self.colors[pixel] = color;
+                }
+            }
+        }
+    }
+
+    /// Shades, adds the background and averages to the final size. Returns rows of sRGB from the top left.
+    pub fn finish(&self, background: Background) -> Vec<u8> {
+        let log_depths: Vec<f32> = self.depths_m.iter().map(|depth| depth.log2()).collect();
+        let mut pixels = Vec::with_capacity(self.size.width * self.size.height * 3);
+        for row in 0..self.size.height {
+            let behind = background.color(row as f32 / self.size.height as f32);
+            for column in 0..self.size.width {
+                pixels.extend(self.pixel(&log_depths, column, row, behind));
+            }
+        }
+        pixels
+    }
+
+    fn pixel(&self, log_depths: &[f32], column: usize, row: usize, behind: [f32; 3]) -> [u8; 3] {
+        let mut sum = [0.0; 3];
+        for v in row * SUPERSAMPLING..(row + 1) * SUPERSAMPLING {
+            for u in column * SUPERSAMPLING..(column + 1) * SUPERSAMPLING {
+                let pixel = v * self.width + u;
+                let is_empty = log_depths[pixel] == f32::INFINITY;
+                let shade = if is_empty { 1.0 } else { self.shade(log_depths, u, v) };
+                for k in 0..3 {
+                    sum[k] += if is_empty { behind[k] } else { f32::from(self.colors[pixel][k]) * shade };
+                }
+            }
+        }
+        sum.map(|value| (value / (SUPERSAMPLING * SUPERSAMPLING) as f32).round() as u8)
+    }
+
+    /// Eye-dome lighting (Boucheny 2009): 1 on a free surface, less the further a pixel lies behind its neighbors.
+    /// The logarithm makes a step count by its ratio, so near and far objects get the same outlines.
+    fn shade(&self, log_depths: &[f32], u: usize, v: usize) -> f32 {
+        let own = log_depths[v * self.width + u];
+        let mut sum = 0.0;
+        for (du, dv) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+            let column = u.saturating_add_signed(du * SHADE_RADIUS).min(self.width - 1);
+            let row = v.saturating_add_signed(dv * SHADE_RADIUS).min(self.height - 1);
+            // Larger steps are shaded like a step of a quarter of the distance.
+            sum += (own - log_depths[row * self.width + column]).clamp(0.0, 0.25);
+        }
+        (-SHADE_STRENGTH * sum / 8.0).exp().max(0.2)
+    }
+}
+
+impl Background {
+    /// sRGB at a height in the picture: 0 is the top, 1 the bottom.
+    fn color(self, height: f32) -> [f32; 3] {
+        match self {
+            Background::White => [255.0; 3],
+            Background::Dark => {
+                [[10.0, 24.0], [13.0, 29.0], [20.0, 38.0]].map(|[top, bottom]| top + (bottom - top) * height)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: PictureSize = PictureSize { width: 64, height: 32 };
+
+    fn camera() -> Camera {
+        Camera::top_view([[0.0, 0.0, 0.0], [64.0, 32.0, 10.0]], &[], SIZE)
+    }
+
+    #[test]
+    fn nearer_point_wins_in_either_order() {
+        let (near, far) = ([10.2, 20.2, 5.0], [10.2, 20.2, 1.0]);
+        for order in [[near, far], [far, near]] {
+            let mut canvas = Canvas::new(SIZE);
+            for position in order {
+                let color = if position == near { [255, 0, 0] } else { [0, 255, 0] };
+                canvas.splat(&camera(), position, color);
+            }
+            let drawn: Vec<[u8; 3]> = canvas.colors.iter().copied().filter(|color| *color != [0; 3]).collect();
+            assert!(!drawn.is_empty() && drawn.iter().all(|color| *color == [255, 0, 0]));
+        }
+    }
+
+    #[test]
+    fn single_point_colors_one_pixel() {
+        let mut canvas = Canvas::new(SIZE);
+        canvas.splat(&camera(), [10.5, 20.5, 0.0], [200, 100, 50]);
+        let pixels = canvas.finish(Background::White);
+        assert_eq!(pixels.len(), 64 * 32 * 3);
+        let colored: Vec<usize> = (0..64 * 32).filter(|i| pixels[i * 3..i * 3 + 3] != [255; 3]).collect();
+        // North is up: y = 20.5 of 32 is row 11.
+        assert_eq!(colored, [11 * 64 + 10]);
+        assert_eq!(pixels[colored[0] * 3..][..3], [200, 100, 50]);
+    }
+
+    #[test]
+    fn points_outside_or_not_finite_are_not_drawn() {
+        let mut canvas = Canvas::new(SIZE);
+        for position in [[-500.0, 0.0, 0.0], [1e300, 1e300, 0.0], [f64::NAN; 3], [0.0, 0.0, 1e9]] {
+            canvas.splat(&camera(), position, [255; 3]);
+        }
+        assert!(canvas.depths_m.iter().all(|depth| *depth == f32::INFINITY));
+    }
+
+    #[test]
+    fn depth_step_darkens_the_far_side() {
+        let mut canvas = Canvas::new(SIZE);
+        for i in 0..128 * 64 {
+            let (x, y) = (f64::from(i % 128) / 2.0 + 0.25, f64::from(i / 128) / 2.0 + 0.25);
+            canvas.splat(&camera(), [x, y, if x < 32.0 { 9.0 } else { 0.0 }], [200; 3]);
+        }
+        let pixels = canvas.finish(Background::White);
+        let level = |column: usize| pixels[(16 * 64 + column) * 3];
+        assert_eq!((level(10), level(50)), (200, 200));
+        assert!(level(32) < 140, "{}", level(32));
+        assert_eq!(level(30), 200);
+    }
+}

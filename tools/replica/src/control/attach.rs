@@ -1,0 +1,10 @@
+//! Attaching to a running pipeline: find the run, ask its supervisor, observe its topics through restarts.
+
+mod ask;
+mod run_argument;
+mod run_handle;
+mod topic_reader;
+
+pub use run_argument::RunArgument;
+pub use run_handle::{Run, channels};
+pub use topic_reader::{TopicEvent, TopicReader};

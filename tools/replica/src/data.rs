@@ -1,0 +1,43 @@
+//! Data: commands that make, convert, inspect and compare drives, clouds, images and recordings.
+
+mod compare;
+mod convert;
+mod cube;
+mod import;
+mod inspect;
+mod send;
+mod sensor_calibration;
+mod simulate;
+mod spectrum;
+
+use std::process::ExitCode;
+
+/// The subcommands.
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    Import(import::Args),
+    Convert(convert::Args),
+    Inspect(inspect::Args),
+    Compare(compare::Args),
+    Cube(cube::Args),
+    Spectrum(spectrum::Args),
+    Send(send::Args),
+    /// Simulate a drive through a procedural town.
+    Simulate(simulate::Args),
+}
+
+impl Command {
+    /// Runs the command.
+    pub fn run(&self) -> anyhow::Result<ExitCode> {
+        match self {
+            Command::Import(args) => import::run(args),
+            Command::Convert(args) => convert::run(args),
+            Command::Inspect(args) => inspect::run(args),
+            Command::Compare(args) => compare::run(args),
+            Command::Cube(args) => cube::run(args),
+            Command::Spectrum(args) => spectrum::run(args),
+            Command::Send(args) => send::run(args),
+            Command::Simulate(args) => simulate::run(args),
+        }
+    }
+}

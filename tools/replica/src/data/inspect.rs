@@ -1,0 +1,140 @@
+//! `replica inspect`: what a cloud or a recording contains; the measured offset between points and images of a run.
+
+mod offset;
+mod recording;
+
+use crate::cloud_files::cloud_files;
+use crate::cloud_picture::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint, render, summarize};
+use crate::exit_code;
+use anyhow::{Context, ensure};
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Show what a cloud, a run or a recording contains.
+///
+/// For clouds: points, bounds, classes and instances, and optionally a picture. For a recording: topics, counts and times.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the recording is not complete")]
+pub struct Args {
+    /// PLY file, output folder of a run, or recording (.mcap)
+    path: PathBuf,
+    /// Show the offset between points and images instead, as the run in this output folder measured it
+    #[arg(long, conflicts_with = "picture")]
+    offset: bool,
+    /// Render a picture into this PNG
+    #[arg(long, value_name = "PNG")]
+    picture: Option<PathBuf>,
+    /// What the colors of the picture show [default: color if the cloud has it, else class, else height]
+    #[arg(long)]
+    by: Option<ColorBy>,
+    /// Width and height of the picture, px (16 to 8192 each)
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1600x900")]
+    size: PictureSize,
+    /// Viewpoint of the picture
+    #[arg(long, default_value = "street")]
+    view: Viewpoint,
+    /// Street view: position along the path, 0 to 1
+    #[arg(long, default_value_t = 0.35)]
+    at: f64,
+    /// Background of the picture
+    #[arg(long, default_value = "dark")]
+    background: Background,
+}
+
+/// Prints the table and renders the picture, if one is requested.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if args.offset {
+        let _ = std::io::stdout().write_all(offset::report(&args.path)?.as_bytes());
+        return Ok(ExitCode::SUCCESS);
+    }
+    if args.path.extension().is_some_and(|extension| extension == "mcap") {
+        let (table, complete) = recording::table(&args.path)?;
+        let _ = std::io::stdout().write_all(table.as_bytes());
+        return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
+    }
+    ensure!((0.0..=1.0).contains(&args.at), "--at {}: must be 0 to 1", args.at);
+    let files = cloud_files(&args.path)?;
+    let summary = summarize(&files)?;
+    // A reader that closes the pipe early has seen enough.
+    let _ = std::io::stdout().write_all(summary.table(&args.path).as_bytes());
+    if let Some(picture) = &args.picture {
+        let settings = PictureSettings {
+            color_by: args.by,
+            size: args.size,
+            viewpoint: args.view,
+            at: args.at,
+            background: args.background,
+        };
+        render(&files, &summary, &settings, picture).with_context(|| args.path.display().to_string())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use formats::ply::{Header, Kind, PlyWriter};
+    use std::path::Path;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// A road of 40 m along x with a car on it.
+    fn write_street(path: &Path) {
+        let names = ["x", "y", "z", "x_lidar_position", "y_lidar_position", "z_lidar_position"];
+        let fields = names.map(|name| (name, Kind::Float)).into_iter();
+        let header = Header::new(fields.chain([("semantic", Kind::UChar), ("instance", Kind::Int)]));
+        let mut writer = PlyWriter::create(path, &header, 400 * 100).expect("creates");
+        let encode = |i: usize, row: &mut formats::ply::Row<'_>| {
+            let (x, y) = ((i / 100) as f32 * 0.1, (i % 100) as f32 * 0.1 - 5.0);
+            let is_car = (20.0..24.0).contains(&x) && (1.0..3.0).contains(&y);
+            row.f32(x).f32(y).f32(if is_car { 1.5 } else { 0.0 }).f32(x).f32(0.0).f32(2.0);
+            row.u8(if is_car { 10 } else { 7 }).i32(if is_car { 4 } else { 0 });
+        };
+        writer.write_each(400 * 100, encode).expect("writes");
+        writer.finish().expect("finishes");
+    }
+
+    #[test]
+    fn run_folder_is_summarized_and_rendered() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("clouds")).expect("creates");
+        write_street(&folder.path().join("clouds/submap_0000.ply"));
+        write_street(&folder.path().join("clouds/submap_0000_spectra.ply"));
+        let files = cloud_files(folder.path()).expect("has clouds");
+        assert_eq!(files.len(), 1, "files of spectra are not clouds");
+        let table = summarize(&files).expect("loads").table(folder.path());
+        for line in ["1 clouds, 40 000 points", "path 39.", "instances 1", "road", "98.0 %", "vehicles", "2.0 %"] {
+            assert!(table.contains(line), "{line:?} is not in\n{table}");
+        }
+        for (view, by) in [("street", "class"), ("top", "instance"), ("top", "height")] {
+            let picture = folder.path().join(format!("{view}_{by}.png"));
+            let (input, output) = (folder.path().to_string_lossy(), picture.to_string_lossy());
+            let words = ["", &input, "--picture", &output, "--view", view, "--by", by, "--size", "320x180"];
+            run(&Cli::parse_from(words).args).expect("renders");
+            let image = image::open(&picture).expect("is a picture").to_rgb8();
+            assert_eq!(image.dimensions(), (320, 180));
+            let of_car = |p: &image::Rgb<u8>| if by == "class" { p.0[2] > 180 && p.0[0] < 60 } else { p.0[1] > 140 };
+            let n_car = image.pixels().filter(|pixel| of_car(pixel)).count();
+            assert!((20..8000).contains(&n_car), "{view} {by}: {n_car} pixels of the car");
+        }
+    }
+
+    #[test]
+    fn invalid_arguments_are_reported() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().to_string_lossy();
+        let error = run(&Cli::parse_from(["", &path]).args).expect_err("is empty").to_string();
+        assert!(error.contains("no clouds (*.ply)"), "{error}");
+        for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
+            assert!(Cli::try_parse_from(words).is_err());
+        }
+        let outside = Cli::parse_from(["", &path, "--at", "1.5"]);
+        assert!(run(&outside.args).expect_err("is outside").to_string().contains("--at 1.5: must be 0 to 1"));
+    }
+}

@@ -1,0 +1,300 @@
+//! `replica send`: sends the packets of a capture over UDP, at the speed at which they were captured.
+
+use crate::argument::InvalidValue;
+use crate::terminal::StopFlag;
+use anyhow::{Context, ensure};
+use formats::drive::Drive;
+use formats::pcap::PacketReader;
+use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT};
+use run::exit;
+use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+use std::time::{Duration, Instant};
+
+/// Ctrl-C takes effect within this time.
+const MAX_SLEEP: Duration = Duration::from_millis(100);
+
+/// Send the packets of a capture over UDP, as the sensor did.
+///
+/// Sends data packets (1206 bytes) and position packets (512 bytes). Other packets are skipped and counted.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
+pub struct Args {
+    /// Capture of a Velodyne (pcap or pcapng), or a drive folder, whose captures are sent as one stream
+    capture: PathBuf,
+    /// Host and port of the receiver of data packets
+    #[arg(long, default_value = "127.0.0.1:2368", value_parser = address)]
+    to: SocketAddr,
+    /// Port of the receiver of position packets, on the same host
+    #[arg(long, default_value_t = POSITION_PORT)]
+    position_port: u16,
+    /// Speed: a factor of the original speed (0.001 to 1000), or max: as fast as possible
+    #[arg(long, default_value = "1.0")]
+    speed: Speed,
+    /// Repeat until Ctrl-C; at each repetition the clock of the sensor jumps back
+    #[arg(long = "loop")]
+    again: bool,
+    /// Start of the part to send, s after the first packet
+    #[arg(long, default_value_t = 0.0)]
+    start: f64,
+    /// Length of the part to send, s [default: to the end of the capture]
+    #[arg(long)]
+    seconds: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Speed {
+    Times(f64),
+    Max,
+}
+
+impl FromStr for Speed {
+    type Err = InvalidValue;
+
+    fn from_str(text: &str) -> Result<Self, InvalidValue> {
+        if text == "max" {
+            return Ok(Speed::Max);
+        }
+        let times = text.parse().ok().filter(|times| (1e-3..=1e3).contains(times));
+        times.map(Speed::Times).ok_or(InvalidValue("0.001 to 1000, or max"))
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+enum AddressError {
+    #[error("{0}; must be HOST:PORT")]
+    Unresolved(#[from] std::io::Error),
+    #[error("the host has no IPv4 address")]
+    NoIpv4,
+}
+
+fn address(text: &str) -> Result<SocketAddr, AddressError> {
+    text.to_socket_addrs()?.find(SocketAddr::is_ipv4).ok_or(AddressError::NoIpv4)
+}
+
+/// Counts of the packets.
+#[derive(Debug, Default)]
+struct Sent {
+    n_data: u64,
+    n_position: u64,
+    n_bytes: u64,
+    n_skipped: u64,
+    /// The largest delay behind the schedule.
+    max_delay: Duration,
+}
+
+/// Sends until the end of the capture or Ctrl-C. The counts go to stdout.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    ensure!(args.start >= 0.0 && args.start.is_finite(), "--start {}: must be 0 or above", args.start);
+    ensure!(args.seconds.is_none_or(|s| s > 0.0), "--seconds {:?}: must be above 0", args.seconds.unwrap_or_default());
+    let files = captures(&args.capture)?;
+    let stop = StopFlag::register(exit::DONE).context("cannot register signal handlers")?;
+    let socket = UdpSocket::bind("0.0.0.0:0").context("cannot open a UDP socket")?;
+    socket.set_broadcast(true).context("cannot enable broadcasts")?;
+    let begin = Instant::now();
+    let mut player = Player { args, socket, stop, begin, played: Duration::ZERO, sent: Sent::default() };
+    let result = player.play_all(&files);
+    player.report();
+    result.map(|()| ExitCode::SUCCESS)
+}
+
+/// The capture, or the captures of the drive.
+fn captures(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let drive = Drive::open(path)?;
+    let format = &drive.manifest().lidar.format;
+    ensure!(format == "pcap", "{}: the sweeps are {format} files, only captures (pcap) can be sent", path.display());
+    Ok(drive.sweep_files().to_vec())
+}
+
+struct Player<'a> {
+    args: &'a Args,
+    socket: UdpSocket,
+    stop: StopFlag,
+    begin: Instant,
+    /// Duration of the earlier repetitions, in time of the capture.
+    played: Duration,
+    sent: Sent,
+}
+
+impl Player<'_> {
+    fn play_all(&mut self, files: &[PathBuf]) -> anyhow::Result<()> {
+        loop {
+            let before = self.sent.n_data + self.sent.n_position;
+            self.play_round(files)?;
+            let n_sent = self.sent.n_data + self.sent.n_position - before;
+            let path = self.args.capture.display();
+            ensure!(n_sent > 0 || self.is_stopped(), "{path}: no Velodyne packet in the selected part");
+            if !self.args.again || self.is_stopped() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn play_round(&mut self, files: &[PathBuf]) -> anyhow::Result<()> {
+        let mut first = None;
+        let mut at = Duration::ZERO;
+        let mut last_gap = Duration::ZERO;
+        'files: for path in files {
+            let mut reader = PacketReader::open(path)?;
+            while let Some(packet) = reader.next()? {
+                if self.is_stopped() {
+                    break 'files;
+                }
+                let since = packet.stamp.seconds_since(*first.get_or_insert(packet.stamp)) - self.args.start;
+                if since < 0.0 {
+                    continue;
+                }
+                if self.args.seconds.is_some_and(|seconds| since >= seconds) {
+                    break 'files;
+                }
+                let port = match packet.payload.len() {
+                    DATA_PACKET_BYTES if !packet.is_cut => self.args.to.port(),
+                    POSITION_PACKET_BYTES if !packet.is_cut => self.args.position_port,
+                    _ => {
+                        self.sent.n_skipped += 1;
+                        continue;
+                    }
+                };
+                // A clock of the capture that was set back must not cause a wait.
+                let due = Duration::try_from_secs_f64(since).unwrap_or_default().max(at);
+                (last_gap, at) = (due.saturating_sub(at), due);
+                if !self.wait_for(at) {
+                    break 'files;
+                }
+                self.send(port, packet.payload)?;
+            }
+            let stats = reader.stats();
+            self.sent.n_skipped += stats.foreign_frames;
+            if stats.cut_records > 0 {
+                eprintln!("warning: {}: ends within a packet, which is skipped", path.display());
+            }
+        }
+        self.played += at + last_gap;
+        Ok(())
+    }
+
+    /// Sleeps until a time of this repetition is due. The schedule is absolute: earlier delays do not add up. `false` if
+    /// stopped.
+    fn wait_for(&mut self, at: Duration) -> bool {
+        let Speed::Times(times) = self.args.speed else { return !self.is_stopped() };
+        let due = self.begin + (self.played + at).div_f64(times);
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            if self.is_stopped() || left.is_zero() {
+                break;
+            }
+            std::thread::sleep(left.min(MAX_SLEEP));
+        }
+        self.sent.max_delay = self.sent.max_delay.max(due.elapsed());
+        !self.is_stopped()
+    }
+
+    fn send(&mut self, port: u16, payload: &[u8]) -> anyhow::Result<()> {
+        let target = SocketAddr::new(self.args.to.ip(), port);
+        self.socket.send_to(payload, target).with_context(|| format!("cannot send to {target}"))?;
+        let is_data = payload.len() == DATA_PACKET_BYTES;
+        *(if is_data { &mut self.sent.n_data } else { &mut self.sent.n_position }) += 1;
+        self.sent.n_bytes += payload.len() as u64;
+        Ok(())
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.is_set()
+    }
+
+    fn report(&self) {
+        let Sent { n_data, n_position, n_bytes, n_skipped, max_delay } = self.sent;
+        let seconds = self.begin.elapsed().as_secs_f64();
+        let n_packets = n_data + n_position;
+        println!(
+            "sent {n_packets} packets ({n_data} data, {n_position} position), {n_bytes} bytes in {seconds:.3} s, {:.0} packets/s",
+            n_packets as f64 / seconds.max(1e-9)
+        );
+        if self.args.speed != Speed::Max {
+            println!("largest delay {:.3} ms", max_delay.as_secs_f64() * 1e3);
+        }
+        if n_skipped > 0 {
+            println!("skipped {n_skipped} other packets");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use formats::pcap::Writer;
+    use geometry::Stamp;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// Ten packets, 1 ms apart. The first byte is their number; every fourth is neither a data nor a position packet.
+    fn capture(folder: &Path) -> PathBuf {
+        let mut writer = Writer::new(Vec::new()).expect("writes");
+        for number in 0..10_u8 {
+            let length = [DATA_PACKET_BYTES, POSITION_PACKET_BYTES, DATA_PACKET_BYTES, 100][usize::from(number) % 4];
+            let stamp = Stamp(1_700_000_000_000_000_000 + i64::from(number) * 1_000_000);
+            writer.write_udp(stamp, 2368, &vec![number; length]).expect("writes");
+        }
+        let path = folder.join("a.pcap");
+        std::fs::write(&path, writer.finish().expect("writes")).expect("writes");
+        path
+    }
+
+    fn sent(words: &[&str]) -> (Vec<u8>, Vec<u8>) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = capture(folder.path());
+        let [data, position] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("binds"));
+        let address = |socket: &UdpSocket| socket.local_addr().expect("is bound");
+        let (to, port) = (address(&data).to_string(), address(&position).port().to_string());
+        let words = [&["", path.to_str().expect("UTF-8"), "--to", &to, "--position-port", &port], words].concat();
+        run(&Cli::parse_from(words).args).expect("sends");
+        let received = |socket: UdpSocket, length: usize| {
+            socket.set_nonblocking(true).expect("sets");
+            let mut packet = [0; 2048];
+            let mut firsts = Vec::new();
+            while let Ok(n) = socket.recv(&mut packet) {
+                assert_eq!(n, length);
+                firsts.push(packet[0]);
+            }
+            firsts
+        };
+        (received(data, DATA_PACKET_BYTES), received(position, POSITION_PACKET_BYTES))
+    }
+
+    #[test]
+    fn packets_are_sent_to_their_ports_in_order() {
+        let all = (vec![0, 2, 4, 6, 8], vec![1, 5, 9]);
+        assert_eq!(sent(&["--speed", "max"]), all);
+        assert_eq!(sent(&[]), all);
+        assert_eq!(sent(&["--start", "0.0045", "--seconds", "0.004"]), (vec![6, 8], vec![5]));
+    }
+
+    #[test]
+    fn invalid_arguments_and_damaged_captures_are_reported() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = capture(folder.path());
+        let text = path.to_str().expect("UTF-8");
+        for words in [["--speed", "0"], ["--speed", "fast"], ["--to", "127.0.0.1"]] {
+            assert!(Cli::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
+        }
+        let late = Cli::parse_from(["", text, "--start", "7"]);
+        assert!(run(&late.args).expect_err("no packets").to_string().contains("no Velodyne packet"));
+        let mut bytes = std::fs::read(&path).expect("reads");
+        // The length of the second record.
+        bytes[24 + 16 + 42 + 1206 + 8..][..4].fill(0xff);
+        std::fs::write(&path, bytes).expect("writes");
+        let damaged = Cli::parse_from(["", text, "--speed", "max"]);
+        let error = run(&damaged.args).expect_err("is damaged").to_string();
+        assert!(error.contains("a.pcap, byte 1288: record of 4294967295 bytes"), "{error}");
+    }
+}

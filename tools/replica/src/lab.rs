@@ -1,0 +1,29 @@
+//! Lab: commands that train models, evaluate results and measure cost.
+
+mod bench;
+mod evaluate;
+mod instances;
+mod train;
+
+use std::process::ExitCode;
+
+/// The subcommands.
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    Train(train::Args),
+    Evaluate(evaluate::Args),
+    Instances(instances::Args),
+    Bench(bench::Args),
+}
+
+impl Command {
+    /// Runs the command.
+    pub fn run(&self) -> anyhow::Result<ExitCode> {
+        match self {
+            Command::Train(args) => train::run(args),
+            Command::Evaluate(args) => evaluate::run(args),
+            Command::Instances(args) => instances::run(args),
+            Command::Bench(args) => bench::run(args),
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The report as Markdown and JSON.
+
+use super::machine::Machine;
+use super::series::{Series, Spread};
+use formats::calendar::date_from_days;
+use ipc::Transport;
+use run::summary::{StageSummary, Summary};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
+use std::time::SystemTime;
+
+/// All measurements, and the machine.
+#[derive(Serialize)]
+pub struct Report {
+    /// Day of the first run, UTC.
+    pub date: String,
+    /// See [`Machine`].
+    pub machine: Machine,
+    launch_file: String,
+    runs: u32,
+    series: Vec<Series>,
+}
+
+const HEAD: &str = "| value | median | min | max |\n|---|---|---|---|\n";
+const STAGES_HEAD: &str = "| stage | M points/s | CPU s | CPU ns/point | transport CPU s | step p50 / p99 / max ms | \
+    age p50 / p99 / max ms | peak RSS MB | MB in |\n|---|---|---|---|---|---|---|---|---|\n";
+const NOTES: &str = "\
+- *CPU* is user and system time of all stages, from their start to their end. The time of the supervisor is separate and \
+counts from the start of the run.\n\
+- *Transport CPU* is the CPU time of the stages' own threads in loaning, publishing, waiting for and receiving messages and \
+ticks, including the kernel. It does not contain page faults in a step. With the copying transport it does not contain the \
+threads that read the sockets; compare the total CPU instead.\n\
+- *Age* is the time from the start of a tick in the source to its end in the stage: at the last stage, the end-to-end latency. \
+Offline, the source runs ahead as far as the queues allow, so age mostly measures the length of the queues.\n\
+- *Peak RSS* counts shared memory in every process that touched it, so the sum is larger than the memory of the run.\n\
+- *Handed over* counts the bytes of rows once per consumer. The copying transport copies twice: into the kernel and out of it.\n";
+
+impl Report {
+    /// A report with the date of today.
+    pub fn new(launch_file: &Path, runs: u32, machine: Machine, series: Vec<Series>) -> Self {
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let (year, month, day) = date_from_days((since.as_secs() / 86_400) as i64);
+        let date = format!("{year:04}-{month:02}-{day:02}");
+        Self { date, machine, launch_file: launch_file.display().to_string(), runs, series }
+    }
+
+    /// Whether all runs processed the same data.
+    pub fn runs_agree(&self) -> bool {
+        let mut runs = self.series.iter().flat_map(|series| &series.runs);
+        let first = runs.next().map(Summary::processed);
+        runs.all(|run| Some(run.processed()) == first)
+    }
+
+    /// Markdown, with the table of the stages for the first configuration or for all.
+    pub fn markdown(&self, all_stages: bool) -> String {
+        let mut text = self.head();
+        for (index, series) in self.series.iter().enumerate() {
+            // Writing to a string cannot fail, here and below.
+            let _ = write!(text, "\n## {}\n\n{HEAD}{}", series.configuration, end_to_end(series));
+            if all_stages || index == 0 {
+                let _ = write!(text, "\n{STAGES_HEAD}{}", stages(series));
+            }
+        }
+        text += &self.comparison();
+        text + "\n## Definitions\n\n" + NOTES
+    }
+
+    fn head(&self) -> String {
+        let Machine { cpu, cores, memory_bytes, kernel, load, commit } = &self.machine;
+        let warning = if self.runs_agree() { "" } else { "\n**The runs processed different data.**\n" };
+        format!(
+            "# {} at {commit}, {}\n\n{cpu}, {cores} cores, {:.1} GiB, Linux {kernel}; load before the first run {load:.2}. \
+             Medians of {} runs of each configuration, interleaved, after one run that is not measured.\n{warning}",
+            self.launch_file,
+            self.date,
+            *memory_bytes as f64 / (1_u64 << 30) as f64,
+            self.runs
+        )
+    }
+
+    /// Compares the transports on the same cores, and the numbers of cores with the same transport.
+    fn comparison(&self) -> String {
+        let mut text = String::new();
+        let mut line = |what: &str, a: &Series, b: &Series| {
+            let ratio = |value: fn(&Summary) -> f64| b.median(value) / a.median(value).max(f64::MIN_POSITIVE);
+            let difference = b.median(|run| run.total.cpu_s) - a.median(|run| run.total.cpu_s);
+            let _ = writeln!(
+                text,
+                "| {what} | {:.2} | {:.2} ({difference:+.2} s) | {:.2} | {:.2} |",
+                ratio(|run| run.total.points_per_s),
+                ratio(|run| run.total.cpu_s),
+                ratio(|run| run.peak_rss_bytes() as f64),
+                ratio(|run| run.total.latency.p50_ms),
+            );
+        };
+        for a in &self.series {
+            for b in &self.series {
+                let (x, y) = (a.configuration, b.configuration);
+                let copied = x.cores == y.cores && x.transport == Transport::Shared && y.transport != x.transport;
+                let scaled = x.cores < y.cores && x.transport == y.transport;
+                if copied || scaled {
+                    line(&format!("{y} / {x}"), a, b);
+                }
+            }
+        }
+        if text.is_empty() {
+            return text;
+        }
+        let head = "| | points/s | CPU | peak RSS, sum | age p50 at the sink |\n|---|---|---|---|---|\n";
+        format!("\n## Side by side\n\n{head}{text}")
+    }
+}
+
+fn end_to_end(series: &Series) -> String {
+    let mut text = String::new();
+    let mut row = |name: &str, digits: usize, value: &dyn Fn(&Summary) -> f64| {
+        let Spread { median, min, max } = series.spread(value);
+        let _ = writeln!(text, "| {name} | {median:.digits$} | {min:.digits$} | {max:.digits$} |");
+    };
+    let shared = series.configuration.transport == Transport::Shared;
+    let moved = |run: &Summary, by_reference: bool| {
+        if shared == by_reference { run.bytes_handed_over() as f64 * 1e-6 } else { 0.0 }
+    };
+    row("wall s", 2, &|run| run.total.wall_s);
+    row("times real time", 2, &|run| run.total.times_real_time);
+    row("M points/s", 3, &|run| run.total.points_per_s * 1e-6);
+    row("CPU s", 2, &|run| run.total.cpu_s);
+    row("CPU ns/point", 0, &|run| run.total.cpu_s * 1e9 / (run.total.points as f64).max(1.0));
+    row("transport CPU s", 3, &Summary::transport_cpu_s);
+    row("transport share of CPU, %", 2, &|run| 100.0 * run.transport_cpu_s() / run.total.cpu_s);
+    row("supervisor, % of a core", 2, &|run| 100.0 * run.total.supervisor_cpu_s / run.total.wall_s);
+    row("MB handed over by reference", 0, &|run| moved(run, true));
+    row("MB handed over by copy", 0, &|run| moved(run, false));
+    row("messages handed over", 0, &|run| run.messages_handed_over() as f64);
+    row("peak shared memory, MB", 0, &|run| run.total.peak_shared_memory_bytes as f64 * 1e-6);
+    row("peak RSS, sum of stages, MB", 0, &|run| run.peak_rss_bytes() as f64 * 1e-6);
+    row("age at the sink p50, ms", 0, &|run| run.total.latency.p50_ms);
+    row("age at the sink p99, ms", 0, &|run| run.total.latency.p99_ms);
+    row("age at the sink max, ms", 0, &|run| run.total.latency.max_ms);
+    text
+}
+
+fn stages(series: &Series) -> String {
+    let mut text = String::new();
+    let names = series.runs.first().map(|run| run.stages.iter().map(|stage| stage.name.clone()).collect::<Vec<_>>());
+    for (index, name) in names.unwrap_or_default().iter().enumerate() {
+        let median =
+            |value: &dyn Fn(&StageSummary) -> f64| series.median(|run| run.stages.get(index).map_or(0.0, value));
+        let _ = writeln!(
+            text,
+            "| {name} | {:.3} | {:.2} | {:.0} | {:.3} | {:.1} / {:.1} / {:.1} | {:.0} / {:.0} / {:.0} | {:.0} | {:.0} |",
+            median(&|stage| stage.points_per_s * 1e-6),
+            median(&|stage| stage.cpu_s),
+            median(&StageSummary::cpu_nanos_per_point),
+            median(&|stage| stage.transport_cpu_s),
+            median(&|stage| stage.step.p50_ms),
+            median(&|stage| stage.step.p99_ms),
+            median(&|stage| stage.step.max_ms),
+            median(&|stage| stage.age.p50_ms),
+            median(&|stage| stage.age.p99_ms),
+            median(&|stage| stage.age.max_ms),
+            median(&|stage| stage.peak_rss_bytes as f64 * 1e-6),
+            median(&|stage| stage.bytes_in() as f64 * 1e-6),
+        );
+    }
+    text
+}

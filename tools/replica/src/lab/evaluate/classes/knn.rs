@@ -1,0 +1,45 @@
+//! A model with a k-nearest-neighbor classifier in place of its last layer.
+
+use crate::lab::train::recipe::{Range, Recipe};
+use crate::lab::train::town_dataset::TownDataset;
+use segmentation::spherical::{Neighbors, Settings, SphericalModel};
+use std::path::Path;
+
+/// Examples per class and folded column: at most 9700 for the 19 classes of the shipped model. A sweep then takes about a second.
+const PER_CLASS: usize = 128;
+
+/// Reads a model and draws examples from the first drives of its recipe, one for each of the recipe's towns.
+pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalModel> {
+    let (model, weights) = SphericalModel::load(path)?;
+    let of_recipe = Recipe::load(recipe)?;
+    let settings = model.settings().clone();
+    let temperature = settings.temperature;
+    anyhow::ensure!(
+        settings == Settings { temperature, ..of_recipe.settings()? },
+        "{} is not the recipe of {}",
+        recipe.display(),
+        path.display()
+    );
+    let first = of_recipe.data.seeds.first;
+    let last = of_recipe.data.seeds.last.min(first + of_recipe.data.towns.len() as u64 - 1);
+    let dataset = TownDataset::simulate(&of_recipe, Range { first, last }, &|_, _| ())?;
+    let neighbors = Neighbors::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
+    eprintln!("{} examples of drives {first} to {last}", neighbors.len());
+    Ok(model.with_neighbors(neighbors, &weights)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recipe_of_another_network_is_refused_before_simulation() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let recipe = std::fs::read_to_string(models.join("street.toml")).expect("the shipped recipe");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let other = folder.path().join("other.toml");
+        std::fs::write(&other, recipe.replace("columns = 2048", "columns = 1024")).expect("writes");
+        let error = load(&models.join("street.safetensors"), &other, 5).err().expect("is refused").to_string();
+        assert!(error.contains("other.toml is not the recipe of") && error.contains("street.safetensors"), "{error}");
+    }
+}

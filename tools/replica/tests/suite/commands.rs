@@ -1,0 +1,128 @@
+//! Simulation, conversion, inspection and import.
+
+use crate::support::{printed, replica, succeeded, text};
+use std::process::Command;
+
+#[test]
+fn simulated_capture_is_converted_and_inspected() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (drive, clouds) = (folder.path().join("drive"), folder.path().join("clouds"));
+    succeeded(&replica(&["simulate", "--seed", "3", "--seconds", "0.3", "--out", text(&drive)]));
+    assert!(drive.join("drive.toml").is_file());
+    let again = replica(&["simulate", "--seconds", "0.3", "--out", text(&drive)]);
+    assert_eq!(again.status.code(), Some(1), "an existing drive is not overwritten");
+
+    let captures = std::fs::read_dir(drive.join("lidar")).expect("a folder");
+    let capture = captures.flatten().next().expect("a capture").path();
+    let table = succeeded(&replica(&["convert", text(&capture), text(&clouds)]));
+    assert!(table.contains("revolution"), "{table}");
+    let n_clouds = std::fs::read_dir(&clouds).expect("a folder").count();
+    assert!(n_clouds >= 3, "0.3 s have at least three revolutions, not {n_clouds}");
+
+    let picture = folder.path().join("picture.png");
+    let table = succeeded(&replica(&["inspect", text(&clouds), "--picture", text(&picture), "--by", "intensity"]));
+    assert!(table.contains("points"), "{table}");
+    let png = std::fs::read(&picture).expect("a picture");
+    assert!(png.starts_with(b"\x89PNG") && png.len() > 10_000, "{} bytes", png.len());
+}
+
+#[test]
+fn custom_rig_is_simulated_and_invalid_rig_is_reported_completely() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, drive) = (folder.path().join("mine.toml"), folder.path().join("drive"));
+    let rig =
+        "name = \"mine\"\nbody_height_m = 0.5\n[lidar]\nmodel = \"hdl32e\"\nmounting = { position = [0, 0, 2] }\n";
+    let simulate = |error: &str| {
+        let to = ["--seconds", "0.3", "--out", text(&drive)];
+        replica(&[&["simulate", "--rig", text(&file), "--calibration-error", error][..], &to].concat())
+    };
+    std::fs::write(&file, rig.replace("0.5", "5").replace("hdl32e", "hdl")).expect("written");
+    let output = simulate("0,0");
+    let said = printed(&output);
+    assert_eq!(output.status.code(), Some(78), "{said}");
+    assert!(said.contains("mine.toml:2: body_height_m: value 5 must be 0 to 3"), "{said}");
+    assert!(said.contains("mine.toml:4: lidar.model: value \"hdl\" must be one of"), "{said}");
+    assert!(!drive.exists());
+
+    std::fs::write(&file, rig).expect("written");
+    assert_eq!(simulate("0.1").status.code(), Some(2), "needs two numbers");
+    succeeded(&simulate("0.2,1"));
+    assert!(drive.join("lidar").is_dir() && !drive.join("camera").exists() && !drive.join("gnss.nmea").exists());
+    let read = |name: &str| std::fs::read_to_string(drive.join(name)).expect("a text");
+    let height = |text: &str| {
+        let table: toml::Table = text.parse().expect("TOML");
+        let lidar = table.get("lidar").and_then(toml::Value::as_table).unwrap_or(&table);
+        lidar["body_from_lidar"]["translation"][2].as_float().expect("a number")
+    };
+    let (nominal, actual) = (height(&read("drive.toml")), height(&read("truth/calibration.toml")));
+    assert!(nominal == 2.0 && actual != 2.0 && (actual - 2.0).abs() < 0.04, "{nominal} {actual}");
+}
+
+#[test]
+fn full_disk_is_reported_and_no_files_are_left() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let drive = folder.path().join("drive");
+    // A limit on file sizes replaces a full disk: both make a write fail.
+    let script = "trap '' XFSZ; ulimit -f 200; exec \"$0\" simulate --seconds 1 --out \"$1\"";
+    let output = Command::new("bash")
+        .args(["-c", script, env!("CARGO_BIN_EXE_replica"), text(&drive)])
+        .output()
+        .expect("bash starts");
+    let said = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("lidar/000000.pcap: cannot be written: File too large"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0, "{said}");
+}
+
+#[test]
+fn file_that_is_no_capture_is_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("letter.pcap");
+    std::fs::write(&path, "Dear reader").expect("written");
+    let output = replica(&["convert", text(&path), text(&folder.path().join("out"))]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(printed(&output).contains("letter.pcap"));
+}
+
+#[test]
+fn imported_sweeps_are_links() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (source, drive) = (folder.path().join("velodyne"), folder.path().join("drive"));
+    std::fs::create_dir(&source).expect("made");
+    for name in ["000000.bin", "000001.bin"] {
+        let point = [5.0_f32, 1.0, -1.0, 0.5].map(f32::to_le_bytes).concat();
+        std::fs::write(source.join(name), point.repeat(100)).expect("written");
+    }
+    succeeded(&replica(&["import", text(&source), text(&drive)]));
+    assert!(drive.join("drive.toml").is_file());
+    let lidar = std::fs::read_dir(drive.join("lidar")).expect("a folder").flatten();
+    let links = lidar.filter(|entry| entry.path().is_symlink()).count();
+    assert_eq!(links, 2);
+}
+
+#[test]
+fn larger_range_images_have_fewer_collisions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture = folder.path().join("projections.svg");
+    let evaluate = ["evaluate", "projections", "--seeds", "9601", "--picture", text(&picture)];
+    let table = succeeded(&replica(&evaluate));
+    let rows = table.lines().filter(|line| line.ends_with("% |"));
+    let rows: Vec<Vec<f64>> = rows
+        .map(|row| row.split('|').filter_map(|cell| cell.trim().strip_suffix(" %")?.parse().ok()).collect())
+        .collect();
+    assert_eq!(rows.len(), 4, "{table}");
+    // An HDL-64E has about 2080 columns and 64 rows. Half of the columns lose half of the returns; twice the rows hardly help.
+    let collisions: Vec<f64> = rows.iter().map(|row| row[0]).collect();
+    assert!((40.0..55.0).contains(&collisions[0]) && (35.0..50.0).contains(&collisions[2]), "{table}");
+    assert!(collisions[3] < collisions[1] && collisions[1] < 20.0, "{table}");
+    for row in rows {
+        let [collisions, all_points, k_0, k_1, k_3, ..] = row[..] else { panic!("{table}") };
+        // The nearest point of a pixel keeps its class, the others get none.
+        assert!((k_0 + collisions - 100.0).abs() < 1.0, "{table}");
+        assert!(k_1 > all_points && (k_3 - k_1).abs() < 0.5, "{table}");
+    }
+    let svg = std::fs::read_to_string(&picture).expect("a picture");
+    assert_eq!(svg.matches("<rect").count(), 1 + 4 + 24, "a background, and one bar per value of the table");
+    let nothing = replica(&["evaluate", "projections"]);
+    assert_eq!(nothing.status.code(), Some(2), "no sweeps selected");
+}

@@ -1,0 +1,7 @@
+//! The commands of `replica`, run as processes.
+
+mod commands;
+mod cube;
+mod instances;
+mod spectrum;
+mod support;
