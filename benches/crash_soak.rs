@@ -21,7 +21,7 @@ fn main() -> ExitCode {
     let sample = Path::new(env!("CARGO_MANIFEST_DIR")).join("drives/sample");
     let drive = argument("--drive").map_or(sample.clone(), PathBuf::from);
     if drive == sample && !sample.exists() {
-        simulated_drive(&sample, 1, 12.0);
+        simulated_drive(&sample, &["--seed", "1", "--seconds", "12"]);
     }
     let drive = drive.canonicalize().expect("the drive exists");
 

@@ -6,16 +6,26 @@ use crate::{Launch, binary};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The drive of all tests: four seconds of street with all sensors.
+/// The drive of nearly all tests: four seconds of street with all sensors.
 pub fn drive() -> PathBuf {
-    let made = made_once("drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), 5, 4.0));
+    let made = made_once("drive", &["replica"], |folder| {
+        simulated_drive(&folder.join("drive"), &["--seed", "5", "--seconds", "4"])
+    });
     made.join("drive")
 }
 
-/// Simulates a drive in `folder`.
-pub fn simulated_drive(folder: &Path, seed: u64, seconds: f64) {
+/// Twelve seconds by LiDAR, IMU and GNSS alone: more than the stages hold in flight, so that a run can be met before its end.
+pub fn long_drive() -> PathBuf {
+    let arguments = ["--seed", "5", "--seconds", "12", "--rig", "survey"];
+    made_once("long_drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), &arguments)).join("drive")
+}
+
+/// Simulates a drive in `folder`; `arguments` of `replica simulate`.
+pub fn simulated_drive(folder: &Path, arguments: &[&str]) {
     let status = Command::new(binary("replica"))
-        .args(["simulate", "--seed", &seed.to_string(), "--seconds", &seconds.to_string(), "--out"])
+        .arg("simulate")
+        .args(arguments)
+        .arg("--out")
         .arg(folder)
         .stdout(Stdio::null())
         .stderr(Stdio::null())
