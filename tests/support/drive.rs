@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 /// The drive of nearly all tests: four seconds of street with all sensors.
 pub fn drive() -> PathBuf {
     let made = made_once("drive", &["replica"], |folder| {
-        simulated_drive(&folder.join("drive"), &["--seed", "5", "--seconds", "4"])
+        simulated_drive(&folder.join("drive"), &["--seed", "5", "--seconds", "4"]);
     });
     made.join("drive")
 }
