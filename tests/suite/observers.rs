@@ -387,7 +387,7 @@ fn json_log_has_one_object_per_line() {
     assert_eq!(fault["stage"], "relay");
     let lines = fault["last_log_lines"].as_array().expect("a list");
     assert!(
-        lines.iter().any(|line| line["message"].as_str().is_some_and(|text| text.contains("told to panic"))),
+        lines.iter().any(|line| line["message"].as_str().is_some_and(|text| text.contains("configured to panic"))),
         "{fault}"
     );
     assert_eq!(wait_for("the restart", || of_kind("restart"))["restart"], 1);

@@ -25,12 +25,16 @@ fn recovers_once(run: &str, fault: &str, words: &[&str]) -> String {
 
 #[test]
 fn failed_stage_restarts_from_the_last_barrier() {
-    recovers_once("", "error", &["[relay] exit: ended with exit code 1", "told to fail in tick 23", "from barrier 4"]);
+    recovers_once(
+        "",
+        "error",
+        &["[relay] exit: ended with exit code 1", "configured to fail in tick 23", "from barrier 4"],
+    );
 }
 
 #[test]
 fn panicked_stage_is_restarted() {
-    recovers_once("", "panic", &["[relay] exit: panicked (exit code 101)", "told to panic in tick 23"]);
+    recovers_once("", "panic", &["[relay] exit: panicked (exit code 101)", "configured to panic in tick 23"]);
 }
 
 #[test]
@@ -56,7 +60,7 @@ fn restarts_are_limited() {
     let launch = Launch::of_misbehaving("restarts = 2", SOURCE, "fault = \"error\"\nat_tick = 23");
     let output = launch.run();
     assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
-    assert_eq!(output_text(&output).matches("told to fail in tick 23").count(), 3, "{}", output_text(&output));
+    assert_eq!(output_text(&output).matches("configured to fail in tick 23").count(), 3, "{}", output_text(&output));
     assert_eq!(launch.summary()["outcome"], "failed");
     assert_eq!(launch.summary()["total"]["restarts"], 2);
     assert_eq!(launch.summary()["faults"].as_array().map(Vec::len), Some(3));

@@ -121,9 +121,10 @@ fn unsuitable_swap_is_refused_and_the_run_continues() {
 fn failing_program_is_swapped_back() {
     let launch = Launch::of_misbehaving("restarts = 0", ENDLESS, "");
     let running = started(&launch);
-    for (fault, words) in
-        [("fault=fails_at_start", "told to fail at the start"), ("fault=takes_up_no_state", "told to take up no state")]
-    {
+    for (fault, words) in [
+        ("fault=fails_at_start", "configured to fail at the start"),
+        ("fault=loads_no_state", "configured to load no state"),
+    ] {
         let output = swap(&launch, &["relay", "--set", fault, "--set", "salt=9"]);
         assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
         for word in [words, "not swapped relay at barrier", "everything is as before: [relay] exit: "] {

@@ -26,7 +26,7 @@ const MAX_WAIT: Duration = Duration::from_mins(3);
 /// | `floods_topic` | more messages in a tick than the queue takes |
 /// | `hangs_at_start`, `stalls_at_start` | as `hang` and `stall`, before it is ready |
 /// | `fails_at_start` | it cannot be constructed |
-/// | `takes_up_no_state` | it cannot load any state |
+/// | `loads_no_state` | it cannot load any state |
 /// | `relies_on_nothing` | its states refer to a file that does not exist |
 /// | `waits`, `waits_at_start` | the step does not end, or it is not ready, before the file `once` exists |
 pub struct Fault {
@@ -48,15 +48,15 @@ impl Fault {
             }
             "hangs_at_start" if self.is_due(0)? => stop(),
             "stalls_at_start" if self.is_due(0)? => stall(),
-            "fails_at_start" if self.is_due(0)? => Err(StepError::data("told to fail at the start")),
+            "fails_at_start" if self.is_due(0)? => Err(StepError::data("configured to fail at the start")),
             _ => Ok(()),
         }
     }
 
     /// While a state is loaded.
     pub fn strike_at_load(&self) -> Result<(), StepError> {
-        let refuses = self.settings.fault == "takes_up_no_state";
-        if refuses { Err(StepError::data("told to take up no state")) } else { Ok(()) }
+        let refuses = self.settings.fault == "loads_no_state";
+        if refuses { Err(StepError::data("configured to load no state")) } else { Ok(()) }
     }
 
     /// Files that a state refers to.
@@ -75,16 +75,16 @@ impl Fault {
         }
         if fault == "none"
             || fault.ends_with("_at_start")
-            || ["takes_up_no_state", "relies_on_nothing"].contains(&fault)
+            || ["loads_no_state", "relies_on_nothing"].contains(&fault)
             || !self.is_due(tick)?
         {
             return Ok(());
         }
         self.await_barrier(tick);
         match fault {
-            "error" => Err(StepError::data(format!("told to fail in tick {tick}"))),
+            "error" => Err(StepError::data(format!("configured to fail in tick {tick}"))),
             "exit" => std::process::exit(0),
-            "panic" => panic!("told to panic in tick {tick}"),
+            "panic" => panic!("configured to panic in tick {tick}"),
             "hang" => stop(),
             "killed" => send(Signal::KILL),
             // Rust's own handler takes the first signal for an access to the stack's guard page, and ignores the second.

@@ -14,7 +14,7 @@ stage::settings! {
         pub fault: String = "none".to_owned() => one_of(&[
             "none", "error", "exit", "panic", "hang", "stall", "waits", "killed", "bus_error", "exhausts_memory",
             "fills_shared_memory", "leaks_loans", "floods_topic", "hangs_at_start", "stalls_at_start", "waits_at_start",
-            "fails_at_start", "takes_up_no_state", "relies_on_nothing",
+            "fails_at_start", "loads_no_state", "relies_on_nothing",
         ]);
         /// Tick in which it goes wrong.
         pub at_tick: u64 = 0 => any();
