@@ -1,11 +1,11 @@
 //! The drive folder that the simulation writes.
 
-use crate::support::{SHARED_DRIVE, SharedDrive, files, revolutions, smaller, udp_payloads};
+use crate::support::{SHARED_DRIVE, SharedDrive, files, revolutions, udp_payloads};
 use formats::drive::Drive;
 use formats::manifest::Manifest;
 use formats::sensor_calibration::SensorCalibration;
 use formats::velodyne::{LidarReturn, Model, SweepReader};
-use geometry::Point3;
+use geometry::{CameraModel, KannalaBrandt, Point3};
 use simulation::sensors::camera::ColorCamera;
 use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
 use std::collections::BTreeMap;
@@ -25,7 +25,17 @@ fn drive_bytes_do_not_depend_on_thread_count() {
     assert!(one.contains_key("drive.toml") && one.keys().any(|name| name.starts_with("hs02/")));
     assert!(one == two, "a file differs");
     // Images of a sixteenth of the size, so that the test stays short.
-    let camera = ColorCamera::new(&smaller(&RigSpec::l3d2().cameras[0].lens, 4));
+    let CameraModel::KannalaBrandt(lens) = RigSpec::l3d2().cameras[0].lens.clone() else { panic!("another lens") };
+    let (fx, fy, cx, cy) = (lens.fx / 4.0, lens.fy / 4.0, lens.cx / 4.0, lens.cy / 4.0);
+    let camera = ColorCamera::new(&CameraModel::KannalaBrandt(KannalaBrandt {
+        width: 154,
+        height: 128,
+        fx,
+        fy,
+        cx,
+        cy,
+        ..lens
+    }));
     let simulation = Simulation::new(&spec).expect("a town");
     let images = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");

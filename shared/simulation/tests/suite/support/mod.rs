@@ -1,6 +1,5 @@
 //! A shared drive, and readers of recordings that follow the manufacturers' documents and not the code under test.
 
-use geometry::{CameraModel, KannalaBrandt};
 use simulation::{DriveSpec, Simulation, write_drive};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,21 +22,6 @@ pub static SHARED_DRIVE: LazyLock<SharedDrive> = LazyLock::new(|| {
     write_drive(&spec, &path, &mut |_| ()).expect("a drive");
     SharedDrive { files: files(&path), simulation: Simulation::new(&spec).expect("a town"), path }
 });
-
-/// The lens on a sensor with `factor` times fewer columns and rows.
-pub fn smaller(lens: &CameraModel, factor: u32) -> CameraModel {
-    let CameraModel::KannalaBrandt(lens) = lens.clone() else { panic!("another lens") };
-    let scale = f64::from(factor);
-    CameraModel::KannalaBrandt(KannalaBrandt {
-        width: lens.width / factor,
-        height: lens.height / factor,
-        fx: lens.fx / scale,
-        fy: lens.fy / scale,
-        cx: lens.cx / scale,
-        cy: lens.cy / scale,
-        ..lens
-    })
-}
 
 /// All files of a folder by their path inside it.
 pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
