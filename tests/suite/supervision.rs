@@ -56,6 +56,19 @@ fn stalled_stage_is_distinguished_from_a_hung_one() {
 }
 
 #[test]
+fn doubted_result_ends_with_exit_code_3_after_a_restart_too() {
+    let relay = "doubt_at_tick = 5\nfault = \"error\"\nat_tick = 43\nonce = \"struck\"";
+    let launch = Launch::of_misbehaving("", SOURCE, relay);
+    let output = launch.run();
+    let text = output_text(&output);
+    assert_eq!(output.status.code(), Some(3), "{text}");
+    assert_eq!(text.matches("[relay] doubt: 50 % of the rows are invented (limit 0 %)").count(), 1, "{text}");
+    assert_eq!(launch.summary()["total"]["restarts"], 1, "{text}");
+    assert_eq!(launch.stage_summary("relay")["doubts"][0]["name"], "rows_invented");
+    assert!(launch.read("sink.txt") == undisturbed(SOURCE, ""), "a doubt changes no result");
+}
+
+#[test]
 fn restarts_are_limited() {
     let launch = Launch::of_misbehaving("restarts = 2", SOURCE, "fault = \"error\"\nat_tick = 23");
     let output = launch.run();

@@ -42,7 +42,7 @@ use supervise::Options;
 #[command(
     name = "replica-launch",
     version,
-    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but not complete, 78 wrong configuration"
+    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
 )]
 struct Arguments {
     /// The launch file

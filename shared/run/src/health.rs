@@ -112,6 +112,17 @@ pub struct Arrivals {
     pub latency: Latency,
 }
 
+/// Why results should not be relied on as they are. A run with doubts ends with exit code 3.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Doubt {
+    /// Name in snake case, unique in the stage.
+    pub name: String,
+    /// How large it is, in the unit that the text states: a share of points, a standard deviation.
+    pub size: f64,
+    /// What is doubtful, its size, the limit that it exceeds and what to do.
+    pub text: String,
+}
+
 /// One heartbeat.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -158,6 +169,8 @@ pub struct Health {
     pub counters: BTreeMap<String, u64>,
     /// Texts for the operator.
     pub notes: Vec<String>,
+    /// Why results should not be relied on as they are.
+    pub doubts: Vec<Doubt>,
     /// Why it ended, if it failed. The log has it, too, unless the disk is full.
     #[serde(default)]
     pub error: Option<String>,

@@ -19,7 +19,7 @@ pub mod exit {
     pub const FAILED: u8 = 1;
     /// Invalid command line.
     pub const USAGE: u8 = 2;
-    /// Finished, but incomplete: data was lost or left out, or a threshold missed.
+    /// Finished, but incomplete or doubtful: data was lost or left out, or a threshold missed.
     pub const INCOMPLETE: u8 = 3;
     /// Invalid configuration; a restart cannot help.
     pub const CONFIGURATION: u8 = 78;

@@ -2,7 +2,7 @@
 
 mod checksum;
 
-use crate::health::Traffic;
+use crate::health::{Doubt, Traffic};
 use checksum::Checksum;
 use formats::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize};
@@ -110,6 +110,8 @@ pub struct RunnerState {
     pub counters: BTreeMap<String, u64>,
     /// Notes of the stage.
     pub notes: Vec<String>,
+    /// Doubts of the stage.
+    pub doubts: Vec<Doubt>,
 }
 
 /// A state that is written but may not be on the disk yet.
@@ -266,6 +268,7 @@ mod tests {
             outputs: BTreeMap::new(),
             counters: BTreeMap::from([("lost".to_owned(), 2)]),
             notes: vec!["a note".to_owned()],
+            doubts: vec![Doubt { name: "a_doubt".to_owned(), size: 0.5, text: "half of it".to_owned() }],
         };
         let stage: Vec<u8> = (0..100).collect();
         let relied_on = [folder.path().join("cloud.ply")];
@@ -277,6 +280,7 @@ mod tests {
         write().commit().expect("saves");
         let (back, stage_back) = load_state(&path).expect("loads");
         assert_eq!((back.tick, back.barrier, back.drive_begin, back.counters), (7, 3, Some(-5), runner.counters));
+        assert_eq!((back.notes, back.doubts), (runner.notes, runner.doubts));
         assert_eq!(stage_back, stage);
         assert_eq!(saved_bytes(&path).expect("a state"), 100);
         let bytes = std::fs::read(&path).expect("written");

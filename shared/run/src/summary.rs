@@ -1,7 +1,7 @@
 //! `summary.json`: what a run did and what it cost.
 
 use crate::control::Swapped;
-use crate::health::{Health, Latency, Traffic};
+use crate::health::{Doubt, Health, Latency, Traffic};
 use formats::atomic_file::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ pub struct Summary {
     pub stages: Vec<StageSummary>,
 }
 
-/// A summary that cannot be written.
+/// A summary that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {cause}", path.display())]
 pub struct SummaryError {
@@ -97,6 +97,9 @@ pub struct StageSummary {
     pub counters: BTreeMap<String, u64>,
     /// Notes for the operator.
     pub notes: Vec<String>,
+    /// Why its results should not be relied on as they are.
+    #[serde(default)]
+    pub doubts: Vec<Doubt>,
 }
 
 impl StageSummary {
@@ -120,6 +123,7 @@ impl StageSummary {
             faults,
             counters: health.counters,
             notes: health.notes,
+            doubts: health.doubts,
         }
     }
     /// Bytes of rows that came in; every consumer of a topic counts.
@@ -159,6 +163,16 @@ impl Summary {
         let path = output.join("summary.json");
         let write = || write_atomic(&path, &serde_json::to_vec_pretty(self)?);
         write().map_err(|cause| SummaryError { path: path.clone(), cause })
+    }
+    /// Reads the file of the run in `output`.
+    pub fn load(output: &Path) -> Result<Self, SummaryError> {
+        let path = output.join("summary.json");
+        let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&std::fs::read(&path)?)?) };
+        read().map_err(|cause| SummaryError { path: path.clone(), cause })
+    }
+    /// All doubts, each with the name of its stage.
+    pub fn doubts(&self) -> impl Iterator<Item = (&str, &Doubt)> {
+        self.stages.iter().flat_map(|stage| stage.doubts.iter().map(|doubt| (stage.name.as_str(), doubt)))
     }
     /// Bytes of rows that all consumers together received.
     pub fn bytes_handed_over(&self) -> u64 {

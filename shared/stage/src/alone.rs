@@ -9,7 +9,7 @@ use crate::{Context, Flow, Inputs, Outputs, Port, StepError, exit, log};
 use configuration::configure;
 use formats::recording::{RecordedTick, RecordingError, RecordingWriter, TickReader};
 use messages::{Envelope, TickRow};
-use run::health::{Latency, Traffic};
+use run::health::{Doubt, Latency, Traffic};
 use run::histogram::Histogram;
 use run::process::{monotonic_nanos, usage as process_usage};
 use serde::Serialize;
@@ -38,6 +38,7 @@ struct Report {
     outputs: BTreeMap<&'static str, Traffic>,
     counters: BTreeMap<String, u64>,
     notes: Vec<String>,
+    doubts: Vec<Doubt>,
     cpu_s: f64,
     peak_rss_bytes: u64,
 }
@@ -71,7 +72,8 @@ pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
     let _span = tracing::info_span!("stage", stage = program.name()).entered();
     match Alone::open(program, &*stage, &context, arguments, barrier_s).and_then(Alone::run) {
         Ok(report) => {
-            let code = if report.complete { exit::DONE } else { exit::INCOMPLETE };
+            let is_trusted = report.complete && report.doubts.is_empty();
+            let code = if is_trusted { exit::DONE } else { exit::INCOMPLETE };
             if arguments.json { print_json(&report).max(code) } else { print(&report, code) }
         }
         Err(error) => {
@@ -137,6 +139,7 @@ impl<'a> Alone<'a> {
             outputs: program.outputs().iter().map(|port| (port.topic(), Traffic::default())).collect(),
             counters: BTreeMap::new(),
             notes: Vec::new(),
+            doubts: Vec::new(),
             cpu_s: 0.0,
             peak_rss_bytes: 0,
         };
@@ -172,7 +175,7 @@ impl<'a> Alone<'a> {
         let (ports, traffic) = if inputs.is_empty() { (outputs, &report.outputs) } else { (inputs, &report.inputs) };
         report.points = ports.first().and_then(|port| traffic.get(port.topic())).map_or(0, |traffic| traffic.rows);
         report.points_per_s = if report.steps_s > 0.0 { report.points as f64 / report.steps_s } else { 0.0 };
-        (report.counters, report.notes) = (self.outputs.counters, self.outputs.notes);
+        Outputs { counters: report.counters, notes: report.notes, doubts: report.doubts, .. } = self.outputs;
         let used = process_usage();
         (report.cpu_s, report.peak_rss_bytes) = (used.cpu_s, used.peak_rss_bytes);
         Ok(report)
@@ -303,6 +306,9 @@ fn print(report: &Report, code: u8) -> u8 {
     }
     for note in &report.notes {
         println!("  note: {note}");
+    }
+    for doubt in &report.doubts {
+        println!("  doubt: {}: {}", doubt.name, doubt.text);
     }
     code
 }

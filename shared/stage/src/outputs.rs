@@ -3,7 +3,7 @@
 use crate::StepError;
 use ipc::{Loan, Received};
 use messages::{Envelope, Message, TickRow};
-use run::health::{Pulse, Traffic};
+use run::health::{Doubt, Pulse, Traffic};
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,6 +11,8 @@ use std::sync::Arc;
 /// Notes of a stage: the heartbeat that carries them has 64 KiB, and an operator reads no more.
 const MAX_NOTES: usize = 32;
 const MAX_NOTE_CHARS: usize = 300;
+/// Doubts of a stage, for the same reasons.
+const MAX_DOUBTS: usize = 16;
 
 /// Where a step's results go.
 #[derive(Default)]
@@ -18,6 +20,7 @@ pub struct Outputs {
     pub(crate) by_topic: BTreeMap<&'static str, Box<dyn AnyOutput>>,
     pub(crate) counters: BTreeMap<String, u64>,
     pub(crate) notes: Vec<String>,
+    pub(crate) doubts: Vec<Doubt>,
     pub(crate) drive_time: Option<i64>,
     pub(crate) progress: Option<f64>,
     /// Of the process, if there is one.
@@ -96,6 +99,26 @@ impl Outputs {
         } else {
             self.count("notes_left_out", 1);
         }
+    }
+
+    /// Reports that results should not be relied on as they are. `name` is in snake case; a later call with the same name
+    /// replaces the doubt, so a stage may report a share that grows. `size` is in the unit that the text states. The text
+    /// says what is doubtful, its size, the limit that it exceeds and what to do. The run ends with exit code 3.
+    ///
+    /// The first 16 doubts are kept, with up to 300 characters each.
+    pub fn doubt(&mut self, name: &'static str, size: f64, text: impl Into<String>) {
+        let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
+        let doubt = Doubt { name: name.to_owned(), size, text };
+        match self.doubts.iter_mut().find(|known| known.name == name) {
+            Some(known) => *known = doubt,
+            None if self.doubts.len() < MAX_DOUBTS => self.doubts.push(doubt),
+            None => self.count("doubts_left_out", 1),
+        }
+    }
+
+    /// Withdraws the doubt `name`, if there is one.
+    pub fn withdraw_doubt(&mut self, name: &str) {
+        self.doubts.retain(|doubt| doubt.name != name);
     }
 
     /// Sources only: the drive's time at this tick. Barriers and rates depend on it.

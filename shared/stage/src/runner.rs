@@ -379,6 +379,7 @@ impl<'a> Runner<'a> {
         health.transport_cpu_s = self.ports.waiter.transport_nanos.get() as f64 * 1e-9;
         health.counters.clone_from(&self.outputs.counters);
         health.notes.clone_from(&self.outputs.notes);
+        health.doubts.clone_from(&self.outputs.doubts);
     }
 }
 

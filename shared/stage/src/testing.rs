@@ -72,6 +72,10 @@ impl<S: Stage> Bench<S> {
     pub fn notes(&self) -> &[String] {
         &self.outputs.notes
     }
+    /// The size of a doubt, if the stage has it.
+    pub fn doubt(&self, name: &str) -> Option<f64> {
+        self.outputs.doubts.iter().find(|doubt| doubt.name == name).map(|doubt| doubt.size)
+    }
     /// The same stage after a save, a restart and a load, as a barrier and a crash would leave it.
     pub fn restarted(mut self, settings: &S::Settings, context: &Context) -> Result<Self, StepError> {
         let state = self.stage.save()?.to_vec();

@@ -24,6 +24,8 @@ stage::settings! {
         pub once: String = String::new() => any();
         /// It goes wrong in every tick that is a multiple of this, once in each; 0 = only as `at_tick` says.
         pub every: u64 = 0 => any();
+        /// Doubt the rows in this tick; 0 = never.
+        pub doubt_at_tick: u64 = 0 => any();
         /// Look up in which memory the rows lie.
         pub look_up: bool = true => any();
     }
@@ -34,6 +36,7 @@ pub struct Relay {
     fault: Fault,
     /// Loans that `leaks_loans` keeps.
     kept: Vec<Loan<ClassTopic>>,
+    doubt_at_tick: u64,
     look_up: bool,
     salt: u64,
     tick: u64,
@@ -55,11 +58,15 @@ impl Stage for Relay {
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let fault = Fault::new(settings, context);
         fault.strike_at_start()?;
-        Ok(Self { fault, kept: Vec::new(), look_up: settings.look_up, salt: settings.salt, tick: 0, sum: 0 })
+        let Settings { doubt_at_tick, look_up, salt, .. } = *settings;
+        Ok(Self { fault, kept: Vec::new(), doubt_at_tick, look_up, salt, tick: 0, sum: 0 })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.fault.strike(self.tick, &mut self.kept, outputs)?;
+        if self.doubt_at_tick > 0 && self.tick == self.doubt_at_tick {
+            outputs.doubt("rows_invented", 0.5, "50 % of the rows are invented (limit 0 %)");
+        }
         self.tick += 1;
         for sweep in inputs.take::<SweepTopic>() {
             outputs.count("rows", sweep.rows().len() as u64);

@@ -18,6 +18,7 @@ impl Runner<'_> {
             outputs: Self::ticked_outputs(&mut self.outputs).map(|o| (o.topic().to_owned(), o.traffic())).collect(),
             counters: self.outputs.counters.clone(),
             notes: self.outputs.notes.clone(),
+            doubts: self.outputs.doubts.clone(),
         };
         let written = {
             let stage = self.stage.save()?;
@@ -54,6 +55,7 @@ impl Runner<'_> {
         }
         self.outputs.counters = state.counters;
         self.outputs.notes = state.notes;
+        self.outputs.doubts = state.doubts;
         self.diagnostics.skip(&self.outputs);
         tracing::debug!(barrier, tick = self.tick, "loaded the saved state");
         Ok(())

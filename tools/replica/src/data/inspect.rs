@@ -7,8 +7,9 @@ use crate::cloud_files::cloud_files;
 use crate::cloud_picture::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint, render, summarize};
 use crate::exit_code;
 use anyhow::{Context, ensure};
+use run::summary::Summary;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Show what a cloud, a run or a recording contains.
@@ -57,7 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let files = cloud_files(&args.path)?;
     let summary = summarize(&files)?;
     // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all(summary.table(&args.path).as_bytes());
+    let _ = std::io::stdout().write_all((summary.table(&args.path) + &doubts(&args.path)).as_bytes());
     if let Some(picture) = &args.picture {
         let settings = PictureSettings {
             color_by: args.by,
@@ -71,12 +72,17 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The doubts of the run in folder `path`, one per line. Clouds may lie anywhere, so a folder without a summary has none.
+fn doubts(path: &Path) -> String {
+    let summary = Summary::load(path).unwrap_or_default();
+    summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use clap::Parser;
     use formats::ply::{Header, Kind, PlyWriter};
-    use std::path::Path;
 
     #[derive(Parser)]
     struct Cli {

@@ -6,12 +6,8 @@ use std::path::Path;
 
 /// The notes of `colorize` about the offset, one per line.
 pub fn report(run: &Path) -> anyhow::Result<String> {
+    let summary = Summary::load(run).context("hint: --offset needs the output folder of a run that has ended")?;
     let path = run.join("summary.json");
-    let text = std::fs::read_to_string(&path).with_context(|| {
-        format!("{}: cannot be read\nhint: --offset needs the output folder of a run that has ended", path.display())
-    })?;
-    let summary: Summary =
-        serde_json::from_str(&text).with_context(|| format!("{}: not a valid run summary", path.display()))?;
     let stage = summary.stages.iter().find(|stage| stage.name == "colorize");
     let stage = stage
         .with_context(|| format!("{}: the run had no stage colorize, which measures the offset", path.display()))?;
@@ -58,6 +54,6 @@ mod tests {
         let seen_nothing = written(StageSummary { name: "colorize".to_owned(), ..StageSummary::default() });
         assert!(error(seen_nothing.path()).contains("the offset is unknown"));
         assert!(error(written(StageSummary::default()).path()).contains("no stage colorize"));
-        assert!(error(&seen_nothing.path().join("elsewhere")).contains("cannot be read"));
+        assert!(error(&seen_nothing.path().join("elsewhere")).contains("hint: --offset needs"));
     }
 }
