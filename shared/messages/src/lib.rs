@@ -26,7 +26,7 @@ pub use columns::{
 };
 pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};
-pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic};
+pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic, PoseDeviation};
 pub use pod::Pod;
 pub(crate) use pod::pod;
 pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};

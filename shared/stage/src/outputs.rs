@@ -87,6 +87,11 @@ impl Outputs {
         }
     }
 
+    /// The value of a counter; 0 if nothing was counted. Counters are kept over restarts.
+    pub fn counted(&self, name: &str) -> u64 {
+        self.counters.get(name).copied().unwrap_or_default()
+    }
+
     /// Reports a text to the operator, once per distinct text: in the log, the heartbeat and the run summary. The first 32
     /// texts are kept, up to 300 characters each.
     pub fn note(&mut self, text: impl Into<String>) {
@@ -109,8 +114,8 @@ impl Outputs {
     pub fn doubt(&mut self, name: &'static str, size: f64, text: impl Into<String>) {
         let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
         let doubt = Doubt { name: name.to_owned(), size, text };
-        match self.doubts.iter_mut().find(|known| known.name == name) {
-            Some(known) => *known = doubt,
+        match self.doubts.iter().position(|known| known.name == name) {
+            Some(index) => self.doubts[index] = doubt,
             None if self.doubts.len() < MAX_DOUBTS => self.doubts.push(doubt),
             None => self.count("doubts_left_out", 1),
         }
