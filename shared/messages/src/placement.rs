@@ -117,6 +117,7 @@ impl Message for PlacementTopic {
     const BORROWED: usize = 1;
     // 1300 km in pieces of 20 m, or 90 hours in pieces of 5 s.
     const MAX_ROWS: usize = 1 << 16;
+    const FINITE_ROWS: bool = true;
     type Header = PlacementHeader;
     type Row = PlacementRow;
 }

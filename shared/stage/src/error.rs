@@ -108,6 +108,12 @@ impl From<messages::SubmapError> for StepError {
     }
 }
 
+impl From<messages::NotFinite> for StepError {
+    fn from(error: messages::NotFinite) -> Self {
+        Self::contract(error)
+    }
+}
+
 impl From<messages::PoseError> for StepError {
     fn from(error: messages::PoseError) -> Self {
         Self::data(error)
