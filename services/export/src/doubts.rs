@@ -14,7 +14,8 @@ impl Export {
         let n_clouds = self.clouds.len();
         let n_without = outputs.counted("clouds_without_place");
         if n_without > 0 {
-            let text = format!("{n_without} of {n_clouds} clouds have no placement: they stay in the frame of the odometry");
+            let text =
+                format!("{n_without} of {n_clouds} clouds have no placement: they stay in the frame of the odometry");
             outputs.doubt("clouds_without_place", n_without as f64 / n_clouds.max(1) as f64, text);
         }
         let (n_lost, n_columns) = (outputs.counted("lost_columns"), n_clouds * self.n_columns);
@@ -32,9 +33,14 @@ impl Export {
     fn doubt_contents(&self, outputs: &mut Outputs) {
         let n_clouds = self.clouds.len();
         if n_clouds == 0 {
-            outputs.doubt("no_submaps", 0.0, "the result has no cloud: no submap arrived; did acquire decode any sweep?");
+            outputs.doubt(
+                "no_submaps",
+                0.0,
+                "the result has no cloud: no submap arrived; did acquire decode any sweep?",
+            );
         } else if self.clouds.iter().all(|cloud| cloud.n_points == 0) {
-            let text = format!("the result has no point: all {n_clouds} submaps are empty; check min_range_m and the LiDAR");
+            let text =
+                format!("the result has no point: all {n_clouds} submaps are empty; check min_range_m and the LiDAR");
             outputs.doubt("no_points", 0.0, text);
         }
     }

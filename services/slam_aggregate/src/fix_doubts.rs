@@ -34,11 +34,16 @@ pub(crate) fn report(placed: Option<&Placed>, is_expected: bool, min_used_share:
 
 fn reason(fixes: &FixUse, header: &PlacementHeader) -> String {
     match (fixes.n, fixes.reason()) {
-        (0, _) => "none is at a time of the trajectory, so the result is not georeferenced; check the clock of the receiver".into(),
+        (0, _) => {
+            "none is at a time of the trajectory, so the result is not georeferenced; check the clock of the receiver"
+                .into()
+        }
         (_, reason) if reason.is_empty() => {
             let n_rejected = header.n_fixes_refused;
             format!("{n_rejected} disagree with the rest and the odometry; the position in the world may be wrong")
         }
-        (_, reason) => format!("{reason}, so the result is not georeferenced; drive farther, or set correct without gnss"),
+        (_, reason) => {
+            format!("{reason}, so the result is not georeferenced; drive farther, or set correct without gnss")
+        }
     }
 }

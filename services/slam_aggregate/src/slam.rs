@@ -1,9 +1,9 @@
 //! The stage.
 
-use crate::{Settings, fix_doubts};
 use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
+use crate::{Settings, fix_doubts};
 use formats::drive::Drive;
 use geometry::{Isometry3, Pose, Stamp};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
@@ -152,7 +152,8 @@ impl Stage for SlamAggregate {
             None => Isometry3::identity(),
         };
         let georeference = settings.georeference(manifest.as_ref());
-        let has_receiver = manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
+        let has_receiver =
+            manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
         let expects_fixes = has_receiver && georeference.gnss;
         Ok(Self { expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
     }

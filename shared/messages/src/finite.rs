@@ -41,7 +41,9 @@ fn first_fault<T: Message, P: Pod>(value: &P, place: String) -> NotFinite {
     for field in fields {
         let elements = |size: usize| bytes[field.offset..].chunks_exact(size).take(field.count).enumerate();
         let numbers: Vec<(usize, f64)> = match field.kind.as_str() {
-            "f32" => elements(4).map(|(i, b)| (i, f64::from(f32::from_le_bytes(b.try_into().expect("4 bytes"))))).collect(),
+            "f32" => {
+                elements(4).map(|(i, b)| (i, f64::from(f32::from_le_bytes(b.try_into().expect("4 bytes"))))).collect()
+            }
             "f64" => elements(8).map(|(i, b)| (i, f64::from_le_bytes(b.try_into().expect("8 bytes")))).collect(),
             _ => Vec::new(),
         };

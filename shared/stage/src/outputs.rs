@@ -57,8 +57,10 @@ impl Outputs {
     }
 
     fn publish_as<T: Message>(&mut self, mut loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
-        let checked = messages::check_header::<T>(loan.header_mut()).and_then(|()| messages::check_rows::<T>(loan.rows()));
-        checked.map_err(|fault| StepError::from(fault).at("this stage computed a message that must not be published"))?;
+        let checked =
+            messages::check_header::<T>(loan.header_mut()).and_then(|()| messages::check_rows::<T>(loan.rows()));
+        checked
+            .map_err(|fault| StepError::from(fault).at("this stage computed a message that must not be published"))?;
         let output = self.output::<T>()?;
         if let Some(seq) = seq {
             // After a restart from an older state, a stage processes submaps again that the process before it published.
@@ -226,7 +228,9 @@ mod tests {
         loan.header_mut().max[2] = f32::NAN;
         let error = outputs.publish(loan, 0).expect_err("refused");
         assert!(matches!(error, StepError::Contract(_)), "{error}");
-        assert!(error.to_string().contains("this stage computed") && error.to_string().contains("submap: header max[2]"));
+        assert!(
+            error.to_string().contains("this stage computed") && error.to_string().contains("submap: header max[2]")
+        );
     }
 
     #[test]

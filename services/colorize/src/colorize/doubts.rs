@@ -14,10 +14,7 @@ pub(super) struct LimitsOfDoubt {
 
 impl LimitsOfDoubt {
     pub(super) fn new(settings: &Settings) -> Self {
-        Self {
-            min_colored_share: settings.min_colored_share,
-            max_unused_share: settings.max_unused_exposures_share,
-        }
+        Self { min_colored_share: settings.min_colored_share, max_unused_share: settings.max_unused_exposures_share }
     }
 }
 

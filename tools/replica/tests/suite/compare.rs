@@ -47,7 +47,9 @@ fn cut_recording_compared_with_itself_is_not_complete() {
         std::fs::write(&cut, &bytes[..n_bytes]).expect("writes");
         let (code, said) = compared(&cut, &cut);
         assert_eq!(code, Some(3), "{n_bytes} bytes: {said}");
-        for words in ["a is not complete: ", "b is not complete: ", "cut at byte", "equal as far as both go, but not complete"] {
+        for words in
+            ["a is not complete: ", "b is not complete: ", "cut at byte", "equal as far as both go, but not complete"]
+        {
             assert!(said.contains(words), "{n_bytes} bytes: {words:?} is not in\n{said}");
         }
     }
