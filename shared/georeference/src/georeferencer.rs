@@ -107,18 +107,20 @@ impl Georeferencer {
 
     /// Adds fixes in the order of time. Returns how many of them have a valid position. Fixes are only kept if they are used.
     pub fn add_gnss(&mut self, rows: &[GnssRow], settings: &GeoreferenceSettings) -> usize {
-        let valid: Vec<Fix> = rows.iter().filter_map(Fix::new).collect();
-        let n_valid = valid.len();
-        if settings.gnss {
-            valid.into_iter().for_each(|fix| self.fixes.push(fix));
+        let mut n_valid = 0;
+        for fix in rows.iter().filter_map(Fix::new) {
+            n_valid += 1;
+            if settings.gnss {
+                self.fixes.push(fix);
+            }
         }
         n_valid
     }
 
     /// Adds inertial samples in the order of time. They are only kept if they are used.
     pub fn add_imu(&mut self, rows: &[ImuRow], settings: &GeoreferenceSettings) {
-        if settings.imu {
-            rows.iter().for_each(|row| self.gravity.push(row));
+        for row in rows.iter().filter(|_| settings.imu) {
+            self.gravity.push(row);
         }
     }
 

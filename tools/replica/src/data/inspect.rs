@@ -78,7 +78,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// The doubts of the run in folder `path`, one per line. Clouds may lie anywhere, so a folder without a summary has none.
 fn doubts(path: &Path) -> String {
     let summary = Summary::load(path).unwrap_or_default();
-    summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect()
+    let lines: Vec<String> =
+        summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect();
+    lines.concat()
 }
 
 #[cfg(test)]
