@@ -10,7 +10,7 @@ mod running;
 mod shared;
 pub mod swaps;
 
-pub use drive::{drive, long_drive, pipeline, simulated_drive};
+pub use drive::{ANY_DEVIATION, ANY_FIXES, drive, long_drive, pipeline, simulated_drive};
 pub use kills::{Kills, run_under_kills};
 pub use launch::{Launch, PATIENT, digest, gate, output_text, reported_seconds, result_files};
 pub use namespace::{mount_tmpfs, resize_tmpfs, runs_in_own_namespace};

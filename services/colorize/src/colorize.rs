@@ -1,6 +1,7 @@
 //! The stage: when a submap is due, when exposures are released, and the report at the end.
 
 mod columns;
+mod doubts;
 mod intake;
 
 use crate::Settings;
@@ -8,8 +9,9 @@ use crate::saved::{self, Held};
 use crate::window::{ExposureTopic, Window};
 use camera_alignment::report;
 use coloring::{AgeLimits, Bands, PointBuffers, ProjectionCamera};
+use doubts::LimitsOfDoubt;
 use formats::drive::Drive;
-use geometry::Stamp;
+use geometry::{Stamp, Trajectory};
 use intake::expected_nm;
 use messages::{ColorTopic, CubeTopic, ImageTopic, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StateBytes, StepError};
@@ -32,14 +34,19 @@ pub struct Colorize {
     expected_nm: Vec<Vec<f32>>,
     /// Bands of all mosaic cameras: as expected, until the first cube of a camera arrives.
     bands: Bands,
-    /// Whether exposures can arrive at all. If not, submaps do not wait for them.
-    has_exposures: bool,
+    /// Whether images can arrive at all.
+    has_images: bool,
+    /// Whether cubes can arrive at all.
+    has_cubes: bool,
     remark: Option<&'static str>,
     /// Names of the cameras.
     names: Vec<String>,
+    /// Names of the mosaic cameras.
+    mosaic_names: Vec<String>,
     level_exposures: bool,
     max_offset_rad: f32,
     max_delay_s: f32,
+    limits_of_doubt: LimitsOfDoubt,
     held: Held,
     buffers: PointBuffers,
 }
@@ -73,26 +80,30 @@ impl Colorize {
             patterns: manifest.mosaics.iter().map(|entry| entry.pattern).collect(),
             expected_nm,
             bands,
-            has_exposures: (images && n_cameras > 0) || (cubes && n_mosaics > 0),
+            has_images: images && n_cameras > 0,
+            has_cubes: cubes && n_mosaics > 0,
             remark: match (n_cameras, images) {
                 (0, _) => Some("no cameras in this drive: points stay without color"),
                 (_, false) => Some("no stage publishes images: points stay without color"),
                 _ => None,
             },
             names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
+            mosaic_names: manifest.mosaics.iter().map(|entry| entry.name.clone()).collect(),
             level_exposures: settings.level_exposures,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
+            limits_of_doubt: LimitsOfDoubt::new(settings),
             held: Held::default(),
             buffers: PointBuffers::default(),
         })
     }
 
-    /// Whether all exposures that the submap may need have arrived.
+    /// Whether all exposures that the submap may need have arrived. Without exposures, submaps do not wait for them.
     fn is_complete(&self, submap: &Received<SubmapTopic>) -> bool {
+        let has_exposures = self.has_images || self.has_cubes;
         let newest_pose = self.held.trajectory.poses().last();
         let until = submap.header().stamp_end.saturating_add(self.max_age_nanos);
-        !self.has_exposures || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
+        !has_exposures || newest_pose.is_some_and(|(stamp, _)| stamp.0 >= until)
     }
 
     /// The oldest submap, if it is due.
@@ -131,10 +142,11 @@ impl Colorize {
         let oldest = held.submaps.front().map(|submap| submap.header().stamp_begin);
         if let Some(needed_from) = oldest.min(held.submaps_until).or(held.submaps_until) {
             let needed_from = needed_from.saturating_sub(self.max_age_nanos);
-            held.images.release_before(needed_from);
-            held.cubes.release_before(needed_from);
+            held.images.release_before(needed_from, |stamp| has_pose(&held.trajectory, stamp));
+            held.cubes.release_before(needed_from, |stamp| has_pose(&held.trajectory, stamp));
         }
-        let n_excess = held.images.release_excess() + held.cubes.release_excess();
+        let n_excess = held.images.release_excess(|stamp| has_pose(&held.trajectory, stamp))
+            + held.cubes.release_excess(|stamp| has_pose(&held.trajectory, stamp));
         outputs.count("exposures_released_early", n_excess);
         if let Some((newest, _)) = held.trajectory.poses().last() {
             let exposures = [oldest_stamp(&held.images), oldest_stamp(&held.cubes)];
@@ -143,6 +155,10 @@ impl Colorize {
             held.trajectory.forget_before(Stamp(needed_from));
         }
     }
+}
+
+fn has_pose(trajectory: &Trajectory, stamp: i64) -> bool {
+    trajectory.at(Stamp(stamp)).is_some()
 }
 
 fn oldest_stamp<T: ExposureTopic>(window: &Window<T>) -> Option<i64> {
@@ -190,6 +206,10 @@ impl Stage for Colorize {
             self.publish_columns(&submap, outputs)?;
         }
         self.report_offset(outputs);
+        let held = &mut self.held;
+        held.images.release_all(|stamp| has_pose(&held.trajectory, stamp));
+        held.cubes.release_all(|stamp| has_pose(&held.trajectory, stamp));
+        self.report_doubts(outputs);
         Ok(())
     }
 

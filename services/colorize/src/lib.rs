@@ -38,5 +38,11 @@ stage::settings! {
         pub max_offset_mrad: f64 = 5.0 => stage::within(0.1, 100.0);
         /// Delay between an exposure and its stamp above which it is reported, ms.
         pub max_delay_ms: f64 = 5.0 => stage::within(0.1, 1000.0);
+        /// Share of points with a color below which the result is doubtful, if the drive has cameras. One camera with a field of
+        /// view of 40 degrees sees a ninth of all directions; 0.05 is half of that.
+        pub min_colored_share: f64 = 0.05 => stage::within(0.0, 1.0);
+        /// Share of the images or cubes of one camera that do not match the rig or have no pose, above which the result is
+        /// doubtful. A few exposures before the first and after the last sweep are normal; half of them are a wrong clock.
+        pub max_unused_exposures_share: f64 = 0.5 => stage::within(0.0, 1.0);
     }
 }

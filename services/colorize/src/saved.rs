@@ -1,6 +1,6 @@
 //! The saved state of the stage.
 
-use crate::window::Window;
+use crate::window::{Tally, Window};
 use camera_alignment::OffsetMonitor;
 use geometry::{Stamp, Trajectory};
 use messages::{CubeTopic, ImageTopic, PoseRow, SubmapTopic};
@@ -9,7 +9,7 @@ use stage::{Received, StateBytes, StepError, decode_head, next_message};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Version of the layout. Incremented with every change.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// The state between ticks.
 #[derive(Default)]
@@ -37,6 +37,8 @@ struct Head {
     bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
     monitor: OffsetMonitor,
+    image_tallies: BTreeMap<u32, Tally>,
+    cube_tallies: BTreeMap<u32, Tally>,
     n_submaps: u64,
     n_images: u64,
     n_cubes: u64,
@@ -54,6 +56,8 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
         bands_nm: held.bands_nm.clone(),
         submaps_until: held.submaps_until,
         monitor: held.monitor.clone(),
+        image_tallies: held.images.tallies().clone(),
+        cube_tallies: held.cubes.tallies().clone(),
         n_submaps: held.submaps.len() as u64,
         n_images: images.len() as u64,
         n_cubes: cubes.len() as u64,
@@ -74,8 +78,14 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
 /// The inverse of [`save`].
 pub fn load(state: &[u8]) -> Result<Held, StepError> {
     let (head, mut rest): (Head, _) = decode_head(VERSION, state)?;
-    let mut held =
-        Held { submaps_until: head.submaps_until, bands_nm: head.bands_nm, monitor: head.monitor, ..Held::default() };
+    let mut held = Held {
+        submaps_until: head.submaps_until,
+        bands_nm: head.bands_nm,
+        monitor: head.monitor,
+        images: Window::with_tallies(head.image_tallies),
+        cubes: Window::with_tallies(head.cube_tallies),
+        ..Held::default()
+    };
     for (stamp, translation, rotation) in head.poses {
         let pose = PoseRow { translation, rotation }.to_pose();
         if !pose.is_some_and(|pose| held.trajectory.push(Stamp(stamp), pose)) {
@@ -86,10 +96,10 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
         held.submaps.push_back(next_message(&mut rest)?);
     }
     for _ in 0..head.n_images {
-        held.images.add(next_message(&mut rest)?);
+        held.images.restore(next_message(&mut rest)?);
     }
     for _ in 0..head.n_cubes {
-        held.cubes.add(next_message(&mut rest)?);
+        held.cubes.restore(next_message(&mut rest)?);
     }
     if !rest.is_empty() {
         return Err(StepError::data(format!("saved state: {} bytes after the last message", rest.len())));

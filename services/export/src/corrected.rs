@@ -29,6 +29,7 @@ pub(crate) fn corrected(odometry: &Trajectory, submaps: &[PlacedSubmap]) -> Traj
 mod tests {
     use super::*;
     use geometry::{Isometry3, Stamp, Vector3};
+    use messages::PoseDeviation;
 
     fn submap(seconds: i64, odom_from_submap: Pose, world_from_odom: Pose) -> PlacedSubmap {
         PlacedSubmap {
@@ -37,6 +38,7 @@ mod tests {
             world_from_submap: world_from_odom * odom_from_submap,
             sigma_m: [0.0; 3],
             sigma_rad: [0.0; 3],
+            deviation: PoseDeviation::default(),
         }
     }
 

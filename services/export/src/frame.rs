@@ -5,6 +5,7 @@
 
 use formats::ply::PlyRows;
 use geometry::Pose;
+use messages::PoseDeviation;
 use std::path::Path;
 
 /// Prefix of the line with the frame of a cloud.
@@ -26,6 +27,12 @@ pub(crate) fn frame_line(name: &str) -> String {
 pub(crate) fn pose_line(world_from_submap: &Pose) -> String {
     let (t, q) = (world_from_submap.translation.vector, world_from_submap.rotation.coords);
     format!("{PLACED}{} {} {} {} {} {} {}", t.x, t.y, t.z, q.x, q.y, q.z, q.w)
+}
+
+/// The line with the standard deviations of that pose.
+pub(crate) fn deviation_line(deviation: &PoseDeviation) -> String {
+    let PoseDeviation { position_m, height_m, heading_deg } = deviation;
+    format!("standard_deviation position_m {position_m:.3} height_m {height_m:.3} heading_deg {heading_deg:.3}")
 }
 
 /// Whether a file is a cloud of `n_points` points in its final frame.

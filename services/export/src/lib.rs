@@ -20,7 +20,9 @@
 
 mod coordinates;
 mod corrected;
+mod deviations;
 mod disk_sync;
+mod doubts;
 mod folder;
 mod frame;
 mod index;
@@ -65,6 +67,8 @@ pub struct Export {
     folder: Folder,
     /// Topics without a publisher.
     absent: Vec<&'static str>,
+    /// Columns that each submap should have.
+    n_columns: usize,
     join: SubmapJoin,
     clouds: Vec<CloudEntry>,
     /// The first clouds, which are synced to the disk.
@@ -112,25 +116,36 @@ impl Stage for Export {
         Vec::new()
     }
 
-    fn check(settings: &Settings, _: &Context) -> Vec<Problem> {
+    fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         // Northings have millions of metres, where f32 resolves half a metre.
         let is_coarse = settings.frame == "utm" && settings.coordinates != "double";
         let text = "must not be \"utm\" unless coordinates is \"double\": float resolves only half a metre there";
-        is_coarse.then(|| Problem::of_key("frame", text)).into_iter().collect()
+        let is_unplaced = settings.frame == "utm" && !context.is_connected::<PlacementTopic>();
+        let no_placement = "must not be \"utm\": no stage publishes placement, which moves the clouds to the world";
+        let problems = [is_coarse.then_some(text), is_unplaced.then_some(no_placement)];
+        problems.into_iter().flatten().map(|text| Problem::of_key("frame", text)).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let is_connected = |topic: &str| context.connected.iter().any(|connected| connected == topic);
         let ports = Self::inputs();
+        let columns = [
+            context.is_connected::<ColorTopic>(),
+            context.is_connected::<SpectraTopic>() && settings.spectra,
+            context.is_connected::<ClassTopic>(),
+            context.is_connected::<InstanceTopic>(),
+        ];
+        let [color, spectra, class, instance] = columns;
         Ok(Self {
             settings: settings.clone(),
             folder: Folder::new(&context.output),
             absent: ports.iter().map(Port::topic).filter(|topic| !is_connected(topic)).collect(),
             join: SubmapJoin::new(context.mode)
-                .column::<ColorTopic>(context.is_connected::<ColorTopic>())
-                .column::<SpectraTopic>(context.is_connected::<SpectraTopic>() && settings.spectra)
-                .column::<ClassTopic>(context.is_connected::<ClassTopic>())
-                .column::<InstanceTopic>(context.is_connected::<InstanceTopic>()),
+                .column::<ColorTopic>(color)
+                .column::<SpectraTopic>(spectra)
+                .column::<ClassTopic>(class)
+                .column::<InstanceTopic>(instance),
+            n_columns: columns.iter().filter(|is_expected| **is_expected).count(),
             clouds: Vec::new(),
             n_synced: 0,
             trajectory: geometry::Trajectory::default(),
@@ -174,7 +189,9 @@ impl Stage for Export {
         }
         let frame = world.map_or("odometry, m", World::frame);
         self.folder.write_text(folder::INDEX, &Index::new(&self.clouds, frame).to_json())?;
-        self.join.check_empty()
+        self.join.check_empty()?;
+        self.report_doubts(outputs);
+        self.check_utm()
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
@@ -255,11 +272,8 @@ impl Export {
 
     /// Moves the clouds to the final frame. While some are moved, others are synced to the disk.
     fn move_clouds(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
-        let Self { settings, folder, clouds, placed, n_synced, .. } = self;
+        let Self { folder, clouds, placed, n_synced, .. } = self;
         let Some(PlacedDrive { world, .. }) = placed else { return Ok(()) };
-        if world.lacks_utm(settings) {
-            outputs.note("the drive is not georeferenced: coordinates are local, not UTM");
-        }
         // In live mode, a restarted producer may lack the submaps of the beginning.
         let n_without = clouds.iter().filter(|entry| world.submap(entry.seq).is_none()).count();
         if n_without > 0 {

@@ -4,7 +4,7 @@
 
 use crate::coordinates::{Bounds, Coordinates, SharedBounds};
 use crate::folder::Folder;
-use crate::frame::{frame_line, odometry_line, pose_line};
+use crate::frame::{deviation_line, frame_line, odometry_line, pose_line};
 use crate::index::CloudEntry;
 use crate::world::{PlacedSubmap, World};
 use formats::ply::{Header, PlyError, PlyRows, PlyWriter, Row};
@@ -27,8 +27,9 @@ impl<'a> Place<'a> {
     }
 
     /// Header lines about frame and pose.
-    fn lines(&self) -> [String; 2] {
-        [frame_line(self.world.frame()), pose_line(&self.submap.world_from_submap)]
+    fn lines(&self) -> [String; 3] {
+        let PlacedSubmap { world_from_submap, deviation, .. } = self.submap;
+        [frame_line(self.world.frame()), pose_line(world_from_submap), deviation_line(deviation)]
     }
 
     /// The header of a cloud in its final frame, from its header in the frame of the odometry.

@@ -14,5 +14,16 @@ stage::settings! {
         pub spectra: bool = true => stage::any();
         /// File formats of the trajectory.
         pub trajectory: Vec<String> = vec!["tum".to_owned()] => stage::each_one_of(&["tum", "kitti", "csv"]);
+        /// Standard deviation of the horizontal position of a submap above which a georeferenced result is doubtful, m. A receiver
+        /// under the open sky errs by 1 to 3 m; 5 m are the width of a lane and a half.
+        pub max_position_deviation_m: f64 = 5.0 => stage::within(0.001, 1e6);
+        /// The same for the height, m. Satellites are all above the receiver, so heights are about twice as uncertain.
+        pub max_height_deviation_m: f64 = 10.0 => stage::within(0.001, 1e6);
+        /// The same for the heading, degrees; 180 accepts any. 5 degrees move a point at 20 m by 1.7 m. Coordinates in UTM are
+        /// refused beyond this limit: the clouds stay in the local frame, and the run fails.
+        pub max_heading_deviation_deg: f64 = 5.0 => stage::within(0.001, 180.0);
+        /// Share of columns lost in live mode above which the result is doubtful. Points without their column look like points
+        /// without a class or color, so every lost column is reported.
+        pub max_lost_columns_share: f64 = 0.0 => stage::within(0.0, 1.0);
     }
 }

@@ -1,10 +1,11 @@
 //! The final frame of the results, from the placement of the submaps at the end of the drive.
 
+use crate::deviations::Deviations;
 use crate::settings::Settings;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
-use messages::{FRAME_EAST_NORTH_UP, PlacementRow, PlacementTopic};
+use messages::{FRAME_EAST_NORTH_UP, PlacementRow, PlacementTopic, PoseDeviation};
 use serde::Serialize;
-use stage::{Received, StepError};
+use stage::{Outputs, Received, StepError};
 
 /// Poses of all submaps, and the frame of the clouds by the settings.
 pub(crate) struct World {
@@ -24,6 +25,8 @@ pub(crate) struct PlacedSubmap {
     /// Standard deviations along and about the axes of the submap, m and rad.
     pub sigma_m: [f32; 3],
     pub sigma_rad: [f32; 3],
+    /// Standard deviations in the world.
+    pub deviation: PoseDeviation,
 }
 
 /// `georeference.json`.
@@ -39,6 +42,8 @@ pub(crate) struct Georeference {
     origin: Option<Geodetic>,
     /// UTM coordinates of the origin.
     utm: Option<UtmOrigin>,
+    /// Standard deviations of the poses of the submaps. In a frame without origin: against the first submap.
+    standard_deviations: Option<Deviations>,
     closed_loops: Uses,
     fixes: Uses,
     /// Number of submaps with a gravity measurement.
@@ -79,7 +84,10 @@ impl World {
         let local = origin.map(LocalFrame::new);
         let map = origin.as_ref().map(Utm::of).transpose().map_err(StepError::data)?;
         let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
-        let utm = map.filter(|_| settings.frame == "utm");
+        let deviations = Deviations::of(placement.rows());
+        // With a wrong heading, UTM coordinates are wrong, and nothing in them shows it.
+        let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(settings).is_some());
+        let utm = map.filter(|_| settings.frame == "utm" && !is_turned);
         let local_name = match origin {
             Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) => {
                 format!("local east-north-up around {latitude_deg} {longitude_deg} {altitude_m}, m")
@@ -92,6 +100,7 @@ impl World {
             trajectory_frame: local_name,
             origin,
             utm: place,
+            standard_deviations: deviations,
             closed_loops: Uses { used: header.n_loops, refused: header.n_loops_refused },
             fixes: Uses { used: header.n_fixes, refused: header.n_fixes_refused },
             uprights: header.n_uprights,
@@ -106,9 +115,20 @@ impl World {
     pub fn crs(&self) -> Option<String> {
         self.utm.as_ref().map(|utm| format!("crs EPSG:{}", utm.epsg()))
     }
-    /// Whether the settings require UTM but the drive is not georeferenced.
-    pub fn lacks_utm(&self, settings: &Settings) -> bool {
-        settings.frame == "utm" && self.utm.is_none()
+    /// Why coordinates are local, if the settings require UTM.
+    pub fn lacks_utm(&self, settings: &Settings) -> Option<String> {
+        if settings.frame != "utm" || self.utm.is_some() {
+            return None;
+        }
+        let deviations = self.georeference.standard_deviations.filter(|_| self.local.is_some());
+        let heading = deviations.and_then(|deviations| deviations.undetermined_heading(settings));
+        Some(heading.unwrap_or_else(|| "the drive is not georeferenced".to_owned()))
+    }
+    /// Doubts of a result that is placed on the Earth.
+    pub fn report_doubts(&self, settings: &Settings, outputs: &mut Outputs) {
+        if let Some(deviations) = self.georeference.standard_deviations.filter(|_| self.local.is_some()) {
+            deviations.report_doubts(settings, outputs);
+        }
     }
     pub fn submap(&self, seq: u64) -> Option<&PlacedSubmap> {
         self.submaps.get(usize::try_from(seq).ok()?)
@@ -138,7 +158,7 @@ impl PlacedSubmap {
             StepError::data(format!("placement of submap {}: {row:?} has no valid poses", row.submap))
         })?;
         let (stamp, sigma_m, sigma_rad) = (Stamp(row.stamp), row.sigma_m, row.sigma_rad);
-        Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad })
+        Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad, deviation: row.deviation() })
     }
     /// Correction of poses and points near the submap.
     pub fn world_from_odom(&self) -> Pose {

@@ -16,12 +16,20 @@ stage::settings! {
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
+        /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
+        /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
+        pub max_unseen_share: f64 = 0.2 => stage::within(0.0, 1.0);
+        /// Share of submaps that are too wide for the grid of the model, above which the classes are doubtful: enlarged cells
+        /// miss kerbs and thin objects. One submap in ten may contain a far outlier.
+        pub max_coarsened_share: f64 = 0.1 => stage::within(0.0, 1.0);
     }
 }
 
 /// The stage.
 pub struct Infer {
     model: Box<dyn Segmenter>,
+    max_unseen_share: f64,
+    max_coarsened_share: f64,
 }
 
 impl Infer {
@@ -35,8 +43,34 @@ impl Infer {
         let classes = loan.grow(n_points)?;
         let report = self.model.segment(&input, classes).map_err(StepError::data)?;
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
+        outputs.count("submaps", 1);
+        outputs.count("points", n_points as u64);
         count(report, outputs);
         Ok(())
+    }
+
+    fn report_doubts(&self, outputs: &mut Outputs) {
+        let share = |n: u64, of: u64| n as f64 / of.max(1) as f64;
+        let (n_unseen, n_points) = (outputs.counted("points_unseen"), outputs.counted("points"));
+        let (unseen, limit) = (share(n_unseen, n_points), self.max_unseen_share);
+        if unseen > limit {
+            let text = format!(
+                "the model could not classify {:.1} % of the points (limit {:.1} %): they are unlabeled; does it suit this LiDAR?",
+                100.0 * unseen,
+                100.0 * limit
+            );
+            outputs.doubt("points_unseen", unseen, text);
+        }
+        let (n_coarsened, n_submaps) = (outputs.counted("submaps_coarsened"), outputs.counted("submaps"));
+        let (coarsened, limit) = (share(n_coarsened, n_submaps), self.max_coarsened_share);
+        if coarsened > limit {
+            let text = format!(
+                "{n_coarsened} of {n_submaps} submaps are too wide for the grid of the model (limit {:.0} %): its cells were \
+                 enlarged, so small objects may be missed; use shorter submaps",
+                100.0 * limit
+            );
+            outputs.doubt("submaps_coarsened", coarsened, text);
+        }
     }
 }
 
@@ -79,7 +113,11 @@ impl Stage for Infer {
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let path = context.resolve(Path::new(&settings.model));
-        Ok(Self { model: segmentation::load(&path, &options(settings)).map_err(StepError::io)? })
+        Ok(Self {
+            model: segmentation::load(&path, &options(settings)).map_err(StepError::io)?,
+            max_unseen_share: settings.max_unseen_share,
+            max_coarsened_share: settings.max_coarsened_share,
+        })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -87,6 +125,11 @@ impl Stage for Infer {
             self.label(&submap, outputs)?;
         }
         Ok(Flow::Continue)
+    }
+
+    fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        self.report_doubts(outputs);
+        Ok(())
     }
 
     fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {

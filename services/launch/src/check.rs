@@ -39,7 +39,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
         problems.add_without_place(text);
     }
     let mut stages = stages::read(&mut problems, &folder, copy, overrides, &selection.without);
-    let remark = select(&mut stages, selection, &mut problems);
+    let (remark, missing) = select(&mut stages, selection, &mut problems);
     for (stage, problem) in dataflow::connect(&mut stages, mode) {
         problems.add(&stage, problem);
     }
@@ -50,7 +50,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     check_recording(&run, mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
     let is_simulated = !drive.exists() && mode == Mode::Offline;
-    let context = Context { drive, output, launch_folder: folder, mode, connected };
+    let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
     check_settings(&stages, copy, overrides, &context, &mut problems);
     let problems = problems.into_rendered();
     if !problems.is_empty() {
@@ -79,16 +79,23 @@ fn drive(run: &Run, mode: Mode, folder: &Path, problems: &mut Problems) -> PathB
     drive
 }
 
-/// Leaves out the stages that the command line deselects. Returns a remark for the operator.
-fn select(stages: &mut Vec<PlannedStage>, selection: &Selection, problems: &mut Problems) -> Option<String> {
+/// Leaves out the stages that the command line deselects. Returns a remark for the operator, and [`Context::missing`].
+fn select(
+    stages: &mut Vec<PlannedStage>,
+    selection: &Selection,
+    problems: &mut Problems,
+) -> (Option<String>, Vec<String>) {
     for name in selection.without.iter().chain(&selection.source) {
         if !problems.has_table(name) {
             problems.add_without_place(format!("the command line names stage {name}, but the file has no such table"));
         }
     }
-    let source = selection.source.as_ref()?;
+    let Some(source) = &selection.source else { return (None, Vec::new()) };
+    let before = stages.clone();
     let left_out = source_selection::leave_out(stages, source);
-    (!left_out.is_empty()).then(|| format!("[{source}] replaces their topics; left out: {}", left_out.join(", ")))
+    let remark =
+        (!left_out.is_empty()).then(|| format!("[{source}] replaces their topics; left out: {}", left_out.join(", ")));
+    (remark, source_selection::missing_topics(&before, stages))
 }
 
 /// What cannot be recorded without gaps is refused.

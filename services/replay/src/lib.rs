@@ -28,6 +28,10 @@ pub struct Replay {
     topics: Vec<&'static Replayed>,
     pace: Pace,
     n_ticks: u64,
+    /// Share of the recorded drive that was published, 0 to 1.
+    progress: f64,
+    /// [`Context::missing`].
+    missing: Vec<String>,
     /// The tick after the last published one: a tick is the last one if there is no further tick.
     next: Option<RecordedTick>,
 }
@@ -93,10 +97,19 @@ impl Stage for Replay {
         let topics = recorded(&path, settings)?;
         let names: Vec<&str> = topics.iter().map(|known| known.topic).collect();
         let ticks = TickReader::open(&path, &names).map_err(StepError::data)?;
-        Ok(Self { ticks, topics, pace: Pace::new(settings.speed), n_ticks: 0, next: None })
+        let (pace, missing) = (Pace::new(settings.speed), context.missing.clone());
+        Ok(Self { ticks, topics, pace, n_ticks: 0, progress: 0.0, missing, next: None })
     }
 
     fn step(&mut self, _inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
+        if !self.missing.is_empty() {
+            let text = format!(
+                "the replay does not give the results of its run: stages read {}, which no stage publishes here; record and \
+                 replay these topics too",
+                self.missing.join(", ")
+            );
+            outputs.doubt("topics_not_replayed", self.missing.len() as f64, text);
+        }
         let tick = match self.next.take() {
             Some(tick) => tick,
             None => match self.read(outputs)? {
@@ -108,7 +121,8 @@ impl Stage for Replay {
         };
         self.pace.wait_for(tick.row.drive_time);
         outputs.set_drive_time(tick.row.drive_time);
-        outputs.set_progress(f64::from(tick.row.progress));
+        self.progress = f64::from(tick.row.progress);
+        outputs.set_progress(self.progress);
         for (topic, messages) in self.topics.iter().zip(&tick.messages) {
             for message in messages {
                 (topic.publish)(outputs, &message.bytes)?;
@@ -128,29 +142,27 @@ impl Stage for Replay {
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         self.n_ticks = decode_state(1, state)?;
         for _ in 0..self.n_ticks {
-            self.ticks.next().map_err(StepError::data)?;
+            let tick = self.ticks.next().map_err(StepError::data)?;
+            self.progress = tick.map_or(0.0, |tick| f64::from(tick.row.progress));
         }
         Ok(())
     }
 }
 
 impl Replay {
-    /// The next tick. A recording that ends before its run is replayed to its end, and reported.
+    /// The next tick. A recording that ends before its run is replayed to its end, and its results are doubtful.
     fn read(&mut self, outputs: &mut Outputs) -> Result<Option<RecordedTick>, StepError> {
-        match self.ticks.next() {
+        let fault = match self.ticks.next() {
             Ok(None) if !self.ticks.ended() => {
-                let path = self.ticks.recording().path().display();
-                outputs.note(format!("{path}: the recording ends before the end of its run"));
-                outputs.count("recordings_not_complete", 1);
-                Ok(None)
+                format!("{}: the recording ends before the end of its run", self.ticks.recording().path().display())
             }
-            Ok(tick) => Ok(tick),
-            Err(error @ RecordingError::Cut { .. }) => {
-                outputs.note(error.to_string());
-                outputs.count("recordings_not_complete", 1);
-                Ok(None)
-            }
-            Err(error) => Err(StepError::data(error)),
-        }
+            Err(error @ RecordingError::Cut { .. }) => error.to_string(),
+            Ok(tick) => return Ok(tick),
+            Err(error) => return Err(StepError::data(error)),
+        };
+        let (name, percent) = ("recording_incomplete", 100.0 * self.progress);
+        outputs.doubt(name, self.progress, format!("{fault}; {percent:.0} % of the drive were replayed"));
+        outputs.count("recordings_not_complete", 1);
+        Ok(None)
     }
 }

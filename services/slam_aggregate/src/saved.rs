@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 6;
+pub(crate) const STATE_VERSION: u32 = 7;
 
-/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings) and 70 kB for
-/// each complete submap. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
+/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings) and up to
+/// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
 /// rows of the open submap (28 bytes a point).
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 pub(crate) struct Saved {
     pub odometry: OdometryState,
     /// Whether the first sweep is waiting for the second.
@@ -22,6 +22,17 @@ pub(crate) struct Saved {
     pub last_pose_stamp: Option<i64>,
     pub degenerate: DegenerateStretches,
     pub georeferencer: Georeferencer,
+}
+
+/// [`Saved`] without a copy of its parts: they grow with the drive.
+#[derive(Serialize)]
+pub(crate) struct Saving<'a> {
+    pub odometry: OdometryState,
+    pub is_waiting: bool,
+    pub submap: Option<SubmapHead>,
+    pub last_pose_stamp: Option<i64>,
+    pub degenerate: &'a DegenerateStretches,
+    pub georeferencer: &'a Georeferencer,
 }
 
 /// An [`OpenSubmap`] without its rows.

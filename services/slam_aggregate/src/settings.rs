@@ -43,6 +43,12 @@ stage::settings! {
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
+        /// Share of the fixes that must agree with the result; below it, the result is doubtful. If more than half of the fixes are
+        /// rejected, the rejected ones may be the correct ones. 0 accepts a drive whose fixes are not used at all.
+        pub min_used_fixes_share: f64 = 0.5 => stage::within(0.0, 1.0);
+        /// Largest number of places kept for loop closures; the oldest are dropped first. 1000 are 20 km of streets in submaps of
+        /// 20 m, and at most 80 MB of memory and of each saved state. A place that is visited again counts once.
+        pub loop_places_max: u32 = 1_000 => stage::within(10, 100_000);
         /// Invert the smoothing filter of the GNSS receiver where its fixes show one. Only the simulated receiver is known to have
         /// such a filter; set it when the log of a real receiver shows one, too.
         pub unsmooth_fixes: bool = false => stage::any();
@@ -82,6 +88,7 @@ impl Settings {
             imu: uses("imu"),
             loops: uses("loops"),
             unsmooth_fixes: self.unsmooth_fixes,
+            max_keyframes: self.loop_places_max as usize,
             antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
             imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
             origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),

@@ -1,9 +1,9 @@
 //! The stage.
 
-use crate::Settings;
 use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
-use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
+use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
+use crate::{Settings, fix_doubts};
 use formats::drive::Drive;
 use geometry::{Isometry3, Pose, Stamp};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
@@ -29,6 +29,8 @@ pub struct SlamAggregate {
     last_pose_stamp: Option<i64>,
     degenerate: DegenerateStretches,
     georeferencer: Georeferencer,
+    /// The drive has a GNSS receiver whose fixes should place the result.
+    expects_fixes: bool,
 }
 
 impl SlamAggregate {
@@ -55,6 +57,7 @@ impl SlamAggregate {
             saved_submap: None,
             last_pose_stamp: None,
             degenerate: DegenerateStretches::default(),
+            expects_fixes: false,
         }
     }
 
@@ -148,19 +151,24 @@ impl Stage for SlamAggregate {
             Some(manifest) => manifest.rig().map_err(StepError::data)?.body_from_lidar,
             None => Isometry3::identity(),
         };
-        Ok(Self::with_sensors(settings, body_from_lidar, settings.georeference(manifest.as_ref())))
+        let georeference = settings.georeference(manifest.as_ref());
+        let has_receiver =
+            manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
+        let expects_fixes = has_receiver && georeference.gnss;
+        Ok(Self { expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen_submap(outputs)?;
         for message in inputs.take::<ImuTopic>() {
-            self.georeferencer.add_imu(message.rows());
+            self.georeferencer.add_imu(message.rows(), &self.georeference);
             if self.settings.predicts_by("imu") {
                 message.rows().iter().for_each(|row| self.odometry.add_imu(inertial_sample(row)));
             }
         }
         for message in inputs.take::<GnssTopic>() {
-            let n_valid = self.georeferencer.add_gnss(message.rows());
+            let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
+            outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
             if self.settings.predicts_by("gnss") {
                 let velocities = message.rows().iter().filter_map(ground_velocity);
@@ -198,7 +206,12 @@ impl Stage for SlamAggregate {
         }
         self.close_submap(outputs)?;
         self.georeferencer.update(&self.georeference);
-        self.georeferencer.solve(&self.georeference).map_or(Ok(()), |placed| publish_placement(&placed, outputs))
+        let placed = self.georeferencer.solve(&self.georeference);
+        if self.georeference.gnss {
+            let min_used_share = self.settings.min_used_fixes_share;
+            fix_doubts::report(placed.as_ref(), self.expects_fixes, min_used_share, outputs);
+        }
+        placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
@@ -207,15 +220,15 @@ impl Stage for SlamAggregate {
             (None, Some(saved)) => (Some(saved.head.clone()), &saved.rows[..]),
             (None, None) => (None, &[][..]),
         };
-        let saved = Saved {
+        let saving = Saving {
             odometry: self.odometry.save(),
             is_waiting: self.waiting.is_some(),
             submap,
             last_pose_stamp: self.last_pose_stamp,
-            degenerate: self.degenerate.clone(),
-            georeferencer: self.georeferencer.clone(),
+            degenerate: &self.degenerate,
+            georeferencer: &self.georeferencer,
         };
-        let mut state = StateBytes::with_head(STATE_VERSION, &saved)?;
+        let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
         if let Some(waiting) = &self.waiting {
             state.push(waiting);
         }

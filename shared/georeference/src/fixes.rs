@@ -5,6 +5,7 @@ use crate::{AntennaPosition, PointPair};
 use geometry::{Geodetic, LocalFrame, Point3, Pose};
 use messages::GnssRow;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Fixes within this time count as one measurement, s: the time in which the vehicle passes a house and its reflections.
 const ERROR_CORRELATION_S: f64 = 8.0;
@@ -15,6 +16,8 @@ const VERTICAL_FACTOR: f64 = 1.8;
 /// Errors of heights above the true one over those below. Reflected signals arrive late, never early, and mostly come from
 /// low satellites.
 const ABOVE_FACTOR: f64 = 6.0;
+/// Fixes that wait for the odometry: three minutes at 20 Hz. Without sweeps there is no odometry.
+const MAX_PENDING: usize = 1 << 12;
 /// Dilution of precision where the receiver reports none.
 const DEFAULT_HDOP: f64 = 2.0;
 
@@ -22,7 +25,7 @@ const DEFAULT_HDOP: f64 = 2.0;
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Fixes {
     /// Fixes later than the odometry.
-    pending: Vec<Fix>,
+    pending: VecDeque<Fix>,
     /// Origin of the world.
     origin: Option<Geodetic>,
     /// One for each position.
@@ -30,7 +33,7 @@ pub(crate) struct Fixes {
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Fix {
+pub(crate) struct Fix {
     stamp: i64,
     place: Geodetic,
     hdop: f64,
@@ -63,6 +66,17 @@ const fn sigma_m(quality: u32) -> Option<f64> {
     }
 }
 
+impl Fix {
+    /// `None` if the row has no valid position.
+    pub fn new(row: &GnssRow) -> Option<Self> {
+        let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m)?;
+        let sigma_m = sigma_m(row.quality)?;
+        let hdop = if row.hdop > 0.0 { f64::from(row.hdop) } else { DEFAULT_HDOP };
+        let by_carrier = matches!(row.quality, 4 | 5);
+        Some(Self { stamp: row.stamp, place, hdop: hdop.max(0.5), sigma_m, by_carrier })
+    }
+}
+
 impl Fixes {
     /// `origin` of the drive's world, if its recording has one; otherwise the first fix becomes the origin.
     pub fn with_origin(origin: Option<Geodetic>) -> Self {
@@ -71,14 +85,11 @@ impl Fixes {
     pub const fn origin(&self) -> Option<Geodetic> {
         self.origin
     }
-    /// Adds a fix. `false` if the row has no valid position.
-    pub fn push(&mut self, row: &GnssRow) -> bool {
-        let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m);
-        let (Some(place), Some(sigma_m)) = (place, sigma_m(row.quality)) else { return false };
-        let hdop = if row.hdop > 0.0 { f64::from(row.hdop) } else { DEFAULT_HDOP };
-        let by_carrier = matches!(row.quality, 4 | 5);
-        self.pending.push(Fix { stamp: row.stamp, place, hdop: hdop.max(0.5), sigma_m, by_carrier });
-        true
+    /// Adds a fix. While the odometry does not advance, the oldest ones are dropped.
+    pub fn push(&mut self, fix: Fix) {
+        self.pending.push_back(fix);
+        let n_over = self.pending.len().saturating_sub(MAX_PENDING);
+        self.pending.drain(..n_over);
     }
     /// Turns the fixes up to the last pose into positions. `submap_at` returns number and `odom_from_submap` of the submap
     /// at a stamp.

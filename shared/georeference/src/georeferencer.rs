@@ -1,13 +1,13 @@
 //! Collects the measurements of a drive and places its submaps at the end.
 
 use crate::drift::Drift;
-use crate::fixes::Fixes;
+use crate::fixes::{Fix, Fixes};
 use crate::gravity::Gravity;
 use crate::receiver_errors::correct_positions;
 use crate::recent_path::RecentPath;
-use crate::{Gauge, Keyframe, LoopFinder, PoseGraph, RelativePose, Solution, align_odometry};
+use crate::{Gauge, Keyframe, LoopFinder, Places, PoseGraph, RelativePose, Solution, align_odometry};
 use geometry::{Geodetic, Isometry3, Point3, Pose};
-use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow};
+use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow, PoseDeviation};
 use nalgebra::Matrix6;
 use registration::{LocalMap, Registered};
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,8 @@ pub struct GeoreferenceSettings {
     pub imu_in_body: Point3<f64>,
     /// Origin of the world, if the drive names one.
     pub origin: Option<Geodetic>,
+    /// Places kept for loop closures.
+    pub max_keyframes: usize,
 }
 
 /// A submap by the odometry.
@@ -45,7 +47,9 @@ struct Node {
     stamp: i64,
 }
 
-/// The measurements so far: some hundred bytes a submap, and 70 kB a keyframe. Serializing it saves the state.
+/// The measurements so far. Serializing it saves the state. Memory in submaps of 20 m: 25 kB per km, 150 bytes for each fix, and
+/// up to 4 MB per km of places that were not visited before, until [`GeoreferenceSettings::max_keyframes`] are reached. Sensor
+/// data that wait for the odometry are bounded.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Georeferencer {
     nodes: Vec<Node>,
@@ -55,7 +59,7 @@ pub struct Georeferencer {
     fixes: Fixes,
     gravity: Gravity,
     path_m: f64,
-    keyframes: Vec<Keyframe>,
+    places: Places,
 }
 
 /// Where the submaps lie.
@@ -64,8 +68,35 @@ pub struct Placed {
     pub header: PlacementHeader,
     /// One for each submap.
     pub rows: Vec<PlacementRow>,
+    /// How far the fixes determine the result.
+    pub fixes: FixUse,
     /// One line for the operator.
     pub summary: String,
+}
+
+/// What became of the fixes at times of the trajectory. Fixes that follow others too soon are left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixUse {
+    /// All.
+    pub n: usize,
+    /// Those that agree with the result. 0 unless the result is placed on the Earth.
+    pub n_used: usize,
+    /// Root mean square distance from their center, m.
+    pub spread_m: f64,
+}
+
+impl FixUse {
+    /// Why the fixes do not place the result on the Earth; empty if they do, or if they disagree with it.
+    pub fn reason(&self) -> String {
+        match self.n {
+            0 => "no fixes".to_owned(),
+            n if self.spread_m < MIN_SPREAD_M => {
+                let spread_m = self.spread_m;
+                format!("{n} fixes have a spread of {spread_m:.1} m, {MIN_SPREAD_M} m are needed to find north")
+            }
+            _ => String::new(),
+        }
+    }
 }
 
 impl Georeferencer {
@@ -74,14 +105,21 @@ impl Georeferencer {
         Self { fixes: Fixes::with_origin(settings.origin), ..Self::default() }
     }
 
-    /// Adds fixes in the order of time. Returns how many of them have a valid position.
-    pub fn add_gnss(&mut self, rows: &[GnssRow]) -> usize {
-        rows.iter().filter(|row| self.fixes.push(row)).count()
+    /// Adds fixes in the order of time. Returns how many of them have a valid position. Fixes are only kept if they are used.
+    pub fn add_gnss(&mut self, rows: &[GnssRow], settings: &GeoreferenceSettings) -> usize {
+        let mut n_valid = 0;
+        for fix in rows.iter().filter_map(Fix::new) {
+            n_valid += 1;
+            if settings.gnss {
+                self.fixes.push(fix);
+            }
+        }
+        n_valid
     }
 
-    /// Adds inertial samples in the order of time.
-    pub fn add_imu(&mut self, rows: &[ImuRow]) {
-        for row in rows {
+    /// Adds inertial samples in the order of time. They are only kept if they are used.
+    pub fn add_imu(&mut self, rows: &[ImuRow], settings: &GeoreferenceSettings) {
+        for row in rows.iter().filter(|_| settings.imu) {
             self.gravity.push(row);
         }
     }
@@ -122,14 +160,13 @@ impl Georeferencer {
     pub fn end_submap(&mut self, settings: &GeoreferenceSettings, map: &LocalMap) -> bool {
         let (Some(node), Some(stamp)) = (self.nodes.last(), self.path.last()) else { return false };
         let Some(odom_from_body) = self.path.at(stamp).filter(|_| settings.loops) else { return false };
-        let last_path_m = self.keyframes.last().map_or(f64::NEG_INFINITY, |last| last.path_m);
+        let last_path_m = self.places.last().map_or(f64::NEG_INFINITY, |last| last.path_m);
         if self.path_m - last_path_m < KEYFRAME_M {
             return false;
         }
         let number = self.nodes.len() - 1;
         let keyframe = Keyframe::new(number, self.path_m, &map.points(), &node.odom_from_submap, &odom_from_body);
-        let closure = LoopFinder::default().find(&keyframe, &self.keyframes);
-        self.keyframes.push(keyframe);
+        let closure = self.places.visit(keyframe, &LoopFinder::default(), settings.max_keyframes);
         let is_closed = closure.is_some();
         self.graph.loops.extend(closure.map(|closure| closure.relative));
         is_closed
@@ -186,8 +223,10 @@ impl Georeferencer {
                 sigma_rad: [sigma(3), sigma(4), sigma(5)],
             }
         };
-        let summary = summary(&header, self.graph.positions.len(), spread_m);
-        Some(Placed { header, rows: rows.map(row).collect(), summary })
+        let rows: Vec<PlacementRow> = rows.map(row).collect();
+        let fixes = FixUse { n: self.graph.positions.len(), n_used: header.n_fixes as usize, spread_m };
+        let summary = summary(&header, &fixes, &rows);
+        Some(Placed { header, rows, fixes, summary })
     }
 }
 
@@ -218,15 +257,63 @@ fn header(solution: &Solution, graph: &PoseGraph, origin: Option<Geodetic>) -> P
     }
 }
 
-fn summary(header: &PlacementHeader, n_fixes: usize, spread_m: f64) -> String {
+fn summary(header: &PlacementHeader, fixes: &FixUse, rows: &[PlacementRow]) -> String {
     let PlacementHeader { n_loops, n_loops_refused, n_fixes: n_used, n_fixes_refused, .. } = header;
     let loops = format!("{n_loops} loop closures ({n_loops_refused} rejected)");
     if header.frame == FRAME_EAST_NORTH_UP {
-        return format!("world frame: east-north-up from {n_used} fixes ({n_fixes_refused} rejected), {loops}");
+        let largest = rows.iter().map(PlacementRow::deviation).fold(PoseDeviation::default(), PoseDeviation::max);
+        let PoseDeviation { position_m, height_m, heading_deg } = largest;
+        return format!(
+            "world frame: east-north-up from {n_used} fixes ({n_fixes_refused} rejected), {loops}; largest standard deviation of a \
+             submap: position {position_m:.2} m, height {height_m:.2} m, heading {heading_deg:.2} degrees"
+        );
     }
-    let reason = match n_fixes {
-        0 => "no fixes".to_owned(),
-        n => format!("{n} fixes have a spread of {spread_m:.1} m, {MIN_SPREAD_M} m are needed to find north"),
-    };
+    let reason = fixes.reason();
     format!("world frame: local, origin and heading of the vehicle at the first shot ({reason}), {loops}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(is_used: bool) -> GeoreferenceSettings {
+        GeoreferenceSettings {
+            gnss: is_used,
+            imu: is_used,
+            loops: false,
+            unsmooth_fixes: false,
+            antenna_in_body: Point3::origin(),
+            imu_in_body: Point3::origin(),
+            origin: None,
+            max_keyframes: 10,
+        }
+    }
+
+    /// Bytes of the state after ticks of 0.1 s with 100 samples of an inertial unit and a fix each, without any sweep.
+    fn state_bytes(n_ticks: i64, settings: &GeoreferenceSettings) -> usize {
+        let mut georeferencer = Georeferencer::new(settings);
+        for tick in 0..n_ticks {
+            let sample = |k: i64| ImuRow { stamp: (tick * 100 + k) * 1_000_000, ..ImuRow::default() };
+            georeferencer.add_imu(&(0..100).map(sample).collect::<Vec<_>>(), settings);
+            let fix = GnssRow { stamp: tick * 100_000_000, quality: 1, latitude_deg: 48.0, ..GnssRow::default() };
+            assert_eq!(georeferencer.add_gnss(&[fix], settings), 1);
+            georeferencer.update(settings);
+        }
+        postcard::to_stdvec(&georeferencer).expect("encodes").len()
+    }
+
+    #[test]
+    fn measurements_that_are_not_used_are_not_kept() {
+        let unused = settings(false);
+        assert_eq!(state_bytes(2000, &unused), state_bytes(0, &unused));
+    }
+
+    #[test]
+    fn measurements_without_sweeps_are_bounded() {
+        let used = settings(true);
+        // Ten minutes, and twenty.
+        let (some, more) = (state_bytes(6000, &used), state_bytes(12_000, &used));
+        assert!(more <= some + some / 10, "{some} bytes became {more}");
+        assert!(more < 4 << 20, "{more} bytes");
+    }
 }

@@ -8,6 +8,7 @@ use crate::recent_path::{HALF_SPAN_NANOS, RecentPath};
 use geometry::{Point3, Pose, Vector3};
 use messages::ImuRow;
 use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
 
 /// Shorter stretches are not used, s: the error of the velocity weighs too much.
 const MIN_SECONDS: f64 = 0.8;
@@ -19,11 +20,14 @@ const TOLERANCE_MPS2: f64 = 0.5;
 /// 6 mrad: a lasting bias of 4 mg, or a velocity error of 12 cm/s over two seconds.
 const SIGMA_RAD: f64 = 0.006;
 
+/// Samples that wait for the odometry: a minute at 1 kHz. Without sweeps there is no odometry.
+const MAX_PENDING: usize = 1 << 16;
+
 /// Collects inertial samples.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Gravity {
     /// Samples later than the odometry.
-    pending: Vec<(i64, Vector3<f64>)>,
+    pending: VecDeque<(i64, Vector3<f64>)>,
     stretch: Option<Stretch>,
 }
 
@@ -44,9 +48,11 @@ struct Stretch {
 impl Gravity {
     pub fn push(&mut self, row: &ImuRow) {
         let force = Vector3::from(row.acceleration);
-        let is_later = self.pending.last().is_none_or(|(last, _)| *last < row.stamp);
+        let is_later = self.pending.back().is_none_or(|(last, _)| *last < row.stamp);
         if is_later && force.iter().all(|v| v.is_finite()) {
-            self.pending.push((row.stamp, force));
+            self.pending.push_back((row.stamp, force));
+            let n_over = self.pending.len().saturating_sub(MAX_PENDING);
+            self.pending.drain(..n_over);
         }
     }
 

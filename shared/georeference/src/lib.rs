@@ -11,7 +11,7 @@
 //! - [`Georeferencer`] collects the measurements while the drive goes on and solves the problem at the end.
 //! - [`PoseGraph`] holds the measurements. [`PoseGraph::solve`] finds the poses and their covariances.
 //! - [`align_odometry`] finds north and the offset to the world before the graph is solved.
-//! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later.
+//! - [`Keyframe`] describes the surroundings of a submap, [`LoopFinder`] recognizes them later, [`Places`] keeps one of each place.
 //!
 //! Points never move against their submap. A pose here is `world_from_submap`. Errors of poses are in the axes of the
 //! submap, translation (m) before rotation vector (rad). Everything is a pure function of its inputs.
@@ -30,6 +30,6 @@ mod receiver_filter;
 mod recent_path;
 
 pub use alignment::{Alignment, PointPair, align_odometry};
-pub use georeferencer::{GeoreferenceSettings, Georeferencer, Placed};
+pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
 pub use graph::{AntennaPosition, Gauge, PoseGraph, RelativePose, Solution, UpDirection};
-pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings};
+pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};

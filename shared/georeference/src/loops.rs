@@ -3,8 +3,10 @@
 mod correlation;
 mod finder;
 mod keyframe;
+mod places;
 mod refinement;
 mod scan_context;
 
 pub use finder::{LoopClosure, LoopFinder, LoopSettings};
 pub use keyframe::Keyframe;
+pub use places::Places;

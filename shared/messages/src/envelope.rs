@@ -48,6 +48,9 @@ pub trait Message: Send + Sync + 'static {
     const BORROWED: usize;
     /// Largest number of rows of a message. Every slot has this size; memory that is never written is never used.
     const MAX_ROWS: usize;
+    /// Whether every number of every row must be finite; those of the header always must. It is checked when a message is
+    /// published, so only topics with few rows set it.
+    const FINITE_ROWS: bool = false;
     /// Fixed part.
     type Header: Pod + Default;
     /// Element of the slice.

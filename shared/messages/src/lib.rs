@@ -10,6 +10,7 @@ mod class_table;
 mod columns;
 mod cube;
 mod envelope;
+mod finite;
 mod placement;
 pub mod pod;
 mod raw;
@@ -26,7 +27,8 @@ pub use columns::{
 };
 pub use cube::{CubeHeader, CubeTopic, CubeView, MAX_CUBE_BANDS};
 pub use envelope::{Envelope, Message};
-pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic};
+pub use finite::{NotFinite, check_header, check_rows};
+pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, PlacementRow, PlacementTopic, PoseDeviation};
 pub use pod::Pod;
 pub(crate) use pod::pod;
 pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};

@@ -1,6 +1,6 @@
 //! Topic `placement`: the poses of the submaps after loop closure. Points stay in their submaps; this moves the submaps.
 
-use crate::{Message, PoseRow, pod};
+use crate::{Message, PoseRow, SubmapTopic, TrajectoryTopic, pod};
 
 /// [`PlacementHeader::frame`]: the world is the vehicle's place and heading at the first shot, z up.
 pub const FRAME_LOCAL: u32 = 0;
@@ -70,8 +70,46 @@ pod! {
     }
 }
 
+/// Standard deviations of a pose in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PoseDeviation {
+    /// Horizontal position, m: root of the sum of the squares along both axes.
+    pub position_m: f64,
+    /// Height, m.
+    pub height_m: f64,
+    /// Heading, degrees; at most 180.
+    pub heading_deg: f64,
+}
+
+impl PoseDeviation {
+    /// The larger deviation of each.
+    #[must_use]
+    pub fn max(self, other: Self) -> Self {
+        Self {
+            position_m: self.position_m.max(other.position_m),
+            height_m: self.height_m.max(other.height_m),
+            heading_deg: self.heading_deg.max(other.heading_deg),
+        }
+    }
+}
+
+impl PlacementRow {
+    /// Standard deviations in the world. A submap is not tilted: its z axis is vertical.
+    pub fn deviation(&self) -> PoseDeviation {
+        let [x, y, z] = self.sigma_m.map(f64::from);
+        let heading_deg = f64::from(self.sigma_rad[2]).to_degrees().min(180.0);
+        PoseDeviation { position_m: x.hypot(y), height_m: z, heading_deg }
+    }
+}
+
 /// The poses of all submaps of the drive, published once at the end of the stream, in the order of the submaps.
 pub struct PlacementTopic;
+
+impl PlacementTopic {
+    /// Topics in the frame of the odometry. Without `placement` they cannot be moved to the world.
+    pub const MOVES: [&str; 2] = [SubmapTopic::TOPIC, TrajectoryTopic::TOPIC];
+}
+
 impl Message for PlacementTopic {
     const TOPIC: &'static str = "placement";
     const VERSION: u32 = 1;
@@ -79,6 +117,7 @@ impl Message for PlacementTopic {
     const BORROWED: usize = 1;
     // 1300 km in pieces of 20 m, or 90 hours in pieces of 5 s.
     const MAX_ROWS: usize = 1 << 16;
+    const FINITE_ROWS: bool = true;
     type Header = PlacementHeader;
     type Row = PlacementRow;
 }

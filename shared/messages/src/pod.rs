@@ -11,6 +11,9 @@ pub trait Pod: bytemuck::Pod + Send + Sync {
     /// Appends the fields of a value called `name` that begins at byte `offset` to `fields`. A number is one field, and
     /// so is an array of numbers; the fields of a struct are listed one by one.
     fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>);
+
+    /// Whether all floating-point numbers are finite.
+    fn is_finite(&self) -> bool;
 }
 
 /// FNV-1a over `bytes`, continued from `state`.
@@ -27,16 +30,21 @@ pub const fn fingerprint(mut state: u64, bytes: &[u8]) -> u64 {
 pub const FINGERPRINT_START: u64 = 0xcbf2_9ce4_8422_2325;
 
 macro_rules! pod_number {
-    ($($t:ty),*) => {$(
+    ($is_finite:expr; $($t:ty),*) => {$(
         impl Pod for $t {
             const LAYOUT: u64 = fingerprint(FINGERPRINT_START, stringify!($t).as_bytes());
             fn describe(name: &str, offset: usize, fields: &mut Vec<ByteField>) {
                 fields.push(ByteField { name: name.to_owned(), offset, kind: stringify!($t).to_owned(), count: 1 });
             }
+            fn is_finite(&self) -> bool {
+                let is_finite: fn($t) -> bool = $is_finite;
+                is_finite(*self)
+            }
         }
     )*};
 }
-pod_number!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
+pod_number!(|_| true; u8, u16, u32, u64, i8, i16, i32, i64);
+pod_number!(|value| value.is_finite(); f32, f64);
 
 impl<T: Pod, const N: usize> Pod for [T; N]
 where
@@ -53,6 +61,9 @@ where
             }
             _ => (0..N).for_each(|i| T::describe(&format!("{name}.{i}"), offset + i * size_of::<T>(), fields)),
         }
+    }
+    fn is_finite(&self) -> bool {
+        self.iter().all(Pod::is_finite)
     }
 }
 
@@ -81,6 +92,9 @@ macro_rules! pod {
                     // There is no padding: the next field follows at once.
                     offset += size_of::<$kind>();
                 )*
+            }
+            fn is_finite(&self) -> bool {
+                $(<$kind as $crate::Pod>::is_finite(&self.$field))&&*
             }
         }
 

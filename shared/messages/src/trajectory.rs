@@ -70,6 +70,7 @@ impl Message for TrajectoryTopic {
     const BORROWED: usize = 4;
     // Two poses per sweep; a tick has one sweep, the second tick two.
     const MAX_ROWS: usize = 1 << 12;
+    const FINITE_ROWS: bool = true;
     type Header = NoHeader;
     type Row = StampedPose;
 }

@@ -99,6 +99,8 @@ impl SensorLog {
     pub fn push_velocity(&mut self, velocity: GroundVelocity) {
         if self.velocities.last().is_none_or(|last| last.stamp < velocity.stamp) {
             self.velocities.push(velocity);
+            let n_over = self.velocities.len().saturating_sub(MAX_WAITING);
+            self.velocities.drain(..n_over);
         }
     }
 

@@ -18,6 +18,9 @@ pub struct Context {
     /// Topics that have a producer in this run. An optional input that has been empty so far may still be connected:
     /// ask [`Context::is_connected`].
     pub connected: Vec<String>,
+    /// Topics that stages of this run read and that have no producer, because another source replaces their stage
+    /// (`--source`).
+    pub missing: Vec<String>,
 }
 
 impl Context {

@@ -78,7 +78,7 @@ pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
         }
         Err(error) => {
             tracing::error!("{error}");
-            exit::FAILED
+            error.exit_code()
         }
     }
 }

@@ -144,7 +144,7 @@ fn run_assignment(program: &dyn Program, path: &Path) -> u8 {
         }
         Err(error) => {
             tracing::error!("{error}");
-            exit::FAILED
+            error.exit_code()
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Why a stage cannot go on.
 
+use crate::exit;
 use run::StateError;
 use run::state_file::StateFileError;
 use std::error::Error;
@@ -26,6 +27,9 @@ pub enum StepError {
     /// Shared memory.
     #[error(transparent)]
     Ipc(#[from] ipc::IpcError),
+    /// The settings require what this drive does not give; a restart cannot help. See [`StepError::configuration`].
+    #[error(transparent)]
+    Configuration(Source),
     /// The stage broke the contract, e.g. published a column for the wrong submap. See [`StepError::contract`].
     #[error(transparent)]
     Contract(Source),
@@ -48,9 +52,17 @@ impl StepError {
     pub fn io(cause: impl Into<Source>) -> Self {
         Self::Io(cause.into())
     }
+    /// Settings that this drive cannot fulfil: an error, or a text. The process ends with exit code 78 and is not restarted.
+    pub fn configuration(cause: impl Into<Source>) -> Self {
+        Self::Configuration(cause.into())
+    }
     /// A broken contract: an error, or a text.
     pub fn contract(cause: impl Into<Source>) -> Self {
         Self::Contract(cause.into())
+    }
+    /// Exit code of a process that ends with this error.
+    pub(crate) fn exit_code(&self) -> u8 {
+        if let Self::Configuration(_) = self { exit::CONFIGURATION } else { exit::FAILED }
     }
     /// The same error with the file, message or field in which it happened before its text.
     #[must_use]
@@ -60,6 +72,7 @@ impl StepError {
             Self::Data(source) => Self::data(At { place, source }),
             Self::Io(source) => Self::io(At { place, source }),
             Self::Contract(source) => Self::contract(At { place, source }),
+            Self::Configuration(source) => Self::configuration(At { place, source }),
             other @ (Self::Stopped { .. } | Self::Ipc(_)) => other,
         }
     }
@@ -95,6 +108,12 @@ impl From<messages::SubmapError> for StepError {
     }
 }
 
+impl From<messages::NotFinite> for StepError {
+    fn from(error: messages::NotFinite) -> Self {
+        Self::contract(error)
+    }
+}
+
 impl From<messages::PoseError> for StepError {
     fn from(error: messages::PoseError) -> Self {
         Self::data(error)
@@ -113,5 +132,11 @@ mod tests {
         let source = error.source().and_then(|source| source.downcast_ref::<std::io::Error>());
         assert!(source.is_some_and(|source| source.kind() == std::io::ErrorKind::PermissionDenied));
         assert_eq!(StepError::data("no sweeps").at("a.pcap").to_string(), "a.pcap: no sweeps");
+    }
+
+    #[test]
+    fn only_configuration_errors_end_a_process_for_good() {
+        assert_eq!(StepError::configuration("frame = \"utm\"").at("export").exit_code(), exit::CONFIGURATION);
+        assert_eq!(StepError::data("no sweeps").exit_code(), exit::FAILED);
     }
 }

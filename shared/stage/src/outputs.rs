@@ -44,7 +44,8 @@ impl Outputs {
         self.output::<T>()?.loan(capacity)
     }
 
-    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full.
+    /// Publishes the loan as the topic's next message. Waits while a consumer's queue is full. A number in the header, or in a
+    /// row of poses, that is not finite is an error of this stage.
     pub fn publish<T: Message>(&mut self, loan: Loan<T>, stamp: i64) -> Result<(), StepError> {
         self.publish_as(loan, stamp, None)
     }
@@ -55,7 +56,11 @@ impl Outputs {
         self.publish_as(loan, stamp, Some(seq))
     }
 
-    fn publish_as<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
+    fn publish_as<T: Message>(&mut self, mut loan: Loan<T>, stamp: i64, seq: Option<u64>) -> Result<(), StepError> {
+        let checked =
+            messages::check_header::<T>(loan.header_mut()).and_then(|()| messages::check_rows::<T>(loan.rows()));
+        checked
+            .map_err(|fault| StepError::from(fault).at("this stage computed a message that must not be published"))?;
         let output = self.output::<T>()?;
         if let Some(seq) = seq {
             // After a restart from an older state, a stage processes submaps again that the process before it published.
@@ -87,6 +92,11 @@ impl Outputs {
         }
     }
 
+    /// The value of a counter; 0 if nothing was counted. Counters are kept over restarts.
+    pub fn counted(&self, name: &str) -> u64 {
+        self.counters.get(name).copied().unwrap_or_default()
+    }
+
     /// Reports a text to the operator, once per distinct text: in the log, the heartbeat and the run summary. The first 32
     /// texts are kept, up to 300 characters each.
     pub fn note(&mut self, text: impl Into<String>) {
@@ -109,8 +119,8 @@ impl Outputs {
     pub fn doubt(&mut self, name: &'static str, size: f64, text: impl Into<String>) {
         let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
         let doubt = Doubt { name: name.to_owned(), size, text };
-        match self.doubts.iter_mut().find(|known| known.name == name) {
-            Some(known) => *known = doubt,
+        match self.doubts.iter().position(|known| known.name == name) {
+            Some(index) => self.doubts[index] = doubt,
             None if self.doubts.len() < MAX_DOUBTS => self.doubts.push(doubt),
             None => self.count("doubts_left_out", 1),
         }
@@ -195,5 +205,57 @@ impl<T: Message> AnyOutput for TypedOutput<T> {
     }
     fn ticked(&mut self) -> Option<&mut dyn TickedOutput> {
         self.0.ticked()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory_output::memory_output;
+    use messages::{StampedPose, SubmapTopic, TrajectoryTopic};
+
+    fn outputs() -> Outputs {
+        let mut outputs = Outputs::default();
+        outputs.by_topic.insert(SubmapTopic::TOPIC, memory_output::<SubmapTopic>());
+        outputs.by_topic.insert(TrajectoryTopic::TOPIC, memory_output::<TrajectoryTopic>());
+        outputs
+    }
+
+    #[test]
+    fn header_with_nan_is_a_fault_of_the_stage_that_publishes_it() {
+        let mut outputs = outputs();
+        let mut loan = outputs.loan::<SubmapTopic>(0).expect("a loan");
+        loan.header_mut().max[2] = f32::NAN;
+        let error = outputs.publish(loan, 0).expect_err("refused");
+        assert!(matches!(error, StepError::Contract(_)), "{error}");
+        assert!(
+            error.to_string().contains("this stage computed") && error.to_string().contains("submap: header max[2]")
+        );
+    }
+
+    #[test]
+    fn pose_that_is_not_finite_is_not_published() {
+        let mut outputs = outputs();
+        let mut publish = |x: f64| {
+            let mut loan = outputs.loan::<TrajectoryTopic>(2).expect("a loan");
+            let mut rows = [StampedPose::default(); 2];
+            rows[1].world_from_body.translation[0] = x;
+            loan.extend_from_slice(&rows).expect("room");
+            outputs.publish(loan, 0)
+        };
+        assert!(publish(1e6).is_ok());
+        let error = publish(f64::INFINITY).expect_err("refused").to_string();
+        assert!(error.contains("trajectory: row 1 world_from_body.translation[0] is inf"), "{error}");
+    }
+
+    #[test]
+    fn doubt_of_the_same_name_replaces_the_one_before() {
+        let mut outputs = Outputs::default();
+        outputs.doubt("few", 0.5, "half");
+        outputs.doubt("few", 0.25, "a quarter");
+        outputs.count("points", 3);
+        assert_eq!((outputs.doubts.len(), outputs.doubts[0].size, outputs.counted("points")), (1, 0.25, 3));
+        outputs.withdraw_doubt("few");
+        assert!(outputs.doubts.is_empty() && outputs.counted("lines") == 0);
     }
 }

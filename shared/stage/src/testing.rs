@@ -15,6 +15,7 @@ pub fn context(folder: &Path) -> Context {
         launch_folder: folder.into(),
         mode: Mode::Offline,
         connected: topics.split(' ').map(str::to_owned).collect(),
+        missing: Vec::new(),
     }
 }
 

@@ -27,6 +27,7 @@ impl Colorize {
             if self.color_image(&image).is_some() {
                 self.held.images.add(image);
             } else {
+                self.held.images.refuse(&image);
                 let header = image.header();
                 outputs.count("images_unusable", 1);
                 outputs.note(format!(
@@ -39,6 +40,7 @@ impl Colorize {
             if self.cube_image(&cube).is_some() && self.has_expected_bands(&cube) {
                 self.held.cubes.add(cube);
             } else {
+                self.held.cubes.refuse(&cube);
                 let header = cube.header();
                 outputs.count("cubes_unusable", 1);
                 outputs.note(format!(

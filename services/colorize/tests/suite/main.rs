@@ -1,5 +1,6 @@
 //! The stage colorize, run without processes.
 
+mod doubts;
 mod masks;
 mod nuscenes;
 mod simulated;

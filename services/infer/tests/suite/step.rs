@@ -141,6 +141,40 @@ fn points_with_nan_are_counted_and_unlabeled() {
 }
 
 #[test]
+fn many_unclassified_points_are_doubted() {
+    let run = |n_invalid: usize, settings: &Settings| {
+        let mut bench = Bench::<Infer>::new(settings, &at_root()).expect("the model loads");
+        let (mut points, n_road) = road_with_box();
+        points.truncate(n_road);
+        points[..n_invalid].iter_mut().for_each(|point| point.x = f32::NAN);
+        bench.send::<SubmapTopic>(0, SubmapHeader::default(), points);
+        bench.tick().expect("steps");
+        bench.finish().expect("an end");
+        bench.doubt("points_unseen")
+    };
+    let (_, n_road) = road_with_box();
+    assert_eq!(run(n_road / 10, &ground()), None);
+    assert_eq!(run(n_road / 2, &ground()), Some(0.5));
+    assert_eq!(run(n_road / 2, &Settings { max_unseen_share: 0.6, ..ground() }), None);
+}
+
+#[test]
+fn submaps_too_wide_for_the_model_are_doubted() {
+    let mut bench = bench();
+    let (mut points, _) = road_with_box();
+    bench.send::<SubmapTopic>(0, SubmapHeader::default(), points.clone());
+    // 2 km by 2 km in cells of 0.2 m are 100 million, more than the model allows.
+    let mut header = SubmapHeader { n_sweeps: 1, ..SubmapHeader::default() };
+    header.sweeps[0].submap_from_lidar_end = [2000.0, 2000.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    (points[0].x, points[0].y) = (2000.0, 2000.0);
+    bench.send::<SubmapTopic>(1, header, points);
+    bench.tick().expect("steps");
+    assert_eq!(bench.doubt("submaps_coarsened"), None, "shares are known at the end");
+    bench.finish().expect("an end");
+    assert_eq!(bench.doubt("submaps_coarsened"), Some(0.5));
+}
+
+#[test]
 fn restart_between_submaps_gives_same_output() {
     let outputs = |restart: bool| {
         let mut bench = bench();

@@ -36,9 +36,87 @@ pub fn leave_out(stages: &mut Vec<PlannedStage>, source: &str) -> Vec<String> {
     }
 }
 
+/// Topics that a stage of `stages` reads and that have lost their producer: `before` are the stages of the launch file. In the
+/// order of the launch file.
+pub fn missing_topics(before: &[PlannedStage], stages: &[PlannedStage]) -> Vec<String> {
+    let produced = before.iter().flat_map(|stage| stage.description.outputs.iter().map(|port| port.topic.clone()));
+    let mut missing: Vec<String> = Vec::new();
+    for topic in produced {
+        let reads = |stage: &PlannedStage| stage.description.inputs.iter().any(|port| port.topic == topic);
+        let produces = |stage: &PlannedStage| stage.description.outputs.iter().any(|port| port.topic == topic);
+        if stages.iter().any(reads) && !stages.iter().any(produces) && !missing.contains(&topic) {
+            missing.push(topic);
+        }
+    }
+    missing
+}
+
 fn has_consumer(stage: &PlannedStage, stages: &[PlannedStage]) -> bool {
     let outputs = &stage.description.outputs;
     stages.iter().any(|other| {
         other.description.inputs.iter().any(|input| outputs.iter().any(|output| output.topic == input.topic))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifest::StageTable;
+    use messages::{ByteTable, TickTopic};
+    use run::assignment::{CONTRACT_VERSION, Description, PortDescription};
+
+    /// `inputs` and `outputs` are topics; a `?` marks an optional one.
+    fn stage(name: &str, inputs: &str, outputs: &str) -> PlannedStage {
+        let port = |word: &str| {
+            let topic = word.trim_end_matches('?').to_owned();
+            let table = ByteTable { topic: topic.clone(), ..ByteTable::of::<TickTopic>() };
+            let optional = word.ends_with('?');
+            PortDescription { topic, version: 1, layout: 7, queue: 2, borrowed: 1, optional, table }
+        };
+        let ports = |words: &str| words.split_whitespace().map(port).collect();
+        PlannedStage {
+            name: name.into(),
+            span: None,
+            program: "".into(),
+            table: StageTable::default(),
+            description: Description {
+                contract: CONTRACT_VERSION,
+                name: name.into(),
+                inputs: ports(inputs),
+                outputs: ports(outputs),
+                settings: vec![],
+            },
+            inputs: vec![],
+            outputs: vec![],
+        }
+    }
+
+    /// Stages that a replay of `topics` leaves out, and the topics that it lacks.
+    fn replay_of(topics: &str) -> (String, String) {
+        let before = vec![
+            stage("acquire", "", "sweep image gnss"),
+            stage("slam", "sweep gnss?", "submap trajectory placement"),
+            stage("colorize", "submap trajectory image?", "color spectra"),
+            stage("infer", "submap", "class"),
+            stage("export", "submap trajectory placement? color? spectra? class?", ""),
+            stage("replay", "", topics),
+        ];
+        let mut stages = before.clone();
+        let left_out = leave_out(&mut stages, "replay");
+        (left_out.join(" "), missing_topics(&before, &stages).join(" "))
+    }
+
+    #[test]
+    fn replay_of_all_topics_that_remaining_stages_read_lacks_none() {
+        assert_eq!(replay_of("sweep image gnss").1, "");
+        let (left_out, missing) = replay_of("submap trajectory placement color spectra");
+        assert_eq!((left_out.as_str(), missing.as_str()), ("acquire slam colorize", ""));
+    }
+
+    #[test]
+    fn replay_lacks_topics_whose_stage_was_left_out_and_that_others_read() {
+        assert_eq!(replay_of("submap trajectory color").1, "placement spectra");
+        assert_eq!(replay_of("submap trajectory placement").1, "image");
+        assert_eq!(replay_of("sweep").1, "image gnss");
+    }
 }

@@ -70,10 +70,15 @@ fn inertial(upright_from_street: &Pose, second: f64) -> ImuRow {
     ImuRow { stamp: (second * 1e9).round() as i64, acceleration: force.into(), angular_rate: rate.into() }
 }
 
-fn run(settings: &Settings, others: &OtherSensors<'_>) -> Received<PlacementTopic> {
+fn finished(settings: &Settings, others: &OtherSensors<'_>) -> Bench<SlamAggregate> {
     let mut bench = Bench::with_stage(SlamAggregate::with_mounting(settings, body_from_lidar()));
     (0..SWEEPS.len()).for_each(|number| feed(&mut bench, number, others));
     bench.finish().unwrap();
+    bench
+}
+
+fn run(settings: &Settings, others: &OtherSensors<'_>) -> Received<PlacementTopic> {
+    let mut bench = finished(settings, others);
     let mut placements = bench.take::<PlacementTopic>();
     assert_eq!(placements.len(), 1, "once, at the end");
     placements.remove(0)
@@ -160,6 +165,69 @@ fn placement_without_measurements_is_the_odometry() {
             assert!((world_from_submap.inverse() * odom_from_submap).translation.vector.norm() < 1e-6, "{second} s");
         }
     }
+}
+
+fn fix_doubts(settings: &Settings, fixes: &dyn Fn(f64) -> Option<GnssRow>) -> [Option<f64>; 2] {
+    let bench = finished(settings, &OtherSensors { fixes, ..NONE });
+    ["no_usable_fix", "few_fixes_used"].map(|name| bench.doubt(name))
+}
+
+#[test]
+fn good_fixes_are_not_doubted_and_their_deviations_are_noted() {
+    let settings = settings(&["gnss"]);
+    let good = |second: f64| Some(fix(second, Vector3::zeros()));
+    assert_eq!(fix_doubts(&settings, &good), [None; 2]);
+    let bench = finished(&settings, &OtherSensors { fixes: &good, ..NONE });
+    let noted = bench.notes().iter().any(|note| note.contains("largest standard deviation of a submap: position "));
+    assert!(noted, "{:?}", bench.notes());
+    // A drive without a receiver, and one whose fixes were not asked for.
+    assert_eq!(fix_doubts(&settings, &|_| None), [None; 2]);
+    let invalid = |second: f64| Some(GnssRow { quality: 0, ..fix(second, Vector3::zeros()) });
+    assert_eq!(fix_doubts(&Settings { correct: Vec::new(), ..settings }, &invalid), [None; 2]);
+}
+
+#[test]
+fn fixes_that_do_not_place_the_drive_are_doubted() {
+    let settings = settings(&["gnss"]);
+    let invalid = |second: f64| Some(GnssRow { quality: 0, ..fix(second, Vector3::zeros()) });
+    assert_eq!(fix_doubts(&settings, &invalid), [Some(0.0), None]);
+    let only_at_start = |second: f64| (second < 1.2).then(|| fix(second, Vector3::zeros()));
+    assert_eq!(fix_doubts(&settings, &only_at_start), [None, Some(0.0)], "their spread is too small");
+    let accepting = Settings { min_used_fixes_share: 0.0, ..settings.clone() };
+    assert_eq!(fix_doubts(&accepting, &only_at_start), [None; 2]);
+    let hour_late = |second: f64| {
+        let fix = fix(second, Vector3::zeros());
+        Some(GnssRow { stamp: fix.stamp + 3_600_000_000_000, ..fix })
+    };
+    assert_eq!(fix_doubts(&settings, &hour_late), [None, Some(0.0)], "none is at a time of the trajectory");
+    // Each fix is hundreds of metres off, in another direction.
+    let scattered = |second: f64| {
+        let angle = (second * 10.0).round() * 2.4;
+        Some(fix(second, Vector3::new(angle.sin(), angle.cos(), 0.0) * 300.0))
+    };
+    let [_, share] = fix_doubts(&settings, &scattered);
+    assert!(share.is_some_and(|share| share < 0.5), "{share:?}");
+}
+
+#[test]
+fn drive_with_receiver_and_without_any_fix_is_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    drive_folder(folder.path());
+    let path = folder.path().join("drive.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let gnss = "[gnss]\nfile = \"gnss.nmea\"\norigin = [48.8, 2.3, 100.0]\nantenna_in_body = [0.0, 0.0, 1.0]\n";
+    std::fs::write(&path, text + gnss).unwrap();
+    std::fs::write(folder.path().join("gnss.nmea"), "").unwrap();
+    let doubt = |is_connected: bool| {
+        let mut context = stage::testing::context(folder.path());
+        context.connected.retain(|topic| is_connected || topic != "gnss");
+        let mut bench = Bench::<SlamAggregate>::new(&settings(&["gnss"]), &context).unwrap();
+        (0..3).for_each(|number| feed(&mut bench, number, &NONE));
+        bench.finish().unwrap();
+        bench.doubt("no_usable_fix")
+    };
+    assert_eq!(doubt(true), Some(0.0));
+    assert_eq!(doubt(false), None, "no stage publishes fixes");
 }
 
 #[test]

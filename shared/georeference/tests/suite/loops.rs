@@ -1,7 +1,7 @@
 //! Places of a simulated town that are visited twice, in the same and in the opposite direction, and similar places.
 
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
-use georeference::{Keyframe, LoopFinder, LoopSettings};
+use georeference::{Keyframe, LoopFinder, LoopSettings, Places};
 use raytrace::Ray;
 use registration::{MapPoint, thinned};
 use simulation::{DriveSpec, Simulation};
@@ -116,4 +116,41 @@ fn saved_keyframe_is_identical_and_below_100_kb() {
     let bytes = postcard::to_stdvec(&frame).unwrap();
     assert!(bytes.len() < 100_000, "{} bytes", bytes.len());
     assert_eq!(postcard::from_bytes::<Keyframe>(&bytes).unwrap(), frame);
+}
+
+#[test]
+fn place_that_is_visited_again_and_again_is_kept_once() {
+    let still = Pose::identity();
+    let seconds = [14.0, 26.0, 38.0];
+    let frames: Vec<Keyframe> =
+        seconds.iter().enumerate().map(|(k, seconds)| keyframe(k, *seconds, &still, &still).0).collect();
+    let (mut places, finder) = (Places::default(), LoopFinder::default());
+    for round in 0..6 {
+        for (k, frame) in frames.iter().enumerate() {
+            let mut visit = frame.clone();
+            visit.submap = round * frames.len() + k;
+            visit.path_m += 2000.0 * round as f64;
+            let closure = places.visit(visit, &finder, 1000);
+            let target = closure.map(|closure| closure.relative.target);
+            let expected = round.checked_sub(1).map(|before| before * frames.len() + k);
+            assert_eq!(target, expected, "place {k} in round {round} closes the loop with the visit before");
+        }
+        assert_eq!(places.len(), frames.len(), "round {round}");
+    }
+}
+
+#[test]
+fn number_of_places_is_bounded_and_the_oldest_are_dropped() {
+    let (frame, _) = keyframe(0, 20.0, &Pose::identity(), &Pose::identity());
+    let (mut places, finder) = (Places::default(), LoopFinder::default());
+    for number in 0..50 {
+        let mut visit = frame.clone();
+        visit.submap = number;
+        visit.path_m = 20.0 * number as f64;
+        // Places 10 km apart.
+        visit.p_in_odom.x = 10_000.0 * number as f64;
+        assert_eq!(places.visit(visit, &finder, 8), None);
+        assert!(places.len() <= 8);
+    }
+    assert_eq!((places.len(), places.last().map(|last| last.submap)), (8, Some(49)));
 }

@@ -97,6 +97,7 @@ pub(super) fn configure(
         launch_folder: folder,
         mode: Mode::Offline,
         connected: recorded.into_iter().chain(own).collect(),
+        missing: Vec::new(),
     };
     // A setting that is wrong by itself would only cause further errors.
     if faults.is_empty() {

@@ -9,6 +9,7 @@ use crate::usage_error::UsageError;
 use attachment::{Attachment, CompleteTick};
 use formats::recording::RecordingWriter;
 use ipc::{Attached, IpcError, ObserverMode};
+use messages::{Message, PlacementTopic};
 use progress::Progress;
 use run::exit;
 use std::collections::BTreeMap;
@@ -23,7 +24,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 /// Record topics of a running pipeline into an MCAP file.
 ///
 /// Records until the run ends or Ctrl-C. After a restart of the run, recording continues without gaps or duplicates. A second
-/// Ctrl-C ends immediately and leaves a truncated file.
+/// Ctrl-C ends immediately and leaves a truncated file. With submap or trajectory, placement is recorded too: it moves them to
+/// the world frame.
 #[derive(clap::Args, Debug)]
 #[command(
     override_usage = "replica record [OPTIONS] --topics <TOPICS> [RUN] <FILE>",
@@ -74,10 +76,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let stop = StopFlag::register(exit::INCOMPLETE)?;
     let (run, file) = args.run_and_file()?;
     let run = run.find_alive()?;
-    let mut names = args.topics.clone();
-    // The order of topics within a tick: the same run gives the same file.
-    names.sort();
-    names.dedup();
+    let known: Vec<&str> = run.wiring.topics().map(|(_, topic)| topic.channels.topic.as_str()).collect();
+    let names = with_placement(args.topics.clone(), &known);
     let tables: Vec<_> =
         names.iter().map(|name| run.topic(name).map(|topic| topic.table.clone())).collect::<Result<_, _>>()?;
     let about = BTreeMap::from([
@@ -111,6 +111,18 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     };
     Ok(ExitCode::from(if complete { exit::DONE } else { exit::INCOMPLETE }))
+}
+
+/// The topics to record, sorted and without duplicates: the same run gives the same file. `known` are those of the run.
+fn with_placement(mut names: Vec<String>, known: &[&str]) -> Vec<String> {
+    let is_moved = |name: &String| PlacementTopic::MOVES.contains(&name.as_str());
+    let placement = PlacementTopic::TOPIC;
+    if known.contains(&placement) && names.iter().any(is_moved) {
+        names.push(placement.to_owned());
+    }
+    names.sort();
+    names.dedup();
+    names
 }
 
 struct Recorder {
@@ -218,4 +230,22 @@ fn write(writer: &mut RecordingWriter, topic: &str, tick: &CompleteTick) -> anyh
         writer.message(topic, tick.row.drive_time, message.envelope(), message.header(), message.rows())?;
     }
     Ok(writer.tick(topic, &tick.row)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn placement_is_recorded_with_the_topics_that_it_moves() {
+        let of = |names: &[&str], known: &[&str]| {
+            with_placement(names.iter().map(|name| (*name).to_owned()).collect(), known).join(",")
+        };
+        let known = ["sweep", "submap", "trajectory", "placement", "color"];
+        assert_eq!(of(&["submap", "trajectory", "color"], &known), "color,placement,submap,trajectory");
+        assert_eq!(of(&["trajectory"], &known), "placement,trajectory");
+        assert_eq!(of(&["submap", "placement", "submap"], &known), "placement,submap");
+        assert_eq!(of(&["sweep", "color"], &known), "color,sweep");
+        assert_eq!(of(&["submap"], &known[..2]), "submap", "the run has no placement");
+    }
 }

@@ -1,13 +1,15 @@
 //! `replica compare`: the first and the largest difference of two recordings.
 
 mod fields;
+mod message_reader;
 
 use crate::argument::InvalidValue;
 use crate::exit_code;
 use anyhow::Context;
 use fields::{Differences, FieldRule};
 use formats::recording::{RecordedTopic, RecordingReader};
-use messages::Envelope;
+use message_reader::MessageReader;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,8 +18,9 @@ use std::str::FromStr;
 /// Compare two recordings.
 ///
 /// Reports the first difference of each topic and the largest difference of each field. Times of publication are ignored.
+/// Recordings that do not reach the end of their run are compared as far as both go.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 equal, 1 failed, 2 wrong usage, 3 different")]
+#[command(after_help = "Exit codes: 0 equal and complete, 1 failed, 2 wrong usage, 3 different or not complete")]
 pub struct Args {
     /// First recording (.mcap)
     a: PathBuf,
@@ -67,6 +70,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         names.retain(|name| args.topics.iter().any(|topic| name == topic || *name == format!("{topic}.tick")));
     }
     let mut equal = true;
+    let mut faults = readers.each_ref().map(|_| BTreeSet::new());
+    if names.is_empty() {
+        // A file that is cut before its first message has no topics.
+        for (fault, reader) in faults.iter_mut().zip(readers.each_ref().map(RecordingReader::path)) {
+            fault.extend(MessageReader::open(reader, "")?.cut);
+        }
+    }
     for name in &names {
         let [a, b] = readers.each_ref().map(|reader| reader.topics().iter().find(|topic| topic.name == *name));
         let text = match (a, b) {
@@ -78,6 +88,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             (Some(topic), Some(_)) => {
                 let compared = compare_topic(args, topic)?;
                 equal &= compared.is_equal();
+                for (all, own) in faults.iter_mut().zip(&compared.faults) {
+                    all.extend(own.clone());
+                }
                 compared.text(name)
             }
             (a, _) => {
@@ -87,8 +100,21 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         };
         print!("{text}");
     }
-    println!("{}", if equal { "equal" } else { "different" });
-    Ok(if equal { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
+    for (file, faults) in ["a", "b"].iter().zip(&faults) {
+        for fault in faults {
+            println!("{file} is not complete: {fault}");
+        }
+    }
+    let complete = faults.iter().all(BTreeSet::is_empty);
+    println!(
+        "{}",
+        match (equal, complete) {
+            (true, true) => "equal",
+            (true, false) => "equal as far as both go, but not complete",
+            (false, _) => "different",
+        }
+    );
+    Ok(if equal && complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }
 
 /// The result for one topic.
@@ -101,6 +127,8 @@ struct TopicComparison {
     /// Place and values of the first difference.
     first: Option<String>,
     differences: Differences,
+    /// Why the topic does not reach the end of the run, by file.
+    faults: [Option<String>; 2],
 }
 
 impl TopicComparison {
@@ -123,38 +151,6 @@ impl TopicComparison {
     }
 }
 
-/// Reads the messages of one topic of a file, one at a time.
-struct MessageReader {
-    recording: RecordingReader,
-    topic: String,
-    envelope: Option<Envelope>,
-    bytes: Vec<u8>,
-}
-
-impl MessageReader {
-    fn open(path: &Path, topic: &str) -> anyhow::Result<Self> {
-        let recording = RecordingReader::open(path)?;
-        let mut reader = Self { recording, topic: topic.to_owned(), envelope: None, bytes: Vec::new() };
-        reader.advance()?;
-        Ok(reader)
-    }
-
-    fn advance(&mut self) -> anyhow::Result<()> {
-        loop {
-            let Some(message) = self.recording.next()? else {
-                self.envelope = None;
-                return Ok(());
-            };
-            if message.topic.name == self.topic {
-                self.envelope = Some(message.envelope);
-                self.bytes.clear();
-                self.bytes.extend_from_slice(message.bytes);
-                return Ok(());
-            }
-        }
-    }
-}
-
 /// Reads both files once per topic: only two messages are in memory, in whatever order the topics are in the files.
 fn compare_topic(args: &Args, topic: &RecordedTopic) -> anyhow::Result<TopicComparison> {
     let open = |path: &Path| MessageReader::open(path, &topic.name).with_context(|| topic.name.clone());
@@ -164,7 +160,10 @@ fn compare_topic(args: &Args, topic: &RecordedTopic) -> anyhow::Result<TopicComp
     let rules = FieldRule::of_table(&topic.table, tolerance);
     loop {
         let only_in = match [files[0].envelope, files[1].envelope] {
-            [None, None] => return Ok(compared),
+            [None, None] => {
+                compared.faults = files.map(|file| file.fault());
+                return Ok(compared);
+            }
             [Some(a), Some(b)] if a.seq == b.seq => {
                 compared.n_both += 1;
                 let first = compared.differences.add(&rules, &topic.table, &files[0].bytes, &files[1].bytes);

@@ -1,5 +1,6 @@
 //! `replica inspect`: what a cloud or a recording contains; the measured offset between points and images of a run.
 
+mod georeference;
 mod offset;
 mod recording;
 
@@ -14,7 +15,8 @@ use std::process::ExitCode;
 
 /// Show what a cloud, a run or a recording contains.
 ///
-/// For clouds: points, bounds, classes and instances, and optionally a picture. For a recording: topics, counts and times.
+/// For clouds: points, bounds, classes and instances, and optionally a picture; for a run also the world frame with its standard
+/// deviations, and its doubts. For a recording: topics, counts and times.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the recording is not complete")]
 pub struct Args {
@@ -58,7 +60,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let files = cloud_files(&args.path)?;
     let summary = summarize(&files)?;
     // A reader that closes the pipe early has seen enough.
-    let _ = std::io::stdout().write_all((summary.table(&args.path) + &doubts(&args.path)).as_bytes());
+    let text = summary.table(&args.path) + &georeference::lines(&args.path) + &doubts(&args.path);
+    let _ = std::io::stdout().write_all(text.as_bytes());
     if let Some(picture) = &args.picture {
         let settings = PictureSettings {
             color_by: args.by,
@@ -75,7 +78,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 /// The doubts of the run in folder `path`, one per line. Clouds may lie anywhere, so a folder without a summary has none.
 fn doubts(path: &Path) -> String {
     let summary = Summary::load(path).unwrap_or_default();
-    summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect()
+    let lines: Vec<String> =
+        summary.doubts().map(|(stage, doubt)| format!("doubt ({stage}): {}\n", doubt.text)).collect();
+    lines.concat()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The commands of `replica`, run as processes.
 
 mod commands;
+mod compare;
 mod cube;
 mod instances;
 mod spectrum;

@@ -1,0 +1,61 @@
+//! The end of the run: which results are doubtful, and which are refused.
+
+use crate::{Export, PlacedDrive};
+use stage::{Outputs, StepError};
+
+impl Export {
+    pub(crate) fn report_doubts(&self, outputs: &mut Outputs) {
+        if let Some(PlacedDrive { world, .. }) = &self.placed {
+            world.report_doubts(&self.settings, outputs);
+        }
+        if !self.settings.formats.is_empty() {
+            self.doubt_contents(outputs);
+        }
+        let n_clouds = self.clouds.len();
+        let n_without = outputs.counted("clouds_without_place");
+        if n_without > 0 {
+            let text =
+                format!("{n_without} of {n_clouds} clouds have no placement: they stay in the frame of the odometry");
+            outputs.doubt("clouds_without_place", n_without as f64 / n_clouds.max(1) as f64, text);
+        }
+        let (n_lost, n_columns) = (outputs.counted("lost_columns"), n_clouds * self.n_columns);
+        let (share, limit) = (n_lost as f64 / n_columns.max(1) as f64, self.settings.max_lost_columns_share);
+        if share > limit {
+            let text = format!(
+                "{n_lost} of {n_columns} columns of the clouds were lost ({:.1} %, limit {:.1} %); index.json lists them",
+                100.0 * share,
+                100.0 * limit
+            );
+            outputs.doubt("lost_columns", share, text);
+        }
+    }
+
+    fn doubt_contents(&self, outputs: &mut Outputs) {
+        let n_clouds = self.clouds.len();
+        if n_clouds == 0 {
+            outputs.doubt(
+                "no_submaps",
+                0.0,
+                "the result has no cloud: no submap arrived; did acquire decode any sweep?",
+            );
+        } else if self.clouds.iter().all(|cloud| cloud.n_points == 0) {
+            let text =
+                format!("the result has no point: all {n_clouds} submaps are empty; check min_range_m and the LiDAR");
+            outputs.doubt("no_points", 0.0, text);
+        }
+    }
+
+    /// Fails if the settings require UTM and the clouds are in another frame. All files are written before: a program that accepts
+    /// doubtful results must not take local coordinates for UTM.
+    pub(crate) fn check_utm(&self) -> Result<(), StepError> {
+        let reason = match &self.placed {
+            Some(PlacedDrive { world, .. }) => world.lacks_utm(&self.settings),
+            None => (self.settings.frame == "utm").then(|| "no placement arrived".to_owned()),
+        };
+        let Some(reason) = reason else { return Ok(()) };
+        Err(StepError::configuration(format!(
+            "frame = \"utm\": {reason}; the clouds are in local coordinates (see index.json); use frame = \"world\", or accept \
+             the heading with max_heading_deviation_deg = 180"
+        )))
+    }
+}
