@@ -27,7 +27,7 @@ fn killed_supervisor_takes_its_stages_along_and_the_next_run_cleans_up() {
     drop(running);
 
     // The same output: the next run removes what the killed run left, and leaves nothing itself.
-    let output = launch.with("--set").with("source.ticks=3").run();
+    let output = launch.with("--overwrite").with("--set").with("source.ticks=3").run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     assert_eq!(leftovers(&domain), Vec::<String>::new());
 }

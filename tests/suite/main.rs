@@ -12,6 +12,7 @@ mod live_mode;
 mod live_sensor;
 mod misbehaving_stages;
 mod observers;
+mod output_folder;
 mod pipeline;
 mod recorder;
 mod recordings;

@@ -33,7 +33,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     let simulate: Simulate = problems.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
     let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
-    let drive = drive(&run, mode, &folder, &mut problems);
+    let (drive, is_simulated) = drive(&run, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
     if let Some(text) = lacks_shared_memory(domain_of(&output).ok().as_ref()) {
         problems.add_without_place(text);
@@ -49,7 +49,6 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     }
     check_recording(&run, mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
-    let is_simulated = !drive.exists() && mode == Mode::Offline;
     let context = Context { drive, output, launch_folder: folder, mode, connected };
     check_settings(&stages, copy, overrides, &context, &mut problems);
     let problems = problems.into_rendered();
@@ -68,15 +67,32 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     })
 }
 
-/// The folder of the drive. Live, the drive only says where the sensors are mounted, and may be left out.
-fn drive(run: &Run, mode: Mode, folder: &Path, problems: &mut Problems) -> PathBuf {
+/// The folder of the drive, and whether it must be simulated first. Live, the drive only says where the sensors are mounted,
+/// and may be left out.
+fn drive(run: &Run, mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
     let is_live = mode == Mode::Live;
     let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
-    if !drive.exists() && (is_live || !problems.has_table("simulate")) && !run.drive.is_empty() {
-        let text = format!("{} does not exist, and there is no [simulate] to simulate it", drive.display());
-        problems.add("run", problems.of_value("run", "drive", text));
+    if drive.exists() || run.drive.is_empty() {
+        return (drive, false);
     }
-    drive
+    let file = problems.file();
+    let written = file.written_text("run", "drive");
+    let missing = format!("{} does not exist", drive.display());
+    // The town of a mistyped path would be processed as if it were the drive.
+    let text = match written {
+        _ if is_live || !file.is_written("simulate") => {
+            format!("{missing}, and the launch file has no [simulate] to simulate it")
+        }
+        Some(written) if folder.join(written) == drive => return (drive, true),
+        _ => format!(
+            "{missing}; [simulate] makes only the drive that the launch file itself names, {}; \
+             simulate another one with `replica simulate --out {}`",
+            written.unwrap_or("none"),
+            drive.display()
+        ),
+    };
+    problems.add("run", problems.of_value("run", "drive", text));
+    (drive, false)
 }
 
 /// Leaves out the stages that the command line deselects. Returns a remark for the operator.

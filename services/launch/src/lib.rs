@@ -31,11 +31,12 @@ mod swap_record;
 
 use clap::Parser;
 use log::LogFormat;
-use plan::Selection;
+use plan::{Plan, Selection};
 use run::exit;
-use std::path::PathBuf;
+use run_folder::EarlierResults;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use supervise::Options;
+use supervise::{Options, Start};
 
 /// Runs the stages of a launch file, each as its own process.
 #[derive(Parser)]
@@ -67,6 +68,9 @@ struct Arguments {
     /// Continue a killed or failed run into the same output from its last barrier
     #[arg(long)]
     resume: bool,
+    /// Replace the results of an earlier run in the output; without it, they are kept and the run is refused
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
     /// Report all problems of the launch file and of everything that it names; start nothing
     #[arg(long)]
     check: bool,
@@ -100,10 +104,26 @@ pub fn main() -> ExitCode {
     if arguments.graph {
         print!("{}", check::dataflow::mermaid(&plan.stages));
     } else if arguments.check {
-        println!("{}: {} stages, no problems", arguments.launch_file.display(), plan.stages.len());
+        print_checked(&arguments.launch_file, &plan);
     } else {
-        let Arguments { resume, log, metrics, record, .. } = arguments;
-        return ExitCode::from(supervise::run(plan, resume, Options { log, metrics, record }));
+        let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
+        let start = match (resume, overwrite) {
+            (true, _) => Start::Resume,
+            (false, true) => Start::Overwrite,
+            (false, false) => Start::New,
+        };
+        return ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }));
     }
     ExitCode::from(exit::DONE)
+}
+
+/// The answer to `--check`: what a start will do, if it has no problems.
+fn print_checked(launch_file: &Path, plan: &Plan) {
+    println!("{}: {} stages, no problems", launch_file.display(), plan.stages.len());
+    if plan.simulate.is_some() {
+        println!("{} does not exist: a start simulates it as [simulate] says", plan.context.drive.display());
+    }
+    if let Some(results) = EarlierResults::find(&plan.context.output) {
+        println!("{}: holds the results of {results}", plan.context.output.display());
+    }
 }

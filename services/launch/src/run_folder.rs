@@ -16,6 +16,9 @@
 
 mod lock;
 mod states;
+mod used;
+
+pub use used::EarlierResults;
 
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
@@ -23,6 +26,7 @@ use formats::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
 use messages::pod::{FINGERPRINT_START, fingerprint};
 use run::assignment::{Assignment, Restart};
+use run::summary::Summary;
 use run::wiring::Wiring;
 use serde::Serialize;
 use states::States;
@@ -81,6 +85,14 @@ pub enum RunFolderError {
         /// Folder of the results.
         output: PathBuf,
     },
+    /// A new run would replace the results of an earlier one.
+    #[error("{output}: holds the results of {results}")]
+    Used {
+        /// Folder of the results.
+        output: PathBuf,
+        /// What is there.
+        results: EarlierResults,
+    },
     /// `--resume` with other settings than the run had.
     #[error(
         "{output}: the run here was started with other settings or programs; resume it with those, or start a new run"
@@ -124,6 +136,14 @@ impl RunFolder {
         &self.states
     }
 
+    /// Makes sure that a new run replaces no results of an earlier one.
+    pub fn refuse_earlier_results(&self) -> Result<(), RunFolderError> {
+        match EarlierResults::find(&self.output) {
+            Some(results) => Err(RunFolderError::Used { output: self.output.clone(), results }),
+            None => Ok(()),
+        }
+    }
+
     /// Begins a new run: removes states and logs of an earlier one.
     pub fn begin(&self, plan: &Plan) -> Result<(), RunFolderError> {
         remove_file(&self.folder.join(SETTINGS))?;
@@ -158,7 +178,7 @@ impl RunFolder {
 
     /// Only a finished run has a summary.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
-        remove_file(&self.output.join("summary.json"))
+        remove_file(&Summary::file(&self.output))
     }
 
     /// The launch file that the stages read: edits of the original during the run have no effect.
