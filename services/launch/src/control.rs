@@ -77,10 +77,7 @@ impl Control {
     pub fn requests(&mut self) -> Vec<(ClientId, Request)> {
         while let Ok((stream, _)) = self.listener.accept() {
             if self.clients.len() < MAX_CLIENTS && stream.set_nonblocking(true).is_ok() {
-                let now = Instant::now();
-                let request = Some(Vec::new());
-                let client = Client { stream, connected: now, request, working: String::new(), answered: now };
-                self.clients.insert(self.next_id, client);
+                self.clients.insert(self.next_id, Client::new(stream));
                 self.next_id += 1;
             }
         }
@@ -135,12 +132,22 @@ enum Received {
 }
 
 impl Client {
+    fn new(stream: UnixStream) -> Self {
+        let now = Instant::now();
+        Self { stream, connected: now, request: Some(Vec::new()), working: String::new(), answered: now }
+    }
+
     fn read_request(&mut self) -> Received {
         let Some(text) = &mut self.request else { return Received::Incomplete };
         let mut bytes = [0; 4096];
+        // A client that has sent its request may close its sending half and wait for the answer.
+        let mut has_ended = false;
         loop {
             match self.stream.read(&mut bytes) {
-                Ok(0) => return Received::Disconnected,
+                Ok(0) => {
+                    has_ended = true;
+                    break;
+                }
                 Ok(n) => text.extend_from_slice(&bytes[..n]),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(_) => return Received::Disconnected,
@@ -149,12 +156,11 @@ impl Client {
                 return Received::Disconnected;
             }
         }
-        let Some(end) = text.iter().position(|byte| *byte == b'\n') else {
-            return if self.connected.elapsed() < REQUEST_TIMEOUT {
-                Received::Incomplete
-            } else {
-                Received::Disconnected
-            };
+        let end = match text.iter().position(|byte| *byte == b'\n') {
+            Some(end) => end,
+            None if has_ended && !text.is_empty() => text.len(),
+            None if has_ended || self.connected.elapsed() >= REQUEST_TIMEOUT => return Received::Disconnected,
+            None => return Received::Incomplete,
         };
         match serde_json::from_slice(&text[..end]) {
             Ok(request) => {
@@ -188,5 +194,48 @@ fn ignore_absent(result: std::io::Result<()>) -> std::io::Result<()> {
     match result {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Shutdown;
+
+    /// A client that has sent `text` and closed its sending half; its own end.
+    fn half_closed(text: &str) -> (Client, UnixStream) {
+        let (mut own, other) = UnixStream::pair().expect("a pair");
+        other.set_nonblocking(true).expect("a socket");
+        own.write_all(text.as_bytes()).expect("sends");
+        own.shutdown(Shutdown::Write).expect("closes");
+        (Client::new(other), own)
+    }
+
+    #[test]
+    fn request_followed_by_a_half_close_is_answered() {
+        // Without a newline the end of the stream ends the request.
+        for text in ["{\"stop\":{\"now\":true}}\n", "{\"stop\":{\"now\":true}}"] {
+            let (mut client, mut own) = half_closed(text);
+            let Received::Request(request) = client.read_request() else { panic!("{text:?} is a request") };
+            assert_eq!(request, Request::Stop { now: true });
+            assert!(matches!(client.read_request(), Received::Incomplete), "one request, however often it is read");
+            assert!(client.send(&Answer::Ended("stopped".to_owned())));
+            drop(client);
+            let mut answer = String::new();
+            own.read_to_string(&mut answer).expect("an answer");
+            assert_eq!(answer, "{\"ended\":\"stopped\"}\n");
+        }
+    }
+
+    #[test]
+    fn cut_request_is_refused_and_an_empty_one_is_dropped() {
+        let (mut client, mut own) = half_closed("{\"stop\":{\"no");
+        assert!(matches!(client.read_request(), Received::Disconnected));
+        drop(client);
+        let mut answer = String::new();
+        own.read_to_string(&mut answer).expect("an answer");
+        assert!(answer.contains("unknown request"), "{answer}");
+        let (mut client, _own) = half_closed("");
+        assert!(matches!(client.read_request(), Received::Disconnected));
     }
 }

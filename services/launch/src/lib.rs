@@ -4,6 +4,7 @@
 //! | module | idea |
 //! |---|---|
 //! | `check` | launch file to `plan`: tables (`manifest`), programs, dataflow |
+//! | `identity` | programs, models and other files on which results depend |
 //! | `supervise` | the life of a run: attempts, processes, restarts |
 //! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
 //! | `swap` | replacing a stage of a running pipeline |
@@ -14,6 +15,7 @@ mod check;
 mod control;
 mod costs;
 mod decision;
+mod identity;
 mod log;
 mod manifest;
 mod metrics;

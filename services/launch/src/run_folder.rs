@@ -20,6 +20,7 @@ mod used;
 
 pub use used::EarlierResults;
 
+use crate::identity::{Files, UnreadableFile};
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
 use formats::atomic_file::write_atomic;
@@ -28,7 +29,7 @@ use messages::pod::{FINGERPRINT_START, fingerprint};
 use run::assignment::{Assignment, Restart};
 use run::summary::Summary;
 use run::wiring::Wiring;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use states::States;
 use std::fs::File;
 use std::io::{Error, ErrorKind};
@@ -95,15 +96,37 @@ pub enum RunFolderError {
     },
     /// `--resume` with other settings than the run had.
     #[error(
-        "{output}: the run here was started with other settings or programs; resume it with those, or start a new run"
+        "{output}: the run here was started with other settings or programs; resume it with those, or replace its results \
+         with --overwrite"
     )]
     OtherSettings {
         /// Folder of the results.
         output: PathBuf,
     },
+    /// The run cannot continue with another program, model or other file than it began with.
+    #[error(
+        "{file}: its content has changed since the run into {output} began with it; restore it, or replace the results \
+         with --overwrite"
+    )]
+    ChangedFile {
+        /// The file.
+        file: PathBuf,
+        /// Folder of the results.
+        output: PathBuf,
+    },
+    /// A program, model or other file of the run.
+    #[error(transparent)]
+    Unreadable(#[from] UnreadableFile),
     /// The run has no name in shared memory.
     #[error(transparent)]
     Domain(#[from] IpcError),
+}
+
+impl RunFolderError {
+    /// Whether the operator must ask for something else: a restart cannot help.
+    pub fn is_of_configuration(&self) -> bool {
+        matches!(self, Self::Used { .. } | Self::OtherSettings { .. } | Self::ChangedFile { .. })
+    }
 }
 
 /// The folder, locked for this supervisor.
@@ -145,7 +168,7 @@ impl RunFolder {
     }
 
     /// Begins a new run: removes states and logs of an earlier one.
-    pub fn begin(&self, plan: &Plan) -> Result<(), RunFolderError> {
+    pub fn begin(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         remove_file(&self.folder.join(SETTINGS))?;
         let logs = self.folder.join("logs");
         for folder in [self.states.folder(), &logs] {
@@ -158,7 +181,7 @@ impl RunFolder {
         remove_file(&self.costs())?;
         self.write_swaps(&SwapRecord::default())?;
         self.write(LAUNCH_FILE, &read(&plan.launch_file)?)?;
-        self.write_json(SETTINGS, &settings(plan))
+        self.write_json(SETTINGS, &Begun { settings: settings(plan), files: files.clone() })
     }
 
     /// Whether a run was begun here; if not, there is nothing to resume.
@@ -167,13 +190,27 @@ impl RunFolder {
     }
 
     /// Makes sure that `plan` is the plan of the run that was begun here: another one would not give the same results.
-    pub fn resume(&self, plan: &Plan) -> Result<(), RunFolderError> {
-        let begun: serde_json::Value = self.read_json(SETTINGS)?;
+    pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
+        let begun: Begun = self.read_json(SETTINGS)?;
         let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
-        if !same_file || begun != settings(plan) {
+        if !same_file || begun.settings != settings(plan) {
             return Err(RunFolderError::OtherSettings { output: self.output.clone() });
         }
+        self.refuse_changed_files(files, &begun.files, None)?;
         self.remove_summary()
+    }
+
+    /// Makes sure that all files are as `before`; those of the stage `except` may have changed.
+    pub fn refuse_changed_files(
+        &self,
+        files: &Files,
+        before: &Files,
+        except: Option<&str>,
+    ) -> Result<(), RunFolderError> {
+        match files.changed_since(before, except) {
+            Some(file) => Err(RunFolderError::ChangedFile { file: file.to_owned(), output: self.output.clone() }),
+            None => Ok(()),
+        }
     }
 
     /// Only a finished run has a summary.
@@ -274,6 +311,14 @@ fn remove_file(path: &Path) -> Result<(), RunFolderError> {
 
 fn cannot_write(path: &Path, source: Error) -> RunFolderError {
     RunFolderError::Write { file: path.to_owned(), source }
+}
+
+/// Content of `settings.json`: with what the run began.
+#[derive(Serialize, Deserialize)]
+struct Begun {
+    #[serde(flatten)]
+    settings: serde_json::Value,
+    files: Files,
 }
 
 /// Launch file, command line and the settings that they resolve to.

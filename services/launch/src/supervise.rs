@@ -24,11 +24,12 @@ mod stage_restarts;
 use crate::active_run::ActiveRun;
 use crate::control::Control;
 use crate::decision::{Decision, Fault, GiveUp, Observation, Policy, RestartBudget, decide};
+use crate::identity::Files;
 use crate::log::LogFormat;
 use crate::plan::Plan;
 use crate::programs;
 use crate::resources::{Resources, lacks_shared_memory};
-use crate::run_folder::{RunFolder, canonical};
+use crate::run_folder::{RunFolder, RunFolderError, canonical};
 use crate::swap::Swaps;
 use account::Account;
 use attempt::Ending;
@@ -127,7 +128,7 @@ impl Supervisor {
             stage_restarts: StageRestarts::default(),
             attempts: 0,
             origin: Instant::now(),
-            run: ActiveRun { plan, folder, domain },
+            run: ActiveRun { plan, folder, files: Files::default(), domain },
         })
     }
 
@@ -138,6 +139,7 @@ impl Supervisor {
             // The lock is ours, so no process of this run is alive: what a killed one left in shared memory is removed.
             self.run.domain.wipe()?;
             self.run.folder.states().remove_after(from)?;
+            self.refuse_changed_files()?;
             let ending = self.attempt(from);
             self.run.domain.wipe()?;
             if let Some(reason) = failure(&ending)
@@ -172,6 +174,7 @@ impl Supervisor {
     /// Begins a new run or resumes the one in the output; the barrier to start from.
     fn begin(&mut self) -> Result<Option<u64>, SuperviseError> {
         let resume = self.start == Start::Resume;
+        self.run.files = self.files()?;
         if resume && self.run.is_live() {
             return Err(SuperviseError::LiveResume);
         }
@@ -179,17 +182,31 @@ impl Supervisor {
             if resume {
                 tracing::info!("no run to resume in this output: starting a new one");
             }
-            self.run.folder.begin(&self.run.plan)?;
+            self.run.folder.begin(&self.run.plan, &self.run.files)?;
             return Ok(None);
         }
-        self.run.folder.resume(&self.run.plan)?;
+        self.run.folder.resume(&self.run.plan, &self.run.files)?;
         self.swaps.restore(&mut self.run)?;
+        self.run.files = self.files()?;
         let barrier = self.swaps.last_barrier(&self.run)?;
         if barrier.is_some() && self.observers.is_recording() {
             return Err(SuperviseError::RecordingResume);
         }
         tracing::info!(barrier, "resuming from {}", place(barrier));
         Ok(barrier)
+    }
+
+    /// The files of the plan as they are now.
+    fn files(&self) -> Result<Files, RunFolderError> {
+        Ok(Files::of(&self.run.plan, &self.run.files)?)
+    }
+
+    /// All attempts use the same programs and models; only a swap replaces those of a stage.
+    fn refuse_changed_files(&mut self) -> Result<(), SuperviseError> {
+        let files = self.files()?;
+        self.run.folder.refuse_changed_files(&files, &self.run.files, self.swaps.replaced_stage())?;
+        self.run.files = files;
+        Ok(())
     }
 
     /// Waits for the restart of the run that [`decide`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.

@@ -48,7 +48,11 @@ impl LaunchFile {
                 Err(rule) => problems.push(Problem::of_key("", format!("--set {text}: {rule}"))),
             }
         }
-        if problems.is_empty() { Ok(Self { path: path.to_owned(), text, root, written, overridden }) } else { Err(problems) }
+        if problems.is_empty() {
+            Ok(Self { path: path.to_owned(), text, root, written, overridden })
+        } else {
+            Err(problems)
+        }
     }
 
     /// Names of all tables and their places, in the order of the file. Tables of the command line have no place in it.

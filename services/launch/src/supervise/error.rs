@@ -56,7 +56,9 @@ impl SuperviseError {
     /// The exit code of the supervisor: whether the operator must ask for something else, or the start failed.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Folder(RunFolderError::Used { .. }) => exit::CONFIGURATION,
+            Self::Folder(error) | Self::Swap(SwapError::Folder(error)) if error.is_of_configuration() => {
+                exit::CONFIGURATION
+            }
             _ => exit::FAILED,
         }
     }
