@@ -9,7 +9,7 @@ use crate::manifest::{Run, Simulate};
 use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
-use crate::run_folder::domain_of;
+use crate::run_folder::last_domain;
 use ipc::Transport;
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
@@ -35,7 +35,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
     let (drive, is_simulated) = drive(&run, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
-    if let Some(text) = lacks_shared_memory(domain_of(&output).ok().as_ref()) {
+    if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
     let mut stages = stages::read(&mut problems, &folder, copy, overrides, &selection.without);

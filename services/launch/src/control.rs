@@ -4,7 +4,6 @@ use ipc::Domain;
 use run::control::{Answer, MAX_REQUEST, Request, socket_of};
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -31,10 +30,12 @@ pub enum ControlError {
         source: std::io::Error,
     },
     /// Other users could connect.
-    #[error("{folder}: the folder is accessible to other users")]
-    Accessible {
+    #[error("{folder}: {source}")]
+    Folder {
         /// The folder of the socket.
         folder: PathBuf,
+        /// Why it cannot be used.
+        source: ipc::PrivateFolderError,
     },
 }
 
@@ -62,12 +63,11 @@ impl Control {
         let socket = socket_of(domain.name());
         let folder = socket.parent().unwrap_or(Path::new("/tmp")).to_owned();
         let failed = |source: std::io::Error| ControlError::Socket { socket: socket.clone(), source };
-        ignore_absent(std::fs::remove_dir_all(&folder)).map_err(failed)?;
-        // A folder of another user cannot be removed, so creating it fails; the new one belongs to this user.
-        std::fs::DirBuilder::new().mode(0o700).create(&folder).map_err(failed)?;
-        if std::fs::metadata(&folder).map_err(failed)?.mode() & 0o077 != 0 {
-            return Err(ControlError::Accessible { folder });
+        if !ipc::is_foreign(&folder) {
+            ignore_absent(std::fs::remove_dir_all(&folder)).map_err(failed)?;
         }
+        ipc::create_private_folder(&folder)
+            .map_err(|source| ControlError::Folder { folder: folder.clone(), source })?;
         let listener = UnixListener::bind(&socket).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         Ok(Self { listener, folder, clients: BTreeMap::new(), next_id: 0 })

@@ -2,6 +2,7 @@
 //!
 //! | file | content |
 //! |---|---|
+//! | `domain` | the name of the run in shared memory |
 //! | `lock` | held by the supervisor of the run and by all processes that it starts |
 //! | `launch.toml`, `settings.json` | the launch file, and the settings resolved from it |
 //! | `wiring.json` | what observers need to know ([`Wiring`]) |
@@ -14,6 +15,7 @@
 //! After a kill at any moment, `--resume` continues from this folder: `settings.json` is the last file that a new run writes
 //! and the first that the next one removes, and every file that is read again is complete or absent.
 
+mod domain;
 mod lock;
 mod states;
 mod used;
@@ -25,21 +27,22 @@ use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
 use formats::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
-use messages::pod::{FINGERPRINT_START, fingerprint};
 use run::assignment::{Assignment, Restart};
 use run::summary::Summary;
 use run::wiring::Wiring;
 use serde::{Deserialize, Serialize};
 use states::States;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind};
-use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// The resolved settings of the run.
 const SETTINGS: &str = "settings.json";
 /// Copy of the launch file.
 const LAUNCH_FILE: &str = "launch.toml";
+/// The name of the run in shared memory.
+const DOMAIN: &str = "domain";
 /// The swaps of the run.
 const SWAPS: &str = "swaps.json";
 
@@ -142,7 +145,7 @@ impl RunFolder {
     /// the last process of a run is gone, so that none of them writes into the next run.
     pub fn lock(output: &Path) -> Result<Self, RunFolderError> {
         let folder = output.join("run");
-        std::fs::create_dir_all(&folder).map_err(|source| cannot_write(&folder, source))?;
+        create_run_folder(&folder)?;
         // One folder has one name from here on, whatever links lead to it.
         let output = canonical(output)?;
         let lock = lock::take(&folder.join("lock"), &output)?;
@@ -151,7 +154,7 @@ impl RunFolder {
 
     /// The name of the run in shared memory.
     pub fn domain(&self) -> Result<Domain, RunFolderError> {
-        Ok(domain_of(&self.output)?)
+        domain::take(&self.folder.join(DOMAIN), &self.output)
     }
 
     /// The saved states.
@@ -334,9 +337,29 @@ fn settings(plan: &Plan) -> serde_json::Value {
     })
 }
 
-/// The name in shared memory of runs into `output` (absolute, without links). Runs into the same output have the same, so the
-/// next run finds what a killed one left behind.
-pub fn domain_of(output: &Path) -> Result<Domain, IpcError> {
-    let digest = fingerprint(FINGERPRINT_START, output.as_os_str().as_bytes());
-    Domain::new(&format!("{digest:016x}"))
+/// The name in shared memory of the last run into `output`, which the next one cleans up.
+pub fn last_domain(output: &Path) -> Option<Domain> {
+    domain::last(&output.join("run").join(DOMAIN))
+}
+
+/// Makes the folder of a run, which only this user can enter: names and settings of a run are its owner's.
+fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
+    let failed = |source| cannot_write(folder, source);
+    if let Some(output) = folder.parent() {
+        std::fs::create_dir_all(output).map_err(failed)?;
+    }
+    match std::fs::DirBuilder::new().mode(0o700).create(folder) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+        created => return created.map_err(failed),
+    }
+    // A link that another user has put there would lead the files of the run elsewhere.
+    let metadata = std::fs::symlink_metadata(folder).map_err(failed)?;
+    if !metadata.is_dir() {
+        return Err(cannot_write(folder, ErrorKind::NotADirectory.into()));
+    }
+    if metadata.mode() & 0o077 != 0 {
+        // On file systems without modes this has no effect or fails; the folder is usable as it is.
+        let _ = std::fs::set_permissions(folder, Permissions::from_mode(0o700));
+    }
+    Ok(())
 }
