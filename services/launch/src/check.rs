@@ -5,6 +5,7 @@ mod problems;
 mod source_selection;
 mod stages;
 
+use crate::limits;
 use crate::manifest::{Run, Simulate};
 use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
@@ -46,6 +47,9 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     dataflow::set_transport(&mut stages, run.transport());
     if stages.is_empty() && problems.is_empty() {
         problems.add_without_place("names no stage: there is nothing to run");
+    }
+    for text in limits::lacks(&stages) {
+        problems.add_without_place(text);
     }
     check_recording(&run, mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();

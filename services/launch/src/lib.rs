@@ -16,6 +16,7 @@ mod control;
 mod costs;
 mod decision;
 mod identity;
+mod limits;
 mod log;
 mod manifest;
 mod metrics;
