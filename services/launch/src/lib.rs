@@ -48,6 +48,7 @@ use supervise::{Options, Start};
     version,
     after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
 )]
+#[allow(clippy::struct_excessive_bools, reason = "each flag of a command line is independent of the others")]
 struct Arguments {
     /// The launch file
     #[arg(default_value = "launch.toml")]
