@@ -125,3 +125,18 @@ fn mistyped_drive_is_not_simulated() {
         assert!(!launch.folder().join("drives").exists() && !launch.output().exists(), "{output_text}");
     }
 }
+
+/// Another seed in [simulate] was ignored: the drive of the old seed was processed.
+#[test]
+fn simulated_drive_that_differs_from_the_table_is_refused() {
+    let launch = with_drive("drives/town", SIMULATE);
+    let folder = launch.folder().join("drives/town");
+    std::fs::create_dir_all(&folder).expect("made");
+    std::fs::write(folder.join("simulated.toml"), "town = 'urban'\nseed = 1\nseconds = 1.0\n").expect("written");
+    let launch = launch.with("--check");
+    assert_eq!(launch.run().status.code(), Some(0), "as the table says");
+    let output = launch.with("--set").with("simulate.seed=2").run();
+    let output_text = output_text(&output);
+    assert_eq!(output.status.code(), Some(78), "{output_text}");
+    assert!(output_text.contains("drives/town was simulated with seed = 1, not 2; remove it"), "{output_text}");
+}

@@ -34,7 +34,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     let simulate: Simulate = problems.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
     let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
-    let (drive, is_simulated) = drive(&run, mode, &folder, &mut problems);
+    let (drive, is_simulated) = drive(&run, &simulate, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
@@ -73,30 +73,45 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
 
 /// The folder of the drive, and whether it must be simulated first. Live, the drive only says where the sensors are mounted,
 /// and may be left out.
-fn drive(run: &Run, mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
+fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
     let is_live = mode == Mode::Live;
     let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
-    if drive.exists() || run.drive.is_empty() {
+    if run.drive.is_empty() {
         return (drive, false);
     }
     let file = problems.file();
     let written = file.written_text("run", "drive");
-    let missing = format!("{} does not exist", drive.display());
-    // The town of a mistyped path would be processed as if it were the drive.
-    let text = match written {
-        _ if is_live || !file.is_written("simulate") => {
-            format!("{missing}, and the launch file has no [simulate] to simulate it")
-        }
-        Some(written) if folder.join(written) == drive => return (drive, true),
-        _ => format!(
-            "{missing}; [simulate] makes only the drive that the launch file itself names, {}; \
-             simulate another one with `replica simulate --out {}`",
+    let is_written = written.is_some_and(|written| is_same(&folder.join(written), &drive));
+    let may_simulate = !is_live && file.is_written("simulate");
+    let text = match drive.exists() {
+        false if may_simulate && is_written => return (drive, true),
+        // The town of a mistyped path would be processed as if it were the drive.
+        false if may_simulate => format!(
+            "{} does not exist; [simulate] makes only the drive that the launch file itself names, {}; simulate another one \
+             with `replica simulate --out {}`",
+            drive.display(),
             written.unwrap_or("none"),
             drive.display()
         ),
+        false => {
+            format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
+        }
+        true => match simulate.differences(&drive) {
+            differences if may_simulate && is_written && !differences.is_empty() => format!(
+                "{} was simulated with {}; remove it to simulate it again, or name another drive",
+                drive.display(),
+                differences.join(", ")
+            ),
+            _ => return (drive, false),
+        },
     };
     problems.add("run", problems.of_value("run", "drive", text));
     (drive, false)
+}
+
+/// Whether two paths lead to the same file, or are the same.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Leaves out the stages that the command line deselects. Returns a remark for the operator.
