@@ -8,7 +8,7 @@ use run::toml::de::DeValue;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, Metadata};
-use std::io::{Error, Read};
+use std::io::{Error, ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -84,16 +84,21 @@ impl Files {
 
 impl FileIdentity {
     fn of(path: &Path, known: Option<&Self>) -> Result<Self, Error> {
-        let mut file = File::open(path)?;
-        let metadata = file.metadata()?;
+        let metadata = std::fs::metadata(path)?;
         let seen = Some(seen(&metadata));
         if let Some(known) = known.filter(|known| known.seen == seen) {
             return Ok(known.clone());
         }
+        let by_time = || Self { digest: format!("{} bytes, changed at {}", metadata.len(), metadata.mtime()), seen };
         if metadata.len() > MAX_DIGESTED {
-            let digest = format!("{} bytes, changed at {}", metadata.len(), metadata.mtime());
-            return Ok(Self { digest, seen });
+            return Ok(by_time());
         }
+        let mut file = match File::open(path) {
+            Ok(file) => file,
+            // A program may be started and not read.
+            Err(error) if error.kind() == ErrorKind::PermissionDenied => return Ok(by_time()),
+            Err(error) => return Err(error),
+        };
         let mut sum = Checksum::new();
         let mut piece = vec![0; PIECE];
         loop {
