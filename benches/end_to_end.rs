@@ -8,6 +8,7 @@ use std::process::Command;
 fn run(root: &Path, output: &Path) -> Value {
     let status = Command::new(root.join("target/release/replica-launch"))
         .arg(root.join("launch.toml"))
+        .arg("--overwrite")
         .arg("--set")
         .arg(format!("run.output={}", output.display()))
         .stderr(std::process::Stdio::null())

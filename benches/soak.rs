@@ -143,7 +143,7 @@ fn many_kills(kills: u64, seed: u64) -> bool {
     let undisturbed = launch();
     assert_eq!(undisturbed.start().wait(), Some(0));
     // All into one folder: what a dead run has left is the next one's to clean up.
-    let disturbed = launch();
+    let disturbed = launch().with("--overwrite");
     let mut random = Random::new(seed);
     let (mut survived, mut same) = (0_u64, 0_u64);
     let begun = Instant::now();

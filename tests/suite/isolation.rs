@@ -27,7 +27,7 @@ fn killed_supervisor_takes_its_stages_along_and_the_next_run_cleans_up() {
     drop(running);
 
     // The same output: the next run removes what the killed run left, and leaves nothing itself.
-    let output = launch.with("--set").with("source.ticks=3").run();
+    let output = launch.with("--overwrite").with("--set").with("source.ticks=3").run();
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     assert_eq!(leftovers(&domain), Vec::<String>::new());
 }
@@ -88,6 +88,36 @@ fn runs_of_two_users_do_not_interfere() {
     }
     for launch in [&own, &other] {
         assert_eq!(leftovers(&domain_of(&launch.output())), Vec::<String>::new());
+    }
+}
+
+/// Another user could prepare files of the name that a run would use.
+#[test]
+#[cfg_attr(not(other_users), ignore = "needs the superuser, and programs that all users can read")]
+fn files_of_another_user_do_not_block_an_output() {
+    let launch = Launch::of_misbehaving("", "ticks = 5", "").with("--overwrite");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+    for (start, end) in [("/dev/shm/replica_", ""), ("/dev/shm/replica_", "_prepared"), ("/tmp/replica_", "_control")] {
+        let domain = domain_of(&launch.output());
+        let prepared = format!("{start}{domain}{end}");
+        std::fs::create_dir(&prepared).expect("made");
+        std::os::unix::fs::chown(&prepared, Some(NOBODY), Some(NOBODY)).expect("the superuser may give files away");
+        let output = launch.run();
+        std::fs::remove_dir(&prepared).expect("files of others stay");
+        assert_eq!(output.status.code(), Some(0), "{prepared}: {}", output_text(&output));
+        assert_ne!(domain_of(&launch.output()), domain, "another name is used than that of {prepared}");
+    }
+}
+
+#[test]
+fn files_of_a_run_are_not_readable_by_others() {
+    let launch = Launch::of_misbehaving("", "ticks = 5", "");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+    for name in ["run", "run/lock", "run/domain"] {
+        let mode = std::fs::metadata(launch.output().join(name)).expect("there").permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{name} has mode {mode:o}");
     }
 }
 

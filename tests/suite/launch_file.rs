@@ -87,3 +87,56 @@ fn graph_shows_the_dataflow_of_the_file() {
         assert!(graph.contains(line), "{line:?} is not in:\n{graph}");
     }
 }
+
+/// The small pipeline, whose source needs no drive, with `drive = "<drive>"` and what follows in the file.
+fn with_drive(drive: &str, rest: &str) -> Launch {
+    let launch = Launch::of_misbehaving("", "ticks = 3", "");
+    let path = launch.folder().join("launch.toml");
+    let text = std::fs::read_to_string(&path).expect("written").replace("drive = \".\"", &format!("drive = '{drive}'"));
+    std::fs::write(path, format!("{text}{rest}")).expect("written");
+    launch
+}
+
+const SIMULATE: &str = "[simulate]\nseconds = 1.0\nrig = 'survey'\n";
+
+#[test]
+fn drive_of_the_launch_file_is_simulated_and_check_says_so() {
+    let launch = with_drive("drives/town", SIMULATE).with("--check");
+    let output = launch.run();
+    assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(stdout.contains("drives/town does not exist: a start simulates it"), "{stdout}");
+    assert!(!launch.folder().join("drives").exists(), "--check simulates nothing");
+}
+
+/// A mistyped drive was simulated and processed as if it were the recording.
+#[test]
+fn mistyped_drive_is_not_simulated() {
+    for (launch, words) in [
+        (with_drive("drives/town", SIMULATE).with("--set").with("run.drive=drives/twon"), "replica simulate --out "),
+        (with_drive(".", SIMULATE).with("--set").with("run.drive=drives/twon"), "replica simulate --out "),
+        (with_drive("drives/twon", ""), "has no [simulate] to simulate it"),
+        (with_drive("drives/twon", "").with("--set").with("simulate.seed=3"), "has no [simulate] to simulate it"),
+    ] {
+        let output = launch.run();
+        let output_text = output_text(&output);
+        assert_eq!(output.status.code(), Some(78), "{output_text}");
+        assert!(output_text.contains("drives/twon does not exist") && output_text.contains(words), "{output_text}");
+        assert!(!launch.folder().join("drives").exists() && !launch.output().exists(), "{output_text}");
+    }
+}
+
+/// Another seed in [simulate] was ignored: the drive of the old seed was processed.
+#[test]
+fn simulated_drive_that_differs_from_the_table_is_refused() {
+    let launch = with_drive("drives/town", SIMULATE);
+    let folder = launch.folder().join("drives/town");
+    std::fs::create_dir_all(&folder).expect("made");
+    std::fs::write(folder.join("simulated.toml"), "town = 'urban'\nseed = 1\nseconds = 1.0\n").expect("written");
+    let launch = launch.with("--check");
+    assert_eq!(launch.run().status.code(), Some(0), "as the table says");
+    let output = launch.with("--set").with("simulate.seed=2").run();
+    let output_text = output_text(&output);
+    assert_eq!(output.status.code(), Some(78), "{output_text}");
+    assert!(output_text.contains("drives/town was simulated with seed = 1, not 2; remove it"), "{output_text}");
+}

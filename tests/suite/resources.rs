@@ -117,6 +117,41 @@ fn limited_relay(limit: &str) -> Launch {
     launch
 }
 
+/// A run under these limits of the shell; exit code and messages.
+fn run_limited(launch: &Launch, limit: &str) -> (Option<i32>, String) {
+    let ended = std::process::Command::new("sh")
+        .args(["-c", &format!("{limit} && exec \"$0\" \"$@\"")])
+        .arg(binary("replica-launch"))
+        .arg(launch.folder().join("launch.toml"))
+        .arg("--overwrite")
+        .output()
+        .expect("a shell starts");
+    (ended.status.code(), output_text(&ended))
+}
+
+/// The limits ended runs within the transport, after useless restarts.
+#[test]
+fn limits_too_low_for_the_run_are_refused_before_the_start() {
+    let launch = Launch::of_misbehaving("", SHORT, "");
+    for (option, low, words, unit) in [
+        ("-n", "64", "limit of open files: 64 (ulimit -n), stage ", ""),
+        ("-v", "2000000", "limit of address space: 2000000 KiB (ulimit -v), stage ", " KiB"),
+    ] {
+        let (code, text) = run_limited(&launch, &format!("ulimit {option} {low}"));
+        assert_eq!(code, Some(78), "{text}");
+        assert!(text.contains(words), "{text}");
+        assert!(!launch.output().exists(), "nothing was started: {text}");
+        let need = text.split_once(" needs ").and_then(|(_, rest)| rest.split([';', ',', ' ']).next());
+        let need = need.filter(|need| need.parse::<u64>().is_ok()).unwrap_or_else(|| panic!("no need in {text}"));
+        assert!(text.contains(&format!("{need}{unit}")), "{text}");
+        // What the message asks for is enough.
+        let (code, text) = run_limited(&launch, &format!("ulimit {option} {need}"));
+        assert_eq!(code, Some(0), "ulimit {option} {need}: {text}");
+        assert!(launch.read("sink.txt") == undisturbed(SHORT, ""), "{text}");
+        std::fs::remove_dir_all(launch.output()).expect("removed");
+    }
+}
+
 #[test]
 fn unwritable_output_is_refused_before_the_start() {
     for output in ["launch.toml", "launch.toml/below", "/proc/replica", "/sys/replica"] {

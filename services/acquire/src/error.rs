@@ -21,6 +21,8 @@ pub(crate) enum LiveError {
     Rig(#[from] formats::problems::FileError),
     #[error("value {setting:?} must be {rig:?}, the model of the rig, or empty")]
     Model { setting: String, rig: String },
+    #[error("value {0:?} must be a path inside the output folder")]
+    Outside(String),
     #[error("{} holds {n} captures of an earlier run; use another folder", folder.display())]
     Used { folder: PathBuf, n: usize },
 }
@@ -30,7 +32,9 @@ impl LiveError {
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::Address(_) | Self::Bind { .. } => "listen",
-            Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => "recording",
+            Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
+                "recording"
+            }
             Self::Rig(_) => "rig",
             Self::Model { .. } => "model",
         }

@@ -16,7 +16,7 @@ use formats::velodyne::{DATA_PACKET_BYTES, Model, SweepError, SweepInfo, SweepPo
 use messages::{Message, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::net::SocketAddrV4;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Differs from the versions of recorded drives.
@@ -88,7 +88,13 @@ impl Live {
         if let Err(error) = mounting(settings, context) {
             problems.push(Problem::of_key(error.key(), error.to_string()));
         }
-        let folder = folder(settings, context);
+        let folder = match folder(settings, context) {
+            Ok(folder) => folder,
+            Err(error) => {
+                problems.push(Problem::of_key(error.key(), error.to_string()));
+                return problems;
+            }
+        };
         match recording::captures(&folder) {
             Ok(captures) if captures.is_empty() => {}
             Ok(captures) => {
@@ -106,7 +112,8 @@ impl Live {
         let position = address(&settings.position_listen).map_err(StepError::data)?;
         let (model, body_from_lidar) = mounting(settings, context).map_err(StepError::data)?;
         let sockets = Sockets::bind([data, position]).map_err(StepError::io)?;
-        let (recording, recorder) = Recording::begin(folder(settings, context)).map_err(StepError::io)?;
+        let (recording, recorder) =
+            Recording::begin(folder(settings, context).map_err(StepError::data)?).map_err(StepError::io)?;
         let receiver = Receiver::start(sockets, recorder).map_err(StepError::io)?;
         if let Some(model) = model {
             recording.describe(model, body_from_lidar).map_err(StepError::io)?;
@@ -313,9 +320,14 @@ fn count_discarded(settings: &Settings, info: &SweepInfo, outputs: &mut Outputs)
     outputs.count(if info.turn >= settings.min_turn { "sweeps_skipped" } else { "partial_sweeps" }, 1);
 }
 
-/// Folder of the recording.
-fn folder(settings: &Settings, context: &Context) -> PathBuf {
-    context.output.join(&settings.recording)
+/// Folder of the recording: inside the output folder, so that a run writes nowhere else.
+fn folder(settings: &Settings, context: &Context) -> Result<PathBuf, LiveError> {
+    let path = Path::new(&settings.recording);
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
+    if is_inside && !settings.recording.is_empty() {
+        return Ok(context.output.join(path));
+    }
+    Err(LiveError::Outside(settings.recording.clone()))
 }
 
 fn address(text: &str) -> Result<SocketAddrV4, LiveError> {

@@ -10,6 +10,7 @@ use crate::sweep;
 use crate::trigger::Trigger;
 use formats::drive::{Drive, Frame, SourcePosition, SweepInfo, SweepSource};
 use formats::nmea::{Fix, LogStats};
+use formats::velodyne::OtherModel;
 use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use serde::{Deserialize, Serialize};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
@@ -66,6 +67,18 @@ struct InitialCounts {
     strange_files: u64,
     log: LogStats,
     without_height: u64,
+}
+
+/// Why no sweep can be read from the captures of a drive: found from their first packets, before the run starts.
+fn wrong_captures(drive: &Drive) -> Option<String> {
+    if drive.manifest().lidar.format != "pcap" {
+        return None;
+    }
+    match OtherModel::find(drive.sweep_files(), drive.model()) {
+        Ok(Some(other)) => Some(other.to_string()),
+        Ok(None) => drive.sweeps().err().map(|error| error.to_string()),
+        Err(error) => Some(error.to_string()),
+    }
 }
 
 impl Recorded {
@@ -130,9 +143,7 @@ impl Recorded {
         }
         if self.drive.is_inferred() {
             let (model, format) = (self.drive.model().name(), &self.drive.manifest().lidar.format);
-            outputs.note(format!(
-                "no drive.toml: reading the folder as {format} sweeps of one {model} without other sensors"
-            ));
+            outputs.note(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
         }
         if let Some(path) = self.drive.strange_files().first() {
             outputs.note(format!("{}: the file name is not a stamp in ns; such files are skipped", path.display()));
@@ -200,10 +211,14 @@ impl Recorded {
             problems.push(Problem::of_key("end_s", text));
         }
         // A missing drive may be simulated first; the supervisor checks that.
-        if context.drive.exists()
-            && let Err(error) = Drive::open(&context.drive)
-        {
-            problems.extend(error.problems.iter().map(|problem| Problem::of_key("", problem.to_string())));
+        if !context.drive.exists() {
+            return problems;
+        }
+        match Drive::open(&context.drive) {
+            Ok(drive) => problems.extend(wrong_captures(&drive).map(|text| Problem::of_key("", text))),
+            Err(error) => {
+                problems.extend(error.problems.iter().map(|problem| Problem::of_key("", problem.to_string())));
+            }
         }
         problems
     }

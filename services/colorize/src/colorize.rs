@@ -12,9 +12,9 @@ use coloring::{AgeLimits, Bands, PointBuffers, ProjectionCamera};
 use doubts::LimitsOfDoubt;
 use formats::drive::Drive;
 use geometry::{Stamp, Trajectory};
-use intake::expected_nm;
+use intake::expected_bands;
 use messages::{ColorTopic, CubeTopic, ImageTopic, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
-use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StateBytes, StepError};
+use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 
 /// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;
@@ -61,12 +61,7 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
-        let expected_nm: Vec<Vec<f32>> = manifest
-            .mosaics
-            .iter()
-            .zip(drive.sensors())
-            .map(|(entry, sensor)| expected_nm(entry, sensor.as_ref()))
-            .collect();
+        let expected_nm = expected_bands(drive);
         let bands = Bands::new(&expected_nm).map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
@@ -180,6 +175,16 @@ impl Stage for Colorize {
 
     fn outputs() -> Vec<Port> {
         vec![Port::of::<ColorTopic>(), Port::of::<SpectraTopic>()]
+    }
+
+    fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {
+        // Other problems of the drive are reported by its source.
+        let Ok(drive) = Drive::open(&context.drive) else { return Vec::new() };
+        Bands::new(&expected_bands(&drive))
+            .err()
+            .map(|error| Problem::of_key("", error.to_string()))
+            .into_iter()
+            .collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

@@ -1,5 +1,6 @@
 //! The run that this supervisor works on.
 
+use crate::identity::Files;
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
 use ipc::Domain;
@@ -11,6 +12,8 @@ pub struct ActiveRun {
     pub plan: Plan,
     /// Where the run keeps its files.
     pub folder: RunFolder,
+    /// The files of the plan when the last attempt started.
+    pub files: Files,
     /// Its name in shared memory.
     pub domain: Domain,
 }

@@ -5,11 +5,12 @@ mod problems;
 mod source_selection;
 mod stages;
 
+use crate::limits;
 use crate::manifest::{Run, Simulate};
 use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
-use crate::run_folder::domain_of;
+use crate::run_folder::last_domain;
 use ipc::Transport;
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
@@ -33,9 +34,9 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     let simulate: Simulate = problems.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
     let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
-    let drive = drive(&run, mode, &folder, &mut problems);
+    let (drive, is_simulated) = drive(&run, &simulate, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
-    if let Some(text) = lacks_shared_memory(domain_of(&output).ok().as_ref()) {
+    if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
         problems.add_without_place(text);
     }
     let mut stages = stages::read(&mut problems, &folder, copy, overrides, &selection.without);
@@ -47,9 +48,11 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     if stages.is_empty() && problems.is_empty() {
         problems.add_without_place("names no stage: there is nothing to run");
     }
+    for text in limits::lacks(&stages) {
+        problems.add_without_place(text);
+    }
     check_recording(&run, mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
-    let is_simulated = !drive.exists() && mode == Mode::Offline;
     let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
     check_settings(&stages, copy, overrides, &context, &mut problems);
     let problems = problems.into_rendered();
@@ -68,15 +71,47 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     })
 }
 
-/// The folder of the drive. Live, the drive only says where the sensors are mounted, and may be left out.
-fn drive(run: &Run, mode: Mode, folder: &Path, problems: &mut Problems) -> PathBuf {
+/// The folder of the drive, and whether it must be simulated first. Live, the drive only says where the sensors are mounted,
+/// and may be left out.
+fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &mut Problems) -> (PathBuf, bool) {
     let is_live = mode == Mode::Live;
     let drive = if is_live { folder.join(&run.drive) } else { problems.path("drive", &run.drive, folder) };
-    if !drive.exists() && (is_live || !problems.has_table("simulate")) && !run.drive.is_empty() {
-        let text = format!("{} does not exist, and there is no [simulate] to simulate it", drive.display());
-        problems.add("run", problems.of_value("run", "drive", text));
+    if run.drive.is_empty() {
+        return (drive, false);
     }
-    drive
+    let file = problems.file();
+    let written = file.written_text("run", "drive");
+    let is_written = written.is_some_and(|written| is_same(&folder.join(written), &drive));
+    let may_simulate = !is_live && file.is_written("simulate");
+    let text = match drive.exists() {
+        false if may_simulate && is_written => return (drive, true),
+        // The town of a mistyped path would be processed as if it were the drive.
+        false if may_simulate => format!(
+            "{} does not exist; [simulate] makes only the drive that the launch file itself names, {}; simulate another one \
+             with `replica simulate --out {}`",
+            drive.display(),
+            written.unwrap_or("none"),
+            drive.display()
+        ),
+        false => {
+            format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
+        }
+        true => match simulate.differences(&drive) {
+            differences if may_simulate && is_written && !differences.is_empty() => format!(
+                "{} was simulated with {}; remove it to simulate it again, or name another drive",
+                drive.display(),
+                differences.join(", ")
+            ),
+            _ => return (drive, false),
+        },
+    };
+    problems.add("run", problems.of_value("run", "drive", text));
+    (drive, false)
+}
+
+/// Whether two paths lead to the same file, or are the same.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Leaves out the stages that the command line deselects. Returns a remark for the operator, and [`Context::missing`].

@@ -4,7 +4,6 @@ use ipc::Domain;
 use run::control::{Answer, MAX_REQUEST, Request, socket_of};
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -31,10 +30,12 @@ pub enum ControlError {
         source: std::io::Error,
     },
     /// Other users could connect.
-    #[error("{folder}: the folder is accessible to other users")]
-    Accessible {
+    #[error("{folder}: {source}")]
+    Folder {
         /// The folder of the socket.
         folder: PathBuf,
+        /// Why it cannot be used.
+        source: ipc::PrivateFolderError,
     },
 }
 
@@ -62,12 +63,11 @@ impl Control {
         let socket = socket_of(domain.name());
         let folder = socket.parent().unwrap_or(Path::new("/tmp")).to_owned();
         let failed = |source: std::io::Error| ControlError::Socket { socket: socket.clone(), source };
-        ignore_absent(std::fs::remove_dir_all(&folder)).map_err(failed)?;
-        // A folder of another user cannot be removed, so creating it fails; the new one belongs to this user.
-        std::fs::DirBuilder::new().mode(0o700).create(&folder).map_err(failed)?;
-        if std::fs::metadata(&folder).map_err(failed)?.mode() & 0o077 != 0 {
-            return Err(ControlError::Accessible { folder });
+        if !ipc::is_foreign(&folder) {
+            ignore_absent(std::fs::remove_dir_all(&folder)).map_err(failed)?;
         }
+        ipc::create_private_folder(&folder)
+            .map_err(|source| ControlError::Folder { folder: folder.clone(), source })?;
         let listener = UnixListener::bind(&socket).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         Ok(Self { listener, folder, clients: BTreeMap::new(), next_id: 0 })
@@ -77,10 +77,7 @@ impl Control {
     pub fn requests(&mut self) -> Vec<(ClientId, Request)> {
         while let Ok((stream, _)) = self.listener.accept() {
             if self.clients.len() < MAX_CLIENTS && stream.set_nonblocking(true).is_ok() {
-                let now = Instant::now();
-                let request = Some(Vec::new());
-                let client = Client { stream, connected: now, request, working: String::new(), answered: now };
-                self.clients.insert(self.next_id, client);
+                self.clients.insert(self.next_id, Client::new(stream));
                 self.next_id += 1;
             }
         }
@@ -135,12 +132,22 @@ enum Received {
 }
 
 impl Client {
+    fn new(stream: UnixStream) -> Self {
+        let now = Instant::now();
+        Self { stream, connected: now, request: Some(Vec::new()), working: String::new(), answered: now }
+    }
+
     fn read_request(&mut self) -> Received {
         let Some(text) = &mut self.request else { return Received::Incomplete };
         let mut bytes = [0; 4096];
+        // A client that has sent its request may close its sending half and wait for the answer.
+        let mut has_ended = false;
         loop {
             match self.stream.read(&mut bytes) {
-                Ok(0) => return Received::Disconnected,
+                Ok(0) => {
+                    has_ended = true;
+                    break;
+                }
                 Ok(n) => text.extend_from_slice(&bytes[..n]),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(_) => return Received::Disconnected,
@@ -149,12 +156,11 @@ impl Client {
                 return Received::Disconnected;
             }
         }
-        let Some(end) = text.iter().position(|byte| *byte == b'\n') else {
-            return if self.connected.elapsed() < REQUEST_TIMEOUT {
-                Received::Incomplete
-            } else {
-                Received::Disconnected
-            };
+        let end = match text.iter().position(|byte| *byte == b'\n') {
+            Some(end) => end,
+            None if has_ended && !text.is_empty() => text.len(),
+            None if has_ended || self.connected.elapsed() >= REQUEST_TIMEOUT => return Received::Disconnected,
+            None => return Received::Incomplete,
         };
         match serde_json::from_slice(&text[..end]) {
             Ok(request) => {
@@ -188,5 +194,48 @@ fn ignore_absent(result: std::io::Result<()>) -> std::io::Result<()> {
     match result {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::Shutdown;
+
+    /// A client that has sent `text` and closed its sending half; its own end.
+    fn half_closed(text: &str) -> (Client, UnixStream) {
+        let (mut own, other) = UnixStream::pair().expect("a pair");
+        other.set_nonblocking(true).expect("a socket");
+        own.write_all(text.as_bytes()).expect("sends");
+        own.shutdown(Shutdown::Write).expect("closes");
+        (Client::new(other), own)
+    }
+
+    #[test]
+    fn request_followed_by_a_half_close_is_answered() {
+        // Without a newline the end of the stream ends the request.
+        for text in ["{\"stop\":{\"now\":true}}\n", "{\"stop\":{\"now\":true}}"] {
+            let (mut client, mut own) = half_closed(text);
+            let Received::Request(request) = client.read_request() else { panic!("{text:?} is a request") };
+            assert_eq!(request, Request::Stop { now: true });
+            assert!(matches!(client.read_request(), Received::Incomplete), "one request, however often it is read");
+            assert!(client.send(&Answer::Ended("stopped".to_owned())));
+            drop(client);
+            let mut answer = String::new();
+            own.read_to_string(&mut answer).expect("an answer");
+            assert_eq!(answer, "{\"ended\":\"stopped\"}\n");
+        }
+    }
+
+    #[test]
+    fn cut_request_is_refused_and_an_empty_one_is_dropped() {
+        let (mut client, mut own) = half_closed("{\"stop\":{\"no");
+        assert!(matches!(client.read_request(), Received::Disconnected));
+        drop(client);
+        let mut answer = String::new();
+        own.read_to_string(&mut answer).expect("an answer");
+        assert!(answer.contains("unknown request"), "{answer}");
+        let (mut client, _own) = half_closed("");
+        assert!(matches!(client.read_request(), Received::Disconnected));
     }
 }

@@ -4,6 +4,7 @@
 //! | module | idea |
 //! |---|---|
 //! | `check` | launch file to `plan`: tables (`manifest`), programs, dataflow |
+//! | `identity` | programs, models and other files on which results depend |
 //! | `supervise` | the life of a run: attempts, processes, restarts |
 //! | `decision` | when a stage fails, hangs or stalls, and what to do about it: pure |
 //! | `swap` | replacing a stage of a running pipeline |
@@ -14,6 +15,8 @@ mod check;
 mod control;
 mod costs;
 mod decision;
+mod identity;
+mod limits;
 mod log;
 mod manifest;
 mod metrics;
@@ -31,11 +34,12 @@ mod swap_record;
 
 use clap::Parser;
 use log::LogFormat;
-use plan::Selection;
+use plan::{Plan, Selection};
 use run::exit;
-use std::path::PathBuf;
+use run_folder::EarlierResults;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use supervise::Options;
+use supervise::{Options, Start};
 
 /// Runs the stages of a launch file, each as its own process.
 #[derive(Parser)]
@@ -44,6 +48,7 @@ use supervise::Options;
     version,
     after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 done but doubtful or not complete, 78 wrong configuration"
 )]
+#[allow(clippy::struct_excessive_bools, reason = "each flag of a command line is independent of the others")]
 struct Arguments {
     /// The launch file
     #[arg(default_value = "launch.toml")]
@@ -67,6 +72,9 @@ struct Arguments {
     /// Continue a killed or failed run into the same output from its last barrier
     #[arg(long)]
     resume: bool,
+    /// Replace the results of an earlier run in the output; without it, they are kept and the run is refused
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
     /// Report all problems of the launch file and of everything that it names; start nothing
     #[arg(long)]
     check: bool,
@@ -100,10 +108,26 @@ pub fn main() -> ExitCode {
     if arguments.graph {
         print!("{}", check::dataflow::mermaid(&plan.stages));
     } else if arguments.check {
-        println!("{}: {} stages, no problems", arguments.launch_file.display(), plan.stages.len());
+        print_checked(&arguments.launch_file, &plan);
     } else {
-        let Arguments { resume, log, metrics, record, .. } = arguments;
-        return ExitCode::from(supervise::run(plan, resume, Options { log, metrics, record }));
+        let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
+        let start = match (resume, overwrite) {
+            (true, _) => Start::Resume,
+            (false, true) => Start::Overwrite,
+            (false, false) => Start::New,
+        };
+        return ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }));
     }
     ExitCode::from(exit::DONE)
+}
+
+/// The answer to `--check`: what a start will do, if it has no problems.
+fn print_checked(launch_file: &Path, plan: &Plan) {
+    println!("{}: {} stages, no problems", launch_file.display(), plan.stages.len());
+    if plan.simulate.is_some() {
+        println!("{} does not exist: a start simulates it as [simulate] says", plan.context.drive.display());
+    }
+    if let Some(results) = EarlierResults::find(&plan.context.output) {
+        println!("{}: holds the results of {results}", plan.context.output.display());
+    }
 }

@@ -6,7 +6,8 @@ use run::toml::de::DeValue;
 use run::{Field, SettingError, Settings, any, one_of, within};
 use serde::Serialize;
 use serde::de::IntoDeserializer;
-use simulation::{DriveSettings, SettingField};
+use simulation::{DriveSettings, SettingField, SimulatedDrive};
+use std::path::Path;
 
 run::settings! {
     /// `[run]`: input, output and supervision of the run.
@@ -46,6 +47,11 @@ impl Run {
 pub struct Simulate(DriveSettings);
 
 impl Simulate {
+    /// In what a simulated drive differs from this table; empty if the drive has no mark of the simulation.
+    pub fn differences(&self, drive: &Path) -> Vec<String> {
+        SimulatedDrive::read(drive).map(|simulated| simulated.differences(&self.0)).unwrap_or_default()
+    }
+
     /// Arguments of `replica`, without the folder to make.
     pub fn arguments(&self) -> Vec<String> {
         self.0.arguments()

@@ -60,6 +60,8 @@ pub struct PlannedStage {
     pub table: StageTable,
     /// Its topics and settings.
     pub description: Description,
+    /// Files that its settings name, such as its model.
+    pub files: Vec<PathBuf>,
     /// Topics that it reads and that have a producer.
     pub inputs: Vec<TopicChannels>,
     /// Topics that it writes.

@@ -2,6 +2,7 @@
 //!
 //! | file | content |
 //! |---|---|
+//! | `domain` | the name of the run in shared memory |
 //! | `lock` | held by the supervisor of the run and by all processes that it starts |
 //! | `launch.toml`, `settings.json` | the launch file, and the settings resolved from it |
 //! | `wiring.json` | what observers need to know ([`Wiring`]) |
@@ -14,27 +15,34 @@
 //! After a kill at any moment, `--resume` continues from this folder: `settings.json` is the last file that a new run writes
 //! and the first that the next one removes, and every file that is read again is complete or absent.
 
+mod domain;
 mod lock;
 mod states;
+mod used;
 
+pub use used::EarlierResults;
+
+use crate::identity::{Files, UnreadableFile};
 use crate::plan::{Plan, PlannedStage};
 use crate::swap_record::SwapRecord;
 use formats::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
-use messages::pod::{FINGERPRINT_START, fingerprint};
 use run::assignment::{Assignment, Restart};
+use run::summary::Summary;
 use run::wiring::Wiring;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use states::States;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{Error, ErrorKind};
-use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// The resolved settings of the run.
 const SETTINGS: &str = "settings.json";
 /// Copy of the launch file.
 const LAUNCH_FILE: &str = "launch.toml";
+/// The name of the run in shared memory.
+const DOMAIN: &str = "domain";
 /// The swaps of the run.
 const SWAPS: &str = "swaps.json";
 
@@ -81,17 +89,47 @@ pub enum RunFolderError {
         /// Folder of the results.
         output: PathBuf,
     },
+    /// A new run would replace the results of an earlier one.
+    #[error("{output}: holds the results of {results}")]
+    Used {
+        /// Folder of the results.
+        output: PathBuf,
+        /// What is there.
+        results: EarlierResults,
+    },
     /// `--resume` with other settings than the run had.
     #[error(
-        "{output}: the run here was started with other settings or programs; resume it with those, or start a new run"
+        "{output}: the run here was started with other settings or programs; resume it with those, or replace its results \
+         with --overwrite"
     )]
     OtherSettings {
         /// Folder of the results.
         output: PathBuf,
     },
+    /// The run cannot continue with another program, model or other file than it began with.
+    #[error(
+        "{file}: its content has changed since the run into {output} began with it; restore it, or replace the results \
+         with --overwrite"
+    )]
+    ChangedFile {
+        /// The file.
+        file: PathBuf,
+        /// Folder of the results.
+        output: PathBuf,
+    },
+    /// A program, model or other file of the run.
+    #[error(transparent)]
+    Unreadable(#[from] UnreadableFile),
     /// The run has no name in shared memory.
     #[error(transparent)]
     Domain(#[from] IpcError),
+}
+
+impl RunFolderError {
+    /// Whether the operator must ask for something else: a restart cannot help.
+    pub fn is_of_configuration(&self) -> bool {
+        matches!(self, Self::Used { .. } | Self::OtherSettings { .. } | Self::ChangedFile { .. })
+    }
 }
 
 /// The folder, locked for this supervisor.
@@ -107,7 +145,7 @@ impl RunFolder {
     /// the last process of a run is gone, so that none of them writes into the next run.
     pub fn lock(output: &Path) -> Result<Self, RunFolderError> {
         let folder = output.join("run");
-        std::fs::create_dir_all(&folder).map_err(|source| cannot_write(&folder, source))?;
+        create_run_folder(&folder)?;
         // One folder has one name from here on, whatever links lead to it.
         let output = canonical(output)?;
         let lock = lock::take(&folder.join("lock"), &output)?;
@@ -116,7 +154,7 @@ impl RunFolder {
 
     /// The name of the run in shared memory.
     pub fn domain(&self) -> Result<Domain, RunFolderError> {
-        Ok(domain_of(&self.output)?)
+        domain::take(&self.folder.join(DOMAIN), &self.output)
     }
 
     /// The saved states.
@@ -124,8 +162,16 @@ impl RunFolder {
         &self.states
     }
 
+    /// Makes sure that a new run replaces no results of an earlier one.
+    pub fn refuse_earlier_results(&self) -> Result<(), RunFolderError> {
+        match EarlierResults::find(&self.output) {
+            Some(results) => Err(RunFolderError::Used { output: self.output.clone(), results }),
+            None => Ok(()),
+        }
+    }
+
     /// Begins a new run: removes states and logs of an earlier one.
-    pub fn begin(&self, plan: &Plan) -> Result<(), RunFolderError> {
+    pub fn begin(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         remove_file(&self.folder.join(SETTINGS))?;
         let logs = self.folder.join("logs");
         for folder in [self.states.folder(), &logs] {
@@ -138,7 +184,7 @@ impl RunFolder {
         remove_file(&self.costs())?;
         self.write_swaps(&SwapRecord::default())?;
         self.write(LAUNCH_FILE, &read(&plan.launch_file)?)?;
-        self.write_json(SETTINGS, &settings(plan))
+        self.write_json(SETTINGS, &Begun { settings: settings(plan), files: files.clone() })
     }
 
     /// Whether a run was begun here; if not, there is nothing to resume.
@@ -147,18 +193,32 @@ impl RunFolder {
     }
 
     /// Makes sure that `plan` is the plan of the run that was begun here: another one would not give the same results.
-    pub fn resume(&self, plan: &Plan) -> Result<(), RunFolderError> {
-        let begun: serde_json::Value = self.read_json(SETTINGS)?;
+    pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
+        let begun: Begun = self.read_json(SETTINGS)?;
         let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
-        if !same_file || begun != settings(plan) {
+        if !same_file || begun.settings != settings(plan) {
             return Err(RunFolderError::OtherSettings { output: self.output.clone() });
         }
+        self.refuse_changed_files(files, &begun.files, None)?;
         self.remove_summary()
+    }
+
+    /// Makes sure that all files are as `before`; those of the stage `except` may have changed.
+    pub fn refuse_changed_files(
+        &self,
+        files: &Files,
+        before: &Files,
+        except: Option<&str>,
+    ) -> Result<(), RunFolderError> {
+        match files.changed_since(before, except) {
+            Some(file) => Err(RunFolderError::ChangedFile { file: file.to_owned(), output: self.output.clone() }),
+            None => Ok(()),
+        }
     }
 
     /// Only a finished run has a summary.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
-        remove_file(&self.output.join("summary.json"))
+        remove_file(&Summary::file(&self.output))
     }
 
     /// The launch file that the stages read: edits of the original during the run have no effect.
@@ -256,6 +316,14 @@ fn cannot_write(path: &Path, source: Error) -> RunFolderError {
     RunFolderError::Write { file: path.to_owned(), source }
 }
 
+/// Content of `settings.json`: with what the run began.
+#[derive(Serialize, Deserialize)]
+struct Begun {
+    #[serde(flatten)]
+    settings: serde_json::Value,
+    files: Files,
+}
+
 /// Launch file, command line and the settings that they resolve to.
 fn settings(plan: &Plan) -> serde_json::Value {
     serde_json::json!({
@@ -269,9 +337,29 @@ fn settings(plan: &Plan) -> serde_json::Value {
     })
 }
 
-/// The name in shared memory of runs into `output` (absolute, without links). Runs into the same output have the same, so the
-/// next run finds what a killed one left behind.
-pub fn domain_of(output: &Path) -> Result<Domain, IpcError> {
-    let digest = fingerprint(FINGERPRINT_START, output.as_os_str().as_bytes());
-    Domain::new(&format!("{digest:016x}"))
+/// The name in shared memory of the last run into `output`, which the next one cleans up.
+pub fn last_domain(output: &Path) -> Option<Domain> {
+    domain::last(&output.join("run").join(DOMAIN))
+}
+
+/// Makes the folder of a run, which only this user can enter: names and settings of a run are its owner's.
+fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
+    let failed = |source| cannot_write(folder, source);
+    if let Some(output) = folder.parent() {
+        std::fs::create_dir_all(output).map_err(failed)?;
+    }
+    match std::fs::DirBuilder::new().mode(0o700).create(folder) {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+        created => return created.map_err(failed),
+    }
+    // A link that another user has put there would lead the files of the run elsewhere.
+    let metadata = std::fs::symlink_metadata(folder).map_err(failed)?;
+    if !metadata.is_dir() {
+        return Err(cannot_write(folder, ErrorKind::NotADirectory.into()));
+    }
+    if metadata.mode() & 0o077 != 0 {
+        // On file systems without modes this has no effect or fails; the folder is usable as it is.
+        let _ = std::fs::set_permissions(folder, Permissions::from_mode(0o700));
+    }
+    Ok(())
 }

@@ -24,18 +24,19 @@ mod stage_restarts;
 use crate::active_run::ActiveRun;
 use crate::control::Control;
 use crate::decision::{Decision, Fault, GiveUp, Observation, Policy, RestartBudget, decide};
+use crate::identity::Files;
 use crate::log::LogFormat;
 use crate::plan::Plan;
 use crate::programs;
 use crate::resources::{Resources, lacks_shared_memory};
-use crate::run_folder::{RunFolder, canonical};
+use crate::run_folder::{RunFolder, RunFolderError, canonical};
 use crate::swap::Swaps;
 use account::Account;
 use attempt::Ending;
 use error::SuperviseError;
 use observers::Observers;
 use operator::Operator;
-use run::{Mode, exit};
+use run::Mode;
 use stage_restarts::StageRestarts;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -43,8 +44,21 @@ use std::time::{Duration, Instant};
 /// Time between two observations: a twentieth of a second is soon enough for people.
 const POLL: Duration = Duration::from_millis(50);
 
+/// What happens to an earlier run in the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Its results are kept: a new run is refused.
+    New,
+    /// A new run replaces its results.
+    Overwrite,
+    /// It is continued from its last barrier.
+    Resume,
+}
+
 /// Options of the command line beside the plan.
 pub struct Options {
+    /// What happens to an earlier run in the output.
+    pub start: Start,
     /// Format of the supervisor's events and of the stages' logs.
     pub log: LogFormat,
     /// File of the metrics in Prometheus' format.
@@ -54,19 +68,20 @@ pub struct Options {
 }
 
 /// Runs the plan to its end; the exit code.
-pub fn run(plan: Plan, resume: bool, options: Options) -> u8 {
+pub fn run(plan: Plan, options: Options) -> u8 {
     let _span = tracing::info_span!("run", output = %plan.context.output.display()).entered();
-    match Supervisor::new(plan, options).and_then(|supervisor| supervisor.run(resume)) {
+    match Supervisor::new(plan, options).and_then(Supervisor::run) {
         Ok(code) => code,
         Err(error) => {
             tracing::error!("replica-launch: {error}");
-            exit::FAILED
+            error.exit_code()
         }
     }
 }
 
 struct Supervisor {
     run: ActiveRun,
+    start: Start,
     format: LogFormat,
     operator: Operator,
     observers: Observers,
@@ -82,11 +97,15 @@ struct Supervisor {
 
 impl Supervisor {
     fn new(mut plan: Plan, options: Options) -> Result<Self, SuperviseError> {
-        let Options { log: format, metrics, record } = options;
+        let Options { start, log: format, metrics, record } = options;
         let signals = operator::signals()?;
         let metrics = observers::metrics(metrics.as_deref())?;
         let folder = RunFolder::lock(&plan.context.output)?;
         plan.context.output = canonical(&plan.context.output)?;
+        // Before the drive is simulated, which takes minutes.
+        if start == Start::New || (start == Start::Resume && !folder.has_begun()) {
+            folder.refuse_earlier_results()?;
+        }
         if let Some(remark) = &plan.remark {
             tracing::info!("{remark}");
         }
@@ -99,6 +118,7 @@ impl Supervisor {
         }
         let domain = folder.domain()?;
         Ok(Self {
+            start,
             format,
             operator: Operator::new(signals, Control::open(&domain)?),
             observers: Observers::new(format, metrics, record, &plan, &folder),
@@ -108,17 +128,18 @@ impl Supervisor {
             stage_restarts: StageRestarts::default(),
             attempts: 0,
             origin: Instant::now(),
-            run: ActiveRun { plan, folder, domain },
+            run: ActiveRun { plan, folder, files: Files::default(), domain },
         })
     }
 
-    fn run(mut self, resume: bool) -> Result<u8, SuperviseError> {
-        let mut from = self.begin(resume)?;
+    fn run(mut self) -> Result<u8, SuperviseError> {
+        let mut from = self.begin()?;
         let mut budget = RestartBudget { barrier: from, used: 0 };
         let outcome = loop {
             // The lock is ours, so no process of this run is alive: what a killed one left in shared memory is removed.
             self.run.domain.wipe()?;
             self.run.folder.states().remove_after(from)?;
+            self.refuse_changed_files()?;
             let ending = self.attempt(from);
             self.run.domain.wipe()?;
             if let Some(reason) = failure(&ending)
@@ -151,7 +172,9 @@ impl Supervisor {
     }
 
     /// Begins a new run or resumes the one in the output; the barrier to start from.
-    fn begin(&mut self, resume: bool) -> Result<Option<u64>, SuperviseError> {
+    fn begin(&mut self) -> Result<Option<u64>, SuperviseError> {
+        let resume = self.start == Start::Resume;
+        self.run.files = self.files()?;
         if resume && self.run.is_live() {
             return Err(SuperviseError::LiveResume);
         }
@@ -159,17 +182,31 @@ impl Supervisor {
             if resume {
                 tracing::info!("no run to resume in this output: starting a new one");
             }
-            self.run.folder.begin(&self.run.plan)?;
+            self.run.folder.begin(&self.run.plan, &self.run.files)?;
             return Ok(None);
         }
-        self.run.folder.resume(&self.run.plan)?;
+        self.run.folder.resume(&self.run.plan, &self.run.files)?;
         self.swaps.restore(&mut self.run)?;
+        self.run.files = self.files()?;
         let barrier = self.swaps.last_barrier(&self.run)?;
         if barrier.is_some() && self.observers.is_recording() {
             return Err(SuperviseError::RecordingResume);
         }
         tracing::info!(barrier, "resuming from {}", place(barrier));
         Ok(barrier)
+    }
+
+    /// The files of the plan as they are now.
+    fn files(&self) -> Result<Files, RunFolderError> {
+        Ok(Files::of(&self.run.plan, &self.run.files)?)
+    }
+
+    /// All attempts use the same programs and models; only a swap replaces those of a stage.
+    fn refuse_changed_files(&mut self) -> Result<(), SuperviseError> {
+        let files = self.files()?;
+        self.run.folder.refuse_changed_files(&files, &self.run.files, self.swaps.replaced_stage())?;
+        self.run.files = files;
+        Ok(())
     }
 
     /// Waits for the restart of the run that [`decide`] allows; the budget after it. `Err`: the outcome of the run if no restart is allowed.

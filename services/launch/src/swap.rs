@@ -9,6 +9,7 @@ pub use refusal::SwapRefusal;
 use crate::active_run::ActiveRun;
 use crate::check;
 use crate::control::{ClientId, Control};
+use crate::identity::Files;
 use crate::plan::Plan;
 use crate::run_folder::RunFolderError;
 use crate::stage_process::StageProcess;
@@ -115,6 +116,12 @@ impl Swaps {
         self.under_way.as_ref().is_some_and(|swap| !matches!(swap.phase, Phase::Checking(_)))
     }
 
+    /// The stage that is being replaced by the attempt that follows: its files may change.
+    pub fn replaced_stage(&self) -> Option<&str> {
+        let swap = self.under_way.as_ref().filter(|swap| matches!(swap.phase, Phase::Trying { .. }))?;
+        Some(&swap.request.stage)
+    }
+
     /// Whether the source is to pause behind its next barrier.
     pub fn is_draining(&self) -> bool {
         self.under_way.as_ref().is_some_and(|swap| matches!(swap.phase, Phase::Draining(_)))
@@ -203,7 +210,8 @@ impl Swaps {
             undone: None,
         };
         // Written before any process starts: a later supervisor must know that states behind the barrier are on trial.
-        self.record.trial = Some(Trial { barrier, overrides: self.record.overrides_with(&request) });
+        let files = Files::of(&plan, &run.files).map_err(RunFolderError::from)?;
+        self.record.trial = Some(Trial { barrier, overrides: self.record.overrides_with(&request), files });
         run.folder.write_swaps(&self.record)?;
         // States before the barrier are of the old plan: the run must not fall back to them with the new one.
         run.folder.states().remove_before(barrier);
@@ -282,7 +290,9 @@ impl Swaps {
             .map_err(|problems| SwapError::NoLongerValid(problems.join("\n")))?;
         let context = std::mem::replace(&mut run.plan, plan).context;
         run.plan.context = context;
-        Ok(())
+        let files = Files::of(&run.plan, &run.files).map_err(RunFolderError::from)?;
+        let before = self.record.files.clone().unwrap_or_default();
+        Ok(run.folder.refuse_changed_files(&files, &before, None)?)
     }
 
     /// The last complete barrier. States before a completed swap are of the old plan, so the run cannot continue from them.

@@ -1,27 +1,33 @@
 //! `run/swaps.json`: the swaps of a run. A resumed run continues with the completed ones.
 
+use crate::identity::Files;
 use run::control::{SwapRequest, Swapped};
 use serde::{Deserialize, Serialize};
 
 /// All swaps of a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SwapRecord {
     /// Settings of completed swaps, in the form of `--set`.
     pub overrides: Vec<String>,
     /// A swap that is not completed. If the run ends, it continues at the swap's barrier with the old settings.
     #[serde(rename = "trying")]
     pub trial: Option<Trial>,
+    /// The files of the run after the completed swaps.
+    #[serde(default)]
+    pub files: Option<Files>,
     /// All swaps in their order, undone ones too.
     pub swaps: Vec<Swapped>,
 }
 
 /// A swap whose new program has not finished a tick yet.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Trial {
     /// Where the stage is replaced.
     pub barrier: u64,
     /// [`SwapRecord::overrides`] once it is completed.
     pub overrides: Vec<String>,
+    /// [`SwapRecord::files`] once it is completed.
+    pub files: Files,
 }
 
 impl SwapRecord {
@@ -41,6 +47,7 @@ impl SwapRecord {
             && swapped.undone.is_none()
         {
             self.overrides = trial.overrides;
+            self.files = Some(trial.files);
         }
         self.swaps.push(swapped);
     }
@@ -76,7 +83,7 @@ mod tests {
 
     #[test]
     fn undone_swap_changes_no_settings() {
-        let trial = Some(Trial { barrier: 3, overrides: vec!["a.b=1".to_owned()] });
+        let trial = Some(Trial { barrier: 3, overrides: vec!["a.b=1".to_owned()], files: Files::default() });
         let swapped = Swapped {
             stage: "a".to_owned(),
             barrier: 3,
@@ -91,7 +98,7 @@ mod tests {
         let mut record = SwapRecord { trial, ..SwapRecord::default() };
         let mut completed = record.clone();
         record.complete(swapped.clone());
-        assert_eq!((record.overrides.len(), record.trial, record.swaps.len()), (0, None, 1));
+        assert_eq!((record.overrides.len(), record.trial.is_none(), record.swaps.len()), (0, true, 1));
         completed.complete(Swapped { undone: None, ..swapped });
         assert_eq!(completed.overrides, ["a.b=1"]);
     }

@@ -3,6 +3,7 @@
 use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
 use georeference::GeoreferenceSettings;
+use messages::{Message, SubmapTopic};
 use registration::{OdometrySettings, Sampling, SensorMounting};
 
 stage::settings! {
@@ -14,8 +15,9 @@ stage::settings! {
         /// times, hence the upper limit.
         pub submap_s: f64 = 5.0 => stage::within(0.2, 10.0);
         /// Largest number of points of a submap. The submap is closed before the sweep that does not fit. 4 million are 112 MB
-        /// and five seconds of 70 000 points at 10 Hz with a margin of 10 %.
-        pub submap_points_max: u32 = 4_000_000 => stage::within(1_000, 20_000_000);
+        /// and five seconds of 70 000 points at 10 Hz with a margin of 10 %. A message has at most
+        /// 8 388 608 points, hence the upper limit.
+        pub submap_points_max: u32 = 4_000_000 => stage::within(1_000, SubmapTopic::MAX_ROWS as u32);
         /// Side of the voxels in which one point per sweep is kept, m; 0 keeps every return.
         pub thin_m: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Nearer returns are dropped and counted, m: they come from the vehicle itself, rain or dust.

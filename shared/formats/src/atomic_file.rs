@@ -18,7 +18,7 @@ impl AtomicFile {
     pub fn create(path: &Path) -> io::Result<Self> {
         let name = path.file_name().ok_or_else(|| io::Error::other("the path has no file name"))?;
         let partial = path.with_file_name(format!(".{}.partial", name.to_string_lossy()));
-        let file = Some(File::create(&partial)?);
+        let file = Some(create_anew(&partial)?);
         Ok(Self { path: path.to_owned(), partial, file })
     }
 
@@ -59,6 +59,19 @@ impl Drop for AtomicFile {
     }
 }
 
+/// Creates a file; one that is there is removed first. A link there is removed, not followed: in a folder of several users it
+/// could lead to any file of this user.
+fn create_anew(path: &Path) -> io::Result<File> {
+    let create = || File::options().write(true).create_new(true).open(path);
+    match create() {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            fs::remove_file(path)?;
+            create()
+        }
+        created => created,
+    }
+}
+
 /// Writes a small file.
 pub fn write_atomic(path: &Path, content: &[u8]) -> io::Result<()> {
     let file = AtomicFile::create(path)?;
@@ -89,6 +102,25 @@ fn sync_folder(path: &Path) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn link_with_the_name_of_the_partial_file_is_not_followed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, target) = (folder.path().join("cloud.ply"), folder.path().join("keys"));
+        let partial = folder.path().join(".cloud.ply.partial");
+        fs::write(&target, b"of the user").expect("writes");
+        std::os::unix::fs::symlink(&target, &partial).expect("links");
+        write_atomic(&path, b"points").expect("writes");
+        assert_eq!(
+            (fs::read(&path).expect("is there"), fs::read(&target).expect("is there")),
+            (b"points".to_vec(), b"of the user".to_vec())
+        );
+        assert!(!partial.exists());
+        // So is what a crash has left.
+        fs::write(&partial, b"half of a longer text").expect("writes");
+        write_atomic(&path, b"new").expect("writes");
+        assert_eq!(fs::read(&path).expect("is there"), b"new");
+    }
 
     #[test]
     fn uncommitted_file_is_removed_and_keeps_the_old_file() {

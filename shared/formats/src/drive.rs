@@ -57,7 +57,12 @@ impl Drive {
     /// Without `drive.toml`, the folder must contain clouds or captures. Clouds are read as those of an HDL-64E at 10 Hz, as in
     /// KITTI: sweep k has the time k times 0.1 s, points have no times, and the body frame is the lidar frame. The sensor of captures
     /// is detected from their packets.
+    ///
+    /// A capture instead of a folder is a drive of this capture alone, read as one in a folder without `drive.toml`.
     pub fn open(folder: &Path) -> Result<Self, FileError> {
+        if folder.is_file() {
+            return infer::of_capture(folder);
+        }
         if !folder.is_dir() {
             return Err(FileProblem::of_file(folder, "not a folder").into());
         }
@@ -77,7 +82,7 @@ impl Drive {
         if path.exists() { read_manifest(&path).map(Some) } else { Ok(None) }
     }
 
-    /// Path of the folder.
+    /// Path of the folder; of a capture that is the drive, the folder with the capture.
     pub fn folder(&self) -> &Path {
         &self.folder
     }

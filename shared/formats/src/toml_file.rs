@@ -38,27 +38,27 @@ impl TomlFile {
         file
     }
 
-    /// A required entry.
-    pub fn required<T: DeserializeOwned>(&mut self, key: &str) -> Option<T> {
+    /// A required entry. If it is a table, it must have the keys `members`.
+    pub fn required<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Option<T> {
         let is_there = self.with_table(|_, table| table.contains_key(key));
         if self.is_toml && !is_there {
             self.problem(None, key, "is missing");
         }
-        self.optional(key)
+        self.optional(key, members)
     }
 
-    /// An optional entry.
-    pub fn optional<T: DeserializeOwned>(&mut self, key: &str) -> Option<T> {
-        let read = self.with_table(|text, table| Some(value(text, table.get(key)?)))?;
-        read.map_err(|(line, rule)| self.problem(Some(line), key, rule)).ok()
+    /// An optional entry. If it is a table, it must have the keys `members`.
+    pub fn optional<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Option<T> {
+        let read = self.with_table(|text, table| table.get(key).map(|entry| value(text, entry, members)))?;
+        self.value_or_problems(key, read)
     }
 
-    /// All tables `[[key]]` that can be read.
-    pub fn list<T: DeserializeOwned>(&mut self, key: &str) -> Vec<T> {
+    /// All tables `[[key]]`, which must have the keys `members`; `None` for those that cannot be read.
+    pub fn list<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Vec<Option<T>> {
         let read = self.with_table(|text, table| {
             let list = table.get(key)?;
             Some(match list.get_ref() {
-                DeValue::Array(items) => Ok(items.iter().map(|item| value(text, item)).collect::<Vec<_>>()),
+                DeValue::Array(items) => Ok(items.iter().map(|item| value(text, item, members)).collect::<Vec<_>>()),
                 _ => Err(line_of(text, list.span().start)),
             })
         });
@@ -69,16 +69,21 @@ impl TomlFile {
                 Vec::new()
             }
             Some(Ok(items)) => {
-                let mut valid = Vec::new();
-                for (index, item) in items.into_iter().enumerate() {
-                    match item {
-                        Ok(item) => valid.push(item),
-                        Err((line, rule)) => self.problem(Some(line), &format!("{key}[{index}]"), rule),
-                    }
-                }
-                valid
+                let items = items.into_iter().enumerate();
+                items.map(|(index, item)| self.value_or_problems(&format!("{key}[{index}]"), item)).collect()
             }
         }
+    }
+
+    fn value_or_problems<T>(&mut self, key: &str, read: Result<T, Vec<(usize, String)>>) -> Option<T> {
+        let faults = match read {
+            Ok(value) => return Some(value),
+            Err(faults) => faults,
+        };
+        for (line, rule) in faults {
+            self.problem(Some(line), key, rule);
+        }
+        None
     }
 
     /// Records a problem with a value, for example of key `camera[2].model.fx`. The line is that of the value or of its nearest
@@ -120,12 +125,46 @@ impl TomlFile {
     }
 }
 
-/// The value, or line and message of the parser.
-fn value<T: DeserializeOwned>(text: &str, value: &Spanned<DeValue<'_>>) -> Result<T, (usize, String)> {
-    T::deserialize(value.clone().into_deserializer()).map_err(|error| {
-        let span = error.span().unwrap_or(value.span());
-        (line_of(text, span.start), error.message().trim_end().to_owned())
-    })
+/// The value, or lines and messages of all its faults. `members` are the keys that it must have.
+fn value<T: DeserializeOwned>(
+    text: &str,
+    value: &Spanned<DeValue<'_>>,
+    members: &[&str],
+) -> Result<T, Vec<(usize, String)>> {
+    let missing = |key: &str| format!("missing field `{key}`");
+    let begin = line_of(text, value.span().start);
+    let absent = |key: &&&str| matches!(value.get_ref(), DeValue::Table(table) if !table.contains_key(**key));
+    let mut faults: Vec<(usize, String)> = members.iter().filter(absent).map(|key| (begin, missing(key))).collect();
+    // The parser reports one fault. It is left out, so that the parser comes to the next one.
+    let (mut left, mut left_out) = (value.clone(), Vec::new());
+    loop {
+        let error = match T::deserialize(left.clone().into_deserializer()) {
+            Ok(value) if faults.is_empty() => return Ok(value),
+            Ok(_) => return Err(faults),
+            Err(error) => error,
+        };
+        let message = error.message().trim_end().to_owned();
+        let is_known = members.iter().any(|key| missing(key) == message)
+            || left_out.iter().any(|key: &String| missing(key) == message);
+        if !is_known {
+            let at = error.span().map_or(begin, |span| line_of(text, span.start));
+            faults.push((at, message));
+        }
+        match error.span().and_then(|span| leave_out(left.get_mut(), &span)) {
+            Some(key) => left_out.push(key),
+            None => return Err(faults),
+        }
+    }
+}
+
+/// Removes the entry of the table in which the parser found a fault; its key.
+fn leave_out(value: &mut DeValue<'_>, fault: &std::ops::Range<usize>) -> Option<String> {
+    let DeValue::Table(table) = value else { return None };
+    let contains = |span: std::ops::Range<usize>| span.start <= fault.start && fault.end <= span.end;
+    let faulty = table.iter().find(|(key, value)| contains(key.span()) || contains(value.span()));
+    let key = faulty.map(|(key, _)| key.get_ref().to_string())?;
+    table.remove(key.as_str());
+    Some(key)
 }
 
 fn line_of(text: &str, at: usize) -> usize {

@@ -24,6 +24,7 @@ mod decode;
 mod detect;
 mod encode;
 mod model;
+mod other_model;
 mod packet;
 mod position;
 mod receiver;
@@ -35,6 +36,7 @@ mod tables;
 pub use decode::{Decoder, LidarReturn};
 pub use encode::{PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
 pub use model::{Laser, Model};
+pub use other_model::OtherModel;
 pub use packet::{
     BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET,
     POSITION_PACKET_BYTES, POSITION_PORT, ReturnMode,

@@ -1,6 +1,8 @@
 //! Services of another run's domain, opened by an observer.
 
+use crate::ownership::{PrivateFolderError, check_private_folder};
 use crate::{Domain, IpcError, Node};
+use rustix::process::geteuid;
 use std::fs::File;
 use std::ops::{Deref, DerefMut};
 use std::os::unix::fs::MetadataExt;
@@ -30,7 +32,13 @@ impl Domain {
         let path = self.root();
         let root =
             File::open(&path).map_err(|cause| IpcError::Io { what: format!("no run at {}", path.display()), cause })?;
-        let node = self.node(name)?;
+        match check_private_folder(&path) {
+            Ok(()) => {}
+            // The superuser may look at the runs of others.
+            Err(PrivateFolderError::Foreign { .. }) if geteuid().is_root() => {}
+            Err(cause) => return Err(IpcError::Folder { folder: path, cause }),
+        }
+        let node = self.node_inside(&path, name)?;
         let opened = open(&node)?;
         Ok(Attached { opened: Some((opened, node)), path, root })
     }

@@ -3,7 +3,7 @@
 use crate::domain::service_name;
 use crate::message_type::MessageType;
 use crate::opaque::Opaque;
-use crate::slot::{CacheLine, WireEnvelope};
+use crate::slot::{CacheLine, LINE, WireEnvelope};
 use crate::{Iox, IpcError, Node};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe;
@@ -26,6 +26,9 @@ pub enum Transport {
 
 /// Observers of a topic at a time ([`crate::Observer`]): three terminals.
 pub(crate) const MAX_OBSERVERS: usize = 3;
+
+/// Loans that a stage may hold at a time: one kept open over several steps, one for a message in between.
+pub(crate) const MAX_LOANS: usize = 2;
 
 /// What producer and consumers of a topic must agree on. Needs no types, so that the supervisor can create the services
 /// of topics that only a user's own stages know.
@@ -75,6 +78,32 @@ impl Channel {
             consumers: consumers.to_vec(),
             transport: Transport::Shared,
         }
+    }
+
+    /// Shared memory that the producer and each consumer map, bytes: slots of the largest message for all that may be in flight,
+    /// held and loaned at a time. Unwritten slots use no memory, but address space.
+    pub fn mapped_bytes(&self) -> u64 {
+        if self.transport == Transport::Copying {
+            return 0;
+        }
+        let n_readers = (self.consumers.len() + MAX_OBSERVERS) as u64;
+        let n_slots = n_readers * (2 * self.queue + self.borrowed) as u64 + MAX_LOANS as u64;
+        let header = self.header_bytes.next_multiple_of(LINE) as u64;
+        n_slots * (header + self.row_bytes as u64 * self.max_rows as u64)
+    }
+
+    /// Services that the producer opens for it: the messages, the acknowledgements and wakes of the consumers, and the
+    /// acknowledgement of an observer.
+    pub fn services_of_producer(&self) -> usize {
+        2 + 2 * self.consumers.len()
+    }
+
+    /// Services that a consumer opens for it: the messages, its acknowledgement, the wake of the producer.
+    pub const SERVICES_OF_CONSUMER: usize = 3;
+
+    /// Services that the supervisor creates for it.
+    pub fn n_services(&self) -> usize {
+        2 + self.consumers.len()
     }
 
     pub(crate) fn attributes(&self) -> [(&'static str, String); 2] {

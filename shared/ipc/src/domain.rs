@@ -1,9 +1,10 @@
 //! The domain of one run: its services and its memory have a prefix and a folder that no other run uses.
 
 use crate::opaque::Opaque;
+use crate::ownership::{self, check_private_folder, create_private_folder, is_foreign, is_own};
 use crate::{Iox, IpcError};
 use iceoryx2::prelude::*;
-use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path as StdPath, PathBuf};
 use std::time::Duration;
 
@@ -12,6 +13,9 @@ const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A new file gets its length within microseconds, on a busy machine within some tens of milliseconds.
 const MAX_CREATION: Duration = Duration::from_secs(1);
+
+/// File in the folder of a domain: the output of its run.
+const OUTPUT: &str = "output";
 
 /// Attempts to remove a folder in which an observer may be creating a file at the same time.
 const MAX_REMOVALS: usize = 20;
@@ -48,13 +52,46 @@ impl Domain {
         PathBuf::from(format!("{SHARED_MEMORY}/replica_{}", self.name))
     }
 
-    /// Removes all files of this domain. Call it only when none of its processes is running.
+    /// A name that nobody can predict.
+    pub fn random() -> Result<Self, IpcError> {
+        const SOURCE: &str = "/dev/urandom";
+        let mut bytes = [0; 8];
+        let read = std::fs::File::open(SOURCE).and_then(|mut file| std::io::Read::read_exact(&mut file, &mut bytes));
+        read.map_err(|cause| IpcError::Io { what: format!("reading {SOURCE}"), cause })?;
+        Self::new(&format!("{:016x}", u64::from_le_bytes(bytes)))
+    }
+
+    /// Whether another user has files of this domain's name: then a run cannot use it.
+    pub fn is_taken(&self) -> Result<bool, IpcError> {
+        Ok(is_foreign(&self.root()) || self.entries()?.iter().any(|file| is_foreign(file)))
+    }
+
+    /// Writes down the output of the domain's run, for [`Domain::of_output`]. The domain must have a node.
+    pub fn write_output(&self, output: &StdPath) -> Result<(), IpcError> {
+        let path = self.root().join(OUTPUT);
+        let written = std::fs::write(&path, output.as_os_str().as_bytes());
+        written.map_err(|cause| IpcError::Io { what: format!("writing {}", path.display()), cause })
+    }
+
+    /// The domains of this user that killed runs into `output` have left.
+    pub fn of_output(output: &StdPath) -> Result<Vec<Self>, IpcError> {
+        let folders = listed("replica_")?.into_iter().filter(|path| check_private_folder(path).is_ok());
+        let of_output = folders.filter(|path| {
+            std::fs::read(path.join(OUTPUT)).is_ok_and(|written| written == output.as_os_str().as_bytes())
+        });
+        let name = |path: PathBuf| Some(path.file_name()?.to_str()?.strip_prefix("replica_")?.to_owned());
+        Ok(of_output.filter_map(name).filter_map(|name| Self::new(&name).ok()).collect())
+    }
+
+    /// Removes all files of this domain; those of other users are not the domain's. Call it only when none of its processes is
+    /// running.
     pub fn wipe(&self) -> Result<(), IpcError> {
         let root = self.root();
-        let mut removed = std::fs::remove_dir_all(&root);
+        let remove = || if is_foreign(&root) { Ok(()) } else { std::fs::remove_dir_all(&root) };
+        let mut removed = remove();
         for _ in 1..MAX_REMOVALS {
             if removed.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::DirectoryNotEmpty) {
-                removed = std::fs::remove_dir_all(&root);
+                removed = remove();
             }
         }
         ignore_absent("removing", &root, removed)?;
@@ -64,18 +101,16 @@ impl Domain {
         Ok(())
     }
 
-    /// Files of this domain in shared memory.
+    /// Files of this domain and of this user in shared memory.
     fn files(&self) -> Result<Vec<PathBuf>, IpcError> {
-        let prefix = self.prefix();
-        let io = |cause| IpcError::Io { what: format!("listing {SHARED_MEMORY}"), cause };
-        let mut files = Vec::new();
-        for entry in std::fs::read_dir(SHARED_MEMORY).map_err(io)? {
-            let entry = entry.map_err(io)?;
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                files.push(entry.path());
-            }
-        }
+        let mut files = self.entries()?;
+        files.retain(|file| std::fs::symlink_metadata(file).is_ok_and(|metadata| is_own(&metadata)));
         Ok(files)
+    }
+
+    /// Files of all users in shared memory whose names are of this domain.
+    fn entries(&self) -> Result<Vec<PathBuf>, IpcError> {
+        listed(&self.prefix())
     }
 
     /// Whether a file in shared memory has no length yet. A process that opens such a file waits for its length, forever if the
@@ -85,7 +120,7 @@ impl Domain {
         let mut unfinished = false;
         for file in self.files()? {
             // A file that is gone by now does not matter.
-            let Ok(metadata) = std::fs::metadata(&file) else { continue };
+            let Ok(metadata) = std::fs::symlink_metadata(&file) else { continue };
             if !metadata.is_file() || metadata.len() > 0 {
                 continue;
             }
@@ -104,8 +139,7 @@ impl Domain {
     fn close_to_others(&self) -> Result<(), IpcError> {
         for file in self.files()?.iter().filter(|file| file.extension().is_some_and(|e| e == "global_mgmt")) {
             // The file of a node that has just ended is gone.
-            let closed = std::fs::set_permissions(file, std::fs::Permissions::from_mode(0o600));
-            ignore_absent("closing", file, closed)?;
+            ignore_absent("closing", file, ownership::close_to_others(file))?;
         }
         Ok(())
     }
@@ -115,7 +149,11 @@ impl Domain {
         use std::os::unix::fs::MetadataExt;
         let files = self.files().unwrap_or_default();
         // st_blocks counts units of 512 bytes whatever the file system's block size.
-        files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.blocks() * 512).sum()
+        files
+            .iter()
+            .filter_map(|file| std::fs::symlink_metadata(file).ok())
+            .map(|metadata| metadata.blocks() * 512)
+            .sum()
     }
 
     /// A node of the domain. Its ports belong to the calling thread.
@@ -123,15 +161,12 @@ impl Domain {
         // Problems are returned as errors; IOX2_LOG_LEVEL shows iceoryx2's own log for debugging.
         set_log_level_from_env_or(LogLevel::Fatal);
         let root = self.root();
-        std::fs::DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&root)
-            .map_err(|cause| IpcError::Io { what: format!("creating {}", root.display()), cause })?;
-        let owner_alone = std::fs::metadata(&root).is_ok_and(|m| m.permissions().mode() & 0o077 == 0);
-        if !owner_alone {
-            return Err(IpcError::transport(root.display().to_string(), "is open to other users"));
-        }
+        create_private_folder(&root).map_err(|error| IpcError::Folder { folder: root.clone(), cause: error })?;
+        self.node_inside(&root, name)
+    }
+
+    /// A node of a domain whose folder is there. The superuser may join the runs of other users.
+    pub(crate) fn node_inside(&self, root: &StdPath, name: &str) -> Result<Node, IpcError> {
         let what = || format!("node {name} of domain {}", self.name);
         let mut config = Config::default();
         config.global.prefix = self.prefix().as_str().try_into().map_err(|cause| IpcError::transport(what(), cause))?;
@@ -152,6 +187,19 @@ impl Domain {
         self.close_to_others()?;
         Ok(Node(Opaque::new(node), self.clone()))
     }
+}
+
+/// Files of all users in shared memory whose names start with `prefix`.
+fn listed(prefix: &str) -> Result<Vec<PathBuf>, IpcError> {
+    let io = |cause| IpcError::Io { what: format!("listing {SHARED_MEMORY}"), cause };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(SHARED_MEMORY).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        if entry.file_name().to_string_lossy().starts_with(prefix) {
+            files.push(entry.path());
+        }
+    }
+    Ok(files)
 }
 
 fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Result<(), IpcError> {

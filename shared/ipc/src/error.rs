@@ -45,6 +45,15 @@ pub enum IpcError {
         /// `Message::BORROWED`.
         allowed: usize,
     },
+    /// The folder of a domain cannot be used.
+    #[error("{}: {cause}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: std::path::PathBuf,
+        /// Why.
+        #[source]
+        cause: crate::PrivateFolderError,
+    },
     /// The operating system.
     #[error("{what}: {cause}")]
     Io {

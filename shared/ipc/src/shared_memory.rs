@@ -1,6 +1,6 @@
 //! Messages in shared memory, by iceoryx2: written once, read in place.
 
-use crate::channel::MessageService;
+use crate::channel::{MAX_LOANS, MessageService};
 use crate::message_type::MessageType;
 use crate::opaque::Opaque;
 use crate::slot::{CacheLine, ReceivedSlot, Slot, WireEnvelope};
@@ -10,9 +10,6 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::port::{DegradationAction, LoanError, ReceiveError, publisher, subscriber};
 use iceoryx2::prelude::*;
 use messages::Envelope;
-
-/// Loans that a stage may hold at a time: one kept open over several steps, one for a message in between.
-const MAX_LOANS: usize = 2;
 
 /// The producing end.
 pub(crate) struct SharedOutgoing {

@@ -12,6 +12,8 @@ pub struct LaunchFile {
     path: PathBuf,
     text: &'static str,
     root: DeTable<'static>,
+    /// Without the overrides.
+    written: DeTable<'static>,
     overridden: Vec<String>,
 }
 
@@ -38,6 +40,7 @@ impl LaunchFile {
             })
             .collect();
         let mut root = parsed.into_inner();
+        let written = root.clone();
         let mut overridden = Vec::new();
         for text in overrides {
             match apply(&mut root, text) {
@@ -45,7 +48,11 @@ impl LaunchFile {
                 Err(rule) => problems.push(Problem::of_key("", format!("--set {text}: {rule}"))),
             }
         }
-        if problems.is_empty() { Ok(Self { path: path.to_owned(), text, root, overridden }) } else { Err(problems) }
+        if problems.is_empty() {
+            Ok(Self { path: path.to_owned(), text, root, written, overridden })
+        } else {
+            Err(problems)
+        }
     }
 
     /// Names of all tables and their places, in the order of the file. Tables of the command line have no place in it.
@@ -69,6 +76,19 @@ impl LaunchFile {
                 text: format!("must be a table, is a {}", other.type_str()),
             }),
         }
+    }
+
+    /// Whether the file itself, without the overrides, has this table.
+    pub fn is_written(&self, table: &str) -> bool {
+        self.written.keys().any(|key| key.get_ref() == table)
+    }
+
+    /// The text that the file itself, without the overrides, gives a key.
+    pub fn written_text(&self, table: &str, key: &str) -> Option<&str> {
+        let named = |(name, value): (&Spanned<_>, _)| (name.get_ref() == key).then_some(value);
+        let (_, table) = self.written.iter().find(|(name, _)| name.get_ref() == table)?;
+        let DeValue::Table(table) = table.get_ref() else { return None };
+        table.iter().find_map(named)?.get_ref().as_str()
     }
 
     /// Completes a problem of `table`: full key, and no place in the file for values of the command line.
@@ -187,6 +207,15 @@ mod tests {
         assert_eq!(value("new").as_bool(), Some(true));
         let shown = file.located("infer", Problem { key: "modell".into(), span: Some(0..1), text: "x".into() });
         assert_eq!((shown.span, shown.text.as_str()), (None, "x (from --set)"));
+    }
+
+    #[test]
+    fn written_values_are_those_of_the_file_without_overrides() {
+        let overrides = ["run.drive=b".to_owned(), "simulate.seed=4".to_owned()];
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");
+        assert_eq!(file.written_text("run", "drive"), Some("a"));
+        assert_eq!((file.written_text("run", "output"), file.written_text("infer", "modell")), (None, None));
+        assert!(file.is_written("run") && !file.is_written("simulate"));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | [`assignment`] | what the supervisor hands to a stage, and its commands |
 //! | [`health`] | the heartbeat of a stage |
 //! | [`state_file`] | the saved state of a stage at a barrier |
+//! | [`checksum`] | of saved states and of the files that results depend on |
 //! | [`wiring`] | `run/wiring.json`: what observers must know of a run |
 //! | [`control`] | requests to a running supervisor |
 //! | [`summary`] | `summary.json` |
@@ -15,6 +16,7 @@
 //! Authors of stages use the crate `stage`, which re-exports what they need.
 
 pub mod assignment;
+pub mod checksum;
 pub mod context;
 pub mod control;
 pub mod health;

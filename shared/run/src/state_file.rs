@@ -1,9 +1,7 @@
 //! The file of a saved state: the runner's part and the stage's behind one checksum, whole or absent.
 
-mod checksum;
-
+use crate::checksum::Checksum;
 use crate::health::{Doubt, Traffic};
-use checksum::Checksum;
 use formats::atomic_file::{AtomicFile, sync_all};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -158,15 +158,19 @@ pub fn rate(n: u64, seconds: f64) -> f64 {
 }
 
 impl Summary {
+    /// Where a run into `output` keeps it.
+    pub fn file(output: &Path) -> PathBuf {
+        output.join("summary.json")
+    }
     /// Writes the file, whole or not at all.
     pub fn write(&self, output: &Path) -> Result<(), SummaryError> {
-        let path = output.join("summary.json");
+        let path = Self::file(output);
         let write = || write_atomic(&path, &serde_json::to_vec_pretty(self)?);
         write().map_err(|cause| SummaryError { path: path.clone(), cause })
     }
     /// Reads the file of the run in `output`.
     pub fn load(output: &Path) -> Result<Self, SummaryError> {
-        let path = output.join("summary.json");
+        let path = Self::file(output);
         let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&std::fs::read(&path)?)?) };
         read().map_err(|cause| SummaryError { path: path.clone(), cause })
     }

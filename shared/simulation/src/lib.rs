@@ -27,7 +27,7 @@ mod simulation;
 mod spec;
 pub mod truth;
 
-pub use drive::{write_drive, write_simulation};
+pub use drive::{SimulatedDrive, write_drive, write_simulation};
 pub use error::SimulationError;
 pub use limits::SettingError;
 pub use rig::{CalibrationError, RigSpec};

@@ -412,3 +412,16 @@ fn check_names_settings_that_prevent_receiving_or_recording() {
     assert!(Bench::<Acquire>::new(&settings, &live(folder.path())).is_err());
     assert!(!folder.path().join("recording").exists());
 }
+
+#[test]
+fn recording_outside_the_output_folder_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for recording in ["../elsewhere", "/tmp/elsewhere", "a/../../elsewhere", ".", ""] {
+        let settings = Settings { recording: recording.to_owned(), ..settings() };
+        let problems = Acquire::check(&settings, &live(folder.path()));
+        let texts: Vec<_> = problems.iter().map(|problem| (problem.key.as_str(), problem.text.as_str())).collect();
+        let expected = format!("value {recording:?} must be a path inside the output folder");
+        assert_eq!(texts, [("recording", expected.as_str())]);
+        assert!(Acquire::new(&settings, &live(folder.path())).is_err(), "{recording:?}");
+    }
+}

@@ -229,3 +229,47 @@ fn folder_of_real_sweeps_without_manifest_is_read() {
     assert!((22 * 110_000..22 * 125_000).contains(&n_points), "{n_points}");
     assert!(bench.notes()[0].contains("no drive.toml"));
 }
+
+/// A wrong model was found only after the start, and the run was restarted three times.
+#[test]
+fn wrong_model_is_reported_before_the_start() {
+    let folder = drive();
+    let path = folder.path().join("drive.toml");
+    let text = fs::read_to_string(&path).expect("reads").replace("hdl32e", "vlp16");
+    fs::write(&path, text).expect("writes");
+    let problems = Acquire::check(&Settings::default(), &context(folder.path()));
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    let words = "lidar/0.pcap: packet 1: factory byte 0x21 names the HDL-32E, drive.toml says \"vlp16\"; \
+                 set lidar.model = \"hdl32e\"";
+    assert!(problems[0].text.contains(words), "{problems:?}");
+}
+
+#[test]
+fn capture_without_data_packets_is_reported_before_the_start() {
+    let folder = drive();
+    write_lidar(folder.path(), |_| false);
+    let problems = Acquire::check(&Settings::default(), &context(folder.path()));
+    assert_eq!(problems.len(), 1, "{problems:?}");
+    assert!(problems[0].text.contains("lidar/0.pcap: no data packet of hdl32e"), "{problems:?}");
+}
+
+#[test]
+fn capture_is_a_drive_of_its_lidar_alone() {
+    let folder = drive();
+    let capture = folder.path().join("lidar/0.pcap");
+    let of_capture = stage::Context { drive: capture, ..context(folder.path()) };
+    assert_eq!(Acquire::check(&Settings::default(), &of_capture), []);
+    let mut alone = Bench::<Acquire>::new(&Settings::default(), &of_capture).expect("opens");
+    let mut whole = open(folder.path(), &Settings::default());
+    let (alone, whole) = (all_ticks(&mut alone), all_ticks(&mut whole));
+    assert_eq!(alone.len(), whole.len());
+    assert!(alone.iter().zip(&whole).all(|(alone, whole)| alone[0] == whole[0]), "the same sweeps");
+    assert!(alone.iter().all(|[_, others @ ..]| others.iter().all(Vec::is_empty)), "no other sensor");
+    let text = folder.path().join("notes.txt");
+    fs::write(&text, "not a capture").expect("writes");
+    let problems = Acquire::check(&Settings::default(), &stage::Context { drive: text, ..context(folder.path()) });
+    assert!(
+        problems[0].text.contains("notes.txt: is not a drive: a drive is a folder with drive.toml"),
+        "{problems:?}"
+    );
+}

@@ -2,6 +2,7 @@
 
 use super::Colorize;
 use coloring::{Bands, ColorImage, CubeImage};
+use formats::drive::Drive;
 use formats::manifest::MosaicEntry;
 use formats::sensor_calibration::SensorCalibration;
 use geometry::Stamp;
@@ -91,9 +92,15 @@ impl Colorize {
 
 /// The virtual bands of the camera calibration if there is one, because `calibrate` corrects by default; otherwise the bands
 /// of the filters.
-pub(super) fn expected_nm(entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Vec<f32> {
+fn expected_nm(entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Vec<f32> {
     match sensor.and_then(SensorCalibration::reflectance_matrix) {
         Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
         None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
     }
+}
+
+/// The expected bands of all mosaic cameras, nm.
+pub(super) fn expected_bands(drive: &Drive) -> Vec<Vec<f32>> {
+    let mosaics = drive.manifest().mosaics.iter().zip(drive.sensors());
+    mosaics.map(|(entry, sensor)| expected_nm(entry, sensor.as_ref())).collect()
 }

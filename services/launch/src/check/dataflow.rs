@@ -185,6 +185,7 @@ mod tests {
             program: "".into(),
             table,
             description,
+            files: vec![],
             inputs: vec![],
             outputs: vec![],
         }

@@ -1,10 +1,13 @@
 //! The stages of a launch file: their tables, and how their programs describe themselves.
 
 use super::problems::Problems;
+use crate::identity::named_files;
 use crate::manifest::StageTable;
 use crate::plan::PlannedStage;
 use crate::programs::{self, ProgramError};
 use run::assignment::{CONTRACT_VERSION, Description};
+use run::launch_file::LaunchFile;
+use run::toml::de::DeValue;
 use run::{DescribeRequest, SUPERVISOR_KEYS};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -37,7 +40,7 @@ pub fn read(
         programs::describe(&program, &request).map(|description| (program, description))
     });
     let described = tables.into_iter().zip(described);
-    described.filter_map(|(table, described)| planned(table, described, problems)).collect()
+    described.filter_map(|(table, described)| planned(table, described, folder, problems)).collect()
 }
 
 fn tables(problems: &mut Problems, without: &[String]) -> Vec<Table> {
@@ -61,6 +64,7 @@ fn tables(problems: &mut Problems, without: &[String]) -> Vec<Table> {
 fn planned(
     table: Table,
     described: Result<(PathBuf, Description), ProgramError>,
+    folder: &Path,
     problems: &mut Problems,
 ) -> Option<PlannedStage> {
     let Table { name, span, keys } = table;
@@ -84,6 +88,21 @@ fn planned(
         let text = format!("its setting `{}` cannot be set: the supervisor uses this key itself", field.key);
         problems.add_at(&name, span.clone(), text);
     }
+    let files = files_of(problems.file(), &name, &description, folder);
     let (inputs, outputs) = (Vec::new(), Vec::new());
-    Some(PlannedStage { name, span, program, table: keys, description, inputs, outputs })
+    Some(PlannedStage { name, span, program, table: keys, description, files, inputs, outputs })
+}
+
+/// The files that the settings of a stage name: those of its table, and the defaults of the others.
+fn files_of(file: &LaunchFile, name: &str, description: &Description, folder: &Path) -> Vec<PathBuf> {
+    let table = file.table(name).unwrap_or_default();
+    let is_set = |key: &str| table.keys().any(|set| set.get_ref() == key);
+    let defaults = description.settings.iter().filter(|field| !is_set(&field.key));
+    // Defaults are written as JSON; a text that is none names no file.
+    let defaults: Vec<DeValue<'_>> = defaults
+        .filter_map(|field| serde_json::from_str::<String>(&field.default).ok())
+        .map(|text| DeValue::String(text.into()))
+        .collect();
+    let set = table.iter().filter(|(key, _)| !SUPERVISOR_KEYS.contains(&key.get_ref().as_ref()));
+    named_files(set.map(|(_, value)| value.get_ref()).chain(&defaults), folder).into_iter().collect()
 }

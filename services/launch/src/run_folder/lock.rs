@@ -2,9 +2,10 @@
 
 use super::RunFolderError;
 use run::wiring::Wiring;
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::{Errno, FdFlags, fcntl_setfd};
-use std::fs::File;
+use std::fs::{File, Permissions};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -18,7 +19,7 @@ const POLL: Duration = Duration::from_millis(10);
 
 /// Locks the file for this process and for all that it starts. `output` is absolute and without links.
 pub fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
-    let lock = File::create(file).map_err(|source| super::cannot_write(file, source))?;
+    let lock = open(file).map_err(|source| super::cannot_write(file, source))?;
     let failed = |error: Errno| RunFolderError::Lock { file: file.to_owned(), source: error.into() };
     let begun = Instant::now();
     loop {
@@ -33,6 +34,27 @@ pub fn take(file: &Path, output: &Path) -> Result<File, RunFolderError> {
     Ok(lock)
 }
 
+/// Opens the lock. Another user who could read it could take it, too; a link could lead to a file that is not ours.
+fn open(file: &Path) -> std::io::Result<File> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let lock = File::options()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600)
+        .custom_flags(flags.bits() as i32)
+        .open(file)?;
+    let metadata = lock.metadata()?;
+    if !metadata.is_file() {
+        return Err(std::io::Error::other("is not a file"));
+    }
+    if metadata.mode() & 0o077 != 0 {
+        // On file systems without modes this has no effect or fails.
+        let _ = lock.set_permissions(Permissions::from_mode(0o600));
+    }
+    Ok(lock)
+}
+
 /// How long to wait for the processes that hold the lock of the run into `output`.
 fn timeout(output: &Path) -> Duration {
     let is_killed = Wiring::read(output).is_ok_and(|wiring| !wiring.is_alive(output));
@@ -43,6 +65,21 @@ fn timeout(output: &Path) -> Duration {
 mod tests {
     use super::*;
     use run::Mode;
+
+    #[test]
+    fn lock_follows_no_link_and_is_not_readable_by_others() {
+        let output = tempfile::tempdir().expect("a folder");
+        let (file, target) = (output.path().join("lock"), output.path().join("target"));
+        std::fs::write(&target, "of somebody").expect("written");
+        std::os::unix::fs::symlink(&target, &file).expect("linked");
+        assert!(take(&file, output.path()).is_err(), "a link");
+        assert_eq!(std::fs::read(&target).expect("there"), b"of somebody");
+        std::fs::remove_file(&file).expect("removed");
+        std::fs::write(&file, "").expect("written");
+        std::fs::set_permissions(&file, Permissions::from_mode(0o644)).expect("set");
+        let _lock = take(&file, output.path()).expect("taken");
+        assert_eq!(std::fs::metadata(&file).expect("there").mode() & 0o777, 0o600);
+    }
 
     #[test]
     fn processes_of_a_killed_supervisor_get_more_time_than_a_running_one() {

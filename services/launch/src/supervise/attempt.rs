@@ -51,6 +51,7 @@ impl Supervisor {
         // Before the services: an observer that finds the services, and then still this wiring, knows that they belong to it.
         self.run.folder.write_wiring(&plan.wiring(&self.run.domain, self.attempts))?;
         let node = self.run.domain.node("supervisor")?;
+        self.run.domain.write_output(&plan.context.output)?;
         let _services = services::create(&node, &plan.stages)?;
         self.observers.start_attempt(self.attempts)?;
         self.attempts += 1;

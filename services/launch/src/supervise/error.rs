@@ -8,6 +8,7 @@ use crate::run_folder::RunFolderError;
 use crate::stage_process::StartError;
 use crate::swap::SwapError;
 use ipc::IpcError;
+use run::exit;
 use run::summary::SummaryError;
 
 /// The errors that end a run at once.
@@ -49,4 +50,16 @@ pub enum SuperviseError {
     /// `--resume --record`.
     #[error("a recording must start with its run: leave out --record, or start a new run")]
     RecordingResume,
+}
+
+impl SuperviseError {
+    /// The exit code of the supervisor: whether the operator must ask for something else, or the start failed.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Folder(error) | Self::Swap(SwapError::Folder(error)) if error.is_of_configuration() => {
+                exit::CONFIGURATION
+            }
+            _ => exit::FAILED,
+        }
+    }
 }

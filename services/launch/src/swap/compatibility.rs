@@ -57,7 +57,16 @@ mod tests {
         let description =
             Description { contract: CONTRACT_VERSION, name: name.into(), inputs, outputs, settings: vec![] };
         let (program, table) = ("".into(), StageTable::default());
-        PlannedStage { name: name.into(), span: None, program, table, description, inputs: vec![], outputs: vec![] }
+        PlannedStage {
+            name: name.into(),
+            span: None,
+            program,
+            table,
+            description,
+            files: vec![],
+            inputs: vec![],
+            outputs: vec![],
+        }
     }
 
     #[test]

@@ -383,3 +383,12 @@ fn read_pcd(folder: &Path, number: usize) -> RawSweep {
         rows: formats::pcd::points_from_pcd(&bytes).unwrap().iter().map(row).collect(),
     }
 }
+
+/// Twenty million points passed the check, and no message could hold them.
+#[test]
+fn largest_submap_fits_a_message() {
+    use messages::Message;
+    let rule = <Settings as stage::Settings>::fields().into_iter().find(|field| field.key == "submap_points_max");
+    let limit = messages::SubmapTopic::MAX_ROWS;
+    assert_eq!(rule.map(|field| field.rule), Some(format!("must be between 1000 and {limit}")));
+}

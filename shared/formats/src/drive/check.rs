@@ -12,42 +12,46 @@ use crate::sensor_calibration::SensorCalibration;
 use crate::toml_file::TomlFile;
 use crate::velodyne::Model;
 use geometry::Stamp;
+use messages::{CubeTopic, ImageTopic, Message, MosaicTopic};
 use std::path::{Component, Path, PathBuf};
 
 /// Time between cloud files without `times.txt`: 10 Hz.
 const SWEEP_NANOS: i64 = 100_000_000;
+/// Values of a pixel of a color image.
+const COLORS: u64 = 3;
 
 /// The drive, or all problems of its manifest and files.
 pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Drive, FileError> {
-    let (manifest, file) = read.valid()?;
-    let mut check = Check { folder, file, unnamed: Vec::new() };
-    check.general(&manifest);
-    let model = check.lidar(&manifest.lidar);
-    let (sweep_files, sweep_stamps) = check.sweeps(&manifest.lidar);
+    let manifest = read.manifest();
+    let mut check = Check { folder, file: read.file, unnamed: Vec::new() };
+    check.general(read.version);
+    let model = read.lidar.as_ref().and_then(|entry| check.lidar(entry));
+    let (sweep_files, sweep_stamps) = read.lidar.as_ref().map(|entry| check.sweeps(entry)).unwrap_or_default();
     let mut camera_frames = Vec::new();
-    for (index, entry) in manifest.cameras.iter().enumerate() {
+    for (index, entry) in numbered(&read.cameras) {
         camera_frames.extend(check.camera(index, entry));
     }
     let (mut mosaic_frames, mut sensors) = (Vec::new(), Vec::new());
-    for (index, entry) in manifest.mosaics.iter().enumerate() {
+    for (index, entry) in numbered(&read.mosaics) {
         mosaic_frames.extend(check.mosaic(index, entry));
         sensors.push(entry.sensor.as_ref().and_then(|name| check.sensor(index, entry, name)));
     }
     for frames in [&mut camera_frames, &mut mosaic_frames] {
         frames.sort_by_key(|frame: &Frame| (frame.stamp, frame.camera));
     }
-    if let Some(entry) = &manifest.gnss {
+    if let Some(entry) = &read.gnss {
         check.gnss(entry);
     }
-    if let Some(entry) = &manifest.imu {
+    if let Some(entry) = &read.imu {
         check.imu(entry);
     }
-    if let Some(entry) = &manifest.truth {
+    if let Some(entry) = &read.truth {
         check.truth(entry);
     }
     let Check { file, unnamed, .. } = check;
-    match (manifest.rig(), model) {
-        (Ok(rig), Some(model)) if file.is_sound() => Ok(Drive {
+    let rig = manifest.as_ref().and_then(|manifest| manifest.rig().ok());
+    match (manifest, rig, model) {
+        (Some(manifest), Some(rig), Some(model)) if file.is_sound() => Ok(Drive {
             folder: folder.to_owned(),
             manifest,
             rig,
@@ -66,17 +70,25 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
 
 /// Checks the LiDAR and the poses of a manifest without its files.
 pub(super) fn manifest(read: Read) -> Result<Manifest, FileError> {
-    let (manifest, file) = read.valid()?;
-    let mut check = Check { folder: Path::new(""), file, unnamed: Vec::new() };
-    check.general(&manifest);
-    check.lidar(&manifest.lidar);
-    for (index, entry) in manifest.cameras.iter().enumerate() {
+    let manifest = read.manifest();
+    let mut check = Check { folder: Path::new(""), file: read.file, unnamed: Vec::new() };
+    check.general(read.version);
+    read.lidar.as_ref().and_then(|entry| check.lidar(entry));
+    for (index, entry) in numbered(&read.cameras) {
         rules::pose(&mut check.file, &format!("camera[{index}].body_from_camera"), &entry.body_from_camera);
     }
-    for (index, entry) in manifest.mosaics.iter().enumerate() {
+    for (index, entry) in numbered(&read.mosaics) {
         rules::pose(&mut check.file, &format!("mosaic[{index}].body_from_camera"), &entry.body_from_camera);
     }
-    check.file.finish().map(|()| manifest)
+    match manifest {
+        Some(manifest) if check.file.is_sound() => Ok(manifest),
+        _ => Err(check.file.into_error()),
+    }
+}
+
+/// The entries that could be read, with their index among all.
+fn numbered<T>(entries: &[Option<T>]) -> impl Iterator<Item = (usize, &T)> {
+    entries.iter().enumerate().filter_map(|(index, entry)| Some((index, entry.as_ref()?)))
 }
 
 struct Check<'a> {
@@ -87,10 +99,18 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
-    fn general(&mut self, manifest: &Manifest) {
-        let version = manifest.version;
+    fn general(&mut self, version: Option<u32>) {
+        let Some(version) = version else { return };
         self.file
             .rule("version", version == MANIFEST_VERSION, || format!("value {version} must be {MANIFEST_VERSION}"));
+    }
+
+    /// A message has room for this many values.
+    fn fits<T: Message>(&mut self, key: &str, n_values: u64, what: &str) {
+        let limit = T::MAX_ROWS as u64;
+        self.file.rule(key, n_values <= limit, || {
+            format!("{what}: {n_values} values, a message of topic {} has at most {limit}", T::TOPIC)
+        });
     }
 
     fn lidar(&mut self, entry: &LidarEntry) -> Option<Model> {
@@ -143,6 +163,9 @@ impl Check<'_> {
         rules::pose(&mut self.file, &key("body_from_camera"), &entry.body_from_camera);
         rules::lens(&mut self.file, &key("model"), &entry.model);
         rules::exposure(&mut self.file, &key("exposure_nanos"), entry.exposure_nanos);
+        let (width, height) = entry.model.size();
+        let n_values = u64::from(width) * u64::from(height) * COLORS;
+        self.fits::<ImageTopic>(&key("model"), n_values, &format!("{width} x {height} pixels of {COLORS} colors"));
         self.frames(&key("folder"), &entry.folder, index, &["jpg", "jpeg", "png"])
     }
 
@@ -167,6 +190,15 @@ impl Check<'_> {
         let are_positive = entry.wavelengths_nm.iter().all(|nm| *nm > 0.0 && nm.is_finite());
         self.file.rule(&key("wavelengths_nm"), are_positive, || "must be positive".into());
         let ([x, y, w, h], (width, height)) = (entry.active_area, entry.model.size());
+        let n_values = u64::from(width) * u64::from(height);
+        self.fits::<MosaicTopic>(&key("model"), n_values, &format!("{width} x {height} pixels"));
+        // Each pixel of the cube has its bands and a mask.
+        let n_values = u64::from(w) * u64::from(h) * (n_bands as u64 + 1);
+        self.fits::<CubeTopic>(
+            &key("active_area"),
+            n_values,
+            &format!("a cube of {w} x {h} pixels and {n_bands} bands"),
+        );
         let inside =
             u64::from(x) + u64::from(w) <= u64::from(width) && u64::from(y) + u64::from(h) <= u64::from(height);
         self.file.rule(&key("active_area"), inside && w >= side && h >= side, || {

@@ -1,12 +1,12 @@
-//! The inferred manifest of a folder without `drive.toml`.
+//! The inferred manifest of a folder without `drive.toml`, or of a capture.
 
-use super::MANIFEST_FILE;
 use super::listing::files_with_extension;
 use super::read::Read;
+use super::{Drive, MANIFEST_FILE};
 use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use crate::problems::{FileError, FileProblem};
 use crate::velodyne::{Model, SweepReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Formats by file name extension, in the order of the search.
 const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
@@ -20,22 +20,56 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
             continue;
         }
         let is_capture = extension.starts_with("pcap");
-        let model = if is_capture {
-            SweepReader::open(files, None).map_err(|error| problem(error.to_string()))?.model()
-        } else {
-            Model::Hdl64e
-        };
-        let name = folder.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let manifest = Manifest::of_lidar(
-            &name,
-            LidarEntry {
-                model: model.name().to_owned(),
-                format: if is_capture { "pcap" } else { extension }.to_owned(),
-                folder: ".".to_owned(),
-                body_from_lidar: PoseEntry::IDENTITY,
-            },
-        );
+        let model = if is_capture { model_of(files).map_err(problem)? } else { Model::Hdl64e };
+        let manifest = manifest(folder, model, if is_capture { "pcap" } else { extension });
         return Ok(Read::inferred(&folder.join(MANIFEST_FILE), manifest));
     }
     Err(problem(format!("contains neither {MANIFEST_FILE} nor *.{}", FORMATS.join(", *."))))
+}
+
+/// The drive of one capture.
+pub(super) fn of_capture(file: &Path) -> Result<Drive, FileError> {
+    let problem = |rule: String| FileError::from(FileProblem::of_file(file, rule));
+    let extension = file.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    if !extension.is_some_and(|extension| extension.starts_with("pcap")) {
+        return Err(problem(format!(
+            "is not a drive: a drive is a folder with {MANIFEST_FILE} or with files *.{}, or a capture *.pcap or *.pcapng",
+            FORMATS.join(", *.")
+        )));
+    }
+    let model = model_of(vec![file.to_owned()]).map_err(problem)?;
+    let manifest = manifest(file, model, "pcap");
+    let rig = manifest.rig().map_err(|error| problem(error.to_string()))?;
+    Ok(Drive {
+        folder: file.parent().unwrap_or(Path::new(".")).to_owned(),
+        manifest,
+        rig,
+        model,
+        is_inferred: true,
+        sweep_files: vec![file.to_owned()],
+        sweep_stamps: Vec::new(),
+        camera_frames: Vec::new(),
+        mosaic_frames: Vec::new(),
+        sensors: Vec::new(),
+        unnamed_files: Vec::new(),
+    })
+}
+
+/// The model whose packets the captures contain.
+fn model_of(captures: Vec<PathBuf>) -> Result<Model, String> {
+    SweepReader::open(captures, None).map(|reader| reader.model()).map_err(|error| error.to_string())
+}
+
+/// The manifest of a LiDAR alone. The body frame is the lidar frame.
+fn manifest(path: &Path, model: Model, format: &str) -> Manifest {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    Manifest::of_lidar(
+        &name,
+        LidarEntry {
+            model: model.name().to_owned(),
+            format: format.to_owned(),
+            folder: ".".to_owned(),
+            body_from_lidar: PoseEntry::IDENTITY,
+        },
+    )
 }

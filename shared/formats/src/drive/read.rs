@@ -1,41 +1,89 @@
 //! Parses `drive.toml`.
 
-use crate::manifest::Manifest;
-use crate::problems::FileError;
+use crate::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, TruthEntry};
 use crate::toml_file::TomlFile;
 use std::path::Path;
 
-/// A manifest with the problems found so far. The manifest is present if all entries could be read.
+/// The entries of a manifest that could be read, with the problems found so far. Those that could not be read are among the
+/// problems, and do not keep the others from being checked.
 pub(super) struct Read {
     pub(super) file: TomlFile,
-    pub(super) manifest: Option<Manifest>,
+    pub(super) version: Option<u32>,
+    pub(super) name: Option<String>,
+    pub(super) lidar: Option<LidarEntry>,
+    pub(super) cameras: Vec<Option<CameraEntry>>,
+    pub(super) mosaics: Vec<Option<MosaicEntry>>,
+    pub(super) gnss: Option<GnssEntry>,
+    pub(super) imu: Option<ImuEntry>,
+    pub(super) truth: Option<TruthEntry>,
 }
 
 const KEYS: [&str; 8] = ["version", "name", "lidar", "camera", "mosaic", "gnss", "imu", "truth"];
 
+// The keys that an entry must have.
+const LIDAR: [&str; 4] = ["model", "format", "folder", "body_from_lidar"];
+const CAMERA: [&str; 5] = ["name", "folder", "exposure_nanos", "body_from_camera", "model"];
+const MOSAIC: [&str; 12] = [
+    "name",
+    "folder",
+    "exposure_nanos",
+    "dark_exposure_nanos",
+    "white_exposure_nanos",
+    "white_reflectance",
+    "bit_depth",
+    "pattern",
+    "active_area",
+    "wavelengths_nm",
+    "body_from_camera",
+    "model",
+];
+const GNSS: [&str; 3] = ["file", "origin", "antenna_in_body"];
+const IMU: [&str; 1] = ["file"];
+const TRUTH: [&str; 2] = ["trajectory", "labels"];
+
 impl Read {
     /// A manifest that was inferred, not read.
     pub(super) fn inferred(path: &Path, manifest: Manifest) -> Self {
-        Self { file: TomlFile::new(path, "", &KEYS), manifest: Some(manifest) }
+        let Manifest { version, name, lidar, cameras, mosaics, gnss, imu, truth } = manifest;
+        Self {
+            file: TomlFile::new(path, "", &KEYS),
+            version: Some(version),
+            name: Some(name),
+            lidar: Some(lidar),
+            cameras: cameras.into_iter().map(Some).collect(),
+            mosaics: mosaics.into_iter().map(Some).collect(),
+            gnss,
+            imu,
+            truth,
+        }
     }
 
     pub(super) fn of_text(path: &Path, text: String) -> Self {
         let mut file = TomlFile::new(path, text, &KEYS);
-        let (version, name, lidar) = (file.required("version"), file.required("name"), file.required("lidar"));
-        let (cameras, mosaics) = (file.list("camera"), file.list("mosaic"));
-        let (gnss, imu, truth) = (file.optional("gnss"), file.optional("imu"), file.optional("truth"));
-        let valid = version.zip(name).zip(lidar).filter(|_| file.is_sound());
-        let manifest =
-            valid.map(|((version, name), lidar)| Manifest { version, name, lidar, cameras, mosaics, gnss, imu, truth });
-        Self { file, manifest }
+        Self {
+            version: file.required("version", &[]),
+            name: file.required("name", &[]),
+            lidar: file.required("lidar", &LIDAR),
+            cameras: file.list("camera", &CAMERA),
+            mosaics: file.list("mosaic", &MOSAIC),
+            gnss: file.optional("gnss", &GNSS),
+            imu: file.optional("imu", &IMU),
+            truth: file.optional("truth", &TRUTH),
+            file,
+        }
     }
 
-    /// The manifest and the file for reporting further problems, or all problems found so far.
-    pub(super) fn valid(self) -> Result<(Manifest, TomlFile), FileError> {
-        let Self { file, manifest } = self;
-        match manifest {
-            Some(manifest) => Ok((manifest, file)),
-            None => Err(file.into_error()),
-        }
+    /// The manifest; `None` if an entry could not be read.
+    pub(super) fn manifest(&self) -> Option<Manifest> {
+        Some(Manifest {
+            version: self.version?,
+            name: self.name.clone()?,
+            lidar: self.lidar.clone()?,
+            cameras: self.cameras.iter().cloned().collect::<Option<_>>()?,
+            mosaics: self.mosaics.iter().cloned().collect::<Option<_>>()?,
+            gnss: self.gnss.clone(),
+            imu: self.imu.clone(),
+            truth: self.truth.clone(),
+        })
     }
 }

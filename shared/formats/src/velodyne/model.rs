@@ -56,6 +56,14 @@ impl Model {
             Model::Hdl64e => "hdl64e",
         }
     }
+    /// Name of the manufacturer.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Model::Hdl32e => "HDL-32E",
+            Model::Vlp16 => "VLP-16",
+            Model::Hdl64e => "HDL-64E",
+        }
+    }
     /// The model of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|model| model.name() == name)

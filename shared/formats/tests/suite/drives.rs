@@ -94,16 +94,72 @@ fn unreadable_entries_do_not_hide_other_faults() {
     let folder = drive(&text);
     let found = problems(folder.path());
     let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
-    for (problem, (key, words)) in found.iter().zip([("radar", "unknown key"), ("lidar", "foldr"), ("gnss", "origin")])
-    {
+    for (problem, (key, words)) in found.iter().zip([
+        ("radar", "unknown key"),
+        ("lidar", "missing field `folder`"),
+        ("lidar", "foldr"),
+        ("gnss", "missing field `origin`"),
+    ]) {
         assert!(problem.key == key && problem.rule.contains(words) && problem.line.is_some(), "{texts:?}");
     }
-    assert_eq!(found.len(), 3, "{texts:?}");
+    assert_eq!(found.len(), 4, "{texts:?}");
     fs::write(folder.path().join("drive.toml"), "version = [").expect("writes");
     assert_eq!(problems(folder.path())[0].line, Some(1));
     fs::remove_file(folder.path().join("drive.toml")).expect("removes");
     assert!(problems(folder.path())[0].rule.contains("neither drive.toml nor *.pcd"));
     assert!(problems(&folder.path().join("nowhere"))[0].rule.contains("not a folder"));
+}
+
+/// A second fault hid behind the first: each start found one more.
+#[test]
+fn faults_of_all_kinds_are_reported_at_once() {
+    let text = GOOD
+        .replace("version = 1", "version = 2")
+        .replace("model = \"hdl64e\"", "model = 64")
+        .replace("format = \"bin\"", "format = \"las\"")
+        .replace("folder = \"lidar\"", "folder = [\"lidar\"]")
+        .replace("exposure_nanos = 5000000", "exposure_nanos = \"5 ms\"")
+        .replace("48.8", "98.8")
+        .replace("gnss.nmea", "fixes.nmea")
+        .replace("name = \"front\"\n", "");
+    let folder = drive(&text);
+    let found = problems(folder.path());
+    let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
+    for (line, words) in [
+        (5, "lidar: invalid type: integer `64`"),
+        (7, "lidar: invalid type: sequence"),
+        (10, "camera[0]: missing field `name`"),
+        (12, "camera[0]: invalid type: string \"5 ms\""),
+        (1, "version: value 2"),
+        (18, "gnss.origin: value"),
+        (17, "gnss.file: "),
+    ] {
+        let is_found =
+            found.iter().zip(&texts).any(|(problem, text)| problem.line == Some(line) && text.contains(words));
+        assert!(is_found, "{line}: {words:?} is not in {texts:#?}");
+    }
+    assert_eq!(found.len(), 7, "{texts:#?}");
+}
+
+#[test]
+fn all_missing_fields_are_reported() {
+    let text = "[lidar]\n[[camera]]\n[[mosaic]]\n[gnss]\n[imu]\n[truth]\n";
+    let folder = drive(text);
+    let found = problems(folder.path());
+    let n_missing = |key: &str| found.iter().filter(|problem| problem.key == key).count();
+    let keys = ["version", "name", "lidar", "camera[0]", "mosaic[0]", "gnss", "imu", "truth"];
+    assert_eq!(keys.map(n_missing), [1, 1, 4, 5, 12, 3, 1, 2], "{found:#?}");
+}
+
+#[test]
+fn images_larger_than_a_message_are_refused() {
+    let folder = drive(&GOOD.replace("width = 64, height = 48", "width = 8000, height = 6000"));
+    let found = problems(folder.path());
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert!(
+        found[0].to_string().contains("camera[0].model: 8000 x 6000 pixels of 3 colors: 144000000 values"),
+        "{found:#?}"
+    );
 }
 
 #[test]

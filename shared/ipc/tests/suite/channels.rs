@@ -170,6 +170,53 @@ fn shared_memory_is_private_and_wipe_removes_all() {
 }
 
 #[test]
+fn folder_that_others_could_enter_is_no_domain() {
+    use std::os::unix::fs::PermissionsExt;
+    let domain = TestDomain::new("open");
+    let root = domain.0.root();
+    std::fs::create_dir(&root).expect("made");
+    std::fs::set_permissions(&root, std::fs::Permissions::from_mode(0o755)).expect("set");
+    let error = domain.0.node("node").err().expect("is open").to_string();
+    assert!(error.contains("is open to other users (mode 755)"), "{error}");
+    std::fs::remove_dir(&root).expect("removed");
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    std::os::unix::fs::symlink(elsewhere.path(), &root).expect("linked");
+    let error = domain.0.node("node").err().expect("is a link").to_string();
+    assert!(error.contains("is not a folder"), "{error}");
+    std::fs::remove_file(&root).expect("removed");
+    assert_eq!(std::fs::read_dir(elsewhere.path()).expect("there").count(), 0, "nothing was made behind the link");
+}
+
+#[test]
+fn link_with_the_name_of_a_domain_file_does_not_change_its_target() {
+    use std::os::unix::fs::PermissionsExt;
+    let domain = TestDomain::new("link");
+    let folder = tempfile::tempdir().expect("a folder");
+    let target = folder.path().join("shared");
+    std::fs::write(&target, "of the user").expect("written");
+    std::fs::set_permissions(&target, std::fs::Permissions::from_mode(0o644)).expect("set");
+    let link = format!("/dev/shm/{}x.global_mgmt", domain.0.prefix());
+    std::os::unix::fs::symlink(&target, &link).expect("linked");
+    drop(domain.0.node("node").expect("a node"));
+    let mode = std::fs::metadata(&target).expect("there").permissions().mode() & 0o777;
+    assert_eq!(mode, 0o644, "the mode of another file was changed");
+    domain.0.wipe().expect("wiped");
+    assert!(target.exists() && std::fs::symlink_metadata(&link).is_err(), "the link is removed, not its target");
+}
+
+#[test]
+fn domains_of_an_output_are_found() {
+    let domain = TestDomain::new("found");
+    let output = std::path::Path::new("/nowhere/of/this/test").join(std::process::id().to_string());
+    let _node = domain.0.node("node").expect("a node");
+    assert_eq!(Domain::of_output(&output).expect("listed"), []);
+    domain.0.write_output(&output).expect("written");
+    assert_eq!(Domain::of_output(&output).expect("listed"), std::slice::from_ref(&domain.0));
+    assert_ne!(Domain::random().expect("a name"), Domain::random().expect("a name"));
+    assert!(!domain.0.is_taken().expect("listed"));
+}
+
+#[test]
 fn ports_of_process_killed_while_creating_a_file_are_removed() {
     let domain = TestDomain::new("unfinished");
     let pair = pair(&domain.0);

@@ -4,8 +4,11 @@ mod camera_files;
 mod files;
 mod lidar_files;
 mod manifest;
+mod mark;
 mod progress;
 mod visibility;
+
+pub use mark::SimulatedDrive;
 
 use crate::error::SimulationError;
 use crate::sensors::gnss::{self, Epoch};
@@ -62,6 +65,8 @@ pub fn write_simulation(
     if simulation.spec.truth_visibility {
         visibility::write(simulation, &folder, &exposures)?;
     }
+    let mark = toml::to_string(&SimulatedDrive::from(&simulation.spec))?;
+    folder.write(SimulatedDrive::FILE, mark.as_bytes())?;
     folder.write("drive.toml", toml::to_string(&manifest::manifest(&simulation.spec))?.as_bytes())?;
     folder.complete(out)?;
     Ok(report)

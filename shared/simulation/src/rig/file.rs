@@ -88,11 +88,14 @@ impl RigSpec {
 
 fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let mut file = TomlFile::new(path, text, &KEYS);
-    let name: Option<String> = file.required("name");
-    let body_height_m = file.required("body_height_m").inspect(|h| within(&mut file, "body_height_m", *h, 0.0, 3.0));
-    let lidar = file.required("lidar").and_then(|raw| lidar(&mut file, &raw));
-    let (cameras, mosaics): (Vec<RawCamera>, Vec<RawMosaic>) = (file.list("camera"), file.list("mosaic"));
-    let trigger: Option<RawTrigger> = file.optional("trigger");
+    let name: Option<String> = file.required("name", &[]);
+    let body_height_m =
+        file.required("body_height_m", &[]).inspect(|h| within(&mut file, "body_height_m", *h, 0.0, 3.0));
+    let lidar = file.required("lidar", &[]).and_then(|raw| lidar(&mut file, &raw));
+    // Those that cannot be read are among the problems.
+    let cameras: Vec<RawCamera> = file.list("camera", &[]).into_iter().flatten().collect();
+    let mosaics: Vec<RawMosaic> = file.list("mosaic", &[]).into_iter().flatten().collect();
+    let trigger: Option<RawTrigger> = file.optional("trigger", &[]);
     file.rule("trigger", trigger.is_some() || (cameras.is_empty() && mosaics.is_empty()), || {
         "is missing: cameras need a trigger with rate_hz and way_m".into()
     });
@@ -103,9 +106,9 @@ fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let mut names = BTreeSet::new();
     let mosaics: Vec<_> =
         mosaics.into_iter().enumerate().map(|(index, raw)| mosaic(&mut file, index, raw, &mut names)).collect();
-    let gnss: Option<RawGnss> = file.optional("gnss");
+    let gnss: Option<RawGnss> = file.optional("gnss", &[]);
     let gnss = gnss.and_then(|raw| gnss_spec(&mut file, &raw));
-    let imu: Option<RawImu> = file.optional("imu");
+    let imu: Option<RawImu> = file.optional("imu", &[]);
     let imu = imu.and_then(|raw| imu_spec(&mut file, &raw));
     match (name, body_height_m, lidar, mosaics.into_iter().collect()) {
         (Some(name), Some(body_height_m), Some(lidar), Some(mosaics)) if file.is_sound() => Ok(RigSpec {

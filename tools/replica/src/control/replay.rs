@@ -30,6 +30,9 @@ pub struct Args {
     /// Continue a killed replay into the same output folder from its last barrier
     #[arg(long)]
     resume: bool,
+    /// Replace the results of an earlier run in the output folder
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
     /// Check the launch file, report all errors and start nothing
     #[arg(long)]
     check: bool,
@@ -73,6 +76,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     for text in &args.overrides {
         command.arg("--set").arg(text);
     }
-    command.args(args.resume.then_some("--resume")).args(args.check.then_some("--check"));
+    for (is_given, flag) in [(args.resume, "--resume"), (args.overwrite, "--overwrite"), (args.check, "--check")] {
+        command.args(is_given.then_some(flag));
+    }
     Err(command.exec()).with_context(|| format!("cannot start {}", program.display()))
 }

@@ -1,10 +1,11 @@
-//! The checksum of a saved state. It is FNV-1a over 64-bit words, not a CRC: the format of state files depends on it.
+//! The checksum of saved states and of the files that results depend on. It is FNV-1a over 64-bit words, not a CRC: the format
+//! of state files depends on it.
 
 use messages::pod::{FINGERPRINT_START, fingerprint};
 
 /// FNV-1a by words of 8 bytes, in four lanes: a single lane would wait five cycles for its product at every word, and a state may
 /// have hundreds of megabytes. Bytes may be added in pieces of any length.
-pub(super) struct Checksum {
+pub struct Checksum {
     lanes: [u64; 4],
     /// Up to 31 bytes of an incomplete block.
     rest: Vec<u8>,
@@ -13,12 +14,20 @@ pub(super) struct Checksum {
 
 type Block = [u8; 32];
 
+impl Default for Checksum {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Checksum {
-    pub(super) fn new() -> Self {
+    /// Of no bytes.
+    pub fn new() -> Self {
         Self { lanes: [0, 1, 2, 3].map(|lane| FINGERPRINT_START ^ lane), rest: Vec::new(), n_bytes: 0 }
     }
 
-    pub(super) fn add(&mut self, mut bytes: &[u8]) {
+    /// Adds bytes.
+    pub fn add(&mut self, mut bytes: &[u8]) {
         self.n_bytes += bytes.len() as u64;
         if !self.rest.is_empty() {
             let (more, later) = bytes.split_at(bytes.len().min(size_of::<Block>() - self.rest.len()));
@@ -33,7 +42,8 @@ impl Checksum {
         self.rest.extend_from_slice(rest);
     }
 
-    pub(super) fn sum(&self) -> u64 {
+    /// Of the bytes so far.
+    pub fn sum(&self) -> u64 {
         let lanes = self.lanes.iter().fold(FINGERPRINT_START, |sum, lane| fingerprint(sum, &lane.to_le_bytes()));
         fingerprint(fingerprint(lanes, &self.rest), &self.n_bytes.to_le_bytes())
     }

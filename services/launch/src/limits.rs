@@ -1,0 +1,82 @@
+//! The limits of this process that its stages inherit (`ulimit`), and what a run needs of them. A stage that meets a limit fails
+//! somewhere within the transport, and no restart helps.
+
+use crate::plan::PlannedStage;
+use ipc::Channel;
+use rustix::process::{Resource, getrlimit};
+
+/// Services of a stage beside those of its topics: command, heartbeat, wake.
+const OWN_SERVICES: usize = 3;
+/// Files of a process that are no services: log, node, connections to the supervisor.
+const OTHER_FILES: usize = 24;
+/// Files of an opened service and of the connections through it, in halves: measured are 5.0 to 5.9 beside [`OTHER_FILES`].
+const HALF_FILES_PER_SERVICE: usize = 11;
+
+/// Address space of a stage's program, data and allocator. Stages of the sample drive use up to 0.4 GiB.
+const PRIVATE_BYTES: u64 = 1 << 30;
+/// The same for each thread: the C library reserves memory for each.
+const PRIVATE_BYTES_PER_CORE: u64 = 128 << 20;
+
+/// What a limit allows and a run needs.
+struct Demand {
+    limit: Option<u64>,
+    need: u64,
+    stage: String,
+}
+
+/// A problem for each limit that is too low for these stages.
+pub fn lacks(stages: &[PlannedStage]) -> Vec<String> {
+    let mut problems = Vec::new();
+    let files = Demand::of(stages, Resource::Nofile, |index, stage| files(stages, index, stage));
+    if let Some(Demand { limit: Some(limit), need, stage }) = files {
+        problems.push(format!(
+            "limit of open files: {limit} (ulimit -n), stage {stage} needs {need}; raise it with `ulimit -n {need}`"
+        ));
+    }
+    let n_cores = std::thread::available_parallelism().map_or(1, usize::from) as u64;
+    let bytes = Demand::of(stages, Resource::As, |_, stage| {
+        mapped_bytes(stage) + PRIVATE_BYTES + n_cores * PRIVATE_BYTES_PER_CORE
+    });
+    if let Some(Demand { limit: Some(limit), need, stage }) = bytes {
+        let (limit, need) = (limit >> 10, need.div_ceil(1 << 10));
+        problems.push(format!(
+            "limit of address space: {limit} KiB (ulimit -v), stage {stage} needs {need} KiB, most of it reserved and never \
+             used; remove it with `ulimit -v unlimited`, or limit memory with a control group instead"
+        ));
+    }
+    problems
+}
+
+impl Demand {
+    /// The largest demand of a stage, if it is above the limit.
+    fn of(stages: &[PlannedStage], resource: Resource, need: impl Fn(usize, &PlannedStage) -> u64) -> Option<Self> {
+        let limit = getrlimit(resource).current;
+        let needs = stages.iter().enumerate().map(|(index, stage)| (need(index, stage), stage));
+        let (need, stage) = needs.max_by_key(|(need, _)| *need)?;
+        let exceeds = limit.is_some_and(|limit| need > limit);
+        exceeds.then(|| Self { limit, need, stage: stage.name.clone() })
+    }
+}
+
+/// The channels of a stage: those that it reads, and those that it writes.
+fn channels(stage: &PlannedStage) -> [Vec<&Channel>; 2] {
+    [&stage.inputs, &stage.outputs].map(|topics| {
+        let both = topics.iter().flat_map(|topic| [&topic.messages, &topic.ticks]);
+        both.collect()
+    })
+}
+
+/// Files that the stage has open. It inherits one for each service of the run and for each stage that was started before it.
+fn files(stages: &[PlannedStage], index: usize, stage: &PlannedStage) -> u64 {
+    let of_topics: usize = stages.iter().flat_map(|stage| channels(stage)[1].clone()).map(Channel::n_services).sum();
+    let inherited = of_topics + OWN_SERVICES * (stages.len() + index + 1);
+    let [inputs, outputs] = channels(stage);
+    let opened = OWN_SERVICES
+        + inputs.len() * Channel::SERVICES_OF_CONSUMER
+        + outputs.iter().map(|channel| channel.services_of_producer()).sum::<usize>();
+    (inherited + OTHER_FILES + (opened * HALF_FILES_PER_SERVICE).div_ceil(2)) as u64
+}
+
+fn mapped_bytes(stage: &PlannedStage) -> u64 {
+    channels(stage).concat().into_iter().map(Channel::mapped_bytes).sum()
+}

@@ -1,0 +1,80 @@
+//! `run/domain`: the name of the run in shared memory. Nobody can predict it, so nobody can prepare files of that name. It stays
+//! the same for all runs into the output: the next one finds what a killed one has left.
+
+use super::{RunFolderError, cannot_write, read};
+use formats::atomic_file::AtomicFile;
+use ipc::{Domain, is_foreign};
+use run::control::socket_of;
+use std::fs::Permissions;
+use std::io::Write;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+/// The name for the next run into `output`, absolute and without links: that of the run before, unless another user has files of
+/// that name. Removes what killed runs into this output have left under other names. The caller holds the lock of the run.
+pub fn take(file: &Path, output: &Path) -> Result<Domain, RunFolderError> {
+    let domain = match last(file) {
+        Some(domain) if !is_taken(&domain)? => domain,
+        _ => {
+            let domain = Domain::random()?;
+            write_private(file, domain.name()).map_err(|source| cannot_write(file, source))?;
+            domain
+        }
+    };
+    // A folder that was removed and made again has lost its names.
+    for left in Domain::of_output(output)?.into_iter().filter(|left| *left != domain) {
+        left.wipe()?;
+    }
+    Ok(domain)
+}
+
+/// The name of the last run, if there was one.
+pub fn last(file: &Path) -> Option<Domain> {
+    Domain::new(std::str::from_utf8(&read(file).ok()?).ok()?).ok()
+}
+
+/// Whether another user has files of the name.
+fn is_taken(domain: &Domain) -> Result<bool, RunFolderError> {
+    Ok(domain.is_taken()? || socket_of(domain.name()).parent().is_some_and(is_foreign))
+}
+
+/// Writes a file that only this user can read.
+fn write_private(path: &Path, text: &str) -> std::io::Result<()> {
+    let file = AtomicFile::create(path)?;
+    file.file().set_permissions(Permissions::from_mode(0o600))?;
+    file.file().write_all(text.as_bytes())?;
+    file.commit()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::MetadataExt;
+
+    #[test]
+    fn runs_into_one_output_have_one_name_and_others_have_others() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("domain");
+        let first = take(&file, folder.path()).expect("a name");
+        assert_eq!(take(&file, folder.path()).expect("a name"), first);
+        assert_eq!(last(&file), Some(first.clone()));
+        assert_eq!(std::fs::metadata(&file).expect("written").mode() & 0o077, 0, "others cannot read it");
+        let other = take(&folder.path().join("other"), folder.path()).expect("a name");
+        assert_ne!(other, first);
+        std::fs::write(&file, "../x").expect("written");
+        assert_eq!(last(&file), None);
+    }
+
+    #[test]
+    fn memory_of_a_run_whose_output_was_removed_is_found_by_the_next_one() {
+        let output = tempfile::tempdir().expect("a folder");
+        let file = output.path().join("domain");
+        let killed = take(&file, output.path()).expect("a name");
+        drop(killed.node("supervisor").expect("a node"));
+        killed.write_output(output.path()).expect("written");
+        std::fs::remove_file(&file).expect("removed");
+        let next = take(&file, output.path()).expect("a name");
+        assert_ne!(next, killed);
+        assert!(!killed.root().exists(), "wiped");
+    }
+}

@@ -1,0 +1,113 @@
+//! What an earlier run has left in an output folder. A new run would replace it.
+
+use super::SETTINGS;
+use run::summary::Summary;
+use std::fmt;
+use std::path::Path;
+
+/// Results of an earlier run. The next run keeps them unless its operator asks for something else.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EarlierResults {
+    n_clouds: usize,
+    /// How the earlier run ended; `None` if it has no summary.
+    outcome: Option<String>,
+    /// Whether `--resume` can continue it.
+    can_resume: bool,
+}
+
+impl EarlierResults {
+    /// The results in `output`. `None` if there are none: no cloud, no saved state, and no run that processed a point.
+    pub fn find(output: &Path) -> Option<Self> {
+        let has_summary = Summary::file(output).exists();
+        let summary = Summary::load(output).ok();
+        let has_produced = match &summary {
+            Some(summary) => summary.total.points > 0 || !matches!(summary.outcome.as_str(), "failed" | "stopped"),
+            // A file that this version cannot read may be the summary of another one.
+            None => has_summary,
+        };
+        let n_clouds = entries(&output.join("clouds"));
+        let has_states = entries(&output.join("run/states")) > 0;
+        let can_resume = has_states && output.join("run").join(SETTINGS).exists();
+        let is_used = n_clouds > 0 || has_states || has_produced;
+        is_used.then(|| Self { n_clouds, outcome: summary.map(|summary| summary.outcome), can_resume })
+    }
+}
+
+/// Entries of a folder; 0 if it cannot be listed.
+fn entries(folder: &Path) -> usize {
+    std::fs::read_dir(folder).map_or(0, Iterator::count)
+}
+
+impl fmt::Display for EarlierResults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.outcome {
+            Some(outcome) => write!(f, "a run that ended as `{outcome}`")?,
+            None => write!(f, "a run that was interrupted")?,
+        }
+        if self.n_clouds > 0 {
+            write!(f, ", with {} files in clouds/", self.n_clouds)?;
+        }
+        write!(f, "; set another run.output, or add --overwrite to replace them")?;
+        if self.can_resume && self.outcome.as_deref() != Some("done") {
+            write!(f, ", or --resume to continue that run")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(path: &Path, text: &str) {
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, text).expect("written");
+    }
+
+    fn summary(outcome: &str, points: u64) -> String {
+        let mut summary = Summary { outcome: outcome.to_owned(), ..Summary::default() };
+        summary.total.points = points;
+        serde_json::to_string(&summary).expect("JSON")
+    }
+
+    #[test]
+    fn output_with_results_of_an_earlier_run_is_used() {
+        for (name, text) in [
+            ("clouds/submap_0000.ply", String::new()),
+            ("run/states/3/export.state", String::new()),
+            ("summary.json", summary("done", 0)),
+            ("summary.json", summary("failed", 7)),
+            ("summary.json", "of another version".to_owned()),
+        ] {
+            let output = tempfile::tempdir().expect("a folder");
+            write(&output.path().join(name), &text);
+            assert!(EarlierResults::find(output.path()).is_some(), "{name}: {text}");
+        }
+    }
+
+    #[test]
+    fn output_without_results_is_free() {
+        let output = tempfile::tempdir().expect("a folder");
+        assert_eq!(EarlierResults::find(&output.path().join("absent")), None);
+        write(&output.path().join("notes.txt"), "of the operator");
+        write(&output.path().join("run/settings.json"), "{}");
+        write(&output.path().join("summary.json"), &summary("failed", 0));
+        assert_eq!(EarlierResults::find(output.path()), None);
+    }
+
+    #[test]
+    fn text_says_how_to_continue() {
+        let output = tempfile::tempdir().expect("a folder");
+        write(&output.path().join("clouds/submap_0000.ply"), "");
+        write(&output.path().join("run/states/3/export.state"), "");
+        write(&output.path().join("run/settings.json"), "{}");
+        let text = |output: &Path| EarlierResults::find(output).expect("is used").to_string();
+        assert_eq!(
+            text(output.path()),
+            "a run that was interrupted, with 1 files in clouds/; set another run.output, or add --overwrite to replace \
+             them, or --resume to continue that run"
+        );
+        write(&output.path().join("summary.json"), &summary("done", 7));
+        assert!(!text(output.path()).contains("--resume"), "a finished run needs no resume");
+    }
+}

@@ -1,0 +1,123 @@
+//! Finds out from the first packets of a recording that it is of another model than expected.
+
+use super::{DataPacket, Model};
+use crate::pcap::{PacketReader, PcapError};
+use std::fmt;
+use std::path::PathBuf;
+
+/// Data packets that are examined: a fifth of a second of an HDL-32E.
+const MAX_DATA_PACKETS: usize = 400;
+/// UDP packets that are examined in search of them.
+const MAX_PACKETS: usize = 4096;
+
+/// A recording whose packets name another model than the expected one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OtherModel {
+    /// The capture.
+    pub file: PathBuf,
+    /// Number of the first such UDP packet in the capture, from 1.
+    pub packet: usize,
+    /// Its factory byte.
+    pub product: u8,
+    /// The model that it names.
+    pub found: Model,
+    /// The model that was expected.
+    pub expected: Model,
+}
+
+impl OtherModel {
+    /// `None` if the first data packets may be of the `expected` model, or if there are none. Packets of a second sensor do not
+    /// matter if some are of the first.
+    pub fn find(files: &[PathBuf], expected: Model) -> Result<Option<Self>, PcapError> {
+        let mut first = None;
+        let (mut n_data, mut n_others, mut n_packets) = (0, 0, 0);
+        for file in files {
+            let mut reader = PacketReader::open(file)?;
+            let mut packet = 0;
+            while let Some(udp) = reader.next()? {
+                (packet, n_packets) = (packet + 1, n_packets + 1);
+                if n_packets > MAX_PACKETS || n_data == MAX_DATA_PACKETS {
+                    break;
+                }
+                let Some(data) = DataPacket::new(udp.payload) else { continue };
+                n_data += 1;
+                let Some(found) = Model::of_packet(data) else { continue };
+                if found == expected {
+                    return Ok(None);
+                }
+                n_others += 1;
+                let (file, product) = (file.clone(), data.product());
+                first.get_or_insert(Self { file, packet, product, found, expected });
+            }
+        }
+        // An HDL-64E sends a status in the place of the factory byte, which sometimes is that of another model.
+        Ok(first.filter(|_| 2 * n_others > n_data))
+    }
+}
+
+impl fmt::Display for OtherModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, packet, product, found, expected } = self;
+        write!(f, "{}: packet {packet}: ", file.display())?;
+        match found {
+            Model::Hdl64e => write!(f, "has the blocks of an HDL-64E")?,
+            Model::Hdl32e | Model::Vlp16 => write!(f, "factory byte {product:#04x} names the {}", found.title())?,
+        }
+        let (found, expected) = (found.name(), expected.name());
+        write!(f, ", drive.toml says {expected:?}; set lidar.model = {found:?}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pcap::Writer;
+    use crate::velodyne::{DATA_PORT, RawBlock, RawReturn, encode_data_packet};
+    use geometry::Stamp;
+
+    fn capture(folder: &std::path::Path, models: &[Model]) -> PathBuf {
+        let mut writer = Writer::new(Vec::new()).expect("writes");
+        writer.write_udp(Stamp(0), 5, b"of something else").expect("writes");
+        let returns = [RawReturn { range_2mm: 2000, intensity: 1 }; 32];
+        for (number, model) in models.iter().enumerate() {
+            let stamp = Stamp(number as i64 * 1_000_000);
+            let blocks = std::array::from_fn(|index| {
+                let is_lower = *model == Model::Hdl64e && index % 2 == 1;
+                RawBlock { azimuth: index as u16, is_lower, returns }
+            });
+            writer.write_udp(stamp, DATA_PORT, &encode_data_packet(*model, stamp, &blocks)).expect("writes");
+        }
+        let path = folder.join("a.pcap");
+        std::fs::write(&path, writer.finish().expect("writes")).expect("writes");
+        path
+    }
+
+    #[test]
+    fn capture_of_another_model_is_found_with_its_first_packet() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for sent in Model::ALL {
+            let file = capture(folder.path(), &[sent; 20]);
+            for expected in Model::ALL {
+                let found = OtherModel::find(std::slice::from_ref(&file), expected).expect("reads");
+                assert_eq!(
+                    found.as_ref().map(|other| (other.found, other.packet)),
+                    (sent != expected).then_some((sent, 2))
+                );
+            }
+        }
+        let file = capture(folder.path(), &[Model::Hdl32e; 3]);
+        let other = OtherModel::find(std::slice::from_ref(&file), Model::Vlp16).expect("reads").expect("another model");
+        let expected = "a.pcap: packet 2: factory byte 0x21 names the HDL-32E, drive.toml says \"vlp16\"; \
+                        set lidar.model = \"hdl32e\"";
+        assert!(other.to_string().ends_with(expected), "{other}");
+    }
+
+    #[test]
+    fn packets_of_a_second_sensor_do_not_matter() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = capture(folder.path(), &[Model::Hdl32e, Model::Hdl32e, Model::Vlp16, Model::Hdl32e]);
+        for expected in [Model::Vlp16, Model::Hdl32e] {
+            assert_eq!(OtherModel::find(std::slice::from_ref(&file), expected).expect("reads"), None);
+        }
+    }
+}
