@@ -27,6 +27,7 @@ mod model;
 mod packet;
 mod position;
 mod receiver;
+mod reorder;
 mod revolutions;
 mod stats;
 mod sweeps;

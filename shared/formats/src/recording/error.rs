@@ -79,6 +79,12 @@ pub enum ForeignFile {
         /// Topics of the recording.
         found: Vec<String>,
     },
+    /// A reader of ticks without topics: nothing would tell where the recording ends.
+    #[error("no topic was requested; the recording has {}", found.join(", "))]
+    NoTopicRequested {
+        /// Topics of the recording.
+        found: Vec<String>,
+    },
     /// A message was written to a topic that the recording was not created with.
     #[error("topic {0} was not declared when the recording was created")]
     UndeclaredTopic(String),
