@@ -16,6 +16,10 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 const SPAN_NANOS: i64 = 1_000_000_000;
 /// Data and position packets that are examined: two seconds of an HDL-32E. A receiver sends a sentence every second.
 const MAX_PACKETS: usize = 4096;
+/// Time after the first data packet within which a fix of the receiver is awaited, ns.
+const MAX_SPAN_NANOS: i64 = 3_000_000_000;
+/// Senders of other data packets that are reported.
+const MAX_OTHERS: usize = 8;
 /// UDP packets that are examined. Other devices on the network of the sensor send more packets than it does.
 pub(super) const MAX_EXAMINED: usize = 65_536;
 /// Data packets whose times are compared.
@@ -37,7 +41,8 @@ pub(super) struct StreamInfo {
 pub(super) enum Detection {
     /// All properties are known.
     Found(StreamInfo),
-    /// There is no data packet of a supported sensor, or of the requested model. Contains the errors of damaged captures.
+    /// There is no data packet of a supported sensor, or of the requested model. Contains the other sensors that were found and the
+    /// errors of damaged captures.
     NoSensor(Vec<String>),
     /// The recording is still being written, and later packets may change the result.
     NeedsMorePackets,
@@ -59,6 +64,8 @@ struct Search {
     candidates: Vec<Candidate>,
     /// Offset of the capturing machine from GNSS time, by the address of the sender.
     host_ahead_nanos: BTreeMap<Ipv4Addr, i64>,
+    /// Data packets that are not considered, by sender and product byte.
+    others: BTreeMap<(SocketAddrV4, u8), (Option<Model>, usize)>,
     /// Capture time of the first data packet.
     first: Option<Stamp>,
     n_packets: usize,
@@ -80,7 +87,8 @@ pub(super) fn detect(mut captures: Captures, model: Option<Model>) -> Result<Det
             break;
         }
     }
-    Ok(search.result().map_or_else(|| Detection::NoSensor(captures.damage().to_vec()), Detection::Found))
+    let reasons = || search.others().chain(captures.damage().iter().cloned()).collect();
+    Ok(search.result().map_or_else(|| Detection::NoSensor(reasons()), Detection::Found))
 }
 
 impl Search {
@@ -97,7 +105,10 @@ impl Search {
             Some(model) => Some(model).filter(|model| model.may_have_sent(packet)),
             None => Model::of_packet(packet),
         };
-        let Some(model) = sender else { return };
+        let Some(model) = sender else {
+            self.add_other(arrival.source, packet);
+            return;
+        };
         self.first.get_or_insert(arrival.captured);
         let (sensor, port) = (arrival.source, arrival.port);
         let known = self.candidates.iter().position(|one| (one.model, one.sensor, one.port) == (model, sensor, port));
@@ -112,14 +123,33 @@ impl Search {
         }
     }
 
+    fn add_other(&mut self, source: SocketAddrV4, packet: DataPacket<'_>) {
+        let key = (source, packet.product());
+        if self.others.len() < MAX_OTHERS || self.others.contains_key(&key) {
+            self.others.entry(key).or_insert((Model::of_packet(packet), 0)).1 += 1;
+        }
+    }
+
+    /// The sensors that are not considered.
+    fn others(&self) -> impl Iterator<Item = String> {
+        self.others.iter().map(|((source, product), (model, n))| {
+            let name = model.map_or_else(|| format!("an unknown sensor (product byte {product:#04x})"), |m| m.name().to_owned());
+            format!("{n} data packets of {name} come from {source}")
+        })
+    }
+
     /// The candidate with most packets; the first of several.
     fn best(&self) -> Option<&Candidate> {
         self.candidates.iter().rev().max_by_key(|candidate| candidate.n_packets)
     }
 
-    /// Whether later packets cannot change the result.
+    /// Whether enough was examined.
     fn is_complete(&self, now: Stamp) -> bool {
-        let is_over = self.first.is_some_and(|first| now.0.saturating_sub(first.0) >= SPAN_NANOS);
+        let is_after = |nanos: i64| self.first.is_some_and(|first| now.0.saturating_sub(first.0) >= nanos);
+        if is_after(MAX_SPAN_NANOS) {
+            return true;
+        }
+        let is_over = is_after(SPAN_NANOS);
         let is_known =
             |one: &Candidate| one.times.len() == TIMES && self.host_ahead_nanos.contains_key(one.sensor.ip());
         is_over && self.best().is_some_and(is_known)

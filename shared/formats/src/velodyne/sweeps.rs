@@ -25,14 +25,14 @@ pub enum SweepError {
     #[error(transparent)]
     Capture(#[from] PcapError),
     /// The captures contain no packets of a supported sensor.
-    #[error("{path}: no data packet of {wanted} in the first {MAX_EXAMINED} UDP packets{damage}", path = path.display())]
+    #[error("{path}: no data packet of {wanted} in the first {MAX_EXAMINED} UDP packets{reasons}", path = path.display())]
     NoSensor {
         /// The first capture.
         path: PathBuf,
         /// Models that were searched.
         wanted: String,
-        /// Errors of damaged captures, each with a leading `; `.
-        damage: String,
+        /// Sensors of other models and errors of damaged captures, each with a leading `; `.
+        reasons: String,
     },
     /// A saved position does not belong to these captures.
     #[error("no data packet at byte {offset} of {path}; was the file changed after the position was saved?", path = path.display())]
@@ -120,11 +120,12 @@ impl SweepReader {
     /// Most returns of a sweep.
     pub const MAX_RETURNS: usize = MAX_RETURNS + MAX_RETURNS_PER_PACKET;
 
-    /// Opens a recording, which may consist of several captures. Without `model`, the model is detected from the first data packet.
+    /// Opens a recording, which may consist of several captures. Without `model`, the model is that of
+    /// most data packets of the first second.
     pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
         match detect(Captures::new(files.clone()), model)? {
             Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
-            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
             Detection::NeedsMorePackets => Err(no_sensor(files, model, &[])),
         }
     }
@@ -147,7 +148,7 @@ impl SweepReader {
                 Ok(Some(Self::new(captures, &stream)))
             }
             Detection::NeedsMorePackets => Ok(None),
-            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
         }
     }
 
@@ -329,8 +330,8 @@ impl SweepReader {
     }
 }
 
-fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, damage: &[String]) -> SweepError {
+fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, reasons: &[String]) -> SweepError {
     let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
-    let damage = damage.iter().flat_map(|text| ["; ", text]).collect();
-    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, damage }
+    let reasons = reasons.iter().flat_map(|text| ["; ", text]).collect();
+    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, reasons }
 }
