@@ -12,6 +12,7 @@ use crate::resources::lacks_shared_memory;
 use crate::run_folder::domain_of;
 use ipc::Transport;
 use problems::Problems;
+use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use run::launch_file::{LaunchFile, render};
 use run::{CheckRequest, Context, Mode};
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ pub fn plan(path: &Path, overrides: &[String], selection: &Selection) -> Result<
 /// As [`plan`]: reads `copy` as if it were the launch file at `path`. Both are absolute.
 pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
     let file = LaunchFile::load(copy, overrides).map_err(|problems| {
-        let text = std::fs::read_to_string(copy).unwrap_or_default();
+        let text = read_text(copy, MAX_SETTINGS_BYTES).unwrap_or_default();
         problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
     })?;
     let mut problems = Problems::new(&file);

@@ -1,10 +1,16 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
 use crate::Problem;
+use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Syntax errors that are reported; a person reads no more.
+const MAX_ERRORS: usize = 20;
+/// Tables of a launch file: one for each stage and three of the run. The largest pipeline has a tenth.
+const MAX_TABLES: usize = 256;
 
 /// A parsed launch.toml with the overrides of the command line applied to it.
 #[derive(Debug)]
@@ -19,7 +25,7 @@ impl LaunchFile {
     /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text, or `!table.key`, which removes
     /// the key. All problems are reported, not only the first.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, Vec<Problem>> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path, MAX_SETTINGS_BYTES)
             .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
         Self::parse(path, text, overrides)
     }
@@ -31,6 +37,7 @@ impl LaunchFile {
         let (parsed, errors) = DeTable::parse_recoverable(text);
         let mut problems: Vec<Problem> = errors
             .iter()
+            .take(MAX_ERRORS)
             .map(|error| Problem {
                 key: String::new(),
                 span: error.span(),
@@ -38,6 +45,10 @@ impl LaunchFile {
             })
             .collect();
         let mut root = parsed.into_inner();
+        if root.len() > MAX_TABLES {
+            let text = format!("has {} tables, must have up to {MAX_TABLES}", root.len());
+            problems.push(Problem::of_key("", text));
+        }
         let mut overridden = Vec::new();
         for text in overrides {
             match apply(&mut root, text) {

@@ -96,6 +96,16 @@ pub enum RecordFault {
     /// The MCAP library reported an error.
     #[error("{0}")]
     Mcap(String),
+    /// A text is longer than the record that contains it.
+    #[error("{record} has a text of {found} bytes where {left} bytes are left")]
+    TextLength {
+        /// Kind of the record.
+        record: &'static str,
+        /// Length of the text.
+        found: u64,
+        /// Bytes to the end of the record.
+        left: usize,
+    },
     /// Chunks are compressed.
     #[error("chunks are compressed with {0}, recordings are not; decompress the file with `mcap decompress`")]
     Compressed(String),
