@@ -90,7 +90,11 @@ impl Doubts<'_> {
         self.damaged("bad_images", share_of(&tally.images), "of the images are damaged or have the wrong size");
         self.damaged("bad_mosaics", share_of(&tally.mosaics), "of the mosaics are damaged or have the wrong size");
         let n_lines = tally.bad_imu_lines + tally.imu_samples;
-        self.damaged("bad_imu_lines", share(tally.bad_imu_lines, n_lines), "of the IMU lines are damaged or impossible");
+        self.damaged(
+            "bad_imu_lines",
+            share(tally.bad_imu_lines, n_lines),
+            "of the IMU lines are damaged or impossible",
+        );
         self.damaged("bad_sweeps", share(n_bad_sweeps, n_sweeps), "of the sweep files cannot be read");
     }
 

@@ -299,7 +299,8 @@ impl Recorded {
         }
         let frames = || self.drive.camera_frames().iter().chain(self.drive.mosaic_frames());
         if let Some(first) = self.at.first {
-            let is_outside = |frame: &&Frame| frame.stamp.0 < first || self.at.is_complete && frame.stamp.0 >= self.at.end;
+            let is_outside =
+                |frame: &&Frame| frame.stamp.0 < first || self.at.is_complete && frame.stamp.0 >= self.at.end;
             doubts.outside(frames().filter(is_outside).count() as u64, frames().count() as u64);
         }
         doubts.silent(&self.silent_sensors());
@@ -322,7 +323,10 @@ impl Recorded {
             }
         }
         if self.at.begun.is_some_and(|begun| self.at.end - begun >= MIN_SENSOR_NANOS) {
-            let logs = [("gnss", manifest.gnss.is_some(), self.tally.fixes), ("imu", manifest.imu.is_some(), self.tally.imu_samples)];
+            let logs = [
+                ("gnss", manifest.gnss.is_some(), self.tally.fixes),
+                ("imu", manifest.imu.is_some(), self.tally.imu_samples),
+            ];
             let silent = logs.iter().filter(|(_, is_named, n)| *is_named && *n == 0);
             sensors.extend(silent.map(|(name, ..)| (*name).to_owned()));
         }

@@ -23,7 +23,8 @@ pub struct TomlFile {
 impl TomlFile {
     /// Parses a text. Its top-level keys must be among `known`. If the text is not TOML, this is the only problem.
     pub fn new(path: &Path, text: impl Into<String>, known: &[&str]) -> Self {
-        let mut file = Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new(), n_left_out: 0 };
+        let mut file =
+            Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new(), n_left_out: 0 };
         let text = std::mem::take(&mut file.text);
         match DeTable::parse(&text) {
             Ok(table) => {

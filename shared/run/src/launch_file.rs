@@ -189,6 +189,35 @@ mod tests {
     }
 
     #[test]
+    fn device_or_huge_file_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let refused = |path: &Path| LaunchFile::load(path, &[]).expect_err("refused").remove(0).text;
+        assert_eq!(refused(Path::new("/dev/zero")), "cannot be read: is not a regular file");
+        let path = folder.path().join("launch.toml");
+        std::fs::write(&path, "# long\n".repeat(200_000)).expect("writes");
+        assert!(refused(&path).starts_with("cannot be read: has more than 1048576 bytes"));
+        let tables: Vec<String> = (0..1000).map(|k| format!("[stage_{k}]\n")).collect();
+        std::fs::write(&path, tables.concat()).expect("writes");
+        assert_eq!(refused(&path), "has 1000 tables, must have up to 256");
+    }
+
+    #[test]
+    fn first_unknown_keys_of_a_table_are_reported_and_the_others_are_counted() {
+        crate::settings! {
+            /// Settings of the test.
+            pub struct Small {
+                /// A size, m.
+                pub size_m: f64 = 1.0 => crate::at_least(0.0);
+            }
+        }
+        let text = (0..50_000).map(|k| format!("size_{k} = 1\n")).collect::<Vec<_>>().concat();
+        let table = DeTable::parse(&text).expect("parses");
+        let (_, problems) = crate::parse_table::<Small>(table.get_ref());
+        assert_eq!(problems.len(), 21);
+        assert_eq!(problems[20].text, "49980 more unknown keys");
+    }
+
+    #[test]
     fn override_replaces_value_and_needs_no_quotes() {
         let overrides = ["run.drive=/data/drive 7".to_owned(), "infer.modell=4".to_owned(), "new.key=true".to_owned()];
         let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &overrides).expect("parses");

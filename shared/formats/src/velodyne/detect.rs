@@ -133,7 +133,8 @@ impl Search {
     /// The sensors that are not considered.
     fn others(&self) -> impl Iterator<Item = String> {
         self.others.iter().map(|((source, product), (model, n))| {
-            let name = model.map_or_else(|| format!("an unknown sensor (product byte {product:#04x})"), |m| m.name().to_owned());
+            let name = model
+                .map_or_else(|| format!("an unknown sensor (product byte {product:#04x})"), |m| m.name().to_owned());
             format!("{n} data packets of {name} come from {source}")
         })
     }

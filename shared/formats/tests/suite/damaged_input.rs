@@ -341,7 +341,7 @@ fn damaged_manifests_do_not_panic() {
 fn manifest_with_many_problems_is_refused_with_the_first_ones() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("drive.toml");
-    let keys: String = (0..50_000).map(|k| format!("key_{k} = 1\n")).collect();
+    let keys = (0..50_000).map(|k| format!("key_{k} = 1\n")).collect::<Vec<_>>().concat();
     let cameras = "[[camera]]\nname = 1\n".repeat(40_000);
     for text in [keys, cameras] {
         std::fs::write(&path, text).expect("writes");
@@ -362,7 +362,10 @@ fn texts_of_a_recording_longer_than_their_record_are_refused() {
         // Schema: id, name. Channel: id, schema, topic. Metadata: name, then a map with a key.
         (3_u8, [&1_u16.to_le_bytes()[..], &u32::MAX.to_le_bytes(), b"x"].concat()),
         (4, [&[1, 0, 1, 0][..], &1_760_000_000_u32.to_le_bytes(), b"x"].concat()),
-        (12, [&1_u32.to_le_bytes()[..], b"r", &8_u32.to_le_bytes(), &3_000_000_000_u32.to_le_bytes(), b"abcd"].concat()),
+        (
+            12,
+            [&1_u32.to_le_bytes()[..], b"r", &8_u32.to_le_bytes(), &3_000_000_000_u32.to_le_bytes(), b"abcd"].concat(),
+        ),
     ] {
         let mut bytes = b"\x89MCAP0\r\n".to_vec();
         bytes.extend([&[opcode][..], &(body.len() as u64).to_le_bytes(), &body].concat());

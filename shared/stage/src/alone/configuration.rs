@@ -121,7 +121,8 @@ pub(super) fn configure(
 /// layout.
 fn recorded_topics(program: &dyn Program, path: &Path) -> Result<Vec<String>, ConfigurationError> {
     let reader = RecordingReader::open(path)?;
-    let recorded: Vec<String> = reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect();
+    let recorded: Vec<String> =
+        reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect();
     for port in program.inputs().iter().map(Port::describe) {
         let (path, topic, stage) = (path.to_owned(), port.topic, program.name());
         let Some(found) = reader.topics().iter().find(|found| found.name == topic) else {
