@@ -55,7 +55,10 @@ impl Stage for Acquire {
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         match &mut self.0 {
-            Source::Recorded(_) => Ok(()),
+            Source::Recorded(drive) => {
+                drive.finish(outputs);
+                Ok(())
+            }
             Source::Live(sensor) => sensor.finish(outputs),
         }
     }

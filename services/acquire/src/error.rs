@@ -1,4 +1,4 @@
-//! Why a live sensor cannot be received or recorded.
+//! Why a live sensor cannot be received or recorded, and what has no sweeps.
 
 use std::io;
 use std::net::SocketAddrV4;
@@ -25,6 +25,18 @@ pub(crate) enum LiveError {
     Outside(String),
     #[error("{} holds {n} captures of an earlier run; use another folder", folder.display())]
     Used { folder: PathBuf, n: usize },
+}
+
+/// Packets or files without a sweep.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum NoSweepError {
+    #[error(
+        "no sweep in the {part} ({n_partial} partial, {n_packets} data packets, {n_foreign} foreign packets, {n_bad} unreadable \
+         sweep files); check lidar.model, start_s, end_s and min_turn"
+    )]
+    Recorded { part: String, n_partial: u64, n_packets: u64, n_foreign: u64, n_bad: u64 },
+    #[error("no sweep in {seconds:.1} s of packets ({n_packets} received, limit max_undecoded_s = {limit}): {reason}")]
+    Live { seconds: f64, n_packets: u64, limit: f64, reason: String },
 }
 
 impl LiveError {

@@ -1,11 +1,13 @@
 //! Publishes camera files, decoded directly into shared memory.
 
+use crate::jpeg::{is_complete, is_jpeg};
 use formats::drive::Frame;
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::pgm::Pgm;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
 use messages::{ImageHeader, ImageTopic, MosaicHeader, MosaicTopic};
 use stage::{Loan, Outputs, StepError};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 /// Why a frame is not published.
@@ -35,6 +37,8 @@ pub(crate) enum FileFault {
     Pgm(#[from] formats::pgm::PgmError),
     #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
     Size { found: [u32; 2], expected: [u32; 2] },
+    #[error("the JPEG data ends after {n_bytes} bytes without the end of the image; the file is cut")]
+    Cut { n_bytes: usize },
     #[error("samples up to {max}, must be up to {limit} for a bit depth of {bit_depth}")]
     Depth { max: u32, limit: u32, bit_depth: u32 },
 }
@@ -48,9 +52,13 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     let fault = |error: image::ImageError| file_fault(&frame.path, error);
     let io_fault = |error: std::io::Error| file_fault(&frame.path, error);
     let (width, height) = entry.model.size();
-    let reader = ImageReader::open(&frame.path).map_err(io_fault)?.with_guessed_format().map_err(io_fault)?;
+    let bytes = std::fs::read(&frame.path).map_err(io_fault)?;
+    let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(io_fault)?;
     let decoder = reader.into_decoder().map_err(fault)?;
     check_size(&frame.path, decoder.dimensions(), (width, height))?;
+    if is_jpeg(&bytes) && !is_complete(&bytes) {
+        return Err(file_fault(&frame.path, FileFault::Cut { n_bytes: bytes.len() }));
+    }
     let n_bytes = width as usize * height as usize * 3;
     let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
     let pixels = room(&mut loan, n_bytes)?;

@@ -7,14 +7,17 @@
 //! In live mode the packets of a LiDAR on the network are first recorded, then decoded from the growing recording
 //! (`docs/guide/live.md`).
 //!
-//! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data.
+//! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data. If too large a
+//! share of a sensor's data is damaged or missing, the run ends with a doubt; without any sweep it fails.
 
 mod acquire;
+mod doubts;
 mod drops;
 mod error;
 mod events;
 mod frames;
 mod inertial;
+mod jpeg;
 mod live;
 mod odometer;
 mod publish;
@@ -39,6 +42,19 @@ stage::settings! {
         pub trigger_m: f64 = 1.0 => stage::within(0.0, 1000.0);
         /// Least share of a revolution, 0 to 1. Smaller sweeps, as at both ends of a recording, are skipped.
         pub min_turn: f64 = 0.25 => stage::within(0.0, 1.0);
+        /// Largest share of damaged data, 0 to 1: undecodable blocks and late packets, bytes behind the damage of a capture, images,
+        /// IMU lines and NMEA lines that cannot be used. A larger share is a doubt. Sound disks and cables damage far less than one
+        /// part in a hundred.
+        pub max_damaged_share: f64 = 0.01 => stage::within(0.0, 1.0);
+        /// Largest share of packets that are not the LiDAR's, 0 to 1. A larger share is a doubt: the sweeps may be those of the
+        /// wrong sensor. Captures of a whole network have a third to a half.
+        pub max_foreign_share: f64 = 0.5 => stage::within(0.0, 1.0);
+        /// Largest share of exposures before the first or after the last sweep, 0 to 1. A larger share is a doubt: cameras begin and
+        /// end a few exposures apart from the LiDAR, but a wrong clock places all exposures outside.
+        pub max_outside_share: f64 = 0.1 => stage::within(0.0, 1.0);
+        /// Least share of GNSS epochs with position and height, 0 to 1. A smaller share is a doubt: a log of RMC without GGA
+        /// sentences has no heights, and a receiver without sky has no positions.
+        pub min_fix_share: f64 = 0.5 => stage::within(0.0, 1.0);
         /// Live: IPv4 address and UDP port of the LiDAR's data packets; 0.0.0.0:2368 for a sensor that broadcasts.
         pub listen: String = "127.0.0.1:2368".to_owned() => stage::any();
         /// Live: IPv4 address and UDP port of the LiDAR's position packets.
@@ -52,6 +68,8 @@ stage::settings! {
         pub recording: String = "recording".to_owned() => stage::any();
         /// Live: time without packets after which the run ends, s; 0 = never.
         pub quiet_s: f64 = 0.0 => stage::within(0.0, 86_400.0);
+        /// Live: time with packets and without a sweep after which the run fails, s; 0 = never. The model is known after at most 3 s.
+        pub max_undecoded_s: f64 = 5.0 => stage::within(0.0, 3600.0);
         /// Live: largest backlog of revolutions; with a larger one decoding continues at the newest complete revolution.
         pub max_behind: u32 = 5 => stage::within(2, 100_000);
     }

@@ -5,7 +5,8 @@
 //! process begins the next capture and decodes that one, so its saved state is empty.
 
 use crate::Settings;
-use crate::error::LiveError;
+use crate::doubts::Doubts;
+use crate::error::{LiveError, NoSweepError};
 use crate::publish::{ReportedCounts, publish_fixes, publish_sweep};
 use crate::receiver::{Receiver, Sockets, bind};
 use crate::recording::{self, Recording};
@@ -49,6 +50,9 @@ pub(crate) struct Live {
     revolution_bytes: u64,
     reported: ReportedCounts,
     n_packets: u64,
+    n_sweeps: u64,
+    gnss_rows: u64,
+    n_fixes: u64,
 }
 
 /// The sweep whose packets are arriving.
@@ -134,6 +138,9 @@ impl Live {
             revolution_bytes: 0,
             reported: ReportedCounts::default(),
             n_packets: 0,
+            n_sweeps: 0,
+            gnss_rows: 0,
+            n_fixes: 0,
         })
     }
 
@@ -147,7 +154,11 @@ impl Live {
             if self.settings.quiet_s > 0.0 && self.receiver.silent_s() >= self.settings.quiet_s {
                 self.receiver.close();
             }
-            match self.advance(outputs)? {
+            let advance = self.advance(outputs)?;
+            if matches!(advance, Advance::Waiting) {
+                self.check_decoded()?;
+            }
+            match advance {
                 Advance::Waiting if self.receiver.wait(until) => {}
                 Advance::Published | Advance::Waiting => break Flow::Continue,
                 Advance::Ended => break Flow::End,
@@ -173,7 +184,43 @@ impl Live {
             }
         }
         self.report_counts(outputs);
+        self.report_doubts(outputs);
         Ok(())
+    }
+
+    fn report_doubts(&self, outputs: &mut Outputs) {
+        if self.n_sweeps == 0 && self.n_packets > 0 {
+            let text = format!("{} packets were received and recorded, none of them gave a sweep", self.n_packets);
+            outputs.doubt("no_sweep", self.n_packets as f64, text);
+        }
+        if let Some(reader) = &self.reader {
+            let mut doubts = Doubts { settings: &self.settings, outputs };
+            let n_bytes = self.receiver.frontier().whole_bytes();
+            doubts.captures(&reader.stats(), n_bytes);
+            doubts.log(&reader.log_stats(), self.gnss_rows, self.n_fixes);
+        }
+    }
+
+    /// Fails if packets have arrived for too long, all of them were read, and none gave a sweep.
+    fn check_decoded(&self) -> Result<(), StepError> {
+        let (seconds, limit) = (self.receiver.span_s(), self.settings.max_undecoded_s);
+        if self.n_sweeps > 0 || limit == 0.0 || seconds < limit || self.receiver.frontier().is_closed() {
+            return Ok(());
+        }
+        let reason = match &self.reader {
+            Some(reader) => {
+                let (model, stats) = (reader.model().name(), reader.stats());
+                format!(
+                    "{} data packets of {model}, {} foreign packets, {} late packets",
+                    stats.data_packets, stats.foreign_packets, stats.late_packets
+                )
+            }
+            None => match SweepReader::open(self.recording.captures().to_vec(), self.model) {
+                Err(error) => error.to_string(),
+                Ok(_) => "too few data packets to detect the model".to_owned(),
+            },
+        };
+        Err(StepError::data(NoSweepError::Live { seconds, n_packets: self.receiver.n_packets(), limit, reason }))
     }
 
     pub(crate) fn save() -> Result<Vec<u8>, StepError> {
@@ -215,7 +262,10 @@ impl Live {
             match std::mem::replace(&mut self.current, CurrentSweep::None) {
                 CurrentSweep::Points(loan) if info.turn >= self.settings.min_turn => {
                     publish_sweep(loan, &info, reader.model(), outputs)?;
-                    publish_fixes(&reader.take_fixes(), outputs)?;
+                    let fixes = reader.take_fixes();
+                    self.n_fixes += fixes.len() as u64;
+                    self.gnss_rows += publish_fixes(&fixes, outputs)?;
+                    self.n_sweeps += 1;
                     outputs.set_drive_time(info.stamp.0);
                     self.measure(&info, place);
                     return Ok(Advance::Published);

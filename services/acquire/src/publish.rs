@@ -22,14 +22,15 @@ pub(crate) fn publish_sweep(
     outputs.publish(loan, sweep.stamp.0)
 }
 
-/// Publishes the fixes that have a height.
-pub(crate) fn publish_fixes(fixes: &[Fix], outputs: &mut Outputs) -> Result<(), StepError> {
+/// Publishes the fixes that have a height. Returns their number.
+pub(crate) fn publish_fixes(fixes: &[Fix], outputs: &mut Outputs) -> Result<u64, StepError> {
     let rows: Vec<GnssRow> = fixes.iter().filter_map(gnss_row).collect();
     let n_without_height = fixes.len() - rows.len();
     if n_without_height > 0 {
         outputs.count("gnss_without_height", n_without_height as u64);
     }
-    publish_rows::<GnssTopic>(&rows, rows.first().map(|row| row.stamp), outputs)
+    publish_rows::<GnssTopic>(&rows, rows.first().map(|row| row.stamp), outputs)?;
+    Ok(rows.len() as u64)
 }
 
 /// Publishes one message with the rows of a tick; none without rows.

@@ -77,6 +77,8 @@ pub(crate) struct Receiver {
 struct Shared {
     stop: AtomicBool,
     n_packets: AtomicU64,
+    /// Time from the first to the last packet.
+    span_millis: AtomicU64,
     silent_millis: AtomicU64,
     error: Mutex<Option<io::Error>>,
     /// Notified when the file has grown. The thread never takes the lock, so a notification may be missed; waits are short.
@@ -126,6 +128,11 @@ impl Receiver {
         self.shared.silent_millis.load(Ordering::Relaxed) as f64 * 1e-3
     }
 
+    /// Time from the first to the last packet, s.
+    pub(crate) fn span_s(&self) -> f64 {
+        self.shared.span_millis.load(Ordering::Relaxed) as f64 * 1e-3
+    }
+
     /// Packets dropped by the kernel since the last call.
     pub(crate) fn take_dropped(&mut self) -> u64 {
         self.update_dropped();
@@ -171,7 +178,7 @@ impl Drop for Receiver {
 fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Result<()> {
     let mut packet = vec![0; MAX_PACKET];
     let mut flushed = Instant::now();
-    let mut last_packet = None;
+    let (mut first_packet, mut last_packet) = (None, None);
     while !shared.stop.load(Ordering::Relaxed) {
         let timeout = if recorder.has_unwritten() { FLUSH } else { IDLE };
         let mut n_packets = 0;
@@ -182,7 +189,10 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
         }
         shared.n_packets.fetch_add(n_packets, Ordering::Relaxed);
         if n_packets > 0 {
-            last_packet = Some(Instant::now());
+            let now = Instant::now();
+            last_packet = Some(now);
+            let span = now - *first_packet.get_or_insert(now);
+            shared.span_millis.store(span.as_millis() as u64, Ordering::Relaxed);
         }
         let silent = last_packet.map_or(Duration::ZERO, |last: Instant| last.elapsed());
         shared.silent_millis.store(silent.as_millis() as u64, Ordering::Relaxed);

@@ -1,6 +1,8 @@
 //! Publishes a recorded drive sweep by sweep.
 
 use crate::Settings;
+use crate::doubts::{Doubts, Tally};
+use crate::error::NoSweepError;
 use crate::events::Events;
 use crate::frames::{FrameError, publish_image, publish_mosaic};
 use crate::inertial::Inertial;
@@ -16,9 +18,11 @@ use serde::{Deserialize, Serialize};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 2;
+const STATE_VERSION: u32 = 3;
 /// Damaged files that are reported one by one; the counters include all of them.
 const MAX_REPORTED: usize = 10;
+/// A shorter part of a drive may lie between two fixes.
+const MIN_SENSOR_NANOS: i64 = 2_000_000_000;
 /// Fixes per tick at most: 200 s of a receiver at 20 Hz, after a gap in the sweeps.
 const MAX_FIXES: usize = 4096;
 
@@ -34,6 +38,7 @@ pub(crate) struct Recorded {
     /// Counts for the first tick.
     initial: InitialCounts,
     at: Position,
+    tally: Tally,
     /// Damaged files reported so far.
     n_reported: usize,
     n_damage_reported: usize,
@@ -46,14 +51,21 @@ pub(crate) struct Recorded {
 struct Position {
     /// Stamp of the first sweep of the drive.
     first: Option<i64>,
-    /// Whether a sweep was published.
-    has_begun: bool,
+    /// End of the last sweep that was read.
+    end: i64,
+    /// Stamp of the first sweep that was published.
+    begun: Option<i64>,
+    /// Whether the last sweep of the drive was read.
+    is_complete: bool,
+    n_sweeps: u64,
+    n_partial: u64,
 }
 
 #[derive(Serialize, Deserialize)]
 struct SavedState {
     source: SourcePosition,
     at: Position,
+    tally: Tally,
     images: u64,
     mosaics: u64,
     fixes: u64,
@@ -66,6 +78,7 @@ struct InitialCounts {
     skipped_mosaics: u64,
     strange_files: u64,
     log: LogStats,
+    n_fixes: u64,
     without_height: u64,
 }
 
@@ -88,21 +101,23 @@ impl Recorded {
         let mut errors = Vec::new();
         for frame in self.images.take_before(end, ImageTopic::QUEUE) {
             let Some(entry) = manifest.cameras.get(frame.camera) else { continue };
-            keep_file_error(publish_image(frame, entry, outputs), "bad_images", &mut errors)?;
+            let is_bad = keep_file_error(publish_image(frame, entry, outputs), "bad_images", &mut errors)?;
+            self.tally.images.add(is_bad);
         }
         for frame in self.mosaics.take_before(end, MosaicTopic::QUEUE) {
             let Some(entry) = manifest.mosaics.get(frame.camera) else { continue };
-            keep_file_error(publish_mosaic(frame, entry, outputs), "bad_mosaics", &mut errors)?;
+            let is_bad = keep_file_error(publish_mosaic(frame, entry, outputs), "bad_mosaics", &mut errors)?;
+            self.tally.mosaics.add(is_bad);
         }
         let of_packets = self.source.take_fixes();
-        if manifest.gnss.is_some() {
-            publish_fixes(self.fixes.take_before(end, MAX_FIXES), outputs)?;
-        } else {
-            publish_fixes(&of_packets, outputs)?;
-        }
+        let fixes = if manifest.gnss.is_some() { self.fixes.take_before(end, MAX_FIXES) } else { &of_packets };
+        self.tally.fixes += fixes.len() as u64;
+        self.tally.gnss_rows += publish_fixes(fixes, outputs)?;
         let samples = self.inertial.take_before(end);
         publish_rows::<ImuTopic>(&samples, samples.first().map(|row| row.stamp), outputs)?;
+        self.tally.imu_samples += samples.len() as u64;
         let (n_bad, error) = self.inertial.take_errors();
+        self.tally.bad_imu_lines += n_bad;
         if n_bad > 0 {
             outputs.count("bad_imu_lines", n_bad);
         }
@@ -172,6 +187,7 @@ impl Recorded {
         while let Some((loan, sweep)) = sweep::next(&mut self.source, outputs)? {
             let first = *self.at.first.get_or_insert(sweep.stamp.0);
             let seconds = (sweep.stamp.0 - first) as f64 * 1e-9;
+            self.at.end = sweep.stamp.0 + i64::from(sweep.duration_nanos);
             if self.settings.end_s > 0.0 && seconds >= self.settings.end_s {
                 return Ok(None);
             }
@@ -181,16 +197,19 @@ impl Recorded {
             }
             if sweep.turn < self.settings.min_turn {
                 outputs.count("partial_sweeps", 1);
+                self.at.n_partial += 1;
                 continue;
             }
+            self.at.n_sweeps += 1;
             return Ok(Some((loan, sweep)));
         }
+        self.at.is_complete = true;
         Ok(None)
     }
 
     /// Skips measurements of other sensors before the first sweep.
     fn begin(&mut self, begin: i64, outputs: &mut Outputs) {
-        self.at.has_begun = true;
+        self.at.begun = Some(begin);
         let n_early = self.images.skip_before(begin) + self.mosaics.skip_before(begin);
         self.fixes.skip_before(begin);
         let before = self.inertial.take_errors();
@@ -200,6 +219,7 @@ impl Recorded {
         }
         if before.0 > 0 {
             outputs.count("bad_imu_lines", before.0);
+            self.tally.bad_imu_lines += before.0;
         }
     }
 
@@ -232,6 +252,7 @@ impl Recorded {
         let (images, skipped_images) = trigger.thin_out(drive.camera_frames(), &odometer);
         let (mosaics, skipped_mosaics) = trigger.thin_out(drive.mosaic_frames(), &odometer);
         let without_height = fixes.iter().filter(|fix| fix.altitude_m.is_none()).count() as u64;
+        let n_fixes = fixes.len() as u64;
         let strange_files = drive.strange_files().len() as u64;
         let inertial = Inertial::new(drive.imu().map_err(StepError::io)?);
         Ok(Self {
@@ -241,8 +262,9 @@ impl Recorded {
             mosaics: Events::new(mosaics, |frame| frame.stamp.0),
             fixes: Events::new(fixes, |fix| fix.stamp.0),
             inertial,
-            initial: InitialCounts { skipped_images, skipped_mosaics, strange_files, log, without_height },
+            initial: InitialCounts { skipped_images, skipped_mosaics, strange_files, log, n_fixes, without_height },
             at: Position::default(),
+            tally: Tally::default(),
             n_reported: 0,
             n_damage_reported: 0,
             reported: ReportedCounts::default(),
@@ -256,6 +278,9 @@ impl Recorded {
         let next = self.next_sweep(outputs)?;
         self.count_losses(outputs);
         let Some((loan, sweep)) = next else {
+            if self.at.begun.is_none() {
+                return Err(StepError::data(self.no_sweep()));
+            }
             let n_late = self.images.n_left() + self.mosaics.n_left();
             if n_late > 0 {
                 outputs.count("frames_after_sweeps", n_late);
@@ -263,7 +288,7 @@ impl Recorded {
             outputs.set_progress(1.0);
             return Ok(Flow::End);
         };
-        if !self.at.has_begun {
+        if self.at.begun.is_none() {
             self.report_initial(outputs);
             self.begin(sweep.stamp.0, outputs);
         }
@@ -275,10 +300,76 @@ impl Recorded {
         Ok(Flow::Continue)
     }
 
+    /// Reports the doubts about what was read.
+    pub(crate) fn finish(&self, outputs: &mut Outputs) {
+        let mut doubts = Doubts { settings: &self.settings, outputs };
+        doubts.captures(&self.source.lidar_stats(), self.source.capture_bytes());
+        let n_bad_clouds = self.source.n_bad_clouds();
+        doubts.files(&self.tally, self.at.n_sweeps + n_bad_clouds, n_bad_clouds);
+        if self.drive.manifest().gnss.is_some() {
+            let n_fixes = self.initial.n_fixes;
+            doubts.log(&self.initial.log, n_fixes - self.initial.without_height, n_fixes);
+        } else {
+            doubts.log(&self.source.log_stats(), self.tally.gnss_rows, self.tally.fixes);
+        }
+        let frames = || self.drive.camera_frames().iter().chain(self.drive.mosaic_frames());
+        if let Some(first) = self.at.first {
+            let is_outside =
+                |frame: &&Frame| frame.stamp.0 < first || self.at.is_complete && frame.stamp.0 >= self.at.end;
+            doubts.outside(frames().filter(is_outside).count() as u64, frames().count() as u64);
+        }
+        doubts.silent(&self.silent_sensors());
+    }
+
+    /// Cameras without a file, and other sensors without a message.
+    fn silent_sensors(&self) -> Vec<String> {
+        let manifest = self.drive.manifest();
+        let has_none = |frames: &[Frame], camera: usize| !frames.iter().any(|frame| frame.camera == camera);
+        let named = |kind: &str, name: &str, folder: &str| format!("{kind} {name} (folder {folder} is empty)");
+        let mut sensors = Vec::new();
+        for (index, entry) in manifest.cameras.iter().enumerate() {
+            if has_none(self.drive.camera_frames(), index) {
+                sensors.push(named("camera", &entry.name, &entry.folder));
+            }
+        }
+        for (index, entry) in manifest.mosaics.iter().enumerate() {
+            if has_none(self.drive.mosaic_frames(), index) {
+                sensors.push(named("mosaic", &entry.name, &entry.folder));
+            }
+        }
+        if self.at.begun.is_some_and(|begun| self.at.end - begun >= MIN_SENSOR_NANOS) {
+            let logs = [
+                ("gnss", manifest.gnss.is_some(), self.tally.fixes),
+                ("imu", manifest.imu.is_some(), self.tally.imu_samples),
+            ];
+            let silent = logs.iter().filter(|(_, is_named, n)| *is_named && *n == 0);
+            sensors.extend(silent.map(|(name, ..)| (*name).to_owned()));
+        }
+        sensors
+    }
+
+    fn no_sweep(&self) -> NoSweepError {
+        let Settings { start_s, end_s, .. } = self.settings;
+        let part = match (start_s > 0.0, end_s > 0.0) {
+            (false, false) => "drive".to_owned(),
+            (_, false) => format!("drive from start_s = {start_s} on"),
+            _ => format!("drive from start_s = {start_s} to end_s = {end_s}"),
+        };
+        let stats = self.source.lidar_stats();
+        NoSweepError::Recorded {
+            part,
+            n_partial: self.at.n_partial,
+            n_packets: stats.data_packets,
+            n_foreign: stats.foreign_packets,
+            n_bad: self.source.n_bad_clouds(),
+        }
+    }
+
     pub(crate) fn save(&mut self) -> Result<Vec<u8>, StepError> {
         let state = SavedState {
             source: self.source.position(),
             at: self.at,
+            tally: self.tally,
             images: self.images.position(),
             mosaics: self.mosaics.position(),
             fixes: self.fixes.position(),
@@ -296,7 +387,7 @@ impl Recorded {
         if !in_drive {
             return Err(StepError::data("the saved state belongs to another drive"));
         }
-        self.at = state.at;
+        (self.at, self.tally) = (state.at, state.tally);
         self.inertial.skip_before(state.inertial);
         let log = if self.drive.manifest().gnss.is_some() { LogStats::default() } else { self.source.log_stats() };
         self.reported = ReportedCounts::up_to(self.source.lidar_stats(), log);
@@ -305,18 +396,18 @@ impl Recorded {
     }
 }
 
-/// Collects errors of damaged files; other errors end the step.
+/// Collects errors of damaged files and returns whether there is one; other errors end the step.
 fn keep_file_error(
     result: Result<(), FrameError>,
     counter: &'static str,
     errors: &mut Vec<(&'static str, FrameError)>,
-) -> Result<(), StepError> {
+) -> Result<bool, StepError> {
     match result {
-        Ok(()) => Ok(()),
+        Ok(()) => Ok(false),
         Err(FrameError::Step(error)) => Err(error),
         Err(error) => {
             errors.push((counter, error));
-            Ok(())
+            Ok(true)
         }
     }
 }

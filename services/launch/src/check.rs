@@ -11,6 +11,7 @@ use crate::plan::{Plan, PlannedStage, Selection};
 use crate::programs;
 use crate::resources::lacks_shared_memory;
 use crate::run_folder::last_domain;
+use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use ipc::Transport;
 use problems::Problems;
 use run::launch_file::{LaunchFile, render};
@@ -26,7 +27,7 @@ pub fn plan(path: &Path, overrides: &[String], selection: &Selection) -> Result<
 /// As [`plan`]: reads `copy` as if it were the launch file at `path`. Both are absolute.
 pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selection) -> Result<Plan, Vec<String>> {
     let file = LaunchFile::load(copy, overrides).map_err(|problems| {
-        let text = std::fs::read_to_string(copy).unwrap_or_default();
+        let text = read_text(copy, MAX_SETTINGS_BYTES).unwrap_or_default();
         problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
     })?;
     let mut problems = Problems::new(&file);

@@ -22,6 +22,7 @@ use crate::manifest::Manifest;
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
 use crate::sensor_calibration::SensorCalibration;
+use crate::text_file::{MAX_SETTINGS_BYTES, read_text};
 use crate::trajectory::trajectory_from_tum;
 use crate::velodyne::{Model, SweepError};
 use geometry::{Rig, Stamp, Trajectory};
@@ -67,9 +68,9 @@ impl Drive {
             return Err(FileProblem::of_file(folder, "not a folder").into());
         }
         let path = folder.join(MANIFEST_FILE);
-        let (read, is_inferred) = match fs::read_to_string(&path) {
+        let (read, is_inferred) = match read_text(&path, MAX_SETTINGS_BYTES) {
             Ok(text) => (read::Read::of_text(&path, text), false),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => (infer::read(folder)?, true),
+            Err(error) if error.is_absent() => (infer::read(folder)?, true),
             Err(error) => return Err(FileProblem::of_file(&path, format!("cannot read the file: {error}")).into()),
         };
         check::drive(folder, read, is_inferred)
@@ -154,7 +155,7 @@ impl Drive {
 
 /// Reads a `drive.toml` in any folder. LiDAR and poses are checked, files are not. The error contains all problems.
 pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
-    let text = fs::read_to_string(path);
+    let text = read_text(path, MAX_SETTINGS_BYTES);
     let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))?;
     check::manifest(read::Read::of_text(path, text))
 }

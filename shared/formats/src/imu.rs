@@ -9,6 +9,11 @@ pub const HEADER: &str = "stamp,ax,ay,az,wx,wy,wz";
 /// Longest line that is read, bytes. Seven numbers need less than 200.
 const MAX_LINE: u64 = 1024;
 
+/// Largest acceleration, m/s^2: one hundred times gravity. Sensors of vehicles end far below, so a larger value is damage.
+pub const MAX_ACCELERATION: f64 = 1000.0;
+/// Largest angular rate, rad/s: sixteen turns per second.
+pub const MAX_ANGULAR_RATE: f64 = 100.0;
+
 /// One sample in the body frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuSample {
@@ -37,7 +42,7 @@ pub enum ImuError {
 }
 
 /// What is wrong with a line.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImuFault {
     /// It is not UTF-8.
     #[error("the line is not text")]
@@ -55,6 +60,18 @@ pub enum ImuFault {
         column: &'static str,
         /// Text found.
         found: String,
+    },
+    /// A column has a value that no vehicle reaches.
+    #[error("{column} {found} must be {} to {limit} {unit}", -limit)]
+    Impossible {
+        /// Name of the column.
+        column: &'static str,
+        /// Text found.
+        found: String,
+        /// Largest absolute value.
+        limit: f64,
+        /// Unit of the value.
+        unit: &'static str,
     },
     /// The stamp is not after the previous one.
     #[error("stamp {stamp} is not after the previous stamp {previous}")]
@@ -100,10 +117,14 @@ impl<R: BufRead> ImuReader<R> {
         let stamp = fields.next().unwrap_or_default();
         let stamp = Stamp(stamp.parse().map_err(|_| ImuFault::Stamp(stamp.to_owned()))?);
         let mut numbers = [0.0; 6];
-        for (number, name) in numbers.iter_mut().zip(HEADER.split(',').skip(1)) {
+        let limits = [(MAX_ACCELERATION, "m/s^2"); 3].into_iter().chain([(MAX_ANGULAR_RATE, "rad/s"); 3]);
+        for ((number, name), (limit, unit)) in numbers.iter_mut().zip(HEADER.split(',').skip(1)).zip(limits) {
             let field = fields.next().ok_or(ImuFault::MissingColumn(name))?;
             let value = field.parse().ok().filter(|value: &f64| value.is_finite());
             *number = value.ok_or_else(|| ImuFault::Number { column: name, found: field.to_owned() })?;
+            if number.abs() > limit {
+                return Err(ImuFault::Impossible { column: name, found: field.to_owned(), limit, unit });
+            }
         }
         if let Some(previous) = self.last.filter(|last| *last >= stamp) {
             return Err(ImuFault::NotRising { stamp, previous });
@@ -184,6 +205,18 @@ mod tests {
         let text = csv_from_samples(&samples());
         let back: Vec<_> = ImuReader::new(text.as_bytes()).map(|sample| sample.expect("reads")).collect();
         assert_eq!(back, samples());
+    }
+
+    #[test]
+    fn values_that_no_vehicle_reaches_are_bad_lines() {
+        let text = format!(
+            "{HEADER}\n1,1000,0,-1000,100,0,-100\n2,1e9,0,9.81,0,0,0\n3,0,0,-1000.1,0,0,0\n4,0,0,9.81,0,100.1,0\n5,0,0,1e300,0,0,0\n"
+        );
+        let (good, bad): (Vec<_>, Vec<_>) = ImuReader::new(text.as_bytes()).partition(Result::is_ok);
+        assert_eq!((good.len(), bad.len()), (1, 4));
+        let texts: Vec<String> = bad.into_iter().map(|error| error.expect_err("is bad").to_string()).collect();
+        assert_eq!(texts[0], "line 3: ax 1e9 must be -1000 to 1000 m/s^2");
+        assert_eq!(texts[2], "line 5: wy 100.1 must be -100 to 100 rad/s");
     }
 
     #[test]

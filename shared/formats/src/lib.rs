@@ -19,6 +19,7 @@ pub mod problems;
 pub mod raw_mosaic;
 pub mod recording;
 pub mod sensor_calibration;
+pub mod text_file;
 pub mod tiff;
 pub mod toml_file;
 pub mod trajectory;

@@ -17,6 +17,7 @@
 mod error;
 mod reader;
 mod table;
+mod texts;
 mod ticks;
 mod writer;
 

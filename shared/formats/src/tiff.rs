@@ -25,11 +25,15 @@ pub enum TiffError {
         /// Supported values.
         expected: String,
     },
-    /// The strips have another size than the image.
-    #[error("TIFF strips hold {found} bytes, the image of {width} x {height} pixels needs {expected}")]
+    /// The strips have another size than the image, or more bytes than the file.
+    #[error(
+        "TIFF strips hold {found} bytes, the image of {width} x {height} pixels needs {expected}; the file has {n_bytes} bytes"
+    )]
     Strips {
         /// Bytes of the strips.
         found: u64,
+        /// Bytes of the file.
+        n_bytes: usize,
         /// Columns.
         width: u32,
         /// Rows.
@@ -69,8 +73,10 @@ impl Tiff {
         let mut limits = Limits::default();
         // A decoded image is as large as its strips.
         limits.decoding_buffer_size = bytes.len();
+        limits.intermediate_buffer_size = bytes.len();
+        limits.ifd_value_size = bytes.len();
         let mut decoder = Decoder::new(Cursor::new(bytes))?.with_limits(limits);
-        let layout = Layout::of(&mut decoder)?;
+        let layout = Layout::of(&mut decoder, bytes.len())?;
         let Layout { width, height, n_bands, bit_depth, .. } = layout;
         let mut decoded = DecodingResult::U8(Vec::new());
         decoder.read_image_to_buffer(&mut decoded)?;
@@ -105,7 +111,8 @@ struct Layout {
 }
 
 impl Layout {
-    fn of(decoder: &mut Decoder<Cursor<&[u8]>>) -> Result<Self, TiffError> {
+    /// `n_bytes`: size of the file.
+    fn of(decoder: &mut Decoder<Cursor<&[u8]>>, n_bytes: usize) -> Result<Self, TiffError> {
         let mut number = |tag: Tag, default: u32, allowed: std::ops::RangeInclusive<u32>| {
             let found = decoder.find_tag_unsigned(tag)?.unwrap_or(default);
             if allowed.contains(&found) {
@@ -131,8 +138,9 @@ impl Layout {
         let strips: Vec<u64> = decoder.find_tag_unsigned_vec(Tag::StripByteCounts)?.unwrap_or_default();
         let found = strips.iter().fold(0, |sum: u64, n_bytes| sum.saturating_add(*n_bytes));
         let expected = u64::from(width) * u64::from(height) * u64::from(n_bands) * u64::from(bit_depth / 8);
-        if found != expected {
-            return Err(TiffError::Strips { found, width, height, expected });
+        // Strips that overlap would make a small file a large image.
+        if found != expected || expected > n_bytes as u64 {
+            return Err(TiffError::Strips { found, n_bytes, width, height, expected });
         }
         let photometric: Option<u16> = decoder.find_tag_unsigned(Tag::PhotometricInterpretation)?;
         let planar: Option<u16> = decoder.find_tag_unsigned(Tag::PlanarConfiguration)?;

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// A file with the problems found so far.
+/// Problems that are reported; a person reads no more, and finding the line of each takes time.
+const MAX_PROBLEMS: usize = 20;
+
+/// A file with the problems found so far, up to 20, and the number of further ones.
 #[derive(Clone, Debug)]
 pub struct TomlFile {
     path: PathBuf,
@@ -14,16 +17,21 @@ pub struct TomlFile {
     text: String,
     is_toml: bool,
     problems: Vec<FileProblem>,
+    n_left_out: usize,
 }
 
 impl TomlFile {
     /// Parses a text. Its top-level keys must be among `known`. If the text is not TOML, this is the only problem.
     pub fn new(path: &Path, text: impl Into<String>, known: &[&str]) -> Self {
-        let mut file = Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new() };
+        let mut file =
+            Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new(), n_left_out: 0 };
         let text = std::mem::take(&mut file.text);
         match DeTable::parse(&text) {
             Ok(table) => {
                 for (key, _) in table.get_ref().iter().filter(|(key, _)| !known.contains(&key.get_ref().as_ref())) {
+                    if file.is_full() {
+                        continue;
+                    }
                     let line = Some(line_of(&text, key.span().start));
                     file.problem(line, key.get_ref(), format!("unknown key; known keys are {}", known.join(", ")));
                 }
@@ -58,7 +66,7 @@ impl TomlFile {
         let read = self.with_table(|text, table| {
             let list = table.get(key)?;
             Some(match list.get_ref() {
-                DeValue::Array(items) => Ok(items.iter().map(|item| value(text, item, members)).collect::<Vec<_>>()),
+                DeValue::Array(items) => Ok(up_to_faults(items.iter().map(|item| value(text, item, members)))),
                 _ => Err(line_of(text, list.span().start)),
             })
         });
@@ -89,6 +97,9 @@ impl TomlFile {
     /// Records a problem with a value, for example of key `camera[2].model.fx`. The line is that of the value or of its nearest
     /// parent.
     pub fn fault(&mut self, key: &str, rule: impl Into<String>) {
+        if self.is_full() {
+            return;
+        }
         let line = self.with_table(|text, table| line_of_key(text, table, key));
         self.problem(line, key, rule);
     }
@@ -111,8 +122,19 @@ impl TomlFile {
     }
 
     /// An error with all problems.
-    pub fn into_error(self) -> FileError {
+    pub fn into_error(mut self) -> FileError {
+        if self.n_left_out > 0 {
+            let rule = format!("{} or more further problems", self.n_left_out);
+            self.problems.push(FileProblem::of_file(&self.path, rule));
+        }
         FileError { problems: self.problems }
+    }
+
+    /// Whether no more problems are kept; then counts one.
+    fn is_full(&mut self) -> bool {
+        let is_full = self.problems.len() >= MAX_PROBLEMS;
+        self.n_left_out += usize::from(is_full);
+        is_full
     }
 
     /// Parses the text again for each entry, because a table borrows from its text.
@@ -121,8 +143,25 @@ impl TomlFile {
     }
 
     fn problem(&mut self, line: Option<usize>, key: &str, rule: impl Into<String>) {
+        if self.is_full() {
+            return;
+        }
         self.problems.push(FileProblem { file: self.path.clone(), line, key: key.to_owned(), rule: rule.into() });
     }
+}
+
+/// The items up to the last fault that is reported: finding the line of a fault takes as long as the file.
+fn up_to_faults<T, E>(items: impl Iterator<Item = Result<T, E>>) -> Vec<Result<T, E>> {
+    let mut n_faults = 0;
+    let mut found = Vec::new();
+    for item in items {
+        n_faults += usize::from(item.is_err());
+        found.push(item);
+        if n_faults > MAX_PROBLEMS {
+            break;
+        }
+    }
+    found
 }
 
 /// The value, or lines and messages of all its faults. `members` are the keys that it must have.
@@ -149,6 +188,9 @@ fn value<T: DeserializeOwned>(
         if !is_known {
             let at = error.span().map_or(begin, |span| line_of(text, span.start));
             faults.push((at, message));
+        }
+        if faults.len() > MAX_PROBLEMS {
+            return Err(faults);
         }
         match error.span().and_then(|span| leave_out(left.get_mut(), &span)) {
             Some(key) => left_out.push(key),

@@ -28,6 +28,7 @@ mod other_model;
 mod packet;
 mod position;
 mod receiver;
+mod reorder;
 mod revolutions;
 mod stats;
 mod sweeps;

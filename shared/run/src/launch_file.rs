@@ -1,10 +1,16 @@
 //! Reads launch.toml. Every problem can be shown with its line.
 
 use crate::Problem;
+use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// Syntax errors that are reported; a person reads no more.
+const MAX_ERRORS: usize = 20;
+/// Tables of a launch file: one for each stage and three of the run. The largest pipeline has a tenth.
+const MAX_TABLES: usize = 256;
 
 /// A parsed launch.toml with the overrides of the command line applied to it.
 #[derive(Debug)]
@@ -21,7 +27,7 @@ impl LaunchFile {
     /// Reads the file; `overrides` are `table.key=value`, the value as TOML or as bare text, or `!table.key`, which removes
     /// the key. All problems are reported, not only the first.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, Vec<Problem>> {
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path, MAX_SETTINGS_BYTES)
             .map_err(|error| vec![Problem::of_key("", format!("cannot be read: {error}"))])?;
         Self::parse(path, text, overrides)
     }
@@ -33,6 +39,7 @@ impl LaunchFile {
         let (parsed, errors) = DeTable::parse_recoverable(text);
         let mut problems: Vec<Problem> = errors
             .iter()
+            .take(MAX_ERRORS)
             .map(|error| Problem {
                 key: String::new(),
                 span: error.span(),
@@ -40,6 +47,10 @@ impl LaunchFile {
             })
             .collect();
         let mut root = parsed.into_inner();
+        if root.len() > MAX_TABLES {
+            let text = format!("has {} tables, must have up to {MAX_TABLES}", root.len());
+            problems.push(Problem::of_key("", text));
+        }
         let written = root.clone();
         let mut overridden = Vec::new();
         for text in overrides {
@@ -195,6 +206,35 @@ mod tests {
         let problem = Problem { key: "modell".into(), span: Some(key.span()), text: "unknown key".into() };
         let shown = file.render(&file.located("infer", problem));
         assert_eq!(shown, "launch.toml:5:1: infer.modell: unknown key\n    modell = 3\n    ^^^^^^");
+    }
+
+    #[test]
+    fn device_or_huge_file_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let refused = |path: &Path| LaunchFile::load(path, &[]).expect_err("refused").remove(0).text;
+        assert_eq!(refused(Path::new("/dev/zero")), "cannot be read: is not a regular file");
+        let path = folder.path().join("launch.toml");
+        std::fs::write(&path, "# long\n".repeat(200_000)).expect("writes");
+        assert!(refused(&path).starts_with("cannot be read: has more than 1048576 bytes"));
+        let tables: Vec<String> = (0..1000).map(|k| format!("[stage_{k}]\n")).collect();
+        std::fs::write(&path, tables.concat()).expect("writes");
+        assert_eq!(refused(&path), "has 1000 tables, must have up to 256");
+    }
+
+    #[test]
+    fn first_unknown_keys_of_a_table_are_reported_and_the_others_are_counted() {
+        crate::settings! {
+            /// Settings of the test.
+            pub struct Small {
+                /// A size, m.
+                pub size_m: f64 = 1.0 => crate::at_least(0.0);
+            }
+        }
+        let text = (0..50_000).map(|k| format!("size_{k} = 1\n")).collect::<Vec<_>>().concat();
+        let table = DeTable::parse(&text).expect("parses");
+        let (_, problems) = crate::parse_table::<Small>(table.get_ref());
+        assert_eq!(problems.len(), 21);
+        assert_eq!(problems[20].text, "49980 more unknown keys");
     }
 
     #[test]

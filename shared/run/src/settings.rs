@@ -179,10 +179,16 @@ pub fn default_text<T: Serialize + Debug>(value: &T) -> String {
     serde_json::to_string(value).unwrap_or_else(|_| format!("{value:?}"))
 }
 
-/// Reads a table into settings. All problems are reported, not only the first.
+/// Unknown keys of a table that are reported one by one; a person reads no more.
+const MAX_UNKNOWN: usize = 20;
+/// Longer keys are not compared with known ones.
+const MAX_KEY_CHARS: usize = 100;
+
+/// Reads a table into settings. All problems are reported, not only the first; of unknown keys the first 20.
 pub fn parse_table<S: Settings>(table: &DeTable<'_>) -> (S, Vec<Problem>) {
     let mut settings = S::default();
     let mut problems = Vec::new();
+    let mut n_unknown = 0;
     for (key, value) in table {
         let name = key.get_ref().as_ref();
         match settings.set(name, value.clone()) {
@@ -190,12 +196,18 @@ pub fn parse_table<S: Settings>(table: &DeTable<'_>) -> (S, Vec<Problem>) {
             Some(Err(error)) => {
                 problems.push(Problem { key: name.to_owned(), span: Some(value.span()), text: error.to_string() });
             }
+            None if n_unknown >= MAX_UNKNOWN => n_unknown += 1,
             None => {
+                n_unknown += 1;
                 let fields = S::fields();
                 let known = fields.iter().map(|field| field.key.as_str());
                 problems.push(Problem { key: name.to_owned(), span: Some(key.span()), text: nearest_key(name, known) });
             }
         }
+    }
+    if n_unknown > MAX_UNKNOWN {
+        let text = format!("{} more unknown keys", n_unknown - MAX_UNKNOWN);
+        problems.push(Problem { key: String::new(), span: None, text });
     }
     (settings, problems)
 }
@@ -203,7 +215,8 @@ pub fn parse_table<S: Settings>(table: &DeTable<'_>) -> (S, Vec<Problem>) {
 /// "unknown key", with the nearest known one.
 pub fn nearest_key<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
-    let nearest = known.iter().map(|candidate| (strsim::levenshtein(name, candidate), *candidate)).min();
+    let comparable = known.iter().filter(|_| name.len() <= MAX_KEY_CHARS);
+    let nearest = comparable.map(|candidate| (strsim::levenshtein(name, candidate), *candidate)).min();
     match nearest {
         Some((distance, candidate)) if distance <= 1 + candidate.len() / 3 => {
             format!("unknown key; did you mean `{candidate}`?")

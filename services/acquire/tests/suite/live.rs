@@ -80,6 +80,11 @@ impl Sensor {
         Self { socket: UdpSocket::bind("127.0.0.1:0").expect("binds"), data, position, capture, n_bytes: 24 }
     }
 
+    /// The same sensor, whose packets go to the next capture.
+    fn continued(self, capture: PathBuf) -> Self {
+        Self { capture, n_bytes: 24, ..self }
+    }
+
     fn send(&mut self, packets: &[Vec<u8>]) {
         for burst in packets.chunks(32) {
             for packet in burst {
@@ -243,7 +248,7 @@ fn packets_of_real_sensors_are_recorded_and_decoded() {
 #[test]
 fn foreign_packets_are_recorded_and_counted() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut packets: Packets = simulated(folder.path()).into_iter().take(1500).collect();
+    let mut packets: Packets = simulated(folder.path()).into_iter().take(2500).collect();
     let mut other_sensor = packets[500].clone();
     other_sensor[1205] = 0x22;
     packets.insert(501, other_sensor);
@@ -340,7 +345,7 @@ fn restarted_process_continues_in_the_next_capture() {
     drop(bench);
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     bench.stage.load(&state).expect("loads");
-    let mut sensor = Sensor::new(&settings, recording.join("lidar/001.pcap"));
+    let mut sensor = sensor.continued(recording.join("lidar/001.pcap"));
     for piece in packets[2150..].chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
@@ -424,4 +429,59 @@ fn recording_outside_the_output_folder_is_refused() {
         assert_eq!(texts, [("recording", expected.as_str())]);
         assert!(Acquire::new(&settings, &live(folder.path())).is_err(), "{recording:?}");
     }
+}
+
+/// Settings of a test for packets without sweeps: the limit is reached by the second packet.
+fn impatient() -> Settings {
+    Settings { max_undecoded_s: 1e-3, ..settings() }
+}
+
+/// The error that ends the run.
+fn failure(bench: &mut Bench<Acquire>) -> String {
+    let deadline = Instant::now() + TIMEOUT;
+    loop {
+        match bench.tick() {
+            Ok(flow) => assert_eq!(flow, Flow::Continue),
+            Err(error) => return error.to_string(),
+        }
+        assert!(Instant::now() < deadline, "the run does not fail");
+    }
+}
+
+#[test]
+fn packets_that_give_no_sweep_fail_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = Settings { model: "vlp16".into(), ..impatient() };
+    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let mut sensor = Sensor::new(&settings, folder.path().join("recording/lidar/000.pcap"));
+    sensor.send(&simulated(folder.path())[..300]);
+    let error = failure(&mut bench);
+    for words in
+        ["no sweep in", "300 received", "no data packet of vlp16", "data packets of hdl32e come from 127.0.0.1:"]
+    {
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn stray_packet_before_the_sensor_does_not_make_a_live_run_deaf() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = simulated(folder.path());
+    let settings = settings();
+    let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let capture = folder.path().join("recording/lidar/000.pcap");
+    let mut stray = packets[0].clone();
+    stray[1205] = 0x22;
+    let mut other = Sensor::new(&settings, capture.clone());
+    other.send(&[stray]);
+    let mut sensor = Sensor { n_bytes: other.n_bytes, ..Sensor::new(&settings, capture) };
+    let mut n_sweeps = 0;
+    for piece in packets.chunks(64) {
+        sensor.send(piece);
+        bench.tick().expect("steps");
+        n_sweeps += take_sweeps(&mut bench).len();
+    }
+    n_sweeps += ticks_to_drain(&mut bench, packets.len() + 1).len();
+    assert_eq!((n_sweeps, bench.counter("foreign_packets")), (42, 1));
+    assert_eq!(bench.doubt("foreign_packets"), None);
 }

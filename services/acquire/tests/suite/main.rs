@@ -1,5 +1,6 @@
 //! The stage on hand-made and real recordings, offline and live.
 
+mod doubts;
 mod live;
 mod step;
 mod support;

@@ -9,6 +9,7 @@ use crate::manifest::{
 };
 use crate::problems::FileError;
 use crate::sensor_calibration::SensorCalibration;
+use crate::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use crate::toml_file::TomlFile;
 use crate::velodyne::Model;
 use geometry::Stamp;
@@ -145,7 +146,16 @@ impl Check<'_> {
 
     fn times(&mut self, folder: &Path, n_sweeps: usize) -> Vec<Stamp> {
         let path = folder.join(TIMES_FILE);
-        let Ok(text) = std::fs::read_to_string(&path) else {
+        // A stamp in ns has up to 20 characters.
+        let limit = 64 * (n_sweeps as u64 + 16);
+        let text = match read_text(&path, limit) {
+            Err(error) if !error.is_absent() => {
+                self.file.fault("lidar.folder", format!("{}: {error}", path.display()));
+                return Vec::new();
+            }
+            read => read.ok(),
+        };
+        let Some(text) = text else {
             return (0..n_sweeps as i64).map(|k| Stamp(k * SWEEP_NANOS)).collect();
         };
         let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
@@ -238,7 +248,7 @@ impl Check<'_> {
     fn sensor(&mut self, index: usize, entry: &MosaicEntry, name: &str) -> Option<SensorCalibration> {
         let key = |name: &str| format!("mosaic[{index}].{name}");
         let path = self.inside(&key("sensor"), name)?;
-        let text = std::fs::read_to_string(&path);
+        let text = read_text(&path, MAX_CALIBRATION_BYTES);
         let text =
             text.map_err(|error| self.file.fault(&key("sensor"), format!("{}: {error}", path.display()))).ok()?;
         let sensor = SensorCalibration::from_xml(&text);

@@ -108,6 +108,14 @@ impl SweepSource {
         }
     }
 
+    /// Size of all captures, bytes; 0 for cloud files.
+    pub fn capture_bytes(&self) -> u64 {
+        match self {
+            Self::Packets { sizes, .. } => sizes.iter().sum(),
+            Self::Clouds(_) => 0,
+        }
+    }
+
     /// Packet counters since the start of the drive; zero for cloud files.
     pub fn lidar_stats(&self) -> LidarStats {
         match self {

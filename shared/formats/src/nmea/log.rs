@@ -31,6 +31,8 @@ pub struct Fix {
 pub struct LogStats {
     /// GGA and RMC sentences.
     pub sentences: u64,
+    /// Sentences of other types, which are not used.
+    pub other_sentences: u64,
     /// Lines that are not sentences, are damaged or have impossible values.
     pub bad_lines: u64,
     /// Epochs without position.
@@ -69,7 +71,10 @@ impl FixJoiner {
         match std::str::from_utf8(line).ok().and_then(|line| parse(line).ok()) {
             Some(Sentence::Gga(gga)) => self.gga(gga),
             Some(Sentence::Rmc(rmc)) => self.rmc(rmc),
-            Some(Sentence::Other) => None,
+            Some(Sentence::Other) => {
+                self.stats.other_sentences += 1;
+                None
+            }
             None => {
                 self.stats.bad_lines += 1;
                 None
@@ -226,7 +231,7 @@ mod tests {
         lines.push("\u{0}noise".into());
         lines.push(rmc_from_fix(&fix(1)));
         let (back, stats) = fixes(&log(lines.into_iter()));
-        assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, without_fix: 0, out_of_order: 1 });
+        assert_eq!(stats, LogStats { sentences: 8, bad_lines: 2, out_of_order: 1, ..LogStats::default() });
         // The GGA of the second fix is damaged, so it has no height.
         assert_eq!(back.iter().map(|fix| fix.altitude_m.is_some()).collect::<Vec<_>>(), [true, false, true, true]);
     }

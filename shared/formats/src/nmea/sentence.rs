@@ -5,6 +5,12 @@ use crate::calendar::{DAY_NANOS, days_from_date};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 
+/// Heights of vehicles and aircraft, m: the shore of the Dead Sea is at -430 m, and receivers err by some hundred metres.
+const MIN_HEIGHT_M: f64 = -1000.0;
+const MAX_HEIGHT_M: f64 = 20_000.0;
+/// Largest speed: 514 m/s, the limit at which civil receivers stop.
+const MAX_SPEED_KNOTS: f64 = 1000.0;
+
 /// A line that is not a valid sentence.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum NmeaError {
@@ -106,7 +112,7 @@ fn gga(fields: &Fields<'_>) -> Result<Gga, NmeaError> {
         quality: fields.count(6)?.unwrap_or_default(),
         satellites: fields.count(7)?.unwrap_or_default(),
         hdop: fields.number(8, 0.0, 1000.0)?,
-        height_m: fields.number(9, -12_000.0, 100_000.0)?,
+        height_m: fields.number(9, MIN_HEIGHT_M, MAX_HEIGHT_M)?,
         geoid_m: fields.number(11, -200.0, 200.0)?,
     })
 }
@@ -120,7 +126,7 @@ fn rmc(fields: &Fields<'_>) -> Result<Rmc, NmeaError> {
         stamp,
         is_valid: fields.text(2) == "A",
         position_deg: fields.position(3)?,
-        speed_mps: fields.number(7, 0.0, 100_000.0)?.map(|knots| knots * KNOT_MPS),
+        speed_mps: fields.number(7, 0.0, MAX_SPEED_KNOTS)?.map(|knots| knots * KNOT_MPS),
         course_deg: fields.number(8, 0.0, 360.0)?,
     })
 }
@@ -247,7 +253,11 @@ mod tests {
             ("GPGGA,120000,4860.0,N,00000.0,E,1", 2),
             ("GPGGA,120000,4859.0,X,00000.0,E,1", 3),
             ("GPGGA,120000,4859.0,N,00000.0,E,x", 6),
+            ("GPGGA,120000,4859.0,N,00000.0,E,1,8,1.0,20001,M,45,M,,", 9),
+            ("GPGGA,120000,4859.0,N,00000.0,E,1,8,1.0,-1001,M,45,M,,", 9),
+            ("GPGGA,120000,4859.0,N,00000.0,E,1,8,1.0,1e300,M,45,M,,", 9),
             ("GPRMC,120000,A,,,,,NaN,0,010120", 7),
+            ("GPRMC,120000,A,,,,,1001,0,010120", 7),
             ("GPRMC,120000,A,,,,,1,0,310220", 9),
         ] {
             match parse(&sealed(body)) {

@@ -1,9 +1,11 @@
 //! Extracts UDP payloads from captured frames.
 
+use std::net::{Ipv4Addr, SocketAddrV4};
+
 /// A UDP packet inside a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Datagram<'a> {
-    pub(super) source_port: u16,
+    pub(super) source: SocketAddrV4,
     pub(super) port: u16,
     pub(super) payload: &'a [u8],
     /// Whether the capture contains only a part of the payload.
@@ -25,8 +27,9 @@ pub(super) fn datagram(link: u32, frame: &[u8]) -> Option<Datagram<'_>> {
     let udp = packet.get(header_len..total.min(packet.len()))?;
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;
-    let (source_port, port) = (u16_at(udp, 0)?, u16_at(udp, 2)?);
-    Some(Datagram { source_port, port, payload, is_cut: length > udp.len() })
+    let address: [u8; 4] = *packet.get(12..)?.first_chunk()?;
+    let (source, port) = (SocketAddrV4::new(Ipv4Addr::from(address), u16_at(udp, 0)?), u16_at(udp, 2)?);
+    Some(Datagram { source, port, payload, is_cut: length > udp.len() })
 }
 
 /// Removes the header of the link layer (`https://www.tcpdump.org/linktypes.html`).

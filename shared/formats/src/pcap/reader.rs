@@ -5,6 +5,7 @@ use super::link::datagram;
 use super::recorder::Reach;
 use super::{Frontier, PcapError};
 use geometry::Stamp;
+use std::net::SocketAddrV4;
 use std::path::Path;
 
 /// One UDP packet.
@@ -12,8 +13,8 @@ use std::path::Path;
 pub struct UdpPacket<'a> {
     /// Capture time by the clock of the capturing machine.
     pub stamp: Stamp,
-    /// Port of the sender.
-    pub source_port: u16,
+    /// Address and port of the sender.
+    pub source: SocketAddrV4,
     /// Port of the receiver.
     pub port: u16,
     /// Payload.
@@ -31,6 +32,8 @@ pub struct ReadStats {
     pub foreign_frames: u64,
     /// 1 if the file ends inside a record.
     pub cut_records: u64,
+    /// End of the last complete record of such a file.
+    pub whole_bytes: u64,
 }
 
 /// Reads a capture sequentially. Memory: one packet.
@@ -95,7 +98,7 @@ impl PacketReader {
             self.ended = !matches!(next, Ok(Next::Record(_)));
             match next? {
                 Next::End => {}
-                Next::Cut => self.stats.cut_records += 1,
+                Next::Cut => (self.stats.cut_records, self.stats.whole_bytes) = (1, self.records.offset()),
                 Next::Record(record) => {
                     if datagram(record.link, self.records.frame()).is_none() {
                         self.stats.foreign_frames += 1;
@@ -104,7 +107,7 @@ impl PacketReader {
                     let found = datagram(record.link, self.records.frame());
                     return Ok(found.map(|datagram| UdpPacket {
                         stamp: record.stamp,
-                        source_port: datagram.source_port,
+                        source: datagram.source,
                         port: datagram.port,
                         payload: datagram.payload,
                         is_cut: datagram.is_cut,

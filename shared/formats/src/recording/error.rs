@@ -79,6 +79,12 @@ pub enum ForeignFile {
         /// Topics of the recording.
         found: Vec<String>,
     },
+    /// A reader of ticks without topics: nothing would tell where the recording ends.
+    #[error("no topic was requested; the recording has {}", found.join(", "))]
+    NoTopicRequested {
+        /// Topics of the recording.
+        found: Vec<String>,
+    },
     /// A message was written to a topic that the recording was not created with.
     #[error("topic {0} was not declared when the recording was created")]
     UndeclaredTopic(String),
@@ -90,6 +96,16 @@ pub enum RecordFault {
     /// The MCAP library reported an error.
     #[error("{0}")]
     Mcap(String),
+    /// A text is longer than the record that contains it.
+    #[error("{record} has a text of {found} bytes where {left} bytes are left")]
+    TextLength {
+        /// Kind of the record.
+        record: &'static str,
+        /// Length of the text.
+        found: u64,
+        /// Bytes to the end of the record.
+        left: usize,
+    },
     /// Chunks are compressed.
     #[error("chunks are compressed with {0}, recordings are not; decompress the file with `mcap decompress`")]
     Compressed(String),

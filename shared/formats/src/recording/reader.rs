@@ -1,7 +1,7 @@
 //! Reading a recording sequentially, one message at a time.
 
 use super::error::{ForeignFile, RecordFault, RecordingError};
-use super::{ABOUT, ENCODING, MAX_RECORD, TICKS, table};
+use super::{ABOUT, ENCODING, MAX_RECORD, TICKS, table, texts};
 use mcap::McapError;
 use mcap::records::{Channel, Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -179,6 +179,7 @@ impl RecordingReader {
                     if ![op::SCHEMA, op::CHANNEL, op::METADATA, op::MESSAGE].contains(&opcode) {
                         continue;
                     }
+                    texts::check(opcode, data).map_err(damaged)?;
                     match mcap::parse_record(opcode, data).map_err(|error| damaged(mcap_fault(&error)))? {
                         Record::Schema { header, data } if header.encoding == ENCODING => {
                             self.schemas.insert(header.id, parse_table(&data));

@@ -45,14 +45,17 @@ struct Topic {
 }
 
 impl TickReader {
-    /// Opens the recording. It must have all these topics.
+    /// Opens the recording. It must have all these topics, at least one.
     pub fn open(path: &Path, topics: &[&str]) -> Result<Self, RecordingError> {
         let reader = RecordingReader::open(path)?;
+        let found = || reader.topics().iter().filter_map(RecordedTopic::ticks_of).map(str::to_owned).collect();
+        if topics.is_empty() {
+            return Err(RecordingError::foreign(path, ForeignFile::NoTopicRequested { found: found() }));
+        }
         for topic in topics {
             let has = |wanted: &dyn Fn(&RecordedTopic) -> bool| reader.topics().iter().any(wanted);
             if !has(&|t| t.name == *topic) || !has(&|t| t.ticks_of() == Some(topic)) {
-                let found = reader.topics().iter().filter_map(RecordedTopic::ticks_of).map(str::to_owned).collect();
-                let reason = ForeignFile::MissingTopic { wanted: (*topic).to_owned(), found };
+                let reason = ForeignFile::MissingTopic { wanted: (*topic).to_owned(), found: found() };
                 return Err(RecordingError::foreign(path, reason));
             }
         }

@@ -3,12 +3,15 @@
 use super::LidarStats;
 use crate::pcap::{Frontier, PacketReader, PcapError, ReadStats};
 use geometry::Stamp;
+use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
 /// A packet of the stream. Its payload is in [`Captures::payload`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
     pub(super) captured: Stamp,
+    /// Address and port of the sender.
+    pub(super) source: SocketAddrV4,
     pub(super) port: u16,
     pub(super) is_cut: bool,
     /// Index of the file.
@@ -93,8 +96,9 @@ impl Captures {
                 Ok(None) if self.is_waiting() => return Ok(None),
                 Ok(None) => {}
                 Err(error @ PcapError::Io { .. }) => return Err(error),
-                Err(error @ PcapError::Damaged { .. }) => {
+                Err(error @ PcapError::Damaged { offset, .. }) => {
                     stats.damaged_captures += 1;
+                    stats.unread_bytes += self.file_bytes().saturating_sub(offset);
                     self.damage.push(error.to_string());
                 }
             }
@@ -105,6 +109,12 @@ impl Captures {
             self.reader = None;
             self.counted = ReadStats::default();
         }
+    }
+
+    /// Size of the current file.
+    fn file_bytes(&self) -> u64 {
+        let metadata = self.files.get(self.file).and_then(|path| path.metadata().ok());
+        metadata.map_or(0, |metadata| metadata.len())
     }
 
     fn next_of_file(&mut self, stats: &mut LidarStats) -> Result<Option<Arrival>, PcapError> {
@@ -122,12 +132,15 @@ impl Captures {
         let arrival = reader.next()?.map(|packet| {
             self.payload.clear();
             self.payload.extend_from_slice(packet.payload);
-            let (captured, port, is_cut, offset) = (packet.stamp, packet.port, packet.is_cut, packet.offset);
-            Arrival { captured, port, is_cut, file: self.file, offset }
+            let (captured, source, is_cut, offset) = (packet.stamp, packet.source, packet.is_cut, packet.offset);
+            Arrival { captured, source, port: packet.port, is_cut, file: self.file, offset }
         });
         let now = reader.stats();
         stats.foreign_packets += now.foreign_frames - self.counted.foreign_frames;
-        stats.cut_captures += now.cut_records - self.counted.cut_records;
+        if now.cut_records > self.counted.cut_records {
+            stats.cut_captures += 1;
+            stats.unread_bytes += self.file_bytes().saturating_sub(now.whole_bytes);
+        }
         self.counted = now;
         Ok(arrival)
     }

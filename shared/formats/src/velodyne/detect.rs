@@ -1,14 +1,27 @@
-//! Detects sensor model, port and clock from the beginning of a recording.
+//! Detects sensor, model, port and clock from the beginning of a recording.
+//!
+//! The sender of most data packets within the first second is the sensor: one stray packet, or a second sensor that sends less,
+//! decides nothing.
 
-use super::capture::Captures;
-use super::clock::{Clock, TimeBase};
+use super::capture::{Arrival, Captures};
+use super::clock::{Clock, Step, TimeBase};
 use super::{DataPacket, LidarStats, Model, PositionPacket};
 use crate::nmea::{self, Sentence};
 use crate::pcap::PcapError;
 use geometry::Stamp;
+use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
-/// Packets that are examined: two seconds of an HDL-32E with its position packets. A receiver sends a sentence every second.
+/// Time after the first data packet that is examined in any case, ns.
+const SPAN_NANOS: i64 = 1_000_000_000;
+/// Data and position packets that are examined: two seconds of an HDL-32E. A receiver sends a sentence every second.
 const MAX_PACKETS: usize = 4096;
+/// Time after the first data packet within which a fix of the receiver is awaited, ns.
+const MAX_SPAN_NANOS: i64 = 3_000_000_000;
+/// Senders of other data packets that are reported.
+const MAX_OTHERS: usize = 8;
+/// UDP packets that are examined. Other devices on the network of the sensor send more packets than it does.
+pub(super) const MAX_EXAMINED: usize = 65_536;
 /// Data packets whose times are compared.
 const TIMES: usize = 64;
 
@@ -16,7 +29,9 @@ const TIMES: usize = 64;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StreamInfo {
     pub(super) model: Model,
-    /// Port of the data packets.
+    /// Address and port from which the sensor sends data packets.
+    pub(super) sensor: SocketAddrV4,
+    /// Port to which the data packets are sent.
     pub(super) port: u16,
     pub(super) clock: Clock,
 }
@@ -26,45 +41,127 @@ pub(super) struct StreamInfo {
 pub(super) enum Detection {
     /// All properties are known.
     Found(StreamInfo),
-    /// There is no data packet of a supported sensor, or of the requested model. Contains the errors of damaged captures.
+    /// There is no data packet of a supported sensor, or of the requested model. Contains the other sensors that were found and the
+    /// errors of damaged captures.
     NoSensor(Vec<String>),
     /// The recording is still being written, and later packets may change the result.
     NeedsMorePackets,
 }
 
+/// A possible sensor: where its data packets come from and go to.
+struct Candidate {
+    model: Model,
+    sensor: SocketAddrV4,
+    port: u16,
+    n_packets: usize,
+    /// Sensor and capture times of its first packets.
+    times: Vec<(u32, Stamp)>,
+}
+
+/// What has been found so far.
+#[derive(Default)]
+struct Search {
+    candidates: Vec<Candidate>,
+    /// Offset of the capturing machine from GNSS time, by the address of the sender.
+    host_ahead_nanos: BTreeMap<Ipv4Addr, i64>,
+    /// Data packets that are not considered, by sender and product byte.
+    others: BTreeMap<(SocketAddrV4, u8), (Option<Model>, usize)>,
+    /// Capture time of the first data packet.
+    first: Option<Stamp>,
+    n_packets: usize,
+}
+
 /// Examines captures from their beginning. With `model`, only packets of this model are considered.
 pub(super) fn detect(mut captures: Captures, model: Option<Model>) -> Result<Detection, PcapError> {
     let mut stats = LidarStats::default();
-    let mut found: Option<(Model, u16)> = None;
-    let mut times: Vec<(u32, Stamp)> = Vec::new();
-    let mut host_ahead_nanos = None;
-    for _ in 0..MAX_PACKETS {
+    let mut search = Search::default();
+    for _ in 0..MAX_EXAMINED {
         let Some(arrival) = captures.next(&mut stats)? else {
             if captures.is_waiting() {
                 return Ok(Detection::NeedsMorePackets);
             }
             break;
         };
-        if let Some(packet) = PositionPacket::new(captures.payload()) {
-            host_ahead_nanos = host_ahead_nanos.or_else(|| host_ahead(&packet, arrival.captured));
-        }
-        let Some(packet) = DataPacket::new(captures.payload()) else { continue };
-        let Some(sender) = model.filter(|model| model.may_have_sent(packet)).or(match model {
-            Some(_) => None,
-            None => Model::of_packet(packet),
-        }) else {
-            continue;
-        };
-        found.get_or_insert((sender, arrival.port));
-        if times.len() < TIMES {
-            times.push((packet.micros(), arrival.captured));
-        } else if host_ahead_nanos.is_some() {
+        search.add(&arrival, captures.payload(), model);
+        if search.n_packets >= MAX_PACKETS || search.is_complete(arrival.captured) {
             break;
         }
     }
-    let Some((model, port)) = found else { return Ok(Detection::NoSensor(captures.damage().to_vec())) };
-    let clock = Clock::new(time_base(&times), host_ahead_nanos.unwrap_or_default());
-    Ok(Detection::Found(StreamInfo { model, port, clock }))
+    let reasons = || search.others().chain(captures.damage().iter().cloned()).collect();
+    Ok(search.result().map_or_else(|| Detection::NoSensor(reasons()), Detection::Found))
+}
+
+impl Search {
+    fn add(&mut self, arrival: &Arrival, payload: &[u8], model: Option<Model>) {
+        if let Some(packet) = PositionPacket::new(payload) {
+            self.n_packets += 1;
+            if let Some(nanos) = host_ahead(&packet, arrival.captured) {
+                self.host_ahead_nanos.entry(*arrival.source.ip()).or_insert(nanos);
+            }
+        }
+        let Some(packet) = DataPacket::new(payload) else { return };
+        self.n_packets += 1;
+        let sender = match model {
+            Some(model) => Some(model).filter(|model| model.may_have_sent(packet)),
+            None => Model::of_packet(packet),
+        };
+        let Some(model) = sender else {
+            self.add_other(arrival.source, packet);
+            return;
+        };
+        self.first.get_or_insert(arrival.captured);
+        let (sensor, port) = (arrival.source, arrival.port);
+        let known = self.candidates.iter().position(|one| (one.model, one.sensor, one.port) == (model, sensor, port));
+        let index = known.unwrap_or_else(|| {
+            self.candidates.push(Candidate { model, sensor, port, n_packets: 0, times: Vec::new() });
+            self.candidates.len() - 1
+        });
+        let candidate = &mut self.candidates[index];
+        candidate.n_packets += 1;
+        if candidate.times.len() < TIMES {
+            candidate.times.push((packet.micros(), arrival.captured));
+        }
+    }
+
+    fn add_other(&mut self, source: SocketAddrV4, packet: DataPacket<'_>) {
+        let key = (source, packet.product());
+        if self.others.len() < MAX_OTHERS || self.others.contains_key(&key) {
+            self.others.entry(key).or_insert((Model::of_packet(packet), 0)).1 += 1;
+        }
+    }
+
+    /// The sensors that are not considered.
+    fn others(&self) -> impl Iterator<Item = String> {
+        self.others.iter().map(|((source, product), (model, n))| {
+            let name = model
+                .map_or_else(|| format!("an unknown sensor (product byte {product:#04x})"), |m| m.name().to_owned());
+            format!("{n} data packets of {name} come from {source}")
+        })
+    }
+
+    /// The candidate with most packets; the first of several.
+    fn best(&self) -> Option<&Candidate> {
+        self.candidates.iter().rev().max_by_key(|candidate| candidate.n_packets)
+    }
+
+    /// Whether enough was examined.
+    fn is_complete(&self, now: Stamp) -> bool {
+        let is_after = |nanos: i64| self.first.is_some_and(|first| now.0.saturating_sub(first.0) >= nanos);
+        if is_after(MAX_SPAN_NANOS) {
+            return true;
+        }
+        let is_over = is_after(SPAN_NANOS);
+        let is_known =
+            |one: &Candidate| one.times.len() == TIMES && self.host_ahead_nanos.contains_key(one.sensor.ip());
+        is_over && self.best().is_some_and(is_known)
+    }
+
+    fn result(&self) -> Option<StreamInfo> {
+        let Candidate { model, sensor, port, times, .. } = self.best()?;
+        let host_ahead_nanos = self.host_ahead_nanos.get(sensor.ip()).copied().unwrap_or_default();
+        let clock = Clock::new(time_base(times), host_ahead_nanos);
+        Some(StreamInfo { model: *model, sensor: *sensor, port: *port, clock })
+    }
 }
 
 /// Offset of the capturing machine from GNSS time; `None` without a fix.
@@ -75,10 +172,10 @@ fn host_ahead(packet: &PositionPacket<'_>, captured: Stamp) -> Option<i64> {
     }
 }
 
-/// The clock of the sensor if it runs like the clock of the capture.
+/// The clock of the sensor if it runs like the clock of the capture. Packets that overtook each other do not speak against it.
 fn time_base(times: &[(u32, Stamp)]) -> TimeBase {
     let mut clock = Clock::new(TimeBase::Sensor, 0);
     let steps = times.iter().map(|(micros, captured)| clock.step(*micros, *captured));
-    let n_forward = steps.filter(|step| matches!(step, super::clock::Step::Forward { .. })).count();
-    if n_forward * 2 > times.len() { TimeBase::Sensor } else { TimeBase::Capture }
+    let n_plausible = steps.filter(|step| matches!(step, Step::Forward { .. } | Step::Late)).count();
+    if n_plausible * 2 > times.len() { TimeBase::Sensor } else { TimeBase::Capture }
 }

@@ -13,7 +13,9 @@ pub struct LidarStats {
     pub lost_packets: u64,
     /// Duplicated data packets; the second copy is skipped.
     pub duplicated_packets: u64,
-    /// Data packets that arrived after a later packet; skipped.
+    /// Data packets that arrived after a later packet and were put in order.
+    pub reordered_packets: u64,
+    /// Data packets that arrived too late to be put in order; skipped.
     pub late_packets: u64,
     /// Packets on the ports of the sensor that are too short or truncated by the capture; skipped.
     pub short_packets: u64,
@@ -29,6 +31,8 @@ pub struct LidarStats {
     pub cut_captures: u64,
     /// Damaged captures; the data after the damage is not read.
     pub damaged_captures: u64,
+    /// Bytes of cut and damaged captures that are not read.
+    pub unread_bytes: u64,
 }
 
 impl LidarStats {
@@ -38,12 +42,13 @@ impl LidarStats {
     }
 
     /// All counters by name.
-    pub fn counts(&self) -> [(&'static str, u64); 12] {
+    pub fn counts(&self) -> [(&'static str, u64); 14] {
         [
             ("data_packets", self.data_packets),
             ("position_packets", self.position_packets),
             ("lost_packets", self.lost_packets),
             ("duplicated_packets", self.duplicated_packets),
+            ("reordered_packets", self.reordered_packets),
             ("late_packets", self.late_packets),
             ("short_packets", self.short_packets),
             ("foreign_packets", self.foreign_packets),
@@ -52,6 +57,7 @@ impl LidarStats {
             ("forced_ends", self.forced_ends),
             ("cut_captures", self.cut_captures),
             ("damaged_captures", self.damaged_captures),
+            ("unread_bytes", self.unread_bytes),
         ]
     }
 }

@@ -1,19 +1,21 @@
 //! Reads sweeps from captures, one at a time, in bounded memory.
 
-use super::capture::{Arrival, Captures};
-use super::clock::{Clock, Step};
+mod arrivals;
+
+use super::capture::Captures;
+use super::clock::Clock;
 use super::decode::{Decoder, LidarReturn, Scratch};
-use super::detect::{Detection, StreamInfo, detect};
-use super::packet::{
-    BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, MAX_RETURNS_PER_PACKET, POSITION_PORT,
-};
+use super::detect::{Detection, MAX_EXAMINED, StreamInfo, detect};
+use super::packet::{BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DataPacket, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
+use super::reorder::{Held, Place, Reorder, WINDOW};
 use super::revolutions::{End, MAX_RETURNS, Revolution};
-use super::{LidarStats, Model, PositionPacket};
+use super::{LidarStats, Model};
 use crate::nmea::{Fix, LogStats};
 use crate::pcap::{Frontier, PcapError};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
+use std::net::SocketAddrV4;
 use std::path::PathBuf;
 
 /// Captures from which no sweeps can be read.
@@ -23,14 +25,14 @@ pub enum SweepError {
     #[error(transparent)]
     Capture(#[from] PcapError),
     /// The captures contain no packets of a supported sensor.
-    #[error("{path}: no data packet of {wanted} in the first 4096 UDP packets{damage}", path = path.display())]
+    #[error("{path}: no data packet of {wanted} in the first {MAX_EXAMINED} UDP packets{reasons}", path = path.display())]
     NoSensor {
         /// The first capture.
         path: PathBuf,
         /// Models that were searched.
         wanted: String,
-        /// Errors of damaged captures, each with a leading `; `.
-        damage: String,
+        /// Sensors of other models and errors of damaged captures, each with a leading `; `.
+        reasons: String,
     },
     /// A saved position does not belong to these captures.
     #[error("no data packet at byte {offset} of {path}; was the file changed after the position was saved?", path = path.display())]
@@ -80,13 +82,16 @@ pub struct SweepPosition {
     stats: LidarStats,
     receiver: Receiver,
     packet: Option<PacketPosition>,
+    /// Packets that were read and wait for earlier ones.
+    held: [Option<Place>; WINDOW],
+    /// The last packet that was read, of any sender.
+    read: Option<Place>,
     ended: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct PacketPosition {
-    file: usize,
-    offset: u64,
+    place: Place,
     stamp: Stamp,
     /// First block that does not belong to a sweep yet.
     block: usize,
@@ -97,8 +102,10 @@ struct PacketPosition {
 pub struct SweepReader {
     captures: Captures,
     decoder: Decoder,
+    sensor: SocketAddrV4,
     port: u16,
     at: SweepPosition,
+    reorder: Reorder,
     bytes: [u8; DATA_PACKET_BYTES],
     slots: [u8; BLOCKS_PER_PACKET],
     scratch: Box<Scratch>,
@@ -113,11 +120,12 @@ impl SweepReader {
     /// Most returns of a sweep.
     pub const MAX_RETURNS: usize = MAX_RETURNS + MAX_RETURNS_PER_PACKET;
 
-    /// Opens a recording, which may consist of several captures. Without `model`, the model is detected from the first data packet.
+    /// Opens a recording, which may consist of several captures. Without `model`, the model is that of
+    /// most data packets of the first second.
     pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
         match detect(Captures::new(files.clone()), model)? {
             Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
-            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
             Detection::NeedsMorePackets => Err(no_sensor(files, model, &[])),
         }
     }
@@ -140,7 +148,7 @@ impl SweepReader {
                 Ok(Some(Self::new(captures, &stream)))
             }
             Detection::NeedsMorePackets => Ok(None),
-            Detection::NoSensor(damage) => Err(no_sensor(files, model, &damage)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
         }
     }
 
@@ -149,8 +157,19 @@ impl SweepReader {
         Self {
             captures,
             decoder: Decoder::new(stream.model),
+            sensor: stream.sensor,
             port: stream.port,
-            at: SweepPosition { seq: 0, clock: stream.clock, stats, receiver, packet: None, ended: false },
+            at: SweepPosition {
+                seq: 0,
+                clock: stream.clock,
+                stats,
+                receiver,
+                packet: None,
+                held: [None; WINDOW],
+                read: None,
+                ended: false,
+            },
+            reorder: Reorder::default(),
             bytes: [0; DATA_PACKET_BYTES],
             slots: [0; BLOCKS_PER_PACKET],
             scratch: Box::default(),
@@ -165,28 +184,38 @@ impl SweepReader {
         self.at = position;
         (self.revolution, self.lost_packets) = (None, 0);
         self.fixes.clear();
-        let Some(place) = position.packet else { return Ok(()) };
-        self.captures.seek(place.file, place.offset)?;
-        // The packet was counted when it was read first.
-        let mut stats = LidarStats::default();
-        let arrival = self.captures.next(&mut stats)?;
-        let found = arrival.filter(|arrival| (arrival.file, arrival.offset) == (place.file, place.offset));
-        match DataPacket::new(self.captures.payload()) {
-            Some(packet) if found.is_some() && place.block <= BLOCKS_PER_PACKET => {
+        self.reorder.clear();
+        let Some(current) = position.packet else { return Ok(()) };
+        let held = || position.held.into_iter().flatten();
+        let first = held().fold(current.place, Place::min);
+        self.captures.seek(first.file, first.offset)?;
+        let mut n_missing = 1 + held().count();
+        self.at.read = None;
+        while self.at.read < position.read {
+            // The packets were counted when they were read first.
+            let Some(arrival) = self.captures.next(&mut LidarStats::default())? else { break };
+            let place = Place { file: arrival.file, offset: arrival.offset };
+            self.at.read = Some(place);
+            let Some(packet) = DataPacket::new(self.captures.payload()) else { continue };
+            if place == current.place {
                 self.bytes = *packet.bytes();
                 self.slots = self.decoder.slots(packet);
-                Ok(())
-            }
-            _ => {
-                let path = self.captures.files().get(place.file).cloned().unwrap_or_default();
-                Err(SweepError::Position { path, offset: place.offset })
+                n_missing -= 1;
+            } else if held().any(|held| held == place) {
+                self.reorder.push(Held { place, captured: arrival.captured, bytes: *packet.bytes() });
+                n_missing -= 1;
             }
         }
+        if n_missing == 0 && current.block <= BLOCKS_PER_PACKET && self.at.read == position.read {
+            return Ok(());
+        }
+        let path = self.captures.files().get(first.file).cloned().unwrap_or_default();
+        Err(SweepError::Position { path, offset: first.offset })
     }
 
     /// Position of the next sweep.
     pub fn position(&self) -> SweepPosition {
-        self.at
+        SweepPosition { held: self.reorder.places(), ..self.at }
     }
 
     /// Model of the sensor.
@@ -206,7 +235,7 @@ impl SweepReader {
 
     /// Index of the file and offset of the last packet that was read.
     pub fn place(&self) -> (usize, u64) {
-        self.at.packet.map_or((0, 0), |place| (place.file, place.offset))
+        self.at.packet.map_or((0, 0), |packet| (packet.place.file, packet.place.offset))
     }
 
     /// Fixes of the position packets read since the last call. A fix is complete when the next sentence of the receiver or the end of the
@@ -299,78 +328,10 @@ impl SweepReader {
         }
         end
     }
-
-    /// Reads the next data packet. Returns the number of packets lost before it. `None` at the end, or if no packet is written yet.
-    fn next_packet(&mut self) -> Result<Option<u64>, SweepError> {
-        while !self.at.ended {
-            let Some(arrival) = self.captures.next(&mut self.at.stats)? else {
-                if !self.captures.is_waiting() {
-                    self.at.ended = true;
-                    self.fixes.extend(self.at.receiver.finish());
-                }
-                break;
-            };
-            if let Some(n_lost) = self.accept(arrival) {
-                return Ok(Some(n_lost));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Makes a captured packet the current packet, or counts why it was skipped.
-    fn accept(&mut self, arrival: Arrival) -> Option<u64> {
-        let (payload, stats) = (self.captures.payload(), &mut self.at.stats);
-        let own_port = arrival.port == self.port || arrival.port == DATA_PORT || arrival.port == POSITION_PORT;
-        if own_port && (arrival.is_cut || payload.len() < super::POSITION_PACKET_BYTES) {
-            stats.short_packets += 1;
-            return None;
-        }
-        if let Some(packet) = PositionPacket::new(payload) {
-            stats.position_packets += 1;
-            self.fixes.extend(self.at.receiver.take(packet.nmea));
-            return None;
-        }
-        let packet = DataPacket::new(payload).filter(|packet| self.decoder.model().may_have_sent(*packet));
-        let Some(packet) = packet.filter(|_| arrival.port == self.port) else {
-            let is_short = own_port && payload.len() < DATA_PACKET_BYTES;
-            *(if is_short { &mut stats.short_packets } else { &mut stats.foreign_packets }) += 1;
-            return None;
-        };
-        if self.at.packet.is_some() && *packet.bytes() == self.bytes {
-            stats.duplicated_packets += 1;
-            return None;
-        }
-        let mut n_lost = 0;
-        let stamp = match self.at.clock.step(packet.micros(), arrival.captured) {
-            Step::Late => {
-                stats.late_packets += 1;
-                return None;
-            }
-            Step::Repeated { stamp } => stamp,
-            Step::Forward { stamp, nanos } => {
-                let slots = i64::from(self.decoder.n_slots(self.slots));
-                let packet_nanos = slots * i64::from(self.decoder.model().timing().block_nanos);
-                n_lost =
-                    if self.at.clock.is_regular() { ((nanos + packet_nanos / 2) / packet_nanos - 1).max(0) } else { 0 };
-                stamp
-            }
-            Step::Jump { stamp } => {
-                stats.clock_jumps += 1;
-                stamp
-            }
-        };
-        stats.data_packets += 1;
-        stats.lost_packets += n_lost as u64;
-        stats.bad_blocks += (0..BLOCKS_PER_PACKET).filter(|index| packet.azimuth(*index).is_none()).count() as u64;
-        self.slots = self.decoder.slots(packet);
-        self.bytes = *packet.bytes();
-        self.at.packet = Some(PacketPosition { file: arrival.file, offset: arrival.offset, stamp, block: 0 });
-        Some(n_lost as u64)
-    }
 }
 
-fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, damage: &[String]) -> SweepError {
+fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, reasons: &[String]) -> SweepError {
     let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
-    let damage = damage.iter().flat_map(|text| ["; ", text]).collect();
-    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, damage }
+    let reasons = reasons.iter().flat_map(|text| ["; ", text]).collect();
+    SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, reasons }
 }

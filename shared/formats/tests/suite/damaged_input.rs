@@ -227,6 +227,37 @@ fn damaged_tiffs_do_not_panic() {
 }
 
 #[test]
+fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
+    // 150 000 strips of 65 535 bytes at the same place: 9.8 GB of image in 300 KB of file.
+    let (n_strips, strip) = (150_000_u32, 65_535_u32);
+    let (width, height, n_bands) = (32_767_u32, 30_000_u32, 10_u32);
+    // 32 767 x 30 000 x 10 bands is 150 000 x 65 534: the last strips are one byte shorter each.
+    let table = 8 + 2 + 10 * 12 + 4;
+    let fields: [(u16, u16, u32, u32); 10] = [
+        (256, 4, 1, width),
+        (257, 4, 1, height),
+        (258, 3, 1, 8),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (273, 4, 1, 8),
+        (277, 3, 1, n_bands),
+        (278, 4, 1, 1),
+        (279, 3, n_strips, table),
+        (339, 3, 1, 1),
+    ];
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    bytes.extend((fields.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in fields {
+        bytes.extend([tag.to_le_bytes(), kind.to_le_bytes()].concat());
+        bytes.extend([count.to_le_bytes(), value.to_le_bytes()].concat());
+    }
+    bytes.extend([0; 4]);
+    bytes.extend((0..n_strips).flat_map(|_| (strip as u16 - 1).to_le_bytes()));
+    let error = Tiff::parse(&bytes).expect_err("refused").to_string();
+    assert!(error.contains("the file has 300") || error.contains("limit"), "{error}");
+}
+
+#[test]
 fn damaged_trajectories_do_not_panic() {
     let poses: Vec<Pose> = (0..20).map(|i| Pose::translation(f64::from(i), 0.5, -1e-3)).collect();
     let trajectory = numbered(&poses, 100_000_000);
@@ -304,6 +335,44 @@ fn damaged_manifests_do_not_panic() {
             assert!(!error.problems.is_empty() && error.to_string().contains("drive.toml"));
         }
     });
+}
+
+#[test]
+fn manifest_with_many_problems_is_refused_with_the_first_ones() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("drive.toml");
+    let keys = (0..50_000).map(|k| format!("key_{k} = 1\n")).collect::<Vec<_>>().concat();
+    let cameras = "[[camera]]\nname = 1\n".repeat(40_000);
+    for text in [keys, cameras] {
+        std::fs::write(&path, text).expect("writes");
+        let error = Drive::open(folder.path()).expect_err("refused");
+        assert!(error.problems.len() <= 21, "{} problems", error.problems.len());
+        assert!(error.to_string().ends_with("further problems"), "{error}");
+    }
+    std::fs::write(&path, "# \n".repeat(400_000)).expect("writes");
+    let error = Drive::open(folder.path()).expect_err("refused").to_string();
+    assert!(error.contains("drive.toml: cannot read the file: has more than 1048576 bytes"), "{error}");
+}
+
+#[test]
+fn texts_of_a_recording_longer_than_their_record_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    for (opcode, body) in [
+        // Schema: id, name. Channel: id, schema, topic. Metadata: name, then a map with a key.
+        (3_u8, [&1_u16.to_le_bytes()[..], &u32::MAX.to_le_bytes(), b"x"].concat()),
+        (4, [&[1, 0, 1, 0][..], &1_760_000_000_u32.to_le_bytes(), b"x"].concat()),
+        (
+            12,
+            [&1_u32.to_le_bytes()[..], b"r", &8_u32.to_le_bytes(), &3_000_000_000_u32.to_le_bytes(), b"abcd"].concat(),
+        ),
+    ] {
+        let mut bytes = b"\x89MCAP0\r\n".to_vec();
+        bytes.extend([&[opcode][..], &(body.len() as u64).to_le_bytes(), &body].concat());
+        std::fs::write(&path, &bytes).expect("writes");
+        let error = TickReader::open(&path, &["class"]).err().expect("refused").to_string();
+        assert!(error.contains("a text of") && error.contains("bytes are left"), "{error}");
+    }
 }
 
 /// A camera of 2 x 2 bands.

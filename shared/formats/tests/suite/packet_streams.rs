@@ -1,7 +1,11 @@
 //! Packet streams as networks deliver them: complete, lossy, duplicated, mixed with other traffic.
 
-use crate::support::{BEGIN, hdl32e_packets, open, sweeps, write_capture};
-use formats::velodyne::{LidarStats, Model, PulseStatus, SweepError, SweepReader, encode_position_packet};
+use crate::support::{BEGIN, SENSOR, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
+use formats::velodyne::{
+    LidarReturn, LidarStats, Model, PulseStatus, SweepError, SweepInfo, SweepReader, encode_position_packet,
+};
+use random::Random;
+use std::net::SocketAddrV4;
 
 /// Three whole revolutions and a bit: 180.84 packets each.
 const N_PACKETS: usize = 560;
@@ -69,7 +73,9 @@ fn lost_duplicated_late_short_and_foreign_packets_are_counted_and_affect_no_othe
 
     let mut torn = whole.clone();
     torn.drain(300..305); // in revolution 1
-    torn.swap(420, 421); // late
+    let late = torn.remove(420);
+    torn.insert(429, late); // behind nine later packets
+    torn.swap(120, 128); // in order again after reading
     let doubled = torn[100].clone();
     torn.insert(101, doubled);
     let mut other_sensor = torn[50].clone();
@@ -88,6 +94,7 @@ fn lost_duplicated_late_short_and_foreign_packets_are_counted_and_affect_no_othe
         position_packets: 1,
         lost_packets: 6,
         duplicated_packets: 1,
+        reordered_packets: 8,
         late_packets: 1,
         short_packets: 1,
         foreign_packets: 2,
@@ -186,4 +193,131 @@ fn two_echoes_of_one_shot_share_its_time_and_equal_echoes_are_merged() {
     }
     // Of the other lasers both echoes are equal.
     assert!(returns.iter().filter(|found| found.ring == 0).count() <= 12);
+}
+
+/// Sweeps as reading them resumed before each gives them.
+fn resumed_sweeps(path: &std::path::Path) -> Vec<(SweepInfo, Vec<LidarReturn>)> {
+    let mut found = Vec::new();
+    let mut position = None;
+    loop {
+        let mut reader = open(path);
+        if let Some(position) = position {
+            reader.resume(position).expect("is there");
+        }
+        let mut returns = Vec::new();
+        match reader.next_sweep(|piece| returns.extend_from_slice(piece)).expect("reads") {
+            Some(info) => found.push((info, returns)),
+            None => return found,
+        }
+        position = Some(reader.position());
+    }
+}
+
+#[test]
+fn reordered_packets_give_the_sweeps_of_the_sensor() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = hdl32e_packets(N_PACKETS);
+    let reference = sweeps(&mut open(&write_capture(&folder.path().join("whole.pcap"), &whole)));
+    let mut random = Random::new(11);
+    let mut mixed = whole.clone();
+    for block in mixed.chunks_mut(9) {
+        // The capture stamps packets as they arrive.
+        let captured: Vec<_> = block.iter().map(|packet| packet.0).collect();
+        for last in (1..block.len()).rev() {
+            block.swap(last, random.index(last + 1));
+        }
+        block.iter_mut().zip(captured).for_each(|(packet, captured)| packet.0 = captured);
+    }
+    // The first packet fixes the begin; packets before it would be late.
+    let first = mixed.iter().position(|packet| packet.2 == whole[0].2).expect("is there");
+    mixed[..=first].rotate_right(1);
+    let path = write_capture(&folder.path().join("mixed.pcap"), &mixed);
+    let mut reader = open(&path);
+    let found = sweeps(&mut reader);
+    let stats = reader.stats();
+    assert!(stats.reordered_packets > 200, "{stats:?}");
+    assert_eq!((stats.data_packets, stats.late_packets, stats.lost_packets), (N_PACKETS as u64, 0, 0));
+    assert!(found == reference, "the sweeps differ");
+    assert!(resumed_sweeps(&path) == reference, "the resumed sweeps differ");
+}
+
+#[test]
+fn lossy_recording_resumed_before_any_sweep_gives_the_same_sweeps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut random = Random::new(12);
+    let mut lossy = hdl32e_packets(N_PACKETS);
+    // Around the ends of the sweeps, too.
+    lossy.retain(|_| random.index(6) > 0);
+    for at in 0..lossy.len() - 3 {
+        if random.index(5) == 0 {
+            lossy.swap(at, at + 3);
+        }
+    }
+    let path = write_capture(&folder.path().join("lossy.pcap"), &lossy);
+    assert!(resumed_sweeps(&path) == sweeps(&mut open(&path)), "the resumed sweeps differ");
+}
+
+#[test]
+fn stray_packets_before_the_sensor_do_not_decide() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(N_PACKETS);
+    let reference = sweeps(&mut open(&write_capture(&folder.path().join("a.pcap"), &packets)));
+    let mut stray = packets[0].2.clone();
+    stray[1205] = 0x22;
+    let other: SocketAddrV4 = "192.168.1.77:2368".parse().expect("an address");
+    for sender in [SENSOR, other] {
+        let mut sent = vec![(sender, (BEGIN, 2368, stray.clone())), (sender, (BEGIN, 9999, packets[9].2.clone()))];
+        sent.extend(packets.iter().map(|packet| (SENSOR, packet.clone())));
+        let path = write_capture_from(&folder.path().join("b.pcap"), &sent);
+        let mut reader = open(&path);
+        assert_eq!(reader.model(), Model::Hdl32e);
+        assert!(sweeps(&mut reader) == reference, "the sweeps differ");
+        assert_eq!(reader.stats().foreign_packets, 2);
+        // Also when the manifest names the model.
+        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e)).expect("opens");
+        assert!(sweeps(&mut reader) == reference, "the sweeps differ");
+    }
+}
+
+#[test]
+fn packets_of_a_second_sensor_are_foreign() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(N_PACKETS);
+    let reference = sweeps(&mut open(&write_capture(&folder.path().join("a.pcap"), &packets)));
+    for second in ["192.168.1.202:2368", "192.168.1.201:2369"] {
+        let second: SocketAddrV4 = second.parse().expect("an address");
+        let mut sent: Vec<_> = packets.iter().map(|packet| (SENSOR, packet.clone())).collect();
+        // Its clock is 20 minutes behind, and it sends half as many packets, the first ones.
+        for number in (0..N_PACKETS / 2).rev() {
+            let mut packet = packets[2 * number].clone();
+            let micros = 2_398_500_000_u32 + number as u32 * 1106;
+            packet.2[1200..1204].copy_from_slice(&micros.to_le_bytes());
+            sent.insert(2 * number, (second, packet));
+        }
+        let mut reader = open(&write_capture_from(&folder.path().join("b.pcap"), &sent));
+        assert!(sweeps(&mut reader) == reference, "the sweeps differ");
+        let stats = reader.stats();
+        assert_eq!((stats.foreign_packets, stats.clock_jumps), (N_PACKETS as u64 / 2, 0), "{second}");
+    }
+}
+
+#[test]
+fn bytes_behind_the_damage_of_a_capture_are_counted_as_unread() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = write_capture(&folder.path().join("a.pcap"), &hdl32e_packets(N_PACKETS));
+    let whole = std::fs::read(&path).expect("reads");
+    let record = 16 + 42 + 1206;
+    // One flipped bit in the length of packet 140.
+    let mut flipped = whole.clone();
+    flipped[24 + 140 * record + 11] ^= 0x80;
+    std::fs::write(&path, flipped).expect("writes");
+    let mut reader = open(&path);
+    sweeps(&mut reader);
+    let stats = reader.stats();
+    assert_eq!((stats.damaged_captures, stats.unread_bytes), (1, (N_PACKETS - 140) as u64 * record as u64));
+    std::fs::write(&path, &whole[..24 + 300 * record + 700]).expect("writes");
+    let mut reader = open(&path);
+    sweeps(&mut reader);
+    let stats = reader.stats();
+    assert_eq!((stats.cut_captures, stats.data_packets, stats.unread_bytes), (1, 300, 700));
 }

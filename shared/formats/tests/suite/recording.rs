@@ -174,6 +174,15 @@ fn recording_with_missing_message_is_refused_as_input() {
 }
 
 #[test]
+fn tick_reader_without_topics_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = file(&folder, "a.mcap");
+    record(&path, 5, None);
+    let error = TickReader::open(&path, &[]).err().expect("refused").to_string();
+    assert!(error.ends_with("a.mcap: no topic was requested; the recording has class, sweep"), "{error}");
+}
+
+#[test]
 fn files_of_other_programs_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = file(&folder, "letter.mcap");

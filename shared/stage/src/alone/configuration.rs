@@ -32,11 +32,22 @@ pub(super) enum ConfigurationError {
     Recording(#[from] RecordingError),
     #[error("{}: has no topic {topic}, which {stage} needs", path.display())]
     NoTopic { path: PathBuf, topic: String, stage: &'static str },
+    /// Every input is optional and none is recorded.
+    #[error(
+        "{}: has no input of {stage}: {} missing; the recording has {}",
+        path.display(), missing(wanted), recorded.join(", ")
+    )]
+    NoInput { path: PathBuf, stage: &'static str, wanted: Vec<String>, recorded: Vec<String> },
     #[error(
         "{}: topic {topic} has version {} and layout {:016x}, {stage} reads version {} and layout {:016x}",
         path.display(), recorded.0, recorded.1, expected.0, expected.1
     )]
     Layout { path: PathBuf, topic: String, stage: &'static str, recorded: (u32, u64), expected: (u32, u64) },
+}
+
+fn missing(topics: &[String]) -> String {
+    let (word, verb) = if topics.len() == 1 { ("topic", "is") } else { ("topics", "are") };
+    format!("{word} {} {verb}", topics.join(", "))
 }
 
 /// The stage with its settings, where it runs, drive time between barriers; or everything that is wrong.
@@ -107,9 +118,12 @@ pub(super) fn configure(
     if faults.is_empty() { Ok((stage, context, barrier_s.unwrap_or(BARRIER_S))) } else { Err(faults) }
 }
 
-/// Topics of the recording. Fails if it lacks a topic that the stage needs, or has one of another layout.
+/// Topics of the recording. Fails if it lacks a topic that the stage needs, has none of its topics, or has one of another
+/// layout.
 fn recorded_topics(program: &dyn Program, path: &Path) -> Result<Vec<String>, ConfigurationError> {
     let reader = RecordingReader::open(path)?;
+    let recorded: Vec<String> =
+        reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect();
     for port in program.inputs().iter().map(Port::describe) {
         let (path, topic, stage) = (path.to_owned(), port.topic, program.name());
         let Some(found) = reader.topics().iter().find(|found| found.name == topic) else {
@@ -124,5 +138,69 @@ fn recorded_topics(program: &dyn Program, path: &Path) -> Result<Vec<String>, Co
             return Err(ConfigurationError::Layout { path, topic, stage, recorded, expected });
         }
     }
-    Ok(reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect())
+    let wanted: Vec<String> = program.inputs().iter().map(|port| port.topic().to_owned()).collect();
+    if wanted.iter().any(|topic| recorded.contains(topic)) {
+        return Ok(recorded);
+    }
+    Err(ConfigurationError::NoInput { path: path.to_owned(), stage: program.name(), wanted, recorded })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::ProgramOf;
+    use crate::{Flow, Inputs, Outputs, Stage, StateBytes, StepError};
+    use formats::recording::RecordingWriter;
+    use messages::{ByteTable, ClassTopic, GnssTopic, ImuTopic};
+    use std::collections::BTreeMap;
+
+    crate::settings! {
+        /// None.
+        pub struct NoSettings {}
+    }
+
+    /// A stage without required inputs.
+    struct Optional;
+
+    impl Stage for Optional {
+        const NAME: &'static str = "optional";
+        type Settings = NoSettings;
+        fn inputs() -> Vec<Port> {
+            vec![Port::optional::<GnssTopic>(), Port::optional::<ImuTopic>()]
+        }
+        fn outputs() -> Vec<Port> {
+            Vec::new()
+        }
+        fn new(_settings: &NoSettings, _context: &Context) -> Result<Self, StepError> {
+            Ok(Self)
+        }
+        fn step(&mut self, _inputs: &mut Inputs, _outputs: &mut Outputs) -> Result<Flow, StepError> {
+            Ok(Flow::Continue)
+        }
+        fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+            Ok(Vec::new().into())
+        }
+    }
+
+    /// What a recording of one topic gives the stage.
+    fn of_recording(folder: &Path, table: ByteTable) -> Result<Vec<String>, ConfigurationError> {
+        let path = folder.join("in.mcap");
+        let topic = table.topic.clone();
+        let mut writer = RecordingWriter::create(&path, &BTreeMap::new(), &[table]).expect("creates");
+        writer.tick(&topic, &messages::TickRow { end: 1, ..Default::default() }).expect("writes");
+        writer.finish().expect("finishes");
+        recorded_topics(&ProgramOf::<Optional>::new(), &path)
+    }
+
+    #[test]
+    fn recording_without_any_input_of_the_stage_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let found = of_recording(folder.path(), ByteTable::of::<ImuTopic>()).expect("has an input");
+        assert_eq!(found, ["imu"]);
+        let error = of_recording(folder.path(), ByteTable::of::<ClassTopic>()).expect_err("refused").to_string();
+        assert!(
+            error.ends_with("in.mcap: has no input of optional: topics gnss, imu are missing; the recording has class"),
+            "{error}"
+        );
+    }
 }

@@ -91,7 +91,7 @@ pub fn sample(number: i64) -> ImuSample {
     ImuSample {
         stamp: BEGIN.plus_nanos(number * 10_000_000),
         acceleration: [0.0, 0.1, 9.81],
-        angular_rate: [number as f64, 0.0, 0.0],
+        angular_rate: [number as f64 * 0.1, 0.0, 0.0],
     }
 }
 

@@ -6,6 +6,7 @@ use formats::velodyne::{
 };
 use geometry::Stamp;
 use random::Random;
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
 
 /// 2023-11-14, 1.5 s before a full hour.
@@ -33,10 +34,21 @@ pub fn hdl32e_packets(n: usize) -> Vec<Sent> {
     (0..n).map(&mut packet).collect()
 }
 
+/// The address from which [`write_capture`] sends data packets.
+pub const SENSOR: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(192, 168, 1, 201), DATA_PORT);
+
+/// A capture in which every packet comes from the port it goes to.
 pub fn write_capture(path: &Path, packets: &[Sent]) -> PathBuf {
+    let from = |packet: &Sent| (SocketAddrV4::new(*SENSOR.ip(), packet.1), packet.clone());
+    write_capture_from(path, &packets.iter().map(from).collect::<Vec<_>>())
+}
+
+/// A capture of packets with their senders.
+pub fn write_capture_from(path: &Path, packets: &[(SocketAddrV4, Sent)]) -> PathBuf {
     let mut writer = Writer::new(Vec::new()).expect("writes");
-    for (stamp, port, payload) in packets {
-        writer.write_udp(*stamp, *port, payload).expect("writes");
+    for (sender, (stamp, port, payload)) in packets {
+        let target = SocketAddrV4::new(Ipv4Addr::BROADCAST, *port);
+        writer.write_datagram(*stamp, *sender, target, payload).expect("writes");
     }
     std::fs::write(path, writer.finish().expect("writes")).expect("writes");
     path.to_owned()
