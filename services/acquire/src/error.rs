@@ -31,7 +31,8 @@ impl LiveError {
         match self {
             Self::Address(_) | Self::Bind { .. } => "listen",
             Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => "recording",
-            Self::Rig(_) => "rig",
+            // `run.rig` is no setting of acquire.
+            Self::Rig(_) => "",
             Self::Model { .. } => "model",
         }
     }

@@ -109,8 +109,8 @@ impl Outputs {
     pub fn doubt(&mut self, name: &'static str, size: f64, text: impl Into<String>) {
         let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
         let doubt = Doubt { name: name.to_owned(), size, text };
-        match self.doubts.iter_mut().find(|known| known.name == name) {
-            Some(known) => *known = doubt,
+        match self.doubts.iter().position(|known| known.name == name) {
+            Some(index) => self.doubts[index] = doubt,
             None if self.doubts.len() < MAX_DOUBTS => self.doubts.push(doubt),
             None => self.count("doubts_left_out", 1),
         }
