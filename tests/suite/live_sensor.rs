@@ -34,7 +34,7 @@ fn free_port() -> u16 {
 /// and no fault of the run.
 fn live(drive: &Path) -> Option<Launch> {
     let [data, position] = [free_port(), free_port()];
-    let run = format!("mode = 'live'\ndrive = '{}'", drive.display());
+    let run = format!("mode = 'live'\nrig = '{}'", drive.display());
     let acquire = format!("listen = '127.0.0.1:{data}'\nposition_listen = '127.0.0.1:{position}'");
     let launch = launch(&run, &acquire);
     let running = launch.start();

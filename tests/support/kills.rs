@@ -20,6 +20,8 @@ pub struct Kills {
     pub resumed: usize,
     /// Restarts that supervisors made.
     pub restarts: usize,
+    /// When the kills were.
+    pub at: Vec<Instant>,
 }
 
 impl Kills {
@@ -94,6 +96,7 @@ pub fn run_under_kills(launch: &Launch, stages: &[&str], n_kills: usize, random:
             queue.push(victim);
             continue;
         }
+        kills.at.push(Instant::now());
         *kills.struck.entry(victim.to_owned()).or_default() += 1;
     }
     let mut last = None;

@@ -47,7 +47,8 @@ impl LiveError {
             Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
                 "recording"
             }
-            Self::Rig(_) => "rig",
+            // `run.rig` is no setting of acquire.
+            Self::Rig(_) => "",
             Self::Model { .. } => "model",
         }
     }

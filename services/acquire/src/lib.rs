@@ -61,9 +61,6 @@ stage::settings! {
         pub position_listen: String = "127.0.0.1:8308".to_owned() => stage::any();
         /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets.
         pub model: String = String::new() => stage::one_of(&["", "hdl32e", "vlp16", "hdl64e"]);
-        /// Live: drive.toml with the mounting of the LiDAR; empty = the one in the drive's folder. Without any, body and LiDAR frame are
-        /// the same.
-        pub rig: String = String::new() => stage::any();
         /// Live: folder of the raw recording inside the output folder; it must not contain an earlier recording.
         pub recording: String = "recording".to_owned() => stage::any();
         /// Live: time without packets after which the run ends, s; 0 = never.

@@ -11,8 +11,8 @@ use crate::publish::{ReportedCounts, publish_fixes, publish_sweep};
 use crate::receiver::{Receiver, Sockets, bind};
 use crate::recording::{self, Recording};
 use crate::sweep;
-use formats::drive::{Drive, read_manifest};
-use formats::manifest::{Manifest, PoseEntry};
+use formats::drive::LiveRig;
+use formats::manifest::PoseEntry;
 use formats::velodyne::{DATA_PACKET_BYTES, Model, SweepError, SweepInfo, SweepPoll, SweepReader};
 use messages::{Message, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
@@ -39,7 +39,7 @@ pub(crate) struct Live {
     receiver: Receiver,
     recording: Recording,
     model: Option<Model>,
-    body_from_lidar: PoseEntry,
+    rig: LiveRig,
     reader: Option<SweepReader>,
     /// Size of the capture at the last attempt to find the sensor.
     examined_bytes: u64,
@@ -114,13 +114,13 @@ impl Live {
     pub(crate) fn open(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let data = address(&settings.listen).map_err(StepError::data)?;
         let position = address(&settings.position_listen).map_err(StepError::data)?;
-        let (model, body_from_lidar) = mounting(settings, context).map_err(StepError::data)?;
+        let (model, rig) = mounting(settings, context).map_err(StepError::data)?;
         let sockets = Sockets::bind([data, position]).map_err(StepError::io)?;
         let (recording, recorder) =
             Recording::begin(folder(settings, context).map_err(StepError::data)?).map_err(StepError::io)?;
         let receiver = Receiver::start(sockets, recorder).map_err(StepError::io)?;
         if let Some(model) = model {
-            recording.describe(model, body_from_lidar).map_err(StepError::io)?;
+            recording.describe(model, body_from_lidar(&rig)).map_err(StepError::io)?;
         }
         // The previous process ended within a sweep. A run on the recording does not publish the rest of it either.
         let current = if recording.is_continued() { CurrentSweep::Discarded } else { CurrentSweep::None };
@@ -129,7 +129,7 @@ impl Live {
             receiver,
             recording,
             model,
-            body_from_lidar,
+            rig,
             reader: None,
             examined_bytes: 0,
             has_no_sensor: false,
@@ -290,7 +290,7 @@ impl Live {
             Ok(None) => Ok(false),
             Ok(Some(reader)) => {
                 let model = reader.model();
-                self.recording.describe(model, self.body_from_lidar).map_err(StepError::io)?;
+                self.recording.describe(model, body_from_lidar(&self.rig)).map_err(StepError::io)?;
                 self.revolution_bytes = TURN_NANOS / u64::from(model.packet_nanos()) * RECORD_BYTES;
                 self.reader = Some(reader);
                 Ok(true)
@@ -356,6 +356,7 @@ impl Live {
 
     fn note_begin(&self, outputs: &mut Outputs) {
         outputs.note(format!("recording to {}", self.capture().display()));
+        outputs.note(self.rig.to_string());
         let n_bytes = self.receiver.buffer_bytes();
         if n_bytes < RECOMMENDED_BUFFER {
             outputs.note(format!(
@@ -384,19 +385,18 @@ fn address(text: &str) -> Result<SocketAddrV4, LiveError> {
     text.parse().map_err(|_| LiveError::Address(text.to_owned()))
 }
 
-/// Model (if the settings or the rig name it) and mounting of the sensor.
-fn mounting(settings: &Settings, context: &Context) -> Result<(Option<Model>, PoseEntry), LiveError> {
-    let manifest: Option<Manifest> = if settings.rig.is_empty() {
-        Drive::rig_alone(&context.drive)?
-    } else {
-        let path = context.resolve(Path::new(&settings.rig));
-        Some(read_manifest(&path)?)
-    };
+/// Model, if the settings or the rig name it, and the rig.
+fn mounting(settings: &Settings, context: &Context) -> Result<(Option<Model>, LiveRig), LiveError> {
+    let rig = LiveRig::find(&context.drive)?;
     let wanted = Model::from_name(&settings.model);
-    let Some(manifest) = manifest else { return Ok((wanted, PoseEntry::IDENTITY)) };
+    let Some(manifest) = rig.manifest() else { return Ok((wanted, rig)) };
     let of_rig = Model::from_name(&manifest.lidar.model);
     if wanted.is_some() && wanted != of_rig {
-        return Err(LiveError::Model { setting: settings.model.clone(), rig: manifest.lidar.model });
+        return Err(LiveError::Model { setting: settings.model.clone(), rig: manifest.lidar.model.clone() });
     }
-    Ok((of_rig, manifest.lidar.body_from_lidar))
+    Ok((of_rig, rig))
+}
+
+fn body_from_lidar(rig: &LiveRig) -> PoseEntry {
+    rig.manifest().map_or(PoseEntry::IDENTITY, |manifest| manifest.lidar.body_from_lidar)
 }

@@ -31,10 +31,11 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
         problems.iter().map(|problem| render(copy, &text, problem)).collect::<Vec<_>>()
     })?;
     let mut problems = Problems::new(&file);
-    let run: Run = problems.table("run", |_| true);
+    let mut run: Run = problems.table("run", |_| true);
     let simulate: Simulate = problems.table("simulate", |_| true);
     let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
     let mode = if run.mode == "live" { Mode::Live } else { Mode::Offline };
+    let rig = rig(&mut run, mode, &folder, &mut problems);
     let (drive, is_simulated) = drive(&run, &simulate, mode, &folder, &mut problems);
     let output = problems.path("output", &run.output, &folder);
     if let Some(text) = lacks_shared_memory(last_domain(&output).as_ref()) {
@@ -54,6 +55,7 @@ pub fn plan_as(copy: &Path, path: &Path, overrides: &[String], selection: &Selec
     }
     check_recording(&run, mode, selection, &stages, &mut problems);
     let connected = stages.iter().flat_map(|s| s.outputs.iter().map(|topic| topic.topic.clone())).collect();
+    let drive = rig.unwrap_or(drive);
     let context = Context { drive, output, launch_folder: folder, mode, connected, missing };
     check_settings(&stages, copy, overrides, &context, &mut problems);
     let problems = problems.into_rendered();
@@ -113,6 +115,26 @@ fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &m
 /// Whether two paths lead to the same file, or are the same.
 fn is_same(a: &Path, b: &Path) -> bool {
     a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+}
+
+/// The manifest that `run.rig` names for a live run, which then needs no drive.
+fn rig(run: &mut Run, mode: Mode, folder: &Path, problems: &mut Problems) -> Option<PathBuf> {
+    if run.rig.is_empty() {
+        return None;
+    }
+    let named = folder.join(&run.rig);
+    let path = if named.is_dir() { named.join("drive.toml") } else { named };
+    let fault = match mode {
+        Mode::Offline => Some("is for live runs; a recorded drive has its own drive.toml".to_owned()),
+        Mode::Live => (!path.is_file()).then(|| format!("{} is not a file", path.display())),
+    };
+    if let Some(text) = fault {
+        problems.add("run", problems.of_value("run", "rig", text));
+    }
+    if mode == Mode::Live {
+        run.drive.clear();
+    }
+    Some(path)
 }
 
 /// Leaves out the stages that the command line deselects. Returns a remark for the operator, and [`Context::missing`].

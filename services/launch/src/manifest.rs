@@ -16,8 +16,10 @@ run::settings! {
         pub drive: String = String::new() => any();
         /// Folder of the results.
         pub output: String = String::new() => any();
-        /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first; the drive, if
-        /// given, says where the sensors are mounted.
+        /// Live: drive.toml with the mounting of the sensors, or a drive folder with one. Empty: that of `drive` unless the drive is
+        /// simulated; without any, the LiDAR is taken as upright at the origin of the body frame.
+        pub rig: String = String::new() => any();
+        /// `offline`: lossless and deterministic, from the drive. `live`: from the sensors, newest data first.
         pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
         /// Transport of messages: shared memory, or, for comparison only, copies through sockets. The results are the same.
         pub transport: String = "shared".to_owned() => one_of(&["shared", "copying"]);

@@ -4,7 +4,7 @@ use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
 use crate::{Settings, fix_doubts};
-use formats::drive::Drive;
+use formats::drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose, Stamp};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::{
@@ -144,8 +144,8 @@ impl Stage for SlamAggregate {
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let manifest = match context.mode {
             Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
-            // The recording has only begun. Without a rig in the vehicle's folder, body and LiDAR frame are the same.
-            Mode::Live => Drive::rig_alone(&context.drive).map_err(StepError::io)?,
+            // The recording has only begun. Without a rig, body and LiDAR frame are the same.
+            Mode::Live => LiveRig::find(&context.drive).map_err(StepError::io)?.manifest().cloned(),
         };
         let body_from_lidar = match &manifest {
             Some(manifest) => manifest.rig().map_err(StepError::data)?.body_from_lidar,

@@ -8,6 +8,7 @@ mod clouds;
 mod infer;
 mod labels;
 mod listing;
+mod live_rig;
 mod read;
 mod sweeps;
 
@@ -15,6 +16,7 @@ pub use crate::velodyne::SweepInfo;
 pub use clouds::returns_from_cloud;
 pub use labels::{TrueLabel, TrueLabels};
 pub use listing::Frame;
+pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
@@ -74,13 +76,6 @@ impl Drive {
             Err(error) => return Err(FileProblem::of_file(&path, format!("cannot read the file: {error}")).into()),
         };
         check::drive(folder, read, is_inferred)
-    }
-
-    /// The manifest without a check of the files it names, for example before a recording. `None` if the folder has no
-    /// `drive.toml`.
-    pub fn rig_alone(folder: &Path) -> Result<Option<Manifest>, FileError> {
-        let path = folder.join(MANIFEST_FILE);
-        if path.exists() { read_manifest(&path).map(Some) } else { Ok(None) }
     }
 
     /// Path of the folder; of a capture that is the drive, the folder with the capture.

@@ -51,7 +51,8 @@ pub struct PoseEntry {
 pub struct LidarEntry {
     /// `hdl32e`, `vlp16` or `hdl64e`.
     pub model: String,
-    /// `pcap`: packet captures. `pcd` or `bin`: one file per sweep, 10 sweeps per second unless the folder has a `times.txt`.
+    /// `pcap`: packet captures. `pcd`, `bin` (KITTI) or `nuscenes`: one file per sweep, 10 sweeps per second unless the folder has a
+    /// `times.txt`.
     pub format: String,
     /// Folder of the files, which are read in the order of their names.
     pub folder: String,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Where and how the run happens. Paths are absolute.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Context {
-    /// The drive's folder.
+    /// The drive's folder. Live: the manifest with the mounting of the sensors (`run.rig`), or a drive folder with one.
     pub drive: PathBuf,
     /// Where results go.
     pub output: PathBuf,

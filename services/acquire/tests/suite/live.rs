@@ -2,6 +2,7 @@
 
 use crate::support::{BEGIN, fix, write_lidar};
 use acquire::{Acquire, Settings};
+use formats::manifest::PoseEntry;
 use formats::nmea::{gga_from_fix, rmc_from_fix};
 use formats::pcap::PacketReader;
 use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PulseStatus, encode_position_packet};
@@ -381,14 +382,43 @@ fn recording_has_the_mounting_of_the_rig() {
         1,
     );
     fs::write(&rig, text).expect("writes");
-    let settings = Settings { rig: "vehicle/drive.toml".into(), ..settings() };
-    let bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
+    let context = Context { drive: rig, ..live(folder.path()) };
+    let bench = Bench::<Acquire>::new(&settings(), &context).expect("opens");
     drop(bench);
     let manifest = formats::drive::read_manifest(&folder.path().join("recording/drive.toml")).expect("reads");
     assert_eq!(
         (manifest.lidar.model.as_str(), manifest.lidar.body_from_lidar.translation),
         ("hdl32e", [0.0, 0.0, 1.9])
     );
+}
+
+#[test]
+fn rig_of_a_simulated_drive_is_not_used_for_a_live_sensor() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets: Packets = simulated(folder.path()).into_iter().take(1000).collect();
+    // A drive folder as `replica simulate` makes it: its LiDAR is mounted 1.9 m up and tilted, and it has ground truth.
+    let vehicle = folder.path().join("sample");
+    fs::create_dir_all(&vehicle).expect("makes");
+    let manifest = "version = 1\nname = \"sample\"\n[lidar]\nmodel = \"vlp16\"\nformat = \"pcap\"\nfolder = \"lidar\"\n\
+                    body_from_lidar = { translation = [0, 0, 1.9], rotation = [0, 0.6, 0, 0.8] }\n\
+                    [truth]\ntrajectory = \"t.txt\"\nlabels = \"labels\"\n";
+    fs::write(vehicle.join("drive.toml"), manifest).expect("writes");
+    for (drive, words) in [(vehicle, "sample is a simulated drive and is not used"), (PathBuf::new(), "none is given")]
+    {
+        let (output, settings) = (tempfile::tempdir().expect("a folder"), Settings { quiet_s: 0.3, ..settings() });
+        let context = Context { drive, ..live(output.path()) };
+        assert_eq!(Acquire::check(&settings, &context), []);
+        let mut bench = Bench::<Acquire>::new(&settings, &context).expect("opens");
+        Sensor::new(&settings, output.path().join("recording/lidar/000.pcap")).send(&packets);
+        assert!(!ticks_to_end(&mut bench).is_empty());
+        assert!(
+            bench.notes().iter().any(|note| note.contains(words) && note.contains("upright")),
+            "{:?}",
+            bench.notes()
+        );
+        let manifest = formats::drive::read_manifest(&output.path().join("recording/drive.toml")).expect("reads");
+        assert_eq!((manifest.lidar.model.as_str(), manifest.lidar.body_from_lidar), ("hdl32e", PoseEntry::IDENTITY));
+    }
 }
 
 #[test]
@@ -399,16 +429,16 @@ fn check_names_settings_that_prevent_receiving_or_recording() {
     let settings = Settings {
         listen: "localhost".into(),
         position_listen: taken.local_addr().expect("is bound").to_string(),
-        rig: "rig.toml".into(),
         end_s: 3.0,
         ..Settings::default()
     };
-    let problems = Acquire::check(&settings, &live(folder.path()));
+    let context = Context { drive: folder.path().join("rig.toml"), ..live(folder.path()) };
+    let problems = Acquire::check(&settings, &context);
     let text = |key: &str| problems.iter().find(|problem| problem.key == key).map(|problem| problem.text.clone());
     for (key, words) in [
         ("listen", "value \"localhost\" must be an IPv4 address and a port"),
         ("position_listen", "cannot be bound"),
-        ("rig", "rig.toml: lidar: is missing"),
+        ("", "rig.toml: lidar: is missing"),
         ("end_s", "is for recorded drives"),
     ] {
         assert!(text(key).is_some_and(|text| text.contains(words)), "{key}: {problems:?}");

@@ -86,6 +86,7 @@ mod tests {
                 outputs: ports(outputs),
                 settings: vec![],
             },
+            files: vec![],
             inputs: vec![],
             outputs: vec![],
         }

@@ -31,3 +31,24 @@ fn launch_file_without_stages_is_refused() {
     assert_eq!(output.status.code(), Some(78));
     assert!(String::from_utf8_lossy(&output.stderr).contains("names no stage"));
 }
+
+#[test]
+fn rig_of_a_live_run_must_exist_and_replaces_the_drive() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("launch.toml");
+    let check = |run: &str| {
+        std::fs::write(&path, format!("[run]\ndrive = 'nowhere'\noutput = 'out'\n{run}\n")).expect("written");
+        let output = launch(&[path.to_str().expect("UTF-8"), "--check"]);
+        assert_eq!(output.status.code(), Some(78), "it names no stage");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let without = check("mode = 'live'");
+    assert!(without.contains("nowhere does not exist"), "{without}");
+    let absent = check("mode = 'live'\nrig = 'vehicle.toml'");
+    assert!(absent.contains("vehicle.toml is not a file") && absent.contains("launch.toml:5"), "{absent}");
+    std::fs::write(folder.path().join("vehicle.toml"), "version = 1\n").expect("written");
+    let found = check("mode = 'live'\nrig = 'vehicle.toml'");
+    assert!(!found.contains("vehicle.toml") && !found.contains("nowhere"), "{found}");
+    let offline = check("rig = 'vehicle.toml'");
+    assert!(offline.contains("is for live runs"), "{offline}");
+}

@@ -129,9 +129,9 @@ impl Check<'_> {
         let extensions: &[&str] = match entry.format.as_str() {
             "pcap" => &["pcap", "pcapng"],
             "pcd" => &["pcd"],
-            "bin" => &["bin"],
+            "bin" | "nuscenes" => &["bin"],
             other => {
-                self.file.fault("lidar.format", format!("value {other:?} must be one of pcap, pcd, bin"));
+                self.file.fault("lidar.format", format!("value {other:?} must be one of pcap, pcd, bin, nuscenes"));
                 return none;
             }
         };
@@ -139,6 +139,10 @@ impl Check<'_> {
         let files = self.listed("lidar.folder", files_with_extension(&folder, extensions)).unwrap_or_default();
         self.file.rule("lidar.folder", !files.is_empty(), || {
             format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
+        });
+        let is_nuscenes = |path: &PathBuf| path.to_string_lossy().ends_with(".pcd.bin");
+        self.file.rule("lidar.format", entry.format != "bin" || !files.iter().any(is_nuscenes), || {
+            "value \"bin\" is for sweeps of KITTI; *.pcd.bin are sweeps of nuScenes: set \"nuscenes\"".into()
         });
         let stamps = if entry.format == "pcap" { Vec::new() } else { self.times(&folder, files.len()) };
         (files, stamps)

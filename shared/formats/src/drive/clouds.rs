@@ -2,7 +2,7 @@
 
 use crate::cloud::CloudPoint;
 use crate::velodyne::{LidarReturn, Model, SweepReader};
-use crate::{kitti, pcd};
+use crate::{kitti, nuscenes, pcd};
 use std::io;
 use std::path::Path;
 
@@ -17,6 +17,8 @@ pub(super) enum CloudFault {
     #[error(transparent)]
     Kitti(#[from] kitti::KittiError),
     #[error(transparent)]
+    Nuscenes(#[from] nuscenes::NuscenesError),
+    #[error(transparent)]
     Pcd(#[from] pcd::PcdError),
     #[error("{found} points; a sweep has at most {limit}")]
     TooManyPoints { found: usize, limit: usize },
@@ -25,11 +27,11 @@ pub(super) enum CloudFault {
 /// The returns of a cloud file.
 pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarReturn>, CloudFault> {
     let bytes = std::fs::read(path)?;
-    let points = match format {
-        "bin" => kitti::points_from_bin(&bytes)?,
-        _ => pcd::points_from_pcd(&bytes)?,
+    let returns = match format {
+        "bin" => returns_from_cloud(&kitti::points_from_bin(&bytes)?, model),
+        "nuscenes" => returns(&nuscenes::points_from_bin(&bytes)?, |(point, _)| point, |(_, ring)| *ring),
+        _ => returns_from_cloud(&pcd::points_from_pcd(&bytes)?, model),
     };
-    let returns = returns_from_cloud(&points, model);
     let limit = SweepReader::MAX_RETURNS;
     if returns.len() > limit {
         return Err(CloudFault::TooManyPoints { found: returns.len(), limit });
@@ -42,23 +44,32 @@ pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarR
 /// 1 are scaled to 0 to 255.
 pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarReturn> {
     let rings = Rings::new(model);
-    let is_fraction = points.iter().all(|p| p.intensity <= 1.0);
+    returns(points, |p| p, |p| rings.nearest(p))
+}
+
+/// See [`returns_from_cloud`]: `point` and `ring` of a row.
+fn returns<T>(rows: &[T], point: impl Fn(&T) -> &CloudPoint, ring: impl Fn(&T) -> u8) -> Vec<LidarReturn> {
+    let is_fraction = rows.iter().all(|row| point(row).intensity <= 1.0);
     let scale = if is_fraction { 255.0 } else { 1.0 };
-    let is_return = |p: &&CloudPoint| {
+    let is_return = |row: &&T| {
+        let p = point(row);
         let range_m = (p.x * p.x + p.y * p.y + p.z * p.z).sqrt();
         range_m.is_finite() && range_m > MIN_RANGE_M
     };
-    let one = |p: &CloudPoint| LidarReturn {
-        x: p.x,
-        y: p.y,
-        z: p.z,
-        offset_nanos: 0,
-        // Clockwise in 0.01 deg.
-        azimuth: ((-p.y.atan2(p.x).to_degrees() * 100.0).round() as i32).rem_euclid(36_000) as u16,
-        intensity: (p.intensity * scale).round().clamp(0.0, 255.0) as u8,
-        ring: rings.nearest(p),
+    let one = |row: &T| {
+        let p = point(row);
+        LidarReturn {
+            x: p.x,
+            y: p.y,
+            z: p.z,
+            offset_nanos: 0,
+            // Clockwise in 0.01 deg.
+            azimuth: ((-p.y.atan2(p.x).to_degrees() * 100.0).round() as i32).rem_euclid(36_000) as u16,
+            intensity: (p.intensity * scale).round().clamp(0.0, 255.0) as u8,
+            ring: ring(row),
+        }
     };
-    points.iter().filter(is_return).map(one).collect()
+    rows.iter().filter(is_return).map(one).collect()
 }
 
 /// Elevations of the lower 32 beams of the HDL-64E of KITTI, lowest first, deg: medians over sweeps of its raw recordings, whose

@@ -3,6 +3,8 @@
 use super::listing::files_with_extension;
 use super::read::Read;
 use super::{Drive, MANIFEST_FILE};
+use crate::cloud::check_points;
+use crate::kitti;
 use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use crate::problems::{FileError, FileProblem};
 use crate::velodyne::{Model, SweepReader};
@@ -11,6 +13,18 @@ use std::path::{Path, PathBuf};
 /// Formats by file name extension, in the order of the search.
 const FORMATS: [&str; 4] = ["pcd", "bin", "pcap", "pcapng"];
 
+/// Fails if the first sweep of `*.bin` files is not one of KITTI: rows of x y z intensity.
+fn check_rows(path: &Path) -> Result<(), FileError> {
+    let problem = |rule: String| FileError::from(FileProblem::of_file(path, rule));
+    let hint = "without drive.toml, *.bin must be sweeps of KITTI; use `replica import` or write a drive.toml";
+    if path.to_string_lossy().ends_with(".pcd.bin") {
+        return Err(problem(format!("is a sweep of nuScenes; {hint}")));
+    }
+    let bytes = std::fs::read(path).map_err(|error| problem(error.to_string()))?;
+    let points = kitti::points_from_bin(&bytes).map_err(|error| problem(format!("{error}; {hint}")))?;
+    check_points(&points, 1.0).map_err(|error| problem(format!("{error}; {hint}")))
+}
+
 /// Infers a manifest from the files in a folder.
 pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
     let problem = |rule: String| FileError::from(FileProblem::of_file(folder, rule));
@@ -18,6 +32,9 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
         let files = files_with_extension(folder, &[extension]).map_err(|error| problem(error.to_string()))?;
         if files.is_empty() {
             continue;
+        }
+        if extension == "bin" {
+            check_rows(&files[0])?;
         }
         let is_capture = extension.starts_with("pcap");
         let model = if is_capture { model_of(files).map_err(problem)? } else { Model::Hdl64e };

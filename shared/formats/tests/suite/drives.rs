@@ -1,6 +1,8 @@
 //! Drive folders: contents, and all faults reported at once.
 
+use formats::cloud::CloudPoint;
 use formats::drive::{Drive, TIMES_FILE};
+use formats::nuscenes;
 use formats::problems::FileProblem;
 use formats::velodyne::Model;
 use std::fs;
@@ -207,4 +209,44 @@ fn folder_of_captures_without_manifest_detects_its_sensor() {
     std::os::unix::fs::symlink(capture, folder.path().join("a.pcap")).expect("links");
     let drive = Drive::open(folder.path()).expect("opens");
     assert_eq!((drive.model(), drive.manifest().lidar.format.as_str()), (Model::Vlp16, "pcap"));
+}
+
+#[test]
+fn sweeps_of_another_layout_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rows: Vec<(CloudPoint, u8)> =
+        (0..20).map(|ring| (CloudPoint { x: 5.0, intensity: 17.0, ..CloudPoint::default() }, ring)).collect();
+    for (name, bytes, words) in [
+        ("a__LIDAR_TOP__1.pcd.bin", nuscenes::bin_from_points(&rows), "is a sweep of nuScenes"),
+        ("0.bin", nuscenes::bin_from_points(&rows), "point 0: intensity 17 must be 0 to 1"),
+        ("0.bin", vec![0; 30], "30 bytes are not a multiple of the row size"),
+    ] {
+        let sweeps = folder.path().join(name.len().to_string());
+        fs::create_dir_all(&sweeps).expect("makes");
+        fs::write(sweeps.join(name), bytes).expect("writes");
+        let found = problems(&sweeps);
+        assert!(found[0].rule.contains(words) && found[0].rule.contains("replica import"), "{found:?}");
+    }
+    let folder = drive(GOOD);
+    fs::rename(folder.path().join("lidar/000001.bin"), folder.path().join("lidar/000001.pcd.bin")).expect("renames");
+    let found = problems(folder.path());
+    assert!(found.len() == 1 && found[0].key == "lidar.format" && found[0].rule.contains("nuscenes"), "{found:?}");
+}
+
+#[test]
+fn nuscenes_sweeps_keep_the_rings_of_the_file() {
+    let folder = drive(&GOOD.replace("\"bin\"", "\"nuscenes\"").replace("hdl64e", "hdl32e"));
+    for (file, ring) in [(0, 31), (1, 3), (2, 0)] {
+        let point = CloudPoint { x: 5.0, intensity: 17.0, ..CloudPoint::default() };
+        let bytes = nuscenes::bin_from_points(&[(point, ring), (CloudPoint::default(), ring)]);
+        fs::write(folder.path().join(format!("lidar/{file:06}.bin")), bytes).expect("writes");
+    }
+    let mut sweeps = Drive::open(folder.path()).expect("is valid").sweeps().expect("opens");
+    let mut found = Vec::new();
+    while sweeps
+        .next_sweep(|returns| found.extend(returns.iter().map(|r| (r.ring, r.intensity))))
+        .expect("reads")
+        .is_some()
+    {}
+    assert_eq!(found, [(31, 17), (3, 17), (0, 17)], "the returns without range are removed");
 }

@@ -1,0 +1,11 @@
+//! The target with the name of the binary.
+
+#![no_main]
+
+use std::sync::LazyLock;
+
+/// The function to fuzz.
+static TARGET: LazyLock<fn(&[u8])> =
+    LazyLock::new(|| fuzz_targets::target(env!("CARGO_BIN_NAME")).expect("a target has the name of its binary"));
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| (*TARGET)(data));

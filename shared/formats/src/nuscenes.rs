@@ -1,0 +1,122 @@
+//! nuScenes (Caesar et al., CVPR 2020): sweeps of an HDL-32E as little-endian rows without header, `*.pcd.bin`.
+//!
+//! A row has x y z intensity ring as f32, 20 bytes. In the lidar frame x points right, y forward and z up. The ring counts from the
+//! lowest beam, as everywhere in this project. The intensity is that of the sensor, 0 to 255.
+
+use crate::cloud::CloudPoint;
+use crate::manifest::PoseEntry;
+use geometry::Stamp;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// Bytes of a row.
+pub const ROW_BYTES: usize = 20;
+/// Beams of the HDL-32E.
+const N_RINGS: f32 = 32.0;
+/// Body frame (x forward, y left) of a lidar frame with x right and y forward, at the same origin.
+pub const BODY_FROM_LIDAR: PoseEntry =
+    PoseEntry { translation: [0.0; 3], rotation: [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2] };
+/// Duration of a revolution, ns: the sensor turns at 20 Hz.
+pub const TURN_NANOS: i64 = 50_000_000;
+
+/// Why bytes are not a sweep.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum NuscenesError {
+    /// The file ends within a row.
+    #[error("{n_bytes} bytes are not a multiple of the row size, {ROW_BYTES} bytes")]
+    Size {
+        /// Size of the file.
+        n_bytes: usize,
+    },
+    /// The fifth value of a row is no beam of the sensor.
+    #[error("point {index}: ring {ring} must be a whole number from 0 to 31")]
+    Ring {
+        /// Index of the row.
+        index: usize,
+        /// The value found.
+        ring: f32,
+    },
+}
+
+/// Points of a sweep with their rings.
+pub fn points_from_bin(bytes: &[u8]) -> Result<Vec<(CloudPoint, u8)>, NuscenesError> {
+    let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
+    if !rest.is_empty() {
+        return Err(NuscenesError::Size { n_bytes: bytes.len() });
+    }
+    let value = |row: &[u8; ROW_BYTES], at: usize| f32::from_le_bytes([row[at], row[at + 1], row[at + 2], row[at + 3]]);
+    let point = |(index, row)| {
+        let ring = value(row, 16);
+        if !(0.0..N_RINGS).contains(&ring) || ring.fract() != 0.0 {
+            return Err(NuscenesError::Ring { index, ring });
+        }
+        let point = CloudPoint { x: value(row, 0), y: value(row, 4), z: value(row, 8), intensity: value(row, 12) };
+        Ok((point, ring as u8))
+    };
+    rows.iter().enumerate().map(point).collect()
+}
+
+/// The inverse of [`points_from_bin`].
+pub fn bin_from_points(points: &[(CloudPoint, u8)]) -> Vec<u8> {
+    let values = |(p, ring): &(CloudPoint, u8)| [p.x, p.y, p.z, p.intensity, f32::from(*ring)];
+    points.iter().flat_map(values).flat_map(f32::to_le_bytes).collect()
+}
+
+/// Parts of a file name: `<log>__LIDAR_TOP__<microseconds>.pcd.bin`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SweepName {
+    /// Name of the drive.
+    pub log: String,
+    /// End of the revolution.
+    pub end: Stamp,
+}
+
+impl SweepName {
+    /// The parts, or `None` for another kind of name.
+    pub fn parse(name: &str) -> Option<Self> {
+        let (log, rest) = name.strip_suffix(".pcd.bin")?.split_once("__LIDAR_TOP__")?;
+        let micros: i64 = rest.parse().ok().filter(|micros| *micros >= 0)?;
+        Some(Self { log: log.to_owned(), end: Stamp(micros.checked_mul(1000)?) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_survive_round_trip() {
+        let points: Vec<(CloudPoint, u8)> =
+            (0..32).map(|i| (CloudPoint { x: f32::from(i), y: -0.5, z: 1e-9, intensity: 255.0 }, i)).collect();
+        let bytes = bin_from_points(&points);
+        assert_eq!(points_from_bin(&bytes), Ok(points));
+        assert_eq!(points_from_bin(&bytes[..30]), Err(NuscenesError::Size { n_bytes: 30 }));
+        for ring in [-1.0_f32, 32.0, 0.5] {
+            let bytes = [&[0; 16][..], &ring.to_le_bytes()].concat();
+            assert_eq!(points_from_bin(&bytes), Err(NuscenesError::Ring { index: 0, ring }));
+        }
+    }
+
+    #[test]
+    fn name_has_log_and_end_of_the_revolution() {
+        let name = "n015-2018-07-24-11-22-45+0800__LIDAR_TOP__1532402927647951.pcd.bin";
+        let log = "n015-2018-07-24-11-22-45+0800".to_owned();
+        assert_eq!(SweepName::parse(name), Some(SweepName { log, end: Stamp(1_532_402_927_647_951_000) }));
+        assert_eq!(SweepName::parse("000000.bin"), None);
+    }
+
+    #[real_data::test("nuscenes")]
+    fn rings_of_real_sweep_are_ranks_by_elevation() {
+        let folder = real_data::path("nuscenes").read_dir().expect("lists");
+        let mut paths = folder.map(|entry| entry.expect("is there").path());
+        let path = paths.find(|path| path.to_string_lossy().ends_with(".pcd.bin")).expect("a sweep");
+        let points = points_from_bin(&std::fs::read(path).expect("reads")).expect("decodes");
+        assert_eq!(points.len(), 34_688);
+        // Near points lie on the vehicle, where the sensor measures across its own axis.
+        let far = points.iter().filter(|(p, _)| p.x.hypot(p.y) > 3.0);
+        let returns: Vec<(f32, f32)> = far
+            .map(|(p, ring)| (p.z.atan2(p.x.hypot(p.y)).to_degrees(), f32::from(*ring) * 4.0 / 3.0 - 30.67))
+            .collect();
+        let n_near = returns.iter().filter(|(found, nominal)| (found - nominal).abs() < 0.4).count();
+        assert!(n_near * 100 > returns.len() * 99, "{n_near} of {}", returns.len());
+    }
+}

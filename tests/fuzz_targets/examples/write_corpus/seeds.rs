@@ -1,0 +1,296 @@
+//! The seeds.
+
+use formats::cloud::CloudPoint;
+use formats::imu::{ImuSample, csv_from_samples};
+use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
+use formats::pcap::Writer;
+use formats::pgm::pgm_from_samples;
+use formats::ply::{Header, Kind, PlyWriter};
+use formats::recording::RecordingWriter;
+use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
+use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, numbered, tum_from_trajectory};
+use formats::velodyne::{
+    DATA_PORT, Model, PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet,
+};
+use formats::{envi, kitti, nuscenes, pcd};
+use geometry::{Pose, Stamp};
+use image::{ImageFormat, RgbImage};
+use messages::{ByteTable, ClassTopic, TickRow};
+use run::state_file::{RunnerState, write_state};
+use stage::encode_state;
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Cursor;
+
+/// 2023-11-14, 1.5 s before a full hour.
+const BEGIN: Stamp = Stamp(1_699_999_200_000_000_000 - 1_500_000_000);
+
+/// Files of each target.
+pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
+    let (trajectory, poses) = trajectory();
+    vec![
+        ("pcap", vec![capture(Model::Hdl32e), capture(Model::Vlp16)]),
+        ("pcapng", vec![pcapng()]),
+        ("hdl32e", vec![packet(Model::Hdl32e, 0), position()]),
+        ("vlp16", vec![packet(Model::Vlp16, 0), position()]),
+        ("hdl64e", vec![packet(Model::Hdl64e, 0)]),
+        ("nmea", vec![log().into_bytes()]),
+        ("imu", vec![imu().into_bytes()]),
+        ("png", vec![picture(ImageFormat::Png)]),
+        ("jpeg", vec![picture(ImageFormat::Jpeg)]),
+        ("pgm", vec![pgm_from_samples(20, 10, 4095, &[77; 200]), pgm_from_samples(20, 10, 255, &[77; 200])]),
+        ("tiff", vec![tiff()]),
+        ("raw_mosaic", vec![tiff(), pgm_from_samples(20, 10, 4095, &[77; 200])]),
+        ("ply", vec![ply()]),
+        ("pcd", vec![pcd::pcd_from_points(&points()), PCD_TEXT.to_vec()]),
+        ("kitti", vec![kitti::bin_from_points(&points())]),
+        ("nuscenes", vec![nuscenes::bin_from_points(&points().into_iter().zip(0..32).collect::<Vec<_>>())]),
+        ("npy", vec![npy()]),
+        ("envi", vec![cube()]),
+        ("spectral_library", vec![library()]),
+        ("ecostress", vec![SPECTRUM.as_bytes().to_vec()]),
+        ("sensor_calibration", vec![sensor().to_xml().into_bytes()]),
+        ("ladybug", vec![LENS.as_bytes().to_vec()]),
+        ("tum", vec![tum_from_trajectory(&trajectory).into_bytes()]),
+        ("trajectory_csv", vec![csv_from_trajectory(&trajectory).into_bytes()]),
+        ("kitti_poses", vec![poses.into_bytes()]),
+        ("launch_file", vec![LAUNCH.as_bytes().to_vec()]),
+        ("drive_manifest", vec![DRIVE.as_bytes().to_vec()]),
+        ("mcap", vec![mcap()]),
+        ("model", vec![segmentation::ground::Parameters::default().to_bytes().expect("encodes")]),
+        ("state", states()),
+        ("control", CONTROL.map(|text| text.as_bytes().to_vec()).to_vec()),
+    ]
+}
+
+const PCD_TEXT: &[u8] =
+    b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA ascii\n1 2 3\n4 5 6\n7 8 9\n";
+const SPECTRUM: &str =
+    "Name: Concrete\nX Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\n\n0.4 10\n0.5 12.5\n0.6 13\n";
+const LENS: &str = "SerialNumber 1\nResolution 20 10\nBeginCamera\nId 0\nfocalLength 0.5 1\nEndCamera\nBeginWarp\nId 0\n\
+    KnotsX 0 0 0 0 1 1 1 1\nKnotsY 0 0 0 0 1 1 1 1\nNumberCoefs 4 4\nCoefs\n1 2 3 4\n5 6 7 8\n9 8 7 6\n5 4 3 2\nEndWarp\n";
+const LAUNCH: &str = "# A comment\n[run]\ndrive = \"drives/sample\"\noutput = 'out'\nbarrier_s = 5.0\n\n[acquire]\nstart_s = 1\n\n\
+    [instance]\nthings = [{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }]\n[export]\nformats = [\"ply\"]\n";
+const DRIVE: &str = "version = 1\nname = \"x\"\n[lidar]\nmodel = \"hdl64e\"\nformat = \"bin\"\nfolder = \"lidar\"\n\
+    body_from_lidar = { translation = [0, 0, 1.9], rotation = [0, 0, 0, 1] }\n\
+    [[camera]]\nname = \"front\"\nfolder = \"camera\"\nexposure_nanos = 5000000\n\
+    body_from_camera = { translation = [0, 0, 1], rotation = [0, 0, 0, 1] }\n\
+    model = { kind = \"pinhole\", width = 64, height = 48, fx = 60, fy = 60, cx = 32, cy = 24 }\n\
+    [gnss]\nfile = \"gnss.nmea\"\norigin = [48.8, 2.3, 100.0]\nantenna_in_body = [0, 0, 2]\n[imu]\nfile = \"imu.csv\"\n";
+const CONTROL: [&str; 4] = [
+    r#"{"stop":{"now":false}}"#,
+    r#"{"swap":{"stage":"infer","back":false,"program":"/bin/x","unset":["model"],"set":["threads=4"]}}"#,
+    r#"{"working":"draining"}"#,
+    r#"{"refused":["a reason","another"]}"#,
+];
+
+fn packet(model: Model, number: i64) -> Vec<u8> {
+    let blocks = std::array::from_fn(|index| {
+        let azimuth = ((number * 12 + index as i64) * 17 % 36_000) as u16;
+        let one = |k: usize| RawReturn { range_2mm: 1000 + 700 * k as u16, intensity: 8 * k as u8 };
+        RawBlock { azimuth, is_lower: model == Model::Hdl64e && index % 2 == 1, returns: std::array::from_fn(one) }
+    });
+    encode_data_packet(model, BEGIN.plus_nanos(number * 552_960), &blocks).to_vec()
+}
+
+fn position() -> Vec<u8> {
+    encode_position_packet(BEGIN, PulseStatus::Locked, &rmc_from_fix(&fix(0))).to_vec()
+}
+
+fn capture(model: Model) -> Vec<u8> {
+    let mut writer = Writer::new(Vec::new()).expect("writes");
+    writer.write_udp(BEGIN, 8308, &position()).expect("writes");
+    for number in 0..5 {
+        // A revolution ends between the third and the fourth.
+        let packet = packet(model, if number < 3 { 170 + number } else { 180 + number });
+        writer.write_udp(BEGIN.plus_nanos(number * 552_960), DATA_PORT, &packet).expect("writes");
+    }
+    writer.finish().expect("writes")
+}
+
+fn pcapng() -> Vec<u8> {
+    let block = |kind: u32, body: &[u8]| {
+        let total = (12 + body.len().next_multiple_of(4)) as u32;
+        let mut bytes = [kind.to_le_bytes(), total.to_le_bytes()].concat();
+        bytes.extend(body);
+        bytes.resize(total as usize - 4, 0);
+        bytes.extend(total.to_le_bytes());
+        bytes
+    };
+    let mut file = block(0x0a0d_0d0a, &[0x4d, 0x3c, 0x2b, 0x1a, 1, 0, 0, 0, 255, 255, 255, 255, 255, 255, 255, 255]);
+    // Interface 0: Ethernet, nanoseconds.
+    file.extend(block(1, &[1, 0, 0, 0, 0, 0, 0, 0, 9, 0, 1, 0, 9, 0, 0, 0, 0, 0, 0, 0]));
+    for number in 0..3 {
+        let stamp = BEGIN.plus_nanos(number * 552_960);
+        let mut classic = Vec::new();
+        let mut writer = Writer::new(&mut classic).expect("writes");
+        writer.write_udp(stamp, DATA_PORT, &packet(Model::Hdl32e, number)).expect("writes");
+        let frame = &classic[40..];
+        let words = [0, (stamp.0 as u64 >> 32) as u32, stamp.0 as u32, frame.len() as u32, frame.len() as u32];
+        file.extend(block(6, &[words.map(u32::to_le_bytes).concat(), frame.to_vec()].concat()));
+        file.extend(block(5, &[0; 20]));
+    }
+    file
+}
+
+fn fix(second: i64) -> Fix {
+    Fix {
+        stamp: BEGIN.plus_nanos(second * 1_000_000_000),
+        position_deg: [48.0, 2.0],
+        altitude_m: Some(100.0),
+        speed_mps: Some(1.0),
+        course_deg: Some(2.0),
+        hdop: Some(1.0),
+        satellites: 9,
+        quality: 1,
+    }
+}
+
+fn log() -> String {
+    (0..6)
+        .flat_map(|second| [gga_from_fix(&fix(second), 44.0), "\r\n".into(), rmc_from_fix(&fix(second)), "\r\n".into()])
+        .collect()
+}
+
+fn imu() -> String {
+    let sample = |i: i64| ImuSample { stamp: Stamp(i), acceleration: [0.0, 1.0, 9.81], angular_rate: [0.1; 3] };
+    csv_from_samples(&(0..12).map(sample).collect::<Vec<_>>())
+}
+
+fn picture(format: ImageFormat) -> Vec<u8> {
+    let image = RgbImage::from_fn(24, 16, |x, y| image::Rgb([x as u8 * 9, y as u8 * 13, (x * y) as u8]));
+    let mut bytes = Vec::new();
+    image.write_to(&mut Cursor::new(&mut bytes), format).expect("encodes");
+    bytes
+}
+
+/// 4 x 2 pixels with 4 bands of 16 bits, uncompressed.
+fn tiff() -> Vec<u8> {
+    let fields = [(256, 4), (257, 2), (258, 16), (259, 1), (262, 1), (273, 122), (277, 4), (278, 2), (279, 64)];
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    bytes.extend((fields.len() as u16).to_le_bytes());
+    for (tag, value) in fields {
+        bytes.extend([u16::to_le_bytes(tag), 4_u16.to_le_bytes()].concat());
+        bytes.extend([1_u32.to_le_bytes(), u32::to_le_bytes(value)].concat());
+    }
+    bytes.extend([0; 4]);
+    bytes.extend((0..32_u16).flat_map(u16::to_le_bytes));
+    bytes
+}
+
+fn points() -> Vec<CloudPoint> {
+    (1..33).map(|i| CloudPoint { x: i as f32, y: -1.5, z: 0.25, intensity: 0.5 }).collect()
+}
+
+fn ply() -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.ply");
+    let header = Header::new([("x", Kind::Float), ("y", Kind::Double), ("red", Kind::UChar), ("class", Kind::Int)]);
+    let header = header.comment("made by hand").info("frame world");
+    let mut writer = PlyWriter::create(&path, &header, 20).expect("creates");
+    writer
+        .write_each(20, |i, row| {
+            row.f32(i as f32).f64(0.5).u8(7).i32(-3);
+        })
+        .expect("writes");
+    writer.finish().expect("writes");
+    fs::read(path).expect("reads")
+}
+
+fn npy() -> Vec<u8> {
+    let mut header = String::from("{'descr': '<f4', 'fortran_order': False, 'shape': (8, 3), }");
+    while (10 + header.len() + 1) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend((0..24_u8).flat_map(|i| f32::from(i).to_le_bytes()));
+    bytes
+}
+
+/// Header and data, as the target separates them.
+fn cube() -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut header = envi::Header { wavelength_units: "nm".to_owned(), ..envi::Header::new(4, 3, 4) };
+    header.wavelengths = vec![500.0, 510.0, 520.0, 530.0];
+    let path = folder.path().join("cube.hdr");
+    envi::write(&path, &envi::Image { header, values: vec![0.5; 48] }).expect("writes");
+    let files = folder.path().read_dir().expect("lists").map(|entry| entry.expect("is there").path());
+    let data = files.into_iter().find(|file| *file != path).expect("the data");
+    [fs::read(&path).expect("reads"), vec![0], fs::read(data).expect("reads")].concat()
+}
+
+fn library() -> Vec<u8> {
+    let header = "ENVI\nsamples = 4\nlines = 2\nbands = 1\nheader offset = 0\nfile type = ENVI Spectral Library\ndata type = 4\n\
+        interleave = bsq\nbyte order = 0\nwavelength units = Nanometers\nwavelength = { 400, 500, 600, 700 }\n\
+        spectra names = { concrete, grass }\n";
+    [header.as_bytes(), &[0], &(0..8_u8).flat_map(|i| f32::from(i).to_le_bytes()).collect::<Vec<_>>()].concat()
+}
+
+/// A camera of 2 x 2 bands.
+fn sensor() -> SensorCalibration {
+    let response = Curve::from_samples(vec![(480.0, 0.1), (500.0, 0.4), (520.0, 0.2)]);
+    let band = FilterBand { selected: true, peaks: Vec::new(), response };
+    let rows = (0..3).map(|j| VirtualBand {
+        wavelength_nm: 490.0 + 10.0 * f64::from(j),
+        fwhm_nm: 10.0,
+        coefficients: vec![0.5, 0.5, 0.25, -0.25],
+    });
+    let (name, kind) = ("hsi".to_owned(), "hyperspectral".to_owned());
+    SensorCalibration {
+        version: 1,
+        sensor_id: "1.2.3".to_owned(),
+        size: [20, 10],
+        bit_depth: Some(10),
+        full_well_electrons: Some(1e4),
+        active_area: [2, 1, 16, 8],
+        pattern: 2,
+        spectral_range_nm: [480.0, 520.0],
+        bands: vec![band; 4],
+        optical_components: Vec::new(),
+        matrices: vec![CorrectionMatrix { name, kind, virtual_bands: rows.collect() }],
+    }
+}
+
+fn trajectory() -> (geometry::Trajectory, String) {
+    let poses: Vec<Pose> = (0..10).map(|i| Pose::translation(f64::from(i), 0.5, -1e-3)).collect();
+    let trajectory = numbered(&poses, 100_000_000);
+    let kitti = kitti_from_trajectory(&trajectory);
+    (trajectory, kitti)
+}
+
+fn mcap() -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let about = BTreeMap::from([("run".to_owned(), "sample".to_owned())]);
+    let mut writer = RecordingWriter::create(&path, &about, &[ByteTable::of::<ClassTopic>()]).expect("creates");
+    for tick in 0..4 {
+        writer.tick("class", &TickRow { tick, ..TickRow::default() }).expect("writes");
+    }
+    writer.finish().expect("finishes");
+    fs::read(path).expect("reads")
+}
+
+/// A state file, and the states that the target decodes without a file.
+fn states() -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("stage.state");
+    let runner = RunnerState {
+        tick: 7,
+        barrier: 3,
+        drive_begin: Some(-5),
+        counters: BTreeMap::from([("lost".to_owned(), 2)]),
+        notes: vec!["a note".to_owned()],
+        ..RunnerState::default()
+    };
+    let stage = [3; 40];
+    write_state(&path, &runner, std::iter::once(&stage[..]), &[]).expect("writes").commit().expect("saves");
+    let position = formats::drive::SourcePosition::Clouds { next: 4, n_bad: 1 };
+    vec![
+        fs::read(path).expect("reads"),
+        encode_state(2, &runner).expect("encodes"),
+        encode_state(2, &position).expect("encodes"),
+    ]
+}

@@ -1,0 +1,84 @@
+//! `attack`: runs a target on seeded mutations of its corpus with a limit on memory.
+//!
+//! A panic, an abort or a stack overflow ends the process. `--progress` names a file that then contains the number of the input;
+//! `--save` writes that input to a file.
+
+use cap::Cap;
+use clap::Parser;
+use fuzz_targets::{TARGETS, corpus, input, memory_limit, target};
+use std::alloc::System;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
+
+/// Runs a target on seeded mutations of its corpus.
+#[derive(Parser)]
+struct Args {
+    /// Name of the target; without it, all targets
+    target: Option<String>,
+    /// Seed of the mutations
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of the first input
+    #[arg(long, default_value_t = 0)]
+    from: u64,
+    /// Inputs for each target
+    #[arg(long, default_value_t = 2000)]
+    count: u64,
+    /// Time for each target, s; ends before `count`
+    #[arg(long, default_value_t = f64::INFINITY)]
+    seconds: f64,
+    /// File that contains the number of the current input
+    #[arg(long)]
+    progress: Option<PathBuf>,
+    /// Write the first input to this file and end
+    #[arg(long)]
+    save: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    for (name, _) in TARGETS.iter().filter(|(name, _)| args.target.as_deref().is_none_or(|wanted| wanted == *name)) {
+        if let Err(error) = attack(name, &args) {
+            eprintln!("{name}: {error}");
+            return ExitCode::FAILURE;
+        }
+    }
+    if args.target.as_deref().is_some_and(|name| target(name).is_none()) {
+        eprintln!("no such target; known: {}", TARGETS.map(|(name, _)| name).join(" "));
+        return ExitCode::from(2);
+    }
+    ExitCode::SUCCESS
+}
+
+fn attack(name: &str, args: &Args) -> std::io::Result<()> {
+    let Some(run) = target(name) else { return Ok(()) };
+    let corpus = corpus(name)?;
+    if let Some(path) = &args.save {
+        return std::fs::write(path, input(&corpus, args.seed, args.from));
+    }
+    let progress = args.progress.as_ref().map(std::fs::File::create).transpose()?;
+    let begin = Instant::now();
+    let (mut n, mut slowest) = (0, (Duration::ZERO, 0));
+    while n < args.count && begin.elapsed().as_secs_f64() < args.seconds {
+        let number = args.from + n;
+        let bytes = input(&corpus, args.seed, number);
+        if let Some(file) = &progress {
+            file.write_all_at(&number.to_le_bytes(), 0)?;
+        }
+        let called = Instant::now();
+        // An allocation beyond the limit fails, which aborts the process unless the reader handles it.
+        let _ = MEMORY.set_limit(MEMORY.allocated() + memory_limit(&bytes));
+        run(&bytes);
+        let _ = MEMORY.set_limit(usize::MAX);
+        slowest = slowest.max((called.elapsed(), number));
+        n += 1;
+    }
+    let ((slowest, number), seconds) = (slowest, begin.elapsed().as_secs_f64());
+    println!("{name}: {n} executions in {seconds:.1} s; slowest {} ms (input {number})", slowest.as_millis());
+    Ok(())
+}

@@ -1,0 +1,45 @@
+//! Point clouds.
+
+use formats::cloud::check_points;
+use formats::drive::returns_from_cloud;
+use formats::ply::Vertices;
+use formats::velodyne::Model;
+use std::path::Path;
+
+pub(crate) fn ply(bytes: &[u8]) {
+    let Ok(vertices) = Vertices::decode(bytes.to_vec(), Path::new("fuzz.ply")) else { return };
+    for property in vertices.properties() {
+        if let Ok(values) = vertices.f64s(&property.name) {
+            assert_eq!(values.len(), vertices.len());
+        }
+        let _ = (vertices.i64s(&property.name), vertices.u8s(&property.name), vertices.f32s(&property.name));
+    }
+}
+
+pub(crate) fn pcd(bytes: &[u8]) {
+    if let Ok(points) = formats::pcd::points_from_pcd(bytes) {
+        let returns = returns_from_cloud(&points, Model::Hdl64e);
+        assert!(returns.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
+    }
+}
+
+pub(crate) fn kitti(bytes: &[u8]) {
+    if let Ok(points) = formats::kitti::points_from_bin(bytes) {
+        let _ = check_points(&points, 1.0);
+        let _ = returns_from_cloud(&points, Model::Hdl32e);
+    }
+    let _ = formats::kitti::labels_from_bytes(bytes);
+}
+
+pub(crate) fn nuscenes(bytes: &[u8]) {
+    if let Ok(points) = formats::nuscenes::points_from_bin(bytes) {
+        assert!(points.iter().all(|(_, ring)| *ring < 32));
+    }
+}
+
+/// As `replica evaluate` reads `SemanticKITTI`.
+pub(crate) fn npy(bytes: &[u8]) {
+    if let Ok(file) = npyz::NpyFile::new(bytes) {
+        let _ = file.into_vec::<f32>();
+    }
+}

@@ -1,0 +1,41 @@
+//! Images of cameras.
+
+use formats::pgm::Pgm;
+use formats::raw_mosaic::RawMosaic;
+use formats::tiff::Tiff;
+use image::{DynamicImage, ImageDecoder, ImageReader};
+use std::io::Cursor;
+
+/// Size of the images in the corpus, px. Like `acquire`, the target refuses others before it decodes.
+const SIZE: (u32, u32) = (24, 16);
+
+/// PNG and JPEG.
+pub(crate) fn color(bytes: &[u8]) {
+    let Ok(reader) = ImageReader::new(Cursor::new(bytes)).with_guessed_format() else { return };
+    let Ok(decoder) = reader.into_decoder() else { return };
+    if decoder.dimensions() == SIZE
+        && let Ok(image) = DynamicImage::from_decoder(decoder)
+    {
+        assert_eq!(image.to_rgb8().as_raw().len(), (SIZE.0 * SIZE.1 * 3) as usize);
+    }
+}
+
+pub(crate) fn pgm(bytes: &[u8]) {
+    if let Ok(image) = Pgm::parse(bytes) {
+        let samples = image.samples();
+        assert_eq!(samples.len(), image.n_samples());
+    }
+}
+
+pub(crate) fn tiff(bytes: &[u8]) {
+    if let Ok(image) = Tiff::parse(bytes) {
+        assert_eq!(
+            image.samples.len() as u64,
+            u64::from(image.width) * u64::from(image.height) * u64::from(image.n_bands)
+        );
+    }
+}
+
+pub(crate) fn raw_mosaic(bytes: &[u8]) {
+    let _ = RawMosaic::parse(bytes);
+}

@@ -1,0 +1,84 @@
+//! Lists the files of a data set that are not imported.
+
+use super::layout::{Kind, Layout};
+use anyhow::Context;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Folders below the source that are listed: KITTI raw has images at the second level, nuScenes too.
+const MAX_DEPTH: usize = 3;
+/// Single files beyond this number are counted, not named.
+const MAX_NAMED: usize = 8;
+
+/// One line per folder with files that are not imported, and one per single file.
+pub fn list(source: &Path, found: &Layout) -> anyhow::Result<Vec<String>> {
+    let mut taken: BTreeSet<PathBuf> = found.sweeps.iter().map(|(_, path)| path.clone()).collect();
+    for path in &found.time_files {
+        taken.insert(path.canonicalize().with_context(|| path.display().to_string())?);
+    }
+    let mut folders = BTreeMap::new();
+    count(source, 0, &taken, &mut folders)?;
+    let mut lines: Vec<String> = Vec::new();
+    for (folder, names) in &folders {
+        let shown = folder.strip_prefix(source).unwrap_or(folder);
+        if folder == source && names.len() <= MAX_NAMED {
+            lines.extend(names.iter().map(|name| format!("not imported: {name}{}", meaning(Path::new(name)))));
+        } else {
+            let place = if folder == source { String::new() } else { format!(" in {}", shown.display()) };
+            let files = if names.len() == 1 { "file" } else { "files" };
+            lines.push(format!("not imported: {} {files}{place}{}", names.len(), meaning(shown)));
+        }
+    }
+    // KITTI raw keeps the calibration of a day beside its drives.
+    if let (Kind::KittiRaw, Some(parent)) = (found.kind, source.canonicalize()?.parent()) {
+        for (name, _) in super::layout::files(parent, ".txt")?.iter().filter(|(name, _)| name.starts_with("calib")) {
+            lines.push(format!("not imported: ../{name}{}", meaning(Path::new(name))));
+        }
+    }
+    Ok(lines)
+}
+
+/// Names of the files of each folder that are not taken.
+fn count(
+    folder: &Path,
+    depth: usize,
+    taken: &BTreeSet<PathBuf>,
+    folders: &mut BTreeMap<PathBuf, Vec<String>>,
+) -> anyhow::Result<()> {
+    for entry in folder.read_dir().with_context(|| folder.display().to_string())? {
+        let path = entry?.path();
+        if path.is_dir() {
+            if depth < MAX_DEPTH {
+                count(&path, depth + 1, taken, folders)?;
+            }
+        } else if !path.canonicalize().is_ok_and(|path| taken.contains(&path)) {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            folders.entry(folder.to_owned()).or_default().push(name);
+        }
+    }
+    folders.entry(folder.to_owned()).and_modify(|names| names.sort());
+    Ok(())
+}
+
+/// What a file or folder of the known data sets holds.
+fn meaning(path: &Path) -> &'static str {
+    let name = path.to_string_lossy().to_lowercase();
+    let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+    if has(&["image", "cam_"]) {
+        " (camera images)"
+    } else if has(&["oxts"]) {
+        " (GNSS and IMU)"
+    } else if has(&["calib"]) {
+        " (calibration)"
+    } else if has(&["radar"]) {
+        " (radar)"
+    } else if has(&["label", "lidarseg", "panoptic", "tracklet"]) {
+        " (labels)"
+    } else if has(&["poses"]) {
+        " (poses)"
+    } else if has(&["lidar_top", "velodyne"]) {
+        " (other LiDAR files)"
+    } else {
+        ""
+    }
+}

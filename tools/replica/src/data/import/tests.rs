@@ -1,0 +1,172 @@
+//! Imports of small folders in the layouts of the data sets, and of real sweeps.
+
+use super::*;
+use formats::cloud::CloudPoint;
+use formats::{kitti, nuscenes};
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
+    fs::create_dir_all(path.parent().expect("has one")).expect("makes");
+    fs::write(path, bytes).expect("writes");
+}
+
+fn args(source: impl Into<PathBuf>, folder: &TempDir) -> Args {
+    let out = folder.path().join("drive");
+    Args { source: source.into(), out, kind: None, model: None, log: None, position: vec![0.0; 3] }
+}
+
+fn points(intensity: f32) -> Vec<CloudPoint> {
+    (1..=40).map(|i| CloudPoint { x: i as f32, y: 1.0, z: -1.0, intensity }).collect()
+}
+
+fn rows_with_ring() -> Vec<u8> {
+    let rows: Vec<(CloudPoint, u8)> = points(17.0).into_iter().map(|point| (point, 31)).collect();
+    nuscenes::bin_from_points(&rows)
+}
+
+fn error(args: &Args) -> String {
+    let error = import(args).expect_err("is refused");
+    assert!(!args.out.exists(), "nothing is written");
+    format!("{error:#}")
+}
+
+#[test]
+fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
+    let folder = folder();
+    let raw = folder.path().join("day/raw");
+    for k in 0..3 {
+        write_file(&raw.join(format!("velodyne_points/data/{k:010}.bin")), [0; 32]);
+        write_file(&raw.join(format!("image_02/data/{k:010}.png")), "");
+    }
+    let dates = "2011-09-26 13:02:25.9\n2011-09-26 13:02:26.0\n2011-09-26 13:02:26.125\n";
+    write_file(&raw.join("velodyne_points/timestamps.txt"), dates);
+    write_file(&raw.join("velodyne_points/timestamps_start.txt"), dates);
+    write_file(&raw.join("image_02/timestamps.txt"), dates);
+    write_file(&raw.join("oxts/data/0000000000.txt"), "1 2 3\n");
+    write_file(&folder.path().join("day/calib_velo_to_cam.txt"), "R: 1\n");
+    let args = args(&raw, &folder);
+    let report = import(&args).expect("imports");
+    assert!(report[0].ends_with("drive: 3 sweeps of hdl64e (KITTI raw)"), "{report:?}");
+    assert_eq!(
+        report[1..],
+        [
+            "imported: 3 sweeps and their times",
+            "not imported: 1 file in image_02 (camera images)",
+            "not imported: 3 files in image_02/data (camera images)",
+            "not imported: 1 file in oxts/data (GNSS and IMU)",
+            "not imported: 1 file in velodyne_points (other LiDAR files)",
+            "not imported: ../calib_velo_to_cam.txt (calibration)",
+        ]
+    );
+    let drive = Drive::open(&args.out).expect("opens");
+    assert!(!drive.is_inferred());
+    assert!(drive.sweep_files().iter().all(|path| path.is_symlink()));
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut stamps = Vec::new();
+    while let Some(sweep) = sweeps.next_sweep(|_| {}).expect("reads") {
+        stamps.push(sweep.stamp.0 - 1_317_042_145_000_000_000);
+    }
+    assert_eq!(stamps, [900_000_000, 1_000_000_000, 1_125_000_000]);
+    assert!(import(&args).is_err(), "an existing drive is not overwritten");
+}
+
+#[test]
+fn nuscenes_folder_is_imported_in_the_order_of_times_with_its_rings() {
+    let folder = folder();
+    let root = folder.path().join("nuscenes");
+    for (kind, micros) in [("sweeps", 1_000_050_000_i64), ("samples", 1_000_100_000), ("sweeps", 1_000_150_000)] {
+        let name = format!("{kind}/LIDAR_TOP/n015__LIDAR_TOP__{micros}.pcd.bin");
+        write_file(&root.join(name), rows_with_ring());
+    }
+    write_file(&root.join("samples/CAM_FRONT/n015__CAM_FRONT__1000100000.jpg"), "");
+    let args = args(&root, &folder);
+    let report = import(&args).expect("imports");
+    assert!(report[0].ends_with("3 sweeps of hdl32e (nuScenes)"), "{report:?}");
+    assert!(report.contains(&"not imported: 1 file in samples/CAM_FRONT (camera images)".to_owned()), "{report:?}");
+    let drive = Drive::open(&args.out).expect("opens");
+    let mut sweeps = drive.sweeps().expect("opens");
+    let (mut stamps, mut rings) = (Vec::new(), Vec::new());
+    while let Some(sweep) = sweeps.next_sweep(|returns| rings.extend(returns.iter().map(|r| r.ring))).expect("reads") {
+        stamps.push(sweep.stamp.0);
+    }
+    assert_eq!(stamps, [1_000_000_000_000, 1_000_050_000_000, 1_000_100_000_000]);
+    assert!(rings.len() == 3 * 40 && rings.iter().all(|ring| *ring == 31));
+    // The LiDAR's y axis points forward.
+    let forward = drive.rig().body_from_lidar.rotation * geometry::Vector3::y();
+    assert!((forward[0] - 1.0).abs() < 1e-12, "{forward:?}");
+}
+
+#[test]
+fn sweeps_of_several_logs_need_a_choice() {
+    let folder = folder();
+    let root = folder.path().join("nuscenes");
+    for log in ["n008-a", "n015-b"] {
+        write_file(&root.join(format!("{log}__LIDAR_TOP__1000050000.pcd.bin")), rows_with_ring());
+    }
+    let mut args = args(&root, &folder);
+    assert!(error(&args).contains("2 logs; choose one with --log: n008-a, n015-b"), "{}", error(&args));
+    args.log = Some("n015-b".into());
+    import(&args).expect("imports");
+    assert_eq!(Drive::open(&args.out).expect("opens").sweep_files().len(), 1);
+}
+
+#[test]
+fn rows_of_another_layout_are_refused() {
+    let folder = folder();
+    for (name, bytes, words) in [
+        ("ring", rows_with_ring(), "point 0: intensity 17 must be 0 to 1"),
+        ("size", vec![0; 33], "33 bytes must be rows of 16 bytes"),
+        ("empty", Vec::new(), "0 bytes must be rows of 16 bytes"),
+        ("noise", (0..=255).collect(), "must be 0 to"),
+    ] {
+        let source = folder.path().join(name);
+        write_file(&source.join("0.bin"), bytes);
+        let error = error(&args(&source, &folder));
+        assert!(error.contains(words) && error.contains("0.bin"), "{name}: {error}");
+        assert_eq!(error.contains("--kind nuscenes"), name == "ring", "{error}");
+    }
+    assert!(error(&args(folder.path(), &folder)).contains("no known layout"));
+}
+
+#[test]
+fn kind_and_model_of_the_command_line_are_used() {
+    let folder = folder();
+    let source = folder.path().join("bare");
+    write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
+    let mut args = args(&source, &folder);
+    assert!(error(&args).contains("intensity 200 must be 0 to 1"));
+    (args.kind, args.model) = (Some(Kind::Bin), Some(Model::Vlp16));
+    let report = import(&args).expect("imports");
+    assert!(report[0].contains("1 sweeps of vlp16"), "{report:?}");
+    assert!(report[1].contains("no times"), "{report:?}");
+}
+
+#[test]
+fn bare_sweeps_report_the_assumed_model() {
+    let folder = folder();
+    let source = folder.path().join("bare");
+    write_file(&source.join("0.pcd"), formats::pcd::pcd_from_points(&points(0.5)));
+    let report = import(&args(&source, &folder)).expect("imports");
+    assert!(report.iter().any(|line| line.contains("hdl64e is assumed")), "{report:?}");
+}
+
+#[real_data::test("nuscenes", "kitti00", "kitti_raw_0048")]
+fn real_folders_are_recognized() {
+    for (name, kind, n) in [
+        ("nuscenes", "1 sweeps of hdl32e (nuScenes)", 1),
+        ("kitti00", "2 sweeps of hdl64e (bare sweeps)", 2),
+        ("kitti_raw_0048", "22 sweeps of hdl64e (bare sweeps)", 22),
+    ] {
+        let folder = folder();
+        let args = args(real_data::path(name), &folder);
+        let report = import(&args).expect("imports");
+        assert!(report[0].contains(kind), "{report:?}");
+        assert!(report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
+        assert_eq!(Drive::open(&args.out).expect("opens").sweep_files().len(), n);
+    }
+}
