@@ -301,7 +301,13 @@ fn in_flight_packets_are_published_at_the_end() {
     ticks.push(take(&mut bench));
     ticks.retain(|tick| !tick.is_empty());
     let (reference, _) = offline(&folder.path().join("recording"));
-    assert_eq!(ticks.concat(), reference.concat());
+    // The last tick has several sweeps before its fixes.
+    let sorted = |ticks: Vec<Tick>| {
+        let mut messages = ticks.concat();
+        messages.sort();
+        messages
+    };
+    assert!(sorted(ticks) == sorted(reference), "the messages differ");
 }
 
 #[test]
