@@ -30,7 +30,8 @@ const UNLIMITED_BACKLOG: u32 = 10_000;
 fn settings() -> Settings {
     let sockets = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("binds"));
     let [listen, position_listen] = sockets.map(|socket| socket.local_addr().expect("is bound").to_string());
-    Settings { listen, position_listen, max_behind: UNLIMITED_BACKLOG, ..Settings::default() }
+    // A busy machine may need any time for the first sweep.
+    Settings { listen, position_listen, max_behind: UNLIMITED_BACKLOG, max_undecoded_s: 0.0, ..Settings::default() }
 }
 
 fn live(folder: &Path) -> Context {
@@ -132,8 +133,8 @@ fn take(bench: &mut Bench<Acquire>) -> Tick {
     tick
 }
 
-/// Ticks until all packets are decoded, then drains as the runner does. Empty ticks are left out.
-fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
+/// Ticks until this number of packets is decoded. Empty ticks are left out.
+fn ticks_to_decode(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
     let mut ticks = Vec::new();
     let deadline = Instant::now() + TIMEOUT;
     let kinds = ["data_packets", "position_packets", "foreign_packets", "short_packets"];
@@ -143,6 +144,13 @@ fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
         ticks.push(take(bench));
         assert!(Instant::now() < deadline, "{} of {n_packets} packets are decoded", n_decoded(bench));
     }
+    ticks.retain(|tick| !tick.is_empty());
+    ticks
+}
+
+/// Ticks until all packets are decoded, then drains as the runner does. Empty ticks are left out.
+fn ticks_to_drain(bench: &mut Bench<Acquire>, n_packets: usize) -> Vec<Tick> {
+    let mut ticks = ticks_to_decode(bench, n_packets);
     bench.finish().expect("finishes");
     ticks.push(take(bench));
     ticks.retain(|tick| !tick.is_empty());
@@ -249,7 +257,7 @@ fn packets_of_real_sensors_are_recorded_and_decoded() {
 #[test]
 fn foreign_packets_are_recorded_and_counted() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut packets: Packets = simulated(folder.path()).into_iter().take(2500).collect();
+    let mut packets = simulated(folder.path());
     let mut other_sensor = packets[500].clone();
     other_sensor[1205] = 0x22;
     packets.insert(501, other_sensor);
@@ -283,21 +291,24 @@ fn silence_ends_the_run() {
 fn in_flight_packets_are_published_at_the_end() {
     let folder = tempfile::tempdir().expect("a folder");
     let settings = settings();
-    let packets: Packets = simulated(folder.path()).into_iter().take(1000).collect();
+    let packets = simulated(folder.path());
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     let mut sensor = Sensor::new(&settings, folder.path().join("recording/lidar/000.pcap"));
-    let mut ticks = Vec::new();
-    for piece in packets.chunks(100) {
-        sensor.send(piece);
-        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-        ticks.push(take(&mut bench));
-    }
+    sensor.send(&packets[..4500]);
+    let mut ticks = ticks_to_decode(&mut bench, 4500);
+    sensor.send(&packets[4500..4800]);
     // As the runner does to drain.
     bench.finish().expect("finishes");
     ticks.push(take(&mut bench));
     ticks.retain(|tick| !tick.is_empty());
     let (reference, _) = offline(&folder.path().join("recording"));
-    assert_eq!(ticks.concat(), reference.concat());
+    // The last tick has several sweeps before its fixes.
+    let sorted = |ticks: Vec<Tick>| {
+        let mut messages = ticks.concat();
+        messages.sort();
+        messages
+    };
+    assert!(sorted(ticks) == sorted(reference), "the messages differ");
 }
 
 #[test]
@@ -308,13 +319,13 @@ fn backlog_is_skipped_to_the_newest_revolution() {
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     let mut sensor = Sensor::new(&settings, folder.path().join("recording/lidar/000.pcap"));
     let mut sweeps = Vec::new();
-    // The first half arrives without a tick.
-    sensor.send(&packets[..4000]);
+    // More than the first half arrives without a tick, enough to detect the sensor.
+    sensor.send(&packets[..4500]);
     assert_eq!(bench.tick().expect("steps"), Flow::Continue);
     sweeps.extend(take_sweeps(&mut bench));
     let n_skipped = bench.counter("sweeps_skipped");
-    assert!((18..=21).contains(&n_skipped), "{n_skipped} of 22");
-    for piece in packets[4000..].chunks(90) {
+    assert!((20..=24).contains(&n_skipped), "{n_skipped} of 24");
+    for piece in packets[4500..].chunks(90) {
         sensor.send(piece);
         assert_eq!(bench.tick().expect("steps"), Flow::Continue);
         sweeps.extend(take_sweeps(&mut bench));
@@ -333,21 +344,24 @@ fn restarted_process_continues_in_the_next_capture() {
     let settings = settings();
     let packets = simulated(folder.path());
     let recording = folder.path().join("recording");
-    let mut sweeps = Vec::new();
+    let mut ticks = Vec::new();
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     let mut sensor = Sensor::new(&settings, recording.join("lidar/000.pcap"));
-    for piece in packets[..2060].chunks(64) {
+    for piece in packets[..4990].chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
-        sweeps.extend(take_sweeps(&mut bench));
+        ticks.push(take(&mut bench));
     }
+    ticks.extend(ticks_to_decode(&mut bench, 4990));
+    // Fixes come behind the sweep of their tick.
+    let mut sweeps: Vec<Vec<u8>> = ticks.into_iter().filter_map(|tick| tick.into_iter().next()).collect();
     // The crash: no finish. Half a revolution is lost until the next process listens.
     let state = bench.stage.save().expect("saves").to_vec();
     drop(bench);
     let mut bench = Bench::<Acquire>::new(&settings, &live(folder.path())).expect("opens");
     bench.stage.load(&state).expect("loads");
     let mut sensor = sensor.continued(recording.join("lidar/001.pcap"));
-    for piece in packets[2150..].chunks(64) {
+    for piece in packets[5080..].chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
         sweeps.extend(take_sweeps(&mut bench));
@@ -361,7 +375,7 @@ fn restarted_process_continues_in_the_next_capture() {
     assert_eq!(reference.len(), sweeps.len() + 1, "all but the interrupted sweep");
     assert_eq!(
         of_recording.counter("lost_packets"),
-        90 - packets[2060..2150].iter().filter(|p| p.len() == 512).count() as u64
+        90 - packets[4990..5080].iter().filter(|p| p.len() == 512).count() as u64
     );
     fs::write(recording.join("lidar/000.pcap"), &whole[..whole.len() - 100]).expect("writes");
     let (_, of_cut) = offline(&recording);
@@ -505,13 +519,14 @@ fn stray_packet_before_the_sensor_does_not_make_a_live_run_deaf() {
     let mut other = Sensor::new(&settings, capture.clone());
     other.send(&[stray]);
     let mut sensor = Sensor { n_bytes: other.n_bytes, ..Sensor::new(&settings, capture) };
-    let mut n_sweeps = 0;
+    let mut ticks = Vec::new();
     for piece in packets.chunks(64) {
         sensor.send(piece);
         bench.tick().expect("steps");
-        n_sweeps += take_sweeps(&mut bench).len();
+        ticks.push(take(&mut bench));
     }
-    n_sweeps += ticks_to_drain(&mut bench, packets.len() + 1).len();
-    assert_eq!((n_sweeps, bench.counter("foreign_packets")), (42, 1));
+    ticks.retain(|tick| !tick.is_empty());
+    ticks.extend(ticks_to_drain(&mut bench, packets.len() + 1));
+    assert_eq!((ticks.len(), bench.counter("foreign_packets")), (42, 1));
     assert_eq!(bench.doubt("foreign_packets"), None);
 }
