@@ -228,8 +228,8 @@ fn damaged_tiffs_do_not_panic() {
 
 #[test]
 fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
-    // Every row is the same strip of 65 534 bytes: 2 GB of image in 120 KB of file.
-    let (width, height, n_bands) = (32_767_u32, 30_000_u32, 2_u32);
+    // Ten rows each are the same strip of 655 340 bytes: 2 GB of image in 120 KB of file.
+    let (width, height, n_bands, n_strips) = (32_767_u32, 30_000_u32, 2_u32, 3_000_u32);
     let table = 8 + 2 + 10 * 12 + 4;
     let fields: [(u16, u16, u32, u32); 10] = [
         (256, 4, 1, width),
@@ -237,10 +237,10 @@ fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
         (258, 3, 1, 8),
         (259, 3, 1, 1),
         (262, 3, 1, 1),
-        (273, 3, height, table),
+        (273, 4, n_strips, table),
         (277, 3, 1, n_bands),
-        (278, 4, 1, 1),
-        (279, 3, height, table + 2 * height),
+        (278, 4, 1, 10),
+        (279, 4, n_strips, table + 4 * n_strips),
         (339, 3, 1, 1),
     ];
     let mut bytes = b"II*\0\x08\0\0\0".to_vec();
@@ -250,11 +250,12 @@ fn tiff_that_needs_more_bytes_than_it_has_is_refused() {
         bytes.extend([count.to_le_bytes(), value.to_le_bytes()].concat());
     }
     bytes.extend([0; 4]);
-    for number in [8, (width * n_bands) as u16] {
-        bytes.extend(number.to_le_bytes().repeat(height as usize));
+    for number in [8, 10 * width * n_bands] {
+        bytes.extend(number.to_le_bytes().repeat(n_strips as usize));
     }
+    bytes.resize(120_000, 0);
     let error = Tiff::parse(&bytes).expect_err("refused").to_string();
-    assert!(error.contains("needs 1966020000; the file has 120134 bytes"), "{error}");
+    assert!(error.contains("needs 1966020000; the file has 120000 bytes"), "{error}");
 }
 
 #[test]
