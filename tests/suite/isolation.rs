@@ -105,6 +105,7 @@ fn files_of_another_user_do_not_block_an_output() {
         std::os::unix::fs::chown(&prepared, Some(NOBODY), Some(NOBODY)).expect("the superuser may give files away");
         let output = launch.run();
         std::fs::remove_dir(&prepared).expect("files of others stay");
+        assert_eq!(leftovers(&domain), Vec::<String>::new());
         assert_eq!(output.status.code(), Some(0), "{prepared}: {}", output_text(&output));
         assert_ne!(domain_of(&launch.output()), domain, "another name is used than that of {prepared}");
     }

@@ -15,7 +15,9 @@ use std::path::Path;
 pub fn take(file: &Path, output: &Path) -> Result<Domain, RunFolderError> {
     let domain = match last(file) {
         Some(domain) if !is_taken(&domain)? => domain,
-        _ => {
+        taken => {
+            // What a killed run has left is removed; the files of the other user stay.
+            taken.map_or(Ok(()), |taken| taken.wipe())?;
             let domain = Domain::random()?;
             write_private(file, domain.name()).map_err(|source| cannot_write(file, source))?;
             domain
