@@ -18,6 +18,10 @@ pub(crate) fn capture(bytes: &[u8]) {
         while let Ok(Some(sweep)) = reader.next_sweep(|_| {}) {
             assert!(sweep.n_returns <= SweepReader::MAX_RETURNS);
             n_sweeps += 1;
+            if n_sweeps == 1 {
+                let position = reader.position();
+                assert!(reader.resume(position).is_ok(), "a reader can resume where it stands");
+            }
         }
         assert!(n_sweeps <= bytes.len() / 100, "{n_sweeps} sweeps");
     });
