@@ -35,6 +35,8 @@ pub(crate) enum FileFault {
     Image(#[from] image::ImageError),
     #[error(transparent)]
     Pgm(#[from] formats::pgm::PgmError),
+    #[error("the image decoder cannot handle the damage of the file")]
+    Decoder,
     #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
     Size { found: [u32; 2], expected: [u32; 2] },
     #[error("the JPEG data ends after {n_bytes} bytes without the end of the image; the file is cut")]
@@ -65,13 +67,22 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     // The decoder of a damaged file may leave rows unwritten.
     pixels.fill(0);
     if decoder.color_type() == ColorType::Rgb8 {
-        decoder.read_image(pixels).map_err(fault)?;
+        guarded(|| decoder.read_image(pixels)).map_err(|error| file_fault(&frame.path, error))?;
     } else {
-        pixels.copy_from_slice(DynamicImage::from_decoder(decoder).map_err(fault)?.to_rgb8().as_raw());
+        let image = guarded(|| DynamicImage::from_decoder(decoder)).map_err(|error| file_fault(&frame.path, error))?;
+        pixels.copy_from_slice(image.to_rgb8().as_raw());
     }
     *loan.header_mut() =
         ImageHeader { camera: frame.camera as u32, width, height, channels: 3, exposure_nanos: entry.exposure_nanos };
     Ok(outputs.publish(loan, frame.stamp.0)?)
+}
+
+/// The result of a decoder. Decoders of images panic on some damaged files (`tests/fuzz_targets/corpus/jpeg`).
+fn guarded<T>(decode: impl FnOnce() -> Result<T, image::ImageError>) -> Result<T, FileFault> {
+    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)) {
+        Ok(result) => Ok(result?),
+        Err(_) => Err(FileFault::Decoder),
+    }
 }
 
 /// Publishes a raw mosaic.

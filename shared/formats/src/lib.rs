@@ -11,6 +11,7 @@ pub mod kitti;
 pub mod ladybug;
 pub mod manifest;
 pub mod nmea;
+pub mod npy;
 pub mod nuscenes;
 pub mod pcap;
 pub mod pcd;

@@ -3,6 +3,8 @@
 //!
 //! The crate tiff decodes the files. Compressed images and other sample types are refused: they are pictures, not measurements.
 
+mod directory;
+
 use ndarray::ArrayView2;
 use std::fmt::Display;
 use std::io::Cursor;
@@ -24,6 +26,16 @@ pub enum TiffError {
         found: String,
         /// Supported values.
         expected: String,
+    },
+    /// A value is longer than the file.
+    #[error("TIFF tag {tag} has {found} bytes; the file has {n_bytes}")]
+    Value {
+        /// The tag.
+        tag: u16,
+        /// Bytes of its value.
+        found: u64,
+        /// Bytes of the file.
+        n_bytes: usize,
     },
     /// The strips have another size than the image, or more bytes than the file.
     #[error(
@@ -70,6 +82,7 @@ pub struct Tiff {
 impl Tiff {
     /// Reads the first image.
     pub fn parse(bytes: &[u8]) -> Result<Self, TiffError> {
+        directory::check(bytes)?;
         let mut limits = Limits::default();
         // A decoded image is as large as its strips.
         limits.decoding_buffer_size = bytes.len();

@@ -39,7 +39,9 @@ pub(crate) fn nuscenes(bytes: &[u8]) {
 
 /// As `replica evaluate` reads `SemanticKITTI`.
 pub(crate) fn npy(bytes: &[u8]) {
-    if let Ok(file) = npyz::NpyFile::new(bytes) {
+    if formats::npy::check_header(bytes).is_ok()
+        && let Ok(file) = npyz::NpyFile::new(bytes)
+    {
         let _ = file.into_vec::<f32>();
     }
 }

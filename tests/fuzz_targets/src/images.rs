@@ -5,16 +5,17 @@ use formats::raw_mosaic::RawMosaic;
 use formats::tiff::Tiff;
 use image::{DynamicImage, ImageDecoder, ImageReader};
 use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Size of the images in the corpus, px. Like `acquire`, the target refuses others before it decodes.
 const SIZE: (u32, u32) = (24, 16);
 
-/// PNG and JPEG.
+/// PNG and JPEG. Like `acquire`, the target survives a panic of the decoder.
 pub(crate) fn color(bytes: &[u8]) {
     let Ok(reader) = ImageReader::new(Cursor::new(bytes)).with_guessed_format() else { return };
     let Ok(decoder) = reader.into_decoder() else { return };
     if decoder.dimensions() == SIZE
-        && let Ok(image) = DynamicImage::from_decoder(decoder)
+        && let Ok(Ok(image)) = catch_unwind(AssertUnwindSafe(|| DynamicImage::from_decoder(decoder)))
     {
         assert_eq!(image.to_rgb8().as_raw().len(), (SIZE.0 * SIZE.1 * 3) as usize);
     }

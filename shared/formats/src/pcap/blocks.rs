@@ -127,8 +127,9 @@ impl Records {
     /// Continues at a record by its offset. Nothing may have been read before.
     pub(super) fn seek(&mut self, offset: u64) -> Result<(), PcapError> {
         if matches!(self.format, Format::Ng { .. }) {
-            // Interfaces are declared before the record, so all blocks must be read.
-            while self.offset < offset && !matches!(self.next()?, Next::End | Next::Cut) {}
+            // Interfaces are declared before the record, so all blocks before it must be read. Blocks of other kinds may stand right
+            // before the record, which must not be read with them.
+            while self.offset < offset && matches!(self.next_before(offset)?, Next::Record(_)) {}
             return Ok(());
         }
         let sought = self.file.seek(SeekFrom::Start(offset));
@@ -138,10 +139,15 @@ impl Records {
     }
 
     pub(super) fn next(&mut self) -> Result<Next, PcapError> {
+        self.next_before(u64::MAX)
+    }
+
+    /// The next record. Of pcapng, no block that begins at `end` or later is read.
+    fn next_before(&mut self, end: u64) -> Result<Next, PcapError> {
         let start = self.offset;
         let read = match self.format {
             Format::Classic { link, fraction_nanos } => self.next_classic(link, fraction_nanos),
-            Format::Ng { .. } => self.next_ng(),
+            Format::Ng { .. } => self.next_ng(end),
         };
         match read {
             Ok(Some(record)) => Ok(Next::Record(record)),
@@ -168,8 +174,8 @@ impl Records {
         Ok(Some(record))
     }
 
-    fn next_ng(&mut self) -> Result<Option<Record>, ReadFault> {
-        loop {
+    fn next_ng(&mut self, end: u64) -> Result<Option<Record>, ReadFault> {
+        while self.offset < end {
             let Some(head) = self.head::<12>()? else { return Ok(None) };
             if head[..4] == SECTION.to_le_bytes() {
                 self.begin_section(&head)?;
@@ -200,6 +206,7 @@ impl Records {
                 self.offset += u64::from(total);
             }
         }
+        Ok(None)
     }
 
     fn begin_section(&mut self, head: &[u8; 12]) -> Result<(), ReadFault> {

@@ -6,6 +6,7 @@ use formats::envi;
 use formats::imu::{ImuReader, ImuSample, csv_from_samples};
 use formats::ladybug::LadybugCalibration;
 use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
+use formats::pcap::PacketReader;
 use formats::pcd::{pcd_from_points, points_from_pcd};
 use formats::pgm::{Pgm, pgm_from_samples};
 use formats::recording::{RecordingWriter, TickReader};
@@ -98,6 +99,24 @@ fn pcapng_reads_equal_to_pcap() {
     let mut resumed = support::open(&ng);
     resumed.resume(position).expect("is there");
     assert_eq!(support::sweeps(&mut resumed), rest);
+}
+
+/// Statistics blocks follow the packets 0 and 50, so a position at packet 1 or 51 has a block of another kind right before it.
+#[test]
+fn pcapng_resumes_at_every_packet() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.pcapng");
+    std::fs::write(&path, pcapng(&hdl32e_packets(60))).expect("writes");
+    let mut reader = PacketReader::open(&path).expect("opens");
+    let mut offsets = Vec::new();
+    while let Some(packet) = reader.next().expect("reads") {
+        offsets.push(packet.offset);
+    }
+    assert_eq!(offsets.len(), 60);
+    for offset in offsets {
+        let mut reader = PacketReader::open_at(&path, offset).expect("opens");
+        assert_eq!(reader.next().expect("reads").map(|packet| packet.offset), Some(offset));
+    }
 }
 
 #[test]

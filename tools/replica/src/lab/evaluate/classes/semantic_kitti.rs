@@ -10,8 +10,6 @@ use messages::ClassId::{
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use scores::Confusion;
 use segmentation::{ModelInput, Segmenter};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Our classes for the ids 0 to 19 of the benchmark: unlabeled; car, bicycle, motorcycle, truck, other vehicle; person, bicyclist,
@@ -137,7 +135,9 @@ fn submap(points: &[[f32; 3]]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
 /// The numbers of a `.npy` file in C order.
 fn read_npy<T: npyz::Deserialize>(path: &Path) -> anyhow::Result<Vec<T>> {
     let about = || path.display().to_string();
-    let file = npyz::NpyFile::new(BufReader::new(File::open(path).with_context(about)?)).with_context(about)?;
+    let bytes = std::fs::read(path).with_context(about)?;
+    formats::npy::check_header(&bytes).with_context(about)?;
+    let file = npyz::NpyFile::new(&bytes[..]).with_context(about)?;
     anyhow::ensure!(file.order() == npyz::Order::C, "{}: Fortran order; must be C order", path.display());
     file.into_vec().with_context(about)
 }

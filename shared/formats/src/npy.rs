@@ -1,0 +1,51 @@
+//! NPY files (`NumPy`): checks of the header that the reader, npyz, does not make.
+
+/// A header that is not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NpyError {
+    /// The file ends within the header.
+    #[error("the NPY header has {found} bytes; the file has {n_bytes}")]
+    Length {
+        /// Bytes of the header.
+        found: usize,
+        /// Bytes of the file.
+        n_bytes: usize,
+    },
+    /// Parsing of nested brackets takes a time that grows exponentially.
+    #[error("the NPY header has nested brackets; only plain arrays are read")]
+    Nested,
+}
+
+/// Checks that the header lies in the file and describes a plain array. Damage of other kinds is left to the reader.
+pub fn check_header(bytes: &[u8]) -> Result<(), NpyError> {
+    // Magic, version, and the length of the text: 2 bytes in version 1, then 4.
+    let (n_bytes, start) = match bytes.get(6..12) {
+        Some([1, _, a, b, _, _]) => (usize::from(u16::from_le_bytes([*a, *b])), 10),
+        Some([_, _, a, b, c, d]) => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 12),
+        _ => return Ok(()),
+    };
+    let text = bytes[start.min(bytes.len())..].get(..n_bytes);
+    let text = text.ok_or(NpyError::Length { found: n_bytes, n_bytes: bytes.len() })?;
+    let n_brackets = text.iter().filter(|byte| b"([{".contains(byte)).count();
+    // A dictionary and a shape.
+    if n_brackets <= 2 { Ok(()) } else { Err(NpyError::Nested) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_and_nested_headers_are_refused() {
+        let file = |version: u8, length: &[u8], text: &[u8]| [b"\x93NUMPY", &[version, 0][..], length, text].concat();
+        let text = b"{'descr': '<f4', 'fortran_order': False, 'shape': (8, 3), }";
+        assert_eq!(check_header(&file(1, &[59, 0], text)), Ok(()));
+        assert_eq!(check_header(&file(2, &[59, 0, 0, 0], text)), Ok(()));
+        assert_eq!(
+            check_header(&file(3, &[255; 4], text)),
+            Err(NpyError::Length { found: 0xffff_ffff, n_bytes: 12 + 59 })
+        );
+        assert_eq!(check_header(&file(1, &[20, 0], b"{'shape': (8, (8, (8")), Err(NpyError::Nested));
+        assert_eq!(check_header(b"short"), Ok(()));
+    }
+}
