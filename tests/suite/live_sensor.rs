@@ -7,11 +7,12 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The stages that need no camera. A live recording has the LiDAR alone, so odometry and georeferencing use no other sensor.
+/// The stages that need no camera. A live recording has the LiDAR alone, so odometry and georeferencing use no other sensor:
+/// that its sentences have no height is no doubt.
 fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
-        "[run]\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{PATIENT}\n{run}\n[acquire]\n{acquire}\n\
+        "[run]\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{PATIENT}\n{run}\n[acquire]\nmin_fix_share = 0.0\n{acquire}\n\
          [slam_aggregate]\nsubmap_m = 3.0\nmotion = []\ncorrect = ['loops']\n[infer]\nmodel = '{}'\n[instance]\nthings = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n",
         model.display()
     ))

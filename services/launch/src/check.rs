@@ -96,6 +96,9 @@ fn drive(run: &Run, simulate: &Simulate, mode: Mode, folder: &Path, problems: &m
             written.unwrap_or("none"),
             drive.display()
         ),
+        false if is_live => {
+            format!("{} does not exist; name the drive of the sensor's mounting, or set run.rig", drive.display())
+        }
         false => {
             format!("{} does not exist, and the launch file has no [simulate] to simulate it", drive.display())
         }
