@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 22] = [
+const SHARED: [&str; 23] = [
     "wide_loops",
     "chart",
     "random",
@@ -24,6 +24,7 @@ const SHARED: [&str; 22] = [
     "scores",
     "segmentation",
     "training",
+    "instance_segmentation",
     "raytrace",
     "town",
     "simulation",

@@ -8,33 +8,25 @@
 //! 4. Components with too few points, or without ground around them, are removed.
 //! 5. The points of a component get its id.
 //!
-//! Extensions of the thesis, each controlled by a setting: objects that pass the same cells at different times are separated
-//! (`visits`), touching roofs and heads are separated by a watershed (`footprints`), nearby parts are joined (`objects`), and an
-//! object of an earlier submap keeps its id (`tracker`), even if it has few points now.
+//! Steps 1 to 4 are in the crate `instance_segmentation`. Extensions of the thesis, each controlled by a setting: objects that pass
+//! the same cells at different times are separated, touching roofs and heads are separated by a watershed, nearby parts are joined,
+//! and an object of an earlier submap keeps its id, even if it has few points now.
 //!
 //! New ids increase over the whole drive, in the order of the classes in `things`, then of the first points of the objects. In
 //! submaps without ground points, the height and ground-contact filters are disabled.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-mod footprints;
-mod objects;
 mod settings;
-mod top_view;
-mod tracker;
-mod visits;
 
 pub use settings::{Settings, Thing};
 
+use instance_segmentation::{Kind, Object, TopView, TrackedObject, Tracker, find};
 use messages::{ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapTopic};
-use objects::Object;
 use serde::{Deserialize, Serialize};
-use settings::Kind;
 use stage::{
     Context, Flow, Inputs, Outputs, Port, Received, SavedColumn, Stage, StateBytes, StepError, SubmapJoin, decode_head,
 };
-use top_view::TopView;
-use tracker::{TrackedObject, Tracker};
 
 /// Increased when the meaning of the saved state changes.
 const STATE_VERSION: u32 = 3;
@@ -138,7 +130,7 @@ impl InstanceStage {
             let sweep = header.sweeps.get(usize::from(point.sweep_idx));
             sweep.map_or(0, |sweep| sweep.stamp).saturating_add(i64::from(point.offset_nanos))
         };
-        objects::find(view, submap.rows(), &is_class, time_of, kind, &self.settings)
+        find(view, submap.rows(), &is_class, time_of, kind, &self.settings.footprints())
     }
 
     fn new_id(&mut self) -> Result<u32, StepError> {

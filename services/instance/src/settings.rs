@@ -1,5 +1,6 @@
 //! Settings of instance.
 
+use instance_segmentation::{FootprintSettings, Kind};
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 use stage::Rule;
@@ -91,19 +92,17 @@ impl Rule<Vec<Thing>> for EachThingIsValid {
     }
 }
 
-/// An entry of `things` with resolved class.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Kind {
-    pub(crate) class: ClassId,
-    pub(crate) max_height_m: f32,
-    pub(crate) min_points: usize,
-    pub(crate) min_score: f64,
-    pub(crate) peak_m: f64,
-    pub(crate) join_m: f64,
-    pub(crate) max_length_m: f64,
-}
-
 impl Settings {
+    /// What `instance_segmentation` needs of them.
+    pub(crate) fn footprints(&self) -> FootprintSettings {
+        FootprintSettings {
+            dilation_m: self.dilation_m,
+            hole_cells: self.hole_cells as usize,
+            min_ground_around: self.min_ground_around,
+            apart_s: self.apart_s,
+        }
+    }
+
     /// The entries in the order in which ids are assigned. Unknown classes were refused before.
     pub(crate) fn kinds(&self) -> Vec<Kind> {
         let kind = |thing: &Thing| {

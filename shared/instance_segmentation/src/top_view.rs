@@ -12,29 +12,25 @@ const MAX_CELLS: usize = 1 << 24;
 const MARGIN_M: f64 = 5.0;
 
 /// Row and column.
-pub(crate) type Cell = (usize, usize);
+pub type Cell = (usize, usize);
 
 /// Grid, terrain and observed cells.
-pub(crate) struct TopView {
-    pub(crate) grid: BevGrid,
+pub struct TopView {
+    /// The grid, in the submap frame.
+    pub grid: BevGrid,
     /// Digital terrain model: height of the ground in each cell, m. `None` if the view has no ground.
-    pub(crate) terrain_m: Option<Array2<f32>>,
+    pub terrain_m: Option<Array2<f32>>,
     /// Cells with a ground point.
-    pub(crate) ground: Array2<bool>,
+    pub ground: Array2<bool>,
     /// Cells with any point.
-    pub(crate) seen: Array2<bool>,
+    pub seen: Array2<bool>,
     /// Index and cell of the points of the classes of `things`, in the order of the submap.
-    pub(crate) thing_points: Vec<(u32, Cell)>,
+    pub thing_points: Vec<(u32, Cell)>,
 }
 
 impl TopView {
     /// `None` if there is no point of these classes, or the points are too far apart for any grid.
-    pub(crate) fn around(
-        points: &[SubmapPoint],
-        classes: &[ClassRow],
-        is_thing: &[bool; 256],
-        cell_m: f64,
-    ) -> Option<Self> {
+    pub fn around(points: &[SubmapPoint], classes: &[ClassRow], is_thing: &[bool; 256], cell_m: f64) -> Option<Self> {
         let is_thing = |row: &ClassRow| is_thing[usize::from(row.class_id)];
         let things = points.iter().zip(classes).filter(|(point, row)| is_thing(row) && is_finite(point));
         let empty = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
@@ -68,12 +64,12 @@ impl TopView {
     }
 
     /// Height of a point above the ground, m; above the origin of the submap if the view has no ground.
-    pub(crate) fn above_ground(&self, point: &SubmapPoint, cell: Cell) -> f32 {
+    pub fn above_ground(&self, point: &SubmapPoint, cell: Cell) -> f32 {
         point.z - self.terrain_m.as_ref().map_or(0.0, |terrain| terrain[cell])
     }
 
     /// A length in cells, rounded.
-    pub(crate) fn in_cells(&self, length_m: f64) -> usize {
+    pub fn in_cells(&self, length_m: f64) -> usize {
         (length_m / self.grid.cell_m).round() as usize
     }
 }

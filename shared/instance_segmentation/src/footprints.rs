@@ -1,6 +1,6 @@
 //! Footprints of one class in the top-down view, by morphological operators.
 
-use crate::settings::{Kind, Settings};
+use crate::settings::{FootprintSettings, Kind};
 use crate::top_view::{Cell, TopView};
 use messages::SubmapPoint;
 use morphology::{Connectivity, area_closing, connected_components, dilate, h_maxima, watershed};
@@ -31,7 +31,13 @@ pub(crate) struct Footprints {
 impl Footprints {
     /// Occupancy, dilation, area closing and components (thesis section 6.5.2). If the class has `peak_m`, components are split into one
     /// part for each peak of the elevation.
-    pub(crate) fn of(view: &TopView, points: &[SubmapPoint], class: &[bool], kind: &Kind, settings: &Settings) -> Self {
+    pub(crate) fn of(
+        view: &TopView,
+        points: &[SubmapPoint],
+        class: &[bool],
+        kind: &Kind,
+        settings: &FootprintSettings,
+    ) -> Self {
         let mut occupied = Array2::from_elem(view.seen.dim(), false);
         let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, EMPTY_M);
         let mut candidates = Vec::new();
@@ -48,7 +54,7 @@ impl Footprints {
         }
         let grown = dilate(&occupied, view.in_cells(settings.dilation_m));
         // Holes of eight-connected components are four-connected, so filling them never joins two components.
-        let closed = area_closing(&grown, settings.hole_cells as usize, Connectivity::Four);
+        let closed = area_closing(&grown, settings.hole_cells, Connectivity::Four);
         let components = connected_components(&closed, Connectivity::Eight);
         let shares = ground_shares(&components.image, components.n(), view);
         if kind.peak_m == 0.0 {

@@ -23,7 +23,7 @@ const MAX_OBJECTS: usize = 4096;
 
 /// Objects of earlier submaps, the latest observed last.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Tracker {
+pub struct Tracker {
     objects: Vec<TrackedObject>,
 }
 
@@ -32,8 +32,9 @@ type WorldCell = (i32, i32);
 
 /// Footprint of an object in the world frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct TrackedObject {
-    pub(crate) id: u32,
+pub struct TrackedObject {
+    /// Its id; 0 before it has one.
+    pub id: u32,
     class: u8,
     /// All cells, cells of its first and cells of its last half second, sorted.
     cells: [Vec<WorldCell>; 3],
@@ -45,7 +46,7 @@ pub(crate) struct TrackedObject {
 
 impl TrackedObject {
     /// The object in the world frame, without id.
-    pub(crate) fn of(object: &Object, class: u8, grid: &BevGrid, world_from_submap: &Pose) -> Self {
+    pub fn of(object: &Object, class: u8, grid: &BevGrid, world_from_submap: &Pose) -> Self {
         let world_cell = |&(row, col): &(usize, usize)| {
             let (x, y) = grid.center(row, col);
             let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
@@ -80,7 +81,7 @@ impl TrackedObject {
 impl Tracker {
     /// Ids of the objects that were observed before. An id is assigned at most once, to the object with the largest overlap, or the
     /// first of equal ones.
-    pub(crate) fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
+    pub fn associate(&self, objects: &[TrackedObject], min_overlap: f64) -> Vec<Option<u32>> {
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (new_idx, new) in objects.iter().enumerate() {
             for (old_idx, old) in self.objects.iter().enumerate() {
@@ -103,7 +104,7 @@ impl Tracker {
     }
 
     /// Adds the objects of a submap with their ids. Removes objects that were not observed for `remembered_submaps` submaps.
-    pub(crate) fn update(&mut self, objects: Vec<TrackedObject>, remembered_submaps: u32) {
+    pub fn update(&mut self, objects: Vec<TrackedObject>, remembered_submaps: u32) {
         self.objects.iter_mut().for_each(|object| object.age += 1);
         self.objects.retain(|old| old.age < remembered_submaps.max(1) && objects.iter().all(|new| new.id != old.id));
         if remembered_submaps > 0 {

@@ -1,32 +1,33 @@
 //! Objects of one class: parts of the footprint, separated by time and joined if they are near.
 
 use crate::footprints::Footprints;
-use crate::settings::{Kind, Settings};
+use crate::settings::{FootprintSettings, Kind};
 use crate::top_view::{Cell, TopView};
 use crate::visits::{END_WINDOW_NANOS, Sets, Visits};
 use geometry::OrientedRectangle;
 use messages::SubmapPoint;
 
 /// An object of the submap.
-pub(crate) struct Object {
+pub struct Object {
     /// Indices of its points, increasing.
-    pub(crate) points: Vec<u32>,
+    pub points: Vec<u32>,
     /// All cells, cells of its first and cells of its last half second, sorted.
-    pub(crate) cells: [Vec<Cell>; 3],
+    pub cells: [Vec<Cell>; 3],
     /// Times of its first and last point, ns since the Unix epoch.
-    pub(crate) span: (i64, i64),
+    pub span: (i64, i64),
     /// Whether there is ground around it; `true` if unknown.
-    pub(crate) is_grounded: bool,
+    pub is_grounded: bool,
 }
 
-/// All objects of one class in the view, in the order of their first points.
-pub(crate) fn find(
+/// All objects of one class in the view, in the order of their first points. `is_class` is for each of [`TopView::thing_points`];
+/// `time_of` gives ns since the Unix epoch.
+pub fn find(
     view: &TopView,
     points: &[SubmapPoint],
     is_class: &[bool],
     time_of: impl Fn(&SubmapPoint) -> i64,
     kind: &Kind,
-    settings: &Settings,
+    settings: &FootprintSettings,
 ) -> Vec<Object> {
     if !is_class.contains(&true) {
         return Vec::new();

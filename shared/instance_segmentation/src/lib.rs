@@ -1,0 +1,28 @@
+//! Objects of a labelled submap, such as vehicles and pedestrians, and their association over submaps (thesis section 6.5.2).
+//!
+//! [`TopView`] is the top-down grid of a submap with its digital terrain model. [`find`] extracts the objects of one class. A
+//! [`Tracker`] gives the objects of later submaps the ids of earlier ones.
+//!
+//! | module | idea |
+//! |---|---|
+//! | `top_view` | grid, terrain and observed cells |
+//! | `footprints` | cells of a class, dilated, filled and separated at peaks |
+//! | `visits` | objects that pass the same cells at different times |
+//! | `objects` | objects from footprints and visits; nearby parts are joined |
+//! | `tracker` | the same object in several submaps |
+//!
+//! Frames: submap frame, z up; the tracker compares objects in the world frame. Lengths in m, times in ns since the Unix epoch.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod footprints;
+mod objects;
+mod settings;
+mod top_view;
+mod tracker;
+mod visits;
+
+pub use objects::{Object, find};
+pub use settings::{FootprintSettings, Kind};
+pub use top_view::{Cell, TopView};
+pub use tracker::{TrackedObject, Tracker};

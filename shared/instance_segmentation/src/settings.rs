@@ -1,0 +1,35 @@
+//! What makes points an object.
+
+use messages::ClassId;
+
+/// How cells become footprints, for all classes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootprintSettings {
+    /// Dilation that joins the parts of an object, m.
+    pub dilation_m: f64,
+    /// Holes with fewer cells than this are filled.
+    pub hole_cells: usize,
+    /// Minimum fraction of the observed cells around an object that must have ground; 0 disables the filter.
+    pub min_ground_around: f64,
+    /// Points of a cell that are separated by at least this time belong to different objects, s; 0 ignores times.
+    pub apart_s: f64,
+}
+
+/// A class with instances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kind {
+    /// The class.
+    pub class: ClassId,
+    /// Maximum height of points above the ground, m.
+    pub max_height_m: f32,
+    /// Minimum number of points of a new object in a submap.
+    pub min_points: usize,
+    /// Minimum mean class score of the points of a new object, 0 to 1.
+    pub min_score: f64,
+    /// Elevation peaks that each stand out by at least this height are two objects, m; 0 disables splitting.
+    pub peak_m: f64,
+    /// Parts up to this distance are joined, m; 0 disables joining.
+    pub join_m: f64,
+    /// Maximum length of an object that is joined of parts, m.
+    pub max_length_m: f64,
+}
