@@ -24,7 +24,13 @@ pub(super) fn check(opcode: u8, body: &[u8]) -> Result<(), RecordFault> {
     let too_long = RecordFault::TextLength { record, found: length as u64, left: after.len() };
     let mut map = after.get(..length).ok_or(too_long)?;
     while !map.is_empty() {
-        map = skip_text(record, map)?;
+        // A key and its value. The library reads both, also beyond the end of the map.
+        for _ in 0..2 {
+            if map.len() < size_of::<u32>() {
+                return Err(RecordFault::TextLength { record, found: size_of::<u32>() as u64, left: map.len() });
+            }
+            map = skip_text(record, map)?;
+        }
     }
     Ok(())
 }
