@@ -33,7 +33,7 @@ pub struct SpeedProfile {
 }
 
 impl SpeedProfile {
-    /// The profile of a driver who stands at `start_m` at second 0 and drives for `seconds`.
+    /// The speed profile of a drive of `seconds` that starts from rest at `start_m`.
     pub fn from_rest(path: &GroundPath, driver: &Driver, start_m: f64, seconds: f64) -> Self {
         Self::simulate(path, driver, start_m, 0.0, seconds)
     }

@@ -98,7 +98,7 @@ fn files_of(file: &LaunchFile, name: &str, description: &Description, folder: &P
     let table = file.table(name).unwrap_or_default();
     let is_set = |key: &str| table.keys().any(|set| set.get_ref() == key);
     let defaults = description.settings.iter().filter(|field| !is_set(&field.key));
-    // Defaults are written as JSON; a text that is none names no file.
+    // Defaults are written as JSON. A default that is not valid JSON names no file.
     let defaults: Vec<DeValue<'_>> = defaults
         .filter_map(|field| serde_json::from_str::<String>(&field.default).ok())
         .map(|text| DeValue::String(text.into()))
