@@ -12,20 +12,10 @@
 
 mod acquire;
 mod doubts;
-mod drops;
-mod error;
-mod events;
-mod frames;
-mod inertial;
-mod jpeg;
 mod live;
-mod odometer;
 mod publish;
-mod receiver;
 mod recorded;
-mod recording;
 mod sweep;
-mod trigger;
 
 pub use acquire::Acquire;
 

@@ -1,11 +1,54 @@
 //! Publishing shared by recorded drives and live sensors.
 
-use crate::frames::room;
-use formats::drive::SweepInfo;
+use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
+use acquisition::rows::gnss_row;
+use formats::drive::{Frame, SweepInfo};
+use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::{Fix, LogStats};
 use formats::velodyne::{LidarStats, Model};
-use messages::{GnssRow, GnssTopic, Message, SweepTopic};
+use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
+
+/// Why a frame is not published.
+pub(crate) enum PublishError {
+    /// The file is damaged; it is skipped.
+    File(CameraFileError),
+    /// The pipeline failed; the run ends.
+    Step(StepError),
+}
+
+impl From<StepError> for PublishError {
+    fn from(error: StepError) -> Self {
+        Self::Step(error)
+    }
+}
+
+/// Publishes a color image.
+pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+    let (width, height) = entry.model.size();
+    let n_bytes = width as usize * height as usize * 3;
+    let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
+    image_into(&frame.path, entry, room(&mut loan, n_bytes)?).map_err(PublishError::File)?;
+    let (camera, exposure_nanos) = (frame.camera as u32, entry.exposure_nanos);
+    *loan.header_mut() = ImageHeader { camera, width, height, channels: 3, exposure_nanos };
+    Ok(outputs.publish(loan, frame.stamp.0)?)
+}
+
+/// Publishes a raw mosaic.
+pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+    let (width, height) = entry.model.size();
+    let n_samples = width as usize * height as usize;
+    let mut loan: Loan<MosaicTopic> = outputs.loan(n_samples)?;
+    mosaic_into(&frame.path, entry, room(&mut loan, n_samples)?).map_err(PublishError::File)?;
+    let MosaicEntry { bit_depth, exposure_nanos, .. } = *entry;
+    *loan.header_mut() = MosaicHeader { camera: frame.camera as u32, width, height, bit_depth, exposure_nanos };
+    Ok(outputs.publish(loan, frame.stamp.0)?)
+}
+
+/// Appends `n_rows` rows, all of which the caller must write.
+pub(crate) fn room<T: Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
+    Ok(loan.grow_unset(n_rows)?)
+}
 
 /// Publishes a sweep whose points are in the loan.
 pub(crate) fn publish_sweep(
@@ -43,22 +86,6 @@ pub(crate) fn publish_rows<T: Message>(
     let mut loan = outputs.loan::<T>(rows.len())?;
     room(&mut loan, rows.len())?.copy_from_slice(rows);
     outputs.publish(loan, stamp)
-}
-
-/// `None` without a height.
-fn gnss_row(fix: &Fix) -> Option<GnssRow> {
-    Some(GnssRow {
-        stamp: fix.stamp.0,
-        latitude_deg: fix.position_deg[0],
-        longitude_deg: fix.position_deg[1],
-        altitude_m: fix.altitude_m?,
-        speed_mps: fix.speed_mps.unwrap_or(-1.0),
-        course_deg: fix.course_deg.unwrap_or(-1.0),
-        hdop: fix.hdop.unwrap_or_default() as f32,
-        satellites: fix.satellites,
-        quality: fix.quality,
-        reserved: 0,
-    })
 }
 
 /// The counts that are already in the run summary.
