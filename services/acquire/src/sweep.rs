@@ -1,9 +1,8 @@
 //! Decodes sweeps directly into shared memory.
 
 use crate::publish::room;
-use acquisition::rows::sweep_point;
-use formats::velodyne::{LidarReturn, SweepReader};
-use messages::SweepTopic;
+use formats::velodyne::SweepReader;
+use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
 /// A loan that any sweep fits into.
@@ -14,11 +13,11 @@ pub(crate) fn loan(outputs: &mut Outputs) -> Result<Loan<SweepTopic>, StepError>
 /// Appends the points that `read` passes on.
 pub(crate) fn fill<T>(
     loan: &mut Loan<SweepTopic>,
-    read: impl FnOnce(&mut dyn FnMut(&[LidarReturn])) -> Result<T, StepError>,
+    read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<T, StepError>,
 ) -> Result<T, StepError> {
     let mut full = None;
     let found = read(&mut |returns| match room(loan, returns.len()) {
-        Ok(rows) => rows.iter_mut().zip(returns).for_each(|(row, found)| *row = sweep_point(found)),
+        Ok(rows) => rows.copy_from_slice(returns),
         Err(error) => full = Some(error),
     })?;
     full.map_or(Ok(found), Err)

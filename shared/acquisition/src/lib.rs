@@ -4,7 +4,7 @@
 //! |---|---|
 //! | a LiDAR on the network: received, recorded, decoded from the growing recording | [`live`] |
 //! | a recorded drive in ticks: a sweep, and what the other sensors measured up to its end | [`recorded`] |
-//! | rows of messages from decoded packets and sentences | [`rows`] |
+//! | rows of messages from decoded sentences | [`rows`] |
 //!
 //! The caller provides the memory of points, images and mosaics.
 

@@ -1,15 +1,7 @@
-//! Rows of messages from decoded packets and sentences.
+//! Rows of messages from decoded sentences.
 
 use formats::nmea::Fix;
-use formats::velodyne::LidarReturn;
-use messages::{GnssRow, SweepPoint};
-
-/// The row of a return.
-#[inline]
-pub fn sweep_point(found: &LidarReturn) -> SweepPoint {
-    let LidarReturn { x, y, z, offset_nanos, azimuth, intensity, ring } = *found;
-    SweepPoint { x, y, z, offset_nanos, azimuth, intensity, ring }
-}
+use messages::GnssRow;
 
 /// The row of a fix; `None` without a height.
 pub fn gnss_row(fix: &Fix) -> Option<GnssRow> {

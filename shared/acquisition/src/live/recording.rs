@@ -10,7 +10,7 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// Folder of the captures in the recording.
+/// Folder of the captures in the recording, as in [`LidarEntry::of_captures`].
 const LIDAR: &str = "lidar";
 /// Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
@@ -80,15 +80,7 @@ impl Recording {
         if path.exists() {
             return Ok(());
         }
-        let manifest = Manifest::of_lidar(
-            "live recording",
-            LidarEntry {
-                model: model.name().to_owned(),
-                format: "pcap".to_owned(),
-                folder: LIDAR.to_owned(),
-                body_from_lidar,
-            },
-        );
+        let manifest = Manifest::of_lidar("live recording", LidarEntry::of_captures(model.name(), body_from_lidar));
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
     }

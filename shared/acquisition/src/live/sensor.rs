@@ -7,7 +7,7 @@ use crate::error::{LiveError, NoSweepError};
 use formats::drive::LiveRig;
 use formats::nmea::{Fix, LogStats};
 use formats::velodyne::{
-    DATA_PACKET_BYTES, LidarReturn, LidarStats, Model, SweepError, SweepInfo, SweepPoll, SweepReader,
+    DATA_PACKET_BYTES, LidarStats, Model, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader,
 };
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
@@ -150,7 +150,7 @@ impl LiveSensor {
     }
 
     /// Reads the capture until a sweep is complete or the capture ends. Passes the points of the current sweep to `sink`, in pieces.
-    pub fn poll(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<LivePoll, LiveError> {
+    pub fn poll(&mut self, mut sink: impl FnMut(&[SweepPoint])) -> Result<LivePoll, LiveError> {
         if self.reader.is_none()
             && let Some(poll) = self.open_reader()?
         {

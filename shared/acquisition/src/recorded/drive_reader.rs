@@ -9,7 +9,7 @@ use formats::drive::{Drive, Frame, SourcePosition, SweepInfo, SweepSource};
 use formats::imu::ImuError;
 use formats::manifest::Manifest;
 use formats::nmea::{Fix, LogStats};
-use formats::velodyne::{LidarReturn, OtherModel, SweepError};
+use formats::velodyne::{OtherModel, SweepError, SweepPoint};
 use messages::{ImageTopic, ImuRow, Message, MosaicTopic};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -162,7 +162,7 @@ impl DriveReader {
     }
 
     /// Passes the points of the next sweep to `sink`, in pieces.
-    pub fn next_sweep(&mut self, sink: impl FnMut(&[LidarReturn])) -> Result<NextSweep, SweepError> {
+    pub fn next_sweep(&mut self, sink: impl FnMut(&[SweepPoint])) -> Result<NextSweep, SweepError> {
         let Some(sweep) = self.source.next_sweep(sink)? else {
             self.at.is_complete = true;
             return Ok(NextSweep::End);
