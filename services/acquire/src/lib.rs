@@ -11,7 +11,6 @@
 //! share of a sensor's data is damaged or missing, the run ends with a doubt; without any sweep it fails.
 
 mod acquire;
-mod doubts;
 mod live;
 mod publish;
 mod recorded;

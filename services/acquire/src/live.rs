@@ -2,9 +2,9 @@
 //! state is empty.
 
 use crate::Settings;
-use crate::doubts::Doubts;
-use crate::publish::{ReportedCounts, publish_fixes, publish_sweep};
+use crate::publish::{count_all, no_doubts, publish_fixes, publish_sweep, report_doubts};
 use crate::sweep;
+use acquisition::counters::ReportedCounts;
 use acquisition::error::LiveError;
 use acquisition::live::{
     Discarded, LiveLimits, LivePoll, LiveSensor, Mounting, address, bind, captures, folder_inside,
@@ -134,9 +134,10 @@ impl Live {
             outputs.doubt("no_sweep", self.n_packets as f64, text);
         }
         if let Some((lidar, log)) = self.sensor.stats() {
-            let mut doubts = Doubts { settings: &self.settings, outputs };
+            let mut doubts = no_doubts(&self.settings);
             doubts.captures(&lidar, self.sensor.recorded_bytes());
             doubts.log(&log, self.gnss_rows, self.n_fixes);
+            report_doubts(doubts, outputs);
         }
     }
 
@@ -183,19 +184,16 @@ impl Live {
             self.note_begin(outputs);
         }
         let Discarded { skipped, partial } = self.sensor.take_discarded();
-        for (name, n) in [
+        let counters = [
             ("udp_packets", n_packets - self.n_packets),
             ("udp_packets_dropped", self.sensor.take_dropped()),
             ("sweeps_skipped", skipped),
             ("partial_sweeps", partial),
-        ] {
-            if n > 0 {
-                outputs.count(name, n);
-            }
-        }
+        ];
+        count_all(counters, outputs);
         self.n_packets = n_packets;
         if let Some((lidar, log)) = self.sensor.stats() {
-            self.reported.report(lidar, log, outputs);
+            count_all(self.reported.take_new(lidar, log), outputs);
         }
     }
 

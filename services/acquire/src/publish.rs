@@ -1,11 +1,13 @@
 //! Publishing shared by recorded drives and live sensors.
 
+use crate::Settings;
+use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
 use acquisition::rows::gnss_row;
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
-use formats::nmea::{Fix, LogStats};
-use formats::velodyne::{LidarStats, Model};
+use formats::nmea::Fix;
+use formats::velodyne::Model;
 use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
@@ -88,32 +90,22 @@ pub(crate) fn publish_rows<T: Message>(
     outputs.publish(loan, stamp)
 }
 
-/// The counts that are already in the run summary.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ReportedCounts {
-    lidar: LidarStats,
-    log: LogStats,
+/// Adds counters to the run summary; those of 0 are left out.
+pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>, outputs: &mut Outputs) {
+    for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
+        outputs.count(name, n);
+    }
 }
 
-impl ReportedCounts {
-    /// All counts so far.
-    pub(crate) fn up_to(lidar: LidarStats, log: LogStats) -> Self {
-        Self { lidar, log }
-    }
+/// No doubts yet, with the limits of the settings.
+pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
+    let Settings { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share, .. } = *settings;
+    Doubts::new(DoubtLimits { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share })
+}
 
-    /// Adds the packets received, lost or damaged since the last call to the run summary.
-    pub(crate) fn report(&mut self, lidar: LidarStats, log: LogStats, outputs: &mut Outputs) {
-        let mut add = |name, now: u64, before: u64| {
-            if now > before {
-                outputs.count(name, now - before);
-            }
-        };
-        for ((name, now), (_, before)) in lidar.counts().into_iter().zip(self.lidar.counts()) {
-            add(name, now, before);
-        }
-        add("bad_nmea_lines", log.bad_lines, self.log.bad_lines);
-        add("gnss_without_fix", log.without_fix, self.log.without_fix);
-        add("gnss_out_of_order", log.out_of_order, self.log.out_of_order);
-        (self.lidar, self.log) = (lidar, log);
+/// Reports doubts at the end of the run.
+pub(crate) fn report_doubts(doubts: Doubts, outputs: &mut Outputs) {
+    for Doubt { name, size, text } in doubts.found() {
+        outputs.doubt(name, size, text);
     }
 }

@@ -1,11 +1,13 @@
 //! Publishes a recorded drive sweep by sweep.
 
 use crate::Settings;
-use crate::doubts::{Doubts, Tally};
 use crate::publish::{
-    PublishError, ReportedCounts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep,
+    PublishError, count_all, no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep,
+    report_doubts,
 };
 use crate::sweep;
+use acquisition::counters::ReportedCounts;
+use acquisition::doubts::Tally;
 use acquisition::error::DriveError;
 use acquisition::recorded::{CameraFileError, DrivePosition, DriveReader, NextSweep, Part, Trigger, wrong_captures};
 use formats::drive::{Drive, SweepInfo};
@@ -80,10 +82,7 @@ impl Recorded {
             if !self.reader.has_begun() {
                 return Err(StepError::data(self.reader.no_sweep()));
             }
-            let n_late = self.reader.n_frames_left();
-            if n_late > 0 {
-                outputs.count("frames_after_sweeps", n_late);
-            }
+            count_all([("frames_after_sweeps", self.reader.n_frames_left())], outputs);
             outputs.set_progress(1.0);
             return Ok(Flow::End);
         };
@@ -132,9 +131,7 @@ impl Recorded {
         self.tally.imu_samples += due.samples.len() as u64;
         let (n_bad, error) = due.bad_imu_lines;
         self.tally.bad_imu_lines += n_bad;
-        if n_bad > 0 {
-            outputs.count("bad_imu_lines", n_bad);
-        }
+        count_all([("bad_imu_lines", n_bad)], outputs);
         for (counter, error) in errors {
             outputs.count(counter, 1);
             self.report(error.to_string(), outputs);
@@ -157,19 +154,7 @@ impl Recorded {
 
     fn report_initial(&self, outputs: &mut Outputs) {
         let (initial, drive) = (self.reader.initial_counts(), self.reader.drive());
-        for (name, n) in [
-            ("images_skipped_by_trigger", initial.skipped_images),
-            ("mosaics_skipped_by_trigger", initial.skipped_mosaics),
-            ("strange_files", initial.strange_files),
-            ("bad_nmea_lines", initial.log.bad_lines),
-            ("gnss_without_fix", initial.log.without_fix),
-            ("gnss_out_of_order", initial.log.out_of_order),
-            ("gnss_without_height", initial.without_height),
-        ] {
-            if n > 0 {
-                outputs.count(name, n);
-            }
-        }
+        count_all(initial.named(), outputs);
         if drive.is_inferred() {
             let (model, format) = (drive.model().name(), &drive.manifest().lidar.format);
             outputs.note(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
@@ -182,19 +167,14 @@ impl Recorded {
     /// Skips measurements of other sensors before the first sweep.
     fn begin(&mut self, begin: i64, outputs: &mut Outputs) {
         let skipped = self.reader.begin(begin);
-        if skipped.frames > 0 {
-            outputs.count("frames_before_sweeps", skipped.frames);
-        }
-        if skipped.bad_imu_lines > 0 {
-            outputs.count("bad_imu_lines", skipped.bad_imu_lines);
-            self.tally.bad_imu_lines += skipped.bad_imu_lines;
-        }
+        count_all([("frames_before_sweeps", skipped.frames), ("bad_imu_lines", skipped.bad_imu_lines)], outputs);
+        self.tally.bad_imu_lines += skipped.bad_imu_lines;
     }
 
     /// Adds packets and files lost or damaged since the last call to the run summary.
     fn count_losses(&mut self, outputs: &mut Outputs) {
         let source = self.reader.source();
-        self.reported.report(source.lidar_stats(), self.reader.packet_log_stats(), outputs);
+        count_all(self.reported.take_new(source.lidar_stats(), self.reader.packet_log_stats()), outputs);
         let n_bad = source.n_bad_clouds();
         if n_bad > self.n_bad_clouds {
             outputs.count("bad_sweeps", n_bad - self.n_bad_clouds);
@@ -210,7 +190,7 @@ impl Recorded {
     /// Reports the doubts about what was read.
     pub(crate) fn finish(&self, outputs: &mut Outputs) {
         let (source, initial, tally) = (self.reader.source(), self.reader.initial_counts(), &self.tally);
-        let mut doubts = Doubts { settings: &self.settings, outputs };
+        let mut doubts = no_doubts(&self.settings);
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
         let n_bad_clouds = source.n_bad_clouds();
         doubts.files(tally, self.reader.n_sweeps() + n_bad_clouds, n_bad_clouds);
@@ -223,6 +203,7 @@ impl Recorded {
             doubts.outside(n_outside, n_frames);
         }
         doubts.silent(&self.reader.silent_sensors(tally.fixes, tally.imu_samples));
+        report_doubts(doubts, outputs);
     }
 
     pub(crate) fn save(&mut self) -> Result<Vec<u8>, StepError> {

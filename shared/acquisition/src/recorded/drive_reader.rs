@@ -135,6 +135,21 @@ pub fn wrong_captures(drive: &Drive) -> Option<String> {
     }
 }
 
+impl InitialCounts {
+    /// With the names of their counters.
+    pub fn named(&self) -> [(&'static str, u64); 7] {
+        [
+            ("images_skipped_by_trigger", self.skipped_images),
+            ("mosaics_skipped_by_trigger", self.skipped_mosaics),
+            ("strange_files", self.strange_files),
+            ("bad_nmea_lines", self.log.bad_lines),
+            ("gnss_without_fix", self.log.without_fix),
+            ("gnss_out_of_order", self.log.out_of_order),
+            ("gnss_without_height", self.without_height),
+        ]
+    }
+}
+
 impl DriveReader {
     /// Opens a drive. The trigger rule thins out its exposures.
     pub fn open(folder: &Path, part: Part, trigger: Trigger) -> Result<Self, DriveError> {
