@@ -196,6 +196,13 @@ pub struct RigError {
     pub pose: PoseEntry,
 }
 
+impl LidarEntry {
+    /// Packet captures of a model in the folder `lidar`.
+    pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
+        Self { model: model.to_owned(), format: "pcap".to_owned(), folder: "lidar".to_owned(), body_from_lidar }
+    }
+}
+
 impl Manifest {
     /// The manifest of a drive with a LiDAR only.
     pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {

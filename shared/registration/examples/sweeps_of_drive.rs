@@ -7,7 +7,7 @@ mod folder;
 use anyhow::Context;
 use folder::kitti_line;
 use formats::drive::{Drive, SweepInfo};
-use formats::velodyne::LidarReturn;
+use formats::velodyne::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use raytrace::Ray;
 use registration::GroundVelocity;
@@ -50,7 +50,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
     loop {
-        let mut returns: Vec<LidarReturn> = Vec::new();
+        let mut returns: Vec<SweepPoint> = Vec::new();
         let Some(sweep) = source.next_sweep(|piece| returns.extend_from_slice(piece))? else { break };
         if sweep.turn < 0.95 || returns.is_empty() {
             continue;
@@ -66,7 +66,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;
-                let observation = |(point, &instance): (&LidarReturn, &u16)| {
+                let observation = |(point, &instance): (&SweepPoint, &u16)| {
                     let share = f64::from(point.offset_nanos) / f64::from(last.max(1));
                     let pose = interpolate(&begin, &end, share) * body_from_lidar;
                     let place = pose * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>();
@@ -94,7 +94,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     Ok(())
 }
 
-fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: bool) -> anyhow::Result<()> {
+fn write_returns(out: &Path, name: &str, returns: &[SweepPoint], has_times: bool) -> anyhow::Result<()> {
     let numbers = returns.iter().flat_map(|p| [p.x, p.y, p.z, f32::from(p.intensity)]);
     fs::write(out.join(format!("velodyne/{name}.bin")), numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
     if has_times {

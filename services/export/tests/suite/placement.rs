@@ -1,7 +1,8 @@
 //! Clouds and trajectory are moved to the final frame by the placement of the submaps.
 
 use crate::support::{Street, files};
-use export::{Export, Index, Settings};
+use delivery::Index;
+use export::{Export, Settings};
 use formats::ply::Vertices;
 use geometry::{Isometry3, Point3, Pose, Stamp, Vector3};
 use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PlacementTopic};

@@ -1,7 +1,8 @@
 //! Steps of the stage on the test bench.
 
 use crate::support::{Street, files, received};
-use export::{Export, Index, Settings};
+use delivery::Index;
+use export::{Export, Settings};
 use formats::ply::Vertices;
 use messages::{ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic};
 use stage::testing::{Bench, context};

@@ -20,12 +20,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         antenna_in_body: gnss.antenna_in_body,
     });
     let name = format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds);
-    let lidar = LidarEntry {
-        model: rig.lidar.model.name().into(),
-        format: "pcap".into(),
-        folder: "lidar".into(),
-        body_from_lidar: rig.lidar.body_from_lidar.into(),
-    };
+    let lidar = LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into());
     Manifest {
         cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
         mosaics: if spec.mosaics {

@@ -86,14 +86,9 @@ fn doubts(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::argument::Cli;
     use clap::Parser;
     use formats::ply::{Header, Kind, PlyWriter};
-
-    #[derive(Parser)]
-    struct Cli {
-        #[command(flatten)]
-        args: Args,
-    }
 
     /// A road of 40 m along x with a car on it.
     fn write_street(path: &Path) {
@@ -143,7 +138,7 @@ mod tests {
         let error = run(&Cli::parse_from(["", &path]).args).expect_err("is empty").to_string();
         assert!(error.contains("no clouds (*.ply)"), "{error}");
         for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
-            assert!(Cli::try_parse_from(words).is_err());
+            assert!(Cli::<Args>::try_parse_from(words).is_err());
         }
         let outside = Cli::parse_from(["", &path, "--at", "1.5"]);
         assert!(run(&outside.args).expect_err("is outside").to_string().contains("--at 1.5: must be 0 to 1"));

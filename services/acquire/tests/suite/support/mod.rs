@@ -106,12 +106,7 @@ fn manifest() -> Manifest {
         body_from_camera: PoseEntry::IDENTITY,
         model: model.clone(),
     };
-    let lidar = LidarEntry {
-        model: "hdl32e".into(),
-        format: "pcap".into(),
-        folder: "lidar".into(),
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
+    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
     Manifest {
         cameras: vec![camera(0), camera(1)],
         mosaics: vec![MosaicEntry {

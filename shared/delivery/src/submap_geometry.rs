@@ -1,8 +1,8 @@
 //! Positions of points and of the lidar in the frame of the odometry.
 
+use crate::error::DeliveryError;
 use geometry::{Point3, Pose, Vector3};
-use messages::{CheckedSubmap, SubmapPoint, SubmapSweep, SubmapTopic};
-use stage::{Received, StepError};
+use messages::{CheckedSubmap, SubmapHeader, SubmapPoint, SubmapSweep};
 
 /// Pose of a submap and the paths of the lidar during its sweeps.
 pub(crate) struct SubmapGeometry {
@@ -22,18 +22,17 @@ pub(crate) struct SweepPath {
 
 impl SubmapGeometry {
     /// Checks the submap.
-    pub(crate) fn new(submap: &Received<SubmapTopic>) -> Result<Self, StepError> {
-        let seq = submap.seq();
-        let fault = |rule: String| StepError::data(format!("submap {seq}: {rule}"));
-        let checked = submap.header().checked(seq)?;
-        checked.check_points(submap.rows())?;
+    pub(crate) fn new(seq: u64, header: &SubmapHeader, points: &[SubmapPoint]) -> Result<Self, DeliveryError> {
+        let checked = header.checked(seq)?;
+        checked.check_points(points)?;
         let CheckedSubmap { world_from_submap, sweeps, .. } = checked;
         let path = |sweep: &SubmapSweep| {
             let number = i32::try_from(sweep.seq);
-            let number = number.map_err(|_| fault(format!("sweep number {} exceeds the PLY type int", sweep.seq)))?;
-            Ok::<_, StepError>(SweepPath::new(sweep, number, &world_from_submap))
+            let number = number
+                .map_err(|_| DeliveryError::ExceedsInt { what: format!("submap {seq}: sweep number {}", sweep.seq) })?;
+            Ok::<_, DeliveryError>(SweepPath::new(sweep, number, &world_from_submap))
         };
-        Ok(Self { sweeps: sweeps.iter().map(path).collect::<Result<_, StepError>>()?, world_from_submap })
+        Ok(Self { sweeps: sweeps.iter().map(path).collect::<Result<_, DeliveryError>>()?, world_from_submap })
     }
 
     /// `point` in the world frame.

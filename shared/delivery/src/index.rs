@@ -67,7 +67,8 @@ pub struct SpectraEntry {
 }
 
 impl Index {
-    pub(crate) fn new(clouds: &[CloudEntry], frame: &str) -> Self {
+    /// The index of all clouds.
+    pub fn new(clouds: &[CloudEntry], frame: &str) -> Self {
         Self {
             version: 2,
             frame: frame.to_owned(),
@@ -76,7 +77,8 @@ impl Index {
         }
     }
 
-    pub(crate) fn to_json(&self) -> String {
+    /// The text of the file.
+    pub fn to_json(&self) -> String {
         let text = serde_json::to_string_pretty(self).expect("string keys and plain values always encode");
         text + "\n"
     }
@@ -84,7 +86,7 @@ impl Index {
 
 impl CloudEntry {
     /// Whether its files are in the final frame.
-    pub(crate) fn is_placed(&self) -> bool {
+    pub fn is_placed(&self) -> bool {
         self.sigma_m.is_some()
     }
     /// Names, sizes and numbers of rows of all files.

@@ -1,16 +1,36 @@
 //! The cloud of a submap: the fields of Paris-CARLA-3D, then additional fields.
 
+use crate::error::DeliveryError;
 use crate::frame::odometry_line;
-use crate::settings::Settings;
 use crate::submap_geometry::SubmapGeometry;
 use formats::ply::{Header, Kind, Row};
 use messages::{
-    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, ColorRow, ColorTopic, InstanceTopic, POINT_DYNAMIC,
-    POINT_INCIDENCE_UNKNOWN, SubmapPoint, UNSEEN,
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader,
+    SubmapHeader, SubmapPoint, UNSEEN,
 };
-use stage::{JoinedSubmap, StepError};
 
-/// A submap with its columns, as slices of equal length.
+/// A submap and its columns, as received. Columns of points have a row for each point.
+#[derive(Clone, Copy)]
+pub struct ReceivedSubmap<'a> {
+    /// Number of the submap.
+    pub seq: u64,
+    /// Header of the submap.
+    pub header: &'a SubmapHeader,
+    /// Points of the submap.
+    pub points: &'a [SubmapPoint],
+    /// Colors, if there is such a column.
+    pub color: Option<&'a [ColorRow]>,
+    /// Classes, if there is such a column.
+    pub class: Option<&'a [ClassRow]>,
+    /// Instances, if there is such a column.
+    pub instance: Option<&'a [u32]>,
+    /// Header and words of the spectra, if there is such a column.
+    pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
+    /// Topics of the columns that were lost.
+    pub lost: &'a [&'static str],
+}
+
+/// A checked submap with its columns, as slices of equal length.
 pub(crate) struct SubmapColumns<'a> {
     pub(crate) seq: u64,
     pub(crate) points: &'a [SubmapPoint],
@@ -23,24 +43,14 @@ pub(crate) struct SubmapColumns<'a> {
 }
 
 impl<'a> SubmapColumns<'a> {
-    /// Checks that all columns have the length of the submap.
-    pub(crate) fn new(joined: &'a JoinedSubmap, settings: &Settings) -> Result<Self, StepError> {
-        let submap = &joined.submap;
-        let seq = submap.seq();
-        let geometry = SubmapGeometry::new(submap)?;
-        let instance = joined.rows::<InstanceTopic>()?;
+    /// Checks the submap and its instances.
+    pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
+        let ReceivedSubmap { seq, header, points, color, class, instance, .. } = *received;
+        let geometry = SubmapGeometry::new(seq, header, points)?;
         if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
-            return Err(StepError::data(format!("instance of submap {seq}: id {id} exceeds the PLY type int")));
+            return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
         }
-        Ok(Self {
-            seq,
-            points: submap.rows(),
-            geometry,
-            color: joined.rows::<ColorTopic>()?,
-            class: joined.rows::<ClassTopic>()?,
-            instance,
-            coordinates: if settings.coordinates == "double" { Kind::Double } else { Kind::Float },
-        })
+        Ok(Self { seq, points, geometry, color, class, instance, coordinates })
     }
 
     pub(crate) fn header(&self) -> Header {

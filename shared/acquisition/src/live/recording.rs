@@ -8,9 +8,9 @@ use formats::pcap::Recorder;
 use formats::velodyne::Model;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-/// Folder of the captures in the recording.
+/// Folder of the captures in the recording, as in [`LidarEntry::of_captures`].
 const LIDAR: &str = "lidar";
 /// Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
@@ -23,7 +23,7 @@ pub(crate) struct Recording {
 }
 
 /// Captures in a recording's folder, sorted by name; none without the folder.
-pub(crate) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+pub fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let entries = match fs::read_dir(folder.join(LIDAR)) {
         Ok(entries) => entries,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -34,6 +34,16 @@ pub(crate) fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut captures: Vec<PathBuf> = paths.into_iter().filter(is_capture).collect();
     captures.sort();
     Ok(captures)
+}
+
+/// Folder of a recording inside the output folder, so that a run writes nowhere else.
+pub fn folder_inside(output: &Path, name: &str) -> Result<PathBuf, LiveError> {
+    let path = Path::new(name);
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
+    if is_inside && !name.is_empty() {
+        return Ok(output.join(path));
+    }
+    Err(LiveError::Outside(name.to_owned()))
 }
 
 impl Recording {
@@ -70,15 +80,7 @@ impl Recording {
         if path.exists() {
             return Ok(());
         }
-        let manifest = Manifest::of_lidar(
-            "live recording",
-            LidarEntry {
-                model: model.name().to_owned(),
-                format: "pcap".to_owned(),
-                folder: LIDAR.to_owned(),
-                body_from_lidar,
-            },
-        );
+        let manifest = Manifest::of_lidar("live recording", LidarEntry::of_captures(model.name(), body_from_lidar));
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
     }

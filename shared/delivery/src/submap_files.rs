@@ -1,30 +1,33 @@
 //! Writes the files of one submap.
 
+use crate::error::DeliveryError;
 use crate::folder::Folder;
 use crate::index::CloudEntry;
 use crate::place::{self, Place};
-use crate::settings::Settings;
 use crate::spectra;
-use crate::submap_cloud::SubmapColumns;
-use formats::ply::Row;
-use messages::{ClassRow, ColorRow, SpectraTopic, UNSEEN, class_name};
+use crate::submap_cloud::{ReceivedSubmap, SubmapColumns};
+use crate::world::World;
+use formats::ply::{Kind, Row};
+use messages::{ClassRow, ColorRow, UNSEEN, class_name};
 use rayon::prelude::*;
-use stage::{JoinedSubmap, StepError};
 use std::collections::BTreeMap;
 
-/// Writes the files of one submap, in the final frame if its place is known. The files are not synced, see [`crate::disk_sync`].
-pub(crate) fn write(
-    joined: &JoinedSubmap,
-    settings: &Settings,
+/// Writes the files of one submap, in the final frame if its place in the world is known. `coordinates` is the type of coordinates
+/// in the files. The files are not synced, see [`crate::sync`].
+pub fn write_submap(
+    submap: &ReceivedSubmap<'_>,
+    coordinates: Kind,
     folder: &Folder,
-    place: Option<&Place<'_>>,
-) -> Result<CloudEntry, StepError> {
-    let columns = SubmapColumns::new(joined, settings)?;
+    world: Option<&World>,
+) -> Result<CloudEntry, DeliveryError> {
+    let place = world.and_then(|world| Place::of(submap.seq, world));
+    let place = place.as_ref();
+    let columns = SubmapColumns::new(submap, coordinates)?;
     let file = format!("clouds/submap_{:04}.ply", columns.seq);
     let encode = |i: usize, row: &mut Row<'_>| columns.encode(i, row);
     let n_points = columns.points.len();
     let (bytes, bounds) = place::write_cloud(&folder.path(&file), columns.header(), n_points, encode, place)?;
-    let header = joined.submap.header();
+    let header = submap.header;
     let mut entry = CloudEntry {
         seq: columns.seq,
         file,
@@ -41,9 +44,9 @@ pub(crate) fn write(
         classes: columns.class.map(class_counts),
         n_instances: columns.instance.map(n_instances),
         spectra: None,
-        lost: joined.lost.iter().map(|topic| (*topic).to_owned()).collect(),
+        lost: submap.lost.iter().map(|topic| (*topic).to_owned()).collect(),
     };
-    if let Some(column) = joined.column::<SpectraTopic>() {
+    if let Some(column) = submap.spectra {
         entry.spectra = Some(spectra::write(&columns, column, folder, place)?);
     }
     if let Some(place) = place {

@@ -1,35 +1,34 @@
 //! The cloud of spectra: the points of a submap that a mosaic camera saw.
 
+use crate::error::DeliveryError;
 use crate::folder::Folder;
 use crate::frame::odometry_line;
 use crate::index::SpectraEntry;
 use crate::place::{self, Place};
 use crate::submap_cloud::SubmapColumns;
 use formats::ply::{Header, Kind, Property};
-use messages::{NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView};
-use stage::{Received, StepError};
+use messages::{NO_SPECTRUM, SpectraHeader, SpectraView};
 
 /// Writes the points with a spectrum: position, index in the cloud of the submap, reflectance of each band. Bands that were not
 /// measured are NaN, so that they cannot be averaged by mistake.
 pub(crate) fn write(
     columns: &SubmapColumns<'_>,
-    column: &Received<SpectraTopic>,
+    (head, words): (&SpectraHeader, &[u32]),
     folder: &Folder,
     place: Option<&Place<'_>>,
-) -> Result<SpectraEntry, StepError> {
+) -> Result<SpectraEntry, DeliveryError> {
     let seq = columns.seq;
-    let head = column.header();
     let n = columns.points.len();
-    let view = SpectraView::new(head, column.rows()).filter(|_| head.n_points as usize == n).ok_or_else(|| {
-        StepError::data(format!(
-            "spectra of submap {seq}: {} words are not {} indices and {} spectra of {} bands for {n} points",
-            column.rows().len(),
-            head.n_points,
-            head.n_spectra,
-            head.n_bands
-        ))
-    })?;
-    let seen = seen_points(&column.rows()[..n], head.n_spectra, seq)?;
+    let view =
+        SpectraView::new(head, words).filter(|_| head.n_points as usize == n).ok_or(DeliveryError::SpectraSize {
+            seq,
+            n_words: words.len(),
+            n_indices: head.n_points,
+            n_spectra: head.n_spectra,
+            n_bands: head.n_bands,
+            n_points: n,
+        })?;
+    let seen = seen_points(&words[..n], head.n_spectra, seq)?;
     let wavelengths_nm = head.wavelengths_nm[..head.n_bands as usize].to_vec();
     let file = format!("clouds/submap_{seq:04}_spectra.ply");
     let header = header(columns, head, &wavelengths_nm);
@@ -48,16 +47,13 @@ pub(crate) fn write(
 }
 
 /// Indices of the points with a spectrum, increasing.
-fn seen_points(indices: &[u32], n_spectra: u32, seq: u64) -> Result<Vec<u32>, StepError> {
+fn seen_points(indices: &[u32], n_spectra: u32, seq: u64) -> Result<Vec<u32>, DeliveryError> {
     if i32::try_from(indices.len()).is_err() {
-        return Err(StepError::data(format!("submap {seq}: {} points exceed the PLY type int", indices.len())));
+        return Err(DeliveryError::ExceedsInt { what: format!("submap {seq}: number of points {}", indices.len()) });
     }
     let outside = |index: &u32| *index != NO_SPECTRUM && *index >= n_spectra;
     if let Some(point) = indices.iter().position(outside) {
-        let index = indices[point];
-        return Err(StepError::data(format!(
-            "spectra of submap {seq}: point {point} refers to spectrum {index} of {n_spectra}"
-        )));
+        return Err(DeliveryError::SpectrumIndex { seq, point, index: indices[point], n_spectra });
     }
     let seen = (0..).zip(indices).filter(|(_, index)| **index != NO_SPECTRUM);
     Ok(seen.map(|(point, _)| point).collect())

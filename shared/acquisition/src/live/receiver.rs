@@ -2,7 +2,7 @@
 //!
 //! It waits only for the sensor and the disk. The decoder reads the capture.
 
-use crate::drops::dropped;
+use super::drops::dropped;
 use crate::error::LiveError;
 use formats::pcap::{Frontier, Recorder};
 use geometry::Stamp;
@@ -47,8 +47,13 @@ impl Sockets {
     }
 }
 
+/// The address in a text such as `127.0.0.1:2368`.
+pub fn address(text: &str) -> Result<SocketAddrV4, LiveError> {
+    text.parse().map_err(|_| LiveError::Address(text.to_owned()))
+}
+
 /// Binds a non-blocking socket.
-pub(crate) fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), LiveError> {
+pub fn bind(address: SocketAddrV4) -> Result<(UdpSocket, SocketAddrV4), LiveError> {
     let bound = || -> io::Result<(UdpSocket, SocketAddrV4)> {
         let socket = UdpSocket::bind(address)?;
         socket.set_nonblocking(true)?;

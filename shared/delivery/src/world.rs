@@ -1,14 +1,23 @@
 //! The final frame of the results, from the placement of the submaps at the end of the drive.
 
 use crate::deviations::Deviations;
-use crate::settings::Settings;
+use crate::error::DeliveryError;
 use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
-use messages::{FRAME_EAST_NORTH_UP, PlacementRow, PlacementTopic, PoseDeviation};
+use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PoseDeviation};
 use serde::Serialize;
-use stage::{Outputs, Received, StepError};
 
-/// Poses of all submaps, and the frame of the clouds by the settings.
-pub(crate) struct World {
+/// What the user wants of the frame of the clouds.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameChoice {
+    /// Coordinates in UTM instead of the local frame.
+    pub wants_utm: bool,
+    /// Largest standard deviation of the heading of a submap with which coordinates in UTM are possible, degrees.
+    pub max_heading_deviation_deg: f64,
+}
+
+/// Poses of all submaps, and the frame of the clouds.
+pub struct World {
+    choice: FrameChoice,
     submaps: Vec<PlacedSubmap>,
     georeference: Georeference,
     local: Option<LocalFrame>,
@@ -18,12 +27,16 @@ pub(crate) struct World {
 
 /// Pose of a submap before and after the correction.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PlacedSubmap {
+pub struct PlacedSubmap {
+    /// Time of its first shot.
     pub stamp: Stamp,
+    /// Before the correction.
     pub odom_from_submap: Pose,
+    /// After the correction.
     pub world_from_submap: Pose,
-    /// Standard deviations along and about the axes of the submap, m and rad.
+    /// Standard deviations along the axes of the submap, m.
     pub sigma_m: [f32; 3],
+    /// Standard deviations about the axes of the submap, rad.
     pub sigma_rad: [f32; 3],
     /// Standard deviations in the world.
     pub deviation: PoseDeviation,
@@ -31,7 +44,7 @@ pub(crate) struct PlacedSubmap {
 
 /// `georeference.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Georeference {
+struct Georeference {
     /// Version of this file format.
     version: u32,
     /// Frame of the clouds.
@@ -67,27 +80,24 @@ struct Uses {
 }
 
 impl World {
-    pub fn new(placement: &Received<PlacementTopic>, settings: &Settings) -> Result<Self, StepError> {
-        let header = placement.header();
-        let submaps = placement.rows().iter().map(PlacedSubmap::new).collect::<Result<Vec<_>, _>>()?;
+    /// The frame that the placement allows.
+    pub fn new(header: &PlacementHeader, rows: &[PlacementRow], choice: FrameChoice) -> Result<Self, DeliveryError> {
+        let submaps = rows.iter().map(PlacedSubmap::new).collect::<Result<Vec<_>, _>>()?;
         let is_on_earth = header.frame == FRAME_EAST_NORTH_UP;
         let origin = is_on_earth.then(|| {
-            Geodetic::new(header.latitude_deg, header.longitude_deg, header.altitude_m).ok_or_else(|| {
-                let [lat, lon] = [header.latitude_deg, header.longitude_deg];
-                StepError::data(format!(
-                    "placement: origin {lat} {lon} {} is not a position on the Earth",
-                    header.altitude_m
-                ))
-            })
+            let PlacementHeader { latitude_deg, longitude_deg, altitude_m, .. } = *header;
+            Geodetic::new(latitude_deg, longitude_deg, altitude_m)
+                .ok_or(DeliveryError::Origin { position_deg: [latitude_deg, longitude_deg], altitude_m })
         });
         let origin = origin.transpose()?;
         let local = origin.map(LocalFrame::new);
-        let map = origin.as_ref().map(Utm::of).transpose().map_err(StepError::data)?;
+        let map = origin.as_ref().map(Utm::of).transpose()?;
         let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
-        let deviations = Deviations::of(placement.rows());
+        let deviations = Deviations::of(rows);
         // With a wrong heading, UTM coordinates are wrong, and nothing in them shows it.
-        let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(settings).is_some());
-        let utm = map.filter(|_| settings.frame == "utm" && !is_turned);
+        let limit = choice.max_heading_deviation_deg;
+        let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(limit).is_some());
+        let utm = map.filter(|_| choice.wants_utm && !is_turned);
         let local_name = match origin {
             Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) => {
                 format!("local east-north-up around {latitude_deg} {longitude_deg} {altitude_m}, m")
@@ -105,7 +115,7 @@ impl World {
             fixes: Uses { used: header.n_fixes, refused: header.n_fixes_refused },
             uprights: header.n_uprights,
         };
-        Ok(Self { submaps, georeference, local, utm })
+        Ok(Self { choice, submaps, georeference, local, utm })
     }
     /// Description of the frame of the clouds.
     pub fn frame(&self) -> &str {
@@ -115,21 +125,20 @@ impl World {
     pub fn crs(&self) -> Option<String> {
         self.utm.as_ref().map(|utm| format!("crs EPSG:{}", utm.epsg()))
     }
-    /// Why coordinates are local, if the settings require UTM.
-    pub fn lacks_utm(&self, settings: &Settings) -> Option<String> {
-        if settings.frame != "utm" || self.utm.is_some() {
+    /// Why coordinates are local, if the choice was UTM.
+    pub fn lacks_utm(&self) -> Option<String> {
+        if !self.choice.wants_utm || self.utm.is_some() {
             return None;
         }
-        let deviations = self.georeference.standard_deviations.filter(|_| self.local.is_some());
-        let heading = deviations.and_then(|deviations| deviations.undetermined_heading(settings));
+        let limit = self.choice.max_heading_deviation_deg;
+        let heading = self.deviations().and_then(|deviations| deviations.undetermined_heading(limit));
         Some(heading.unwrap_or_else(|| "the drive is not georeferenced".to_owned()))
     }
-    /// Doubts of a result that is placed on the Earth.
-    pub fn report_doubts(&self, settings: &Settings, outputs: &mut Outputs) {
-        if let Some(deviations) = self.georeference.standard_deviations.filter(|_| self.local.is_some()) {
-            deviations.report_doubts(settings, outputs);
-        }
+    /// Standard deviations of the poses. `None` if the result is not placed on the Earth.
+    pub fn deviations(&self) -> Option<Deviations> {
+        self.georeference.standard_deviations.filter(|_| self.local.is_some())
     }
+    /// The placed submap of a number.
     pub fn submap(&self, seq: u64) -> Option<&PlacedSubmap> {
         self.submaps.get(usize::try_from(seq).ok()?)
     }
@@ -144,6 +153,7 @@ impl World {
     pub fn submaps(&self) -> &[PlacedSubmap] {
         &self.submaps
     }
+    /// The text of `georeference.json`.
     pub fn to_json(&self) -> String {
         let text =
             serde_json::to_string_pretty(&self.georeference).expect("string keys and plain values always encode");
@@ -152,11 +162,10 @@ impl World {
 }
 
 impl PlacedSubmap {
-    fn new(row: &PlacementRow) -> Result<Self, StepError> {
+    fn new(row: &PlacementRow) -> Result<Self, DeliveryError> {
         let poses = row.world_from_submap.to_pose().zip(row.odom_from_submap.to_pose());
-        let (world_from_submap, odom_from_submap) = poses.ok_or_else(|| {
-            StepError::data(format!("placement of submap {}: {row:?} has no valid poses", row.submap))
-        })?;
+        let (world_from_submap, odom_from_submap) =
+            poses.ok_or_else(|| DeliveryError::PlacementPose { row: Box::new(*row) })?;
         let (stamp, sigma_m, sigma_rad) = (Stamp(row.stamp), row.sigma_m, row.sigma_rad);
         Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad, deviation: row.deviation() })
     }
@@ -172,8 +181,8 @@ fn utm_frame(utm: &Utm) -> String {
 }
 
 impl UtmOrigin {
-    fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, StepError> {
-        let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(StepError::data);
+    fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, DeliveryError> {
+        let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(DeliveryError::from);
         let [easting_m, northing_m, _] = project(Point3::origin())?;
         let [east, north, _] = project(Point3::new(0.0, 100.0, 0.0))?;
         Ok(Self {

@@ -3,13 +3,13 @@
 //! has their final pose are not moved again, so a crashed run can be restarted at any time.
 
 use crate::coordinates::{Bounds, Coordinates, SharedBounds};
+use crate::error::DeliveryError;
 use crate::folder::Folder;
 use crate::frame::{deviation_line, frame_line, odometry_line, pose_line};
 use crate::index::CloudEntry;
 use crate::world::{PlacedSubmap, World};
 use formats::ply::{Header, PlyError, PlyRows, PlyWriter, Row};
 use geometry::{Point3, Pose};
-use stage::StepError;
 use std::path::Path;
 
 /// Final pose and frame of the clouds of a submap.
@@ -66,27 +66,27 @@ pub(crate) fn write_cloud(
     n_points: usize,
     encode: impl Fn(usize, &mut Row<'_>) + Sync,
     place: Option<&Place<'_>>,
-) -> Result<(u64, Bounds), StepError> {
+) -> Result<(u64, Bounds), DeliveryError> {
     let coordinates = coordinates(&header, path)?;
     let header = if let Some(place) = place { place.header(header) } else { header };
-    let mut writer = PlyWriter::create(path, &header, n_points).map_err(StepError::io)?;
+    let mut writer = PlyWriter::create(path, &header, n_points)?;
     let bounds = SharedBounds::default();
     let moved = |first: usize, rows: &mut [u8]| {
         place.map_or(Ok(()), |place| place.transform(&coordinates, first, rows, path))?;
         bounds.add(coordinates.bounds(rows));
         Ok(())
     };
-    writer.write_amended(n_points, encode, moved).map_err(StepError::io)?;
-    Ok((writer.finish_unsynced().map_err(StepError::io)?, bounds.all()))
+    writer.write_amended(n_points, encode, moved)?;
+    Ok((writer.finish_unsynced()?, bounds.all()))
 }
 
 /// Moves the files of a submap to the final frame, if its place is known. `finish` syncs them and gives them their names.
-pub(crate) fn move_clouds(
+pub fn move_clouds(
     entry: &mut CloudEntry,
     folder: &Folder,
     world: &World,
-    finish: impl Fn(PlyWriter) -> Result<(), StepError>,
-) -> Result<(), StepError> {
+    finish: impl Fn(PlyWriter) -> Result<(), DeliveryError>,
+) -> Result<(), DeliveryError> {
     // The files were written in the final frame.
     if entry.is_placed() {
         return Ok(());
@@ -104,18 +104,18 @@ pub(crate) fn move_clouds(
 fn move_file(
     path: &Path,
     place: &Place<'_>,
-    finish: impl Fn(PlyWriter) -> Result<(), StepError>,
-) -> Result<(u64, Bounds), StepError> {
-    let cloud = PlyRows::open(path).map_err(StepError::io)?;
+    finish: impl Fn(PlyWriter) -> Result<(), DeliveryError>,
+) -> Result<(u64, Bounds), DeliveryError> {
+    let cloud = PlyRows::open(path)?;
     let header = cloud.header();
     let coordinates = coordinates(header, path)?;
     if place.lines().iter().all(|line| header.infos.contains(line)) {
-        return Ok((cloud.n_bytes(), coordinates.bounds_of_all(&cloud).map_err(StepError::io)?));
+        return Ok((cloud.n_bytes(), coordinates.bounds_of_all(&cloud)?));
     }
     if !header.infos.contains(&odometry_line()) {
-        return Err(fault(path, "the cloud is neither in the frame of the odometry nor in its final frame"));
+        return Err(DeliveryError::UnknownFrame { path: path.to_owned() });
     }
-    let mut writer = PlyWriter::create(path, &place.header(header.clone()), cloud.len()).map_err(StepError::io)?;
+    let mut writer = PlyWriter::create(path, &place.header(header.clone()), cloud.len())?;
     let bounds = SharedBounds::default();
     let moved = writer.write_blocks(cloud.len(), |first, rows| {
         cloud.read_into(first, rows)?;
@@ -123,16 +123,12 @@ fn move_file(
         bounds.add(coordinates.bounds(rows));
         Ok(())
     });
-    moved.map_err(StepError::io)?;
+    moved?;
     let n_bytes = writer.n_bytes();
     finish(writer)?;
     Ok((n_bytes, bounds.all()))
 }
 
-fn coordinates(header: &Header, path: &Path) -> Result<Coordinates, StepError> {
-    Coordinates::of(header).ok_or_else(|| fault(path, "the cloud has no coordinates x y z of one type"))
-}
-
-fn fault(path: &Path, rule: &str) -> StepError {
-    StepError::data(format!("{}: {rule}", path.display()))
+fn coordinates(header: &Header, path: &Path) -> Result<Coordinates, DeliveryError> {
+    Coordinates::of(header).ok_or_else(|| DeliveryError::Coordinates { path: path.to_owned() })
 }

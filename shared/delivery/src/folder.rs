@@ -1,48 +1,50 @@
 //! The output folder.
 
-#![allow(clippy::disallowed_methods, reason = "the files are what export is for")]
+#![allow(clippy::disallowed_methods, reason = "the files are what the crate is for")]
 
+use crate::error::DeliveryError;
 use crate::frame::is_placed;
 use crate::index::CloudEntry;
 use formats::atomic_file::write_atomic;
-use stage::StepError;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// File with the list of clouds.
-pub(crate) const INDEX: &str = "clouds/index.json";
+pub const INDEX: &str = "clouds/index.json";
 /// File that describes the frame of the results.
-pub(crate) const GEOREFERENCE: &str = "georeference.json";
+pub const GEOREFERENCE: &str = "georeference.json";
 
-/// Files that [`crate::Export`] writes at the end of the run.
+/// Files that are written at the end of the run.
 const FINAL_FILES: [&str; 5] = [INDEX, GEOREFERENCE, "trajectory.txt", "trajectory_kitti.txt", "trajectory.csv"];
 
 /// The output folder of the run.
-pub(crate) struct Folder(PathBuf);
+pub struct Folder(PathBuf);
 
 impl Folder {
-    pub(crate) fn new(output: &Path) -> Self {
+    /// The folder; it is created with the first cloud.
+    pub fn new(output: &Path) -> Self {
         Self(output.to_owned())
     }
 
     /// Path of a file. `name` is relative to the output folder.
-    pub(crate) fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 
-    pub(crate) fn write_text(&self, name: &str, text: &str) -> Result<(), StepError> {
+    /// Writes a whole file, or nothing. `name` is relative to the output folder.
+    pub fn write_text(&self, name: &str, text: &str) -> Result<(), DeliveryError> {
         let path = self.path(name);
         write_atomic(&path, text.as_bytes()).map_err(fault(&path, "write"))
     }
 
     /// Paths of all files of these clouds.
-    pub(crate) fn files<'a>(&'a self, clouds: &'a [CloudEntry]) -> impl Iterator<Item = PathBuf> + 'a {
+    pub fn files<'a>(&'a self, clouds: &'a [CloudEntry]) -> impl Iterator<Item = PathBuf> + 'a {
         clouds.iter().flat_map(CloudEntry::files).map(|(name, ..)| self.path(name))
     }
 
-    /// Removes all files that export writes, except these clouds, which must exist. Other files are kept.
-    pub(crate) fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), StepError> {
+    /// Removes all files that this crate writes, except these clouds, which must exist. Other files are kept.
+    pub fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), DeliveryError> {
         let folder = self.path("clouds");
         fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
         let kept: Vec<(&str, u64, u64)> = clouds.iter().flat_map(CloudEntry::files).collect();
@@ -59,20 +61,17 @@ impl Folder {
 
     /// Checks that a file is the cloud of the saved state, or this cloud in its final frame: the run may have crashed while it moved
     /// clouds.
-    fn check_cloud(&self, name: &str, expected: u64, n_points: u64) -> Result<(), StepError> {
+    fn check_cloud(&self, name: &str, expected: u64, n_points: u64) -> Result<(), DeliveryError> {
         let path = self.path(name);
         let got = fs::metadata(&path).map_err(fault(&path, "get the size"))?.len();
         if got == expected || is_placed(&path, n_points) {
             return Ok(());
         }
-        Err(StepError::data(format!(
-            "{}: {got} bytes, the saved state says {expected}; was the file changed after the state was saved?",
-            path.display()
-        )))
+        Err(DeliveryError::Changed { path, got, expected })
     }
 }
 
-/// Whether the name of a file in `clouds/` is one that export writes, complete or partial.
+/// Whether the name of a file in `clouds/` is one that this crate writes, complete or partial.
 fn is_cloud(name: &str) -> bool {
     let finished = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial")).unwrap_or(name);
     let seq = finished.strip_prefix("submap_").and_then(|name| name.strip_suffix(".ply"));
@@ -80,15 +79,15 @@ fn is_cloud(name: &str) -> bool {
     seq.is_some_and(|seq| seq.len() >= 4 && seq.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-fn remove(path: &Path) -> Result<(), StepError> {
+fn remove(path: &Path) -> Result<(), DeliveryError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(fault(path, "remove")(error)),
         _ => Ok(()),
     }
 }
 
-fn fault<'a>(path: &'a Path, action: &'a str) -> impl FnOnce(io::Error) -> StepError + 'a {
-    move |cause| StepError::io(format!("{}: cannot {action}: {cause}", path.display()))
+fn fault(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> DeliveryError {
+    move |source| DeliveryError::File { path: path.to_owned(), action, source }
 }
 
 #[cfg(test)]
@@ -96,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_names_that_export_writes_are_clouds() {
+    fn only_written_names_are_clouds() {
         for name in ["submap_0000.ply", "submap_12345.ply", "submap_0003_spectra.ply", ".submap_0000.ply.partial"] {
             assert!(is_cloud(name), "{name}");
         }

@@ -6,7 +6,7 @@ use geometry::{Pose, Trajectory, interpolate};
 /// `world_from_body` from `odom_from_body`. The correction of a pose is interpolated by time between the corrections of its submap and
 /// of the next one, so the trajectory has no steps. At the first shot of a submap only its own correction applies. Before the first
 /// and after the last submap, their corrections apply.
-pub(crate) fn corrected(odometry: &Trajectory, submaps: &[PlacedSubmap]) -> Trajectory {
+pub fn corrected(odometry: &Trajectory, submaps: &[PlacedSubmap]) -> Trajectory {
     let mut world = Trajectory::default();
     for (stamp, odom_from_body) in odometry.poses() {
         let next = submaps.partition_point(|submap| submap.stamp <= *stamp);

@@ -3,7 +3,7 @@
 //! The rule thins out recordings of free-running cameras. Recordings that were triggered pass unchanged: the limits are a little
 //! lower, because triggers jitter and the distance between exposures follows from fixes.
 
-use crate::odometer::Odometer;
+use super::odometer::Odometer;
 use formats::drive::Frame;
 use geometry::Stamp;
 use std::collections::BTreeMap;
@@ -15,15 +15,16 @@ const DISTANCE_SHARE: f64 = 0.9;
 
 /// Limits of the rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Trigger {
+pub struct Trigger {
     /// Between exposures, s; 0 = any.
-    pub(crate) period_s: f64,
+    period_s: f64,
     /// Between exposures, m; 0 = any.
-    pub(crate) distance_m: f64,
+    distance_m: f64,
 }
 
 impl Trigger {
-    pub(crate) fn new(hz: f64, distance_m: f64) -> Self {
+    /// Largest rate, Hz, and least distance between exposures, m; 0 = no limit.
+    pub fn new(hz: f64, distance_m: f64) -> Self {
         Self { period_s: if hz > 0.0 { 1.0 / hz } else { 0.0 }, distance_m }
     }
 
@@ -51,8 +52,8 @@ impl Trigger {
 
 #[cfg(test)]
 mod tests {
+    use super::super::odometer::tests::fixes;
     use super::*;
-    use crate::odometer::tests::fixes;
     use std::path::PathBuf;
 
     fn frames(cameras: usize, hz: i64, seconds: i64) -> Vec<Frame> {
