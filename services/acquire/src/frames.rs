@@ -1,7 +1,7 @@
 //! Publishes camera files, decoded directly into shared memory.
 
-use crate::jpeg::{is_complete, is_jpeg};
 use formats::drive::Frame;
+use formats::jpeg::{self, JpegError};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::pgm::Pgm;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader};
@@ -35,12 +35,12 @@ pub(crate) enum FileFault {
     Image(#[from] image::ImageError),
     #[error(transparent)]
     Pgm(#[from] formats::pgm::PgmError),
-    #[error("the image decoder cannot handle the damage of the file")]
-    Decoder,
+    #[error("the image decoder cannot handle the damage of the file: {0}")]
+    Decoder(String),
     #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
     Size { found: [u32; 2], expected: [u32; 2] },
-    #[error("the JPEG data ends after {n_bytes} bytes without the end of the image; the file is cut")]
-    Cut { n_bytes: usize },
+    #[error(transparent)]
+    Jpeg(#[from] JpegError),
     #[error("samples up to {max}, must be up to {limit} for a bit depth of {bit_depth}")]
     Depth { max: u32, limit: u32, bit_depth: u32 },
 }
@@ -58,8 +58,8 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(io_fault)?;
     let decoder = reader.into_decoder().map_err(fault)?;
     check_size(&frame.path, decoder.dimensions(), (width, height))?;
-    if is_jpeg(&bytes) && !is_complete(&bytes) {
-        return Err(file_fault(&frame.path, FileFault::Cut { n_bytes: bytes.len() }));
+    if jpeg::is_jpeg(&bytes) {
+        jpeg::check(&bytes).map_err(|error| file_fault(&frame.path, error))?;
     }
     let n_bytes = width as usize * height as usize * 3;
     let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
@@ -79,10 +79,7 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
 
 /// The result of a decoder. Decoders of images panic on some damaged files (`tests/fuzz_targets/corpus/jpeg`).
 fn guarded<T>(decode: impl FnOnce() -> Result<T, image::ImageError>) -> Result<T, FileFault> {
-    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(decode)) {
-        Ok(result) => Ok(result?),
-        Err(_) => Err(FileFault::Decoder),
-    }
+    Ok(stage::catch_panic(decode).map_err(FileFault::Decoder)??)
 }
 
 /// Publishes a raw mosaic.
@@ -119,4 +116,19 @@ fn check_size(path: &Path, found: (u32, u32), expected: (u32, u32)) -> Result<()
 /// Appends `n_rows` rows, all of which the caller must write.
 pub(crate) fn room<T: messages::Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
     Ok(loan.grow_unset(n_rows)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panic_of_the_decoder_is_a_fault_of_the_file() {
+        let fault = guarded(|| -> Result<(), image::ImageError> { panic!("index 7 is out of bounds") });
+        let error = file_fault(Path::new("camera/1/5.jpg"), fault.expect_err("panics")).to_string();
+        assert_eq!(
+            error,
+            "camera/1/5.jpg: the image decoder cannot handle the damage of the file: index 7 is out of bounds"
+        );
+    }
 }

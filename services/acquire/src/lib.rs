@@ -17,7 +17,6 @@ mod error;
 mod events;
 mod frames;
 mod inertial;
-mod jpeg;
 mod live;
 mod odometer;
 mod publish;

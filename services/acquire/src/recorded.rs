@@ -279,7 +279,8 @@ impl Recorded {
         self.count_losses(outputs);
         let Some((loan, sweep)) = next else {
             if self.at.begun.is_none() {
-                return Err(StepError::data(self.no_sweep()));
+                // A restart reads the same drive with the same settings.
+                return Err(StepError::configuration(self.no_sweep()));
             }
             let n_late = self.images.n_left() + self.mosaics.n_left();
             if n_late > 0 {

@@ -350,7 +350,9 @@ fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
     }
     match std::fs::DirBuilder::new().mode(0o700).create(folder) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-        created => return created.map_err(failed),
+        Err(error) => return Err(failed(error)),
+        // What the run syncs in the folder is lost if the folder itself is not on the disk.
+        Ok(()) => return folder.parent().map_or(Ok(()), |output| File::open(output)?.sync_all()).map_err(failed),
     }
     // A link that another user has put there would lead the files of the run elsewhere.
     let metadata = std::fs::symlink_metadata(folder).map_err(failed)?;
