@@ -216,9 +216,17 @@ impl RunFolder {
         }
     }
 
-    /// Only a finished run has a summary.
+    /// Only a finished run has a summary. It is gone for good before the clouds change: after a power loss it would say of clouds
+    /// half replaced that the run is done.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
-        remove_file(&Summary::file(&self.output))
+        let summary = Summary::file(&self.output);
+        if !summary.exists() {
+            return Ok(());
+        }
+        remove_file(&summary)?;
+        File::open(&self.output)
+            .and_then(|output| output.sync_all())
+            .map_err(|source| cannot_write(&self.output, source))
     }
 
     /// The launch file that the stages read: edits of the original during the run have no effect.

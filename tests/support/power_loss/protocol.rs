@@ -141,7 +141,7 @@ impl Answer {
         let [major, minor] = VERSION;
         let pages = MAX_WRITE / 4096;
         // Versions, read-ahead, flags, background requests, largest write, resolution of times, pages of a request.
-        Self::default().u32s(&[major, minor, 1 << 17, INIT_FLAGS, 16 << 16 | 16, MAX_WRITE, 1, pages, 0]).u64s(&[0; 4])
+        Self::default().u32s(&[major, minor, 1 << 17, INIT_FLAGS, 16 << 16 | 16, MAX_WRITE, 1, pages, 0]).u32s(&[0; 7])
     }
     fn described(self, found: Attributes) -> Self {
         let blocks = found.size.div_ceil(512);
