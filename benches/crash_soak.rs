@@ -3,9 +3,9 @@
 //! --power-loss]`
 //!
 //! `--swaps` replaces stages by themselves all the while, which does not change the result, and counts the kills during a swap.
-//! `--record` kills one process in each of as many recorded runs (`recordings::killed_process_leaves_a_complete_recording_or_one_
-//! that_says_that_it_is_not`). `--power-loss` resumes a run after as many power losses (`power_loss`); the recorded disk needs
-//! `/dev/fuse`.
+//! `--record` kills one process in each of as many recorded runs; test
+//! `recordings::killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not`. `--power-loss` resumes a run after as
+//! many power losses; tests `power_loss`. Its disk needs `/dev/fuse`.
 
 use replica_tests::power_loss::RecordedRun;
 use replica_tests::{
@@ -53,7 +53,10 @@ fn recorded_kills(n: usize, seed: u64) -> ExitCode {
     println!("seed {seed}, {n} recorded runs, {:.1} s", begun.elapsed().as_secs_f64());
     println!("kills       {:?}", kills.struck);
     println!("results     all as undisturbed");
-    println!("recordings  {} complete with the same replay, {} say that they are not", kills.complete, kills.incomplete);
+    println!(
+        "recordings  {} complete with the same replay, {} say that they are not",
+        kills.complete, kills.incomplete
+    );
     ExitCode::SUCCESS
 }
 

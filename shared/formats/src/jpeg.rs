@@ -111,4 +111,3 @@ fn next_marker(bytes: &[u8], from: usize) -> Option<(u8, usize)> {
     let mut markers = pairs.filter(|(_, pair)| pair[0] == 0xff && !matches!(pair[1], 0x00 | 0xff));
     markers.next().map(|(offset, pair)| (pair[1], from + offset + 2))
 }
-

@@ -30,14 +30,8 @@ pub enum Survives {
 }
 
 /// All of them but [`Survives::Mixed`].
-const PLAIN: [Survives; 6] = [
-    Survives::Nothing,
-    Survives::Names,
-    Survives::Content,
-    Survives::Zeros,
-    Survives::Half,
-    Survives::Everything,
-];
+const PLAIN: [Survives; 6] =
+    [Survives::Nothing, Survives::Names, Survives::Content, Survives::Zeros, Survives::Half, Survives::Everything];
 
 /// Files by path, and folders, each with its permissions.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

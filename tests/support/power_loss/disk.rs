@@ -66,17 +66,21 @@ impl Disk {
         Some(match *request {
             Request::Forget => return None,
             Request::Init => Ok(Answer::init()),
-            Request::Lookup { folder, name } => self.find(folder, name).map(|found| Answer::entry(self.attributes(found))),
+            Request::Lookup { folder, name } => {
+                self.find(folder, name).map(|found| Answer::entry(self.attributes(found)))
+            }
             Request::Attributes { node } => Ok(Answer::attributes(self.attributes(node))),
             Request::Resize { node, size, mode } => {
                 self.resize(node, size, mode);
                 Ok(Answer::attributes(self.attributes(node)))
             }
             Request::MakeFolder { folder, name, mode } => self.create(folder, name, mode, true).map(Answer::entry),
-            Request::MakeFile { folder, name, mode, is_opened } => self.create(folder, name, mode, false).map(|found| {
-                let entry = Answer::entry(found);
-                if is_opened { entry.opened() } else { entry }
-            }),
+            Request::MakeFile { folder, name, mode, is_opened } => {
+                self.create(folder, name, mode, false).map(|found| {
+                    let entry = Answer::entry(found);
+                    if is_opened { entry.opened() } else { entry }
+                })
+            }
             Request::Remove { folder, name, is_folder } => self.remove(folder, name, is_folder),
             Request::Rename { folder, name, to_folder, to_name } => self.rename(folder, name, to_folder, to_name),
             Request::Open => Ok(Answer::default().opened()),

@@ -27,22 +27,65 @@ pub(super) enum Request<'a> {
     Init,
     /// Needs no answer.
     Forget,
-    Lookup { folder: u64, name: &'a str },
-    Attributes { node: u64 },
-    Resize { node: u64, size: Option<u64>, mode: Option<u32> },
-    MakeFolder { folder: u64, name: &'a str, mode: u32 },
-    MakeFile { folder: u64, name: &'a str, mode: u32, is_opened: bool },
-    Remove { folder: u64, name: &'a str, is_folder: bool },
-    Rename { folder: u64, name: &'a str, to_folder: u64, to_name: &'a str },
+    Lookup {
+        folder: u64,
+        name: &'a str,
+    },
+    Attributes {
+        node: u64,
+    },
+    Resize {
+        node: u64,
+        size: Option<u64>,
+        mode: Option<u32>,
+    },
+    MakeFolder {
+        folder: u64,
+        name: &'a str,
+        mode: u32,
+    },
+    MakeFile {
+        folder: u64,
+        name: &'a str,
+        mode: u32,
+        is_opened: bool,
+    },
+    Remove {
+        folder: u64,
+        name: &'a str,
+        is_folder: bool,
+    },
+    Rename {
+        folder: u64,
+        name: &'a str,
+        to_folder: u64,
+        to_name: &'a str,
+    },
     Open,
-    Read { node: u64, at: u64, size: u32 },
-    Write { node: u64, at: u64, bytes: &'a [u8] },
+    Read {
+        node: u64,
+        at: u64,
+        size: u32,
+    },
+    Write {
+        node: u64,
+        at: u64,
+        bytes: &'a [u8],
+    },
     Capacity,
     /// Nothing to do, but it must succeed.
     Done,
-    SyncFile { node: u64 },
-    SyncFolder { node: u64 },
-    List { node: u64, at: u64, size: u32 },
+    SyncFile {
+        node: u64,
+    },
+    SyncFolder {
+        node: u64,
+    },
+    List {
+        node: u64,
+        at: u64,
+        size: u32,
+    },
     Unknown,
 }
 

@@ -147,7 +147,11 @@ impl Survival {
 impl fmt::Display for Survival {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { resumed, begun_again, refused, faults } = self;
-        writeln!(f, "{} power losses: {resumed} resumed, {begun_again} begun again, with the same bytes", self.total())?;
+        writeln!(
+            f,
+            "{} power losses: {resumed} resumed, {begun_again} begun again, with the same bytes",
+            self.total()
+        )?;
         for (reason, n) in refused {
             writeln!(f, "{n} refused: {reason}")?;
         }
