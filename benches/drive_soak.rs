@@ -104,7 +104,7 @@ fn report(stage: &str, samples: &[(f64, u64)]) -> bool {
     };
     let mb = |bytes: u64| format!("{:.1}", bytes as f64 / 1e6);
     let at = |share: &f64| samples.iter().find(|(drive_s, _)| *drive_s >= share * end).map_or(0, |(_, bytes)| *bytes);
-    let cells: String = SHARES.iter().map(|share| format!("{:>8}", mb(at(share)))).collect();
+    let cells = SHARES.map(|share| format!("{:>8}", mb(at(&share)))).concat();
     let (first, second) = (most(0.1, 0.5), most(0.5, 1.0));
     let is_flat = second <= first + SLACK;
     let verdict = if is_flat { "flat" } else { "GROWS" };

@@ -116,7 +116,7 @@ impl Journal {
             match kept {
                 Some(kept) => drop(tree.files.insert(path.to_owned(), (self.content(&kept), mode))),
                 None => drop(tree.folders.insert(path.to_owned(), mode)),
-            };
+            }
         });
         tree
     }
@@ -134,7 +134,9 @@ impl Journal {
     fn content(&self, kept: &Kept<'_>) -> Vec<u8> {
         let mut content = Vec::new();
         let apply = |changes: &[usize], content: &mut Vec<u8>| {
-            changes.iter().for_each(|index| self.log[*index].apply(content));
+            for index in changes {
+                self.log[*index].apply(content);
+            }
         };
         apply(kept.synced, &mut content);
         match kept.survives {
