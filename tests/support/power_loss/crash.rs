@@ -112,11 +112,9 @@ impl Journal {
     /// The disk after a power loss before change `moment`.
     pub fn after(&self, moment: usize, survives: Survives) -> Tree {
         let mut tree = Tree { files: BTreeMap::new(), folders: BTreeMap::new() };
-        Crash { journal: self, moment, survives }.collect(ROOT, Path::new(""), &mut |path, kept, mode| {
-            match kept {
-                Some(kept) => drop(tree.files.insert(path.to_owned(), (self.content(&kept), mode))),
-                None => drop(tree.folders.insert(path.to_owned(), mode)),
-            }
+        Crash { journal: self, moment, survives }.collect(ROOT, Path::new(""), &mut |path, kept, mode| match kept {
+            Some(kept) => drop(tree.files.insert(path.to_owned(), (self.content(&kept), mode))),
+            None => drop(tree.folders.insert(path.to_owned(), mode)),
         });
         tree
     }
