@@ -30,7 +30,10 @@ pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Ou
     let (width, height) = entry.model.size();
     let n_bytes = width as usize * height as usize * 3;
     let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
-    image_into(&frame.path, entry, room(&mut loan, n_bytes)?).map_err(PublishError::File)?;
+    let pixels = room(&mut loan, n_bytes)?;
+    stage::catch_panic(|| image_into(&frame.path, entry, pixels))
+        .unwrap_or_else(|text| Err(CameraFileError::decoder_panicked(&frame.path, text)))
+        .map_err(PublishError::File)?;
     let (camera, exposure_nanos) = (frame.camera as u32, entry.exposure_nanos);
     *loan.header_mut() = ImageHeader { camera, width, height, channels: 3, exposure_nanos };
     Ok(outputs.publish(loan, frame.stamp.0)?)

@@ -80,7 +80,8 @@ impl Recorded {
         self.count_losses(outputs);
         let Some((loan, sweep)) = next else {
             if !self.reader.has_begun() {
-                return Err(StepError::data(self.reader.no_sweep()));
+                // A restart reads the same drive with the same settings.
+                return Err(StepError::configuration(self.reader.no_sweep()));
             }
             count_all([("frames_after_sweeps", self.reader.n_frames_left())], outputs);
             outputs.set_progress(1.0);

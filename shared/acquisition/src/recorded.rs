@@ -4,7 +4,6 @@ mod camera_file;
 mod drive_reader;
 mod events;
 mod inertial;
-mod jpeg;
 mod odometer;
 mod trigger;
 

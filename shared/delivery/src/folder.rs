@@ -46,7 +46,11 @@ impl Folder {
     /// Removes all files that this crate writes, except these clouds, which must exist. Other files are kept.
     pub fn keep_only(&self, clouds: &[CloudEntry]) -> Result<(), DeliveryError> {
         let folder = self.path("clouds");
-        fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
+        if !folder.is_dir() {
+            fs::create_dir_all(&folder).map_err(fault(&folder, "create"))?;
+            // A power loss must not lose the folder with clouds that a saved state lists.
+            fs::File::open(&self.0).and_then(|output| output.sync_all()).map_err(fault(&folder, "sync"))?;
+        }
         let kept: Vec<(&str, u64, u64)> = clouds.iter().flat_map(CloudEntry::files).collect();
         for entry in fs::read_dir(&folder).map_err(fault(&folder, "list"))? {
             let name = entry.map_err(fault(&folder, "list"))?.file_name();

@@ -1,11 +1,10 @@
 //! Decodes camera files directly into memory of the caller.
 
-use super::jpeg::{is_complete, is_jpeg};
+use formats::jpeg::{self, JpegError};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::pgm::{Pgm, PgmError};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageReader};
 use std::io::{self, Cursor};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// A damaged camera file.
@@ -25,44 +24,44 @@ enum CameraFileFault {
     Image(#[from] ImageError),
     #[error(transparent)]
     Pgm(#[from] PgmError),
-    #[error("the image decoder cannot handle the damage of the file")]
-    Decoder,
+    #[error("the image decoder cannot handle the damage of the file: {0}")]
+    Decoder(String),
     #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
     Size { found: [u32; 2], expected: [u32; 2] },
-    #[error("the JPEG data ends after {n_bytes} bytes without the end of the image; the file is cut")]
-    Cut { n_bytes: usize },
+    #[error(transparent)]
+    Jpeg(#[from] JpegError),
     #[error("samples up to {max}, must be up to {limit} for a bit depth of {bit_depth}")]
     Depth { max: u32, limit: u32, bit_depth: u32 },
 }
 
-/// Decodes a color image of the camera. `pixels` has three bytes for each pixel of the camera.
+impl CameraFileError {
+    /// The decoder has panicked, with this text.
+    pub fn decoder_panicked(path: &Path, text: String) -> Self {
+        Self { path: path.to_owned(), source: CameraFileFault::Decoder(text) }
+    }
+}
+
+/// Decodes a color image of the camera. `pixels` has three bytes for each pixel of the camera. The decoder panics on some damaged
+/// files (`tests/fuzz_targets/corpus/jpeg`): callers must catch that, see [`CameraFileError::decoder_panicked`].
 pub fn image_into(path: &Path, entry: &CameraEntry, pixels: &mut [u8]) -> Result<(), CameraFileError> {
     let mut decoded = || -> Result<(), CameraFileFault> {
         let bytes = std::fs::read(path)?;
         let decoder = ImageReader::new(Cursor::new(&bytes)).with_guessed_format()?.into_decoder()?;
         check_size(decoder.dimensions(), entry.model.size())?;
-        if is_jpeg(&bytes) && !is_complete(&bytes) {
-            return Err(CameraFileFault::Cut { n_bytes: bytes.len() });
+        if jpeg::is_jpeg(&bytes) {
+            jpeg::check(&bytes)?;
         }
         // The decoder of a damaged file may leave rows unwritten.
         pixels.fill(0);
         if decoder.color_type() == ColorType::Rgb8 {
-            guarded(|| decoder.read_image(pixels))?;
+            decoder.read_image(pixels)?;
         } else {
-            let image = guarded(|| DynamicImage::from_decoder(decoder))?;
+            let image = DynamicImage::from_decoder(decoder)?;
             pixels.copy_from_slice(image.to_rgb8().as_raw());
         }
         Ok(())
     };
     decoded().map_err(|source| CameraFileError { path: path.to_owned(), source })
-}
-
-/// The result of a decoder. Decoders of images panic on some damaged files (`tests/fuzz_targets/corpus/jpeg`).
-fn guarded<T>(decode: impl FnOnce() -> Result<T, ImageError>) -> Result<T, CameraFileFault> {
-    match catch_unwind(AssertUnwindSafe(decode)) {
-        Ok(result) => Ok(result?),
-        Err(_) => Err(CameraFileFault::Decoder),
-    }
 }
 
 /// Decodes a raw mosaic of the camera. `samples` has one value for each pixel of the camera.

@@ -18,7 +18,10 @@ use std::process::ExitCode;
 /// For clouds: points, bounds, classes and instances, and optionally a picture; for a run also the world frame with its standard
 /// deviations, and its doubts. For a recording: topics, counts and times.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the recording is not complete")]
+#[command(
+    after_help = "Exit codes: 0 done, also if the run has doubts, which are printed; 1 failed, 2 wrong usage, 3 the recording is \
+                  not complete"
+)]
 pub struct Args {
     /// PLY file, output folder of a run, or recording (.mcap)
     path: PathBuf,
