@@ -10,6 +10,7 @@ pub const GNSS_FILE: &str = "gnss.nmea";
 pub const IMU_FILE: &str = "imu.csv";
 pub const TRAJECTORY_FILE: &str = "truth/trajectory.txt";
 pub const CALIBRATION_FILE: &str = "truth/calibration.toml";
+pub const LIDAR_ERRORS_FILE: &str = "truth/lidar_errors.csv";
 pub const GNSS_TRUTH_FILE: &str = "truth/gnss.csv";
 
 pub fn manifest(spec: &DriveSpec) -> Manifest {
