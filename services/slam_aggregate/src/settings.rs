@@ -42,6 +42,9 @@ stage::settings! {
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
         /// prediction is used as is. Without sensors the previous motion continues.
         pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
+        /// Compare the inertial unit with the motion of the LiDAR: wrong units, axes and times are corrected, and a unit that does not
+        /// fit is not used. false uses the samples as they are.
+        pub check_imu: bool = true => stage::any();
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
