@@ -60,7 +60,7 @@ impl SlamAggregate {
             saved_submap: None,
             last_pose_stamp: None,
             degenerate: DegenerateStretches::default(),
-            inertial: InertialCheck::new(mounting.imu_in_body),
+            inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
             expects_fixes: false,
         }
     }

@@ -101,6 +101,8 @@ pub struct InertialCheck {
     rates: Vec<Sums>,
     forces: Sums,
     trust: Trust,
+    /// Samples are withheld until the unit is verified.
+    on_probation: bool,
     correction: InertialCorrection,
     mounting: Option<InertialMounting>,
     /// Angular rate of the body by the last two poses, rad/s.
@@ -111,14 +113,16 @@ pub struct InertialCheck {
 }
 
 impl InertialCheck {
-    /// For a unit at a place on the body.
-    pub fn new(imu_in_body: Point3<f64>) -> Self {
+    /// For a unit at a place on the body. `on_probation`: its samples are withheld until they agree with the LiDAR; otherwise a unit
+    /// that looks sound is used at once, and influences the poses that it is compared with.
+    pub fn new(imu_in_body: Point3<f64>, on_probation: bool) -> Self {
         Self {
             imu_in_body,
             history: History::default(),
             rates: vec![Sums::default(); 2 * LAG_STEPS + 1],
             forces: Sums::default(),
             trust: Trust::Assumed,
+            on_probation,
             correction: InertialCorrection::NONE,
             mounting: None,
             last_rate: None,
@@ -157,6 +161,9 @@ impl InertialCheck {
             return Vec::new();
         }
         self.n_implausible = 0;
+        if self.on_probation && self.trust == Trust::Assumed {
+            return Vec::new();
+        }
         samples.iter().map(|sample| self.correction.of(sample)).collect()
     }
 
@@ -238,13 +245,12 @@ impl InertialCheck {
         });
         if let Some(InertialMounting { rotation, rotation_sigma, late_s, late_sigma_s }) = &self.mounting {
             let list = |v: &Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE);
-            lines.push(format!(
-                "stamps {:.0} ms late (deviation {:.1}), rotated about x, y, z by {} degrees (deviations {})",
-                late_s * 1e3,
-                late_sigma_s * 1e3,
-                list(rotation),
-                list(rotation_sigma)
-            ));
+            lines.push(format!("stamps {:.0} ms late (deviation {:.1})", late_s * 1e3, late_sigma_s * 1e3));
+            // Unknown until the vehicle has turned.
+            if rotation_sigma.max() < 1.0 {
+                let (angles, deviations) = (list(rotation), list(rotation_sigma));
+                lines.push(format!("rotated about x, y, z by {angles} degrees (deviations {deviations})"));
+            }
         }
         lines.iter().map(|line| format!("inertial unit: {line}")).collect()
     }

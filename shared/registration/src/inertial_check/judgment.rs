@@ -35,8 +35,8 @@ const MIN_LATE_S: f64 = 0.02;
 /// Smaller rotations of the mounting are not corrected, rad, nor those below so many deviations.
 const MIN_ROTATED: f64 = 0.5 * DEGREE;
 const SIGNIFICANT: f64 = 6.0;
-/// Rotation that the estimate of the mounting needs: a sum of squares of pairs that a turn of 60 degrees in 5 s has.
-const MIN_TURNED: f64 = 2.0;
+/// Rotation that the estimate of the mounting needs, a sum of squares of pairs, rad^2/s^2: as of 30 degrees in 5 s.
+const MIN_TURNED: f64 = 0.5;
 
 /// The evidence about a kind of measurement.
 struct Evidence {
@@ -85,6 +85,8 @@ impl InertialCheck {
             && is_small(self.forces.residual(&self.correction.force), self.forces.n());
         if self.trust == Trust::Assumed && agrees && current.n() >= MIN_VERIFIED {
             self.trust = Trust::Verified;
+            // Its first samples meet a filter that has begun without them.
+            self.has_changed = self.on_probation;
         }
         if agrees {
             self.estimate_rotation(&current.clone());

@@ -41,7 +41,11 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             gnss: gnss.as_ref().map(|_| GNSS_TRUTH_FILE.into()),
         }),
         gnss,
-        imu: rig.imu.map(|imu| ImuEntry { file: IMU_FILE.into(), position_in_body: imu.position_in_body }),
+        imu: rig.imu.map(|imu| ImuEntry {
+            file: IMU_FILE.into(),
+            position_in_body: imu.position_in_body,
+            body_from_imu: None,
+        }),
         ..Manifest::of_lidar(&name, lidar)
     }
 }
