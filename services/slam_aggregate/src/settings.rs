@@ -42,6 +42,13 @@ stage::settings! {
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
         /// prediction is used as is. Without sensors the previous motion continues.
         pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
+        /// Compare the inertial unit with the motion of the LiDAR: wrong units, axes and times are corrected, and a unit that does not
+        /// fit is not used. false uses the samples as they are.
+        pub check_imu: bool = true => stage::any();
+        /// Withhold the samples of the inertial unit until they agree with the LiDAR, which takes some seconds of turns and braking. It
+        /// protects against units that are mirrored or late, which otherwise disturb the poses that they are compared with. Where
+        /// geometry is degenerate from the begin, the unit is never used.
+        pub imu_probation: bool = false => stage::any();
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
@@ -92,7 +99,7 @@ impl Settings {
             unsmooth_fixes: self.unsmooth_fixes,
             max_keyframes: self.loop_places_max as usize,
             antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
-            imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
+            imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.mounting().translation.vector.into()),
             origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),
         }
     }

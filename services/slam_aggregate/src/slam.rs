@@ -3,14 +3,16 @@
 use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
-use crate::{Settings, fix_doubts};
+use crate::{Settings, fix_doubts, inertial};
 use formats::drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose, Stamp};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::{
     GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
-use registration::{DegenerateStretches, GroundVelocity, InertialSample, Odometry, Registered, SensorMounting};
+use registration::{
+    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Odometry, Registered, SensorMounting,
+};
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StateBytes, StepError, decode_head, next_message,
 };
@@ -28,6 +30,7 @@ pub struct SlamAggregate {
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
     degenerate: DegenerateStretches,
+    inertial: InertialCheck,
     georeferencer: Georeferencer,
     /// The drive has a GNSS receiver whose fixes should place the result.
     expects_fixes: bool,
@@ -57,6 +60,7 @@ impl SlamAggregate {
             saved_submap: None,
             last_pose_stamp: None,
             degenerate: DegenerateStretches::default(),
+            inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
             expects_fixes: false,
         }
     }
@@ -70,6 +74,7 @@ impl SlamAggregate {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         count(registered, outputs);
+        self.compare_inertial(registered);
         if let Some(text) = self.degenerate.add(registered) {
             outputs.note(text);
         }
@@ -105,6 +110,35 @@ impl SlamAggregate {
             self.close_submap(outputs)?;
         }
         Ok(())
+    }
+
+    /// Adds inertial samples that are not withheld.
+    fn add_inertial(&mut self, rows: &[ImuRow]) {
+        let mut samples: Vec<InertialSample> = rows.iter().map(inertial::sample).collect();
+        if self.settings.check_imu {
+            samples = self.inertial.add_samples(&samples);
+            self.forget_wrong_samples();
+        }
+        let rows: Vec<ImuRow> = samples.iter().map(inertial::row).collect();
+        self.georeferencer.add_imu(&rows, &self.georeference);
+        if self.settings.predicts_by("imu") {
+            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
+        }
+    }
+
+    fn compare_inertial(&mut self, registered: &Registered) {
+        if self.settings.check_imu {
+            let (stamp, pose) = inertial::measured_pose(registered, &self.mounting.body_from_lidar);
+            self.inertial.add_pose(stamp, pose.as_ref());
+            self.forget_wrong_samples();
+        }
+    }
+
+    fn forget_wrong_samples(&mut self) {
+        if self.inertial.take_change() {
+            self.odometry.forget_imu();
+            self.georeferencer.forget_imu();
+        }
     }
 
     fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
@@ -161,10 +195,7 @@ impl Stage for SlamAggregate {
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen_submap(outputs)?;
         for message in inputs.take::<ImuTopic>() {
-            self.georeferencer.add_imu(message.rows(), &self.georeference);
-            if self.settings.predicts_by("imu") {
-                message.rows().iter().for_each(|row| self.odometry.add_imu(inertial_sample(row)));
-            }
+            self.add_inertial(message.rows());
         }
         for message in inputs.take::<GnssTopic>() {
             let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
@@ -205,6 +236,7 @@ impl Stage for SlamAggregate {
             outputs.note(text);
         }
         self.close_submap(outputs)?;
+        inertial::report(&self.inertial, outputs);
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
@@ -226,6 +258,7 @@ impl Stage for SlamAggregate {
             submap,
             last_pose_stamp: self.last_pose_stamp,
             degenerate: &self.degenerate,
+            inertial: &self.inertial,
             georeferencer: &self.georeferencer,
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
@@ -244,6 +277,7 @@ impl Stage for SlamAggregate {
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
         self.degenerate = saved.degenerate;
+        self.inertial = saved.inertial;
         self.georeferencer = saved.georeferencer;
         Ok(())
     }
@@ -262,10 +296,6 @@ fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), Ste
     let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
     loan.extend_from_slice(poses)?;
     outputs.publish(loan, first.stamp)
-}
-
-fn inertial_sample(row: &ImuRow) -> InertialSample {
-    InertialSample { stamp: Stamp(row.stamp), force: row.acceleration.into(), rate: row.angular_rate.into() }
 }
 
 /// `None` if the receiver reports no velocity.

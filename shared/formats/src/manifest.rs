@@ -142,9 +142,12 @@ pub struct GnssEntry {
 pub struct ImuEntry {
     /// Name of the log file.
     pub file: String,
-    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame.
+    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame, unless `body_from_imu` is there.
     #[serde(default)]
     pub position_in_body: [f64; 3],
+    /// Mounting of a unit with other axes, in place of `position_in_body`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_from_imu: Option<PoseEntry>,
 }
 
 /// Ground truth.
@@ -176,6 +179,15 @@ impl PoseEntry {
         is_rigid.then(|| {
             Isometry3::from_parts(Translation3::from(self.translation), UnitQuaternion::from_quaternion(quaternion))
         })
+    }
+}
+
+impl ImuEntry {
+    /// Mounting of the unit, which [`crate::drive::Drive`] has checked.
+    pub fn mounting(&self) -> Pose {
+        let [x, y, z] = self.position_in_body;
+        let position = || Isometry3::translation(x, y, z);
+        self.body_from_imu.as_ref().and_then(PoseEntry::to_pose).unwrap_or_else(position)
     }
 }
 

@@ -124,6 +124,12 @@ impl Georeferencer {
         }
     }
 
+    /// Drops all measurements by inertial samples: they were wrong.
+    pub fn forget_imu(&mut self) {
+        self.gravity = Gravity::default();
+        self.graph.up_directions.clear();
+    }
+
     /// Begins a submap; the next sweep is its first one.
     pub fn begin_submap(&mut self, odom_from_submap: Pose, stamp: i64) {
         let source = self.nodes.len();

@@ -109,12 +109,13 @@ fn write_returns(out: &Path, name: &str, returns: &[SweepPoint], has_times: bool
 fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
     let manifest = drive.manifest();
     let places = [
-        manifest.imu.as_ref().map_or([0.0; 3], |imu| imu.position_in_body),
+        manifest.imu.as_ref().map_or([0.0; 3], |imu| imu.mounting().translation.vector.into()),
         manifest.gnss.as_ref().map_or([0.0; 3], |gnss| gnss.antenna_in_body),
     ];
     fs::write(out.join("places.txt"), places.map(|[x, y, z]| format!("{x} {y} {z}\n")).concat())?;
-    if let Some(imu) = &manifest.imu {
-        fs::copy(drive.folder().join(&imu.file), out.join("imu.csv"))?;
+    if let Some(samples) = drive.imu()? {
+        let samples: Vec<_> = samples.filter_map(Result::ok).collect();
+        fs::write(out.join("imu.csv"), formats::imu::csv_from_samples(&samples))?;
     }
     let (fixes, _) = drive.fixes()?;
     let velocities = fixes.iter().filter_map(|fix| {

@@ -21,6 +21,7 @@ mod eigen;
 mod features;
 mod ground;
 mod incidence;
+mod inertial_check;
 mod kernel;
 mod local_map;
 mod maps;
@@ -44,6 +45,7 @@ mod voxel;
 
 pub use degenerate_stretches::DegenerateStretches;
 pub use features::{Feature, FeatureSettings, planar_features};
+pub use inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
 pub use kernel::{Kernel, Weights};
 pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};

@@ -34,4 +34,4 @@ pub use rig::{CalibrationError, RigSpec};
 pub use settings::{DriveSettings, SettingField};
 pub use simulation::Simulation;
 pub use spec::{DriveReport, DriveSpec};
-pub use town::Town;
+pub use town::{Town, Traffic};

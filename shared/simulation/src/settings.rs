@@ -2,11 +2,12 @@
 
 use crate::limits::{self, SettingError};
 use crate::rig::{CalibrationError, RigSpec};
+use crate::sensors::lidar::{GRADES, LidarErrors};
 use crate::spec::DriveSpec;
 use formats::problems::{FileError, FileProblem};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
-use town::Town;
+use town::{Town, Traffic};
 
 /// Settings of a drive.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -23,6 +24,12 @@ pub struct DriveSettings {
     pub calibration_error_deg: f64,
     /// Translation errors of the nominal mountings, cm (standard deviation).
     pub calibration_error_cm: f64,
+    /// Errors of the LiDAR's beams, by the name of their grade.
+    pub lidar_errors: String,
+    /// Seed of the LiDAR unit: it determines those errors.
+    pub unit_seed: u64,
+    /// Density of the traffic, by name.
+    pub traffic: String,
     /// Exposure of the mosaic cameras, ms.
     pub mosaic_exposure_ms: f64,
     /// Whether `truth/visibility` is written.
@@ -53,6 +60,9 @@ impl Default for DriveSettings {
             rig: RigSpec::DEFAULT.to_owned(),
             calibration_error_deg: 0.0,
             calibration_error_cm: 0.0,
+            lidar_errors: GRADES[0].0.to_owned(),
+            unit_seed: LidarErrors::NONE.unit_seed,
+            traffic: Traffic::Normal.name().to_owned(),
             mosaic_exposure_ms: 5.0,
             truth_visibility: false,
         }
@@ -65,6 +75,7 @@ impl DriveSettings {
         let Self { town, seed, seconds, rig, .. } = Self::default();
         let Self { calibration_error_deg, calibration_error_cm, mosaic_exposure_ms, truth_visibility, .. } =
             Self::default();
+        let Self { lidar_errors, unit_seed, traffic, .. } = Self::default();
         let field =
             |key, kind, default: String, rule: String, meaning| SettingField { key, kind, default, rule, meaning };
         vec![
@@ -99,6 +110,28 @@ impl DriveSettings {
                 "Shift of the sensors away from drive.toml, cm (standard deviation along each axis).",
             ),
             field(
+                "lidar_errors",
+                "String",
+                format!("{lidar_errors:?}"),
+                grade_rule(),
+                "Errors of the LiDAR's beams against its nominal table: elevation, range and gain of each ring. typical: up to \
+                 0.1 degrees and 2 cm. poor: 0.1 to 0.2 degrees for all rings, up to 0.2 more for each, 3 cm.",
+            ),
+            field(
+                "unit_seed",
+                "u64",
+                unit_seed.to_string(),
+                String::new(),
+                "Seed of the LiDAR unit: drives with the same seed are recorded by the same unit with the same errors.",
+            ),
+            field(
+                "traffic",
+                "String",
+                format!("{traffic:?}"),
+                traffic_rule(),
+                "Density of the traffic. dense: the vehicle drives in a queue that starts with it from rest, a bus beside it.",
+            ),
+            field(
                 "mosaic_exposure_ms",
                 "f64",
                 format!("{mosaic_exposure_ms:?}"),
@@ -128,6 +161,15 @@ impl DriveSettings {
                 .map(|deg| self.calibration_error_deg = deg),
             "calibration_error_cm" => read_within("calibration_error_cm", value, limits::CALIBRATION_ERROR_CM)
                 .map(|cm| self.calibration_error_cm = cm),
+            "lidar_errors" => read("lidar_errors", value).and_then(|name: String| {
+                grade_of(&name)?;
+                self.lidar_errors = name;
+                Ok(())
+            }),
+            "unit_seed" => read("unit_seed", value).map(|seed| self.unit_seed = seed),
+            "traffic" => read("traffic", value)
+                .and_then(|name: String| traffic_of(&name))
+                .map(|traffic| traffic.name().clone_into(&mut self.traffic)),
             "mosaic_exposure_ms" => read_within("mosaic_exposure_ms", value, limits::MOSAIC_EXPOSURE_MS)
                 .map(|ms| self.mosaic_exposure_ms = ms),
             "truth_visibility" => read("truth_visibility", value).map(|is_written| self.truth_visibility = is_written),
@@ -138,8 +180,11 @@ impl DriveSettings {
     /// The drive; reads the rig file, if `rig` is a path. The error lists all problems of that file.
     pub fn spec(&self) -> Result<DriveSpec, FileError> {
         let Self { calibration_error_deg: rotation_deg, calibration_error_cm: cm, .. } = *self;
+        let problem = |error: SettingError| FileProblem::of_file(Path::new(""), error.to_string());
         Ok(DriveSpec {
-            town: town_of(&self.town).map_err(|error| FileProblem::of_file(Path::new(""), error.to_string()))?,
+            town: town_of(&self.town).map_err(problem)?,
+            lidar_errors: LidarErrors { unit_seed: self.unit_seed, ..grade_of(&self.lidar_errors).map_err(problem)? },
+            traffic: traffic_of(&self.traffic).map_err(problem)?,
             mosaic_exposure_nanos: (self.mosaic_exposure_ms * 1e6).round() as u64,
             truth_visibility: self.truth_visibility,
             rig: self.rig_spec()?,
@@ -158,6 +203,9 @@ impl DriveSettings {
             ("--seconds", self.seconds.to_string()),
             ("--rig", self.rig.clone()),
             ("--calibration-error", format!("{deg},{cm}")),
+            ("--lidar-errors", self.lidar_errors.clone()),
+            ("--unit-seed", self.unit_seed.to_string()),
+            ("--traffic", self.traffic.clone()),
             ("--mosaic-exposure-ms", self.mosaic_exposure_ms.to_string()),
         ] {
             arguments.extend([name.to_owned(), value]);
@@ -184,6 +232,24 @@ fn town_of(name: &str) -> Result<Town, SettingError> {
 
 fn town_rule() -> String {
     format!("must be one of {}", Town::ALL.map(Town::name).join(", "))
+}
+
+fn grade_of(name: &str) -> Result<LidarErrors, SettingError> {
+    let found = GRADES.into_iter().find(|(known, _)| *known == name).map(|(_, errors)| errors);
+    found.ok_or_else(|| SettingError::Rule { key: "lidar_errors", value: format!("{name:?}"), rule: grade_rule() })
+}
+
+fn grade_rule() -> String {
+    format!("must be one of {}", GRADES.map(|(name, _)| name).join(", "))
+}
+
+fn traffic_of(name: &str) -> Result<Traffic, SettingError> {
+    let found = Traffic::ALL.into_iter().find(|traffic| traffic.name() == name);
+    found.ok_or_else(|| SettingError::Rule { key: "traffic", value: format!("{name:?}"), rule: traffic_rule() })
+}
+
+fn traffic_rule() -> String {
+    format!("must be one of {}", Traffic::ALL.map(Traffic::name).join(", "))
 }
 
 fn rig_rule() -> String {
@@ -225,13 +291,23 @@ mod tests {
                 "f64" => settings.set(field.key, number(7.0)),
                 "u64" => settings.set(field.key, IntoDeserializer::<ValueError>::into_deserializer(7_u64)),
                 "bool" => settings.set(field.key, IntoDeserializer::<ValueError>::into_deserializer(true)),
-                _ => settings.set(field.key, text(if field.key == "town" { "rural" } else { "kitti" })),
+                _ => {
+                    let value = match field.key {
+                        "town" => "rural",
+                        "lidar_errors" => "poor",
+                        "traffic" => "dense",
+                        _ => "kitti",
+                    };
+                    settings.set(field.key, text(value))
+                }
             };
             assert_eq!(result, Some(Ok(())), "{}", field.key);
         }
         let spec = settings.spec().expect("built in");
         assert_eq!((spec.town, spec.seed, spec.seconds, spec.rig.name.as_str()), (Town::Rural, 7, 7.0, "kitti"));
         assert_eq!((spec.mosaic_exposure_nanos, spec.calibration_error.translation_m), (7_000_000, 0.07));
+        assert_eq!(spec.lidar_errors, LidarErrors { unit_seed: 7, ..LidarErrors::POOR });
+        assert_eq!(spec.traffic, Traffic::Dense);
         assert_eq!(settings.set("second", number(1.0)), None);
     }
 
@@ -257,12 +333,15 @@ mod tests {
             rig: "rigs/mine.toml".to_owned(),
             calibration_error_deg: 0.2,
             calibration_error_cm: 1.5,
+            lidar_errors: "typical".to_owned(),
+            unit_seed: 4,
+            traffic: "dense".to_owned(),
             mosaic_exposure_ms: 100.0,
             truth_visibility: true,
         };
         let expected = "simulate --town rural --seed 7 --seconds 0.5 --rig rigs/mine.toml --calibration-error 0.2,1.5 \
-                        --mosaic-exposure-ms 100 --truth-visibility";
+                        --lidar-errors typical --unit-seed 4 --traffic dense --mosaic-exposure-ms 100 --truth-visibility";
         assert_eq!(settings.arguments().join(" "), expected);
-        assert_eq!(DriveSettings::default().arguments().len(), 13);
+        assert_eq!(DriveSettings::default().arguments().len(), 19);
     }
 }

@@ -45,7 +45,7 @@ impl Simulation {
     pub fn new(spec: &DriveSpec) -> Result<Self, SimulationError> {
         spec.check()?;
         let phase = f64::from(unit(hash(spec.seed, 0))) * std::f64::consts::TAU;
-        let town::Drive { scene, path, speed } = town::build(spec.town, spec.seed, spec.seconds);
+        let town::Drive { scene, path, speed } = town::build(spec.town, spec.seed, spec.seconds, spec.traffic);
         let begin = Stamp((DATE_SECONDS + (spec.seed % 600) as i64) * 1_000_000_000);
         let motion = Motion::new(begin, path, speed, phase).with_body_height(spec.rig.body_height_m);
         let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
@@ -56,9 +56,10 @@ impl Simulation {
         let seed = hash(self.spec.seed, LIDAR_STREAM);
         self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)
     }
-    /// A lidar of any model at any mounting.
+    /// A lidar of any model at any mounting, with the errors of the spec.
     pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
-        Lidar::new(&self.scene, &self.motion, model, body_from_lidar, seed, self.spec.lidar_step)
+        let errors = &self.spec.lidar_errors;
+        Lidar::new(&self.scene, &self.motion, model, errors, body_from_lidar, seed, self.spec.lidar_step)
     }
     /// Stamps of the exposures.
     pub fn exposures(&self) -> Vec<Stamp> {

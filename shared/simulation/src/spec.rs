@@ -3,10 +3,10 @@
 use crate::error::SimulationError;
 use crate::limits;
 use crate::rig::{CalibrationError, RigSpec};
-use crate::sensors::lidar::LidarModel;
+use crate::sensors::lidar::{LidarErrors, LidarModel};
 use crate::sensors::mosaic::EXPOSURE_NANOS;
 use messages::ClassId;
-use town::Town;
+use town::{Town, Traffic};
 
 /// Settings of a drive. Equal settings give equal bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +31,10 @@ pub struct DriveSpec {
     pub rig: RigSpec,
     /// Errors of the nominal mountings.
     pub calibration_error: CalibrationError,
+    /// Errors of the lidar's nominal beams.
+    pub lidar_errors: LidarErrors,
+    /// Density of the traffic.
+    pub traffic: Traffic,
 }
 
 impl DriveSpec {
@@ -45,6 +49,8 @@ impl DriveSpec {
             mosaics: true,
             rig: RigSpec::l3d2(),
             calibration_error: CalibrationError::default(),
+            lidar_errors: LidarErrors::NONE,
+            traffic: Traffic::Normal,
             mosaic_exposure_nanos: EXPOSURE_NANOS,
             truth_visibility: false,
         }

@@ -1,4 +1,4 @@
-//! The kinds of towns.
+//! The kinds of towns and of their traffic.
 
 /// The kind of town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +38,29 @@ impl Town {
             Self::Rural => "a country road with village, fields, forest, tunnel, level crossing, canal and farms",
             Self::Field => "a country road through open fields: degenerate geometry for odometry",
             Self::Tunnel => "a country road through tunnels of 110 m and more; the drive begins before the first one",
+        }
+    }
+}
+
+/// Density of the traffic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Traffic {
+    /// A leading vehicle, a few that follow, and oncoming ones.
+    #[default]
+    Normal,
+    /// A one-way street full of vehicles that stand, start and stop with the ego vehicle, a bus beside it.
+    Dense,
+}
+
+impl Traffic {
+    /// All densities.
+    pub const ALL: [Self; 2] = [Self::Normal, Self::Dense];
+
+    /// Name in launch files and on command lines.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::Dense => "dense",
         }
     }
 }

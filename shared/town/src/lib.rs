@@ -9,7 +9,7 @@
 //! | [`material`], [`spectrum`] | reflectance and texture of surfaces |
 //! | `scene` | the finished town, for ray casts |
 //!
-//! A town is determined by its [`Town`] kind, its seed and the length of the drive. This crate does not know sensors.
+//! A town is determined by its [`Town`] kind, its seed, the length of the drive and the density of its [`Traffic`]. This crate does not know sensors.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -31,7 +31,7 @@ mod surface;
 mod terrain;
 
 pub use construction::build::{Drive, build};
-pub use kind::Town;
+pub use kind::{Town, Traffic};
 pub use material::Material;
 pub use movers::mover::{Mover, Route, Timing};
 pub use path::GroundPath;

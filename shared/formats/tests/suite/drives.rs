@@ -255,3 +255,23 @@ fn nuscenes_sweeps_keep_the_rings_of_the_file() {
     {}
     assert_eq!(found, [(31, 17), (3, 17), (0, 17)], "the returns without range are removed");
 }
+
+#[test]
+fn mounting_of_inertial_unit_rotates_its_samples_and_excludes_a_second_position() {
+    let imu = "\n[imu]\nfile = \"imu.csv\"\nbody_from_imu = { translation = [0, 0, 0.5], rotation = [1, 0, 0, 0] }\n";
+    let folder = drive(&format!("{GOOD}{imu}"));
+    let samples = format!("{}\n1,1,2,-9.81,0.1,0.2,0.3\n", formats::imu::HEADER);
+    fs::write(folder.path().join("imu.csv"), samples).expect("writes");
+    let opened = Drive::open(folder.path()).expect("sound");
+    let mounting = opened.manifest().imu.as_ref().expect("a unit").mounting();
+    assert_eq!(mounting.translation.vector.z, 0.5);
+    let sample = opened.imu().expect("opens").expect("a unit").next().expect("a sample").expect("reads");
+    assert!(
+        (sample.acceleration[2] - 9.81).abs() < 1e-12 && (sample.angular_rate[1] + 0.2).abs() < 1e-12,
+        "{sample:?}"
+    );
+    let twice = imu.replace("file", "position_in_body = [0, 0, 1]\nfile").replace("[1, 0, 0, 0]", "[1, 1, 0, 0]");
+    fs::write(folder.path().join("drive.toml"), format!("{GOOD}{twice}")).expect("writes");
+    let texts: Vec<String> = problems(folder.path()).iter().map(ToString::to_string).collect();
+    assert!(texts.len() == 2 && texts.iter().all(|text| text.contains("imu.body_from_imu")), "{texts:?}");
+}

@@ -10,6 +10,7 @@ pub const GNSS_FILE: &str = "gnss.nmea";
 pub const IMU_FILE: &str = "imu.csv";
 pub const TRAJECTORY_FILE: &str = "truth/trajectory.txt";
 pub const CALIBRATION_FILE: &str = "truth/calibration.toml";
+pub const LIDAR_ERRORS_FILE: &str = "truth/lidar_errors.csv";
 pub const GNSS_TRUTH_FILE: &str = "truth/gnss.csv";
 
 pub fn manifest(spec: &DriveSpec) -> Manifest {
@@ -35,7 +36,11 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             gnss: gnss.as_ref().map(|_| GNSS_TRUTH_FILE.into()),
         }),
         gnss,
-        imu: rig.imu.map(|imu| ImuEntry { file: IMU_FILE.into(), position_in_body: imu.position_in_body }),
+        imu: rig.imu.map(|imu| ImuEntry {
+            file: IMU_FILE.into(),
+            position_in_body: imu.position_in_body,
+            body_from_imu: None,
+        }),
         ..Manifest::of_lidar(&name, lidar)
     }
 }

@@ -1,9 +1,11 @@
 //! `simulated.toml`: the mark of a simulated drive, with what it was simulated from.
 
+use crate::sensors::lidar::{GRADES, LidarErrors};
 use crate::settings::DriveSettings;
 use crate::spec::DriveSpec;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use town::Traffic;
 
 /// Content of the file: the settings that tell one drive from another at a glance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,6 +16,12 @@ pub struct SimulatedDrive {
     pub seed: u64,
     /// Length, s.
     pub seconds: f64,
+    /// Errors of the LiDAR and the unit that has them; absent for a perfect unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidar_unit: Option<String>,
+    /// Density of the traffic; absent if normal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<String>,
 }
 
 impl SimulatedDrive {
@@ -27,11 +35,19 @@ impl SimulatedDrive {
 
     /// A text for each setting in which the drive differs from `settings`.
     pub fn differences(&self, settings: &DriveSettings) -> Vec<String> {
-        let Self { town, seed, seconds } = self;
+        let Self { town, seed, seconds, lidar_unit, traffic } = self;
+        let normal = |value: &Option<String>, default: &str| value.clone().unwrap_or_else(|| default.to_owned());
+        let wanted_unit = if settings.lidar_errors == GRADES[0].0 {
+            GRADES[0].0.to_owned()
+        } else {
+            unit_name(&settings.lidar_errors, settings.unit_seed)
+        };
         let values = [
             ("town", format!("{town:?}"), format!("{:?}", settings.town)),
             ("seed", seed.to_string(), settings.seed.to_string()),
             ("seconds", seconds.to_string(), settings.seconds.to_string()),
+            ("lidar_errors", normal(lidar_unit, GRADES[0].0), wanted_unit),
+            ("traffic", normal(traffic, Traffic::Normal.name()), settings.traffic.clone()),
         ];
         let different = values.into_iter().filter(|(_, drive, wanted)| drive != wanted);
         different.map(|(key, drive, wanted)| format!("{key} = {drive}, not {wanted}")).collect()
@@ -40,8 +56,21 @@ impl SimulatedDrive {
 
 impl From<&DriveSpec> for SimulatedDrive {
     fn from(spec: &DriveSpec) -> Self {
-        Self { town: spec.town.name().to_owned(), seed: spec.seed, seconds: spec.seconds }
+        let LidarErrors { unit_seed, .. } = spec.lidar_errors;
+        let is_of = |grade: &LidarErrors| LidarErrors { unit_seed, ..*grade } == spec.lidar_errors;
+        let grade = GRADES.iter().find(|(_, grade)| is_of(grade)).map_or("custom", |(name, _)| *name);
+        Self {
+            town: spec.town.name().to_owned(),
+            seed: spec.seed,
+            seconds: spec.seconds,
+            lidar_unit: (grade != GRADES[0].0).then(|| unit_name(grade, unit_seed)),
+            traffic: (spec.traffic != Traffic::Normal).then(|| spec.traffic.name().to_owned()),
+        }
     }
+}
+
+fn unit_name(grade: &str, unit_seed: u64) -> String {
+    format!("{grade}, unit {unit_seed}")
 }
 
 #[cfg(test)]
@@ -58,7 +87,12 @@ mod tests {
         assert_eq!(SimulatedDrive::read(folder.path()), Some(mark.clone()));
         let same = DriveSettings { seed: 3, seconds: 4.0, ..DriveSettings::default() };
         assert_eq!(mark.differences(&same), Vec::<String>::new());
-        let other = DriveSettings { seed: 7, town: "rural".to_owned(), ..same };
+        let other = DriveSettings { seed: 7, town: "rural".to_owned(), ..same.clone() };
         assert_eq!(mark.differences(&other), ["town = \"urban\", not \"rural\"", "seed = 3, not 7"]);
+        let dense = DriveSettings { traffic: "dense".to_owned(), lidar_errors: "poor".to_owned(), ..same };
+        let texts = ["lidar_errors = none, not poor, unit 1", "traffic = normal, not dense"];
+        assert_eq!(mark.differences(&dense), texts);
+        let marked = SimulatedDrive::from(&dense.spec().expect("valid"));
+        assert_eq!(marked.differences(&dense), Vec::<String>::new());
     }
 }

@@ -65,6 +65,9 @@ pub fn write_simulation(
     if simulation.spec.truth_visibility {
         visibility::write(simulation, &folder, &exposures)?;
     }
+    if let Some(errors) = simulation.spec.lidar_errors.csv(simulation.spec.rig.lidar.model) {
+        folder.write(manifest::LIDAR_ERRORS_FILE, errors.as_bytes())?;
+    }
     let mark = toml::to_string(&SimulatedDrive::from(&simulation.spec))?;
     folder.write(SimulatedDrive::FILE, mark.as_bytes())?;
     folder.write("drive.toml", toml::to_string(&manifest::manifest(&simulation.spec))?.as_bytes())?;

@@ -5,7 +5,7 @@ use crate::construction::reach::{DETAIL_RADIUS_M, Reach};
 use crate::construction::tour::Tour;
 use crate::construction::town_builder::{Instances, TownBuilder};
 use crate::construction::{ground, junction};
-use crate::kind::Town;
+use crate::kind::{Town, Traffic};
 use crate::path::GroundPath;
 use crate::scene::Scene;
 use crate::scene_builder::SceneBuilder;
@@ -45,9 +45,10 @@ pub struct Drive {
 }
 
 /// Builds the town of a kind and seed, and a drive of `seconds` through it. Only what lies near the driven path is built.
-pub fn build(kind: Town, seed: u64, seconds: f64) -> Drive {
+pub fn build(kind: Town, seed: u64, seconds: f64, traffic: Traffic) -> Drive {
     let mut random = Random::of_hash(seed, 0x00c1_7100);
     let (mut town, tour) = plan(kind, seed, seconds, &mut random);
+    town.traffic = traffic;
     town.pave();
     town.fill(&mut random);
     let movers = town.traffic(&tour, &mut random);
@@ -84,7 +85,18 @@ fn plan(kind: Town, seed: u64, seconds: f64, random: &mut Random) -> (TownBuilde
     let mut builder = SceneBuilder::default();
     let pavings = Pavings::new(&mut builder);
     let uses = BlockUse::of_blocks(&network, kind, random);
-    let town = TownBuilder { kind, builder, network, reach, pavings, stretches, uses, instances: Instances::default() };
+    let traffic = Traffic::Normal;
+    let town = TownBuilder {
+        kind,
+        traffic,
+        builder,
+        network,
+        reach,
+        pavings,
+        stretches,
+        uses,
+        instances: Instances::default(),
+    };
     (town, Tour { path, legs, driver, speed, seconds })
 }
 

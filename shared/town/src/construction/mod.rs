@@ -9,6 +9,7 @@ mod junction;
 mod kerbside;
 mod open_blocks;
 mod parking;
+mod queue;
 pub mod reach;
 mod rows;
 mod rural;

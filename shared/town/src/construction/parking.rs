@@ -50,7 +50,9 @@ impl TownBuilder {
         let [begin, end] = self.network.mouths(street);
         let profile = self.network.streets[street].profile;
         for side in [-1.0, 1.0] {
-            let Some(parking_t) = profile.parking_t(side) else { continue };
+            let Some(parking_t) = profile.parking_t(side).filter(|_| !self.is_queue_lane(street, side)) else {
+                continue;
+            };
             let yaw = if side > 0.0 { PI } else { 0.0 };
             let mut s = begin + CLEAR_M;
             while s < end - CLEAR_M {

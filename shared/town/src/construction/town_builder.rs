@@ -2,7 +2,7 @@
 
 use crate::construction::block_use::BlockUse;
 use crate::construction::reach::{DETAIL_RADIUS_M, Reach};
-use crate::kind::Town;
+use crate::kind::{Town, Traffic};
 use crate::scene_builder::SceneBuilder;
 use crate::streets::country::Stretch;
 use crate::streets::network::{Leg, Network};
@@ -12,6 +12,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 /// A town under construction. The other modules add objects in `impl` blocks of their own.
 pub struct TownBuilder {
     pub kind: Town,
+    pub traffic: Traffic,
     pub builder: SceneBuilder,
     pub network: Network,
     pub reach: Reach,

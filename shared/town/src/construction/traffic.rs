@@ -3,6 +3,7 @@
 use crate::construction::reach::DETAIL_RADIUS_M;
 use crate::construction::tour::Tour;
 use crate::construction::town_builder::TownBuilder;
+use crate::kind::Traffic;
 use crate::models::person;
 use crate::movers::clearance::Clearance;
 use crate::movers::fleet;
@@ -35,12 +36,24 @@ impl TownBuilder {
     /// All movers that come near the ego vehicle.
     pub fn traffic(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
         let mut clearance = Clearance::new(&tour.path, &tour.speed, tour.seconds);
+        if self.traffic == Traffic::Dense {
+            let mut movers = self.queue(tour, &mut clearance, random);
+            let people = self.people(tour, random);
+            movers.extend(people.into_iter().filter(|mover| clearance.admit(mover)));
+            return movers;
+        }
         let mut movers = self.convoy(tour, random);
         movers.extend(self.oncoming(tour, random));
-        movers.extend(self.people_at_red(tour, random));
+        movers.extend(self.people(tour, random));
+        movers.retain(|mover| clearance.admit(mover));
+        movers
+    }
+
+    /// People on crosswalks and sidewalks.
+    fn people(&mut self, tour: &Tour, random: &mut Random) -> Vec<Mover> {
+        let mut movers = self.people_at_red(tour, random);
         movers.extend(self.people_on_side_streets(tour, random));
         movers.extend(self.walkers(random));
-        movers.retain(|mover| clearance.admit(mover));
         movers
     }
 
@@ -49,9 +62,9 @@ impl TownBuilder {
         let Tour { path, driver, speed, seconds, .. } = tour;
         let eager = Driver { cruise_mps: 1.05 * driver.cruise_mps, stops: Vec::new(), ..driver.clone() };
         let leader = SpeedProfile::from_rest(path, &eager, speed.distance_m(0.0) + LEADER_M, *seconds);
-        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0 }]
+        let timings = [Timing::Ahead { speed: Arc::new(leader), ahead_m: 0.0, earlier_s: 0.0 }]
             .into_iter()
-            .chain(FOLLOWERS_M.map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m }));
+            .chain(FOLLOWERS_M.map(|ahead_m| Timing::Ahead { speed: speed.clone(), ahead_m, earlier_s: 0.0 }));
         timings.filter_map(|timing| self.vehicle_on(path, timing, random)).collect()
     }
 

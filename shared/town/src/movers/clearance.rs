@@ -60,17 +60,7 @@ impl Clearance {
     }
     /// Admits a mover if it comes near the ego vehicle and intersects no other mover; returns whether it was admitted.
     pub fn admit(&mut self, mover: &Mover) -> bool {
-        let [low, high] = mover.bounds();
-        let half = [0, 1].map(|axis| 0.5 * f64::from(high[axis] - low[axis]) + MARGIN_M);
-        let middle = nalgebra::Point3::from((low + high) * 0.5).cast::<f64>();
-        let prints: Vec<Footprint> = times(self.seconds)
-            .map(|t| {
-                let pose = mover.route.pose(t);
-                let forward = (pose.rotation * nalgebra::Vector3::x()).xy();
-                let forward = forward.try_normalize(1e-9).unwrap_or_else(Vector2::x);
-                Footprint { center: (pose * middle).xy().coords, forward, half }
-            })
-            .collect();
+        let prints = self.prints(mover, MARGIN_M);
         let is_near = prints.iter().zip(&self.vehicle).any(|(a, b)| (a.center - b.center).norm() < NEAR_M);
         let meets = |others: &Vec<Footprint>| prints.iter().zip(others).any(|(a, b)| a.meets(b));
         if !is_near || meets(&self.vehicle) || self.others.iter().any(meets) {
@@ -78,6 +68,28 @@ impl Clearance {
         }
         self.others.push(prints);
         true
+    }
+    /// Admits a vehicle of a queue if it does not intersect the ego vehicle; in turns it may touch those of the next lane.
+    pub fn admit_queued(&mut self, mover: &Mover) -> bool {
+        let prints = self.prints(mover, 0.0);
+        let is_free = !prints.iter().zip(&self.vehicle).any(|(a, b)| a.meets(b));
+        if is_free {
+            self.others.push(prints);
+        }
+        is_free
+    }
+    fn prints(&self, mover: &Mover, margin_m: f64) -> Vec<Footprint> {
+        let [low, high] = mover.bounds();
+        let half = [0, 1].map(|axis| 0.5 * f64::from(high[axis] - low[axis]) + margin_m);
+        let middle = nalgebra::Point3::from((low + high) * 0.5).cast::<f64>();
+        times(self.seconds)
+            .map(|t| {
+                let pose = mover.route.pose(t);
+                let forward = (pose.rotation * nalgebra::Vector3::x()).xy();
+                let forward = forward.try_normalize(1e-9).unwrap_or_else(Vector2::x);
+                Footprint { center: (pose * middle).xy().coords, forward, half }
+            })
+            .collect()
     }
 }
 

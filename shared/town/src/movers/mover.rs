@@ -48,8 +48,10 @@ pub enum Timing {
     Ahead {
         /// The speed profile.
         speed: Arc<SpeedProfile>,
-        /// Distance ahead, m.
+        /// Distance ahead at rest, m.
         ahead_m: f64,
+        /// Time shift, s: a queue starts from its front.
+        earlier_s: f64,
     },
     /// A shared speed profile, shifted in time: every vehicle has the same speed at the same place.
     Earlier {
@@ -109,7 +111,7 @@ impl Route {
     fn distance_m(&self, seconds: f64) -> f64 {
         match &self.timing {
             Timing::Steady { from_m, speed_mps } => from_m + speed_mps * seconds,
-            Timing::Ahead { speed, ahead_m } => speed.distance_m(seconds) + ahead_m,
+            Timing::Ahead { speed, ahead_m, earlier_s } => speed.distance_m(seconds + earlier_s) + ahead_m,
             Timing::Earlier { speed, seconds: earlier } => speed.distance_m(seconds + earlier),
             Timing::Once { from, speed_mps } => (speed_mps * (seconds - from)).clamp(0.0, self.path.length_m() - 1.0),
         }

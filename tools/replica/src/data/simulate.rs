@@ -36,6 +36,22 @@ pub struct Args {
     calibration_error: CalibrationErrors,
     #[arg(
         long,
+        help = help("lidar_errors"),
+        value_parser = |text: &str| name("lidar_errors", text),
+        default_value_t = DriveSettings::default().lidar_errors,
+    )]
+    lidar_errors: String,
+    #[arg(long, help = help("unit_seed"), default_value_t = DriveSettings::default().unit_seed)]
+    unit_seed: u64,
+    #[arg(
+        long,
+        help = help("traffic"),
+        value_parser = |text: &str| name("traffic", text),
+        default_value_t = DriveSettings::default().traffic,
+    )]
+    traffic: String,
+    #[arg(
+        long,
         help = help("mosaic_exposure_ms"),
         default_value_t = DriveSettings::default().mosaic_exposure_ms,
         value_parser = |text: &str| number("mosaic_exposure_ms", text),
@@ -64,6 +80,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         rig: args.rig.clone(),
         calibration_error_deg: args.calibration_error.deg,
         calibration_error_cm: args.calibration_error.cm,
+        lidar_errors: args.lidar_errors.clone(),
+        unit_seed: args.unit_seed,
+        traffic: args.traffic.clone(),
         mosaic_exposure_ms: args.mosaic_exposure_ms,
         truth_visibility: args.truth_visibility,
     };
@@ -103,10 +122,19 @@ fn town_names() -> PossibleValuesParser {
 /// Parses a number and checks it by the rule of the setting `key`.
 fn number(key: &str, text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
-    let result = DriveSettings::default().set(key, IntoDeserializer::<ValueError>::into_deserializer(value));
+    checked(key, DriveSettings::default().set(key, IntoDeserializer::<ValueError>::into_deserializer(value)))?;
+    Ok(value)
+}
+
+/// Checks a name by the rule of the setting `key`.
+fn name(key: &str, text: &str) -> Result<String, String> {
+    checked(key, DriveSettings::default().set(key, IntoDeserializer::<ValueError>::into_deserializer(text)))?;
+    Ok(text.to_owned())
+}
+
+fn checked(key: &str, result: Option<Result<(), SettingError>>) -> Result<(), String> {
     match result {
-        Some(Ok(())) => Ok(value),
-        Some(Err(error)) => Err(SettingError::text(&error)),
+        Some(result) => result.map_err(|error| SettingError::text(&error)),
         None => Err(format!("{key} is not a setting")),
     }
 }

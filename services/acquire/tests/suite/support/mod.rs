@@ -126,7 +126,7 @@ fn manifest() -> Manifest {
             model: model.clone(),
         }],
         gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: [48.8, 2.3, 100.0], antenna_in_body: [0.0; 3] }),
-        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3] }),
+        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
         ..Manifest::of_lidar("made by hand", lidar)
     }
 }

@@ -1,5 +1,6 @@
 //! Origins and directions of the beams.
 
+use super::errors::LaserError;
 use super::model::{LidarModel, N_SLOTS, Slot, slots};
 use formats::velodyne::Model;
 use nalgebra::{Isometry3, Point3};
@@ -39,10 +40,10 @@ pub struct Beam {
 }
 
 impl Beams {
-    /// Beams of a model.
-    pub fn new(model: &LidarModel) -> Self {
-        let lasers = model.model.lasers().iter().map(|laser| {
-            let (sin, cos) = laser.elevation_deg.to_radians().sin_cos();
+    /// Beams of a model, with the errors of its lasers.
+    pub(super) fn new(model: &LidarModel, errors: &[LaserError]) -> Self {
+        let lasers = model.model.lasers().iter().zip(errors).map(|(laser, error)| {
+            let (sin, cos) = (laser.elevation_deg + error.elevation_deg).to_radians().sin_cos();
             // The vertical offset of an HDL-64E is at right angles to the beam (`formats::velodyne`).
             let (ahead, up) =
                 if model.model == Model::Hdl64e { (-laser.up_m * sin, laser.up_m * cos) } else { (0.0, laser.up_m) };

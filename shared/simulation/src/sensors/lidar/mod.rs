@@ -9,14 +9,18 @@
 //! they are closer than the pulse length, else the strongest echo counts. About half of the beams in a street need only the
 //! center ray.
 //!
+//! A real unit's beams differ from its factory table: [`LidarErrors`]. Only what the unit reports is wrong then, never the truth.
+//!
 //! The ego vehicle itself is not modeled: the rig stands clear of the roof, and surfaces below the minimum range are not
 //! measured.
 
 mod beams;
+mod errors;
 mod model;
 mod receiver;
 mod returns;
 
+pub use errors::{GRADES, LidarErrors};
 pub use model::LidarModel;
 pub use returns::{Block, LidarReturn, N_BLOCKS, N_LASERS};
 
@@ -73,11 +77,13 @@ impl<'a> Lidar<'a> {
         scene: &'a Scene,
         motion: &'a Motion,
         model: LidarModel,
+        errors: &LidarErrors,
         body_from_lidar: Pose,
         seed: u64,
         step: u32,
     ) -> Self {
-        let (beams, receiver) = (Beams::new(&model), Receiver::new(&model));
+        let errors = errors.of_lasers(model.model);
+        let (beams, receiver) = (Beams::new(&model, &errors), Receiver::new(&model, &errors));
         Self { scene, motion, model, beams, receiver, body_from_lidar, seed, step: step.max(1) }
     }
 

@@ -1,5 +1,6 @@
 //! Lidar receiver: merges the returned light into echoes and measures range and intensity of the strongest.
 
+use super::errors::LaserError;
 use super::model::LidarModel;
 use super::returns::LidarReturn;
 use random::{gauss, hash, unit};
@@ -44,26 +45,39 @@ impl Part {
     }
 }
 
+/// Receiver of one laser.
+#[derive(Clone, Copy, Debug)]
+struct LaserReceiver {
+    /// Range correction of the maker's table, m: true minus sent range.
+    correction_m: f32,
+    /// Error of that table, m: reported minus true range.
+    range_error_m: f32,
+    gain: f32,
+}
+
 /// A receiver with the properties of all materials.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     model: LidarModel,
     /// Properties and reflectance at the laser's wavelength, by material.
     materials: Vec<(Properties, f32)>,
-    /// Range correction (m) and gain by laser.
-    lasers: Vec<(f32, f32)>,
+    lasers: Vec<LaserReceiver>,
 }
 
 impl Receiver {
-    /// Of a model.
-    pub fn new(model: &LidarModel) -> Self {
+    /// Of a model, with the errors of its lasers.
+    pub(super) fn new(model: &LidarModel, errors: &[LaserError]) -> Self {
         let materials = Material::ALL.iter().map(|material| {
             let properties = material.properties();
             let reflectance = properties.spectrum.at(model.wavelength_nm);
             (properties, reflectance)
         });
         let gain = |laser| 1.0 + GAIN_SIGMA * gauss(hash(0x6a14, laser as u64)).clamp(-2.0, 2.0);
-        let lasers = model.model.lasers().iter().enumerate().map(|(i, laser)| (laser.range_m as f32, gain(i)));
+        let lasers = model.model.lasers().iter().zip(errors).enumerate().map(|(i, (laser, error))| LaserReceiver {
+            correction_m: laser.range_m as f32,
+            range_error_m: error.range_m as f32,
+            gain: gain(i) * error.gain as f32,
+        });
         Self { model: *model, materials: materials.collect(), lasers: lasers.collect() }
     }
 
@@ -85,7 +99,7 @@ impl Receiver {
 
     /// The strongest echo; `None` if it is too weak, too near or too far.
     pub fn strongest(&self, parts: &mut [Part], laser: usize, seed: u64) -> Option<LidarReturn> {
-        let (correction_m, gain) = self.lasers[laser];
+        let LaserReceiver { correction_m, range_error_m, gain } = self.lasers[laser];
         parts.sort_unstable_by(|a, b| a.range_m.total_cmp(&b.range_m));
         let echo = parts
             .chunk_by(|a, b| b.range_m - a.range_m < self.model.echo_m)
@@ -101,7 +115,7 @@ impl Receiver {
         let range_m = echo.iter().map(|part| part.light() * part.range_m).sum::<f32>() / light;
         let measured_m = range_m + self.model.range_sigma_m * gauss(hash(seed, 1));
         let [shortest_m, longest_m] = self.model.range_m;
-        let count = ((measured_m - correction_m) / RANGE_UNIT_M).round();
+        let count = ((measured_m + range_error_m - correction_m) / RANGE_UNIT_M).round();
         if !(shortest_m..longest_m).contains(&measured_m) || !(1.0..=f32::from(u16::MAX)).contains(&count) {
             return None;
         }
@@ -130,6 +144,7 @@ impl Receiver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensors::lidar::LidarErrors;
     use messages::ClassId;
     use raytrace::Vec3;
 
@@ -140,7 +155,8 @@ mod tests {
     }
 
     fn receiver() -> Receiver {
-        Receiver::new(&LidarModel { range_sigma_m: 0.0, ..LidarModel::HDL32E })
+        let model = LidarModel { range_sigma_m: 0.0, ..LidarModel::HDL32E };
+        Receiver::new(&model, &LidarErrors::NONE.of_lasers(model.model))
     }
 
     #[test]

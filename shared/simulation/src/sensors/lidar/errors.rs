@@ -1,0 +1,150 @@
+//! Errors of a real unit: what its beams do, and what its factory table says they do.
+
+use formats::velodyne::Model;
+use random::{gauss, hash, unit};
+use std::fmt::Write;
+
+/// Sizes of a unit's errors. `drive.toml` and the packets keep the nominal beams; the truth keeps the true geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LidarErrors {
+    /// The unit: the same seed has the same errors in every drive.
+    pub unit_seed: u64,
+    /// Elevation error common to all rings, degrees: its size lies between half of this and this, its sign is random.
+    pub common_elevation_deg: f64,
+    /// Elevation error of a ring, degrees (standard deviation).
+    pub ring_elevation_deg: f64,
+    /// Range error of a ring, m (standard deviation).
+    pub ring_range_m: f64,
+    /// Gain error of a ring's intensity as a share (standard deviation).
+    pub ring_gain: f64,
+    /// Gain error of all intensities as a share (standard deviation).
+    pub common_gain: f64,
+}
+
+/// Grades of units, by name.
+pub const GRADES: [(&str, LidarErrors); 3] =
+    [("none", LidarErrors::NONE), ("typical", LidarErrors::TYPICAL), ("poor", LidarErrors::POOR)];
+/// Errors lie within this number of standard deviations.
+const LARGEST_SIGMAS: f32 = 2.0;
+
+impl LidarErrors {
+    /// A perfect unit.
+    pub const NONE: Self = Self {
+        unit_seed: 1,
+        common_elevation_deg: 0.0,
+        ring_elevation_deg: 0.0,
+        ring_range_m: 0.0,
+        ring_gain: 0.0,
+        common_gain: 0.0,
+    };
+    /// A good unit, in the manner of an HDL-32E: its rings are off by up to 0.1 degrees.
+    pub const TYPICAL: Self = Self {
+        common_elevation_deg: 0.04,
+        ring_elevation_deg: 0.03,
+        ring_range_m: 0.01,
+        ring_gain: 0.1,
+        common_gain: 0.1,
+        ..Self::NONE
+    };
+    /// A unit in the manner of KITTI's HDL-64E, whose rings are all off by 0.2 degrees (`CT-ICP`, Dellenbach et al., ICRA 2022,
+    /// and `KISS-ICP` correct this), and each by up to 0.2 degrees more.
+    pub const POOR: Self = Self {
+        common_elevation_deg: 0.2,
+        ring_elevation_deg: 0.1,
+        ring_range_m: 0.015,
+        ring_gain: 0.2,
+        common_gain: 0.2,
+        ..Self::NONE
+    };
+
+    /// Errors of a unit's lasers, by their number in [`Model::lasers`].
+    pub(super) fn of_lasers(&self, model: Model) -> Vec<LaserError> {
+        let random = |kind: u64, sigma: f64| {
+            let sigmas = gauss(hash(self.unit_seed ^ 0x0011_da12, kind)).clamp(-LARGEST_SIGMAS, LARGEST_SIGMAS);
+            f64::from(sigmas) * sigma
+        };
+        let share = f64::from(unit(hash(self.unit_seed ^ 0x0011_da12, 0)));
+        let common_deg = self.common_elevation_deg * if share < 0.5 { -0.5 - share } else { share };
+        let common_gain = 1.0 + random(1, self.common_gain);
+        let laser = |laser: u64| LaserError {
+            elevation_deg: common_deg + random(10 + 3 * laser, self.ring_elevation_deg),
+            range_m: random(11 + 3 * laser, self.ring_range_m),
+            gain: (common_gain * (1.0 + random(12 + 3 * laser, self.ring_gain))).max(0.1),
+        };
+        (0..model.n_rings() as u64).map(laser).collect()
+    }
+
+    /// The errors as a table, rings from the lowest to the highest; `None` for a perfect unit.
+    pub fn csv(&self, model: Model) -> Option<String> {
+        let is_perfect = Self { unit_seed: Self::NONE.unit_seed, ..*self } == Self::NONE;
+        if is_perfect {
+            return None;
+        }
+        let mut lasers: Vec<_> = model.rings().into_iter().zip(self.of_lasers(model)).collect();
+        lasers.sort_by_key(|(ring, _)| *ring);
+        let mut text = String::from("ring,elevation_error_deg,range_error_m,intensity_gain\n");
+        for (ring, LaserError { elevation_deg, range_m, gain }) in lasers {
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{ring},{elevation_deg:.5},{range_m:.5},{gain:.4}");
+        }
+        Some(text)
+    }
+}
+
+impl Default for LidarErrors {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+/// Errors of one laser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LaserError {
+    /// True minus nominal elevation.
+    pub elevation_deg: f64,
+    /// Reported minus true range.
+    pub range_m: f64,
+    /// Factor of the intensity.
+    pub gain: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn deviation(values: impl Iterator<Item = f64>) -> (f64, f64) {
+        let values: Vec<f64> = values.collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt())
+    }
+
+    #[test]
+    fn unit_errors_repeat_with_their_seed_and_differ_between_seeds() {
+        let unit = |unit_seed| LidarErrors { unit_seed, ..LidarErrors::POOR }.of_lasers(Model::Hdl64e);
+        assert_eq!(unit(7), unit(7));
+        assert_ne!(unit(7), unit(8));
+        assert_eq!(LidarErrors::NONE.csv(Model::Hdl64e), None);
+        assert_eq!(LidarErrors { unit_seed: 9, ..LidarErrors::NONE }.csv(Model::Vlp16), None);
+        let table = LidarErrors::TYPICAL.csv(Model::Hdl32e).expect("errors");
+        assert_eq!(table.lines().count(), 33);
+        assert!(table.lines().nth(1).is_some_and(|line| line.starts_with("0,")), "{table}");
+    }
+
+    #[test]
+    fn unit_errors_have_the_sizes_of_their_grade() {
+        let mut signs = [0; 2];
+        for unit_seed in 0..40 {
+            let poor = LidarErrors { unit_seed, ..LidarErrors::POOR }.of_lasers(Model::Hdl64e);
+            let (common, ring) = deviation(poor.iter().map(|laser| laser.elevation_deg));
+            signs[usize::from(common > 0.0)] += 1;
+            assert!((0.06..0.26).contains(&common.abs()), "{common}");
+            assert!((0.06..0.13).contains(&ring), "{ring}");
+            let (_, range) = deviation(poor.iter().map(|laser| laser.range_m));
+            assert!((0.009..0.02).contains(&range), "{range}");
+            let typical = LidarErrors { unit_seed, ..LidarErrors::TYPICAL }.of_lasers(Model::Hdl32e);
+            assert!(typical.iter().all(|laser| laser.elevation_deg.abs() <= 0.1 && laser.range_m.abs() <= 0.02));
+        }
+        assert!(signs.iter().all(|n| *n > 10), "{signs:?}");
+    }
+}
