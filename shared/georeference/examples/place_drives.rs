@@ -19,7 +19,8 @@ use std::error::Error;
 const SWEEP_NANOS: i64 = 100_000_000;
 /// Drift of the odometry with gyroscopes: random walks per square root of the path and a wrong scale, as measured with LiDAR
 /// (`docs/experiments/odometry.md`): rad and m over 1 m.
-const WALK_RAD: f64 = 8e-5;
+/// Gyroscopes and gravity hold the tilt better than the heading.
+const WALK_RAD: [f64; 3] = [3e-5, 3e-5, 8e-5];
 const WALK_M: f64 = 1.5e-3;
 const SCALE: f64 = 3e-4;
 
@@ -136,7 +137,7 @@ fn drifted(motion: &Pose, seed: u64) -> Pose {
     let root = motion.translation.vector.norm().sqrt();
     let draw = |k: u64, size: f64| f64::from(gauss(hash(seed, k))) * size * root;
     let m = Vector3::new(draw(0, WALK_M), draw(1, WALK_M), draw(2, WALK_M));
-    let rad = Vector3::new(draw(3, WALK_RAD), draw(4, WALK_RAD), draw(5, WALK_RAD));
+    let rad = Vector3::new(draw(3, WALK_RAD[0]), draw(4, WALK_RAD[1]), draw(5, WALK_RAD[2]));
     let scaled = Isometry3::from_parts((motion.translation.vector * (1.0 + SCALE)).into(), motion.rotation);
     scaled * Isometry3::new(m, rad)
 }

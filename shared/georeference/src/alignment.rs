@@ -38,7 +38,7 @@ const PART_SCALE_M: f64 = 12.0;
 
 /// Rotation about z and translation that align the most pairs. From several starts (all pairs, and each part of the drive) it
 /// is found by graduated non-convexity (Yang et al. 2020; within each round the closed form of Umeyama 1991 in two
-/// dimensions); the result with the most inliers counts. `yaw`: the rotation, if it is known. The height is the mean of the
+/// dimensions); the result with the most inliers counts. `yaw`: the rotation, if it is known. The height is the weighted median of the
 /// differences. `None` without pairs.
 pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment> {
     let all: Vec<f64> = pairs.iter().map(|pair| pair.weight).collect();
@@ -59,7 +59,23 @@ pub fn align_odometry(pairs: &[PointPair], yaw: Option<f64>) -> Option<Alignment
             best = found;
         }
     }
+    best.world_from_odom.translation.z += median_height_error(pairs, &best);
     Some(best)
+}
+
+/// Median of the differences in height, each weighted by the pair's agreement with the alignment.
+fn median_height_error(pairs: &[PointPair], alignment: &Alignment) -> f64 {
+    let scale = SCALE_M * SCALE_M;
+    let weight = |pair: &PointPair| pair.weight * (scale / (squared_residual(alignment, pair) + scale)).powi(2);
+    let error = |pair: &PointPair| pair.p_in_world.z - (alignment.world_from_odom * pair.p_in_odom).z;
+    let mut errors: Vec<(f64, f64)> = pairs.iter().map(|pair| (error(pair), weight(pair))).collect();
+    errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut rest = errors.iter().map(|(_, weight)| weight).sum::<f64>() / 2.0;
+    let half = |(_, weight): &&(f64, f64)| {
+        rest -= weight;
+        rest <= 0.0
+    };
+    errors.iter().find(half).map_or(0.0, |(error, _)| *error)
 }
 
 fn squared_residual(alignment: &Alignment, pair: &PointPair) -> f64 {

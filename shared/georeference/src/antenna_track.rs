@@ -12,7 +12,7 @@ const N_SIDE: usize = 4;
 const N: usize = 2 * N_SIDE + 1;
 
 /// Positions of the antenna in odom axes, from a second before a fix to a second after it.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct AntennaTrack {
     /// At the fix, m.
     antenna_in_odom: Point3<f64>,

@@ -155,8 +155,12 @@ impl UsedFix {
             sigma_m: [sigma, sigma, VERTICAL_FACTOR * sigma],
             sigma_above_m: VERTICAL_FACTOR * sigma,
             share: self.pause_s / ERROR_CORRELATION_S * pace,
-            tolerance_m: if self.receiver.is_by_carrier() { CARRIER_TOLERANCE_M } else { CODE_TOLERANCE_M } * self.hdop,
+            tolerance_m: self.tolerance_m(),
         }
+    }
+    /// Fixes this close to the result are never outliers, m.
+    pub fn tolerance_m(&self) -> f64 {
+        self.hdop * if self.receiver.is_by_carrier() { CARRIER_TOLERANCE_M } else { CODE_TOLERANCE_M }
     }
     /// The velocity as a measurement of its submap.
     pub fn horizontal_velocity(&self, late_s: f64, odom_from_submap: &Pose) -> Option<HorizontalVelocity> {
@@ -209,5 +213,16 @@ impl Fixes {
     }
     pub fn used(&self) -> &[UsedFix] {
         &self.used
+    }
+}
+
+#[cfg(test)]
+impl UsedFix {
+    /// At a second and a dilution, for tests of the errors.
+    pub fn for_test(second: i64, hdop: f64, by_carrier: bool) -> Self {
+        let receiver = if by_carrier { ReceiverClass::CarrierFixed } else { ReceiverClass::CorrectedCode };
+        let antenna = AntennaTrack::default();
+        let (p_in_world, velocity, pause_s) = (Point3::origin(), None, 1.0);
+        Self { stamp: second * 1_000_000_000, hdop, receiver, submap: 0, antenna, p_in_world, velocity, pause_s }
     }
 }

@@ -5,7 +5,7 @@
 //! 3. The place of that shape that agrees with the most fixes.
 //! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between.
 
-use crate::deviations::add_common_errors;
+use crate::deviations::judge;
 use crate::fixes::UsedFix;
 use crate::receiver_clock::{ReceiverDelay, receiver_delay, yaw_by_velocities};
 use crate::receiver_errors::correct_positions;
@@ -90,7 +90,7 @@ fn solve(
         poses.clone_from(&solution.poses);
         last = Some(solution);
     }
-    let mut solution = last.filter(|solution| Solution::n_inliers(&solution.position_weights) > 0)?;
-    add_common_errors(&mut solution, fixes, &graph.positions);
-    Some(solution)
+    let mut solution = last?;
+    judge(&mut solution, fixes, &graph.positions);
+    (Solution::n_inliers(&solution.position_weights) > 0).then_some(solution)
 }
