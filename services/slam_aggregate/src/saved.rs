@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 7;
+pub(crate) const STATE_VERSION: u32 = 8;
 
 /// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings) and up to
 /// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the

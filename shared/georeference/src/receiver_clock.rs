@@ -47,9 +47,14 @@ pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     let n_side = (AntennaTrack::HALF_SPAN_S / STEP_S).round() as i32;
     let costs: Vec<f64> = (-n_side..=n_side).map(|k| cost(&fixes, f64::from(k) * STEP_S)).collect();
     let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
+    if best == 0 || best == costs.len() - 1 {
+        // The range ends before the best delay. Without velocities that change, all delays cost about the same.
+        let is_better = costs[n_side as usize] - costs[best] > MIN_SIGNIFICANCE.powi(2);
+        let late_s = AntennaTrack::HALF_SPAN_S * if best == 0 { -1.0 } else { 1.0 };
+        return is_better.then_some(ReceiverDelay { late_s, sigma_s: AntennaTrack::HALF_SPAN_S });
+    }
     // A parabola through the best and its neighbors.
-    let middle = best.clamp(1, costs.len() - 2);
-    let [before, at, after] = [costs[middle - 1], costs[middle], costs[middle + 1]];
+    let [before, at, after] = [costs[best - 1], costs[best], costs[best + 1]];
     let curvature = before - 2.0 * at + after;
     if curvature <= 0.0 {
         return None;
@@ -58,7 +63,7 @@ pub(crate) fn receiver_delay(fixes: &[UsedFix]) -> Option<ReceiverDelay> {
     // A cost that is larger than the number of its components shows larger errors of the velocities.
     let per_component = (costs[best] / (2.0 * fixes.len() as f64)).max(1.0);
     let sigma_s = STEP_S * (2.0 * per_component / curvature).sqrt();
-    let delay = ReceiverDelay { late_s: (middle as f64 + shift - f64::from(n_side)) * STEP_S, sigma_s };
+    let delay = ReceiverDelay { late_s: (best as f64 + shift - f64::from(n_side)) * STEP_S, sigma_s };
     delay.is_significant().then_some(delay)
 }
 

@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn independent_errors_get_larger_deviations_and_average_out() {
-        let noise = |second: i64| (second, (second * 7919 % 13) as f64 - 6.0);
+        let noise = |second: i64| (second, 3.7 * gauss(77, second));
         let fixes: Vec<(i64, f64)> = (0..50).map(noise).collect();
         for ((_, before), after) in fixes.iter().zip(errors(&fixes)) {
             assert!((before - after).abs() < 1e-9);

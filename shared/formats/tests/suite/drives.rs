@@ -147,7 +147,7 @@ fn faults_of_all_kinds_are_reported_at_once() {
 fn all_missing_fields_are_reported() {
     // Two texts, because the first 20 problems are reported.
     for (text, expected) in [
-        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 2]),
+        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 1]),
         ("[[mosaic]]\n[gnss]\n[imu]\n", [1, 1, 1, 0, 12, 3, 1, 0]),
     ] {
         let folder = drive(text);

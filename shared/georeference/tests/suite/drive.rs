@@ -10,8 +10,8 @@ use registration::{Matched, PredictionSources, Registered, SweepMotion};
 pub const SECONDS: i64 = 120;
 const SWEEP_NANOS: i64 = 100_000_000;
 const ANTENNA: [f64; 3] = [-1.2, 0.3, 1.75];
-/// Drift of the heading of the odometry, rad/s: 0.7 degrees at the end.
-const DRIFT_RAD_PER_S: f64 = 1e-4;
+/// Drift of the heading of the odometry, rad/s: 0.2 degrees at the end.
+const DRIFT_RAD_PER_S: f64 = 3e-5;
 
 pub fn origin() -> Geodetic {
     Geodetic::new(48.846_222, 2.346_414, 104.6).unwrap()
