@@ -249,8 +249,19 @@ fn dump(folder: &str, simulation: &Simulation, rows: &[GnssRow]) -> Result<(), B
         let e = p - t;
         text += &format!(
             "{:.1},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3},{:.2},{},{:.3},{:.3},{:.3},{:.3}\n",
-            stamp.seconds_since(simulation.motion.begin), e.x, e.y, e.z, t.x, t.y, t.z, row.hdop, row.satellites, row.speed_mps,
-            row.course_deg, v.x, v.y
+            stamp.seconds_since(simulation.motion.begin),
+            e.x,
+            e.y,
+            e.z,
+            t.x,
+            t.y,
+            t.z,
+            row.hdop,
+            row.satellites,
+            row.speed_mps,
+            row.course_deg,
+            v.x,
+            v.y
         );
     }
     std::fs::write(format!("{folder}/{}_{}.csv", simulation.spec.seed, simulation.spec.seconds), text)?;

@@ -55,10 +55,7 @@ impl AntennaTrack {
         let (p, q) = (self.displacement(k), self.displacement(k + 1));
         let (v, w) = (self.tangent(k), self.tangent(k + 1));
         let (s, s2, s3) = (share, share * share, share * share * share);
-        let off = p * (2.0 * s3 - 3.0 * s2 + 1.0)
-            + v * (s3 - 2.0 * s2 + s)
-            + q * (3.0 * s2 - 2.0 * s3)
-            + w * (s3 - s2);
+        let off = p * (2.0 * s3 - 3.0 * s2 + 1.0) + v * (s3 - 2.0 * s2 + s) + q * (3.0 * s2 - 2.0 * s3) + w * (s3 - s2);
         self.antenna_in_odom + off
     }
 

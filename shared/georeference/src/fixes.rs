@@ -198,7 +198,8 @@ impl Fixes {
         let n_ready = self.pending.iter().take_while(|fix| fix.stamp <= end).count();
         for Fix { stamp, place, hdop, receiver, velocity } in self.pending.drain(..n_ready) {
             let pause = self.used.last().map_or(i64::MAX, |last| stamp.saturating_sub(last.stamp));
-            let (Some(antenna), Some((submap, _))) = (AntennaTrack::new(path, stamp, antenna_in_body), submap_at(stamp))
+            let (Some(antenna), Some((submap, _))) =
+                (AntennaTrack::new(path, stamp, antenna_in_body), submap_at(stamp))
             else {
                 continue;
             };

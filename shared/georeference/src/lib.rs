@@ -36,5 +36,5 @@ mod recent_path;
 pub use alignment::{Alignment, PointPair, align_odometry};
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
 pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
-pub use receiver_clock::ReceiverDelay;
 pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};
+pub use receiver_clock::ReceiverDelay;

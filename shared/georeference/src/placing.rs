@@ -54,7 +54,8 @@ fn start(
     odom_from_submap: &[Pose],
     yaw: Option<f64>,
 ) -> Option<(f64, Vec<Pose>)> {
-    let about_z = |yaw| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw));
+    let about_z =
+        |yaw| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw));
     let turned: Vec<Pose> = odom_from_submap.iter().map(|pose| about_z(yaw.unwrap_or(0.0)) * pose).collect();
     let gauge = match (yaw.is_some(), graph.up_directions.is_empty()) {
         (true, _) => Gauge::FirstPosition,
