@@ -95,9 +95,6 @@ fn place(seed: u64, seconds: f64, fault: &str) -> Result<Option<Score>, Box<dyn 
         max_keyframes: 10,
     };
     let rows = fixes(&simulation, fault, seed);
-    if let Ok(folder) = std::env::var("DUMP") {
-        dump(&folder, &simulation, &rows)?;
-    }
     let truth = |nanos: i64| simulation.motion.pose_at(simulation.motion.begin.plus_nanos(nanos));
     let samples = simulation.imu_samples().unwrap_or_default();
     let imu_row = |sample: &formats::imu::ImuSample| ImuRow {
@@ -234,36 +231,4 @@ fn score(placed: &Placed, truth: &[Pose]) -> Score {
         summary: format!("mean error {:.2} {:.2} {:.2}", off.x, off.y, off.z),
         fixes: [placed.fixes.n, placed.fixes.n_used],
     }
-}
-
-fn dump(folder: &str, simulation: &Simulation, rows: &[GnssRow]) -> Result<(), Box<dyn Error>> {
-    let frame = LocalFrame::new(ORIGIN);
-    let antenna = Point3::from(simulation.rig.gnss.map_or([0.0; 3], |gnss| gnss.antenna_in_body));
-    let mut text = String::new();
-    for row in rows {
-        let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m).ok_or("a place")?;
-        let p = frame.world_from_geodetic(&place);
-        let stamp = Stamp(row.stamp);
-        let t = simulation.motion.pose_at(stamp) * antenna;
-        let v = simulation.motion.velocity_of(&antenna, stamp.seconds_since(simulation.motion.begin));
-        let e = p - t;
-        text += &format!(
-            "{:.1},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3},{:.2},{},{:.3},{:.3},{:.3},{:.3}\n",
-            stamp.seconds_since(simulation.motion.begin),
-            e.x,
-            e.y,
-            e.z,
-            t.x,
-            t.y,
-            t.z,
-            row.hdop,
-            row.satellites,
-            row.speed_mps,
-            row.course_deg,
-            v.x,
-            v.y
-        );
-    }
-    std::fs::write(format!("{folder}/{}_{}.csv", simulation.spec.seed, simulation.spec.seconds), text)?;
-    Ok(())
 }
