@@ -69,7 +69,8 @@ struct UtmOrigin {
     zone: String,
     easting_m: f64,
     northing_m: f64,
-    /// Meridian convergence: angle from grid north to the y axis of the local frame, clockwise, deg.
+    /// Meridian convergence with the sign of PROJ: angle from true north (the y axis of the local frame) to grid north, clockwise,
+    /// deg. Positive west of the central meridian in the southern hemisphere and east of it in the northern one.
     convergence_deg: f64,
 }
 
@@ -190,7 +191,7 @@ impl UtmOrigin {
             zone: format!("{}{}", utm.zone(), utm.hemisphere()),
             easting_m,
             northing_m,
-            convergence_deg: (east - easting_m).atan2(north - northing_m).to_degrees(),
+            convergence_deg: -(east - easting_m).atan2(north - northing_m).to_degrees(),
         })
     }
 }

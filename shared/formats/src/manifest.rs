@@ -158,7 +158,9 @@ pub struct TruthEntry {
     pub trajectory: String,
     /// Folder with one SemanticKITTI file per sweep, `<seq, 6 digits>.label`: a u32 per return in firing order, low 16 bits class,
     /// high 16 bits instance.
-    pub labels: String,
+    /// Optional: a trajectory alone is ground truth, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<String>,
     /// File with the true mountings ([`Calibration`]). The mountings in the manifest have measurement errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,

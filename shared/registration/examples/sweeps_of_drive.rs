@@ -134,7 +134,10 @@ fn pose_at(truth: &Trajectory, sweep: &SweepInfo, nanos: u32) -> anyhow::Result<
 /// The instance of each return of a labelled drive.
 fn instances(drive: &Drive, sweep: &SweepInfo, n_returns: usize) -> anyhow::Result<Vec<u16>> {
     let truth = drive.manifest().truth.as_ref().context("the drive has no truth")?;
-    let path = drive.folder().join(&truth.labels).join(format!("{:06}.label", sweep.seq));
+    let path = drive
+        .folder()
+        .join(truth.labels.as_ref().context("the drive has no labels")?)
+        .join(format!("{:06}.label", sweep.seq));
     let labels = formats::kitti::labels_from_bytes(&fs::read(&path).with_context(|| path.display().to_string())?)?;
     anyhow::ensure!(labels.len() == n_returns, "{}: {} labels for {n_returns}", path.display(), labels.len());
     Ok(labels.iter().map(|label| label.instance).collect())

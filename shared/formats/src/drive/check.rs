@@ -305,7 +305,9 @@ impl Check<'_> {
 
     fn truth(&mut self, entry: &TruthEntry) {
         self.file("truth.trajectory", &entry.trajectory);
-        self.folder("truth.labels", &entry.labels);
+        if let Some(name) = &entry.labels {
+            self.folder("truth.labels", name);
+        }
         if let Some(name) = &entry.calibration {
             self.file("truth.calibration", name);
         }

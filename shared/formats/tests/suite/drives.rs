@@ -65,6 +65,16 @@ fn valid_folder_lists_files_by_stamp() {
 }
 
 #[test]
+fn truth_of_a_trajectory_alone_is_accepted() {
+    let folder = drive(&format!("{GOOD}\n[truth]\ntrajectory = \"truth.txt\"\n"));
+    fs::write(folder.path().join("truth.txt"), "0.0 1 2 3 0 0 0 1\n").expect("writes");
+    let drive = Drive::open(folder.path()).expect("opens");
+    assert!(drive.true_trajectory().is_some_and(|truth| truth.is_ok()));
+    let error = drive.true_labels().expect_err("has no labels");
+    assert!(error.to_string().contains("labels"), "{error}");
+}
+
+#[test]
 fn every_fault_is_reported_with_its_line() {
     let text = GOOD
         .replace("version = 1", "version = 9")
@@ -147,7 +157,7 @@ fn faults_of_all_kinds_are_reported_at_once() {
 fn all_missing_fields_are_reported() {
     // Two texts, because the first 20 problems are reported.
     for (text, expected) in [
-        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 2]),
+        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 1]),
         ("[[mosaic]]\n[gnss]\n[imu]\n", [1, 1, 1, 0, 12, 3, 1, 0]),
     ] {
         let folder = drive(text);

@@ -31,7 +31,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         },
         truth: Some(TruthEntry {
             trajectory: TRAJECTORY_FILE.into(),
-            labels: "truth/labels".into(),
+            labels: Some("truth/labels".into()),
             calibration: Some(CALIBRATION_FILE.into()),
             gnss: gnss.as_ref().map(|_| GNSS_TRUTH_FILE.into()),
         }),
