@@ -4,7 +4,7 @@
   python3 -m venv venv && venv/bin/pip install kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 rko_lio==0.4.0 numpy scipy pillow
   cargo build --release -p registration --examples && cargo build --release -p replica
   venv/bin/python benches/peers/odometry_table.py                        everything
-  venv/bin/python benches/peers/odometry_table.py --short                drives of 12 s, to try it
+  venv/bin/python benches/peers/odometry_table.py --seconds 12           short drives, to try it
   venv/bin/python benches/peers/odometry_table.py --drives durlacher,muehlburger_0_340 --methods replica --no-map
 
 Each method runs on one core, with the same settings on all drives: KISS-ICP, GenZ-ICP and RKO-LIO with the defaults that they have
@@ -131,7 +131,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drives", help="names, separated by commas; default: all")
     parser.add_argument("--methods", default=",".join([*OURS, *PEERS]))
-    parser.add_argument("--short", action="store_true", help="simulated drives of 12 s instead of 40 s")
+    parser.add_argument("--seconds", type=int, default=40, help="of the default simulated drives")
     parser.add_argument("--seed", type=int, default=501, help="of the default simulated drives")
     parser.add_argument("--odometry", default=str(drives.ROOT / "target/release/examples/odometry"), help="REPLICA's program to score")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="passed to it")
@@ -141,8 +141,7 @@ def main():
     parser.add_argument("--out", type=pathlib.Path, default=drives.ROOT / "target/odometry_table", help="poses, table.md, table.json")
     args = parser.parse_args()
     drives.cache = args.cache.resolve()
-    seconds = 12 if args.short else 40
-    names = args.drives.split(",") if args.drives else [f"{town}_{rig}_{args.seed}_{seconds}s" for town, rig in RIGS] + list(drives.REAL)
+    names = args.drives.split(",") if args.drives else [f"{town}_{rig}_{args.seed}_{args.seconds}s" for town, rig in RIGS] + list(drives.REAL)
     methods = args.methods.split(",")
     if unknown := [m for m in methods if m not in NAMES]:
         sys.exit(f"--methods: {unknown[0]} is not one of {', '.join(NAMES)}")
