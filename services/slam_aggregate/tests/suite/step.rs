@@ -273,7 +273,7 @@ fn imls_settings_are_checked_by_name() {
         field.map(|field| (field.default, field.rule)).unwrap()
     };
     let expected = |default: &str, rule: &str| (default.to_owned(), rule.to_owned());
-    assert_eq!(rule("odometry"), expected("\"scan_to_map\"", "must be one of \"scan_to_map\", \"imls\""));
+    assert_eq!(rule("odometry"), expected("\"scan_to_map\"", "must be one of scan_to_map, imls"));
     assert_eq!(rule("imls_samples"), expected("100", "must be between 10 and 10000"));
     assert_eq!(rule("imls_h_m"), expected("0.06", "must be between 0.02 and 0.5"));
     assert_eq!(rule("imls_radius_m"), expected("0.2", "must be between 0.05 and 0.5"));
