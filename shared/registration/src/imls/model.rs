@@ -101,7 +101,9 @@ impl Model {
         let n_old = self.keys.partition_point(|(sweep, _)| *sweep < oldest);
         let old: Vec<(u32, Vec<u64>)> = self.keys.drain(..n_old).collect();
         for (sweep, keys) in old {
-            keys.into_iter().for_each(|key| self.drop_sweep(key, sweep));
+            for key in keys {
+                self.drop_sweep(key, sweep);
+            }
         }
     }
 
