@@ -11,10 +11,11 @@ use messages::{
     GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Odometry, Registered, SensorMounting,
+    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered, SelectedOdometry, SensorMounting,
 };
 use stage::{
-    Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StateBytes, StepError, decode_head, next_message,
+    Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
+    next_message,
 };
 
 /// The stage; see the crate's page.
@@ -22,7 +23,7 @@ pub struct SlamAggregate {
     settings: Settings,
     mounting: SensorMounting,
     georeference: GeoreferenceSettings,
-    odometry: Odometry,
+    odometry: SelectedOdometry,
     /// The first sweep, until the second arrives.
     waiting: Option<Received<SweepTopic>>,
     open: Option<OpenSubmap>,
@@ -54,7 +55,7 @@ impl SlamAggregate {
             georeferencer: Georeferencer::new(&georeference),
             georeference,
             // The body frame at the first shot is the world.
-            odometry: Odometry::new(settings.odometry(mounting), body_from_lidar),
+            odometry: SelectedOdometry::new(settings.odometry(mounting), settings.algorithm(), body_from_lidar),
             waiting: None,
             open: None,
             saved_submap: None,
@@ -175,6 +176,12 @@ impl Stage for SlamAggregate {
         vec![Port::of::<SubmapTopic>(), Port::of::<TrajectoryTopic>(), Port::of::<PlacementTopic>()]
     }
 
+    fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
+        let is_cut = settings.imls_h_m > settings.imls_radius_m;
+        let text = "must be at most imls_radius_m: the weights of the surface end at the radius";
+        is_cut.then(|| Problem::of_key("imls_h_m", text)).into_iter().collect()
+    }
+
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let manifest = match context.mode {
             Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
@@ -271,7 +278,8 @@ impl Stage for SlamAggregate {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
-        self.odometry = Odometry::load(self.settings.odometry(self.mounting), saved.odometry);
+        let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
+        self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;

@@ -1,6 +1,7 @@
 //! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
-//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the LiDAR only
-//! (urban, suburban, rural, field, tunnel). The simulated drive itself is deleted.
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
+//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file). The simulated drive itself is
+//! deleted.
 
 mod folder;
 
@@ -11,7 +12,7 @@ use formats::velodyne::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use raytrace::Ray;
 use registration::GroundVelocity;
-use simulation::{DriveSpec, Simulation, Town};
+use simulation::{DriveSettings, DriveSpec, Simulation};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -19,13 +20,15 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--simulate", town, seed, seconds, out] => {
-            let town = Town::ALL
-                .into_iter()
-                .find(|kind| kind.name() == *town)
-                .with_context(|| format!("unknown town {town}"))?;
-            let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
-            let spec = DriveSpec { town, cameras: false, mosaics: false, ..spec };
+        ["--simulate", town, seed, seconds, out, rig @ ..] => {
+            let rig = match rig {
+                [] => DriveSettings::default().rig,
+                ["--rig", rig] => (*rig).to_owned(),
+                _ => anyhow::bail!("usage: sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]"),
+            };
+            let (town, seed, seconds) = ((*town).to_owned(), seed.parse()?, seconds.parse()?);
+            let spec = DriveSettings { town, seed, seconds, rig, ..DriveSettings::default() }.spec()?;
+            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
             fs::create_dir_all(out)?;
             simulation::write_drive(&spec, &drive, &mut |_| {})?;

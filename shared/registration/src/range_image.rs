@@ -76,6 +76,14 @@ impl RangeImage {
         }
         image
     }
+    /// The same cells with other positions, by the index of their point, m.
+    pub(crate) fn moved(&self, position: impl Fn(usize) -> [f32; 3]) -> Self {
+        let mut image = self.clone();
+        for cell in image.cells.iter_mut().filter(|cell| cell.point != EMPTY) {
+            cell.position = position(cell.point as usize);
+        }
+        image
+    }
     /// The column of a direction.
     #[inline(always)]
     pub(crate) fn column(x: f32, y: f32) -> usize {
