@@ -38,6 +38,7 @@ mod odometry;
 mod past_ranges;
 mod point;
 mod range_image;
+mod ring_order;
 mod sampling;
 mod selected;
 mod sensors;
