@@ -45,7 +45,9 @@ def cloud(folder, rotations, positions, first, count, max_range):
     parts = []
     for i in range(max(first, 1), min(first + count, len(positions))):
         points = np.fromfile(f"{folder}/velodyne/{i:06}.bin", np.float32).reshape(-1, 4)[:, :3].astype(float)
-        times = np.load(f"{folder}/times/{i:06}.npy")
+        times_at = f"{folder}/times/{i:06}.npy"
+        # Without point times a sweep is rigid.
+        times = np.load(times_at) if os.path.exists(times_at) else np.ones(len(points))
         share = (times / times.max())[:, None]
         keep = np.linalg.norm(points, axis=1) < max_range
         if os.path.exists(f"{folder}/moving/{i:06}.npy"):

@@ -1,0 +1,124 @@
+"""Drives for odometry_table.py as folders of sweeps (layout: shared/registration/examples/folder/mod.rs), in a cache.
+
+Real ones are converted from $REPLICA_DATA (default: ../shared/data beside the checkout). Simulated ones are made by the example
+`sweeps_of_drive` and made again if the simulator has changed since (git trees of its crates).
+"""
+import glob, os, pathlib, shutil, subprocess, sys
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DATA = pathlib.Path(os.environ.get("REPLICA_DATA", ROOT / "../shared/data"))
+SIMULATOR = ["shared/simulation", "shared/town", "shared/raytrace", "shared/registration/examples/sweeps_of_drive.rs"]
+
+
+def annieway(name, timed=False):
+    def make(folder):
+        subprocess.run([sys.executable, DATA / "annieway/to_bin.py", name, folder] + ["--times"] * timed, check=True)
+    return DATA / "annieway" / name, make
+
+
+def part(of, first, last):
+    """Sweeps `first` to `last` of another drive, as links."""
+    def make(folder):
+        whole, kinds = prepared(of), ["velodyne", "times"]
+        for kind in [kind for kind in kinds if (whole / kind).is_dir()]:
+            (folder / kind).mkdir()
+            for number, file in enumerate(sorted((whole / kind).iterdir())[first:last + 1]):
+                (folder / kind / f"{number:06}{file.suffix}").symlink_to(file)
+    return REAL[of][0], make
+
+
+def kitti_0048():
+    def make(folder):
+        (folder / "velodyne").mkdir()
+        for number, file in enumerate(sorted((DATA / "kitti_raw_0048").glob("*.pcd"))):
+            header, rows = file.read_bytes().split(b"DATA binary\n", 1)
+            assert b"FIELDS x y z intensity" in header, file
+            n_points = int(header.split(b"POINTS ")[1].split()[0])
+            (folder / f"velodyne/{number:06}.bin").write_bytes(rows[:16 * n_points])
+    return DATA / "kitti_raw_0048", make
+
+
+def kitti_00():
+    def make(folder):
+        (folder / "velodyne").mkdir()
+        lines = (DATA / "kitti00/poses_00_velodyne_frame.txt").read_text().splitlines()
+        numbers = [94, 95]
+        for to, number in enumerate(numbers):
+            shutil.copy(DATA / f"kitti00/{number:06}.bin", folder / f"velodyne/{to:06}.bin")
+        (folder / "poses.txt").write_text("".join(lines[number] + "\n" for number in numbers))
+    return DATA / "kitti00", make
+
+
+# Name: source, and what makes the folder. `_timed`: point times from the columns; peers and REPLICA deskew.
+REAL = {}
+REAL["muehlburger"] = annieway("muehlburger")
+REAL["muehlburger_0_340"] = part("muehlburger", 0, 340)
+REAL["muehlburger_timed"] = annieway("muehlburger", timed=True)
+REAL["durlacher"] = annieway("durlacher")
+REAL["durlacher_timed"] = annieway("durlacher", timed=True)
+REAL["kitti_0048"] = kitti_0048()
+REAL["kitti_00"] = kitti_00()
+
+FLAT_ROAD = ["muehlburger"]
+
+
+def simulated(name):
+    """TOWN_RIG_SEED_SECONDSs: its parts; None if the name is not of this form."""
+    parts = name.split("_")
+    if len(parts) == 4 and parts[3].endswith("s") and parts[2].isdigit() and parts[3][:-1].isdigit():
+        return parts[0], parts[1], parts[2], parts[3][:-1]
+    return None
+
+
+def simulator_version():
+    found = subprocess.run(["git", "-C", ROOT, "rev-parse", *(f"HEAD:{path}" for path in SIMULATOR)], capture_output=True, text=True)
+    return found.stdout
+
+
+cache = ROOT / "target/odometry_drives"
+
+
+def prepared(name):
+    """The folder of a drive; None if its source is absent."""
+    folder, partial = cache / name, cache / f"{name}.partial"
+    drive = simulated(name)
+    version = simulator_version() if drive else "1"
+    marker = folder / "version.txt"
+    if marker.exists() and marker.read_text() == version:
+        return folder
+    for old in (folder, partial):
+        shutil.rmtree(old, ignore_errors=True)
+    partial.mkdir(parents=True)
+    if drive:
+        town, rig, seed, seconds = drive
+        program = ROOT / "target/release/examples/sweeps_of_drive"
+        subprocess.run([program, "--simulate", town, seed, seconds, partial, "--rig", rig], check=True)
+    else:
+        if name not in REAL:
+            sys.exit(f"{name}: neither TOWN_RIG_SEED_SECONDSs nor one of {', '.join(REAL)}")
+        source, make = REAL[name]
+        if not source.is_dir():
+            return None
+        make(partial)
+    (partial / "version.txt").write_text(version)
+    partial.rename(folder)
+    return folder
+
+
+def ins_distance(name):
+    """Distance from the first pose to the last by the INS of the recording, m; None without INS."""
+    path = DATA / "annieway" / name.removesuffix("_timed") / "ins.csv"
+    if not path.exists():
+        return None
+    rows = [line.split(";") for line in path.read_text().splitlines() if line[:4].isdigit()]
+    place = np.array([row[-4:-1] for row in rows], float)
+    return float(np.linalg.norm(place[-1] - place[0]))
+
+
+def reference_end(name):
+    """Mean end point of the reference trajectories of a recording without ground truth; None without them."""
+    if name != "kitti_0048":
+        return None
+    ends = [np.loadtxt(path).reshape(-1, 3, 4)[-1, :, 3] for path in sorted(glob.glob(str(DATA / "kitti_raw_0048/ref_traj_*.txt")))]
+    return np.mean(ends, axis=0) if ends else None
