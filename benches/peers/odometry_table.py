@@ -4,13 +4,13 @@
   python3 -m venv venv && venv/bin/pip install kiss-icp==1.3.0 small_gicp==1.0.1 genz-icp==0.3.2 rko_lio==0.4.0 numpy scipy pillow
   cargo build --release -p registration --examples && cargo build --release -p replica
   venv/bin/python benches/peers/odometry_table.py                        everything
-  venv/bin/python benches/peers/odometry_table.py --short                drives of 12 s, to try it
+  venv/bin/python benches/peers/odometry_table.py --seconds 12           short drives, to try it
   venv/bin/python benches/peers/odometry_table.py --drives durlacher,muehlburger_0_340 --methods replica --no-map
 
 Each method runs on one core, with the same settings on all drives: KISS-ICP, GenZ-ICP and RKO-LIO with the defaults that they have
 for a range of 100 m, small_gicp's VGICP tuned (voxels of 0.5 m, 20 neighbors), REPLICA with its defaults ("replica") and as
 the paper's IMLS-SLAM ("imls"). Drives: see odometry_drives.py; simulated ones are TOWN_RIG_SEED_SECONDSs. They are kept in
---cache; a second run does not simulate again.
+--cache; a second run does not simulate again. Nor does it run other programs again whose results --out has.
 
 drift        translation and rotation over segments of 100, 200, ... 800 m (KITTI), or of 1/4, 1/2, 3/4 of a path below 100 m
 1 s          error of the motion over ten sweeps, root mean square
@@ -36,23 +36,27 @@ NAMES = dict(replica="REPLICA", imls="IMLS-SLAM (paper)", kiss="KISS-ICP 1.3.0",
 
 
 def run(name, folder, methods, args):
-    """Rows by method: scores and costs of one drive."""
+    """Rows by method: scores and costs of one drive. Rows of other programs that --out already has are kept."""
     out = args.out / name
     out.mkdir(parents=True, exist_ok=True)
+    kept_path = out / "rows.json"
+    kept = json.loads(kept_path.read_text()) if kept_path.exists() and not args.again else {}
+    rows = {m: row for m, row in kept.items() if m in PEERS}
     command = [sys.executable, HERE / "odometry.py", folder, "--out", out, "--max-range", "100", "--sg-voxel", "0.5", "--sg-k", "20",
-               "--methods", ",".join(f"{m}-1" for m in methods if m in PEERS)]
+               "--methods", ",".join(f"{m}-1" for m in methods if m in PEERS and m not in rows)]
     for m in [m for m in methods if m in OURS]:
         options = OURS[m] + "".join(f" --set {pair}" for pair in args.set)
         command += ["--external-cmd", f"{m}={args.odometry} {{scans}} {{out}}{options}"]
     found = subprocess.run(command, stdout=subprocess.PIPE, text=True)
     if found.returncode:
         sys.exit(f"{name}: odometry.py failed")
-    rows = {row["method"].removesuffix("-1"): row for row in json.loads((out / "summary.json").read_text())}
+    rows |= {row["method"].removesuffix("-1"): row for row in json.loads((out / "summary.json").read_text())}
+    kept_path.write_text(json.dumps(kept | rows, indent=1))
     has_truth = (folder / "poses.txt").exists()
     files = sweep_files(folder)
     for method, row in rows.items():
-        path = next((p for p in (out / f"{method}-1.txt", out / f"{method}.txt") if p.exists()), None)
-        if "absent" in row or path is None:
+        path = out / (f"{method}-1.txt" if method in PEERS else f"{method}.txt")
+        if "absent" in row or not path.exists():
             continue
         row["poses"] = str(path)
         if not has_truth:
@@ -131,18 +135,18 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drives", help="names, separated by commas; default: all")
     parser.add_argument("--methods", default=",".join([*OURS, *PEERS]))
-    parser.add_argument("--short", action="store_true", help="simulated drives of 12 s instead of 40 s")
+    parser.add_argument("--seconds", type=int, default=40, help="of the default simulated drives")
     parser.add_argument("--seed", type=int, default=501, help="of the default simulated drives")
     parser.add_argument("--odometry", default=str(drives.ROOT / "target/release/examples/odometry"), help="REPLICA's program to score")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="passed to it")
     parser.add_argument("--replica", default=str(drives.ROOT / "target/release/replica"), help="for the thickness of walls")
     parser.add_argument("--no-map", dest="map", action="store_false", help="without the thickness of walls")
+    parser.add_argument("--again", action="store_true", help="run other programs again on drives of which --out has their results")
     parser.add_argument("--cache", type=pathlib.Path, default=drives.cache)
     parser.add_argument("--out", type=pathlib.Path, default=drives.ROOT / "target/odometry_table", help="poses, table.md, table.json")
     args = parser.parse_args()
     drives.cache = args.cache.resolve()
-    seconds = 12 if args.short else 40
-    names = args.drives.split(",") if args.drives else [f"{town}_{rig}_{args.seed}_{seconds}s" for town, rig in RIGS] + list(drives.REAL)
+    names = args.drives.split(",") if args.drives else [f"{town}_{rig}_{args.seed}_{args.seconds}s" for town, rig in RIGS] + list(drives.REAL)
     methods = args.methods.split(",")
     if unknown := [m for m in methods if m not in NAMES]:
         sys.exit(f"--methods: {unknown[0]} is not one of {', '.join(NAMES)}")

@@ -1,6 +1,6 @@
 //! Programs, models and other files that change under a run: it does not continue with another content than it began with.
 
-use replica_tests::{Launch, Running, binary, gate, is_alive, undisturbed, wait_for};
+use replica_tests::{Launch, Running, binary, gate, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
 use std::path::{Path, PathBuf};
 
@@ -46,12 +46,7 @@ fn end(mut running: Running) -> (Option<i32>, String) {
 #[test]
 fn resume_with_another_program_or_manifest_is_refused_and_names_the_file() {
     let launch = launch(&gate(203));
-    let running = launch.start();
-    launch.wait_for_barrier(20);
-    let stages = STAGES.map(|stage| running.stage(stage));
-    running.kill(true);
-    wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
-    launch.open_gate();
+    launch.kill_at_barrier(20, &STAGES);
     for file in [relay_of(&launch), launch.folder().join("drive.toml")] {
         let before = change(&file);
         let (code, text) = end(launch.start_again(&["--resume"]));

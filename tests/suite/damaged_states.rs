@@ -1,7 +1,7 @@
 //! State files that a crash, a disk or a user has damaged: `--resume` reports them and continues from the barrier before, and
 //! the result is that of an undisturbed run.
 
-use replica_tests::{Launch, gate, is_alive, undisturbed, wait_for};
+use replica_tests::{Launch, gate, undisturbed, wait_for};
 use rustix::process::{Signal, kill_process};
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,7 @@ const STAGES: [&str; 3] = ["source", "relay", "sink"];
 /// A run that was killed with its supervisor in the middle of the drive.
 fn killed() -> Launch {
     let launch = Launch::of_misbehaving("", SOURCE, &gate(203));
-    let running = launch.start();
-    launch.wait_for_barrier(20);
-    let stages = STAGES.map(|stage| running.stage(stage));
-    running.kill(true);
-    wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
-    launch.open_gate();
+    launch.kill_at_barrier(20, &STAGES);
     launch
 }
 

@@ -15,6 +15,7 @@ mod misbehaving_stages;
 mod observers;
 mod output_folder;
 mod pipeline;
+mod power_loss;
 mod recorder;
 mod recordings;
 mod resources;

@@ -3,7 +3,7 @@
 
 use formats::recording::RecordingReader;
 use replica_tests::swaps::{started, stop, wait_for_two_barriers};
-use replica_tests::{Launch, binary, output_text, wait_for};
+use replica_tests::{Launch, binary, lidar_pipeline, long_drive, output_text, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -23,9 +23,14 @@ struct Recorder {
 impl Recorder {
     /// Starts it with these arguments and waits until it is attached.
     fn attached(launch: &Launch, arguments: &[&str]) -> Self {
-        let file = launch.folder().join("recorded.mcap");
+        Self::of_topics(launch, arguments, &TOPICS)
+    }
+    /// As [`Recorder::attached`], of other topics.
+    fn of_topics(launch: &Launch, arguments: &[&str], topics: &[&str]) -> Self {
+        let topics = topics.join(",");
+        let file = launch.folder().join(format!("recorded {topics}.mcap"));
         let mut command = Command::new(binary("replica"));
-        command.arg("record").args(arguments).arg(&file).args(["--topics", &TOPICS.join(",")]).stdin(Stdio::null());
+        command.arg("record").args(arguments).arg(&file).args(["--topics", &topics]).stdin(Stdio::null());
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
         let mut line = String::new();
         BufReader::new(child.stdout.as_mut().expect("a pipe")).read_line(&mut line).expect("readable");
@@ -192,4 +197,26 @@ fn recording_of_a_failed_run_is_finished() {
     let (code, table) = inspected(&file);
     assert_eq!(code, Some(3), "{table}");
     assert!(!table.contains("cut at byte"), "{table}");
+}
+
+/// Both record the topic `placement`, which moves submaps and trajectory.
+#[test]
+fn recorders_of_submaps_and_of_the_trajectory_run_side_by_side() {
+    let launch = lidar_pipeline(&long_drive(), "");
+    let running = launch.start();
+    // No tick is published before both are attached.
+    let source = running.stage("acquire");
+    kill_process(source, Signal::STOP).expect("it lives");
+    let run = output_of(&launch);
+    let recorders = ["submap", "trajectory"].map(|topic| Recorder::of_topics(&launch, &[&run], &[topic]));
+    kill_process(source, Signal::CONT).expect("it lives");
+    assert_eq!(running.wait(), Some(0), "{}", launch.stderr());
+    for recorder in recorders {
+        let file = recorder.file.clone();
+        let output = recorder.finish();
+        assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
+        let (code, table) = inspected(&file);
+        assert_eq!(code, Some(0), "{table}");
+        assert!(table.contains("placement"), "{table}");
+    }
 }

@@ -1,7 +1,10 @@
 //! Recording and replay: a recording is complete whatever happens to the processes, does not change the result of the run, and
 //! its replay gives the same result.
 
-use replica_tests::{Launch, Running, binary, drive, gate, output_text, pipeline, result_files, undisturbed, wait_for};
+use replica_tests::{
+    Launch, RECORDED_VICTIMS, Random, Running, binary, drive, gate, kill_while_recording, long_drive, output_text,
+    pipeline, result_files, undisturbed, wait_for,
+};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -109,6 +112,15 @@ fn run_continues_without_its_recorder() {
     let inspected = replica(&["inspect"], &[&file]);
     assert_eq!(inspected.status.code(), Some(3), "{}", output_text(&inspected));
     assert!(String::from_utf8_lossy(&inspected.stdout).contains("recorded.mcap: cut at byte"));
+}
+
+#[test]
+fn killed_process_leaves_a_complete_recording_or_one_that_says_that_it_is_not() {
+    // One kill of each: a stage leaves the recording complete, the others need not.
+    let kills = kill_while_recording(&long_drive(), RECORDED_VICTIMS.len(), &mut Random::new(6));
+    println!("{kills:?}");
+    assert_eq!(kills.struck.len(), RECORDED_VICTIMS.len());
+    assert!(kills.complete >= 3, "{kills:?}");
 }
 
 #[test]

@@ -4,9 +4,10 @@
 //! | cfg | a test may |
 //! |---|---|
 //! | `mount_namespaces` | mount file systems in a namespace of its own (`unshare`) |
+//! | `user_file_systems` | mount file systems of its own there (`/dev/fuse`) |
 //! | `other_users` | start processes of another user |
 //!
-//! With `REPLICA_NAMESPACES=required` both are set, and a test that is not allowed to do so fails.
+//! With `REPLICA_NAMESPACES=required` all but `user_file_systems` are set, and a test that is not allowed to do so fails.
 
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
@@ -16,9 +17,14 @@ fn main() {
     println!("cargo::rerun-if-changed=tests/support/build.rs");
     println!("cargo::rerun-if-env-changed=REPLICA_NAMESPACES");
     let is_required = std::env::var("REPLICA_NAMESPACES").is_ok_and(|value| value == "required");
-    for (name, is_allowed) in [("mount_namespaces", may_mount()), ("other_users", may_become_another_user())] {
+    let allowed = [
+        ("mount_namespaces", may_mount()),
+        ("user_file_systems", may_mount() && may_serve_files()),
+        ("other_users", may_become_another_user()),
+    ];
+    for (name, is_allowed) in allowed {
         println!("cargo::rustc-check-cfg=cfg({name})");
-        if is_allowed || is_required {
+        if is_allowed || (is_required && name != "user_file_systems") {
             println!("cargo::rustc-cfg={name}");
         }
     }
@@ -31,6 +37,11 @@ fn may_mount() -> bool {
         let tried = Command::new("unshare").args([kind, "sh", "-c", &mount]).stderr(Stdio::null()).status();
         tried.is_ok_and(|status| status.success())
     })
+}
+
+/// The kernel's part is found out when a test mounts one.
+fn may_serve_files() -> bool {
+    std::fs::File::options().read(true).write(true).open("/dev/fuse").is_ok()
 }
 
 /// Only the superuser may, and the other user must be able to read the programs.

@@ -54,3 +54,9 @@ pub fn pipeline(drive: &Path, run: &str, infer: &str) -> Launch {
         patient(run)
     ))
 }
+
+/// Of [`pipeline`] the stages that need a LiDAR alone.
+pub fn lidar_pipeline(drive: &Path, run: &str) -> Launch {
+    let without = ["calibrate", "colorize", "infer", "instance"];
+    without.iter().fold(pipeline(drive, run, ""), |launch, stage| launch.with("--without").with(stage))
+}

@@ -33,7 +33,7 @@ impl Kills {
 
 /// When a process is killed.
 #[derive(Debug)]
-enum Moment {
+pub(crate) enum Moment {
     /// This many polls, a millisecond apart, after the last kill: during start-up, connecting, resuming, any state.
     Polls(u64),
     /// This many polls after a process of the victim exists.
@@ -45,7 +45,7 @@ enum Moment {
 }
 
 impl Moment {
-    fn seeded(random: &mut Random) -> Self {
+    pub(crate) fn seeded(random: &mut Random) -> Self {
         match random.index(5) {
             0 => Self::Polls(below(random, 300)),
             1 => Self::Started(below(random, 100)),
@@ -118,7 +118,7 @@ fn restarts(output_text: &str) -> usize {
 }
 
 /// Waits for the moment; `false` if the run has ended before it.
-fn await_moment(launch: &Launch, running: &mut Running, victim: &str, moment: &Moment) -> bool {
+pub(crate) fn await_moment(launch: &Launch, running: &mut Running, victim: &str, moment: &Moment) -> bool {
     let begun = Instant::now();
     let first_barrier = launch.newest_barrier().unwrap_or_default();
     let mut polls = 0;
@@ -127,7 +127,8 @@ fn await_moment(launch: &Launch, running: &mut Running, victim: &str, moment: &M
         let come = match moment {
             Moment::Polls(n) => polls >= *n,
             Moment::Started(n) => {
-                let is_there = victim == "supervisor" || victim == "all" || running.find_stage(victim).is_some();
+                let is_stage = !["supervisor", "all", "recorder"].contains(&victim);
+                let is_there = !is_stage || running.find_stage(victim).is_some();
                 countdown(&mut left, is_there, *n)
             }
             Moment::Barriers(n) => launch.newest_barrier().unwrap_or_default() >= first_barrier + n,

@@ -1,7 +1,7 @@
 //! Launch files and what their runs leave.
 
 use crate::processes::{find_domain, leftovers};
-use crate::{Running, binary, wait_for};
+use crate::{Running, binary, is_alive, wait_for};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -90,6 +90,15 @@ impl Launch {
     /// Starts and returns.
     pub fn start(&self) -> Running {
         self.start_again(&[])
+    }
+    /// Starts the program and kills it with its stages after a barrier; then opens the gate for the next run.
+    pub fn kill_at_barrier(&self, barrier: u64, stages: &[&str]) {
+        let running = self.start();
+        self.wait_for_barrier(barrier);
+        let stages: Vec<_> = stages.iter().map(|stage| running.stage(stage)).collect();
+        running.kill(true);
+        wait_for("the stages' end", || stages.iter().all(|stage| !is_alive(*stage)).then_some(()));
+        self.open_gate();
     }
     /// As [`Launch::start`] with further arguments.
     pub fn start_again(&self, arguments: &[&str]) -> Running {

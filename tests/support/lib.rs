@@ -5,17 +5,20 @@ mod drive;
 mod kills;
 mod launch;
 mod namespace;
+pub mod power_loss;
 mod processes;
+mod recorded_kills;
 mod running;
 mod shared;
 pub mod swaps;
 
-pub use drive::{ANY_DEVIATION, ANY_FIXES, drive, long_drive, pipeline, simulated_drive};
+pub use drive::{ANY_DEVIATION, ANY_FIXES, drive, lidar_pipeline, long_drive, pipeline, simulated_drive};
 pub use kills::{Kills, run_under_kills};
 pub use launch::{Launch, PATIENT, digest, gate, output_text, reported_seconds, result_files};
-pub use namespace::{mount_tmpfs, resize_tmpfs, runs_in_own_namespace};
+pub use namespace::{mount_tmpfs, resize_tmpfs, run_in_own_namespace, runs_in_own_namespace};
 pub use processes::{domain_of, is_alive, leftovers, processes_of};
 pub use random::Random;
+pub use recorded_kills::{RECORDED_VICTIMS, RecordedKills, kill_while_recording};
 pub use running::Running;
 pub use shared::{reference, undisturbed, undisturbed_lines};
 

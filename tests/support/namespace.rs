@@ -1,7 +1,7 @@
 //! Mounts that no other process sees: a test runs itself again in a mount namespace of its own.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 
 /// Set for the test inside the namespace.
 const INSIDE: &str = "REPLICA_TEST_IN_NAMESPACE";
@@ -17,6 +17,27 @@ pub fn runs_in_own_namespace(test: &str) -> bool {
     }
     // The test harness names a test without the crate.
     let test = test.split_once("::").map_or(test, |(_, test)| test);
+    let output = again_in_namespace()
+        .args(["--exact", test, "--nocapture", "--include-ignored"])
+        .output()
+        .expect("unshare starts");
+    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{test} has failed in its namespace:\n{stdout}{stderr}");
+    assert!(stdout.contains("1 passed"), "the test binary has no test {test}:\n{stdout}");
+    false
+}
+
+/// The same for a program that is no test: whether it runs in a namespace of its own; if not, its end in one, with the same
+/// arguments.
+pub fn run_in_own_namespace() -> Option<ExitStatus> {
+    if std::env::var_os(INSIDE).is_some() {
+        return None;
+    }
+    Some(again_in_namespace().args(std::env::args_os().skip(1)).status().expect("unshare starts"))
+}
+
+/// This program, without arguments, in a mount namespace of its own.
+fn again_in_namespace() -> Command {
     // As the superuser; or as the root of a user namespace.
     let kinds = ["-m", "-rm"];
     let allowed = |kind: &&&str| {
@@ -25,18 +46,9 @@ pub fn runs_in_own_namespace(test: &str) -> bool {
         tried.is_ok_and(|status| status.success())
     };
     let kind = kinds.iter().find(allowed).expect("no mount namespace can be made here (unshare)");
-    let own = std::env::current_exe().expect("a test has a path");
-    let output = Command::new("unshare")
-        .arg(kind)
-        .arg(own)
-        .args(["--exact", test, "--nocapture", "--include-ignored"])
-        .env(INSIDE, "1")
-        .output()
-        .expect("unshare starts");
-    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{test} has failed in its namespace:\n{stdout}{stderr}");
-    assert!(stdout.contains("1 passed"), "the test binary has no test {test}:\n{stdout}");
-    false
+    let mut command = Command::new("unshare");
+    command.arg(kind).arg(std::env::current_exe().expect("a program has a path")).env(INSIDE, "1");
+    command
 }
 
 /// See [`runs_in_own_namespace`]; takes the name of the calling test.

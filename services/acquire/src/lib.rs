@@ -11,21 +11,10 @@
 //! share of a sensor's data is damaged or missing, the run ends with a doubt; without any sweep it fails.
 
 mod acquire;
-mod doubts;
-mod drops;
-mod error;
-mod events;
-mod frames;
-mod inertial;
-mod jpeg;
 mod live;
-mod odometer;
 mod publish;
-mod receiver;
 mod recorded;
-mod recording;
 mod sweep;
-mod trigger;
 
 pub use acquire::Acquire;
 

@@ -1,11 +1,59 @@
 //! Publishing shared by recorded drives and live sensors.
 
-use crate::frames::room;
-use formats::drive::SweepInfo;
-use formats::nmea::{Fix, LogStats};
-use formats::velodyne::{LidarStats, Model};
-use messages::{GnssRow, GnssTopic, Message, SweepTopic};
+use crate::Settings;
+use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
+use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
+use acquisition::rows::gnss_row;
+use formats::drive::{Frame, SweepInfo};
+use formats::manifest::{CameraEntry, MosaicEntry};
+use formats::nmea::Fix;
+use formats::velodyne::Model;
+use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
+
+/// Why a frame is not published.
+pub(crate) enum PublishError {
+    /// The file is damaged; it is skipped.
+    File(CameraFileError),
+    /// The pipeline failed; the run ends.
+    Step(StepError),
+}
+
+impl From<StepError> for PublishError {
+    fn from(error: StepError) -> Self {
+        Self::Step(error)
+    }
+}
+
+/// Publishes a color image.
+pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+    let (width, height) = entry.model.size();
+    let n_bytes = width as usize * height as usize * 3;
+    let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
+    let pixels = room(&mut loan, n_bytes)?;
+    stage::catch_panic(|| image_into(&frame.path, entry, pixels))
+        .unwrap_or_else(|text| Err(CameraFileError::decoder_panicked(&frame.path, text)))
+        .map_err(PublishError::File)?;
+    let (camera, exposure_nanos) = (frame.camera as u32, entry.exposure_nanos);
+    *loan.header_mut() = ImageHeader { camera, width, height, channels: 3, exposure_nanos };
+    Ok(outputs.publish(loan, frame.stamp.0)?)
+}
+
+/// Publishes a raw mosaic.
+pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+    let (width, height) = entry.model.size();
+    let n_samples = width as usize * height as usize;
+    let mut loan: Loan<MosaicTopic> = outputs.loan(n_samples)?;
+    mosaic_into(&frame.path, entry, room(&mut loan, n_samples)?).map_err(PublishError::File)?;
+    let MosaicEntry { bit_depth, exposure_nanos, .. } = *entry;
+    *loan.header_mut() = MosaicHeader { camera: frame.camera as u32, width, height, bit_depth, exposure_nanos };
+    Ok(outputs.publish(loan, frame.stamp.0)?)
+}
+
+/// Appends `n_rows` rows, all of which the caller must write.
+pub(crate) fn room<T: Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
+    Ok(loan.grow_unset(n_rows)?)
+}
 
 /// Publishes a sweep whose points are in the loan.
 pub(crate) fn publish_sweep(
@@ -45,48 +93,22 @@ pub(crate) fn publish_rows<T: Message>(
     outputs.publish(loan, stamp)
 }
 
-/// `None` without a height.
-fn gnss_row(fix: &Fix) -> Option<GnssRow> {
-    Some(GnssRow {
-        stamp: fix.stamp.0,
-        latitude_deg: fix.position_deg[0],
-        longitude_deg: fix.position_deg[1],
-        altitude_m: fix.altitude_m?,
-        speed_mps: fix.speed_mps.unwrap_or(-1.0),
-        course_deg: fix.course_deg.unwrap_or(-1.0),
-        hdop: fix.hdop.unwrap_or_default() as f32,
-        satellites: fix.satellites,
-        quality: fix.quality,
-        reserved: 0,
-    })
-}
-
-/// The counts that are already in the run summary.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ReportedCounts {
-    lidar: LidarStats,
-    log: LogStats,
-}
-
-impl ReportedCounts {
-    /// All counts so far.
-    pub(crate) fn up_to(lidar: LidarStats, log: LogStats) -> Self {
-        Self { lidar, log }
+/// Adds counters to the run summary; those of 0 are left out.
+pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>, outputs: &mut Outputs) {
+    for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
+        outputs.count(name, n);
     }
+}
 
-    /// Adds the packets received, lost or damaged since the last call to the run summary.
-    pub(crate) fn report(&mut self, lidar: LidarStats, log: LogStats, outputs: &mut Outputs) {
-        let mut add = |name, now: u64, before: u64| {
-            if now > before {
-                outputs.count(name, now - before);
-            }
-        };
-        for ((name, now), (_, before)) in lidar.counts().into_iter().zip(self.lidar.counts()) {
-            add(name, now, before);
-        }
-        add("bad_nmea_lines", log.bad_lines, self.log.bad_lines);
-        add("gnss_without_fix", log.without_fix, self.log.without_fix);
-        add("gnss_out_of_order", log.out_of_order, self.log.out_of_order);
-        (self.lidar, self.log) = (lidar, log);
+/// No doubts yet, with the limits of the settings.
+pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
+    let Settings { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share, .. } = *settings;
+    Doubts::new(DoubtLimits { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share })
+}
+
+/// Reports doubts at the end of the run.
+pub(crate) fn report_doubts(doubts: Doubts, outputs: &mut Outputs) {
+    for Doubt { name, size, text } in doubts.found() {
+        outputs.doubt(name, size, text);
     }
 }

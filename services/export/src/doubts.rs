@@ -1,12 +1,13 @@
 //! The end of the run: which results are doubtful, and which are refused.
 
 use crate::{Export, PlacedDrive};
+use delivery::{Deviations, MedianAndLargest};
 use stage::{Outputs, StepError};
 
 impl Export {
     pub(crate) fn report_doubts(&self, outputs: &mut Outputs) {
-        if let Some(PlacedDrive { world, .. }) = &self.placed {
-            world.report_doubts(&self.settings, outputs);
+        if let Some(deviations) = self.placed.as_ref().and_then(|placed| placed.world.deviations()) {
+            self.doubt_poses(&deviations, outputs);
         }
         if !self.settings.formats.is_empty() {
             self.doubt_contents(outputs);
@@ -30,6 +31,26 @@ impl Export {
         }
     }
 
+    /// Doubts of a georeferenced result.
+    fn doubt_poses(&self, deviations: &Deviations, outputs: &mut Outputs) {
+        let settings = &self.settings;
+        if let Some(text) = deviations.undetermined_heading(settings.max_heading_deviation_deg) {
+            let advice = "results may be turned about the vertical; a longer drive with fixes is needed";
+            outputs.doubt("heading_undetermined", deviations.heading_deg.largest, format!("{text}; {advice}"));
+        }
+        for (doubt, what, MedianAndLargest { median, largest }, limit) in [
+            ("position_uncertain", "horizontal position", deviations.position_m, settings.max_position_deviation_m),
+            ("height_uncertain", "height", deviations.height_m, settings.max_height_deviation_m),
+        ] {
+            if largest > limit {
+                let text = format!(
+                    "{what} of the submaps uncertain: standard deviation {largest:.1} m (limit {limit}), median {median:.1} m"
+                );
+                outputs.doubt(doubt, largest, text);
+            }
+        }
+    }
+
     fn doubt_contents(&self, outputs: &mut Outputs) {
         let n_clouds = self.clouds.len();
         if n_clouds == 0 {
@@ -49,7 +70,7 @@ impl Export {
     /// doubtful results must not take local coordinates for UTM.
     pub(crate) fn check_utm(&self) -> Result<(), StepError> {
         let reason = match &self.placed {
-            Some(PlacedDrive { world, .. }) => world.lacks_utm(&self.settings),
+            Some(PlacedDrive { world, .. }) => world.lacks_utm(),
             None => (self.settings.frame == "utm").then(|| "no placement arrived".to_owned()),
         };
         let Some(reason) = reason else { return Ok(()) };

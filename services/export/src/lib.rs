@@ -18,33 +18,21 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-mod coordinates;
-mod corrected;
-mod deviations;
-mod disk_sync;
 mod doubts;
-mod folder;
-mod frame;
-mod index;
-mod place;
 mod settings;
-mod spectra;
-mod submap_cloud;
-mod submap_files;
-mod submap_geometry;
-mod world;
 
-pub use index::{CloudEntry, Index, SpectraEntry};
 pub use settings::Settings;
 
-use corrected::corrected;
-use folder::Folder;
+use delivery::{
+    CloudEntry, DeliveryError, Folder, FrameChoice, GEOREFERENCE, INDEX, Index, ReceivedSubmap, World, corrected,
+    move_clouds, write_submap,
+};
+use formats::ply::Kind;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, tum_from_trajectory};
 use geometry::Stamp;
 use messages::{
     ClassTopic, ColorTopic, InstanceTopic, PlacementTopic, SpectraTopic, StampedPose, SubmapTopic, TrajectoryTopic,
 };
-use place::Place;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use stage::{
@@ -52,7 +40,6 @@ use stage::{
     StepError, SubmapJoin, decode_head,
 };
 use std::path::PathBuf;
-use world::World;
 
 /// Increased when [`State`] changes.
 const STATE_VERSION: u32 = 3;
@@ -173,7 +160,7 @@ impl Stage for Export {
         self.write_complete(true, outputs)?;
         self.move_clouds(outputs)?;
         if let Some(PlacedDrive { world, .. }) = &self.placed {
-            self.folder.write_text(folder::GEOREFERENCE, &world.to_json())?;
+            self.folder.write_text(GEOREFERENCE, &world.to_json()).map_err(step_error)?;
         }
         self.sync_clouds()?;
         let world = self.placed.as_ref().map(|placed| &placed.world);
@@ -185,10 +172,10 @@ impl Stage for Export {
                 "csv" => ("trajectory.csv", csv_from_trajectory(trajectory)),
                 _ => ("trajectory.txt", tum_from_trajectory(trajectory)),
             };
-            self.folder.write_text(name, &text)?;
+            self.folder.write_text(name, &text).map_err(step_error)?;
         }
         let frame = world.map_or("odometry, m", World::frame);
-        self.folder.write_text(folder::INDEX, &Index::new(&self.clouds, frame).to_json())?;
+        self.folder.write_text(INDEX, &Index::new(&self.clouds, frame).to_json()).map_err(step_error)?;
         self.join.check_empty()?;
         self.report_doubts(outputs);
         self.check_utm()
@@ -229,7 +216,7 @@ impl Stage for Export {
         self.join.load(&state.join, messages)?;
         self.clouds = state.clouds;
         self.n_synced = self.clouds.len();
-        self.folder.keep_only(&self.clouds)?;
+        self.folder.keep_only(&self.clouds).map_err(step_error)?;
         self.is_folder_clean = true;
         Ok(())
     }
@@ -244,7 +231,7 @@ impl Export {
         for topic in &self.absent {
             outputs.note(format!("topic {topic} has no publisher: clouds are written without it"));
         }
-        self.folder.keep_only(&self.clouds)?;
+        self.folder.keep_only(&self.clouds).map_err(step_error)?;
         self.is_folder_clean = true;
         Ok(())
     }
@@ -264,7 +251,11 @@ impl Export {
         self.placed = if self.settings.frame == "odom" {
             None
         } else {
-            let world = World::new(&placement, &self.settings)?;
+            let choice = FrameChoice {
+                wants_utm: self.settings.frame == "utm",
+                max_heading_deviation_deg: self.settings.max_heading_deviation_deg,
+            };
+            let world = World::new(placement.header(), placement.rows(), choice).map_err(step_error)?;
             Some(PlacedDrive { placement, world })
         };
         Ok(())
@@ -281,19 +272,20 @@ impl Export {
         }
         let unsynced = clouds[*n_synced..].iter().filter(|entry| entry.is_placed());
         let unsynced: Vec<PathBuf> = unsynced.flat_map(|entry| folder.files(std::slice::from_ref(entry))).collect();
-        disk_sync::sync_in_background(&unsynced, |finish| {
+        delivery::sync_in_background(&unsynced, |finish| {
             clouds.chunks_mut(CLOUDS_AT_A_TIME).try_for_each(|clouds| {
-                clouds.par_iter_mut().try_for_each(|entry| place::move_clouds(entry, folder, world, finish))?;
+                clouds.par_iter_mut().try_for_each(|entry| move_clouds(entry, folder, world, finish))?;
                 // Moving the clouds of a long drive takes longer than a step may take without progress.
                 outputs.mark_progress();
                 Ok(())
             })
         })
+        .map_err(step_error)
     }
 
     /// Syncs all clouds to the disk that are not synced yet.
     fn sync_clouds(&mut self) -> Result<(), StepError> {
-        disk_sync::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>())?;
+        delivery::sync(&self.folder.files(&self.clouds[self.n_synced..]).collect::<Vec<_>>()).map_err(step_error)?;
         self.n_synced = self.clouds.len();
         Ok(())
     }
@@ -314,9 +306,19 @@ impl Export {
         if self.settings.formats.is_empty() {
             return Ok(());
         }
-        let placed = self.placed.as_ref();
-        let place = placed.and_then(|placed| Place::of(joined.submap.seq(), &placed.world));
-        let entry = submap_files::write(joined, &self.settings, &self.folder, place.as_ref())?;
+        let submap = ReceivedSubmap {
+            seq: joined.submap.seq(),
+            header: joined.submap.header(),
+            points: joined.submap.rows(),
+            color: joined.rows::<ColorTopic>()?,
+            class: joined.rows::<ClassTopic>()?,
+            instance: joined.rows::<InstanceTopic>()?,
+            spectra: joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows())),
+            lost: &joined.lost,
+        };
+        let coordinates = if self.settings.coordinates == "double" { Kind::Double } else { Kind::Float };
+        let world = self.placed.as_ref().map(|placed| &placed.world);
+        let entry = write_submap(&submap, coordinates, &self.folder, world).map_err(step_error)?;
         outputs.count("clouds", 1);
         outputs.count("points", entry.n_points);
         outputs.count("spectra", entry.spectra.as_ref().map_or(0, |spectra| spectra.n_spectra));
@@ -324,4 +326,8 @@ impl Export {
         self.clouds.push(entry);
         Ok(())
     }
+}
+
+fn step_error(error: DeliveryError) -> StepError {
+    if error.is_of_files() { StepError::io(error) } else { StepError::data(error) }
 }

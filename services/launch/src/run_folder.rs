@@ -216,9 +216,17 @@ impl RunFolder {
         }
     }
 
-    /// Only a finished run has a summary.
+    /// Only a finished run has a summary. It is gone for good before the clouds change: after a power loss it would say of clouds
+    /// half replaced that the run is done.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
-        remove_file(&Summary::file(&self.output))
+        let summary = Summary::file(&self.output);
+        if !summary.exists() {
+            return Ok(());
+        }
+        remove_file(&summary)?;
+        File::open(&self.output)
+            .and_then(|output| output.sync_all())
+            .map_err(|source| cannot_write(&self.output, source))
     }
 
     /// The launch file that the stages read: edits of the original during the run have no effect.
@@ -350,7 +358,9 @@ fn create_run_folder(folder: &Path) -> Result<(), RunFolderError> {
     }
     match std::fs::DirBuilder::new().mode(0o700).create(folder) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-        created => return created.map_err(failed),
+        Err(error) => return Err(failed(error)),
+        // What the run syncs in the folder is lost if the folder itself is not on the disk.
+        Ok(()) => return folder.parent().map_or(Ok(()), |output| File::open(output)?.sync_all()).map_err(failed),
     }
     // A link that another user has put there would lead the files of the run elsewhere.
     let metadata = std::fs::symlink_metadata(folder).map_err(failed)?;

@@ -18,6 +18,14 @@ pub(crate) fn report(placed: Option<&Placed>, is_expected: bool, min_used_share:
         return;
     }
     let Some(Placed { header, fixes, .. }) = placed else { return };
+    if let Some(delay) = fixes.delay.filter(|delay| delay.is_out_of_range() && min_used_share > 0.0) {
+        let (seconds, side) = (delay.late_s.abs(), if delay.late_s > 0.0 { "late" } else { "early" });
+        let text = format!(
+            "the stamps of the GNSS receiver are at least {seconds:.1} s {side} by its velocities, which is not corrected; check its \
+             clock against the clock of the LiDAR"
+        );
+        outputs.doubt("receiver_delay", seconds, text);
+    }
     let share = fixes.n_used as f64 / fixes.n.max(1) as f64;
     if share < min_used_share {
         let text = format!(

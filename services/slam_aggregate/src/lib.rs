@@ -16,6 +16,7 @@
 
 mod fix_doubts;
 mod incoming;
+mod inertial;
 mod open_submap;
 mod saved;
 mod settings;

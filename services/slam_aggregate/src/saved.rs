@@ -3,35 +3,37 @@
 use crate::open_submap::{OpenSubmap, SubmapFrame};
 use georeference::Georeferencer;
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{DegenerateStretches, OdometryState};
+use registration::{DegenerateStretches, InertialCheck, SelectedState};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 7;
+pub(crate) const STATE_VERSION: u32 = 8;
 
-/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings) and up to
+/// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings; 72 MB more with `odometry = "imls"`) and up to
 /// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
 /// rows of the open submap (28 bytes a point).
 #[derive(Deserialize)]
 pub(crate) struct Saved {
-    pub odometry: OdometryState,
+    pub odometry: SelectedState,
     /// Whether the first sweep is waiting for the second.
     pub is_waiting: bool,
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
     pub degenerate: DegenerateStretches,
+    pub inertial: InertialCheck,
     pub georeferencer: Georeferencer,
 }
 
 /// [`Saved`] without a copy of its parts: they grow with the drive.
 #[derive(Serialize)]
 pub(crate) struct Saving<'a> {
-    pub odometry: OdometryState,
+    pub odometry: SelectedState,
     pub is_waiting: bool,
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
     pub degenerate: &'a DegenerateStretches,
+    pub inertial: &'a InertialCheck,
     pub georeferencer: &'a Georeferencer,
 }
 

@@ -4,7 +4,7 @@ use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
 use georeference::GeoreferenceSettings;
 use messages::{Message, SubmapTopic};
-use registration::{OdometrySettings, Sampling, SensorMounting};
+use registration::{Algorithm, ImlsSettings, OdometrySettings, Sampling, SensorMounting};
 
 stage::settings! {
     /// Settings of slam_aggregate.
@@ -42,6 +42,13 @@ stage::settings! {
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
         /// prediction is used as is. Without sensors the previous motion continues.
         pub motion: Vec<String> = ["imu", "gnss"].map(str::to_owned).to_vec() => stage::each_one_of(&["imu", "gnss"]);
+        /// Compare the inertial unit with the motion of the LiDAR: wrong units, axes and times are corrected, and a unit that does not
+        /// fit is not used. false uses the samples as they are.
+        pub check_imu: bool = true => stage::any();
+        /// Withhold the samples of the inertial unit until they agree with the LiDAR, which takes some seconds of turns and braking. It
+        /// protects against units that are mirrored or late, which otherwise disturb the poses that they are compared with. Where
+        /// geometry is degenerate from the begin, the unit is never used.
+        pub imu_probation: bool = false => stage::any();
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
@@ -56,6 +63,23 @@ stage::settings! {
         pub unsmooth_fixes: bool = false => stage::any();
         /// Largest number of planar points that are matched per sweep: 2000 average 3 cm of noise below 1 mm.
         pub matches_max: u32 = 2_000 => stage::within(200, 50_000);
+        /// Algorithm of the odometry. "scan_to_map": thinned map, estimated motion during the sweep, all sensors of `motion`.
+        /// "imls": IMLS-SLAM as published (Deschaud, ICRA 2018), by the LiDAR alone, for comparison; it takes about ten times the
+        /// computing time, and 72 MB in each saved state.
+        pub odometry: String = "scan_to_map".to_owned() => stage::one_of(&["scan_to_map", "imls"]);
+        /// IMLS-SLAM: samples of each of the nine observability lists. The paper's s is 100.
+        pub imls_samples: u32 = 100 => stage::within(10, 10_000);
+        /// IMLS-SLAM: width of the Gaussian weights of the surface, m. The paper's h is 0.06; it must not be below the spacing of
+        /// the points.
+        pub imls_h_m: f64 = 0.06 => stage::within(0.02, 0.5);
+        /// IMLS-SLAM: largest distance of a sample from the model, and radius of the surface, m. The paper's r is 0.2, about three
+        /// times h.
+        pub imls_radius_m: f64 = 0.2 => stage::within(0.05, 0.5);
+        /// IMLS-SLAM: iterations of a match. The paper has always 20.
+        pub imls_rounds: u32 = 20 => stage::within(1, 200);
+        /// IMLS-SLAM: sweeps in the model, with all their points. The paper's n is 100. Memory and saved state are about 0.7 MB a
+        /// sweep of 60 000 points.
+        pub imls_sweeps: u32 = 100 => stage::within(1, 1000);
     }
 }
 
@@ -63,6 +87,19 @@ impl Settings {
     /// Whether a sensor predicts the motion.
     pub(crate) fn predicts_by(&self, name: &str) -> bool {
         self.motion.iter().any(|sensor| sensor == name)
+    }
+
+    pub(crate) fn algorithm(&self) -> Algorithm {
+        match self.odometry.as_str() {
+            "imls" => Algorithm::Imls(ImlsSettings {
+                per_list: self.imls_samples as usize,
+                h_m: self.imls_h_m,
+                radius_m: self.imls_radius_m,
+                rounds: self.imls_rounds,
+                sweeps: self.imls_sweeps,
+            }),
+            _ => Algorithm::ScanToMap,
+        }
     }
 
     pub(crate) fn odometry(&self, mounting: SensorMounting) -> OdometrySettings {
@@ -92,7 +129,7 @@ impl Settings {
             unsmooth_fixes: self.unsmooth_fixes,
             max_keyframes: self.loop_places_max as usize,
             antenna_in_body: gnss.map_or_else(Point3::origin, |gnss| gnss.antenna_in_body.into()),
-            imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.position_in_body.into()),
+            imu_in_body: imu.map_or_else(Point3::origin, |imu| imu.mounting().translation.vector.into()),
             origin: gnss.and_then(|gnss| Geodetic::new(gnss.origin[0], gnss.origin[1], gnss.origin[2])),
         }
     }

@@ -3,16 +3,19 @@
 use crate::incoming::{IncomingSweep, KeptPoints};
 use crate::open_submap::OpenSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
-use crate::{Settings, fix_doubts};
+use crate::{Settings, fix_doubts, inertial};
 use formats::drive::{Drive, LiveRig};
 use geometry::{Isometry3, Pose, Stamp};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::{
     GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
-use registration::{DegenerateStretches, GroundVelocity, InertialSample, Odometry, Registered, SensorMounting};
+use registration::{
+    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered, SelectedOdometry, SensorMounting,
+};
 use stage::{
-    Context, Flow, Inputs, Mode, Outputs, Port, Received, Stage, StateBytes, StepError, decode_head, next_message,
+    Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
+    next_message,
 };
 
 /// The stage; see the crate's page.
@@ -20,7 +23,7 @@ pub struct SlamAggregate {
     settings: Settings,
     mounting: SensorMounting,
     georeference: GeoreferenceSettings,
-    odometry: Odometry,
+    odometry: SelectedOdometry,
     /// The first sweep, until the second arrives.
     waiting: Option<Received<SweepTopic>>,
     open: Option<OpenSubmap>,
@@ -28,6 +31,7 @@ pub struct SlamAggregate {
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
     degenerate: DegenerateStretches,
+    inertial: InertialCheck,
     georeferencer: Georeferencer,
     /// The drive has a GNSS receiver whose fixes should place the result.
     expects_fixes: bool,
@@ -51,12 +55,13 @@ impl SlamAggregate {
             georeferencer: Georeferencer::new(&georeference),
             georeference,
             // The body frame at the first shot is the world.
-            odometry: Odometry::new(settings.odometry(mounting), body_from_lidar),
+            odometry: SelectedOdometry::new(settings.odometry(mounting), settings.algorithm(), body_from_lidar),
             waiting: None,
             open: None,
             saved_submap: None,
             last_pose_stamp: None,
             degenerate: DegenerateStretches::default(),
+            inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
             expects_fixes: false,
         }
     }
@@ -70,6 +75,7 @@ impl SlamAggregate {
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         count(registered, outputs);
+        self.compare_inertial(registered);
         if let Some(text) = self.degenerate.add(registered) {
             outputs.note(text);
         }
@@ -107,6 +113,35 @@ impl SlamAggregate {
         Ok(())
     }
 
+    /// Adds inertial samples that are not withheld.
+    fn add_inertial(&mut self, rows: &[ImuRow]) {
+        let mut samples: Vec<InertialSample> = rows.iter().map(inertial::sample).collect();
+        if self.settings.check_imu {
+            samples = self.inertial.add_samples(&samples);
+            self.forget_wrong_samples();
+        }
+        let rows: Vec<ImuRow> = samples.iter().map(inertial::row).collect();
+        self.georeferencer.add_imu(&rows, &self.georeference);
+        if self.settings.predicts_by("imu") {
+            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
+        }
+    }
+
+    fn compare_inertial(&mut self, registered: &Registered) {
+        if self.settings.check_imu {
+            let (stamp, pose) = inertial::measured_pose(registered, &self.mounting.body_from_lidar);
+            self.inertial.add_pose(stamp, pose.as_ref());
+            self.forget_wrong_samples();
+        }
+    }
+
+    fn forget_wrong_samples(&mut self) {
+        if self.inertial.take_change() {
+            self.odometry.forget_imu();
+            self.georeferencer.forget_imu();
+        }
+    }
+
     fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
         let incoming = IncomingSweep::new(received, &self.settings);
         let kept = KeptPoints::of(&incoming.sweep, &self.settings);
@@ -141,6 +176,12 @@ impl Stage for SlamAggregate {
         vec![Port::of::<SubmapTopic>(), Port::of::<TrajectoryTopic>(), Port::of::<PlacementTopic>()]
     }
 
+    fn check(settings: &Settings, _context: &Context) -> Vec<Problem> {
+        let is_cut = settings.imls_h_m > settings.imls_radius_m;
+        let text = "must be at most imls_radius_m: the weights of the surface end at the radius";
+        is_cut.then(|| Problem::of_key("imls_h_m", text)).into_iter().collect()
+    }
+
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let manifest = match context.mode {
             Mode::Offline => Some(Drive::open(&context.drive).map_err(StepError::io)?.manifest().clone()),
@@ -161,10 +202,7 @@ impl Stage for SlamAggregate {
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen_submap(outputs)?;
         for message in inputs.take::<ImuTopic>() {
-            self.georeferencer.add_imu(message.rows(), &self.georeference);
-            if self.settings.predicts_by("imu") {
-                message.rows().iter().for_each(|row| self.odometry.add_imu(inertial_sample(row)));
-            }
+            self.add_inertial(message.rows());
         }
         for message in inputs.take::<GnssTopic>() {
             let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
@@ -205,6 +243,7 @@ impl Stage for SlamAggregate {
             outputs.note(text);
         }
         self.close_submap(outputs)?;
+        inertial::report(&self.inertial, outputs);
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
@@ -226,6 +265,7 @@ impl Stage for SlamAggregate {
             submap,
             last_pose_stamp: self.last_pose_stamp,
             degenerate: &self.degenerate,
+            inertial: &self.inertial,
             georeferencer: &self.georeferencer,
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
@@ -238,12 +278,14 @@ impl Stage for SlamAggregate {
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
         let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
-        self.odometry = Odometry::load(self.settings.odometry(self.mounting), saved.odometry);
+        let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
+        self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
         self.degenerate = saved.degenerate;
+        self.inertial = saved.inertial;
         self.georeferencer = saved.georeferencer;
         Ok(())
     }
@@ -262,10 +304,6 @@ fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), Ste
     let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
     loan.extend_from_slice(poses)?;
     outputs.publish(loan, first.stamp)
-}
-
-fn inertial_sample(row: &ImuRow) -> InertialSample {
-    InertialSample { stamp: Stamp(row.stamp), force: row.acceleration.into(), rate: row.angular_rate.into() }
 }
 
 /// `None` if the receiver reports no velocity.

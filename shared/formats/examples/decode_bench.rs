@@ -3,7 +3,7 @@
 //! `decode` measures the decoder with packets in memory, `file to sweeps` reading from the file to complete sweeps.
 
 use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, LidarReturn, SweepReader};
+use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, SweepPoint, SweepReader};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         packets.extend(DataPacket::new(packet.payload).map(|packet| *packet.bytes()));
     }
     let decoder = Decoder::new(model);
-    let mut returns: Vec<LidarReturn> = Vec::with_capacity(1 << 20);
+    let mut returns: Vec<SweepPoint> = Vec::with_capacity(1 << 20);
 
     let (mut n_points, mut best) = (0, f64::INFINITY);
     for _ in 0..ROUNDS {

@@ -20,7 +20,7 @@ pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
-use crate::manifest::Manifest;
+use crate::manifest::{ImuEntry, Manifest};
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
 use crate::sensor_calibration::SensorCalibration;
@@ -134,8 +134,11 @@ impl Drive {
 
     /// A reader of the IMU samples, if the drive has an IMU.
     pub fn imu(&self) -> io::Result<Option<ImuReader<BufReader<File>>>> {
-        let open = |file: &String| Ok(ImuReader::new(BufReader::new(File::open(self.folder.join(file))?)));
-        self.manifest.imu.as_ref().map(|entry| open(&entry.file)).transpose()
+        let open = |entry: &ImuEntry| {
+            let reader = ImuReader::new(BufReader::new(File::open(self.folder.join(&entry.file))?));
+            Ok(if entry.body_from_imu.is_some() { reader.rotated(entry.mounting().rotation) } else { reader })
+        };
+        self.manifest.imu.as_ref().map(open).transpose()
     }
 
     /// Ground-truth trajectory, if the drive has one.

@@ -4,12 +4,32 @@ use crate::envi::LibrarySpectrum;
 
 /// A text that is not a spectrum.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("line {line}: {rule}")]
+#[error("line {line}: {fault}")]
 pub struct EcostressError {
     /// From 1.
     pub line: usize,
-    /// What was found and what was expected.
-    pub rule: String,
+    /// What is wrong there.
+    pub fault: EcostressFault,
+}
+
+/// What is wrong with a text.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum EcostressFault {
+    /// An unknown unit of wavelengths.
+    #[error("{0:?}; expected micrometers or nanometers")]
+    WavelengthUnit(String),
+    /// An unknown unit of values.
+    #[error("{0:?}; expected reflectance")]
+    ValueUnit(String),
+    /// Values before the units.
+    #[error("{0:?}; values must follow X Units and Y Units")]
+    NoUnits(String),
+    /// A line that is no value.
+    #[error("{0:?}; expected two numbers")]
+    Columns(String),
+    /// A text without values.
+    #[error("the file ends before the first value")]
+    NoValues,
 }
 
 /// Reads one file. Its header selects wavelengths in µm or nm and reflectances as fractions or per cent.
@@ -17,7 +37,8 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
     let mut spectrum = LibrarySpectrum { name: String::new(), wavelengths_nm: Vec::new(), reflectances: Vec::new() };
     let (mut to_nm, mut full_scale) = (None, None);
     for (line, number) in text.lines().zip(1..) {
-        let error = |rule: &str| EcostressError { line: number, rule: format!("{:?}; {rule}", line.trim()) };
+        let error =
+            |fault: fn(String) -> EcostressFault| EcostressError { line: number, fault: fault(line.trim().to_owned()) };
         if let Some((key, value)) = line.split_once(':') {
             let value = value.trim();
             let lower = value.to_ascii_lowercase();
@@ -25,10 +46,10 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
                 "name" => spectrum.name = value.split_whitespace().collect::<Vec<_>>().join(" "),
                 "x units" if lower.contains("micromet") || lower.contains("microns") => to_nm = Some(1000.0),
                 "x units" if lower.contains("nanomet") => to_nm = Some(1.0),
-                "x units" => return Err(error("expected micrometers or nanometers")),
+                "x units" => return Err(error(EcostressFault::WavelengthUnit)),
                 "y units" if lower.contains("percent") => full_scale = Some(100.0),
                 "y units" if lower.contains("reflectance") => full_scale = Some(1.0),
-                "y units" => return Err(error("expected reflectance")),
+                "y units" => return Err(error(EcostressFault::ValueUnit)),
                 _ => {}
             }
             continue;
@@ -37,16 +58,16 @@ pub fn parse(text: &str) -> Result<LibrarySpectrum, EcostressError> {
             continue;
         }
         let (Some(to_nm), Some(full_scale)) = (to_nm, full_scale) else {
-            return Err(error("values must follow X Units and Y Units"));
+            return Err(error(EcostressFault::NoUnits));
         };
         let columns: Vec<f32> = line.split_whitespace().map_while(|text| text.parse().ok()).collect();
-        let [wavelength, reflectance] = columns[..] else { return Err(error("expected two numbers")) };
+        let [wavelength, reflectance] = columns[..] else { return Err(error(EcostressFault::Columns)) };
         spectrum.wavelengths_nm.push(wavelength * to_nm);
         spectrum.reflectances.push(reflectance / full_scale);
     }
     let line = text.lines().count().max(1);
     if spectrum.wavelengths_nm.is_empty() {
-        return Err(EcostressError { line, rule: "the file ends before the first value".to_owned() });
+        return Err(EcostressError { line, fault: EcostressFault::NoValues });
     }
     Ok(spectrum)
 }

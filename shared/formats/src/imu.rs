@@ -1,6 +1,6 @@
 //! IMU samples as CSV with the header `stamp,ax,ay,az,wx,wy,wz`: ns since the Unix epoch, m/s^2, rad/s, along the body axes.
 
-use geometry::Stamp;
+use geometry::{Stamp, UnitQuaternion, Vector3};
 use std::fmt::Write;
 use std::io::{self, BufRead, Read};
 
@@ -90,12 +90,19 @@ pub struct ImuReader<R> {
     line: u64,
     last: Option<Stamp>,
     failed: bool,
+    body_from_unit: Option<UnitQuaternion<f64>>,
 }
 
 impl<R: BufRead> ImuReader<R> {
     /// A reader at the beginning of a file.
     pub fn new(lines: R) -> Self {
-        Self { lines, line: 0, last: None, failed: false }
+        Self { lines, line: 0, last: None, failed: false, body_from_unit: None }
+    }
+
+    /// The same for a unit whose axes are not those of the body: samples are in the body frame.
+    #[must_use]
+    pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
+        Self { body_from_unit: Some(body_from_unit), ..self }
     }
 
     /// The next line; `None` at the end of the file.
@@ -131,7 +138,10 @@ impl<R: BufRead> ImuReader<R> {
         }
         self.last = Some(stamp);
         let [ax, ay, az, wx, wy, wz] = numbers;
-        Ok(ImuSample { stamp, acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] })
+        let in_body = |of_unit: [f64; 3]| {
+            self.body_from_unit.map_or(of_unit, |body_from_unit| (body_from_unit * Vector3::from(of_unit)).into())
+        };
+        Ok(ImuSample { stamp, acceleration: in_body([ax, ay, az]), angular_rate: in_body([wx, wy, wz]) })
     }
 }
 
@@ -205,6 +215,17 @@ mod tests {
         let text = csv_from_samples(&samples());
         let back: Vec<_> = ImuReader::new(text.as_bytes()).map(|sample| sample.expect("reads")).collect();
         assert_eq!(back, samples());
+    }
+
+    #[test]
+    fn samples_of_rotated_unit_are_in_body_axes() {
+        let text = format!("{HEADER}\n1,1,2,9.81,0.1,0.2,0.3\n");
+        let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
+        let samples: Vec<_> =
+            ImuReader::new(text.as_bytes()).rotated(quarter).map(|sample| sample.expect("reads")).collect();
+        let [x, y, z] = samples[0].acceleration;
+        assert!((x + 2.0).abs() < 1e-12 && (y - 1.0).abs() < 1e-12 && (z - 9.81).abs() < 1e-12, "{samples:?}");
+        assert!((samples[0].angular_rate[0] + 0.2).abs() < 1e-12, "{samples:?}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ pub mod drive;
 pub mod ecostress;
 pub mod envi;
 pub mod imu;
+pub mod jpeg;
 pub mod kitti;
 pub mod ladybug;
 pub mod manifest;

@@ -142,9 +142,12 @@ pub struct GnssEntry {
 pub struct ImuEntry {
     /// Name of the log file.
     pub file: String,
-    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame.
+    /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame, unless `body_from_imu` is there.
     #[serde(default)]
     pub position_in_body: [f64; 3],
+    /// Mounting of a unit with other axes, in place of `position_in_body`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_from_imu: Option<PoseEntry>,
 }
 
 /// Ground truth.
@@ -155,7 +158,9 @@ pub struct TruthEntry {
     pub trajectory: String,
     /// Folder with one SemanticKITTI file per sweep, `<seq, 6 digits>.label`: a u32 per return in firing order, low 16 bits class,
     /// high 16 bits instance.
-    pub labels: String,
+    /// Optional: a trajectory alone is ground truth, too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<String>,
     /// File with the true mountings ([`Calibration`]). The mountings in the manifest have measurement errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<String>,
@@ -179,6 +184,15 @@ impl PoseEntry {
     }
 }
 
+impl ImuEntry {
+    /// Mounting of the unit, which [`crate::drive::Drive`] has checked.
+    pub fn mounting(&self) -> Pose {
+        let [x, y, z] = self.position_in_body;
+        let position = || Isometry3::translation(x, y, z);
+        self.body_from_imu.as_ref().and_then(PoseEntry::to_pose).unwrap_or_else(position)
+    }
+}
+
 impl From<Pose> for PoseEntry {
     fn from(pose: Pose) -> Self {
         let q = pose.rotation.coords;
@@ -194,6 +208,13 @@ pub struct RigError {
     pub entry: String,
     /// The pose found.
     pub pose: PoseEntry,
+}
+
+impl LidarEntry {
+    /// Packet captures of a model in the folder `lidar`.
+    pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
+        Self { model: model.to_owned(), format: "pcap".to_owned(), folder: "lidar".to_owned(), body_from_lidar }
+    }
 }
 
 impl Manifest {

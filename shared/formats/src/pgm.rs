@@ -2,12 +2,45 @@
 
 /// Bytes that are not an image.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
-#[error("byte {offset}: {rule}")]
+#[error("byte {offset}: {fault}")]
 pub struct PgmError {
     /// Offset of the fault.
     pub offset: usize,
-    /// What was found and what was expected.
-    pub rule: String,
+    /// What is wrong there.
+    pub fault: PgmFault,
+}
+
+/// What is wrong with an image.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum PgmFault {
+    /// Another file format.
+    #[error("the file does not begin with P5 (binary PGM)")]
+    Magic,
+    /// A number of the header that is absent or too large.
+    #[error("{name} {text:?} must be 1 to {limit}")]
+    Number {
+        /// Name of the number.
+        name: &'static str,
+        /// Its digits.
+        text: String,
+        /// Largest allowed value.
+        limit: u32,
+    },
+    /// A header without an end.
+    #[error("expected one blank after the header")]
+    HeaderEnd,
+    /// Fewer samples than pixels.
+    #[error("{width} x {height} samples of {sample_bytes} bytes are declared, {n_bytes} bytes follow")]
+    Cut {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes of a sample.
+        sample_bytes: usize,
+        /// Bytes behind the header.
+        n_bytes: usize,
+    },
 }
 
 /// Longest side of an image, px. No supported camera has longer sides.
@@ -30,30 +63,28 @@ impl<'a> Pgm<'a> {
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PgmError> {
         let mut at = 2;
         if bytes.get(..2) != Some(b"P5") {
-            return Err(PgmError { offset: 0, rule: "the file does not begin with P5 (binary PGM)".into() });
+            return Err(PgmError { offset: 0, fault: PgmFault::Magic });
         }
-        let mut number = |name: &str, limit: u32| {
+        let mut number = |name: &'static str, limit: u32| {
             at = skip_blanks(bytes, at);
             let digits = bytes[at..].iter().take_while(|byte| byte.is_ascii_digit()).take(9).count();
             let text = std::str::from_utf8(&bytes[at..at + digits]).unwrap_or_default();
             let value = text.parse().ok().filter(|value| (1..=limit).contains(value));
             let offset = at;
             at += digits;
-            value.ok_or_else(|| PgmError { offset, rule: format!("{name} {text:?} must be 1 to {limit}") })
+            let fault = || PgmFault::Number { name, text: text.to_owned(), limit };
+            value.ok_or_else(|| PgmError { offset, fault: fault() })
         };
         let (width, height, max) =
             (number("width", MAX_SIDE)?, number("height", MAX_SIDE)?, number("maximum", 65_535)?);
         if !bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
-            return Err(PgmError { offset: at, rule: "expected one blank after the header".into() });
+            return Err(PgmError { offset: at, fault: PgmFault::HeaderEnd });
         }
-        let sample = if max > 255 { 2 } else { 1 };
-        let n_bytes = width as usize * height as usize * sample;
+        let sample_bytes = if max > 255 { 2 } else { 1 };
+        let n_bytes = width as usize * height as usize * sample_bytes;
         let Some(samples) = bytes.get(at + 1..at + 1 + n_bytes) else {
-            let rule = format!(
-                "{width} x {height} samples of {sample} bytes are declared, {} bytes follow",
-                bytes.len() - at - 1
-            );
-            return Err(PgmError { offset: at + 1, rule });
+            let fault = PgmFault::Cut { width, height, sample_bytes, n_bytes: bytes.len() - at - 1 };
+            return Err(PgmError { offset: at + 1, fault });
         };
         Ok(Self { width, height, max, samples })
     }
@@ -138,7 +169,7 @@ mod tests {
         ] {
             let error = Pgm::parse(bytes).expect_err(rule);
             assert_eq!(error.offset, offset, "{error}");
-            assert!(error.rule.contains(rule), "{error}");
+            assert!(error.to_string().contains(rule), "{error}");
         }
     }
 }

@@ -34,8 +34,9 @@ mod stats;
 mod sweeps;
 mod tables;
 
-pub use decode::{Decoder, LidarReturn};
+pub use decode::Decoder;
 pub use encode::{PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
+pub use messages::SweepPoint;
 pub use model::{Laser, Model};
 pub use other_model::OtherModel;
 pub use packet::{

@@ -1,25 +1,34 @@
-//! From fixes of a GNSS receiver to antenna positions in submaps.
+//! From fixes of a GNSS receiver to antenna positions and velocities in submaps.
 
+use crate::antenna_track::AntennaTrack;
 use crate::recent_path::RecentPath;
-use crate::{AntennaPosition, PointPair};
+use crate::{AntennaPosition, HorizontalVelocity};
 use geometry::{Geodetic, LocalFrame, Point3, Pose};
 use messages::GnssRow;
+use nalgebra::Vector2;
+use registration::GroundVelocity;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Fixes within this time count as one measurement, s: the time in which the vehicle passes a house and its reflections.
 const ERROR_CORRELATION_S: f64 = 8.0;
+/// Below this speed, m/s, the errors last longer, because the surroundings of the antenna change more slowly; at most this
+/// many times.
+const PASSING_MPS: f64 = 3.0;
+const MAX_SLOWNESS: f64 = 10.0;
 /// Fixes closer in time are left out, ns: their errors are the same.
 const MIN_PAUSE_NANOS: i64 = 450_000_000;
 /// Errors of heights over those of horizontal positions: all satellites are above.
-const VERTICAL_FACTOR: f64 = 1.8;
-/// Errors of heights above the true one over those below. Reflected signals arrive late, never early, and mostly come from
-/// low satellites.
-const ABOVE_FACTOR: f64 = 6.0;
+const VERTICAL_FACTOR: f64 = 1.5;
+/// Fixes this close to the result are never outliers, m: code positions wander by this much even where nothing is wrong.
+const CODE_TOLERANCE_M: f64 = 0.6;
+const CARRIER_TOLERANCE_M: f64 = 0.05;
 /// Fixes that wait for the odometry: three minutes at 20 Hz. Without sweeps there is no odometry.
 const MAX_PENDING: usize = 1 << 12;
 /// Dilution of precision where the receiver reports none.
 const DEFAULT_HDOP: f64 = 2.0;
+/// Slower velocities have no reliable direction, m/s.
+const MIN_COURSE_MPS: f64 = 1.0;
 
 /// Collects fixes.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -28,7 +37,6 @@ pub(crate) struct Fixes {
     pending: VecDeque<Fix>,
     /// Origin of the world.
     origin: Option<Geodetic>,
-    /// One for each position.
     used: Vec<UsedFix>,
 }
 
@@ -37,32 +45,76 @@ pub(crate) struct Fix {
     stamp: i64,
     place: Geodetic,
     hdop: f64,
-    /// At a dilution of 1.
-    sigma_m: f64,
-    by_carrier: bool,
+    receiver: ReceiverClass,
+    velocity: Option<Doppler>,
 }
 
-/// The fix behind an [`AntennaPosition`].
+/// Horizontal velocity that the receiver measured by Doppler shifts.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct Doppler {
+    /// Towards east and north, m/s.
+    pub east_north: [f64; 2],
+    /// Standard deviation of each, m/s.
+    pub sigma_mps: f64,
+}
+
+/// A fix at a time of the trajectory.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct UsedFix {
     pub stamp: i64,
     pub hdop: f64,
-    /// By carrier phases: errors of consecutive fixes are independent.
-    pub by_carrier: bool,
-    /// Position of the antenna by the odometry.
-    pub antenna_in_odom: Point3<f64>,
+    pub receiver: ReceiverClass,
+    /// Number of the submap, and the antenna around the fix by the odometry.
+    pub submap: usize,
+    pub antenna: AntennaTrack,
+    /// Position by the receiver.
+    pub p_in_world: Point3<f64>,
+    pub velocity: Option<Doppler>,
+    /// Time since the previous fix, s; at most [`ERROR_CORRELATION_S`].
+    pub pause_s: f64,
 }
 
-/// Scatter of fixes around their common error, along one horizontal axis at a dilution of 1, m, by GGA's quality: code,
-/// code with corrections, carrier phases fixed and float. It decides which fixes are consistent. The common error (orbits,
-/// atmosphere: 1 to 2 m with code alone) is left out, because a drive cannot observe it.
-const fn sigma_m(quality: u32) -> Option<f64> {
-    match quality {
-        0 => None,
-        2 => Some(0.2),
-        4 => Some(0.02),
-        5 => Some(0.15),
-        _ => Some(0.6),
+/// How a position was measured, by GGA's quality.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum ReceiverClass {
+    Code,
+    CorrectedCode,
+    CarrierFixed,
+    CarrierFloat,
+}
+
+impl ReceiverClass {
+    const fn of_quality(quality: u32) -> Option<Self> {
+        match quality {
+            0 => None,
+            2 => Some(Self::CorrectedCode),
+            4 => Some(Self::CarrierFixed),
+            5 => Some(Self::CarrierFloat),
+            _ => Some(Self::Code),
+        }
+    }
+    /// Whether carrier phases give the position: errors of consecutive fixes are independent.
+    pub const fn is_by_carrier(self) -> bool {
+        matches!(self, Self::CarrierFixed | Self::CarrierFloat)
+    }
+    /// Scatter of fixes around their common error, along one horizontal axis at a dilution of 1, m.
+    const fn scatter_m(self) -> f64 {
+        match self {
+            Self::Code => 0.6,
+            Self::CorrectedCode => 0.3,
+            Self::CarrierFixed => 0.02,
+            Self::CarrierFloat => 0.15,
+        }
+    }
+    /// Common error of all fixes of a drive, along one horizontal axis and in height, m: orbits, clocks, atmosphere. A drive cannot
+    /// observe it. Corrections leave a tenth of a meter for each satellite; the height has no satellite below.
+    pub const fn common_m(self) -> [f64; 2] {
+        match self {
+            Self::Code => [1.0, 2.0],
+            Self::CorrectedCode => [0.2, 0.6],
+            Self::CarrierFixed => [0.01, 0.02],
+            Self::CarrierFloat => [0.1, 0.2],
+        }
     }
 }
 
@@ -70,10 +122,51 @@ impl Fix {
     /// `None` if the row has no valid position.
     pub fn new(row: &GnssRow) -> Option<Self> {
         let place = Geodetic::new(row.latitude_deg, row.longitude_deg, row.altitude_m)?;
-        let sigma_m = sigma_m(row.quality)?;
-        let hdop = if row.hdop > 0.0 { f64::from(row.hdop) } else { DEFAULT_HDOP };
-        let by_carrier = matches!(row.quality, 4 | 5);
-        Some(Self { stamp: row.stamp, place, hdop: hdop.max(0.5), sigma_m, by_carrier })
+        let receiver = ReceiverClass::of_quality(row.quality)?;
+        let reported_hdop = (row.hdop > 0.0).then_some(f64::from(row.hdop));
+        let hdop = reported_hdop.unwrap_or(DEFAULT_HDOP).max(0.5);
+        Some(Self { stamp: row.stamp, place, hdop, receiver, velocity: Doppler::new(row, reported_hdop) })
+    }
+}
+
+impl Doppler {
+    fn new(row: &GnssRow, hdop: Option<f64>) -> Option<Self> {
+        let course_deg = (row.course_deg >= 0.0).then_some(row.course_deg);
+        let is_fast = row.speed_mps >= MIN_COURSE_MPS && course_deg.is_some();
+        let velocity = GroundVelocity::new(geometry::Stamp(row.stamp), row.speed_mps, course_deg, hdop);
+        let velocity = velocity.filter(|_| is_fast)?;
+        Some(Self { east_north: velocity.east_north, sigma_mps: velocity.sigma })
+    }
+    pub fn vector(&self) -> Vector2<f64> {
+        self.east_north.into()
+    }
+}
+
+impl UsedFix {
+    /// The position as a measurement of its submap, if the receiver's clock is `late_s` late.
+    pub fn position(&self, late_s: f64, odom_from_submap: &Pose) -> AntennaPosition {
+        let sigma = self.receiver.scatter_m() * self.hdop;
+        let speed = self.antenna.velocity(-late_s).norm();
+        let pace = (speed / PASSING_MPS).clamp(1.0 / MAX_SLOWNESS, 1.0);
+        AntennaPosition {
+            submap: self.submap,
+            p_in_submap: odom_from_submap.inverse() * self.antenna.at(-late_s),
+            p_in_world: self.p_in_world,
+            sigma_m: [sigma, sigma, VERTICAL_FACTOR * sigma],
+            sigma_above_m: VERTICAL_FACTOR * sigma,
+            share: self.pause_s / ERROR_CORRELATION_S * pace,
+            tolerance_m: self.tolerance_m(),
+        }
+    }
+    /// Fixes this close to the result are never outliers, m.
+    pub fn tolerance_m(&self) -> f64 {
+        self.hdop * if self.receiver.is_by_carrier() { CARRIER_TOLERANCE_M } else { CODE_TOLERANCE_M }
+    }
+    /// The velocity as a measurement of its submap.
+    pub fn horizontal_velocity(&self, late_s: f64, odom_from_submap: &Pose) -> Option<HorizontalVelocity> {
+        let v_in_submap = odom_from_submap.rotation.inverse() * self.antenna.velocity(-late_s);
+        let Doppler { east_north, sigma_mps } = self.velocity?;
+        Some(HorizontalVelocity { submap: self.submap, v_in_submap, v_in_world: east_north, sigma_mps })
     }
 }
 
@@ -91,46 +184,46 @@ impl Fixes {
         let n_over = self.pending.len().saturating_sub(MAX_PENDING);
         self.pending.drain(..n_over);
     }
-    /// Turns the fixes up to the last pose into positions. `submap_at` returns number and `odom_from_submap` of the submap
-    /// at a stamp.
+    /// Uses the fixes around whose times the odometry is known; at the end of the drive, all up to the last pose. `submap_at`
+    /// returns number and `odom_from_submap` of the submap at a stamp.
     pub fn update(
         &mut self,
         path: &RecentPath,
         antenna_in_body: &Point3<f64>,
         submap_at: impl Fn(i64) -> Option<(usize, Pose)>,
-        positions: &mut Vec<AntennaPosition>,
+        is_end: bool,
     ) {
-        let Some(end) = path.last() else { return };
+        let Some(last) = path.last() else { return };
+        let end = if is_end { last } else { last - AntennaTrack::HALF_SPAN_NANOS };
         let n_ready = self.pending.iter().take_while(|fix| fix.stamp <= end).count();
-        for Fix { stamp, place, hdop, sigma_m, by_carrier } in self.pending.drain(..n_ready) {
+        for Fix { stamp, place, hdop, receiver, velocity } in self.pending.drain(..n_ready) {
             let pause = self.used.last().map_or(i64::MAX, |last| stamp.saturating_sub(last.stamp));
-            let (Some(pose), Some((submap, odom_from_submap))) = (path.at(stamp), submap_at(stamp)) else { continue };
+            let (Some(antenna), Some((submap, _))) =
+                (AntennaTrack::new(path, stamp, antenna_in_body), submap_at(stamp))
+            else {
+                continue;
+            };
             if pause < MIN_PAUSE_NANOS {
                 continue;
             }
             let origin = *self.origin.get_or_insert(place);
-            let antenna_in_odom = pose * antenna_in_body;
-            let sigma = sigma_m * hdop;
-            positions.push(AntennaPosition {
-                submap,
-                p_in_submap: odom_from_submap.inverse() * antenna_in_odom,
-                p_in_world: LocalFrame::new(origin).world_from_geodetic(&place),
-                sigma_m: [sigma, sigma, VERTICAL_FACTOR * sigma],
-                sigma_above_m: ABOVE_FACTOR * VERTICAL_FACTOR * sigma,
-                share: (pause as f64 * 1e-9 / ERROR_CORRELATION_S).min(1.0),
-            });
-            self.used.push(UsedFix { stamp, hdop, by_carrier, antenna_in_odom });
+            let p_in_world = LocalFrame::new(origin).world_from_geodetic(&place);
+            let pause_s = (pause as f64 * 1e-9).min(ERROR_CORRELATION_S);
+            self.used.push(UsedFix { stamp, hdop, receiver, submap, antenna, p_in_world, velocity, pause_s });
         }
     }
-    /// One for each position.
     pub fn used(&self) -> &[UsedFix] {
         &self.used
     }
-    /// The positions by the odometry and by the receiver.
-    pub fn point_pairs(&self, positions: &[AntennaPosition]) -> Vec<PointPair> {
-        let pairs = self.used.iter().zip(positions);
-        pairs
-            .map(|(fix, position)| PointPair { p_in_odom: fix.antenna_in_odom, p_in_world: position.p_in_world })
-            .collect()
+}
+
+#[cfg(test)]
+impl UsedFix {
+    /// At a second and a dilution, for tests of the errors.
+    pub fn for_test(second: i64, hdop: f64, by_carrier: bool) -> Self {
+        let receiver = if by_carrier { ReceiverClass::CarrierFixed } else { ReceiverClass::CorrectedCode };
+        let antenna = AntennaTrack::default();
+        let (p_in_world, velocity, pause_s) = (Point3::origin(), None, 1.0);
+        Self { stamp: second * 1_000_000_000, hdop, receiver, submap: 0, antenna, p_in_world, velocity, pause_s }
     }
 }

@@ -3,10 +3,10 @@
 use crate::drift::Drift;
 use crate::fixes::{Fix, Fixes};
 use crate::gravity::Gravity;
-use crate::receiver_errors::correct_positions;
+use crate::placing::{MIN_SPREAD_M, place_by_fixes};
 use crate::recent_path::RecentPath;
-use crate::{Gauge, Keyframe, LoopFinder, Places, PoseGraph, RelativePose, Solution, align_odometry};
-use geometry::{Geodetic, Isometry3, Point3, Pose};
+use crate::{Gauge, Keyframe, LoopFinder, Places, PoseGraph, ReceiverDelay, RelativePose, Solution, Start};
+use geometry::{Geodetic, Point3, Pose};
 use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, ImuRow, PlacementHeader, PlacementRow, PoseDeviation};
 use nalgebra::Matrix6;
 use registration::{LocalMap, Registered};
@@ -14,10 +14,6 @@ use serde::{Deserialize, Serialize};
 
 /// A submap gets a keyframe only after this path since the last one, m: a vehicle that stands sees nothing new.
 const KEYFRAME_M: f64 = 5.0;
-/// Positions determine north if their root mean square distance from their center is at least this, m: as on 35 m of straight
-/// road. An error of one metre then rotates the result by some degrees, and the covariances say so.
-const MIN_SPREAD_M: f64 = 10.0;
-
 /// Which measurements are used, and where the sensors are.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::struct_excessive_bools, reason = "independent switches")]
@@ -47,7 +43,7 @@ struct Node {
     stamp: i64,
 }
 
-/// The measurements so far. Serializing it saves the state. Memory in submaps of 20 m: 25 kB per km, 150 bytes for each fix, and
+/// The measurements so far. Serializing it saves the state. Memory in submaps of 20 m: 25 kB per km, 300 bytes for each fix, and
 /// up to 4 MB per km of places that were not visited before, until [`GeoreferenceSettings::max_keyframes`] are reached. Sensor
 /// data that wait for the odometry are bounded.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -83,6 +79,8 @@ pub struct FixUse {
     pub n_used: usize,
     /// Root mean square distance from their center, m.
     pub spread_m: f64,
+    /// Delay of the receiver's stamps, if its velocities show one. It is corrected unless it is out of range.
+    pub delay: Option<ReceiverDelay>,
 }
 
 impl FixUse {
@@ -122,6 +120,12 @@ impl Georeferencer {
         for row in rows.iter().filter(|_| settings.imu) {
             self.gravity.push(row);
         }
+    }
+
+    /// Drops all measurements by inertial samples: they were wrong.
+    pub fn forget_imu(&mut self) {
+        self.gravity = Gravity::default();
+        self.graph.up_directions.clear();
     }
 
     /// Begins a submap; the next sweep is its first one.
@@ -177,7 +181,7 @@ impl Georeferencer {
         let Self { nodes, graph, path, fixes, gravity, .. } = self;
         let submap_at = |stamp: i64| submap_at(nodes, stamp);
         if settings.gnss {
-            fixes.update(path, &settings.antenna_in_body, submap_at, &mut graph.positions);
+            fixes.update(path, &settings.antenna_in_body, submap_at, false);
         }
         if settings.imu {
             gravity.update(path, &settings.imu_in_body, submap_at, &mut graph.up_directions);
@@ -186,31 +190,23 @@ impl Georeferencer {
 
     /// Places all submaps by all measurements, at the end of the drive. `None` without submaps.
     pub fn solve(&mut self, settings: &GeoreferenceSettings) -> Option<Placed> {
-        let Self { nodes, graph, path, gravity, .. } = self;
-        gravity.close(path, &settings.imu_in_body, |stamp| submap_at(nodes, stamp), &mut graph.up_directions);
+        let Self { nodes, graph, path, fixes, gravity, .. } = self;
+        let submap_at = |stamp: i64| submap_at(nodes, stamp);
+        gravity.close(path, &settings.imu_in_body, submap_at, &mut graph.up_directions);
+        if settings.gnss {
+            fixes.update(path, &settings.antenna_in_body, submap_at, true);
+        }
         if self.nodes.is_empty() {
             return None;
         }
-        let alignment = align_odometry(&self.fixes.point_pairs(&self.graph.positions));
-        let spread_m = alignment.map_or(0.0, |alignment| alignment.spread_m);
-        let aligned = alignment.filter(|alignment| alignment.spread_m >= MIN_SPREAD_M);
-        let origin = self.fixes.origin().filter(|_| aligned.is_some());
-        let world_from_odom = aligned.map_or_else(Isometry3::identity, |alignment| alignment.world_from_odom);
-        let gauge = match (aligned, self.graph.up_directions.is_empty()) {
-            (Some(_), _) => Gauge::Positions,
-            (None, false) => Gauge::FirstPositionAndHeading,
-            (None, true) => Gauge::FirstPose,
+        let odom_from_submap: Vec<Pose> = self.nodes.iter().map(|node| node.odom_from_submap).collect();
+        let placing = place_by_fixes(&self.graph, &odom_from_submap, self.fixes.used(), settings.unsmooth_fixes);
+        let (n, spread_m, delay) = (self.fixes.used().len(), placing.spread_m, placing.delay);
+        let (solution, origin) = match placing.placed {
+            Some(solution) => (solution, self.fixes.origin()),
+            None => (self.solve_without_fixes(&odom_from_submap)?, None),
         };
-        let mut graph = self.graph.clone();
-        if aligned.is_none() {
-            graph.positions.clear();
-        }
-        let start: Vec<Pose> = self.nodes.iter().map(|node| world_from_odom * node.odom_from_submap).collect();
-        // The errors of the fixes only show against placed submaps.
-        let first = graph.solve(&start, gauge)?;
-        correct_positions(self.fixes.used(), &mut graph.positions, &first.poses, settings.unsmooth_fixes);
-        let solution = graph.solve(&first.poses, gauge)?;
-        let header = header(&solution, &graph, origin);
+        let header = header(&solution, self.graph.up_directions.len(), origin);
         let rows = self.nodes.iter().zip(&solution.poses).zip(&solution.covariances).enumerate();
         let row = |(submap, ((node, pose), covariance)): (usize, ((&Node, &Pose), &Matrix6<f64>))| {
             let sigma = |axis: usize| covariance[(axis, axis)].max(0.0).sqrt() as f32;
@@ -224,9 +220,16 @@ impl Georeferencer {
             }
         };
         let rows: Vec<PlacementRow> = rows.map(row).collect();
-        let fixes = FixUse { n: self.graph.positions.len(), n_used: header.n_fixes as usize, spread_m };
+        let fixes = FixUse { n, n_used: header.n_fixes as usize, spread_m, delay };
         let summary = summary(&header, &fixes, &rows);
         Some(Placed { header, rows, fixes, summary })
+    }
+
+    fn solve_without_fixes(&self, odom_from_submap: &[Pose]) -> Option<Solution> {
+        let is_upright = !self.graph.up_directions.is_empty();
+        let gauge = if is_upright { Gauge::FirstPositionAndHeading } else { Gauge::FirstPose };
+        let first = self.graph.solve(odom_from_submap, gauge)?;
+        self.graph.solve_from(&first.poses, Start::Aligned, gauge)
     }
 }
 
@@ -236,7 +239,7 @@ fn submap_at(nodes: &[Node], stamp: i64) -> Option<(usize, Pose)> {
     Some((number, nodes[number].odom_from_submap))
 }
 
-fn header(solution: &Solution, graph: &PoseGraph, origin: Option<Geodetic>) -> PlacementHeader {
+fn header(solution: &Solution, n_uprights: usize, origin: Option<Geodetic>) -> PlacementHeader {
     let split = |weights: &[f64]| {
         let n_inliers = Solution::n_inliers(weights);
         (n_inliers as u32, (weights.len() - n_inliers) as u32)
@@ -253,7 +256,7 @@ fn header(solution: &Solution, graph: &PoseGraph, origin: Option<Geodetic>) -> P
         n_loops_refused,
         n_fixes,
         n_fixes_refused,
-        n_uprights: graph.up_directions.len() as u32,
+        n_uprights: n_uprights as u32,
     }
 }
 
@@ -265,11 +268,19 @@ fn summary(header: &PlacementHeader, fixes: &FixUse, rows: &[PlacementRow]) -> S
         let PoseDeviation { position_m, height_m, heading_deg } = largest;
         return format!(
             "world frame: east-north-up from {n_used} fixes ({n_fixes_refused} rejected), {loops}; largest standard deviation of a \
-             submap: position {position_m:.2} m, height {height_m:.2} m, heading {heading_deg:.2} degrees"
+             submap: position {position_m:.2} m, height {height_m:.2} m, heading {heading_deg:.2} degrees{}",
+            delay_text(fixes.delay.as_ref())
         );
     }
     let reason = fixes.reason();
     format!("world frame: local, origin and heading of the vehicle at the first shot ({reason}), {loops}")
+}
+
+fn delay_text(delay: Option<&ReceiverDelay>) -> String {
+    delay.filter(|delay| !delay.is_out_of_range()).map_or_else(String::new, |ReceiverDelay { late_s, sigma_s }| {
+        let (seconds, side) = (late_s.abs(), if *late_s > 0.0 { "late" } else { "early" });
+        format!("; stamps of the receiver are {seconds:.3} s {side} (standard deviation {sigma_s:.3} s), corrected")
+    })
 }
 
 #[cfg(test)]

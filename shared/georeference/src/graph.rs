@@ -6,6 +6,6 @@ mod measurements;
 mod solve;
 mod tangent;
 
-pub use measurements::{AntennaPosition, PoseGraph, RelativePose, UpDirection};
-pub use solve::{Gauge, Solution};
+pub use measurements::{AntennaPosition, HorizontalVelocity, PoseGraph, RelativePose, UpDirection};
+pub use solve::{Gauge, Solution, Start};
 pub use tangent::moved;

@@ -19,17 +19,22 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod alignment;
+mod antenna_track;
+mod deviations;
 mod drift;
 mod fixes;
 mod georeferencer;
 mod graph;
 mod gravity;
 mod loops;
+mod placing;
+mod receiver_clock;
 mod receiver_errors;
 mod receiver_filter;
 mod recent_path;
 
 pub use alignment::{Alignment, PointPair, align_odometry};
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
-pub use graph::{AntennaPosition, Gauge, PoseGraph, RelativePose, Solution, UpDirection};
+pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
 pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};
+pub use receiver_clock::ReceiverDelay;

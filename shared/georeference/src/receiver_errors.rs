@@ -1,4 +1,8 @@
 //! Errors of fixes that show once the submaps are aligned: the fixes move against the submaps.
+//!
+//! Independent noise and multipath look different. Noise changes from fix to fix and averages out. Errors by multipath stay for
+//! seconds, raise the heights more than they lower them (reflected signals arrive late, never early, and mostly come from low
+//! satellites), and move horizontal positions at the same time.
 
 use crate::AntennaPosition;
 use crate::fixes::UsedFix;
@@ -7,13 +11,33 @@ use geometry::{Pose, Vector3};
 
 /// The drift of a fix against the odometry is measured over this time on either side, ns, and at least to the next fix.
 const DRIFT_NANOS: i64 = 2_000_000_000;
-/// Drift that the receiver's noise and the odometry's own drift explain, m/s.
-const FREE_DRIFT_MPS: f64 = 0.05;
+/// Drift that the receiver's slow errors and the odometry's own drift explain, m/s.
+const FREE_DRIFT_MPS: f64 = 0.1;
 /// A drifting fix moves to or from a wrong position. Each such drift beyond the free one adds the standard deviation once,
 /// m/s.
-const DRIFT_PER_SIGMA_MPS: f64 = 0.03;
+const DRIFT_PER_SIGMA_MPS: f64 = 0.05;
 /// Faster drifts count as this one, m/s: a jump affects its neighbors, too.
 const MAX_DRIFT_MPS: f64 = 1.0;
+/// Squared drift by independent noise is below this many times its mean: the 95 % quantile of three degrees of freedom.
+const NOISE_DRIFT_QUANTILE: f64 = 2.6;
+
+/// Fixes further apart show no independent noise, ns.
+const MAX_NOISE_PAUSE_NANOS: i64 = 2_500_000_000;
+/// Median absolute second difference of noise with a standard deviation of 1 m: 0.6745 times the root of 6.
+const NOISE_PER_SECOND_DIFFERENCE: f64 = 1.0 / (0.6745 * 2.449_489_743);
+
+/// Heights are averaged over this time to find errors that stay, ns.
+const MULTIPATH_NANOS: i64 = 8_000_000_000;
+/// Fewer averages show nothing.
+const MIN_AVERAGES: usize = 4;
+/// Averages that scatter by less, in standard deviations of a height, are no evidence of multipath; from `MULTIPATH_SIGMAS`
+/// on it is certain.
+const FREE_SIGMAS: f64 = 0.8;
+const MULTIPATH_SIGMAS: f64 = 2.4;
+/// With multipath: errors of heights above the true one over those below.
+const ABOVE_FACTOR: f64 = 8.0;
+/// With multipath: horizontal errors over the error of the height above the true one.
+const ACROSS_PER_ABOVE: f64 = 1.0;
 
 /// Corrects positions and standard deviations, given the poses of the submaps, `world_from_submap` by number. Standard
 /// deviations grow with the drift of the fix. With `unsmooth_fixes`, the horizontal positions of a receiver that smooths are
@@ -28,31 +52,92 @@ pub fn correct_positions(
     let stamps = used.iter().map(|fix| fix.stamp);
     let residuals: Vec<(i64, Vector3<f64>)> = stamps.zip(positions.iter().map(residual)).collect();
     let unsmooths = unsmooth_fixes && is_smoothed(&residuals);
+    let noise = independent_noise(&residuals);
+    let multipath = multipath_evidence(&residuals, positions, &noise);
+    // The jitter of multipath is not independent noise.
+    let noise = noise * (1.0 - multipath);
     for (number, position) in positions.iter_mut().enumerate() {
-        let drift_mps = drift_mps(&residuals, number).min(MAX_DRIFT_MPS);
+        let is_by_carrier = used[number].receiver.is_by_carrier();
+        let drift_mps = drift_mps(&residuals, number, &noise).min(MAX_DRIFT_MPS);
         let factor = 1.0 + (drift_mps - FREE_DRIFT_MPS).max(0.0) / DRIFT_PER_SIGMA_MPS;
+        let multipath = if is_by_carrier { 0.0 } else { multipath };
         let [east, north, down] = &mut position.sigma_m;
         *down *= factor;
-        position.sigma_above_m *= factor;
-        if !unsmooths || used[number].by_carrier {
-            *east *= factor;
-            *north *= factor;
-        } else if let Some(before) = number.checked_sub(1).filter(|before| !used[*before].by_carrier) {
+        position.sigma_above_m = *down * ABOVE_FACTOR.powf(multipath);
+        if !unsmooths || is_by_carrier {
+            let by_height = ACROSS_PER_ABOVE * multipath * residuals[number].1.z.max(0.0);
+            *east = (*east * factor).hypot(by_height);
+            *north = (*north * factor).hypot(by_height);
+        } else if let Some(before) = number.checked_sub(1).filter(|n| !used[*n].receiver.is_by_carrier()) {
             let seconds = (residuals[number].0 - residuals[before].0) as f64 * 1e-9;
             let change = residuals[number].1 - residuals[before].1;
             unsmooth(position, &change, seconds, used[number].hdop);
         }
+        add_independent(position, &noise);
     }
 }
 
-/// Speed of a fix against the submaps, m/s; 0 for the only fix.
-fn drift_mps(residuals: &[(i64, Vector3<f64>)], number: usize) -> f64 {
+/// Standard deviations of the errors that are independent from fix to fix, by axis, m: by the second differences. 0 for a
+/// smooth sequence.
+fn independent_noise(residuals: &[(i64, Vector3<f64>)]) -> Vector3<f64> {
+    let near = |triple: &&[(i64, Vector3<f64>)]| triple[2].0 - triple[0].0 <= 2 * MAX_NOISE_PAUSE_NANOS;
+    let second_difference = |triple: &[(i64, Vector3<f64>)]| triple[2].1 - triple[1].1 * 2.0 + triple[0].1;
+    let differences: Vec<Vector3<f64>> = residuals.windows(3).filter(near).map(second_difference).collect();
+    Vector3::from_fn(|axis, _| {
+        let mut sizes: Vec<f64> = differences.iter().map(|difference| difference[axis].abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes.get(sizes.len() / 2).map_or(0.0, |median| median * NOISE_PER_SECOND_DIFFERENCE)
+    })
+}
+
+/// From 0 (none) to 1 (certain): whether heights have errors that stay for some seconds.
+fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPosition], noise: &Vector3<f64>) -> f64 {
+    let Some((first, _)) = residuals.first() else { return 0.0 };
+    // Sum of the heights, number, and sum of the standard deviations of each average.
+    let mut averages: Vec<(i64, f64, f64, f64)> = Vec::new();
+    for ((stamp, residual), position) in residuals.iter().zip(positions) {
+        let number = (stamp - first) / MULTIPATH_NANOS;
+        match averages.last_mut().filter(|(last, ..)| *last == number) {
+            Some((_, sum, n, sigmas)) => {
+                (*sum, *n, *sigmas) = (*sum + residual.z, *n + 1.0, *sigmas + position.sigma_m[2])
+            }
+            None => averages.push((number, residual.z, 1.0, position.sigma_m[2])),
+        }
+    }
+    if averages.len() < MIN_AVERAGES {
+        return 0.0;
+    }
+    let n = averages.len() as f64;
+    let mean = averages.iter().map(|(_, sum, n, _)| sum / n).sum::<f64>() / n;
+    let variance = averages.iter().map(|(_, sum, n, _)| (sum / n - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let by_noise = averages.iter().map(|(_, _, n, _)| noise.z.powi(2) / n).sum::<f64>() / n;
+    let sigma = averages.iter().map(|(_, _, n, sigmas)| sigmas / n).sum::<f64>() / n;
+    // The variance of some averages of noise is up to twice its mean.
+    let scatter = (variance - 2.0 * by_noise).max(0.0).sqrt() / sigma;
+    ((scatter - FREE_SIGMAS) / (MULTIPATH_SIGMAS - FREE_SIGMAS)).clamp(0.0, 1.0)
+}
+
+/// Adds independent noise: it widens the standard deviation of a fix, and its share grows because noise averages out.
+fn add_independent(position: &mut AntennaPosition, noise: &Vector3<f64>) {
+    let across = noise.x.max(noise.y);
+    let [east, north, down] = &mut position.sigma_m;
+    // Of the errors that stay, along the better axis.
+    let lasting = east.min(*north).powi(2);
+    let share = position.share;
+    (*east, *north, *down) = (east.hypot(across), north.hypot(across), down.hypot(noise.z));
+    position.sigma_above_m = position.sigma_above_m.hypot(noise.z);
+    position.share = share * (lasting + across * across) / (lasting + share * across * across);
+}
+
+/// Speed of a fix against the submaps beyond that of independent noise, m/s; 0 for the only fix.
+fn drift_mps(residuals: &[(i64, Vector3<f64>)], number: usize, noise: &Vector3<f64>) -> f64 {
     let stamp = residuals[number].0;
     let n_before = residuals.partition_point(|(at, _)| *at < stamp - DRIFT_NANOS);
     let n_until = residuals.partition_point(|(at, _)| *at <= stamp + DRIFT_NANOS);
     let (begin, before) = residuals[n_before.min(number.saturating_sub(1))];
     let (end, after) = residuals[n_until.max(number + 2).min(residuals.len()) - 1];
-    (after - before).norm() / ((end - begin) as f64 * 1e-9).max(1e-3)
+    let by_noise = NOISE_DRIFT_QUANTILE * 2.0 * noise.norm_squared();
+    ((after - before).norm_squared() - by_noise).max(0.0).sqrt() / ((end - begin) as f64 * 1e-9).max(1e-3)
 }
 
 #[cfg(test)]
@@ -61,7 +146,6 @@ mod tests {
     use crate::receiver_filter::{GAIN_PER_S, MAX_NOISE_M, SPEED_ERROR_MPS};
     use geometry::{Isometry3, Point3};
 
-    const SECOND: i64 = 1_000_000_000;
     /// Standard deviation to the east at a dilution of 1, m.
     const SIGMA_M: f64 = 0.2;
 
@@ -77,19 +161,14 @@ mod tests {
             p_in_submap: at(*second),
             p_in_world: world_from_submap() * at(*second) + Vector3::x() * *error,
             sigma_m: [SIGMA_M * hdop, SIGMA_M * hdop, 0.4 * hdop],
-            sigma_above_m: 2.4 * hdop,
-            share: 1.0,
+            sigma_above_m: 0.4 * hdop,
+            share: 0.125,
+            tolerance_m: 0.0,
         };
         let mut positions: Vec<AntennaPosition> = fixes.iter().map(position).collect();
-        let used = |(second, _): &(i64, f64)| UsedFix {
-            stamp: second * SECOND,
-            hdop,
-            by_carrier,
-            antenna_in_odom: at(*second),
-        };
+        let used = |(second, _): &(i64, f64)| UsedFix::for_test(*second, hdop, by_carrier);
         let used: Vec<UsedFix> = fixes.iter().map(used).collect();
         correct_positions(&used, &mut positions, &[world_from_submap()], unsmooth);
-        assert!(positions.iter().all(|p| (p.sigma_above_m / p.sigma_m[2] - 6.0).abs() < 1e-9));
         positions
     }
 
@@ -141,7 +220,7 @@ mod tests {
         for ((second, _), error) in fixes.iter().zip(errors(&fixes)) {
             assert!((error - jump(*second)).abs() < 1e-9, "{second} s: {error} m");
         }
-        assert!(corrected(&fixes).iter().all(|p| p.sigma_m[..2] == [SIGMA_M, SIGMA_M]));
+        assert!(corrected(&fixes).iter().all(|p| p.sigma_m[0].max(p.sigma_m[1]) < 1.05 * SIGMA_M));
     }
 
     #[test]
@@ -150,7 +229,7 @@ mod tests {
         let kept = corrected_with(&fixes, 1.0, false, false);
         for ((second, before), position) in fixes.iter().zip(&kept) {
             assert!((before - error(position)).abs() < 1e-9, "{second} s");
-            assert!((position.sigma_m[0] / SIGMA_M - position.sigma_m[2] / 0.4).abs() < 1e-9, "{second} s");
+            assert!((position.sigma_m[0] / SIGMA_M - position.sigma_m[2] / 0.4).abs() < 0.05, "{second} s");
         }
         assert!(kept.iter().any(|p| p.sigma_m[0] > 5.0 * SIGMA_M), "drifting fixes count less");
     }
@@ -232,15 +311,17 @@ mod tests {
     }
 
     #[test]
-    fn independent_errors_keep_their_positions_and_get_larger_deviations() {
-        let noise = |second: i64| (second, (second * 7919 % 13) as f64 - 6.0);
+    fn independent_errors_get_larger_deviations_and_average_out() {
+        let noise = |second: i64| (second, 3.7 * gauss(77, second));
         let fixes: Vec<(i64, f64)> = (0..50).map(noise).collect();
         for ((_, before), after) in fixes.iter().zip(errors(&fixes)) {
             assert!((before - after).abs() < 1e-9);
         }
         let corrected = corrected(&fixes);
-        assert!(corrected.iter().all(|p| (p.sigma_m[0] / SIGMA_M - p.sigma_m[2] / 0.4).abs() < 1e-9));
-        assert!(corrected.iter().any(|p| p.sigma_m[0] > 1.0));
+        // Noise of 3.7 m is no drift for most of the fixes, and it averages out: they count as independent.
+        let is_noise = |p: &&AntennaPosition| (2.0..6.0).contains(&p.sigma_m[0]) && p.share > 0.8;
+        let n = corrected.iter().filter(is_noise).count();
+        assert!(n >= 35, "{n} of 50");
     }
 
     #[test]
@@ -254,12 +335,46 @@ mod tests {
             assert!((factors[steady] - 1.0).abs() < 1e-9, "{steady}: {}", factors[steady]);
         }
         for (drifting, factor) in factors.iter().enumerate().take(19).skip(12) {
-            assert!((factor - 11.0).abs() < 1e-6, "{drifting}: {factor}");
+            assert!((factor - 6.0).abs() < 1e-6, "{drifting}: {factor}");
         }
-        assert!(factors[11] > 5.0 && factors[11] < 11.0);
+        assert!(factors[11] > 3.0 && factors[11] < 6.0);
         // Half a metre a second over the minute between its neighbors, a metre a second since the last.
-        assert!((factors[30] - 1.0 - (30.0 / 61.0 - 0.05) / 0.03).abs() < 1e-6, "{}", factors[30]);
-        assert!((factors[31] - 1.0 - 0.95 / 0.03).abs() < 1e-6, "{}", factors[31]);
+        assert!((factors[30] - 1.0 - (30.0 / 61.0 - 0.1) / 0.05).abs() < 1e-6, "{}", factors[30]);
+        assert!((factors[31] - 1.0 - 0.9 / 0.05).abs() < 1e-6, "{}", factors[31]);
+    }
+
+    /// Heights and positions to the east, by second, with an error that both have.
+    fn errors_in_height(error: impl Fn(i64) -> f64) -> Vec<AntennaPosition> {
+        let at = |second: i64| Point3::new(8.0 * second as f64, 0.0, 1.8);
+        let position = |second: i64| AntennaPosition {
+            submap: 0,
+            p_in_submap: at(second),
+            p_in_world: at(second) + Vector3::z() * error(second),
+            sigma_m: [0.3, 0.3, 0.5],
+            sigma_above_m: 0.5,
+            share: 0.125,
+            tolerance_m: 0.6,
+        };
+        let mut positions: Vec<AntennaPosition> = (0..64).map(position).collect();
+        let used: Vec<UsedFix> = (0..64).map(|second| UsedFix::for_test(second, 1.0, false)).collect();
+        correct_positions(&used, &mut positions, &[Pose::identity()], false);
+        positions
+    }
+
+    #[test]
+    fn white_noise_of_heights_is_no_evidence_of_multipath() {
+        for stream in 0..20 {
+            let positions = errors_in_height(|second| 0.97 * gauss(900 + stream, second));
+            assert!(positions.iter().all(|p| p.sigma_above_m <= p.sigma_m[2] * 1.3), "stream {stream}");
+        }
+    }
+
+    #[test]
+    fn heights_that_stay_raised_for_seconds_are_evidence_of_multipath() {
+        let positions = errors_in_height(|second| if second % 32 < 16 { 6.0 } else { 0.0 });
+        assert!(positions.iter().all(|p| p.sigma_above_m > 7.0 * p.sigma_m[2]));
+        // Raised fixes count less horizontally, too.
+        assert!(positions[8].sigma_m[0] > 5.0 && positions[24].sigma_m[0] < 0.5, "{positions:?}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod domain;
 mod error;
 mod latest;
 mod message;
+mod message_subscriber;
 mod message_type;
 mod observer;
 mod opaque;

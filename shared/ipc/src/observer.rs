@@ -1,12 +1,8 @@
 //! Observing a topic without knowing its type and without being one of its consumers.
 
-use crate::channel::MessageService;
-use crate::opaque::Opaque;
-use crate::slot::{CacheLine, LINE, ReceivedSlot, WireEnvelope, bytes_of_lines};
-use crate::{Channel, Iox, IpcError, LatestPublisher, NOTHING_TAKEN, Node, Waker};
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::port::{DegradationAction, subscriber};
-use iceoryx2::prelude::*;
+use crate::message_subscriber::MessageSubscriber;
+use crate::slot::{LINE, ReceivedSlot, bytes_of_lines};
+use crate::{Channel, IpcError, LatestPublisher, NOTHING_TAKEN, Node, Waker};
 use messages::Envelope;
 
 /// Whether the producer waits for the observer.
@@ -21,8 +17,7 @@ pub enum ObserverMode {
 /// Receives the messages of a topic as bytes.
 pub struct Observer {
     channel: Channel,
-    service: Opaque<MessageService>,
-    subscriber: Opaque<subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>>,
+    subscriber: MessageSubscriber,
     lossless: Option<Acknowledging>,
 }
 
@@ -52,14 +47,7 @@ impl Acknowledging {
 impl Observer {
     /// Attaches to a topic of a run. Fails if the run is not there or has too many observers already.
     pub fn open(node: &Node, channel: &Channel, mode: ObserverMode) -> Result<Self, IpcError> {
-        let service = channel.open(node)?;
-        let subscriber = service
-            .subscriber_builder()
-            .buffer_size(channel.queue)
-            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
-            .create()
-            .map(Opaque::new)
-            .map_err(|cause| IpcError::transport(format!("observer of {}", channel.name), cause))?;
+        let subscriber = MessageSubscriber::open(node, channel, "observer")?;
         let lossless = match mode {
             ObserverMode::Dropping => None,
             ObserverMode::Lossless => Some(Acknowledging {
@@ -69,7 +57,7 @@ impl Observer {
                 settled: false,
             }),
         };
-        let mut observer = Self { channel: channel.clone(), service, subscriber, lossless };
+        let mut observer = Self { channel: channel.clone(), subscriber, lossless };
         observer.connect()?;
         Ok(observer)
     }
@@ -82,10 +70,7 @@ impl Observer {
     /// Whether the producer is there and, if the observer is lossless, knows of it. Messages sent before may be missing; a
     /// lossless observer drops those that are not.
     pub fn connect(&mut self) -> Result<bool, IpcError> {
-        self.subscriber
-            .update_connections()
-            .map_err(|cause| IpcError::transport(format!("connecting to {}", self.channel.name), cause))?;
-        let mut is_there = self.service.dynamic_config().number_of_publishers() > 0;
+        let mut is_there = self.subscriber.connect(&self.channel)?;
         if let Some(lossless) = &mut self.lossless {
             // A latest value reaches only readers that are connected: it is published again until the producer is.
             lossless.publish()?;
@@ -125,13 +110,8 @@ impl Observer {
     }
 }
 
-fn take(
-    channel: &Channel,
-    subscriber: &subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>,
-) -> Result<Option<ReceivedSlot>, IpcError> {
-    let sample = subscriber.receive();
-    let sample = sample.map_err(|cause| IpcError::transport(format!("observing {}", channel.name), cause))?;
-    Ok(sample.map(ReceivedSlot::new))
+fn take(channel: &Channel, subscriber: &MessageSubscriber) -> Result<Option<ReceivedSlot>, IpcError> {
+    subscriber.receive().map_err(|cause| IpcError::transport(format!("observing {}", channel.name), cause))
 }
 
 /// A message as bytes, in shared memory.

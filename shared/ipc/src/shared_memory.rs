@@ -1,13 +1,14 @@
 //! Messages in shared memory, by iceoryx2: written once, read in place.
 
 use crate::channel::{MAX_LOANS, MessageService};
+use crate::message_subscriber::MessageSubscriber;
 use crate::message_type::MessageType;
 use crate::opaque::Opaque;
-use crate::slot::{CacheLine, ReceivedSlot, Slot, WireEnvelope};
+use crate::slot::{CacheLine, Slot, WireEnvelope};
 use crate::transport::{Arrived, Incoming, Outgoing, Written};
 use crate::{Channel, Iox, IpcError, Node};
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::port::{DegradationAction, LoanError, ReceiveError, publisher, subscriber};
+use iceoryx2::port::{DegradationAction, LoanError, ReceiveError, publisher};
 use iceoryx2::prelude::*;
 use messages::Envelope;
 
@@ -78,37 +79,24 @@ impl Outgoing for SharedOutgoing {
 pub(crate) struct SharedIncoming {
     channel: Channel,
     message: MessageType,
-    service: Opaque<MessageService>,
-    subscriber: Opaque<subscriber::Subscriber<Iox, [CacheLine], WireEnvelope>>,
+    subscriber: MessageSubscriber,
 }
 
 impl SharedIncoming {
     pub(crate) fn open(node: &Node, channel: &Channel, message: MessageType) -> Result<Self, IpcError> {
-        let service = channel.open(node)?;
-        let subscriber = service
-            .subscriber_builder()
-            .buffer_size(channel.queue)
-            // A connection that cannot be made is an error, not a warning in a log that nobody reads.
-            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
-            .create()
-            .map(Opaque::new)
-            .map_err(|cause| IpcError::transport(format!("subscriber of {}", channel.name), cause))?;
-        Ok(Self { channel: channel.clone(), message, service, subscriber })
+        let subscriber = MessageSubscriber::open(node, channel, "subscriber")?;
+        Ok(Self { channel: channel.clone(), message, subscriber })
     }
 }
 
 impl Incoming for SharedIncoming {
     fn connect(&self) -> Result<bool, IpcError> {
-        let is_there = self.service.dynamic_config().number_of_publishers() > 0;
-        self.subscriber
-            .update_connections()
-            .map_err(|cause| IpcError::transport(format!("connecting to {}", self.channel.name), cause))?;
-        Ok(is_there)
+        self.subscriber.connect(&self.channel)
     }
 
     fn receive(&self) -> Result<Option<Arrived>, IpcError> {
         let channel = &self.channel;
-        let sample = self.subscriber.receive().map_err(|cause| match cause {
+        let slot = self.subscriber.receive().map_err(|cause| match cause {
             ReceiveError::ExceedsMaxBorrows => {
                 IpcError::HeldTooMany { service: channel.name.clone(), allowed: channel.borrowed }
             }
@@ -116,8 +104,7 @@ impl Incoming for SharedIncoming {
                 IpcError::transport(format!("receiving {}", channel.name), other)
             }
         })?;
-        let Some(sample) = sample else { return Ok(None) };
-        let slot = ReceivedSlot::new(sample);
+        let Some(slot) = slot else { return Ok(None) };
         let (envelope, lines) = slot.content();
         let len = envelope.len as usize;
         if !self.message.fits(lines.len(), len) {

@@ -1,7 +1,7 @@
 //! Runs the odometry on a folder of sweeps (layout: `folder/mod.rs`), for comparison with other implementations:
-//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--motion imu,gnss] [--verbose]`.
+//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--verbose]`.
 //!
-//! `--motion` names the sensors that predict the motion. `--verbose` also prints pose, standard deviations and match of each sweep.
+//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--verbose` also prints pose, standard deviations and match of each sweep.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.
@@ -10,7 +10,9 @@ mod folder;
 
 use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
-use registration::{DeskewTable, Odometry, OdometrySettings, Registered, Sampling, Sweep, Weights};
+use registration::{
+    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights,
+};
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
 
@@ -18,11 +20,13 @@ fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
     let (mut n_sweeps, mut verbose, mut motion) = (usize::MAX, false, String::new());
+    let (mut imls, mut algorithm) = (ImlsSettings::default(), String::from("scan_to_map"));
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow::anyhow!("{argument} needs a value"));
         match argument.as_str() {
             "--sweeps" => n_sweeps = value()?.parse()?,
-            "--set" => set(&mut settings, &value()?)?,
+            "--set" => set(&mut settings, &mut imls, &value()?)?,
+            "--algorithm" => algorithm = value()?,
             "--motion" => motion = value()?,
             "--verbose" => verbose = true,
             _ => paths.push(argument),
@@ -31,7 +35,12 @@ fn main() -> anyhow::Result<()> {
     let [sweeps, poses] = &paths[..] else { anyhow::bail!("usage: odometry FOLDER POSES [--set NAME=VALUE]") };
     let folder = SweepFolder::open(Path::new(sweeps))?;
     settings.mounting = folder.sensor_mounting()?;
-    let mut odometry = Odometry::new(settings, folder.mounting);
+    let algorithm = match algorithm.as_str() {
+        "scan_to_map" => Algorithm::ScanToMap,
+        "imls" => Algorithm::Imls(imls),
+        _ => anyhow::bail!("--algorithm {algorithm}: must be scan_to_map or imls"),
+    };
+    let mut odometry = SelectedOdometry::new(settings, algorithm, folder.mounting);
     let uses = |name: &str| motion.split(',').any(|wanted| wanted == name);
     let samples = if uses("imu") { folder.inertial()? } else { Vec::new() };
     let velocities = if uses("gnss") { folder.velocities()? } else { Vec::new() };
@@ -194,7 +203,7 @@ fn cpu_ms() -> f64 {
     now.tv_sec as f64 * 1e3 + now.tv_nsec as f64 * 1e-6
 }
 
-fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
+fn set(settings: &mut OdometrySettings, imls: &mut ImlsSettings, text: &str) -> anyhow::Result<()> {
     let (name, value) = text.split_once('=').ok_or_else(|| anyhow::anyhow!("--set {text}: expected NAME=VALUE"))?;
     let (features, map, matching) = (&mut settings.features, &mut settings.map, &mut settings.matching);
     match name {
@@ -230,6 +239,11 @@ fn set(settings: &mut OdometrySettings, text: &str) -> anyhow::Result<()> {
         "matching.residual_m" => matching.residual_m = value.parse()?,
         "matching.drift_residual_m" => matching.drift_residual_m = value.parse()?,
         "matching.min_influence" => matching.min_influence = value.parse()?,
+        "imls.per_list" => imls.per_list = value.parse()?,
+        "imls.h_m" => imls.h_m = value.parse()?,
+        "imls.radius_m" => imls.radius_m = value.parse()?,
+        "imls.rounds" => imls.rounds = value.parse()?,
+        "imls.sweeps" => imls.sweeps = value.parse()?,
         _ => anyhow::bail!("unknown setting {name}"),
     }
     Ok(())

@@ -1,17 +1,18 @@
 //! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
-//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT` for a simulated drive with the LiDAR only
-//! (urban, suburban, rural, field, tunnel). The simulated drive itself is deleted.
+//! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
+//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file). The simulated drive itself is
+//! deleted.
 
 mod folder;
 
 use anyhow::Context;
 use folder::kitti_line;
 use formats::drive::{Drive, SweepInfo};
-use formats::velodyne::LidarReturn;
+use formats::velodyne::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use raytrace::Ray;
 use registration::GroundVelocity;
-use simulation::{DriveSpec, Simulation, Town};
+use simulation::{DriveSettings, DriveSpec, Simulation};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -19,13 +20,15 @@ use std::path::Path;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--simulate", town, seed, seconds, out] => {
-            let town = Town::ALL
-                .into_iter()
-                .find(|kind| kind.name() == *town)
-                .with_context(|| format!("unknown town {town}"))?;
-            let spec = DriveSpec::urban(seed.parse()?, seconds.parse()?);
-            let spec = DriveSpec { town, cameras: false, mosaics: false, ..spec };
+        ["--simulate", town, seed, seconds, out, rig @ ..] => {
+            let rig = match rig {
+                [] => DriveSettings::default().rig,
+                ["--rig", rig] => (*rig).to_owned(),
+                _ => anyhow::bail!("usage: sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]"),
+            };
+            let (town, seed, seconds) = ((*town).to_owned(), seed.parse()?, seconds.parse()?);
+            let spec = DriveSettings { town, seed, seconds, rig, ..DriveSettings::default() }.spec()?;
+            let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
             fs::create_dir_all(out)?;
             simulation::write_drive(&spec, &drive, &mut |_| {})?;
@@ -50,7 +53,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     let mut source = drive.sweeps()?;
     let mut n_sweeps = 0;
     loop {
-        let mut returns: Vec<LidarReturn> = Vec::new();
+        let mut returns: Vec<SweepPoint> = Vec::new();
         let Some(sweep) = source.next_sweep(|piece| returns.extend_from_slice(piece))? else { break };
         if sweep.turn < 0.95 || returns.is_empty() {
             continue;
@@ -66,7 +69,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
             poses.push_str(&kitti_line(&(end * body_from_lidar)));
             if let Some(movers) = &mut movers {
                 let instances = instances(&drive, &sweep, returns.len())?;
-                let observation = |(point, &instance): (&LidarReturn, &u16)| {
+                let observation = |(point, &instance): (&SweepPoint, &u16)| {
                     let share = f64::from(point.offset_nanos) / f64::from(last.max(1));
                     let pose = interpolate(&begin, &end, share) * body_from_lidar;
                     let place = pose * nalgebra::Point3::new(point.x, point.y, point.z).cast::<f64>();
@@ -94,7 +97,7 @@ fn write(drive: &Path, out: &Path, mut movers: Option<Movers>) -> anyhow::Result
     Ok(())
 }
 
-fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: bool) -> anyhow::Result<()> {
+fn write_returns(out: &Path, name: &str, returns: &[SweepPoint], has_times: bool) -> anyhow::Result<()> {
     let numbers = returns.iter().flat_map(|p| [p.x, p.y, p.z, f32::from(p.intensity)]);
     fs::write(out.join(format!("velodyne/{name}.bin")), numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?;
     if has_times {
@@ -109,12 +112,13 @@ fn write_returns(out: &Path, name: &str, returns: &[LidarReturn], has_times: boo
 fn write_sensors(drive: &Drive, out: &Path) -> anyhow::Result<()> {
     let manifest = drive.manifest();
     let places = [
-        manifest.imu.as_ref().map_or([0.0; 3], |imu| imu.position_in_body),
+        manifest.imu.as_ref().map_or([0.0; 3], |imu| imu.mounting().translation.vector.into()),
         manifest.gnss.as_ref().map_or([0.0; 3], |gnss| gnss.antenna_in_body),
     ];
     fs::write(out.join("places.txt"), places.map(|[x, y, z]| format!("{x} {y} {z}\n")).concat())?;
-    if let Some(imu) = &manifest.imu {
-        fs::copy(drive.folder().join(&imu.file), out.join("imu.csv"))?;
+    if let Some(samples) = drive.imu()? {
+        let samples: Vec<_> = samples.filter_map(Result::ok).collect();
+        fs::write(out.join("imu.csv"), formats::imu::csv_from_samples(&samples))?;
     }
     let (fixes, _) = drive.fixes()?;
     let velocities = fixes.iter().filter_map(|fix| {
@@ -133,7 +137,10 @@ fn pose_at(truth: &Trajectory, sweep: &SweepInfo, nanos: u32) -> anyhow::Result<
 /// The instance of each return of a labelled drive.
 fn instances(drive: &Drive, sweep: &SweepInfo, n_returns: usize) -> anyhow::Result<Vec<u16>> {
     let truth = drive.manifest().truth.as_ref().context("the drive has no truth")?;
-    let path = drive.folder().join(&truth.labels).join(format!("{:06}.label", sweep.seq));
+    let path = drive
+        .folder()
+        .join(truth.labels.as_ref().context("the drive has no labels")?)
+        .join(format!("{:06}.label", sweep.seq));
     let labels = formats::kitti::labels_from_bytes(&fs::read(&path).with_context(|| path.display().to_string())?)?;
     anyhow::ensure!(labels.len() == n_returns, "{}: {} labels for {n_returns}", path.display(), labels.len());
     Ok(labels.iter().map(|label| label.instance).collect())

@@ -9,6 +9,8 @@
 //! 5. Small objects in space that was free in an earlier sweep are moving. Their points are reported.
 //! 6. The other features are inserted into the map. Points of old sweeps are dropped.
 //!
+//! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the one that a run selects.
+//!
 //! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Results do not depend on the
 //! number of threads: work is split into fixed chunks whose results are reduced in order.
 
@@ -20,7 +22,9 @@ mod degenerate_stretches;
 mod eigen;
 mod features;
 mod ground;
+mod imls;
 mod incidence;
+mod inertial_check;
 mod kernel;
 mod local_map;
 mod maps;
@@ -34,7 +38,9 @@ mod odometry;
 mod past_ranges;
 mod point;
 mod range_image;
+mod ring_order;
 mod sampling;
+mod selected;
 mod sensors;
 mod small_objects;
 mod start;
@@ -44,6 +50,8 @@ mod voxel;
 
 pub use degenerate_stretches::DegenerateStretches;
 pub use features::{Feature, FeatureSettings, planar_features};
+pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};
+pub use inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
 pub use kernel::{Kernel, Weights};
 pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};
@@ -53,6 +61,7 @@ pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, Regist
 pub use point::TimedPoint;
 pub use range_image::RangeImage;
 pub use sampling::Sampling;
+pub use selected::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};
 pub use sensors::{GroundVelocity, InertialSample, SensorMounting};
 pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;

@@ -142,6 +142,28 @@ impl Navigation {
         }
     }
 
+    /// Begins anew with the LiDAR's pose and velocity (its axes): what came from inertial samples is wrong.
+    pub fn forget_inertial(&mut self, body_from_lidar: &Pose, odom_from_lidar: &Pose, velocity: &Vector3<f64>) {
+        self.velocity = body_from_lidar.rotation * velocity;
+        self.level_from_begin = odom_from_lidar.rotation * body_from_lidar.rotation.inverse();
+        self.north_is_known = false;
+        (self.rate_bias, self.force_bias) = (Vector3::zeros(), Vector3::zeros());
+        let parts: [(usize, [f64; 3]); 4] = [
+            (VELOCITY, [MEASURED_SPEED; 3]),
+            (ATTITUDE, [FIRST_TILT, FIRST_TILT, 0.0]),
+            (RATE_BIAS, [RATE_BIAS_SIGMA; 3]),
+            (FORCE_BIAS, [FORCE_BIAS_SIGMA; 3]),
+        ];
+        for (part, sigmas) in parts {
+            self.covariance.fixed_rows_mut::<3>(part).fill(0.0);
+            self.covariance.fixed_columns_mut::<3>(part).fill(0.0);
+            self.cross_covariance.fixed_columns_mut::<3>(part).fill(0.0);
+            for (axis, sigma) in sigmas.into_iter().enumerate() {
+                self.covariance[(part + axis, part + axis)] = sigma * sigma;
+            }
+        }
+    }
+
     /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures the height over
     /// the ground, not the height of the ground. So an error of the horizontal position adds to the height by the grade of a road.
     /// (On a field the height of a vehicle that seemed to stand had a deviation of 30 cm and an error of 3 m.)

@@ -165,6 +165,14 @@ impl Odometry {
         self.state.log.push_inertial(sample);
     }
 
+    /// Forgets the inertial samples and what the filter has learned from them: they were wrong.
+    pub fn forget_imu(&mut self) {
+        self.state.log.forget_inertial();
+        if let (Some(navigation), Some(last)) = (&mut self.state.navigation, &self.state.last) {
+            navigation.forget_inertial(&self.settings.mounting.body_from_lidar, &last.mid, &last.velocity.linear);
+        }
+    }
+
     /// Adds a velocity of a GNSS receiver, in the same order and to the same effect as [`Odometry::add_imu`].
     pub fn add_gnss(&mut self, velocity: GroundVelocity) {
         self.state.log.push_velocity(velocity);

@@ -1,6 +1,7 @@
 //! The returns of a sweep as a range image, by which neighbors are found.
 
 use crate::TimedPoint;
+use crate::ring_order::rings_by_order;
 use nalgebra::Vector3;
 
 /// Columns: 0.176 degrees each, about the firing step of a Velodyne at 10 Hz (0.166 to 0.18), so few cells get two
@@ -42,10 +43,17 @@ pub struct RangeImage {
 impl RangeImage {
     /// Sorts points into cells; see [`crate::Sweep::new`] for `n_rings`.
     pub(crate) fn new(points: &[TimedPoint], n_rings: u32) -> Self {
-        let rings_known = (2..=256).contains(&n_rings)
+        let are_numbered = (2..=256).contains(&n_rings)
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
-        let rows = if rings_known { n_rings as usize } else { ELEVATION_ROWS };
+        let by_order = if are_numbered { None } else { rings_by_order(points) };
+        let rings_known = are_numbered || by_order.is_some();
+        let rows = match &by_order {
+            Some((_, n)) => *n,
+            None if are_numbered => n_rings as usize,
+            None => ELEVATION_ROWS,
+        };
+        let ring = |point_idx: usize| by_order.as_ref().map_or(points[point_idx].ring, |(rings, _)| rings[point_idx]);
         let empty = Cell { position: [f32::NAN; 3], point: EMPTY };
         let mut image =
             Self { rows, cells: vec![empty; rows * STRIDE], cell_of: Vec::with_capacity(points.len()), reach: 2 };
@@ -61,7 +69,7 @@ impl RangeImage {
                     continue;
                 }
                 (lowest, highest) = (lowest.min(slope), highest.max(slope));
-                let row = if rings_known { usize::from(point.ring) } else { elevation_row(slope) };
+                let row = if rings_known { usize::from(ring(image.cell_of.len())) } else { elevation_row(slope) };
                 let idx = row * STRIDE + col as usize;
                 let cell = &mut image.cells[idx];
                 if cell.point == EMPTY {
@@ -73,6 +81,14 @@ impl RangeImage {
         if rings_known && highest > lowest {
             let step_deg = (highest.atan() - lowest.atan()).to_degrees() / (rows - 1) as f32;
             image.reach = ((REACH_DEG / step_deg).round() as usize).clamp(1, 4);
+        }
+        image
+    }
+    /// The same cells with other positions, by the index of their point, m.
+    pub(crate) fn moved(&self, position: impl Fn(usize) -> [f32; 3]) -> Self {
+        let mut image = self.clone();
+        for cell in image.cells.iter_mut().filter(|cell| cell.point != EMPTY) {
+            cell.position = position(cell.point as usize);
         }
         image
     }

@@ -96,6 +96,10 @@ impl SensorLog {
         }
     }
 
+    pub fn forget_inertial(&mut self) {
+        self.samples.clear();
+    }
+
     pub fn push_velocity(&mut self, velocity: GroundVelocity) {
         if self.velocities.last().is_none_or(|last| last.stamp < velocity.stamp) {
             self.velocities.push(velocity);

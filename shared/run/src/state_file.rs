@@ -123,7 +123,14 @@ impl WrittenState {
     pub fn commit(self) -> Result<(), StateFileError> {
         sync_all(&self.relied_on).map_err(|(path, cause)| StateFileError::io(&path, cause))?;
         let path = self.file.path().to_owned();
-        self.file.commit().map_err(|cause| StateFileError::io(&path, cause))
+        self.file.commit().map_err(|cause| StateFileError::io(&path, cause))?;
+        // The folder of the barrier is new, and with the first barrier the one around it: their names must be on the disk, too.
+        let around = path.ancestors().skip(2).take(2).filter(|folder| !folder.as_os_str().is_empty());
+        for folder in around {
+            let synced = File::open(folder).and_then(|folder| folder.sync_all());
+            synced.map_err(|cause| StateFileError::io(folder, cause))?;
+        }
+        Ok(())
     }
 }
 

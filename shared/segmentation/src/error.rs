@@ -62,7 +62,7 @@ pub enum SegmentationError {
         expected: u32,
     },
     /// A setting of the file is out of range.
-    #[error("{}: settings.{key} = {value}; {rule}", path.display())]
+    #[error("{}: settings.{key} = {value}; must be between {low} and {high}", path.display())]
     Setting {
         /// Model file.
         path: PathBuf,
@@ -70,8 +70,10 @@ pub enum SegmentationError {
         key: &'static str,
         /// Value in the file.
         value: f64,
-        /// Allowed values.
-        rule: String,
+        /// Smallest allowed value.
+        low: f64,
+        /// Largest allowed value.
+        high: f64,
     },
     /// A tensor is missing, or has another shape or type than the architecture needs.
     #[error("{}: tensor `{name}`: {reason}", path.display())]

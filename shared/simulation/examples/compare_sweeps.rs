@@ -12,7 +12,7 @@
 
 use chart::{Axis, Chart, Series};
 use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, LidarReturn, Model, SweepReader};
+use formats::velodyne::{DATA_PORT, DataPacket, Model, SweepPoint, SweepReader};
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Translation3};
 use simulation::sensors::lidar::LidarModel;
@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// A capture's first whole revolution, and the steps of its encoder.
 struct Recording {
-    sweep: Vec<LidarReturn>,
+    sweep: Vec<SweepPoint>,
     share_of_firings: f64,
     steps: Vec<u32>,
     height_m: f64,
@@ -101,18 +101,18 @@ impl Recording {
         sum as f64 / self.steps.len() as f64 / 36_000.0 / 46.08e-6
     }
 
-    fn share(&self, is: impl Fn(&LidarReturn) -> bool) -> f64 {
+    fn share(&self, is: impl Fn(&SweepPoint) -> bool) -> f64 {
         self.sweep.iter().filter(|found| is(found)).count() as f64 / self.sweep.len() as f64
     }
 
-    fn quantile(&self, value: impl Fn(&LidarReturn) -> f32, share: f64) -> f32 {
+    fn quantile(&self, value: impl Fn(&SweepPoint) -> f32, share: f64) -> f32 {
         let mut values: Vec<f32> = self.sweep.iter().map(value).collect();
         values.sort_by(f32::total_cmp);
         values[(share * (values.len() - 1) as f64) as usize]
     }
 }
 
-fn range(found: &LidarReturn) -> f32 {
+fn range(found: &SweepPoint) -> f32 {
     found.x.hypot(found.y).hypot(found.z)
 }
 

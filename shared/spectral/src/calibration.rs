@@ -19,6 +19,7 @@ use pixels::Pixels;
 pub use pixels::WhitePanel;
 
 use crate::mosaic::check_length;
+use crate::planes::Planes;
 use crate::{Correction, Mosaic, Reference, SpectralError};
 use ndarray::Array2;
 use row::Row;
@@ -75,14 +76,6 @@ impl Scratch {
 struct Exposure {
     nanos: f32,
     inverse: f32,
-}
-
-/// Some cells of a band-sequential cube: from `start` on in each plane; planes are `stride` values apart. Not an `ndarray` view,
-/// because its inner loops run over slices, whose bounds are checked once.
-pub(crate) struct Planes<'a> {
-    pub values: &'a mut [f32],
-    pub stride: usize,
-    pub start: usize,
 }
 
 /// Calibration of one camera: dark signal and gain of every pixel in the complete cells of the active area, row-major.

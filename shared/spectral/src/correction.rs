@@ -7,8 +7,9 @@
 //! A virtual band is valid if all bands with a weight in its row are valid. Invalid values are 0.
 
 use crate::SpectralError;
-use crate::calibration::Planes;
-use crate::mosaic::{MAX_PATTERN, check_length};
+use crate::limits::MAX_PATTERN;
+use crate::mosaic::check_length;
+use crate::planes::Planes;
 
 /// Cells of a block: its bands stay in the L1 cache.
 const BLOCK: usize = 64;
@@ -127,15 +128,19 @@ impl Correction {
 }
 
 /// [`ROWS`] rows of the matrix times a block of cells.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds are what the compiler unrolls into registers"
+)]
 #[inline(always)]
 fn combine_into(group: &[[f32; ROWS]], block: &[[f32; BLOCK]; MAX_BANDS], sums: &mut [[f32; BLOCK]; ROWS]) {
     for lane in 0..BLOCK / LANES {
         let mut chunk = [[0.0; LANES]; ROWS];
         for (coefficients, values) in group.iter().zip(block) {
-            let values = values.as_chunks::<LANES>().0[lane];
-            for (sums, coefficient) in chunk.iter_mut().zip(coefficients) {
-                for (sum, value) in sums.iter_mut().zip(values) {
-                    *sum += coefficient * value;
+            let (values, coefficients) = (values.as_chunks::<LANES>().0[lane], *coefficients);
+            for row in 0..ROWS {
+                for k in 0..LANES {
+                    chunk[row][k] += coefficients[row] * values[k];
                 }
             }
         }

@@ -17,8 +17,9 @@ mod panchromatic;
 mod rows;
 
 use crate::SpectralError;
-use crate::calibration::Planes;
-use crate::mosaic::{MAX_PATTERN, check_length};
+use crate::limits::MAX_PATTERN;
+use crate::mosaic::check_length;
+use crate::planes::Planes;
 use lattice::Lattice;
 use rows::{Parts, Rows};
 

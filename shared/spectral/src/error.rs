@@ -2,7 +2,7 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpectralError {
     /// Filter pattern outside what a cell's mask can hold.
-    #[error("pattern of {0} px; must be 1 to {max}", max = crate::MAX_PATTERN)]
+    #[error("pattern of {0} px; must be 1 to {max}", max = crate::limits::MAX_PATTERN)]
     Pattern(u32),
     /// Sample depth outside what a u16 can hold.
     #[error("bit depth {0}; must be 1 to 16")]
@@ -49,7 +49,7 @@ pub enum SpectralError {
         expected: usize,
     },
     /// A reference without frames, or with more than its sums can hold.
-    #[error("{what} reference of {n_frames} frames; must have 1 to {max}", max = crate::reference::MAX_FRAMES)]
+    #[error("{what} reference of {n_frames} frames; must have 1 to {max}", max = crate::limits::MAX_FRAMES)]
     Frames {
         /// Dark or white.
         what: &'static str,
@@ -86,7 +86,7 @@ pub enum SpectralError {
         area: [u64; 4],
     },
     /// A correction matrix of invalid size.
-    #[error("correction with {n} {what}; must have 1 to {max}", max = crate::MAX_PATTERN * crate::MAX_PATTERN)]
+    #[error("correction with {n} {what}; must have 1 to {max}", max = crate::limits::MAX_PATTERN * crate::limits::MAX_PATTERN)]
     CorrectionSize {
         /// Bands or virtual bands.
         what: &'static str,

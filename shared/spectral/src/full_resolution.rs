@@ -3,8 +3,8 @@
 //! Images are processed row by row, so that in addition to the cube only four single-channel images are in memory: 22 bytes per pixel
 //! of the active area, 49 MB for 2045 x 1085. The cube has `n_bands` f32 and a mask for each pixel: 231 MB with 25 bands.
 
-use crate::calibration::Planes;
 use crate::mosaic::check_length;
+use crate::planes::Planes;
 use crate::{Camera, Demosaicer, Demosaicing, FrameCounts, SpectralError};
 
 /// Makes cubes of one camera and keeps the buffers for it.

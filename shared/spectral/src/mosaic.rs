@@ -1,9 +1,7 @@
 //! Geometry of the band filters of a mosaic camera.
 
 use crate::SpectralError;
-
-/// Largest pattern: the 25 bands of 5 x 5 fit the 32-bit mask of a cell.
-pub const MAX_PATTERN: u32 = 5;
+use crate::limits::MAX_PATTERN;
 
 /// Filter geometry of one camera, in pixels of its raw image (column x to the right, row y down, from the top left).
 ///

@@ -1,9 +1,7 @@
 //! Dark and white references: the mean of several frames.
 
+use crate::limits::MAX_FRAMES;
 use crate::{Mosaic, SpectralError};
-
-/// Frames that a sum of u16 samples in a u32 can hold without overflow.
-pub(crate) const MAX_FRAMES: u32 = 65_536;
 
 /// Marks a pixel with a saturated sample. The sum of [`MAX_FRAMES`] samples is smaller.
 const SATURATED: u32 = u32::MAX;

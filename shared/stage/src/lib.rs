@@ -29,6 +29,7 @@ pub use contract::{Flow, Stage};
 pub use error::StepError;
 pub use inputs::Inputs;
 pub use ipc::{Loan, LoanFull, Received};
+pub use log::catch_panic;
 pub use messages;
 pub use outputs::Outputs;
 pub use port::Port;

@@ -2,7 +2,26 @@
 
 use run::LOG_FORMAT;
 use std::backtrace::{Backtrace, BacktraceStatus};
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use tracing_subscriber::EnvFilter;
+
+thread_local! {
+    /// Whether a panic of this thread is caught, and reported by the caller of [`catch_panic`].
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// The result of `call`, or the message of its panic, which is not logged. For libraries that panic on damaged files: the caller
+/// reports the file. `call` must not start threads, whose panics would be logged.
+pub fn catch_panic<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+    let before = IS_CAUGHT.replace(true);
+    let result = catch_unwind(AssertUnwindSafe(call));
+    IS_CAUGHT.set(before);
+    result.map_err(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic without a text".to_owned())
+    })
+}
 
 /// Logs what `REPLICA_LOG` selects (`info` without) in the format of [`LOG_FORMAT`], and panics, too.
 pub(crate) fn start() {
@@ -23,10 +42,27 @@ pub(crate) fn start() {
 /// The message of a panic is the last line; the backtrace, if `RUST_BACKTRACE` asks for one, comes before it.
 fn log_panics() {
     std::panic::set_hook(Box::new(|panic| {
+        if IS_CAUGHT.get() {
+            tracing::debug!("caught: {panic}");
+            return;
+        }
         let backtrace = Backtrace::capture();
         if backtrace.status() == BacktraceStatus::Captured {
             tracing::error!("{backtrace}");
         }
         tracing::error!("{}", panic.to_string().replace('\n', " "));
     }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn caught_panic_gives_its_message_and_the_next_one_is_logged_again() {
+        assert_eq!(catch_panic(|| 7), Ok(7));
+        assert_eq!(catch_panic(|| -> u8 { panic!("byte {} is invalid", 3) }), Err("byte 3 is invalid".to_owned()));
+        assert_eq!(catch_panic(|| catch_panic(|| -> u8 { panic!("inner") })), Ok(Err("inner".to_owned())));
+        assert!(!IS_CAUGHT.get());
+    }
 }

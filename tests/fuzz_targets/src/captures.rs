@@ -35,7 +35,7 @@ fn packets(model: Model, bytes: &[u8]) {
         if let Some(packet) = DataPacket::new(payload) {
             returns.clear();
             decoder.decode_into(packet, 0..12, 0, &mut returns);
-            let is_valid = |one: &formats::velodyne::LidarReturn| {
+            let is_valid = |one: &formats::velodyne::SweepPoint| {
                 one.x.is_finite() && one.azimuth < 36_000 && usize::from(one.ring) < model.n_rings()
             };
             assert!(returns.iter().all(is_valid));

@@ -1,5 +1,6 @@
 //! Images of cameras.
 
+use formats::jpeg;
 use formats::pgm::Pgm;
 use formats::raw_mosaic::RawMosaic;
 use formats::tiff::Tiff;
@@ -12,6 +13,9 @@ const SIZE: (u32, u32) = (24, 16);
 
 /// PNG and JPEG. Like `acquire`, the target survives a panic of the decoder.
 pub(crate) fn color(bytes: &[u8]) {
+    if jpeg::is_jpeg(bytes) {
+        let _ = jpeg::check(bytes);
+    }
     let Ok(reader) = ImageReader::new(Cursor::new(bytes)).with_guessed_format() else { return };
     let Ok(decoder) = reader.into_decoder() else { return };
     if decoder.dimensions() == SIZE

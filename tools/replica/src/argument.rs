@@ -33,6 +33,15 @@ pub fn rectangle<T: FromStr>(text: &str) -> Result<[T; 4], InvalidValue> {
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or(InvalidValue("four whole numbers X,Y,W,H"))
 }
 
+/// A command line with the arguments of one subcommand, for tests.
+#[cfg(test)]
+#[derive(clap::Parser)]
+pub struct Cli<A: clap::Args> {
+    /// The arguments.
+    #[command(flatten)]
+    pub args: A,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,8 +5,8 @@ use acquire::{Acquire, Settings};
 use formats::imu::HEADER;
 use formats::pcap::{PacketReader, Writer};
 use messages::ImageTopic;
-use stage::Flow;
 use stage::testing::{Bench, context};
+use stage::{Flow, StepError};
 use std::fs;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
@@ -185,6 +185,25 @@ fn cut_jpegs_and_images_of_another_size_are_skipped_and_a_doubt() {
     assert!(notes.contains("without the end of the image; the file is cut"), "{notes}");
 }
 
+/// Its end marker is intact; decoders give an image of which a half is gray or garbled.
+#[test]
+fn jpeg_damaged_in_its_middle_is_skipped_and_a_doubt() {
+    let folder = drive();
+    let camera = folder.path().join("camera/1");
+    let path = camera.join(format!("{}.jpg", BEGIN.0 + 1_250_000_000));
+    fs::remove_file(path.with_extension("png")).expect("is there");
+    let image = image::RgbImage::from_fn(SIZE[0], SIZE[1], |x, y| image::Rgb([(x * 12) as u8, (y * 25) as u8, 9]));
+    image.save(&path).expect("writes");
+    let whole = fs::read(&path).expect("reads");
+    let data = whole.windows(2).position(|pair| pair == [0xff, 0xda]).expect("a scan") + 14;
+    let end = whole.len() - 2;
+    fs::write(&path, [&whole[..data + (end - data) / 2], &whole[end..]].concat()).expect("writes");
+    let bench = at_end(folder.path());
+    assert_eq!(doubts(&bench), [("bad_images", 0.125)]);
+    let notes = bench.notes().join("\n");
+    assert!(notes.contains(&*path.to_string_lossy()) && notes.contains("damaged JPEG data"), "{notes}");
+}
+
 #[test]
 fn empty_camera_folder_is_a_doubt() {
     let folder = drive();
@@ -220,7 +239,10 @@ fn drive_without_a_sweep_fails() {
         loop {
             match bench.tick() {
                 Ok(flow) => assert_eq!(flow, Flow::Continue, "the run must not succeed"),
-                Err(error) => return error.to_string(),
+                Err(error) => {
+                    assert!(matches!(error, StepError::Configuration(_)), "a restart cannot help: {error:?}");
+                    return error.to_string();
+                }
             }
         }
     };

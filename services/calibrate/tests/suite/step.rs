@@ -41,12 +41,7 @@ fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
 }
 
 fn manifest() -> Manifest {
-    let lidar = LidarEntry {
-        model: "hdl32e".to_owned(),
-        format: "pcap".to_owned(),
-        folder: "lidar".to_owned(),
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
+    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
     let mosaics = vec![entry("hs02", 5, [1, 2, 42, 27]), entry("hs03", 4, [3, 1, 40, 28])];
     Manifest { mosaics, ..Manifest::of_lidar("test", lidar) }
 }

@@ -270,6 +270,21 @@ fn exposures_not_matching_rig_are_counted_and_ignored() {
     assert_eq!((bench.counter("images_unusable"), bench.counter("cubes_unusable")), (3, 3));
 }
 
+/// 33 bands fit no list of wavelengths: the message must not be read beyond it.
+#[test]
+fn cube_of_more_bands_than_the_message_holds_is_counted_and_ignored() {
+    let folder = drive(&street::manifest());
+    let mut bench = Bench::<Colorize>::new(&Settings::default(), &context(folder.path())).expect("starts");
+    let (header, rows) = street::expose_cube(0, START);
+    let n_cells = rows.len() / (header.n_bands as usize + 1);
+    for n_bands in [messages::MAX_CUBE_BANDS + 1, messages::MAX_BANDS + 1] {
+        let header = messages::CubeHeader { n_bands: n_bands as u32, ..header };
+        bench.send::<CubeTopic>(START, header, vec![u32::MAX; n_cells * (n_bands + 1)]);
+    }
+    bench.tick().expect("a tick");
+    assert_eq!(bench.counter("cubes_unusable"), 2);
+}
+
 #[test]
 fn excess_exposures_without_submap_are_released() {
     let folder = drive(&street::manifest());

@@ -1,7 +1,8 @@
 //! Results that should not be relied on: doubts at the end of the run, and UTM coordinates that are refused.
 
 use crate::support::{Street, received};
-use export::{Export, Index, Settings};
+use delivery::Index;
+use export::{Export, Settings};
 use formats::ply::Vertices;
 use messages::{
     ColorTopic, FRAME_EAST_NORTH_UP, FRAME_LOCAL, InstanceTopic, PlacementHeader, PlacementRow, PlacementTopic,

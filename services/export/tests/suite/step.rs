@@ -1,7 +1,8 @@
 //! Steps of the stage on the test bench.
 
 use crate::support::{Street, files, received};
-use export::{Export, Index, Settings};
+use delivery::Index;
+use export::{Export, Settings};
 use formats::ply::Vertices;
 use messages::{ClassTopic, ColorTopic, InstanceTopic, SpectraTopic, SubmapTopic, TrajectoryTopic};
 use stage::testing::{Bench, context};
@@ -336,6 +337,27 @@ fn contract_and_data_errors_are_reported() {
     pose.world_from_body.rotation[3] = 2.0;
     bent.send::<TrajectoryTopic>(0, messages::NoHeader::default(), vec![pose]);
     assert!(text(bent.tick()).contains("is not a rigid transform"));
+}
+
+/// 65 bands fit no validity bits and no list of wavelengths: the message must not be read beyond them.
+#[test]
+fn spectra_of_more_bands_than_the_message_holds_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let street = Street::new(12, 100);
+    let tick = |n_bands: usize| {
+        let mut bench = bench(&context(folder.path()));
+        street.send_submap(&mut bench, 0);
+        street.send_columns(&mut bench, 0, &["color", "class", "instance"]);
+        let (header, words) = street.spectra_message(0);
+        let indices = &words[..header.n_points as usize];
+        let table = vec![0; header.n_spectra as usize * (n_bands + 2)];
+        let header = messages::SpectraHeader { n_bands: n_bands as u32, ..header };
+        bench.forward::<SpectraTopic>(received(0, header, &[indices, &table].concat()));
+        bench.tick()
+    };
+    tick(messages::MAX_BANDS).expect("the limit itself is valid");
+    let error = tick(messages::MAX_BANDS + 1).expect_err("is refused").to_string();
+    assert!(error.contains("spectra of submap 0") && error.contains("spectra of 65 bands for 100 points"), "{error}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A simulated drive as submaps, as the stage `slam_aggregate` would publish them with true poses.
 
 use formats::drive::{Drive, SweepInfo, TrueLabel};
-use formats::velodyne::LidarReturn;
+use formats::velodyne::SweepPoint;
 use geometry::{Point3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use segmentation::{ModelInput, Segmenter};
@@ -42,7 +42,7 @@ impl TownSubmap {
         Self { header: Box::new(header), points: Vec::new(), truth: Vec::new() }
     }
 
-    fn push(&mut self, sweep: &SweepInfo, returns: &[LidarReturn], truth: &Truth) {
+    fn push(&mut self, sweep: &SweepInfo, returns: &[SweepPoint], truth: &Truth) {
         let first_point = self.points.len() as u32;
         let sweep_idx = self.header.n_sweeps as u16;
         let submap_from_world = self.header.world_from_submap.to_pose().expect("is sound").inverse();

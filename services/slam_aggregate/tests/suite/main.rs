@@ -1,6 +1,7 @@
 //! The stage on a synthetic street with ground truth, and on real sweeps.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
+mod imu_faults;
 mod placement;
 mod step;
 #[path = "../../../../shared/registration/tests/suite/support/world.rs"]

@@ -219,34 +219,83 @@ fn sweep_larger_than_a_submap_is_an_error_naming_the_setting() {
     assert!(error.contains("submap_points_max") && error.contains("1000") && error.contains("sweep 0"), "{error}");
 }
 
+/// Bytes of submaps and poses, with restarts from the saved state after some of the sweeps.
+fn bytes_with_restarts(
+    settings: &Settings,
+    raws: &[RawSweep],
+    restarts: &[usize],
+) -> (Vec<stage::Bytes>, Vec<stage::Bytes>) {
+    let folder = drive_folder("");
+    let context = context(folder.path());
+    let mut bench = Bench::<SlamAggregate>::new(settings, &context).unwrap();
+    for (number, raw) in raws.iter().enumerate() {
+        feed_with_sensors(&mut bench, raw);
+        if restarts.contains(&number) {
+            bench = bench.restarted(settings, &context).unwrap();
+            // Two barriers may follow each other without a tick between.
+            bench = bench.restarted(settings, &context).unwrap();
+        }
+    }
+    bench.finish().unwrap();
+    let submaps = bench.take::<SubmapTopic>().iter().map(|message| stage::Bytes(message.to_bytes())).collect();
+    let poses = bench.take::<TrajectoryTopic>().iter().map(|message| stage::Bytes(message.to_bytes())).collect();
+    (submaps, poses)
+}
+
 #[test]
 fn submaps_and_poses_after_restarts_have_the_same_bytes() {
     let raws: Vec<RawSweep> = (0..9).map(raw).collect();
     let settings = Settings { submap_m: 3.5, ..Settings::default() };
-    let folder = drive_folder("");
-    let context = context(folder.path());
-    let all = |restarts: &[usize]| {
-        let mut bench = Bench::<SlamAggregate>::new(&settings, &context).unwrap();
-        for (number, raw) in raws.iter().enumerate() {
-            feed_with_sensors(&mut bench, raw);
-            if restarts.contains(&number) {
-                bench = bench.restarted(&settings, &context).unwrap();
-                // Two barriers may follow each other without a tick between.
-                bench = bench.restarted(&settings, &context).unwrap();
-            }
-        }
-        bench.finish().unwrap();
-        let submaps: Vec<stage::Bytes> =
-            bench.take::<SubmapTopic>().iter().map(|message| stage::Bytes(message.to_bytes())).collect();
-        let poses: Vec<stage::Bytes> =
-            bench.take::<TrajectoryTopic>().iter().map(|message| stage::Bytes(message.to_bytes())).collect();
-        (submaps, poses)
-    };
-    let uninterrupted = all(&[]);
+    let uninterrupted = bytes_with_restarts(&settings, &raws, &[]);
     assert_eq!((uninterrupted.0.len(), uninterrupted.1.len()), (3, 8));
     for restarts in [&[0][..], &[1], &[4, 5], &[8]] {
-        assert!(all(restarts) == uninterrupted, "restarted after {restarts:?}");
+        assert!(bytes_with_restarts(&settings, &raws, restarts) == uninterrupted, "restarted after {restarts:?}");
     }
+}
+
+#[test]
+fn imls_submaps_and_poses_after_restarts_have_the_same_bytes() {
+    let raws: Vec<RawSweep> = (0..9).map(raw).collect();
+    let settings = Settings { submap_m: 3.5, odometry: "imls".to_owned(), imls_sweeps: 4, ..Settings::default() };
+    let uninterrupted = bytes_with_restarts(&settings, &raws, &[]);
+    assert_eq!((uninterrupted.0.len(), uninterrupted.1.len()), (3, 8));
+    let default = bytes_with_restarts(&Settings { submap_m: 3.5, ..Settings::default() }, &raws, &[]);
+    assert!(uninterrupted.1 != default.1, "another algorithm gives other poses");
+    for restarts in [&[0][..], &[1], &[4, 5]] {
+        assert!(bytes_with_restarts(&settings, &raws, restarts) == uninterrupted, "restarted after {restarts:?}");
+    }
+}
+
+#[test]
+fn imls_settings_are_checked_by_name() {
+    let rule = |key: &str| {
+        let field = <Settings as stage::Settings>::fields().into_iter().find(|field| field.key == key);
+        field.map(|field| (field.default, field.rule)).unwrap()
+    };
+    let expected = |default: &str, rule: &str| (default.to_owned(), rule.to_owned());
+    assert_eq!(rule("odometry"), expected("\"scan_to_map\"", "must be one of scan_to_map, imls"));
+    assert_eq!(rule("imls_samples"), expected("100", "must be between 10 and 10000"));
+    assert_eq!(rule("imls_h_m"), expected("0.06", "must be between 0.02 and 0.5"));
+    assert_eq!(rule("imls_radius_m"), expected("0.2", "must be between 0.05 and 0.5"));
+    assert_eq!(rule("imls_rounds"), expected("20", "must be between 1 and 200"));
+    assert_eq!(rule("imls_sweeps"), expected("100", "must be between 1 and 1000"));
+    let folder = drive_folder("");
+    assert_eq!(SlamAggregate::check(&Settings::default(), &context(folder.path())), []);
+    let wide = Settings { imls_h_m: 0.3, ..Settings::default() };
+    let problems = SlamAggregate::check(&wide, &context(folder.path()));
+    assert!(problems.len() == 1 && problems[0].key == "imls_h_m", "{problems:?}");
+    assert!(problems[0].text.contains("imls_radius_m"), "{problems:?}");
+}
+
+#[test]
+fn state_saved_with_another_odometry_is_refused() {
+    let folder = drive_folder("");
+    let context = context(folder.path());
+    let mut bench = Bench::<SlamAggregate>::new(&Settings::default(), &context).unwrap();
+    feed_with_sensors(&mut bench, &raw(0));
+    let imls = Settings { odometry: "imls".to_owned(), ..Settings::default() };
+    let error = bench.restarted(&imls, &context).err().unwrap().to_string();
+    assert!(error.contains("another odometry"), "{error}");
 }
 
 #[test]

@@ -288,13 +288,26 @@ impl Check<'_> {
     }
 
     fn imu(&mut self, entry: &ImuEntry) {
-        rules::position(&mut self.file, "imu.position_in_body", &entry.position_in_body);
+        self.imu_mounting(entry);
         self.file("imu.file", &entry.file);
+    }
+
+    fn imu_mounting(&mut self, entry: &ImuEntry) {
+        rules::position(&mut self.file, "imu.position_in_body", &entry.position_in_body);
+        if let Some(mounting) = &entry.body_from_imu {
+            rules::pose(&mut self.file, "imu.body_from_imu", mounting);
+            rules::position(&mut self.file, "imu.body_from_imu", &mounting.translation);
+            self.file.rule("imu.body_from_imu", entry.position_in_body == [0.0; 3], || {
+                "states the position, too; remove imu.position_in_body".into()
+            });
+        }
     }
 
     fn truth(&mut self, entry: &TruthEntry) {
         self.file("truth.trajectory", &entry.trajectory);
-        self.folder("truth.labels", &entry.labels);
+        if let Some(name) = &entry.labels {
+            self.folder("truth.labels", name);
+        }
         if let Some(name) = &entry.calibration {
             self.file("truth.calibration", name);
         }

@@ -1,7 +1,7 @@
 //! Sweeps stored as one cloud file each, without firing times.
 
 use crate::cloud::CloudPoint;
-use crate::velodyne::{LidarReturn, Model, SweepReader};
+use crate::velodyne::{Model, SweepPoint, SweepReader};
 use crate::{kitti, nuscenes, pcd};
 use std::io;
 use std::path::Path;
@@ -25,7 +25,7 @@ pub(super) enum CloudFault {
 }
 
 /// The returns of a cloud file.
-pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarReturn>, CloudFault> {
+pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<SweepPoint>, CloudFault> {
     let bytes = std::fs::read(path)?;
     let returns = match format {
         "bin" => returns_from_cloud(&kitti::points_from_bin(&bytes)?, model),
@@ -42,13 +42,13 @@ pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<LidarR
 /// Returns in the order of the file, without times. Points that are not finite or closer than 0.1 m are removed. The azimuth is the
 /// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: of the device of KITTI). Intensities from 0 to
 /// 1 are scaled to 0 to 255.
-pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<LidarReturn> {
+pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<SweepPoint> {
     let rings = Rings::new(model);
     returns(points, |p| p, |p| rings.nearest(p))
 }
 
 /// See [`returns_from_cloud`]: `point` and `ring` of a row.
-fn returns<T>(rows: &[T], point: impl Fn(&T) -> &CloudPoint, ring: impl Fn(&T) -> u8) -> Vec<LidarReturn> {
+fn returns<T>(rows: &[T], point: impl Fn(&T) -> &CloudPoint, ring: impl Fn(&T) -> u8) -> Vec<SweepPoint> {
     let is_fraction = rows.iter().all(|row| point(row).intensity <= 1.0);
     let scale = if is_fraction { 255.0 } else { 1.0 };
     let is_return = |row: &&T| {
@@ -58,7 +58,7 @@ fn returns<T>(rows: &[T], point: impl Fn(&T) -> &CloudPoint, ring: impl Fn(&T) -
     };
     let one = |row: &T| {
         let p = point(row);
-        LidarReturn {
+        SweepPoint {
             x: p.x,
             y: p.y,
             z: p.z,

@@ -40,10 +40,11 @@ impl Drive {
     /// The labels of all returns. An error if the drive has no labels, or the labels of a sweep are not as many as its returns.
     pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
         let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
-        let Some(truth) = &self.manifest.truth else {
-            return Err(fault(&self.folder, "the manifest has no [truth], which names the labels".to_owned()));
+        let labels = self.manifest.truth.as_ref().and_then(|truth| truth.labels.as_ref());
+        let Some(labels) = labels else {
+            return Err(fault(&self.folder, "the manifest has no [truth] labels, the folder of the labels".to_owned()));
         };
-        let folder = self.folder.join(&truth.labels);
+        let folder = self.folder.join(labels);
         let mut source = self.sweeps().map_err(|error| fault(&self.folder, error.to_string()))?;
         let mut sweeps = Vec::new();
         loop {

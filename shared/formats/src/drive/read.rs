@@ -39,7 +39,7 @@ const MOSAIC: [&str; 12] = [
 ];
 const GNSS: [&str; 3] = ["file", "origin", "antenna_in_body"];
 const IMU: [&str; 1] = ["file"];
-const TRUTH: [&str; 2] = ["trajectory", "labels"];
+const TRUTH: [&str; 1] = ["trajectory"];
 
 impl Read {
     /// A manifest that was inferred, not read.

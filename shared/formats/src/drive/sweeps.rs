@@ -2,7 +2,7 @@
 
 use super::{Drive, clouds};
 use crate::nmea::{Fix, LogStats};
-use crate::velodyne::{LidarReturn, LidarStats, Model, SweepError, SweepInfo, SweepPosition, SweepReader};
+use crate::velodyne::{LidarStats, Model, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -64,7 +64,7 @@ impl SweepSource {
 
     /// Passes the returns of the next sweep to `sink` in firing order, in pieces, at most [`SweepReader::MAX_RETURNS`] in all. `None`
     /// at the end of the drive.
-    pub fn next_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
+    pub fn next_sweep(&mut self, mut sink: impl FnMut(&[SweepPoint])) -> Result<Option<SweepInfo>, SweepError> {
         match self {
             Self::Packets { reader, .. } => reader.next_sweep(sink),
             Self::Clouds(clouds) => Ok(clouds.next().map(|(returns, sweep)| {
@@ -158,7 +158,7 @@ impl SweepSource {
 }
 
 impl Clouds {
-    fn next(&mut self) -> Option<(Vec<LidarReturn>, SweepInfo)> {
+    fn next(&mut self) -> Option<(Vec<SweepPoint>, SweepInfo)> {
         while let Some(path) = self.files.get(self.next) {
             let index = self.next;
             self.next += 1;

@@ -5,29 +5,11 @@
 
 use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode, TURN};
 use super::{Laser, Model};
+use messages::SweepPoint;
 use std::ops::Range;
 
 /// Resolution of ranges, m.
 const RANGE_UNIT_M: f32 = 0.002;
-
-/// One return in the lidar frame, 20 bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LidarReturn {
-    /// Forward, m.
-    pub x: f32,
-    /// Left, m.
-    pub y: f32,
-    /// Up, m.
-    pub z: f32,
-    /// Time after the stamp of the sweep, ns.
-    pub offset_nanos: u32,
-    /// Encoder angle at the shot, 0.01 deg, 0 to 35999, clockwise.
-    pub azimuth: u16,
-    /// Intensity as sent by the sensor.
-    pub intensity: u8,
-    /// Ring by elevation, 0 = lowest.
-    pub ring: u8,
-}
 
 /// Decoder of one sensor model, with its tables.
 #[derive(Clone, Debug)]
@@ -59,13 +41,13 @@ struct Beam {
 /// The returns of one packet.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
-    pub(super) returns: [LidarReturn; MAX_RETURNS_PER_PACKET],
+    pub(super) returns: [SweepPoint; MAX_RETURNS_PER_PACKET],
     pub(super) len: usize,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { returns: [LidarReturn::default(); MAX_RETURNS_PER_PACKET], len: 0 }
+        Self { returns: [SweepPoint::default(); MAX_RETURNS_PER_PACKET], len: 0 }
     }
 }
 
@@ -101,7 +83,7 @@ impl Decoder {
         packet: DataPacket<'_>,
         blocks: Range<usize>,
         packet_nanos: i64,
-        returns: &mut Vec<LidarReturn>,
+        returns: &mut Vec<SweepPoint>,
     ) {
         let mut scratch = Scratch::default();
         self.decode(packet, blocks, packet_nanos, &mut scratch);
@@ -159,7 +141,7 @@ impl Decoder {
             let azimuth = if turned >= TURN { turned - TURN } else { turned };
             let [x, y, z] = beam.point(f32::from(range) * RANGE_UNIT_M, self.sin_cos[usize::from(azimuth)]);
             let offset_nanos = (block_nanos + i64::from(self.firing_nanos[laser])).clamp(0, i64::from(u32::MAX)) as u32;
-            *slot = LidarReturn { x, y, z, offset_nanos, azimuth, intensity: raw[2], ring: beam.ring };
+            *slot = SweepPoint { x, y, z, offset_nanos, azimuth, intensity: raw[2], ring: beam.ring };
             scratch.len += 1;
         }
     }

@@ -4,7 +4,7 @@ mod arrivals;
 
 use super::capture::Captures;
 use super::clock::Clock;
-use super::decode::{Decoder, LidarReturn, Scratch};
+use super::decode::{Decoder, Scratch};
 use super::detect::{Detection, MAX_EXAMINED, StreamInfo, detect};
 use super::packet::{BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DataPacket, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
@@ -14,6 +14,7 @@ use super::{LidarStats, Model};
 use crate::nmea::{Fix, LogStats};
 use crate::pcap::{Frontier, PcapError};
 use geometry::Stamp;
+use messages::SweepPoint;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
@@ -251,7 +252,7 @@ impl SweepReader {
 
     /// Passes the returns of the next sweep to `sink` in firing order, at most 384 at a time and at most [`SweepReader::MAX_RETURNS`] in
     /// all. `None` at the end of the recording, or if no more packets are written yet.
-    pub fn next_sweep(&mut self, sink: impl FnMut(&[LidarReturn])) -> Result<Option<SweepInfo>, SweepError> {
+    pub fn next_sweep(&mut self, sink: impl FnMut(&[SweepPoint])) -> Result<Option<SweepInfo>, SweepError> {
         match self.poll_sweep(sink)? {
             SweepPoll::Sweep(info) => Ok(Some(info)),
             SweepPoll::Pending | SweepPoll::End => Ok(None),
@@ -260,7 +261,7 @@ impl SweepReader {
 
     /// Like [`SweepReader::next_sweep`], for recordings that are being written. After [`SweepPoll::Pending`] the next call continues the
     /// same sweep and passes only new returns.
-    pub fn poll_sweep(&mut self, mut sink: impl FnMut(&[LidarReturn])) -> Result<SweepPoll, SweepError> {
+    pub fn poll_sweep(&mut self, mut sink: impl FnMut(&[SweepPoint])) -> Result<SweepPoll, SweepError> {
         let mut revolution = self.revolution.take();
         let end = loop {
             if self.at.packet.is_none_or(|place| place.block == BLOCKS_PER_PACKET) {
@@ -302,7 +303,7 @@ impl SweepReader {
     fn take_blocks(
         &mut self,
         revolution: &mut Option<Revolution>,
-        sink: &mut impl FnMut(&[LidarReturn]),
+        sink: &mut impl FnMut(&[SweepPoint]),
     ) -> Option<(End, i64)> {
         let packet = DataPacket::new(&self.bytes)?;
         let place = self.at.packet.as_mut()?;

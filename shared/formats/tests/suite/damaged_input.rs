@@ -9,8 +9,8 @@ use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
 use formats::pcap::PacketReader;
 use formats::pcd::{pcd_from_points, points_from_pcd};
 use formats::pgm::{Pgm, pgm_from_samples};
-use formats::recording::{RecordingWriter, TickReader};
-use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCalibration, VirtualBand};
+use formats::recording::TickReader;
+use formats::sensor_calibration::SensorCalibration;
 use formats::tiff::Tiff;
 use formats::trajectory::{
     TrajectoryError, csv_from_trajectory, kitti_from_trajectory, numbered, poses_from_kitti, trajectory_from_csv,
@@ -19,9 +19,7 @@ use formats::trajectory::{
 use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket, SweepReader};
 use formats::{cloud::CloudPoint, kitti};
 use geometry::{Pose, Stamp, Trajectory};
-use messages::{ByteTable, ClassTopic, TickRow};
 use random::Random;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Truncates, removes, inserts or overwrites bytes.
@@ -53,6 +51,12 @@ fn attack(seed: u64, rounds: usize, bytes: &[u8], mut parse: impl FnMut(&[u8])) 
     for _ in 0..rounds {
         parse(&damaged(bytes, &mut random));
     }
+}
+
+/// A sound file of the seeds of the fuzz targets.
+fn seed(target: &str) -> Vec<u8> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fuzz_targets/corpus");
+    std::fs::read(corpus.join(target).join("seed_0")).expect("is there")
 }
 
 fn pcapng(packets: &[support::Sent]) -> Vec<u8> {
@@ -298,16 +302,14 @@ fn damaged_trajectories_do_not_panic() {
 
 #[test]
 fn damaged_spectra_and_lens_calibrations_do_not_panic() {
-    let spectrum = "Name: Concrete\nX Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\n\n0.4 10\n0.5 12.5\n0.6 13\n";
-    formats::ecostress::parse(spectrum).expect("parses");
-    attack(28, 3000, spectrum.as_bytes(), |bytes| {
+    let spectrum = seed("ecostress");
+    formats::ecostress::parse(&String::from_utf8_lossy(&spectrum)).expect("parses");
+    attack(28, 3000, &spectrum, |bytes| {
         if let Ok(spectrum) = formats::ecostress::parse(&String::from_utf8_lossy(bytes)) {
             assert_eq!(spectrum.wavelengths_nm.len(), spectrum.reflectances.len());
         }
     });
-    let lens = "SerialNumber 1\nResolution 20 10\nBeginCamera\nId 0\nfocalLength 0.5 1\nEndCamera\nBeginWarp\nId 0\n\
-                KnotsX 0 0 0 0 1 1 1 1\nKnotsY 0 0 0 0 1 1 1 1\nNumberCoefs 4 4\nCoefs\n1 2 3 4\n5 6 7 8\n9 8 7 6\n5 4 3 2\nEndWarp\n";
-    attack(29, 3000, lens.as_bytes(), |bytes| {
+    attack(29, 3000, &seed("ladybug"), |bytes| {
         let _ = String::from_utf8_lossy(bytes).parse::<LadybugCalibration>();
     });
 }
@@ -316,14 +318,7 @@ fn damaged_spectra_and_lens_calibrations_do_not_panic() {
 fn damaged_recordings_do_not_panic() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");
-    let mut writer =
-        RecordingWriter::create(&path, &BTreeMap::new(), &[ByteTable::of::<ClassTopic>()]).expect("creates");
-    for tick in 0..4 {
-        writer.tick("class", &TickRow { tick, ..TickRow::default() }).expect("writes");
-    }
-    writer.finish().expect("finishes");
-    let bytes = std::fs::read(&path).expect("reads");
-    attack(30, 2000, &bytes, |bytes| {
+    attack(30, 2000, &seed("mcap"), |bytes| {
         std::fs::write(&path, bytes).expect("writes");
         let Ok(mut reader) = TickReader::open(&path, &["class"]) else { return };
         let mut n_ticks = 0;
@@ -395,31 +390,6 @@ fn texts_of_a_recording_longer_than_their_record_are_refused() {
     }
 }
 
-/// A camera of 2 x 2 bands.
-fn sensor() -> SensorCalibration {
-    let response = Curve::from_samples(vec![(480.0, 0.1), (500.0, 0.4), (520.0, 0.2)]);
-    let band = FilterBand { selected: true, peaks: Vec::new(), response };
-    let rows = (0..3).map(|j| VirtualBand {
-        wavelength_nm: 490.0 + 10.0 * f64::from(j),
-        fwhm_nm: 10.0,
-        coefficients: vec![0.5, 0.5, 0.25, -0.25],
-    });
-    let (name, kind) = ("hsi".to_owned(), "hyperspectral".to_owned());
-    SensorCalibration {
-        version: 1,
-        sensor_id: "1.2.3".to_owned(),
-        size: [20, 10],
-        bit_depth: Some(10),
-        full_well_electrons: Some(1e4),
-        active_area: [2, 1, 16, 8],
-        pattern: 2,
-        spectral_range_nm: [480.0, 520.0],
-        bands: vec![band; 4],
-        optical_components: Vec::new(),
-        matrices: vec![CorrectionMatrix { name, kind, virtual_bands: rows.collect() }],
-    }
-}
-
 fn attack_calibration(seed: u64, rounds: usize, text: &[u8]) {
     let (mut refused, mut read) = (0, 0);
     attack(seed, rounds, text, |bytes| {
@@ -439,9 +409,10 @@ fn attack_calibration(seed: u64, rounds: usize, text: &[u8]) {
 
 #[test]
 fn damaged_calibrations_do_not_panic() {
-    let made = sensor();
-    assert_eq!(SensorCalibration::from_xml(&made.to_xml()), Ok(made.clone()));
-    attack_calibration(21, 3000, made.to_xml().as_bytes());
+    let seed = seed("sensor_calibration");
+    let made = SensorCalibration::from_xml(&String::from_utf8_lossy(&seed)).expect("is valid");
+    assert_eq!(made.to_xml().as_bytes(), seed);
+    attack_calibration(21, 3000, &seed);
 }
 
 #[real_data::test(

@@ -65,6 +65,16 @@ fn valid_folder_lists_files_by_stamp() {
 }
 
 #[test]
+fn truth_of_a_trajectory_alone_is_accepted() {
+    let folder = drive(&format!("{GOOD}\n[truth]\ntrajectory = \"truth.txt\"\n"));
+    fs::write(folder.path().join("truth.txt"), "0.0 1 2 3 0 0 0 1\n").expect("writes");
+    let drive = Drive::open(folder.path()).expect("opens");
+    assert!(drive.true_trajectory().is_some_and(|truth| truth.is_ok()));
+    let error = drive.true_labels().expect_err("has no labels");
+    assert!(error.to_string().contains("labels"), "{error}");
+}
+
+#[test]
 fn every_fault_is_reported_with_its_line() {
     let text = GOOD
         .replace("version = 1", "version = 9")
@@ -147,7 +157,7 @@ fn faults_of_all_kinds_are_reported_at_once() {
 fn all_missing_fields_are_reported() {
     // Two texts, because the first 20 problems are reported.
     for (text, expected) in [
-        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 2]),
+        ("[lidar]\n[[camera]]\n[truth]\n", [1, 1, 4, 5, 0, 0, 0, 1]),
         ("[[mosaic]]\n[gnss]\n[imu]\n", [1, 1, 1, 0, 12, 3, 1, 0]),
     ] {
         let folder = drive(text);
@@ -254,4 +264,24 @@ fn nuscenes_sweeps_keep_the_rings_of_the_file() {
         .is_some()
     {}
     assert_eq!(found, [(31, 17), (3, 17), (0, 17)], "the returns without range are removed");
+}
+
+#[test]
+fn mounting_of_inertial_unit_rotates_its_samples_and_excludes_a_second_position() {
+    let imu = "\n[imu]\nfile = \"imu.csv\"\nbody_from_imu = { translation = [0, 0, 0.5], rotation = [1, 0, 0, 0] }\n";
+    let folder = drive(&format!("{GOOD}{imu}"));
+    let samples = format!("{}\n1,1,2,-9.81,0.1,0.2,0.3\n", formats::imu::HEADER);
+    fs::write(folder.path().join("imu.csv"), samples).expect("writes");
+    let opened = Drive::open(folder.path()).expect("sound");
+    let mounting = opened.manifest().imu.as_ref().expect("a unit").mounting();
+    assert_eq!(mounting.translation.vector.z, 0.5);
+    let sample = opened.imu().expect("opens").expect("a unit").next().expect("a sample").expect("reads");
+    assert!(
+        (sample.acceleration[2] - 9.81).abs() < 1e-12 && (sample.angular_rate[1] + 0.2).abs() < 1e-12,
+        "{sample:?}"
+    );
+    let twice = imu.replace("file", "position_in_body = [0, 0, 1]\nfile").replace("[1, 0, 0, 0]", "[1, 1, 0, 0]");
+    fs::write(folder.path().join("drive.toml"), format!("{GOOD}{twice}")).expect("writes");
+    let texts: Vec<String> = problems(folder.path()).iter().map(ToString::to_string).collect();
+    assert!(texts.len() == 2 && texts.iter().all(|text| text.contains("imu.body_from_imu")), "{texts:?}");
 }

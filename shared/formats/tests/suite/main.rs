@@ -3,6 +3,7 @@
 mod damaged_input;
 mod drives;
 mod envi;
+mod jpeg;
 mod ladybug;
 mod nmea_log;
 mod packet_streams;

@@ -2,7 +2,7 @@
 
 use crate::support::{BEGIN, SENSOR, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
 use formats::velodyne::{
-    LidarReturn, LidarStats, Model, PulseStatus, SweepError, SweepInfo, SweepReader, encode_position_packet,
+    LidarStats, Model, PulseStatus, SweepError, SweepInfo, SweepPoint, SweepReader, encode_position_packet,
 };
 use random::Random;
 use std::net::SocketAddrV4;
@@ -196,7 +196,7 @@ fn two_echoes_of_one_shot_share_its_time_and_equal_echoes_are_merged() {
 }
 
 /// Sweeps as reading them resumed before each gives them.
-fn resumed_sweeps(path: &std::path::Path) -> Vec<(SweepInfo, Vec<LidarReturn>)> {
+fn resumed_sweeps(path: &std::path::Path) -> Vec<(SweepInfo, Vec<SweepPoint>)> {
     let mut found = Vec::new();
     let mut position = None;
     loop {

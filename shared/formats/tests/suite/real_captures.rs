@@ -3,15 +3,15 @@
 use crate::support::{open, sweeps};
 use formats::nmea::{Sentence, parse};
 use formats::pcap::PacketReader;
-use formats::velodyne::{LidarReturn, Model, PositionPacket};
+use formats::velodyne::{Model, PositionPacket, SweepPoint};
 use geometry::Stamp;
 use nalgebra::{Matrix3, Vector3};
 
-fn range_m(found: &LidarReturn) -> f32 {
+fn range_m(found: &SweepPoint) -> f32 {
     (found.x * found.x + found.y * found.y + found.z * found.z).sqrt()
 }
 
-fn elevation_deg(found: &LidarReturn) -> f32 {
+fn elevation_deg(found: &SweepPoint) -> f32 {
     found.z.atan2(found.x.hypot(found.y)).to_degrees()
 }
 
@@ -83,7 +83,7 @@ fn real_hdl64e_capture_decodes_to_plausible_sweeps() {
     assert!(upper > lower && by_ring.iter().filter(|n| **n > 100).count() >= 60, "{by_ring:?}");
     // Each laser has its own angles and offsets; with them the road is one plane (this table is that of another device, so
     // some centimetres are left; without distance corrections of 1.2 m it would be no plane at all).
-    let near = |found: &&LidarReturn| (5.0..12.0).contains(&found.x.hypot(found.y)) && found.z < -1.3;
+    let near = |found: &&SweepPoint| (5.0..12.0).contains(&found.x.hypot(found.y)) && found.z < -1.3;
     let road: Vec<Vector3<f64>> =
         returns.iter().filter(near).map(|found| Vector3::new(found.x, found.y, found.z).cast()).collect();
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());

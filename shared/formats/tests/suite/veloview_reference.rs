@@ -1,7 +1,7 @@
 //! A revolution of a real HDL-32E capture, exported by VeloView (the manufacturer's viewer), is the reference.
 
 use flate2::read::GzDecoder;
-use formats::velodyne::{LidarReturn, SweepReader};
+use formats::velodyne::{SweepPoint, SweepReader};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 
@@ -21,7 +21,7 @@ fn decoded_revolution_equals_veloview_export() {
     let export = real_data::path("velodyne/hdl32e_outdoor_frame1_veloview.csv.gz");
     let mut reader = SweepReader::open(vec![capture], None).expect("opens");
     reader.next_sweep(|_| {}).expect("reads").expect("revolution 0");
-    let mut returns: Vec<LidarReturn> = Vec::new();
+    let mut returns: Vec<SweepPoint> = Vec::new();
     let info = reader.next_sweep(|chunk| returns.extend_from_slice(chunk)).expect("reads").expect("revolution 1");
     assert_eq!((info.seq, info.n_returns, info.lost_packets), (1, 47_962, 0));
 

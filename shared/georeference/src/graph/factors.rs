@@ -1,6 +1,6 @@
 //! Residuals of the measurements and their derivatives.
 
-use super::measurements::{AntennaPosition, RelativePose, UpDirection};
+use super::measurements::{AntennaPosition, HorizontalVelocity, RelativePose, UpDirection};
 use super::tangent::{inverse_right_jacobian, skew};
 use geometry::Pose;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
@@ -55,6 +55,18 @@ impl UnaryFactor {
         jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(per_sigma * by_rotation));
         Self { residual: per_sigma * error, jacobian }
     }
+    pub fn of_velocity(velocity: &HorizontalVelocity, world_from_submap: &Pose) -> Self {
+        let axes = world_from_submap.rotation.to_rotation_matrix();
+        let [east, north] = velocity.v_in_world;
+        let mut error = axes * velocity.v_in_submap - Vector3::new(east, north, 0.0);
+        let mut by_rotation = -axes.matrix() * skew(&velocity.v_in_submap);
+        // The receiver reports no vertical velocity.
+        error.z = 0.0;
+        by_rotation.row_mut(2).fill(0.0);
+        let mut jacobian = Matrix3x6::zeros();
+        jacobian.fixed_view_mut::<3, 3>(0, 3).copy_from(&(by_rotation / velocity.sigma_mps));
+        Self { residual: error / velocity.sigma_mps, jacobian }
+    }
     pub fn of_up_direction(up_direction: &UpDirection, world_from_submap: &Pose) -> Self {
         let up = world_from_submap.rotation.inverse() * Vector3::z();
         let mut jacobian = Matrix3x6::zeros();
@@ -101,6 +113,13 @@ mod tests {
             sigma_m: [0.5, 0.7, 2.0],
             sigma_above_m: 4.0,
             share: 1.0,
+            tolerance_m: 0.0,
+        };
+        let velocity = HorizontalVelocity {
+            submap: 0,
+            v_in_submap: Vector3::new(7.0, 1.0, 0.4),
+            v_in_world: [5.0, -2.0],
+            sigma_mps: 0.3,
         };
         let above = AntennaPosition { p_in_world: Point3::new(1.0, 2.0, -3.0), ..position };
         let up_in_submap = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.0) * Vector3::z();
@@ -116,6 +135,7 @@ mod tests {
             for (before, after) in [
                 (UnaryFactor::of_position(&position, &a), UnaryFactor::of_position(&position, &moved_a)),
                 (UnaryFactor::of_position(&above, &a), UnaryFactor::of_position(&above, &moved_a)),
+                (UnaryFactor::of_velocity(&velocity, &a), UnaryFactor::of_velocity(&velocity, &moved_a)),
                 (
                     UnaryFactor::of_up_direction(&up_direction, &a),
                     UnaryFactor::of_up_direction(&up_direction, &moved_a),

@@ -34,6 +34,21 @@ pub struct AntennaPosition {
     /// Weight as a share of an independent measurement, above 0 to 1: errors of a receiver last longer than the time
     /// between two fixes.
     pub share: f64,
+    /// Residuals are weighed by `sigma_m`, but are outliers only beyond this standard deviation, m. 0 without such a limit.
+    pub tolerance_m: f64,
+}
+
+/// Horizontal velocity of a point of a submap in the world: of the antenna, by Doppler shifts. It determines the heading.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HorizontalVelocity {
+    /// Number of the submap.
+    pub submap: usize,
+    /// By the odometry, m/s.
+    pub v_in_submap: Vector3<f64>,
+    /// By the receiver, towards east and north, m/s.
+    pub v_in_world: [f64; 2],
+    /// Standard deviation of each component, m/s.
+    pub sigma_mps: f64,
 }
 
 /// Direction against gravity in a submap.
@@ -58,6 +73,8 @@ pub struct PoseGraph {
     pub positions: Vec<AntennaPosition>,
     /// Directions against gravity.
     pub up_directions: Vec<UpDirection>,
+    /// Velocities. They may be outliers.
+    pub velocities: Vec<HorizontalVelocity>,
 }
 
 impl RelativePose {

@@ -12,10 +12,22 @@ use nalgebra::{Matrix6, Vector6};
 pub enum Gauge {
     /// The positions.
     Positions,
+    /// The first submap keeps its position; velocities determine the heading, gravity or the start roll and pitch.
+    FirstPosition,
     /// The first submap keeps its position and heading; gravity determines roll and pitch.
     FirstPositionAndHeading,
     /// The first submap keeps its pose.
     FirstPose,
+}
+
+/// How far the start of [`PoseGraph::solve`] is trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Not: all measurements have the same weight at first.
+    Guess,
+    /// It fits the inliers. Measurements far from it are outliers from the first round on, so a minority cannot pull the
+    /// solution away.
+    Aligned,
 }
 
 /// Result of [`PoseGraph::solve`].
@@ -35,6 +47,11 @@ pub struct Solution {
 /// quantiles.
 const LOOP_SCALE: f64 = 16.8;
 const POSITION_SCALE: f64 = 11.3;
+/// The same for a velocity (two degrees of freedom).
+const VELOCITY_SCALE: f64 = 9.2;
+/// From an aligned start this share of the measurements are inliers, and their chi squared is up to this many times its scale.
+const SURE_SHARE: f64 = 0.25;
+const SURE_CHI: f64 = 4.0;
 /// Factor by which the kernel gets less convex from round to round (Yang et al. 2020, section VI).
 const SHARPENING: f64 = 1.4;
 /// Steps in each round, and in the last one.
@@ -62,14 +79,22 @@ impl PoseGraph {
     /// begin alike, and those of large residuals shrink from round to round. `None` if a pose is not determined, or if a
     /// measurement refers to a submap that `start` does not have.
     pub fn solve(&self, start: &[Pose], gauge: Gauge) -> Option<Solution> {
+        self.solve_from(start, Start::Guess, gauge)
+    }
+
+    /// [`Self::solve`] from a start that may be trusted.
+    pub fn solve_from(&self, start: &[Pose], trust: Start, gauge: Gauge) -> Option<Solution> {
         if start.is_empty() || self.largest_number() >= start.len() {
             return None;
         }
         let pairs = self.odometry.iter().chain(&self.loops).map(|relative| (relative.target, relative.source));
         let problem = Problem { graph: self, gauge, start: start[0], order: Order::new(start.len(), pairs) };
         let mut poses = start.to_vec();
-        let worst = problem.worst(&poses);
-        let mut convexity = (2.0 * worst).max(1.0);
+        let mut convexity = match trust {
+            Start::Guess => 2.0 * problem.quantile(&poses, 1.0),
+            Start::Aligned => SURE_CHI * problem.quantile(&poses, SURE_SHARE),
+        }
+        .max(1.0);
         loop {
             let is_last = convexity <= 1.0;
             let weights = problem.weights(&poses, convexity);
@@ -94,7 +119,8 @@ impl PoseGraph {
         let relatives = self.odometry.iter().chain(&self.loops).map(|relative| relative.target.max(relative.source));
         let positions = self.positions.iter().map(|position| position.submap);
         let up_directions = self.up_directions.iter().map(|up_direction| up_direction.submap);
-        relatives.chain(positions).chain(up_directions).max().unwrap_or(0)
+        let velocities = self.velocities.iter().map(|velocity| velocity.submap);
+        relatives.chain(positions).chain(up_directions).chain(velocities).max().unwrap_or(0)
     }
 }
 
@@ -109,6 +135,7 @@ struct Problem<'a> {
 struct RobustWeights {
     loops: Vec<f64>,
     positions: Vec<f64>,
+    velocities: Vec<f64>,
 }
 
 /// Weight of a measurement by its chi squared.
@@ -128,22 +155,42 @@ impl Problem<'_> {
         UnaryFactor::of_position(position, &poses[position.submap]).chi_squared()
     }
 
-    /// Largest chi squared in units of its scale.
-    fn worst(&self, poses: &[Pose]) -> f64 {
-        let loops = (0..self.graph.loops.len()).map(|number| self.chi_of_loop(number, poses) / LOOP_SCALE);
-        let positions =
-            (0..self.graph.positions.len()).map(|number| self.chi_of_position(number, poses) / POSITION_SCALE);
-        loops.chain(positions).fold(0.0, f64::max)
+    /// Chi squared by which a position may be an outlier.
+    fn chi_of_position_with_tolerance(&self, number: usize, poses: &[Pose]) -> f64 {
+        let position = &self.graph.positions[number];
+        let sigma_m = position.sigma_m[0].min(position.sigma_m[1]);
+        self.chi_of_position(number, poses) * (sigma_m / position.tolerance_m.max(sigma_m)).powi(2)
+    }
+
+    fn chi_of_velocity(&self, number: usize, poses: &[Pose]) -> f64 {
+        let velocity = &self.graph.velocities[number];
+        UnaryFactor::of_velocity(velocity, &poses[velocity.submap]).chi_squared()
+    }
+
+    /// Chi squared in units of its scale below which this share of the measurements of each kind lies; the largest of the
+    /// kinds.
+    fn quantile(&self, poses: &[Pose], share: f64) -> f64 {
+        let PoseGraph { loops, positions, velocities, .. } = self.graph;
+        let of = |mut chis: Vec<f64>| {
+            chis.sort_by(f64::total_cmp);
+            let last = chis.len().checked_sub(1);
+            last.map_or(0.0, |last| chis[(share * last as f64) as usize])
+        };
+        let loops = (0..loops.len()).map(|n| self.chi_of_loop(n, poses) / LOOP_SCALE);
+        let positions = (0..positions.len()).map(|n| self.chi_of_position_with_tolerance(n, poses) / POSITION_SCALE);
+        let velocities = (0..velocities.len()).map(|n| self.chi_of_velocity(n, poses) / VELOCITY_SCALE);
+        of(loops.collect()).max(of(positions.collect())).max(of(velocities.collect()))
     }
 
     fn weights(&self, poses: &[Pose], convexity: f64) -> RobustWeights {
-        let loops = 0..self.graph.loops.len();
-        let positions = 0..self.graph.positions.len();
+        let loop_weight = |n| geman_mcclure(self.chi_of_loop(n, poses), LOOP_SCALE, convexity);
+        let position_weight =
+            |n| geman_mcclure(self.chi_of_position_with_tolerance(n, poses), POSITION_SCALE, convexity);
+        let velocity_weight = |n| geman_mcclure(self.chi_of_velocity(n, poses), VELOCITY_SCALE, convexity);
         RobustWeights {
-            loops: loops.map(|n| geman_mcclure(self.chi_of_loop(n, poses), LOOP_SCALE, convexity)).collect(),
-            positions: positions
-                .map(|n| geman_mcclure(self.chi_of_position(n, poses), POSITION_SCALE, convexity))
-                .collect(),
+            loops: (0..self.graph.loops.len()).map(loop_weight).collect(),
+            positions: (0..self.graph.positions.len()).map(position_weight).collect(),
+            velocities: (0..self.graph.velocities.len()).map(velocity_weight).collect(),
         }
     }
 
@@ -195,6 +242,9 @@ impl Problem<'_> {
             let factor = UnaryFactor::of_position(position, &poses[position.submap]);
             add(position.submap, factor, weight * position.share);
         }
+        for (velocity, weight) in self.graph.velocities.iter().zip(&weights.velocities) {
+            add(velocity.submap, UnaryFactor::of_velocity(velocity, &poses[velocity.submap]), *weight);
+        }
         for up_direction in &self.graph.up_directions {
             add(up_direction.submap, UnaryFactor::of_up_direction(up_direction, &poses[up_direction.submap]), 1.0);
         }
@@ -210,6 +260,7 @@ impl Problem<'_> {
     fn gauge_prior(&self, first: &Pose) -> (Matrix6<f64>, Vector6<f64>, Matrix6<f64>) {
         let information = match self.gauge {
             Gauge::Positions => [FREE; 6],
+            Gauge::FirstPosition => [FIXED, FIXED, FIXED, FREE, FREE, FREE],
             Gauge::FirstPositionAndHeading => [FIXED, FIXED, FIXED, FREE, FREE, FIXED],
             Gauge::FirstPose => [FIXED; 6],
         };
@@ -236,6 +287,8 @@ impl Problem<'_> {
             .zip(&weights.positions)
             .map(|(p, weight)| weight * p.share * UnaryFactor::of_position(p, &poses[p.submap]).chi_squared())
             .sum();
+        let velocities: f64 =
+            weights.velocities.iter().enumerate().map(|(n, weight)| weight * self.chi_of_velocity(n, poses)).sum();
         let up_directions: f64 = self
             .graph
             .up_directions
@@ -243,6 +296,6 @@ impl Problem<'_> {
             .map(|u| UnaryFactor::of_up_direction(u, &poses[u.submap]).chi_squared())
             .sum();
         let (information, residual, _) = self.gauge_prior(&poses[0]);
-        odometry + loops + positions + up_directions + residual.dot(&(information * residual))
+        odometry + loops + positions + velocities + up_directions + residual.dot(&(information * residual))
     }
 }

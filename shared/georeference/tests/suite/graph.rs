@@ -61,7 +61,15 @@ fn odometry(truth: &[Pose], random: &mut Random) -> (PoseGraph, Vec<Pose>) {
 fn position(truth: &[Pose], submap: usize, error: Vector3<f64>) -> AntennaPosition {
     let p_in_submap = Point3::new(6.0, -0.5, 1.8);
     let p_in_world = truth[submap] * p_in_submap + error;
-    AntennaPosition { submap, p_in_submap, p_in_world, sigma_m: [0.7, 0.7, 1.5], sigma_above_m: 1.5, share: 1.0 }
+    AntennaPosition {
+        submap,
+        p_in_submap,
+        p_in_world,
+        sigma_m: [0.7, 0.7, 1.5],
+        sigma_above_m: 1.5,
+        share: 1.0,
+        tolerance_m: 0.0,
+    }
 }
 
 fn rmse(found: &[Pose], truth: &[Pose]) -> f64 {

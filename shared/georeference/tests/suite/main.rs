@@ -1,5 +1,7 @@
-//! The pose graph and the loop search on drives whose truth is known.
+//! Integration tests of the pose graph, of loop closures, and of the placement by fixes.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
+mod drive;
 mod graph;
 mod loops;
+mod placement;

@@ -1,6 +1,7 @@
 //! The odometry on synthetic and real sweeps.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
+mod imls;
 mod other_sensors;
 mod real_sweeps;
 mod support;

@@ -108,12 +108,9 @@ impl Settings {
             ("min_zone_m2", self.min_zone_m2, 0.0, 1000.0),
         ];
         match rules.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((key, value, low, high)) => Err(SegmentationError::Setting {
-                path: file.path.clone(),
-                key,
-                value,
-                rule: format!("must be between {low} and {high}"),
-            }),
+            Some((key, value, low, high)) => {
+                Err(SegmentationError::Setting { path: file.path.clone(), key, value, low, high })
+            }
             None => Ok(()),
         }
     }

@@ -54,12 +54,31 @@ impl Folder {
             .map_err(|cause| SimulationError::Image { path: self.path.join(name), cause })?;
         self.write(name, &bytes)
     }
-    /// Renames the complete drive to `out`.
+    /// Syncs the complete drive and renames it to `out`: a power loss must not leave a drive of that name with empty files.
     pub fn complete(mut self, out: &Path) -> Result<(), SimulationError> {
+        sync_all(&self.path)?;
         fs::rename(&self.path, out).map_err(SimulationError::write(out))?;
         self.is_complete = true;
-        Ok(())
+        match out.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => sync(parent),
+            _ => sync(Path::new(".")),
+        }
     }
+}
+
+/// Syncs everything in a folder, then the folder.
+fn sync_all(folder: &Path) -> Result<(), SimulationError> {
+    for entry in fs::read_dir(folder).map_err(SimulationError::write(folder))? {
+        let entry = entry.map_err(SimulationError::write(folder))?;
+        let path = entry.path();
+        let kind = entry.file_type().map_err(SimulationError::write(&path))?;
+        if kind.is_dir() { sync_all(&path)? } else { sync(&path)? }
+    }
+    sync(folder)
+}
+
+fn sync(path: &Path) -> Result<(), SimulationError> {
+    fs::File::open(path).and_then(|file| file.sync_all()).map_err(SimulationError::write(path))
 }
 
 impl Drop for Folder {

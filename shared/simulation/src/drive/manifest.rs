@@ -21,12 +21,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         antenna_in_body: gnss.antenna_in_body,
     });
     let name = format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds);
-    let lidar = LidarEntry {
-        model: rig.lidar.model.name().into(),
-        format: "pcap".into(),
-        folder: "lidar".into(),
-        body_from_lidar: rig.lidar.body_from_lidar.into(),
-    };
+    let lidar = LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into());
     Manifest {
         cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
         mosaics: if spec.mosaics {
@@ -36,12 +31,16 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         },
         truth: Some(TruthEntry {
             trajectory: TRAJECTORY_FILE.into(),
-            labels: "truth/labels".into(),
+            labels: Some("truth/labels".into()),
             calibration: Some(CALIBRATION_FILE.into()),
             gnss: gnss.as_ref().map(|_| GNSS_TRUTH_FILE.into()),
         }),
         gnss,
-        imu: rig.imu.map(|imu| ImuEntry { file: IMU_FILE.into(), position_in_body: imu.position_in_body }),
+        imu: rig.imu.map(|imu| ImuEntry {
+            file: IMU_FILE.into(),
+            position_in_body: imu.position_in_body,
+            body_from_imu: None,
+        }),
         ..Manifest::of_lidar(&name, lidar)
     }
 }

@@ -4,7 +4,7 @@ use crate::support::{SHARED_DRIVE, SharedDrive, files, revolutions, udp_payloads
 use formats::drive::Drive;
 use formats::manifest::Manifest;
 use formats::sensor_calibration::SensorCalibration;
-use formats::velodyne::{LidarReturn, Model, SweepReader};
+use formats::velodyne::{Model, SweepPoint, SweepReader};
 use geometry::{CameraModel, KannalaBrandt, Point3};
 use simulation::sensors::camera::ColorCamera;
 use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
@@ -187,7 +187,7 @@ fn decoder_returns_equal_simulated_returns() {
 fn heights_around(drive: &Drive) -> Vec<f64> {
     let mut heights = Vec::new();
     let mut sweeps = drive.sweeps().expect("a recording");
-    let mut look = |returns: &[LidarReturn]| {
+    let mut look = |returns: &[SweepPoint]| {
         for found in returns {
             let p = drive.rig().body_from_lidar * Point3::new(found.x, found.y, found.z).cast::<f64>();
             if p.x.hypot(p.y) < 8.0 {

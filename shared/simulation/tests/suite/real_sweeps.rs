@@ -1,7 +1,7 @@
 //! Statistics of a simulated HDL-32E against a real one.
 
 use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, LidarReturn, Model, SweepReader};
+use formats::velodyne::{DATA_PORT, DataPacket, Model, SweepPoint, SweepReader};
 use geometry::Isometry3;
 use nalgebra::Translation3;
 use simulation::sensors::lidar::LidarModel;
@@ -13,7 +13,7 @@ const HEIGHT_M: f64 = 4.76;
 const TURNS_PER_SECOND: f64 = 10.93;
 
 struct Revolution {
-    returns: Vec<LidarReturn>,
+    returns: Vec<SweepPoint>,
     /// Share of firings with a return.
     share: f64,
     /// Mean and standard deviation of the encoder's steps, 0.01 degrees.
@@ -39,7 +39,7 @@ fn read(path: &Path) -> Revolution {
     Revolution { share: returns.len() as f64 / firings, returns, steps: [mean, variance.sqrt()] }
 }
 
-fn quantile(sweep: &Revolution, value: impl Fn(&LidarReturn) -> f32, share: f64) -> f32 {
+fn quantile(sweep: &Revolution, value: impl Fn(&SweepPoint) -> f32, share: f64) -> f32 {
     let mut values: Vec<f32> = sweep.returns.iter().map(value).collect();
     values.sort_by(f32::total_cmp);
     values[(share * (values.len() - 1) as f64) as usize]
@@ -72,8 +72,8 @@ fn simulated_revolution_matches_statistics_of_real_one() {
     // The ground is seen by all lower rings.
     let lower = |sweep: &Revolution| sweep.returns.iter().filter(|found| found.ring < 8).count() as f64;
     assert!(lower(&simulated) > 0.9 * lower(&real));
-    let range = |found: &LidarReturn| found.x.hypot(found.y).hypot(found.z);
-    let intensity = |found: &LidarReturn| f32::from(found.intensity);
+    let range = |found: &SweepPoint| found.x.hypot(found.y).hypot(found.z);
+    let intensity = |found: &SweepPoint| f32::from(found.intensity);
     for (share, factor) in [(0.5, 2.0), (0.95, 2.0)] {
         let [a, b] = [&real, &simulated].map(|sweep| quantile(sweep, range, share));
         println!("range at quantile {share}: simulated {b:.2} m, real {a:.2} m");

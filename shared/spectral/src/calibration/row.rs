@@ -1,6 +1,7 @@
 //! Calibrates one row of samples and distributes it to the bands of a row of cells.
 
-use super::{FrameCounts, Planes};
+use super::FrameCounts;
+use crate::planes::Planes;
 
 /// The samples of a row with the calibration of their pixels, all of one length.
 pub struct Row<'a> {

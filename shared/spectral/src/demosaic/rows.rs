@@ -1,8 +1,8 @@
 //! All bands at full resolution, row by row: the input stays in the cache, and no cube is stored.
 
 use super::lattice::Lattice;
-use crate::calibration::Planes;
-use crate::mosaic::MAX_PATTERN;
+use crate::limits::MAX_PATTERN;
+use crate::planes::Planes;
 
 /// Parts of an image: a mosaic that is interpolated for each band, and a part that all bands share.
 pub struct Parts<'a> {

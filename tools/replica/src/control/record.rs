@@ -150,7 +150,16 @@ impl Recorder {
         let mode = if *may_drop { ObserverMode::Dropping } else { ObserverMode::Lossless };
         run.attach(
             |node, wiring| {
-                let open = |topic: &Progress| Attachment::open(node, channels(wiring, topic.name())?, mode);
+                let open = |topic: &Progress| {
+                    let channels = channels(wiring, topic.name())?;
+                    let opened = Attachment::open(node, channels, mode);
+                    // A recorder of the other moved topic may have the lossless slot. Its producer waits for the moved topic, so
+                    // nothing is dropped; a gap would end the recording with an error.
+                    let is_shared = topic.name() == PlacementTopic::TOPIC && mode == ObserverMode::Lossless;
+                    opened.or_else(|error| {
+                        if is_shared { Attachment::open(node, channels, ObserverMode::Dropping) } else { Err(error) }
+                    })
+                };
                 topics.iter().map(open).collect()
             },
             || stop.is_set(),

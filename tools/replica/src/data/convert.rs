@@ -4,7 +4,7 @@ use crate::exit_code;
 use anyhow::Context;
 use clap::ValueEnum;
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::velodyne::{LidarReturn, LidarStats, Model, SweepInfo, SweepReader};
+use formats::velodyne::{LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -86,7 +86,7 @@ fn print_counts(n_points: usize, stats: &LidarStats) {
     }
 }
 
-fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[LidarReturn]) -> anyhow::Result<()> {
+fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[SweepPoint]) -> anyhow::Result<()> {
     let header = Header::new([
         ("x", Kind::Float),
         ("y", Kind::Float),

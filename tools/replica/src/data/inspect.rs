@@ -18,7 +18,10 @@ use std::process::ExitCode;
 /// For clouds: points, bounds, classes and instances, and optionally a picture; for a run also the world frame with its standard
 /// deviations, and its doubts. For a recording: topics, counts and times.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the recording is not complete")]
+#[command(
+    after_help = "Exit codes: 0 done, also if the run has doubts, which are printed; 1 failed, 2 wrong usage, 3 the recording is \
+                  not complete"
+)]
 pub struct Args {
     /// PLY file, output folder of a run, or recording (.mcap)
     path: PathBuf,
@@ -86,14 +89,9 @@ fn doubts(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::argument::Cli;
     use clap::Parser;
     use formats::ply::{Header, Kind, PlyWriter};
-
-    #[derive(Parser)]
-    struct Cli {
-        #[command(flatten)]
-        args: Args,
-    }
 
     /// A road of 40 m along x with a car on it.
     fn write_street(path: &Path) {
@@ -143,7 +141,7 @@ mod tests {
         let error = run(&Cli::parse_from(["", &path]).args).expect_err("is empty").to_string();
         assert!(error.contains("no clouds (*.ply)"), "{error}");
         for words in [["", &path, "--size", "16x9"], ["", &path, "--size", "1600"], ["", &path, "--by", "taste"]] {
-            assert!(Cli::try_parse_from(words).is_err());
+            assert!(Cli::<Args>::try_parse_from(words).is_err());
         }
         let outside = Cli::parse_from(["", &path, "--at", "1.5"]);
         assert!(run(&outside.args).expect_err("is outside").to_string().contains("--at 1.5: must be 0 to 1"));

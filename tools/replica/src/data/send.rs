@@ -227,15 +227,10 @@ impl Player<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::argument::Cli;
     use clap::Parser;
     use formats::pcap::Writer;
     use geometry::Stamp;
-
-    #[derive(Parser)]
-    struct Cli {
-        #[command(flatten)]
-        args: Args,
-    }
 
     /// Ten packets, 1 ms apart. The first byte is their number; every fourth is neither a data nor a position packet.
     fn capture(folder: &Path) -> PathBuf {
@@ -285,7 +280,7 @@ mod tests {
         let path = capture(folder.path());
         let text = path.to_str().expect("UTF-8");
         for words in [["--speed", "0"], ["--speed", "fast"], ["--to", "127.0.0.1"]] {
-            assert!(Cli::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
+            assert!(Cli::<Args>::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
         }
         let late = Cli::parse_from(["", text, "--start", "7"]);
         assert!(run(&late.args).expect_err("no packets").to_string().contains("no Velodyne packet"));

@@ -4,6 +4,7 @@ pub mod recipe;
 pub mod town_dataset;
 
 use anyhow::Context;
+use formats::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
 use recipe::Recipe;
@@ -137,15 +138,9 @@ fn model_path(out: &Path) -> PathBuf {
     out.join("model.safetensors")
 }
 
-/// Writes the model, the curves and, last, the checkpoint. Each file is written under another name and then renamed, so that an
-/// interrupted run leaves complete files.
+/// Writes the model, the curves and, last, the checkpoint. Each file is complete or absent, also after a power loss.
 fn write_state(trainer: &Trainer, settings: &Settings, out: &Path) -> anyhow::Result<()> {
-    let write = |path: &Path, bytes: &[u8]| {
-        let partial = path.with_extension("partial");
-        std::fs::write(&partial, bytes)
-            .and_then(|()| std::fs::rename(&partial, path))
-            .with_context(|| path.display().to_string())
-    };
+    let write = |path: &Path, bytes: &[u8]| write_atomic(path, bytes).with_context(|| path.display().to_string());
     write(&model_path(out), &settings.to_bytes(trainer.best())?)?;
     write(&out.join("curves.csv"), trainer.curves().csv().as_bytes())?;
     write(&out.join("curves.svg"), trainer.curves().svg().as_bytes())?;

@@ -106,12 +106,7 @@ fn manifest() -> Manifest {
         body_from_camera: PoseEntry::IDENTITY,
         model: model.clone(),
     };
-    let lidar = LidarEntry {
-        model: "hdl32e".into(),
-        format: "pcap".into(),
-        folder: "lidar".into(),
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
+    let lidar = LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY);
     Manifest {
         cameras: vec![camera(0), camera(1)],
         mosaics: vec![MosaicEntry {
@@ -131,7 +126,7 @@ fn manifest() -> Manifest {
             model: model.clone(),
         }],
         gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: [48.8, 2.3, 100.0], antenna_in_body: [0.0; 3] }),
-        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3] }),
+        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
         ..Manifest::of_lidar("made by hand", lidar)
     }
 }

@@ -9,13 +9,7 @@ use tempfile::TempDir;
 
 /// A drive with a LiDAR only.
 pub fn bare_manifest() -> Manifest {
-    let lidar = LidarEntry {
-        model: "hdl32e".to_owned(),
-        format: "pcap".to_owned(),
-        folder: "lidar".to_owned(),
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
-    Manifest::of_lidar("test", lidar)
+    Manifest::of_lidar("test", LidarEntry::of_captures("hdl32e", PoseEntry::IDENTITY))
 }
 
 pub fn camera(name: &str, body_from_camera: Pose, model: CameraModel) -> CameraEntry {

@@ -2,7 +2,7 @@
 
 use formats::pcap::Writer;
 use formats::velodyne::{
-    DATA_PORT, LidarReturn, Model, RawBlock, RawReturn, SweepInfo, SweepReader, encode_data_packet,
+    DATA_PORT, Model, RawBlock, RawReturn, SweepInfo, SweepPoint, SweepReader, encode_data_packet,
 };
 use geometry::Stamp;
 use random::Random;
@@ -55,7 +55,7 @@ pub fn write_capture_from(path: &Path, packets: &[(SocketAddrV4, Sent)]) -> Path
 }
 
 /// All remaining sweeps of a reader.
-pub fn sweeps(reader: &mut SweepReader) -> Vec<(SweepInfo, Vec<LidarReturn>)> {
+pub fn sweeps(reader: &mut SweepReader) -> Vec<(SweepInfo, Vec<SweepPoint>)> {
     let mut sweeps = Vec::new();
     loop {
         let mut returns = Vec::new();

@@ -5,7 +5,7 @@ use crate::lab::evaluate::trajectory::true_trajectory;
 use anyhow::ensure;
 use formats::drive::{Drive, MANIFEST_FILE};
 use formats::ply::Vertices;
-use formats::velodyne::LidarReturn;
+use formats::velodyne::SweepPoint;
 use geometry::{Point3, Pose, Trajectory, Vector3};
 use std::path::Path;
 
@@ -70,7 +70,7 @@ fn place_sweeps(
 ) -> anyhow::Result<()> {
     let body_from_lidar = drive.rig().body_from_lidar;
     let mut source = drive.sweeps()?;
-    let mut returns: Vec<LidarReturn> = Vec::new();
+    let mut returns: Vec<SweepPoint> = Vec::new();
     while let Some(sweep) = source.next_sweep(|some| returns.extend_from_slice(some))? {
         // Returns of one firing are consecutive and have the same time: 32 of an HDL-32E.
         let (mut offset_nanos, mut world_from_lidar) = (None, None);

@@ -1,14 +1,9 @@
 //! Scores of simulated walls.
 
 use super::*;
+use crate::argument::Cli;
 use clap::Parser;
 use formats::ply::{Header, Kind, PlyWriter, Row};
-
-#[derive(Parser)]
-struct Cli {
-    #[command(flatten)]
-    args: Args,
-}
 
 /// Two sheets of points `half` m in front of and behind a wall of 6 x 3 m at y = `y`, far from the origin, as in UTM. Every tenth
 /// point is flagged as dynamic and lies 1 m in front.

@@ -1,14 +1,9 @@
 //! The scores compared with those of evo and of the KITTI development kit.
 
 use super::*;
+use crate::argument::Cli;
 use clap::Parser;
 use geometry::{Pose, Stamp, Vector3};
-
-#[derive(Parser)]
-struct Cli {
-    #[command(flatten)]
-    args: Args,
-}
 
 fn parse(words: &[&str]) -> Args {
     Cli::parse_from([&[""], words].concat()).args

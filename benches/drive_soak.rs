@@ -1,0 +1,137 @@
+//! Memory of each stage over an hour of drive: a simulated drive whose LiDAR capture is repeated, without GNSS and IMU. At each
+//! repetition the vehicle jumps back, so odometry and loop closures never settle.
+//! `cargo build --release && cargo bench --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100]`
+//!
+//! Clouds are not written: those of an hour fill 90 GB. The folder of the drive, 2.4 MB per second, is removed at the end.
+
+use formats::pcap::{PacketReader, Writer};
+use formats::velodyne::DATA_PACKET_BYTES;
+use geometry::Stamp;
+use replica_tests::{Launch, PATIENT, Running, simulated_drive};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+const STAGES: [&str; 3] = ["acquire", "slam_aggregate", "export"];
+/// Between two samples.
+const SAMPLE_EVERY: Duration = Duration::from_secs(1);
+/// Offset in a data packet of the sensor's clock: µs of the hour.
+const MICROS_AT: usize = 1200;
+const HOUR_MICROS: i64 = 3_600_000_000;
+/// Growth of the second half of a drive over the first that is no leak, bytes: two poses of a sweep and one of a submap are kept
+/// for the end of the drive, 10 MB in an hour.
+const SLACK: u64 = 12 << 20;
+/// Shares of the drive at which the table gives the memory.
+const SHARES: [f64; 6] = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0];
+
+/// Value of an argument. Others, such as cargo's own `--bench`, are ignored.
+fn argument(name: &str, default: u64) -> u64 {
+    let text = std::env::args().skip_while(|argument| argument != name).nth(1);
+    text.map_or(default, |text| text.parse().expect("a number"))
+}
+
+/// The capture of `drive` again and again in `folder`, a file for each repetition, with stamps that go on.
+fn repeat(drive: &Path, folder: &Path, n: u64) {
+    fs::create_dir_all(folder.join("lidar")).expect("a folder");
+    let source = drive.join("lidar/000000.pcap");
+    let (mut first, mut last, mut n_packets) = (None, Stamp(0), 0_i64);
+    let mut reader = PacketReader::open(&source).expect("a capture");
+    while let Some(packet) = reader.next().expect("a capture") {
+        first = first.or(Some(packet.stamp));
+        (last, n_packets) = (packet.stamp, n_packets + 1);
+    }
+    let length = last.0 - first.expect("has packets").0;
+    // Whole µs: the sensor's clock has no more.
+    let period = (length + length / n_packets) / 1000 * 1000;
+    for number in 0..n as i64 {
+        let file = File::create(folder.join(format!("lidar/{number:06}.pcap"))).expect("created");
+        let mut writer = Writer::new(BufWriter::new(file)).expect("written");
+        let mut reader = PacketReader::open(&source).expect("a capture");
+        while let Some(packet) = reader.next().expect("a capture") {
+            if packet.payload.len() != DATA_PACKET_BYTES {
+                continue;
+            }
+            let mut payload = packet.payload.to_vec();
+            let micros: &mut [u8; 4] = (&mut payload[MICROS_AT..MICROS_AT + 4]).try_into().expect("four bytes");
+            let shifted = (i64::from(u32::from_le_bytes(*micros)) + number * period / 1000) % HOUR_MICROS;
+            *micros = (shifted as u32).to_le_bytes();
+            let stamp = Stamp(packet.stamp.0 + number * period);
+            writer.write_udp(stamp, packet.port, &payload).expect("written");
+        }
+        writer.finish().expect("written");
+    }
+    let manifest = fs::read_to_string(drive.join("drive.toml")).expect("a manifest");
+    let lidar = manifest.split("\n[gnss]").next().expect("a table");
+    fs::write(folder.join("drive.toml"), format!("{lidar}\n")).expect("written");
+}
+
+/// Memory of a process that no other shares, bytes.
+fn private_bytes(pid: rustix::process::Pid) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{}/status", pid.as_raw_nonzero())).ok()?;
+    let line = status.lines().find(|line| line.starts_with("RssAnon:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+}
+
+/// Drive time of the last line of a stage in `run/costs.csv`, s.
+fn drive_s(launch: &Launch, stage: &str) -> Option<f64> {
+    let text = fs::read_to_string(launch.output().join("run/costs.csv")).ok()?;
+    let line = text.lines().rev().find(|line| line.split(',').nth(1) == Some(stage))?;
+    line.split(',').nth(2)?.parse().ok()
+}
+
+/// Drive time and private memory by stage, until the run ends.
+fn sample(launch: &Launch, running: &mut Running) -> BTreeMap<&'static str, Vec<(f64, u64)>> {
+    let mut samples: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    while running.ended().is_none() {
+        for stage in STAGES {
+            let found = running.find_stage(stage).and_then(private_bytes).zip(drive_s(launch, "slam_aggregate"));
+            samples.entry(stage).or_default().extend(found.map(|(bytes, drive_s)| (drive_s, bytes)));
+        }
+        std::thread::sleep(SAMPLE_EVERY);
+    }
+    samples
+}
+
+/// Prints the line of a stage; whether its memory does not grow in the second half of the drive.
+fn report(stage: &str, samples: &[(f64, u64)]) -> bool {
+    let end = samples.last().map_or(0.0, |(drive_s, _)| *drive_s);
+    let most = |from: f64, to: f64| {
+        let part = samples.iter().filter(|(drive_s, _)| (from * end..=to * end).contains(drive_s));
+        part.map(|(_, bytes)| *bytes).max().unwrap_or_default()
+    };
+    let mb = |bytes: u64| format!("{:.1}", bytes as f64 / 1e6);
+    let at = |share: &f64| samples.iter().find(|(drive_s, _)| *drive_s >= share * end).map_or(0, |(_, bytes)| *bytes);
+    let cells = SHARES.map(|share| format!("{:>8}", mb(at(&share)))).concat();
+    let (first, second) = (most(0.1, 0.5), most(0.5, 1.0));
+    let is_flat = second <= first + SLACK;
+    let verdict = if is_flat { "flat" } else { "GROWS" };
+    println!("{stage:<16}{cells}{:>10}{:>10}  {verdict}", mb(first), mb(second));
+    is_flat
+}
+
+fn main() -> ExitCode {
+    let (seconds, n, places) = (argument("--seconds", 60), argument("--repeat", 60), argument("--places", 100));
+    let folder = tempfile::tempdir().expect("a folder");
+    let (once, repeated) = (folder.path().join("once"), folder.path().join("repeated"));
+    simulated_drive(&once, &["--seed", "1", "--rig", "survey", "--seconds", &seconds.to_string()]);
+    repeat(&once, &repeated, n);
+    let launch = Launch::new(&format!(
+        "[run]\ndrive = '{}'\noutput = 'out'\n{PATIENT}\n[acquire]\n[slam_aggregate]\nloop_places_max = {places}\n[export]\n\
+         formats = []\n",
+        repeated.display()
+    ));
+    let mut running = launch.start();
+    let samples = sample(&launch, &mut running);
+    // Without fixes the heading is undetermined, which is a doubt.
+    let code = running.wait();
+    println!("seed 1, {seconds} s of drive, {n} times; loop_places_max = {places}; exit code {code:?}");
+    let total = launch.summary()["total"].clone();
+    println!("{} s of drive in {} s; {} restarts", total["drive_s"], total["wall_s"], total["restarts"]);
+    println!("private memory, MB, at these shares of the drive; most from 10 to 50 % and from 50 to 100 %");
+    println!("{:<16}{}", "stage", SHARES.map(|share| format!("{:>6} %", share * 100.0)).concat());
+    let is_flat = STAGES.map(|stage| report(stage, samples.get(stage).map_or(&[], Vec::as_slice)));
+    if matches!(code, Some(0 | 3)) && !is_flat.contains(&false) { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

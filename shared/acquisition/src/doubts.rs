@@ -1,0 +1,183 @@
+//! How far the data of a drive can be trusted: shares of what is damaged, foreign or missing, against limits.
+
+use formats::nmea::LogStats;
+use formats::velodyne::LidarStats;
+use serde::{Deserialize, Serialize};
+
+/// Blocks of a data packet.
+const BLOCKS: f64 = formats::velodyne::BLOCKS_PER_PACKET as f64;
+
+/// What was published and what was not, since the begin of the drive.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Tally {
+    /// Images.
+    pub images: Frames,
+    /// Mosaics.
+    pub mosaics: Frames,
+    /// Samples of the IMU.
+    pub imu_samples: u64,
+    /// Damaged lines of the IMU.
+    pub bad_imu_lines: u64,
+    /// Fixes with a height.
+    pub gnss_rows: u64,
+    /// All fixes.
+    pub fixes: u64,
+}
+
+/// Exposures of one kind of camera.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Frames {
+    /// Files that were published.
+    pub published: u64,
+    /// Files that cannot be used.
+    pub bad: u64,
+}
+
+impl Frames {
+    /// Counts one file.
+    pub fn add(&mut self, is_bad: bool) {
+        *(if is_bad { &mut self.bad } else { &mut self.published }) += 1;
+    }
+}
+
+/// Limits of what is damaged, foreign or missing; shares of 1. Texts name them as here.
+#[derive(Clone, Copy, Debug)]
+pub struct DoubtLimits {
+    /// Largest share of damaged data.
+    pub max_damaged_share: f64,
+    /// Largest share of packets that are not the LiDAR's.
+    pub max_foreign_share: f64,
+    /// Largest share of exposures before the first or after the last sweep.
+    pub max_outside_share: f64,
+    /// Least share of GNSS epochs with position and height.
+    pub min_fix_share: f64,
+}
+
+/// One reason not to rely on the data.
+#[derive(Clone, Debug)]
+pub struct Doubt {
+    /// Name of the doubt.
+    pub name: &'static str,
+    /// The value that exceeds its limit.
+    pub size: f64,
+    /// Explanation for the operator.
+    pub text: String,
+}
+
+/// Collects doubts.
+pub struct Doubts {
+    limits: DoubtLimits,
+    found: Vec<Doubt>,
+}
+
+impl Doubts {
+    /// None yet.
+    pub fn new(limits: DoubtLimits) -> Self {
+        Self { limits, found: Vec::new() }
+    }
+
+    /// The doubts so far.
+    pub fn found(self) -> Vec<Doubt> {
+        self.found
+    }
+
+    fn add(&mut self, name: &'static str, size: f64, text: String) {
+        self.found.push(Doubt { name, size, text });
+    }
+
+    /// Packets and captures. `n_bytes`: size of all captures.
+    pub fn captures(&mut self, stats: &LidarStats, n_bytes: u64) {
+        let others = stats.foreign_packets + stats.short_packets;
+        let n_packets = others + stats.data_packets + stats.position_packets;
+        let (share, limit) = (share(others, n_packets), self.limits.max_foreign_share);
+        if share > limit {
+            let text = format!(
+                "{} of the {n_packets} packets are foreign or too short, more than max_foreign_share = {limit}; check that \
+                 the sweeps are those of the right sensor",
+                percent(share)
+            );
+            self.add("foreign_packets", share, text);
+        }
+        let damaged = stats.late_packets as f64 + stats.bad_blocks as f64 / BLOCKS;
+        let share = damaged / (stats.data_packets + stats.late_packets).max(1) as f64;
+        self.damaged("damaged_packets", share, "of the LiDAR's packets arrived too late or have undecodable blocks");
+        let share = stats.unread_bytes as f64 / n_bytes.max(1) as f64;
+        self.damaged("unread_captures", share, "of the bytes of the captures lie behind damage and are not read");
+        if stats.cut_captures > 0 {
+            let text = format!(
+                "{} capture(s) end inside a packet: the recorder did not finish them, and an unknown part of the drive is missing",
+                stats.cut_captures
+            );
+            self.add("cut_captures", stats.cut_captures as f64, text);
+        }
+    }
+
+    /// Sentences of a GNSS receiver. `n_used` of `n_fixes` have a height.
+    pub fn log(&mut self, log: &LogStats, n_used: u64, n_fixes: u64) {
+        let n_lines = log.sentences + log.other_sentences + log.bad_lines;
+        self.damaged("bad_nmea_lines", share(log.bad_lines, n_lines), "of the NMEA lines are damaged");
+        let n_epochs = n_fixes + log.without_fix + log.out_of_order;
+        let (share, limit) = (share(n_used, n_epochs), self.limits.min_fix_share);
+        if log.sentences > 0 && share < limit {
+            let text = format!(
+                "only {} of the {n_epochs} GNSS epochs have position and height, less than min_fix_share = {limit}; the \
+                 receiver must log GGA and RMC sentences",
+                percent(share)
+            );
+            self.add("few_fixes", share, text);
+        }
+    }
+
+    /// Files and lines that cannot be used.
+    pub fn files(&mut self, tally: &Tally, n_sweeps: u64, n_bad_sweeps: u64) {
+        let share_of = |frames: &Frames| share(frames.bad, frames.bad + frames.published);
+        self.damaged("bad_images", share_of(&tally.images), "of the images are damaged or have the wrong size");
+        self.damaged("bad_mosaics", share_of(&tally.mosaics), "of the mosaics are damaged or have the wrong size");
+        let n_lines = tally.bad_imu_lines + tally.imu_samples;
+        self.damaged(
+            "bad_imu_lines",
+            share(tally.bad_imu_lines, n_lines),
+            "of the IMU lines are damaged or impossible",
+        );
+        self.damaged("bad_sweeps", share(n_bad_sweeps, n_sweeps), "of the sweep files cannot be read");
+    }
+
+    /// Exposures before the first or after the last sweep.
+    pub fn outside(&mut self, n_outside: u64, n_frames: u64) {
+        let (share, limit) = (share(n_outside, n_frames), self.limits.max_outside_share);
+        if share > limit {
+            let text = format!(
+                "{} of the {n_frames} exposures lie before the first or after the last sweep, more than max_outside_share = \
+                 {limit}; check the clocks of cameras and LiDAR",
+                percent(share)
+            );
+            self.add("exposures_outside", share, text);
+        }
+    }
+
+    /// Sensors of the manifest that gave nothing.
+    pub fn silent(&mut self, sensors: &[String]) {
+        if sensors.is_empty() {
+            return;
+        }
+        let text = format!("drive.toml names sensors without any data within the sweeps: {}", sensors.join(", "));
+        self.add("silent_sensors", sensors.len() as f64, text);
+    }
+
+    fn damaged(&mut self, name: &'static str, share: f64, what: &str) {
+        let limit = self.limits.max_damaged_share;
+        if share > limit {
+            let text = format!("{} {what}, more than max_damaged_share = {limit}", percent(share));
+            self.add(name, share, text);
+        }
+    }
+}
+
+/// 0 of nothing.
+fn share(part: u64, whole: u64) -> f64 {
+    part as f64 / whole.max(1) as f64
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", share * 100.0)
+}

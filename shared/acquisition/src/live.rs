@@ -1,0 +1,15 @@
+//! A LiDAR on the network: its packets are first recorded, then decoded from the recording.
+//!
+//! The receiving thread writes a capture. The decoder reads the growing capture with the code that reads recorded drives. So the
+//! recording contains all received packets even if decoding fails, and a run on the recording gives the same sweeps.
+
+mod drops;
+mod mounting;
+mod receiver;
+mod recording;
+mod sensor;
+
+pub use mounting::Mounting;
+pub use receiver::{address, bind};
+pub use recording::{captures, folder_inside};
+pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};

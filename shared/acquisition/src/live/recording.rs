@@ -1,0 +1,106 @@
+//! The raw recording of a live run: a growing drive folder.
+
+use crate::error::LiveError;
+use formats::atomic_file::write_atomic;
+use formats::drive::MANIFEST_FILE;
+use formats::manifest::{LidarEntry, Manifest, PoseEntry};
+use formats::pcap::Recorder;
+use formats::velodyne::Model;
+use std::fs;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+
+/// Folder of the captures in the recording, as in [`LidarEntry::of_captures`].
+const LIDAR: &str = "lidar";
+/// Names have three digits, so that they sort by number.
+const MAX_CAPTURES: u32 = 1000;
+
+/// The folder and its captures; the last one is being written.
+#[derive(Debug)]
+pub(crate) struct Recording {
+    folder: PathBuf,
+    captures: Vec<PathBuf>,
+}
+
+/// Captures in a recording's folder, sorted by name; none without the folder.
+pub fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = match fs::read_dir(folder.join(LIDAR)) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(error),
+    };
+    let paths = entries.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<PathBuf>>>()?;
+    let is_capture = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "pcap");
+    let mut captures: Vec<PathBuf> = paths.into_iter().filter(is_capture).collect();
+    captures.sort();
+    Ok(captures)
+}
+
+/// Folder of a recording inside the output folder, so that a run writes nowhere else.
+pub fn folder_inside(output: &Path, name: &str) -> Result<PathBuf, LiveError> {
+    let path = Path::new(name);
+    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
+    if is_inside && !name.is_empty() {
+        return Ok(output.join(path));
+    }
+    Err(LiveError::Outside(name.to_owned()))
+}
+
+impl Recording {
+    /// Begins the next capture: `000.pcap`, or the number after the existing captures, which are never overwritten.
+    pub(crate) fn begin(folder: PathBuf) -> Result<(Self, Recorder), LiveError> {
+        let fault = |source: io::Error| LiveError::File { path: folder.clone(), source };
+        fs::create_dir_all(folder.join(LIDAR)).map_err(fault)?;
+        let mut captures = captures(&folder).map_err(fault)?;
+        let number =
+            |path: &PathBuf| path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
+        let next = captures.iter().filter_map(number).max().map_or(0, |last: u32| last.saturating_add(1));
+        if next >= MAX_CAPTURES {
+            return Err(LiveError::Full { folder, max: MAX_CAPTURES });
+        }
+        let path = folder.join(LIDAR).join(format!("{next:03}.pcap"));
+        let recorder = Recorder::create(&path).map_err(|source| LiveError::File { path: path.clone(), source })?;
+        captures.push(path);
+        Ok((Self { folder, captures }, recorder))
+    }
+
+    /// All captures; the last one is being written.
+    pub(crate) fn captures(&self) -> &[PathBuf] {
+        &self.captures
+    }
+
+    /// Whether an earlier process of the run began it.
+    pub(crate) fn is_continued(&self) -> bool {
+        self.captures.len() > 1
+    }
+
+    /// Writes the manifest if it is absent, so that the recording is a drive.
+    pub(crate) fn describe(&self, model: Model, body_from_lidar: PoseEntry) -> Result<(), LiveError> {
+        let path = self.folder.join(MANIFEST_FILE);
+        if path.exists() {
+            return Ok(());
+        }
+        let manifest = Manifest::of_lidar("live recording", LidarEntry::of_captures(model.name(), body_from_lidar));
+        let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
+        write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captures_get_the_next_number_and_are_never_overwritten() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let recording = folder.path().join("recording");
+        for name in ["000.pcap", "001.pcap", "002.pcap"] {
+            let (begun, recorder) = Recording::begin(recording.clone()).expect("begins");
+            assert_eq!(begun.captures().last().and_then(|path| path.file_name()), Some(name.as_ref()));
+            assert_eq!(begun.is_continued(), name != "000.pcap");
+            drop(recorder);
+        }
+        fs::write(recording.join("lidar/999.pcap"), b"").expect("writes");
+        assert!(Recording::begin(recording).expect_err("is full").to_string().contains("1000 captures"));
+    }
+}

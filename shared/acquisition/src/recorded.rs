@@ -1,0 +1,14 @@
+//! A recorded drive in ticks.
+
+mod camera_file;
+mod drive_reader;
+mod events;
+mod inertial;
+mod odometer;
+mod trigger;
+
+pub use camera_file::{CameraFileError, image_into, mosaic_into};
+pub use drive_reader::{
+    DrivePosition, DriveReader, Due, InitialCounts, NextSweep, Part, SkippedAtBegin, wrong_captures,
+};
+pub use trigger::Trigger;

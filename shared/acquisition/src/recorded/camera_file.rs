@@ -1,0 +1,89 @@
+//! Decodes camera files directly into memory of the caller.
+
+use formats::jpeg::{self, JpegError};
+use formats::manifest::{CameraEntry, MosaicEntry};
+use formats::pgm::{Pgm, PgmError};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageReader};
+use std::io::{self, Cursor};
+use std::path::{Path, PathBuf};
+
+/// A damaged camera file.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct CameraFileError {
+    path: PathBuf,
+    source: CameraFileFault,
+}
+
+/// What is wrong with a camera file.
+#[derive(Debug, thiserror::Error)]
+enum CameraFileFault {
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    #[error(transparent)]
+    Pgm(#[from] PgmError),
+    #[error("the image decoder cannot handle the damage of the file: {0}")]
+    Decoder(String),
+    #[error("{} x {} px, the camera has {} x {}", found[0], found[1], expected[0], expected[1])]
+    Size { found: [u32; 2], expected: [u32; 2] },
+    #[error(transparent)]
+    Jpeg(#[from] JpegError),
+    #[error("samples up to {max}, must be up to {limit} for a bit depth of {bit_depth}")]
+    Depth { max: u32, limit: u32, bit_depth: u32 },
+}
+
+impl CameraFileError {
+    /// The decoder has panicked, with this text.
+    pub fn decoder_panicked(path: &Path, text: String) -> Self {
+        Self { path: path.to_owned(), source: CameraFileFault::Decoder(text) }
+    }
+}
+
+/// Decodes a color image of the camera. `pixels` has three bytes for each pixel of the camera. The decoder panics on some damaged
+/// files (`tests/fuzz_targets/corpus/jpeg`): callers must catch that, see [`CameraFileError::decoder_panicked`].
+pub fn image_into(path: &Path, entry: &CameraEntry, pixels: &mut [u8]) -> Result<(), CameraFileError> {
+    let mut decoded = || -> Result<(), CameraFileFault> {
+        let bytes = std::fs::read(path)?;
+        let decoder = ImageReader::new(Cursor::new(&bytes)).with_guessed_format()?.into_decoder()?;
+        check_size(decoder.dimensions(), entry.model.size())?;
+        if jpeg::is_jpeg(&bytes) {
+            jpeg::check(&bytes)?;
+        }
+        // The decoder of a damaged file may leave rows unwritten.
+        pixels.fill(0);
+        if decoder.color_type() == ColorType::Rgb8 {
+            decoder.read_image(pixels)?;
+        } else {
+            let image = DynamicImage::from_decoder(decoder)?;
+            pixels.copy_from_slice(image.to_rgb8().as_raw());
+        }
+        Ok(())
+    };
+    decoded().map_err(|source| CameraFileError { path: path.to_owned(), source })
+}
+
+/// Decodes a raw mosaic of the camera. `samples` has one value for each pixel of the camera.
+pub fn mosaic_into(path: &Path, entry: &MosaicEntry, samples: &mut [u16]) -> Result<(), CameraFileError> {
+    let mut decoded = || -> Result<(), CameraFileFault> {
+        let bytes = std::fs::read(path)?;
+        let pgm = Pgm::parse(&bytes)?;
+        check_size((pgm.width, pgm.height), entry.model.size())?;
+        let (bit_depth, limit) = (entry.bit_depth, (1_u32 << entry.bit_depth.min(16)) - 1);
+        if pgm.max > limit {
+            return Err(CameraFileFault::Depth { max: pgm.max, limit, bit_depth });
+        }
+        pgm.samples_into(samples);
+        Ok(())
+    };
+    decoded().map_err(|source| CameraFileError { path: path.to_owned(), source })
+}
+
+/// The manifest has the camera's size, so the header of a file cannot make the caller allocate more.
+fn check_size(found: (u32, u32), expected: (u32, u32)) -> Result<(), CameraFileFault> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(CameraFileFault::Size { found: found.into(), expected: expected.into() })
+}

@@ -1,0 +1,53 @@
+//! Standard deviations of the poses of all submaps.
+
+use messages::{PlacementRow, PoseDeviation};
+use serde::Serialize;
+
+/// The part of `georeference.json` about the standard deviations of the submaps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Deviations {
+    /// Horizontal position.
+    pub position_m: MedianAndLargest,
+    /// Height.
+    pub height_m: MedianAndLargest,
+    /// Heading.
+    pub heading_deg: MedianAndLargest,
+}
+
+/// Median and largest value of all submaps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MedianAndLargest {
+    /// Half of the submaps have a smaller value.
+    pub median: f64,
+    /// No submap has a larger value.
+    pub largest: f64,
+}
+
+impl MedianAndLargest {
+    /// `None` without values.
+    fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.collect();
+        values.sort_by(f64::total_cmp);
+        Some(Self { median: *values.get(values.len() / 2)?, largest: *values.last()? })
+    }
+}
+
+impl Deviations {
+    /// `None` without submaps.
+    pub(crate) fn of(rows: &[PlacementRow]) -> Option<Self> {
+        let of = |value: fn(PoseDeviation) -> f64| MedianAndLargest::of(rows.iter().map(|row| value(row.deviation())));
+        Some(Self {
+            position_m: of(|deviation| deviation.position_m)?,
+            height_m: of(|deviation| deviation.height_m)?,
+            heading_deg: of(|deviation| deviation.heading_deg)?,
+        })
+    }
+
+    /// Why the heading is undetermined, if a submap exceeds the limit.
+    pub fn undetermined_heading(&self, limit: f64) -> Option<String> {
+        let MedianAndLargest { median, largest } = self.heading_deg;
+        (largest > limit).then(|| {
+            format!("heading undetermined: standard deviation {largest:.1} degrees (limit {limit}), median {median:.1}")
+        })
+    }
+}

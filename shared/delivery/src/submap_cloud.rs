@@ -1,0 +1,131 @@
+//! The cloud of a submap: the fields of Paris-CARLA-3D, then additional fields.
+
+use crate::error::DeliveryError;
+use crate::frame::odometry_line;
+use crate::submap_geometry::SubmapGeometry;
+use formats::ply::{Header, Kind, Row};
+use messages::{
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ColorRow, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SpectraHeader,
+    SubmapHeader, SubmapPoint, UNSEEN,
+};
+
+/// A submap and its columns, as received. Columns of points have a row for each point.
+#[derive(Clone, Copy)]
+pub struct ReceivedSubmap<'a> {
+    /// Number of the submap.
+    pub seq: u64,
+    /// Header of the submap.
+    pub header: &'a SubmapHeader,
+    /// Points of the submap.
+    pub points: &'a [SubmapPoint],
+    /// Colors, if there is such a column.
+    pub color: Option<&'a [ColorRow]>,
+    /// Classes, if there is such a column.
+    pub class: Option<&'a [ClassRow]>,
+    /// Instances, if there is such a column.
+    pub instance: Option<&'a [u32]>,
+    /// Header and words of the spectra, if there is such a column.
+    pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
+    /// Topics of the columns that were lost.
+    pub lost: &'a [&'static str],
+}
+
+/// A checked submap with its columns, as slices of equal length.
+pub(crate) struct SubmapColumns<'a> {
+    pub(crate) seq: u64,
+    pub(crate) points: &'a [SubmapPoint],
+    pub(crate) geometry: SubmapGeometry,
+    pub(crate) color: Option<&'a [ColorRow]>,
+    pub(crate) class: Option<&'a [ClassRow]>,
+    pub(crate) instance: Option<&'a [u32]>,
+    /// Type of coordinates in files.
+    pub(crate) coordinates: Kind,
+}
+
+impl<'a> SubmapColumns<'a> {
+    /// Checks the submap and its instances.
+    pub(crate) fn new(received: &ReceivedSubmap<'a>, coordinates: Kind) -> Result<Self, DeliveryError> {
+        let ReceivedSubmap { seq, header, points, color, class, instance, .. } = *received;
+        let geometry = SubmapGeometry::new(seq, header, points)?;
+        if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
+            return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
+        }
+        Ok(Self { seq, points, geometry, color, class, instance, coordinates })
+    }
+
+    pub(crate) fn header(&self) -> Header {
+        let mut header = Header::new([
+            ("x", self.coordinates),
+            ("y", self.coordinates),
+            ("z", self.coordinates),
+            ("x_lidar_position", self.coordinates),
+            ("y_lidar_position", self.coordinates),
+            ("z_lidar_position", self.coordinates),
+            ("cos_angle_lidar_surface", Kind::Float),
+            ("timestamp", Kind::Double),
+            ("index_frame", Kind::Int),
+            ("intensity", Kind::UChar),
+            ("ring", Kind::UChar),
+            ("azimuth_deg", Kind::Float),
+            ("elevation_deg", Kind::Float),
+            ("dynamic", Kind::UChar),
+        ])
+        .comment(format!("REPLICA submap {}", self.seq))
+        .info(odometry_line())
+        .info("timestamp s since 1970-01-01T00:00:00Z")
+        .info("cos_angle_lidar_surface -1 where unknown");
+        let mut add = |fields: &[(&str, Kind)], info: String| {
+            header.properties.extend(Header::new(fields.iter().copied()).properties);
+            header.infos.push(info);
+        };
+        if self.instance.is_some() {
+            add(&[("instance", Kind::Int)], "instance 0 where none".to_owned());
+        }
+        if self.class.is_some() {
+            let names: Vec<&str> = ClassId::ALL.iter().map(|class| class.name()).collect();
+            let table = format!("semantic table {CLASS_TABLE_VERSION}: {}", names.join(" "));
+            add(&[("semantic", Kind::UChar), ("score", Kind::Float)], table);
+        }
+        if self.color.is_some() {
+            let fields = [("red", Kind::UChar), ("green", Kind::UChar), ("blue", Kind::UChar), ("camera", Kind::UChar)];
+            add(&fields, format!("camera {UNSEEN} where none saw the point"));
+        }
+        header
+    }
+
+    #[inline]
+    pub(crate) fn encode(&self, i: usize, row: &mut Row<'_>) {
+        let point = &self.points[i];
+        let sweep = self.geometry.sweep(point);
+        let lidar = sweep.lidar_position(point.offset_nanos);
+        self.coordinates(self.geometry.position(point).coords.into(), row);
+        self.coordinates(lidar.into(), row);
+        let cosine = match point.incidence {
+            POINT_INCIDENCE_UNKNOWN => -1.0,
+            incidence => f32::from(incidence) / 254.0,
+        };
+        row.f32(cosine).f64(sweep.time_s(point.offset_nanos)).i32(sweep.seq);
+        row.u8(point.intensity).u8(point.ring);
+        row.f32(f32::from(point.azimuth) / 100.0).f32(f32::from(point.elevation) / 100.0);
+        row.u8(u8::from(point.flags & POINT_DYNAMIC != 0));
+        if let Some(instance) = self.instance {
+            row.i32(instance[i] as i32);
+        }
+        if let Some(class) = self.class {
+            row.u8(class[i].class_id).f32(f32::from(class[i].score) / 255.0);
+        }
+        if let Some(color) = self.color {
+            row.u8(color[i].r).u8(color[i].g).u8(color[i].b).u8(color[i].camera);
+        }
+    }
+
+    // Always inlined: otherwise the row is stored and loaded again for every field.
+    #[inline(always)]
+    pub(crate) fn coordinates(&self, xyz: [f64; 3], row: &mut Row<'_>) {
+        let [x, y, z] = xyz;
+        match self.coordinates {
+            Kind::Double => row.f64(x).f64(y).f64(z),
+            _ => row.f32(x as f32).f32(y as f32).f32(z as f32),
+        };
+    }
+}

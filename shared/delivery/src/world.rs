@@ -1,0 +1,197 @@
+//! The final frame of the results, from the placement of the submaps at the end of the drive.
+
+use crate::deviations::Deviations;
+use crate::error::DeliveryError;
+use geometry::{Geodetic, LocalFrame, Point3, Pose, Stamp, Utm, UtmError};
+use messages::{FRAME_EAST_NORTH_UP, PlacementHeader, PlacementRow, PoseDeviation};
+use serde::Serialize;
+
+/// What the user wants of the frame of the clouds.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameChoice {
+    /// Coordinates in UTM instead of the local frame.
+    pub wants_utm: bool,
+    /// Largest standard deviation of the heading of a submap with which coordinates in UTM are possible, degrees.
+    pub max_heading_deviation_deg: f64,
+}
+
+/// Poses of all submaps, and the frame of the clouds.
+pub struct World {
+    choice: FrameChoice,
+    submaps: Vec<PlacedSubmap>,
+    georeference: Georeference,
+    local: Option<LocalFrame>,
+    /// Projection of the coordinates, if the frame is UTM.
+    utm: Option<Utm>,
+}
+
+/// Pose of a submap before and after the correction.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedSubmap {
+    /// Time of its first shot.
+    pub stamp: Stamp,
+    /// Before the correction.
+    pub odom_from_submap: Pose,
+    /// After the correction.
+    pub world_from_submap: Pose,
+    /// Standard deviations along the axes of the submap, m.
+    pub sigma_m: [f32; 3],
+    /// Standard deviations about the axes of the submap, rad.
+    pub sigma_rad: [f32; 3],
+    /// Standard deviations in the world.
+    pub deviation: PoseDeviation,
+}
+
+/// `georeference.json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Georeference {
+    /// Version of this file format.
+    version: u32,
+    /// Frame of the clouds.
+    frame: String,
+    /// Frame of the trajectory.
+    trajectory_frame: String,
+    /// Origin of the local frame (WGS84).
+    origin: Option<Geodetic>,
+    /// UTM coordinates of the origin.
+    utm: Option<UtmOrigin>,
+    /// Standard deviations of the poses of the submaps. In a frame without origin: against the first submap.
+    standard_deviations: Option<Deviations>,
+    closed_loops: Uses,
+    fixes: Uses,
+    /// Number of submaps with a gravity measurement.
+    uprights: u32,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct UtmOrigin {
+    epsg: u32,
+    zone: String,
+    easting_m: f64,
+    northing_m: f64,
+    /// Meridian convergence with the sign of PROJ: angle from true north (the y axis of the local frame) to grid north, clockwise,
+    /// deg. Positive west of the central meridian in the southern hemisphere and east of it in the northern one.
+    convergence_deg: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Uses {
+    used: u32,
+    refused: u32,
+}
+
+impl World {
+    /// The frame that the placement allows.
+    pub fn new(header: &PlacementHeader, rows: &[PlacementRow], choice: FrameChoice) -> Result<Self, DeliveryError> {
+        let submaps = rows.iter().map(PlacedSubmap::new).collect::<Result<Vec<_>, _>>()?;
+        let is_on_earth = header.frame == FRAME_EAST_NORTH_UP;
+        let origin = is_on_earth.then(|| {
+            let PlacementHeader { latitude_deg, longitude_deg, altitude_m, .. } = *header;
+            Geodetic::new(latitude_deg, longitude_deg, altitude_m)
+                .ok_or(DeliveryError::Origin { position_deg: [latitude_deg, longitude_deg], altitude_m })
+        });
+        let origin = origin.transpose()?;
+        let local = origin.map(LocalFrame::new);
+        let map = origin.as_ref().map(Utm::of).transpose()?;
+        let place = local.as_ref().zip(map.as_ref()).map(|(local, utm)| UtmOrigin::of(local, utm)).transpose()?;
+        let deviations = Deviations::of(rows);
+        // With a wrong heading, UTM coordinates are wrong, and nothing in them shows it.
+        let limit = choice.max_heading_deviation_deg;
+        let is_turned = deviations.is_some_and(|deviations| deviations.undetermined_heading(limit).is_some());
+        let utm = map.filter(|_| choice.wants_utm && !is_turned);
+        let local_name = match origin {
+            Some(Geodetic { latitude_deg, longitude_deg, altitude_m }) => {
+                format!("local east-north-up around {latitude_deg} {longitude_deg} {altitude_m}, m")
+            }
+            None => "local, first place and heading of the vehicle, z up, m".to_owned(),
+        };
+        let georeference = Georeference {
+            version: 1,
+            frame: utm.as_ref().map_or_else(|| local_name.clone(), utm_frame),
+            trajectory_frame: local_name,
+            origin,
+            utm: place,
+            standard_deviations: deviations,
+            closed_loops: Uses { used: header.n_loops, refused: header.n_loops_refused },
+            fixes: Uses { used: header.n_fixes, refused: header.n_fixes_refused },
+            uprights: header.n_uprights,
+        };
+        Ok(Self { choice, submaps, georeference, local, utm })
+    }
+    /// Description of the frame of the clouds.
+    pub fn frame(&self) -> &str {
+        &self.georeference.frame
+    }
+    /// Header line with the coordinate reference system, which GIS software reads.
+    pub fn crs(&self) -> Option<String> {
+        self.utm.as_ref().map(|utm| format!("crs EPSG:{}", utm.epsg()))
+    }
+    /// Why coordinates are local, if the choice was UTM.
+    pub fn lacks_utm(&self) -> Option<String> {
+        if !self.choice.wants_utm || self.utm.is_some() {
+            return None;
+        }
+        let limit = self.choice.max_heading_deviation_deg;
+        let heading = self.deviations().and_then(|deviations| deviations.undetermined_heading(limit));
+        Some(heading.unwrap_or_else(|| "the drive is not georeferenced".to_owned()))
+    }
+    /// Standard deviations of the poses. `None` if the result is not placed on the Earth.
+    pub fn deviations(&self) -> Option<Deviations> {
+        self.georeference.standard_deviations.filter(|_| self.local.is_some())
+    }
+    /// The placed submap of a number.
+    pub fn submap(&self, seq: u64) -> Option<&PlacedSubmap> {
+        self.submaps.get(usize::try_from(seq).ok()?)
+    }
+    /// Coordinates in the frame of the clouds of a point in the local frame, m.
+    pub fn coordinates(&self, p: &Point3<f64>) -> Result<[f64; 3], UtmError> {
+        match (&self.utm, &self.local) {
+            (Some(utm), Some(local)) => utm.project(&local.geodetic_from_world(p)),
+            _ => Ok(p.coords.into()),
+        }
+    }
+    /// All submaps by number.
+    pub fn submaps(&self) -> &[PlacedSubmap] {
+        &self.submaps
+    }
+    /// The text of `georeference.json`.
+    pub fn to_json(&self) -> String {
+        let text =
+            serde_json::to_string_pretty(&self.georeference).expect("string keys and plain values always encode");
+        text + "\n"
+    }
+}
+
+impl PlacedSubmap {
+    fn new(row: &PlacementRow) -> Result<Self, DeliveryError> {
+        let poses = row.world_from_submap.to_pose().zip(row.odom_from_submap.to_pose());
+        let (world_from_submap, odom_from_submap) =
+            poses.ok_or_else(|| DeliveryError::PlacementPose { row: Box::new(*row) })?;
+        let (stamp, sigma_m, sigma_rad) = (Stamp(row.stamp), row.sigma_m, row.sigma_rad);
+        Ok(Self { stamp, odom_from_submap, world_from_submap, sigma_m, sigma_rad, deviation: row.deviation() })
+    }
+    /// Correction of poses and points near the submap.
+    pub fn world_from_odom(&self) -> Pose {
+        self.world_from_submap * self.odom_from_submap.inverse()
+    }
+}
+
+fn utm_frame(utm: &Utm) -> String {
+    let (zone, hemisphere, epsg) = (utm.zone(), utm.hemisphere(), utm.epsg());
+    format!("UTM {zone}{hemisphere} (EPSG:{epsg}) easting northing, height above the WGS84 ellipsoid, m")
+}
+
+impl UtmOrigin {
+    fn of(local: &LocalFrame, utm: &Utm) -> Result<Self, DeliveryError> {
+        let project = |p: Point3<f64>| utm.project(&local.geodetic_from_world(&p)).map_err(DeliveryError::from);
+        let [easting_m, northing_m, _] = project(Point3::origin())?;
+        let [east, north, _] = project(Point3::new(0.0, 100.0, 0.0))?;
+        Ok(Self {
+            epsg: utm.epsg(),
+            zone: format!("{}{}", utm.zone(), utm.hemisphere()),
+            easting_m,
+            northing_m,
+            convergence_deg: -(east - easting_m).atan2(north - northing_m).to_degrees(),
+        })
+    }
+}

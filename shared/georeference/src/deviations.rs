@@ -1,0 +1,60 @@
+//! Deviations of the result beyond those of the least-squares problem: what the fixes have in common, and their disagreement.
+
+use crate::fixes::UsedFix;
+use crate::{AntennaPosition, Solution};
+use geometry::Pose;
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+/// A fix agrees with the result within this many times its tolerance horizontally, as in [`crate::PoseGraph::solve`], and within
+/// this many in height, where multipath is larger.
+const MAX_ACROSS: f64 = 3.4;
+const MAX_UP: f64 = 12.0;
+/// Deviations grow as if at least this share of the fixes agreed.
+const MIN_USED_SHARE: f64 = 0.05;
+/// Below this share the result may be anywhere among the fixes.
+const MAJORITY: f64 = 0.5;
+
+/// Rejects fixes that do not agree with the result, whatever their weight, and adds common errors to the covariances of placed
+/// submaps. Standard deviations grow with the share of rejected fixes; if it is above one half, by the
+/// median distance of all fixes.
+pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[AntennaPosition]) {
+    let n = positions.len() as f64;
+    let mut common = Vector3::zeros();
+    let (mut across_m, mut up_m) = (Vec::new(), Vec::new());
+    for (number, (fix, position)) in used.iter().zip(positions).enumerate() {
+        let residual = position.p_in_world - solution.poses[position.submap] * position.p_in_submap;
+        let tolerance_m = fix.tolerance_m();
+        let agrees = residual.xy().norm() <= MAX_ACROSS * tolerance_m && residual.z.abs() <= MAX_UP * tolerance_m;
+        if !agrees {
+            solution.position_weights[number] = 0.0;
+        }
+        let [across, up] = fix.receiver.common_m();
+        common += Vector3::new(across * across, across * across, up * up) / n;
+        across_m.push(residual.xy().norm());
+        up_m.push(residual.z.abs());
+    }
+    let used_share = Solution::n_inliers(&solution.position_weights) as f64 / n.max(1.0);
+    let growth = used_share.max(MIN_USED_SHARE).powi(-2);
+    let mut variances = common * growth;
+    if used_share < MAJORITY {
+        // The horizontal distance is shared by both axes.
+        let (across, up) = (median(across_m).powi(2) / 2.0, median(up_m).powi(2));
+        variances += Vector3::new(across, across, up);
+    }
+    for (pose, covariance) in solution.poses.iter().zip(&mut solution.covariances) {
+        *covariance *= growth;
+        add_in_world(covariance, pose, &variances);
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn add_in_world(covariance: &mut Matrix6<f64>, pose: &Pose, variances: &Vector3<f64>) {
+    let axes = *pose.rotation.to_rotation_matrix().matrix();
+    let in_submap = axes.transpose() * Matrix3::from_diagonal(variances) * axes;
+    let mut block = covariance.fixed_view_mut::<3, 3>(0, 0);
+    block += in_submap;
+}

@@ -1,0 +1,292 @@
+//! Compares an inertial unit with the motion of the LiDAR: units, axes, mounting, time offset. A wrong unit is not used.
+//!
+//! A unit that looks sound at first is used at once. From then on its rates are compared with the rotation, and its forces with the
+//! acceleration, of the matched sweeps. When other axes or units fit far better, the samples are corrected from then on; when none
+//! fits, they are withheld. The sums are over the numbers as they arrive, so that a correction does not change the evidence.
+
+mod axes;
+mod comparison;
+mod history;
+mod judgment;
+
+pub use axes::Axes;
+pub use comparison::Fit;
+
+use crate::InertialSample;
+use comparison::Sums;
+use geometry::{Point3, Pose, Stamp, UnitQuaternion, Vector3};
+use history::History;
+use serde::{Deserialize, Serialize};
+
+/// One g, m/s^2, and one degree, rad.
+const GRAVITY_MPS2: f64 = 9.806_65;
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Time offsets between unit and LiDAR that are tried: so many steps to either side, s.
+const LAG_STEPS: usize = 10;
+const LAG_STEP_S: f64 = 0.02;
+/// Mean specific force of a tenth of a second on a vehicle, m/s^2; a unit that counts in g has a tenth of it.
+const FORCE_MPS2: [f64; 2] = [6.0, 14.0];
+/// Angle between it and the z axis of the body at the begin, rad: hard braking on a steep road.
+const MAX_TILT: f64 = 0.6;
+/// Change of the rotation from sweep to sweep before the unit is verified, rad/s. A verified unit may measure any.
+const MAX_RATE_JUMP: f64 = 0.4;
+/// After so many implausible batches in a row a verified unit is withheld: a second.
+const MAX_IMPLAUSIBLE: u32 = 10;
+
+/// How the samples of the unit are corrected.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InertialCorrection {
+    /// Of the angular rates.
+    pub rate: Fit,
+    /// Of the specific forces.
+    pub force: Fit,
+    /// From the axes of the fits to those of the body.
+    pub rotation: UnitQuaternion<f64>,
+    /// The stamps are late by this, s.
+    pub late_s: f64,
+}
+
+impl InertialCorrection {
+    const NONE: Self = Self {
+        rate: Fit::NOMINAL,
+        force: Fit::NOMINAL,
+        rotation: UnitQuaternion::new_unchecked(geometry::Quaternion::new(1.0, 0.0, 0.0, 0.0)),
+        late_s: 0.0,
+    };
+
+    fn of(&self, sample: &InertialSample) -> InertialSample {
+        if *self == Self::NONE {
+            return *sample;
+        }
+        InertialSample {
+            stamp: sample.stamp.plus_nanos(-(self.late_s * 1e9).round() as i64),
+            force: self.rotation * self.force.axes.in_body(&sample.force) * self.force.scale,
+            rate: self.rotation * self.rate.axes.in_body(&sample.rate) * self.rate.scale,
+        }
+    }
+}
+
+/// Whether the samples are used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+enum Trust {
+    /// They look sound.
+    Assumed,
+    /// They agree with the LiDAR.
+    Verified,
+    /// They do not; why.
+    Withheld(String),
+}
+
+/// Rotation and time offset that fit the unit to the LiDAR, with standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InertialMounting {
+    /// Rotation about the axes of the body that remains between the unit as `drive.toml` has it (axes and units corrected) and the
+    /// LiDAR, rad.
+    pub rotation: Vector3<f64>,
+    /// Its deviations, rad.
+    pub rotation_sigma: Vector3<f64>,
+    /// The stamps are late by this, s.
+    pub late_s: f64,
+    /// Its deviation, s.
+    pub late_sigma_s: f64,
+}
+
+/// Compares the samples of an inertial unit with the poses of the LiDAR.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct InertialCheck {
+    /// Of the unit, m.
+    imu_in_body: Point3<f64>,
+    history: History,
+    /// By time offset, the earliest stamps first.
+    rates: Vec<Sums>,
+    forces: Sums,
+    trust: Trust,
+    /// Samples are withheld until the unit is verified.
+    on_probation: bool,
+    correction: InertialCorrection,
+    mounting: Option<InertialMounting>,
+    /// Angular rate of the body by the last two poses, rad/s.
+    last_rate: Option<Vector3<f64>>,
+    n_samples: u64,
+    n_implausible: u32,
+    has_changed: bool,
+}
+
+impl InertialCheck {
+    /// For a unit at a place on the body. `on_probation`: its samples are withheld until they agree with the LiDAR; otherwise a unit
+    /// that looks sound is used at once, and influences the poses that it is compared with.
+    pub fn new(imu_in_body: Point3<f64>, on_probation: bool) -> Self {
+        Self {
+            imu_in_body,
+            history: History::default(),
+            rates: vec![Sums::default(); 2 * LAG_STEPS + 1],
+            forces: Sums::default(),
+            trust: Trust::Assumed,
+            on_probation,
+            correction: InertialCorrection::NONE,
+            mounting: None,
+            last_rate: None,
+            n_samples: 0,
+            n_implausible: 0,
+            has_changed: false,
+        }
+    }
+
+    /// Adds the samples of about one sweep in the order of time; returns those to use, corrected.
+    pub fn add_samples(&mut self, samples: &[InertialSample]) -> Vec<InertialSample> {
+        let finite = |sample: &&InertialSample| sample.force.iter().chain(&sample.rate).all(|v| v.is_finite());
+        let samples: Vec<InertialSample> = samples.iter().filter(finite).copied().collect();
+        if samples.is_empty() {
+            return samples;
+        }
+        samples.iter().for_each(|sample| self.history.push_sample(sample));
+        let mean = |of: fn(&InertialSample) -> Vector3<f64>| {
+            samples.iter().map(of).sum::<Vector3<f64>>() / samples.len() as f64
+        };
+        let (force, rate) = (mean(|sample| sample.force), mean(|sample| sample.rate));
+        let is_first = self.n_samples == 0;
+        self.n_samples += samples.len() as u64;
+        let in_g = FORCE_MPS2.map(|force| force / GRAVITY_MPS2);
+        if is_first && (in_g[0]..in_g[1]).contains(&force.norm()) {
+            self.correction.force.scale = GRAVITY_MPS2;
+        }
+        if matches!(self.trust, Trust::Withheld(_)) {
+            return Vec::new();
+        }
+        if let Some(fault) = self.fault(&force, &rate, is_first) {
+            self.n_implausible += 1;
+            if self.trust == Trust::Assumed || self.n_implausible >= MAX_IMPLAUSIBLE {
+                self.withhold(fault);
+            }
+            return Vec::new();
+        }
+        self.n_implausible = 0;
+        if self.on_probation && self.trust == Trust::Assumed {
+            return Vec::new();
+        }
+        samples.iter().map(|sample| self.correction.of(sample)).collect()
+    }
+
+    /// Why means over the time of a sweep are not those of a vehicle.
+    fn fault(&self, force: &Vector3<f64>, rate: &Vector3<f64>, is_first: bool) -> Option<String> {
+        let size = force.norm() * self.correction.force.scale;
+        if !(FORCE_MPS2[0]..FORCE_MPS2[1]).contains(&size) {
+            return Some(format!("the specific force is {size:.2} m/s^2, not about 9.8"));
+        }
+        let up = self.correction.rotation * self.correction.force.axes.in_body(force);
+        if is_first && up.angle(&Vector3::z()) > MAX_TILT {
+            let degrees = up.angle(&Vector3::z()) / DEGREE;
+            return Some(format!("the specific force is {degrees:.0} degrees off the z axis of the body"));
+        }
+        let rate = self.correction.rotation * self.correction.rate.axes.in_body(rate) * self.correction.rate.scale;
+        let change = (rate - self.last_rate.unwrap_or_else(Vector3::zeros)).norm();
+        if self.trust == Trust::Assumed && change > MAX_RATE_JUMP {
+            let rate = rate.norm();
+            return Some(format!("the angular rate is {rate:.2} rad/s, {change:.2} off that of the LiDAR"));
+        }
+        None
+    }
+
+    /// Adds the pose of the body (in the axes of the odometry) in the middle of the next sweep; `None` if it was not measured.
+    pub fn add_pose(&mut self, stamp: Stamp, odom_from_body: Option<&Pose>) {
+        self.last_rate = self.history.push_pose(stamp, odom_from_body);
+        let Self { history, rates, forces, imu_in_body, .. } = self;
+        let mut is_new = false;
+        history.take_rotations(LAG_STEPS as f64 * LAG_STEP_S, |body, unit_at| {
+            for (step, sums) in rates.iter_mut().enumerate() {
+                sums.add(body, &unit_at(lag_s(step)));
+            }
+            is_new = true;
+        });
+        history.take_accelerations(imu_in_body, GRAVITY_MPS2, |body, unit| forces.add(body, unit));
+        if is_new {
+            self.judge();
+        }
+    }
+
+    /// Whether the samples so far were wrong: a filter that used them must forget them. `true` once for each change.
+    pub const fn take_change(&mut self) -> bool {
+        std::mem::replace(&mut self.has_changed, false)
+    }
+
+    /// Why the unit is not used; `None` if it is, or if there is none.
+    pub fn why_withheld(&self) -> Option<&str> {
+        match &self.trust {
+            Trust::Withheld(reason) => Some(reason),
+            Trust::Assumed | Trust::Verified => None,
+        }
+    }
+
+    /// How the samples are corrected.
+    pub const fn correction(&self) -> &InertialCorrection {
+        &self.correction
+    }
+
+    /// Mounting and time offset by the comparison so far; `None` until the vehicle has turned.
+    pub const fn mounting(&self) -> Option<&InertialMounting> {
+        self.mounting.as_ref()
+    }
+
+    /// Whether there were any samples.
+    pub const fn has_samples(&self) -> bool {
+        self.n_samples > 0
+    }
+
+    /// Lines for the operator; none without samples.
+    pub fn summary(&self) -> Vec<String> {
+        if !self.has_samples() {
+            return Vec::new();
+        }
+        let mut lines = self.corrections();
+        lines.push(match &self.trust {
+            Trust::Assumed => "not compared with the LiDAR: the vehicle turned too little".to_owned(),
+            Trust::Verified => "agrees with the LiDAR".to_owned(),
+            Trust::Withheld(reason) => format!("not used: {reason}"),
+        });
+        if let Some(InertialMounting { rotation, rotation_sigma, late_s, late_sigma_s }) = &self.mounting {
+            let list = |v: &Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE);
+            lines.push(format!("stamps {:.0} ms late (deviation {:.1})", late_s * 1e3, late_sigma_s * 1e3));
+            // Unknown until the vehicle has turned.
+            if rotation_sigma.max() < 1.0 {
+                let (angles, deviations) = (list(rotation), list(rotation_sigma));
+                lines.push(format!("rotated about x, y, z by {angles} degrees (deviations {deviations})"));
+            }
+        }
+        lines.iter().map(|line| format!("inertial unit: {line}")).collect()
+    }
+
+    /// What is corrected, by name.
+    fn corrections(&self) -> Vec<String> {
+        let InertialCorrection { rate, force, rotation, late_s } = &self.correction;
+        let mut parts = Vec::new();
+        if force.scale != 1.0 {
+            parts.push("accelerations are in g, corrected".to_owned());
+        }
+        if rate.scale != 1.0 {
+            parts.push("angular rates are in degrees per second, corrected".to_owned());
+        }
+        if rate.axes != Axes::BODY {
+            parts.push(format!("angular rates: {}, corrected", rate.axes));
+        }
+        if force.axes != Axes::BODY {
+            parts.push(format!("accelerations: {}, corrected", force.axes));
+        }
+        if rotation.angle() > 0.0 {
+            parts.push(format!("rotated by {:.2} degrees, corrected", rotation.angle() / DEGREE));
+        }
+        if *late_s != 0.0 {
+            parts.push(format!("stamps {:.0} ms late, corrected", late_s * 1e3));
+        }
+        parts
+    }
+
+    fn withhold(&mut self, reason: String) {
+        self.trust = Trust::Withheld(reason);
+        self.has_changed = true;
+    }
+}
+
+/// Time offset of a step, s: positive if the stamps of the unit are late.
+fn lag_s(step: usize) -> f64 {
+    (step as f64 - LAG_STEPS as f64) * LAG_STEP_S
+}

@@ -1,0 +1,178 @@
+//! The last seconds of samples and poses, and the pairs of vectors that compare them.
+
+use crate::InertialSample;
+use geometry::{Point3, Pose, Stamp, Vector3};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// How long samples are kept, ns, and how many at most.
+const KEPT_NANOS: i64 = 3_000_000_000;
+const MAX_SAMPLES: usize = 8_192;
+/// Longer pauses between samples are gaps, ns.
+const GAP_NANOS: i64 = 60_000_000;
+/// An acceleration is the change between the mean velocities of this long before and after, s: a position error of 1 cm then
+/// becomes 0.1 m/s^2.
+const HALF_SPAN_S: f64 = 0.5;
+/// Poses farther apart are not compared, s.
+const MAX_STEP_S: f64 = 0.25;
+/// Poses kept: two spans at 20 Hz.
+const MAX_POSES: usize = 48;
+
+/// A sample and the integral of the rates up to it.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Knot {
+    stamp: i64,
+    force: Vector3<f64>,
+    rate: Vector3<f64>,
+    angle: Vector3<f64>,
+}
+
+/// Recent samples and poses.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct History {
+    knots: VecDeque<Knot>,
+    /// Measured one after another.
+    poses: VecDeque<(i64, Pose)>,
+    /// Poses at whose end the rotation is compared.
+    rotations_until: i64,
+    /// Poses at which the acceleration is compared.
+    accelerations_until: i64,
+}
+
+impl History {
+    pub fn push_sample(&mut self, sample: &InertialSample) {
+        let InertialSample { stamp, force, rate } = *sample;
+        let angle = match self.knots.back() {
+            Some(last) if last.stamp >= stamp.0 => return,
+            Some(last) => last.angle + (last.rate + rate) * (0.5e-9 * (stamp.0 - last.stamp) as f64),
+            None => Vector3::zeros(),
+        };
+        self.knots.push_back(Knot { stamp: stamp.0, force, rate, angle });
+        let is_old = |knot: &Knot| knot.stamp < stamp.0 - KEPT_NANOS;
+        while self.knots.len() > MAX_SAMPLES || self.knots.front().is_some_and(is_old) {
+            self.knots.pop_front();
+        }
+    }
+
+    /// Returns the angular rate of the body since the previous pose.
+    pub fn push_pose(&mut self, stamp: Stamp, odom_from_body: Option<&Pose>) -> Option<Vector3<f64>> {
+        let Some(pose) = odom_from_body else {
+            self.poses.clear();
+            return None;
+        };
+        let is_next = |(last, _): &(i64, Pose)| seconds(*last, stamp.0) > 0.0 && seconds(*last, stamp.0) < MAX_STEP_S;
+        if !self.poses.back().is_some_and(is_next) {
+            self.poses.clear();
+        }
+        let rate = self.poses.back().map(|last| angular_rate(last, &(stamp.0, *pose)));
+        self.poses.push_back((stamp.0, *pose));
+        if self.poses.len() > MAX_POSES {
+            self.poses.pop_front();
+        }
+        rate
+    }
+
+    /// Calls `use_pair` with the mean angular rate of the body between two poses, and that of the unit by time offset (s), for all
+    /// pairs with samples up to `max_lag_s` before and after.
+    pub fn take_rotations(
+        &mut self,
+        max_lag_s: f64,
+        mut use_pair: impl FnMut(&Vector3<f64>, &dyn Fn(f64) -> Vector3<f64>),
+    ) {
+        let lag = (max_lag_s * 1e9) as i64;
+        let mut until = self.rotations_until;
+        let Some(last) = self.knots.back() else { return };
+        for (a, b) in self.poses.iter().zip(self.poses.iter().skip(1)) {
+            if b.0 <= until || b.0 + lag > last.stamp {
+                continue;
+            }
+            until = b.0;
+            if self.covers(a.0 - lag, b.0 + lag) {
+                let mean_at = |late_s: f64| {
+                    let late = (late_s * 1e9) as i64;
+                    (self.angle_at(b.0 + late) - self.angle_at(a.0 + late)) / seconds(a.0, b.0)
+                };
+                use_pair(&angular_rate(a, b), &mean_at);
+            }
+        }
+        self.rotations_until = until;
+    }
+
+    /// Calls `use_pair` with the specific force of the body in the mean over [`HALF_SPAN_S`] around a pose, and that of the unit.
+    pub fn take_accelerations(
+        &mut self,
+        imu_in_body: &Point3<f64>,
+        gravity_mps2: f64,
+        mut use_pair: impl FnMut(&Vector3<f64>, &Vector3<f64>),
+    ) {
+        let mut until = self.accelerations_until;
+        let Some(last) = self.knots.back().map(|knot| knot.stamp) else { return };
+        for (stamp, pose) in &self.poses {
+            if *stamp <= until {
+                continue;
+            }
+            let before = self.poses.iter().rfind(|(at, _)| seconds(*at, *stamp) >= HALF_SPAN_S);
+            let after = self.poses.iter().find(|(at, _)| seconds(*stamp, *at) >= HALF_SPAN_S);
+            let (Some((begin, from)), Some((end, to))) = (before, after) else { continue };
+            if *end > last {
+                continue;
+            }
+            until = *stamp;
+            if !self.covers(*begin, *end) {
+                continue;
+            }
+            let at = |pose: &Pose| (pose * imu_in_body).coords;
+            let velocities =
+                [(at(pose) - at(from)) / seconds(*begin, *stamp), (at(to) - at(pose)) / seconds(*stamp, *end)];
+            let acceleration = (velocities[1] - velocities[0]) / (0.5 * seconds(*begin, *end));
+            let force = pose.rotation.inverse() * (acceleration + Vector3::z() * gravity_mps2);
+            use_pair(&force, &self.mean_force(*begin, *stamp, *end));
+        }
+        self.accelerations_until = until;
+    }
+
+    /// Mean with weights that rise to the middle and fall to the end, as those of the change between two mean velocities.
+    fn mean_force(&self, begin: i64, middle: i64, end: i64) -> Vector3<f64> {
+        let first = self.knots.partition_point(|knot| knot.stamp < begin);
+        let weight = |stamp: i64| {
+            if stamp < middle {
+                seconds(begin, stamp) / seconds(begin, middle)
+            } else {
+                seconds(stamp, end) / seconds(middle, end)
+            }
+        };
+        let within = self.knots.iter().skip(first).take_while(|knot| knot.stamp <= end);
+        let (sum, total) = within.fold((Vector3::zeros(), 0.0), |(sum, total), knot| {
+            let weight = weight(knot.stamp);
+            (sum + knot.force * weight, total + weight)
+        });
+        if total > 0.0 { sum / total } else { sum }
+    }
+
+    /// Integral of the rates up to a stamp within the samples.
+    fn angle_at(&self, stamp: i64) -> Vector3<f64> {
+        let after = self.knots.partition_point(|knot| knot.stamp < stamp);
+        let (Some(b), Some(a)) = (self.knots.get(after), after.checked_sub(1).and_then(|i| self.knots.get(i))) else {
+            return Vector3::zeros();
+        };
+        let share = seconds(a.stamp, stamp) / seconds(a.stamp, b.stamp);
+        a.angle + (b.angle - a.angle) * share
+    }
+
+    /// Whether there are samples without gaps around this time.
+    fn covers(&self, begin: i64, end: i64) -> bool {
+        let Some(first) = self.knots.partition_point(|knot| knot.stamp < begin).checked_sub(1) else { return false };
+        let until = self.knots.partition_point(|knot| knot.stamp < end);
+        let pairs = self.knots.iter().zip(self.knots.iter().skip(1)).skip(first).take(until - first);
+        until < self.knots.len() && pairs.into_iter().all(|(a, b)| b.stamp - a.stamp <= GAP_NANOS)
+    }
+}
+
+/// From the first time to the second.
+fn seconds(from: i64, to: i64) -> f64 {
+    (to - from) as f64 * 1e-9
+}
+
+fn angular_rate((begin, from): &(i64, Pose), (end, to): &(i64, Pose)) -> Vector3<f64> {
+    (from.rotation.inverse() * to.rotation).scaled_axis() / seconds(*begin, *end)
+}

@@ -1,0 +1,154 @@
+//! Rings of a sweep whose points carry no ring numbers, by the order of the points.
+//!
+//! KITTI, SemanticKITTI and clouds made from them store one ring after the other, each a turn of the azimuth. Elevations do not tell
+//! the rings: the lasers of an HDL-64E leave from different heights, so the elevations of one ring, as seen from the origin, spread
+//! over three rings.
+
+use crate::TimedPoint;
+use crate::range_image::fast_atan2;
+use std::f32::consts::{PI, TAU};
+
+/// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.
+const RINGS: std::ops::RangeInclusive<usize> = 8..=256;
+/// Sectors of azimuth in which the step from ring to ring is searched.
+const SECTORS: usize = 64;
+/// Least share of neighboring rings whose mean slopes are in order.
+const MIN_ORDERED: f64 = 0.9;
+
+/// The ring of each point (0 = lowest; any for points that are not finite) and the number of rings. `None` if the points are not
+/// stored ring by ring.
+pub(crate) fn rings_by_order(points: &[TimedPoint]) -> Option<(Vec<u8>, usize)> {
+    let turns = Turns::of(points)?;
+    let cut = turns.cut(points);
+    // Relative to the first cut before the first point.
+    let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
+    let first = ring_at(0.0).min(ring_at(turns.total));
+    let n = (ring_at(0.0) - ring_at(turns.total)).unsigned_abs() as usize + 1;
+    if !RINGS.contains(&n) {
+        return None;
+    }
+    let mut rings: Vec<u8> =
+        turns.turned.iter().map(|turned| (ring_at(*turned) - first).clamp(0, n as i32 - 1) as u8).collect();
+    let slopes = mean_slopes(points, &rings, n);
+    let ordered = |is_ordered: fn(f64, f64) -> bool| {
+        let n_ordered = slopes.windows(2).filter(|pair| is_ordered(pair[0], pair[1])).count();
+        n_ordered as f64 >= MIN_ORDERED * (slopes.len() - 1) as f64
+    };
+    if slopes.len() < *RINGS.start() {
+        return None;
+    }
+    if ordered(|lower, upper| lower > upper) {
+        rings.iter_mut().for_each(|ring| *ring = n as u8 - 1 - *ring);
+        return Some((rings, n));
+    }
+    ordered(|lower, upper| lower < upper).then_some((rings, n))
+}
+
+/// How far the azimuth has turned since the first point.
+struct Turns {
+    /// By point, rad.
+    turned: Vec<f32>,
+    total: f32,
+}
+
+impl Turns {
+    fn of(points: &[TimedPoint]) -> Option<Self> {
+        let (mut turned, mut total, mut last) = (Vec::with_capacity(points.len()), 0.0_f64, None);
+        for point in points {
+            let [x, y, _] = point.position;
+            if (x + y).is_finite() && (x, y) != (0.0, 0.0) {
+                let azimuth = fast_atan2(y, x);
+                let step = azimuth - last.unwrap_or(azimuth);
+                total += f64::from(if step > PI {
+                    step - TAU
+                } else if step < -PI {
+                    step + TAU
+                } else {
+                    step
+                });
+                last = Some(azimuth);
+            }
+            turned.push(total as f32);
+        }
+        let total = total as f32;
+        (total.abs() > *RINGS.start() as f32 * TAU - PI).then_some(Self { turned, total })
+    }
+    /// The angle, from the first point on, at which the rings change: there the slope steps.
+    fn cut(&self, points: &[TimedPoint]) -> f32 {
+        let mut steps = [0.0; SECTORS];
+        let sector = |turned: f32| ((turned / TAU).rem_euclid(1.0) * SECTORS as f32) as usize % SECTORS;
+        let mut last = None;
+        for (point, turned) in points.iter().zip(&self.turned) {
+            let slope = slope(point);
+            if slope.is_finite() {
+                steps[sector(*turned)] += slope - last.unwrap_or(slope);
+                last = Some(slope);
+            }
+        }
+        let greatest = (0..SECTORS).max_by(|a, b| steps[*a].abs().total_cmp(&steps[*b].abs())).unwrap_or(0);
+        (greatest as f32 + 0.5) / SECTORS as f32 * TAU
+    }
+}
+
+fn slope(point: &TimedPoint) -> f32 {
+    let [x, y, z] = point.position;
+    z / (x * x + y * y).sqrt()
+}
+
+/// Mean slope of each ring that has points.
+fn mean_slopes(points: &[TimedPoint], rings: &[u8], n: usize) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0_u32); n];
+    for (point, ring) in points.iter().zip(rings) {
+        let slope = slope(point);
+        if slope.is_finite() {
+            let sum = &mut sums[usize::from(*ring)];
+            *sum = (sum.0 + f64::from(slope), sum.1 + 1);
+        }
+    }
+    sums.into_iter().filter(|(_, n)| *n > 0).map(|(sum, n)| sum / f64::from(n)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rings from the highest to the lowest, each a turn that begins at `begin` rad; every seventh point is missing.
+    fn ring_by_ring(n_rings: u8, begin: f32) -> (Vec<TimedPoint>, Vec<u8>) {
+        let (mut points, mut rings) = (Vec::new(), Vec::new());
+        for ring in (0..n_rings).rev() {
+            for col in (0..900_u16).filter(|col| (col + u16::from(ring)) % 7 != 0) {
+                let azimuth = begin + f32::from(col) / 900.0 * TAU;
+                // Walls at different ranges, and a laser above the origin.
+                let range = 10.0 + 5.0 * (3.0 * azimuth).sin();
+                let z = range * (-0.4 + 0.007 * f32::from(ring)) + 0.1;
+                points.push(TimedPoint {
+                    position: [range * azimuth.cos(), range * azimuth.sin(), z],
+                    offset_nanos: 0,
+                    ring: 0,
+                });
+                rings.push(ring);
+            }
+        }
+        (points, rings)
+    }
+
+    #[test]
+    fn points_stored_ring_by_ring_get_their_rings() {
+        for begin in [0.0, 2.0, -PI] {
+            let (points, truth) = ring_by_ring(64, begin);
+            let (rings, n) = rings_by_order(&points).expect("rings in order");
+            let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
+            assert!(n - 64 <= 1 && n_wrong * 50 < points.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
+        }
+    }
+
+    #[test]
+    fn points_in_the_order_of_time_have_no_rings_by_order() {
+        let (mut points, _) = ring_by_ring(32, 0.0);
+        points.sort_by(|a, b| {
+            f32::atan2(a.position[1], a.position[0]).total_cmp(&f32::atan2(b.position[1], b.position[0]))
+        });
+        assert_eq!(rings_by_order(&points), None);
+        assert_eq!(rings_by_order(&[]), None);
+    }
+}

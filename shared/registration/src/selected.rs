@@ -1,0 +1,114 @@
+//! The odometry that a run uses.
+
+use crate::{
+    GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap, Odometry, OdometrySettings,
+    OdometryState, Registered, RegistrationError, Sweep,
+};
+use geometry::Pose;
+use serde::{Deserialize, Serialize};
+
+/// An algorithm with its settings.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Algorithm {
+    /// [`Odometry`].
+    ScanToMap,
+    /// [`ImlsOdometry`].
+    Imls(ImlsSettings),
+}
+
+/// A running odometry.
+#[derive(Debug)]
+pub enum SelectedOdometry {
+    /// The default.
+    ScanToMap(Box<Odometry>),
+    /// IMLS-SLAM as published. It uses the LiDAR alone.
+    Imls(Box<ImlsOdometry>),
+}
+
+/// The saved state of a [`SelectedOdometry`].
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum SelectedState {
+    /// Of [`Odometry`].
+    ScanToMap(Box<OdometryState>),
+    /// Of [`ImlsOdometry`].
+    Imls(Box<ImlsState>),
+}
+
+/// A state of one algorithm cannot continue with another.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[error(
+    "the saved state belongs to another odometry than the settings select: resume with the settings of the saved run"
+)]
+pub struct OtherAlgorithmError;
+
+impl SelectedOdometry {
+    /// See [`Odometry::new`].
+    pub fn new(settings: OdometrySettings, algorithm: Algorithm, odom_from_lidar: Pose) -> Self {
+        match algorithm {
+            Algorithm::ScanToMap => Self::ScanToMap(Box::new(Odometry::new(settings, odom_from_lidar))),
+            Algorithm::Imls(imls) => Self::Imls(Box::new(ImlsOdometry::new(settings, imls, odom_from_lidar))),
+        }
+    }
+    /// Adds an inertial sample, see [`Odometry::add_imu`].
+    pub fn add_imu(&mut self, sample: InertialSample) {
+        if let Self::ScanToMap(odometry) = self {
+            odometry.add_imu(sample);
+        }
+    }
+    /// Forgets the inertial samples, see [`Odometry::forget_imu`].
+    pub fn forget_imu(&mut self) {
+        if let Self::ScanToMap(odometry) = self {
+            odometry.forget_imu();
+        }
+    }
+    /// Adds a velocity, see [`Odometry::add_gnss`].
+    pub fn add_gnss(&mut self, velocity: GroundVelocity) {
+        if let Self::ScanToMap(odometry) = self {
+            odometry.add_gnss(velocity);
+        }
+    }
+    /// Registers the next sweep, see [`Odometry::register`].
+    pub fn register(&mut self, sweep: &Sweep) -> Result<Vec<Registered>, RegistrationError> {
+        match self {
+            Self::ScanToMap(odometry) => odometry.register(sweep),
+            Self::Imls(odometry) => odometry.register(sweep),
+        }
+    }
+    /// The first sweep, if there was no second one.
+    pub fn finish(&mut self) -> Option<Registered> {
+        match self {
+            Self::ScanToMap(odometry) => odometry.finish(),
+            Self::Imls(odometry) => odometry.finish(),
+        }
+    }
+    /// The thinned map of smooth surfaces.
+    pub fn map(&self) -> &LocalMap {
+        match self {
+            Self::ScanToMap(odometry) => odometry.map(),
+            Self::Imls(odometry) => odometry.map(),
+        }
+    }
+    /// The state on which the following sweeps depend.
+    pub fn save(&self) -> SelectedState {
+        match self {
+            Self::ScanToMap(odometry) => SelectedState::ScanToMap(Box::new(odometry.save())),
+            Self::Imls(odometry) => SelectedState::Imls(Box::new(odometry.save())),
+        }
+    }
+    /// Continues from a state of [`SelectedOdometry::save`].
+    pub fn load(
+        settings: OdometrySettings,
+        algorithm: Algorithm,
+        state: SelectedState,
+    ) -> Result<Self, OtherAlgorithmError> {
+        match (algorithm, state) {
+            (Algorithm::ScanToMap, SelectedState::ScanToMap(state)) => {
+                Ok(Self::ScanToMap(Box::new(Odometry::load(settings, *state))))
+            }
+            (Algorithm::Imls(imls), SelectedState::Imls(state)) => {
+                Ok(Self::Imls(Box::new(ImlsOdometry::load(settings, imls, *state))))
+            }
+            _ => Err(OtherAlgorithmError),
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! Where rows of cells are written.
+
+/// Some cells of a band-sequential cube: from `start` on in each plane; planes are `stride` values apart. Not an `ndarray` view,
+/// because its inner loops run over slices, whose bounds are checked once.
+pub(crate) struct Planes<'a> {
+    pub values: &'a mut [f32],
+    pub stride: usize,
+    pub start: usize,
+}
