@@ -14,7 +14,7 @@ const SEED: u64 = 601;
 /// the laps are known by then; poses and fixes of the pose graph still come.
 const GROWTH_SHARE: f64 = 0.1;
 const GROWTH_BYTES: f64 = 16e6;
-/// Largest errors. They find a lost way, not a bad day: docs/experiments/georeferencing.md has the measured ones.
+/// Largest errors. They detect lost odometry and a wrong placement, and are no goals of accuracy.
 const MAX_DRIFT_PERCENT: f64 = 1.0;
 const MAX_PLACE_M: f64 = 5.0;
 /// Shorter drives have no second quarter to compare with.
