@@ -10,10 +10,10 @@ pub(crate) const SAME_SURFACE: f32 = 0.8;
 const UNUSED: f32 = 1e6;
 
 /// Position relative to the cell's lower corner (m) and unit normal.
-pub(crate) type Oriented = ([f32; 3], [f32; 3]);
+pub(crate) type Oriented = ([f32; 3], [f32; 3], f32);
 
-/// Lanes by coordinate: x y z, then the normal.
-type Block = [[f32; LANES]; 6];
+/// Lanes by coordinate: x y z, then the normal, then the lever.
+type Block = [[f32; LANES]; 7];
 
 /// Points in the order of their insertion.
 #[derive(Clone, Debug, Default)]
@@ -24,7 +24,7 @@ pub(crate) struct Cell {
 
 /// Sums over points around a position, by lane: weights, weighted distances from their planes, weighted normals.
 #[derive(Clone, Copy)]
-pub(crate) struct SurfaceSums([[f32; LANES]; 5]);
+pub(crate) struct SurfaceSums([[f32; LANES]; 6]);
 
 impl Cell {
     pub fn n(&self) -> usize {
@@ -32,11 +32,11 @@ impl Cell {
     }
     pub fn get(&self, at: usize) -> Oriented {
         let value = |part: usize| self.blocks[at / LANES][part][at % LANES];
-        ([0, 1, 2].map(value), [3, 4, 5].map(value))
+        ([0, 1, 2].map(value), [3, 4, 5].map(value), value(6))
     }
-    pub fn set(&mut self, at: usize, (position, normal): Oriented) {
+    pub fn set(&mut self, at: usize, (position, normal, lever): Oriented) {
         let block = &mut self.blocks[at / LANES];
-        for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal)) {
+        for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal).chain([lever])) {
             part[at % LANES] = value;
         }
     }
@@ -46,6 +46,7 @@ impl Cell {
                 [UNUSED; LANES],
                 [UNUSED; LANES],
                 [UNUSED; LANES],
+                [0.0; LANES],
                 [0.0; LANES],
                 [0.0; LANES],
                 [0.0; LANES],
@@ -60,7 +61,7 @@ impl Cell {
             self.set(at - 1, self.get(at));
         }
         self.n -= 1;
-        self.set(self.n, ([UNUSED; 3], [0.0; 3]));
+        self.set(self.n, ([UNUSED; 3], [0.0; 3], 0.0));
         self.blocks.truncate(self.n.div_ceil(LANES));
     }
     /// The first point in `cube`, where `per_side` cubes fill the cell's side.
@@ -81,7 +82,7 @@ impl Cell {
     pub fn add_surface(&self, position: [f32; 3], normal: [f32; 3], kernel: &Kernel, sums: &mut SurfaceSums) {
         let limit = (kernel.radius_m * kernel.radius_m) as f32;
         let per_limit = 1.0 / limit;
-        for [x, y, z, nx, ny, nz] in &self.blocks {
+        for [x, y, z, nx, ny, nz, lever] in &self.blocks {
             let (mut squares, mut weights, mut heights) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
                 let d = [position[0] - x[lane], position[1] - y[lane], position[2] - z[lane]];
@@ -97,7 +98,7 @@ impl Cell {
                     *weight = (-squared / (h_m * h_m) as f32).exp();
                 }
             }
-            let [sum_w, sum_h, sum_x, sum_y, sum_z] = &mut sums.0;
+            let [sum_w, sum_h, sum_x, sum_y, sum_z, sum_lever] = &mut sums.0;
             for lane in 0..LANES {
                 let w = weights[lane];
                 sum_w[lane] += w;
@@ -105,6 +106,7 @@ impl Cell {
                 sum_x[lane] += w * nx[lane];
                 sum_y[lane] += w * ny[lane];
                 sum_z[lane] += w * nz[lane];
+                sum_lever[lane] += w * lever[lane];
             }
         }
     }
@@ -112,11 +114,11 @@ impl Cell {
 
 impl SurfaceSums {
     pub fn zero() -> Self {
-        Self([[0.0; LANES]; 5])
+        Self([[0.0; LANES]; 6])
     }
-    /// Weight, weighted distance, weighted normal.
+    /// Weight, weighted distance, weighted normal, weighted lever.
     #[inline(always)]
-    pub fn totals(&self) -> [f64; 5] {
+    pub fn totals(&self) -> [f64; 6] {
         self.0.map(|lanes| lanes.iter().fold(0.0, |sum, value| sum + f64::from(*value)))
     }
 }

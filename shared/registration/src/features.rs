@@ -1,6 +1,7 @@
 //! Planar points of a sweep with their normals.
 
 use crate::neighborhood::{LANES, Planes, Shapes};
+use crate::ring_errors::lever;
 use crate::voxel::{VoxelIndex, VoxelSet, thinned};
 use crate::{RangeImage, Sweep};
 use nalgebra::Vector3;
@@ -23,6 +24,10 @@ pub struct Feature {
     pub roughness_m: f32,
     /// See [`FeatureSettings::max_roughness_m`].
     pub is_rough: bool,
+    /// How far an elevation error of 1 rad moves the point along the normal, m.
+    pub lever: f32,
+    /// Row of the range image.
+    pub row: u16,
     /// Index of the point in its sweep.
     pub point_idx: u32,
 }
@@ -183,6 +188,8 @@ fn feature(
         planarity: shapes.planarity[lane],
         roughness_m: shapes.roughness[lane],
         is_rough: !is_smooth,
+        lever: lever(&center, &towards_sensor),
+        row: row as u16,
         point_idx: point_idx as u32,
     }
 }

@@ -8,13 +8,15 @@ use serde::{Deserialize, Serialize};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
-/// A point of a surface, 40 bytes.
+/// A point of a surface, 44 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapPoint {
     /// x y z, m, odom frame. f64: the odom frame may be kilometres away from its origin.
     pub position: [f64; 3],
     /// Unit normal, odom frame.
     pub normal: [f32; 3],
+    /// See [`crate::Feature::lever`].
+    pub lever: f32,
     /// Number of the insertion.
     pub batch: u32,
 }
@@ -75,11 +77,11 @@ impl LocalMap {
         let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
         let point = |&(key, batch): &(u64, u32)| {
             let at = met.entry(key).or_default();
-            let (position, normal) = self.cells[&key].get(*at);
+            let (position, normal, lever) = self.cells[&key].get(*at);
             *at += 1;
             let corner = VoxelIndex::of_key(key).0;
             let position = std::array::from_fn(|axis| f64::from(corner[axis]) * CELL_M + f64::from(position[axis]));
-            MapPoint { position, normal, batch }
+            MapPoint { position, normal, lever, batch }
         };
         self.order.iter().map(point).collect()
     }
@@ -168,8 +170,12 @@ impl LocalMap {
                 cell.add_surface(offset, (*normal).into(), &kernel, &mut sums);
             }
         }
-        let [weight, distance, x, y, z] = sums.totals();
-        (weight > 1e-6).then(|| Surface { distance_m: distance / weight, normal: Vector3::new(x, y, z).normalize() })
+        let [weight, distance, x, y, z, lever] = sums.totals();
+        (weight > 1e-6).then(|| Surface {
+            distance_m: distance / weight,
+            normal: Vector3::new(x, y, z).normalize(),
+            lever: lever / weight,
+        })
     }
 }
 
@@ -179,21 +185,21 @@ fn placed(point: &MapPoint) -> (u64, Oriented) {
     let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
     let cell = VoxelIndex::containing(position, 1.0 / CELL_M);
     let in_cell = std::array::from_fn(|axis| (position[axis] - f64::from(cell.0[axis]) * CELL_M) as f32);
-    (cell.key(), (in_cell, point.normal))
+    (cell.key(), (in_cell, point.normal, point.lever))
 }
 
 /// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It does not
 /// move sideways, so thinning is not affected.
 #[inline(always)]
-fn refined((position, normal): Oriented, new: &Oriented, share: f32) -> Oriented {
+fn refined((position, normal, lever): Oriented, new: &Oriented, share: f32) -> Oriented {
     let axis = Vector3::from(normal);
     let height = axis.dot(&(Vector3::from(new.0) - Vector3::from(position)));
     if axis.dot(&Vector3::from(new.1)) <= SAME_SURFACE || height.abs() >= REFINEMENT_GATE_M {
-        return (position, normal);
+        return (position, normal, lever);
     }
     let unit = UNIT_M as f32;
     let moved = (Vector3::from(position) + axis * (share * height)).map(|v| (v / unit).round() * unit);
-    (moved.into(), normal)
+    (moved.into(), normal, lever + share * (new.2 - lever))
 }
 
 /// Result of [`LocalMap::surface`].
@@ -203,6 +209,8 @@ pub struct Surface {
     pub distance_m: f64,
     /// Unit normal, odom frame.
     pub normal: Vector3<f64>,
+    /// Mean lever, m, see [`crate::Feature::lever`].
+    pub lever: f64,
 }
 
 #[cfg(test)]
@@ -213,7 +221,7 @@ mod tests {
     const KERNEL: Kernel = Kernel { radius_m: 0.5, weights: Weights::Compact };
 
     fn point(x: f64, y: f64, z: f64) -> MapPoint {
-        MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], batch: 0 }
+        MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], lever: 0.0, batch: 0 }
     }
 
     /// Quasi-random positions some metres around the origin.

@@ -49,7 +49,7 @@ fn map_points(features: &[Feature], is_rough: bool, motion: &SweepMotion, batch:
         let arm = motion.rotated(&mid, &feature.position, share);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = motion.rotated(&mid, &feature.normal, share).normalize();
-        MapPoint { position: position.into(), normal: normal.cast::<f32>().into(), batch }
+        MapPoint { position: position.into(), normal: normal.cast::<f32>().into(), lever: feature.lever, batch }
     };
     features.iter().filter(|feature| feature.is_rough == is_rough).map(in_odom).collect()
 }

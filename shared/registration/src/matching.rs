@@ -1,8 +1,10 @@
 //! Scan-to-map matching: robust point-to-plane registration over the pose of a sweep and the motion during it.
 
+use crate::ground_tilt::{GroundLever, GroundTilt};
 use crate::maps::Maps;
 use crate::motion::Velocity;
-use crate::normal_equations::NormalEquations;
+use crate::normal_equations::{NormalEquations, Solution};
+use crate::ring_errors::RingSums;
 use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -92,6 +94,10 @@ pub struct Matched {
     /// The same with [`MatchSettings::drift_residual_m`] and zero along degenerate directions. The covariance of a
     /// [`crate::Registered`] follows from it.
     pub step_information: Matrix6<f64>,
+    /// The ground's tilt after the match.
+    pub(crate) ground_tilt: GroundTilt,
+    /// Sums by row of the range image.
+    pub(crate) rings: Vec<RingSums>,
     /// Whether the last step was below 5 cm and 5 mrad. Larger last steps diverge or oscillate.
     pub converged: bool,
 }
@@ -107,6 +113,8 @@ pub(crate) struct Prediction {
     pub duration_s: f64,
     /// Inverse covariance of the pose if sensors predicted it; zero for constant motion. Order and axes as [`Matched::information`].
     pub information: Matrix6<f64>,
+    /// The ground's tilt before the match.
+    pub ground_tilt: GroundTilt,
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
@@ -115,6 +123,8 @@ const LEVER_M: f64 = 10.0;
 const MIN_MATCHES: usize = 60;
 /// A match has converged if its last step is below this, m and rad: the error of a prediction.
 const CONVERGED: (f64, f64) = (0.05, 5e-3);
+/// Least deviation of the ground's tilt, rad: it keeps the equations regular.
+const MIN_TILT_RAD: f64 = 1e-6;
 /// Features of one parallel task; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 256;
 
@@ -127,17 +137,20 @@ pub(crate) fn match_features(
     settings: &MatchSettings,
 ) -> Option<Matched> {
     let mut motion = prediction.motion;
+    let way = prediction.motion.mid.translation.vector - prediction.previous.0.translation.vector;
+    let ground = GroundLever::of(&way);
     let mut coarse_rounds = settings.coarse_rounds;
     for round in 0..settings.max_rounds {
         let coarse = round < coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
-        let equations = linearize(features, maps, &motion, &kernel, scale_m);
+        let equations = linearize(features, maps, &motion, &ground, (&kernel, scale_m));
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
         let degenerate = DegenerateDirections::of(&equations, settings.min_influence);
-        let (pose_step, motion_step) = solve(&equations, &degenerate, &motion, prediction, settings)?;
+        let solution = solve(&equations, &degenerate, &motion, prediction, settings)?;
+        let (pose_step, motion_step) = (solution.pose, solution.motion);
         motion = stepped(&motion, &pose_step, &motion_step);
         let (small_m, small_rad) = settings.small_step;
         let step_is_below =
@@ -165,6 +178,11 @@ pub(crate) fn match_features(
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose() / mean_square.max(1e-6),
                 step_information: degenerate.determined / settings.drift_residual_m.powi(2),
+                ground_tilt: GroundTilt {
+                    mean: solution.tilt,
+                    variance: solution.tilt_cofactor * settings.residual_m.powi(2),
+                },
+                rings: equations.rings,
                 converged: step_is_below(CONVERGED.0, CONVERGED.1),
             });
         }
@@ -176,13 +194,13 @@ fn linearize(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    kernel: &Kernel,
-    scale_m: f64,
+    ground: &GroundLever,
+    (kernel, scale_m): (&Kernel, f64),
 ) -> NormalEquations {
     let part = |chunk: &[Feature]| {
         wide_loops::run(
             #[inline(always)]
-            || linearize_chunk(chunk, maps, motion, kernel, scale_m),
+            || linearize_chunk(chunk, maps, motion, ground, (kernel, scale_m)),
         )
     };
     let parts: Vec<NormalEquations> = features.par_chunks(CHUNK).map(part).collect();
@@ -198,8 +216,8 @@ fn linearize_chunk(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    kernel: &Kernel,
-    scale_m: f64,
+    ground: &GroundLever,
+    (kernel, scale_m): (&Kernel, f64),
 ) -> NormalEquations {
     let mut sum = NormalEquations::zero();
     let rotation = *motion.mid.rotation.to_rotation_matrix().matrix();
@@ -215,7 +233,9 @@ fn linearize_chunk(
         let r = surface.distance_m;
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
-        sum.add(&arm, &surface.normal, r, feature.weight() / (1.0 + squared), share);
+        let weight = feature.weight() / (1.0 + squared);
+        sum.add(&arm, &surface.normal, r, ground.at(&arm, &surface.normal), weight, share);
+        sum.add_to_ring(usize::from(feature.row), f64::from(feature.lever), surface.lever, r, weight);
     }
     sum
 }
@@ -252,19 +272,20 @@ impl DegenerateDirections {
     }
 }
 
-/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes.
+/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes, and the ground's tilt.
 fn solve(
     equations: &NormalEquations,
     degenerate: &DegenerateDirections,
     motion: &SweepMotion,
     prediction: &Prediction,
     settings: &MatchSettings,
-) -> Option<(Vector6<f64>, Vector6<f64>)> {
+) -> Option<Solution> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
     let pose_prior = degenerate.prior + prediction.information * settings.residual_m.powi(2);
+    let GroundTilt { mean, variance } = prediction.ground_tilt;
+    let tilt = (settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)), mean);
     if !settings.continuous_time {
-        let pose_step = equations.solve_pose((&pose_prior, &to_predicted))?;
-        return Some((pose_step, Vector6::zeros()));
+        return equations.solve((&pose_prior, &to_predicted), None, tilt);
     }
     let (previous, seconds) = &prediction.previous;
     let expected = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
@@ -278,7 +299,7 @@ fn solve(
     let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let (a, w) = (information(settings.acceleration.0), information(settings.acceleration.1));
     let motion_prior = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + degenerate.prior;
-    equations.solve((&pose_prior, &to_predicted), (&motion_prior, &to_expected))
+    equations.solve((&pose_prior, &to_predicted), Some((&motion_prior, &to_expected)), tilt)
 }
 
 /// Translation and rotation vector (odom axes) from one pose to the other.

@@ -1,5 +1,6 @@
 //! Normal equations for the pose of a sweep and the motion during it.
 
+use crate::ring_errors::RingSums;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 /// Rows and columns of the upper triangle of a symmetric 6 x 6 matrix, column by column.
@@ -25,6 +26,12 @@ pub(crate) struct NormalEquations {
     squares: [[f64; 21]; 3],
     /// Sums of w J r and w s J r.
     gradients: [[f64; 6]; 2],
+    /// Sums of w J l and w s J l, l being the derivative by the ground's tilt.
+    tilts: [[f64; 6]; 2],
+    /// Sums of w l^2 and w l r.
+    tilt: [f64; 2],
+    /// By row of the range image.
+    pub rings: Vec<RingSums>,
     /// Sum of w.
     pub weight: f64,
     /// Sum of w r^2, m^2.
@@ -40,15 +47,19 @@ impl NormalEquations {
         Self {
             squares: [[0.0; 21]; 3],
             gradients: [[0.0; 6]; 2],
+            tilts: [[0.0; 6]; 2],
+            tilt: [0.0; 2],
+            rings: Vec::new(),
             weight: 0.0,
             weighted_squares: 0.0,
             cost: 0.0,
             n_matches: 0,
         }
     }
-    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes.
+    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes. `lever` is its derivative by the
+    /// ground's tilt, m.
     #[inline(always)]
-    pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, weight: f64, share: f64) {
+    pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, lever: f64, weight: f64, share: f64) {
         let torque = arm.cross(normal);
         let j = [normal.x, normal.y, normal.z, torque.x, torque.y, torque.z];
         let wj = j.map(|value| weight * value);
@@ -67,16 +78,35 @@ impl NormalEquations {
             pose[at] += value * r;
             motion[at] += share * value * r;
         }
+        let [pose, motion] = &mut self.tilts;
+        for (at, value) in wj.into_iter().enumerate() {
+            pose[at] += value * lever;
+            motion[at] += share * value * lever;
+        }
+        self.tilt[0] += weight * lever * lever;
+        self.tilt[1] += weight * lever * r;
         self.weight += weight;
         self.weighted_squares += weight * r * r;
         self.n_matches += 1;
     }
+    /// Adds a feature to the sums of its row.
+    #[inline(always)]
+    pub fn add_to_ring(&mut self, row: usize, lever: f64, map_lever: f64, r: f64, weight: f64) {
+        if row >= self.rings.len() {
+            self.rings.resize(row + 1, RingSums::default());
+        }
+        self.rings[row].add(lever, map_lever, r, weight);
+    }
     /// Adds the sums of another part.
     pub fn merge(&mut self, part: &Self) {
         let sums = self.squares.as_flattened_mut().iter_mut().chain(self.gradients.as_flattened_mut());
-        for (sum, value) in sums.zip(part.squares.as_flattened().iter().chain(part.gradients.as_flattened())) {
+        let sums = sums.chain(self.tilts.as_flattened_mut()).chain(&mut self.tilt);
+        let values = part.squares.as_flattened().iter().chain(part.gradients.as_flattened());
+        for (sum, value) in sums.zip(values.chain(part.tilts.as_flattened()).chain(&part.tilt)) {
             *sum += value;
         }
+        self.rings.resize(self.rings.len().max(part.rings.len()), RingSums::default());
+        self.rings.iter_mut().zip(&part.rings).for_each(|(sum, ring)| sum.merge(ring));
         self.weight += part.weight;
         self.weighted_squares += part.weighted_squares;
         self.cost += part.cost;
@@ -86,29 +116,58 @@ impl NormalEquations {
     pub fn pose(&self) -> Matrix6<f64> {
         symmetric(&self.squares[0])
     }
-    /// The step of the pose alone that minimizes the cost; see [`NormalEquations::solve`].
-    pub fn solve_pose(&self, (prior, offset): (&Matrix6<f64>, &Vector6<f64>)) -> Option<Vector6<f64>> {
-        Some((self.pose() + prior).cholesky()?.solve(&(prior * offset - Vector6::from(self.gradients[0]))))
-    }
-    /// Steps of pose and motion that minimize the cost under a prior on each: `pose_prior` is an information matrix and
-    /// `pose_offset` the step that the prior expects; alike for the motion. `None` if the system is singular.
+    /// Steps of pose and motion, and the ground's tilt, that minimize the cost under a prior on each: `pose_prior` is an information
+    /// matrix and `pose_offset` the step that the prior expects; alike for the motion (`None`: the motion is no unknown) and the
+    /// tilt. `None` if the system is singular.
     pub fn solve(
         &self,
         (pose_prior, pose_offset): (&Matrix6<f64>, &Vector6<f64>),
-        (motion_prior, motion_offset): (&Matrix6<f64>, &Vector6<f64>),
-    ) -> Option<(Vector6<f64>, Vector6<f64>)> {
-        let cross = symmetric(&self.squares[1]);
-        let mut h = SMatrix::<f64, 12, 12>::zeros();
+        motion: Option<(&Matrix6<f64>, &Vector6<f64>)>,
+        (tilt_prior, expected_tilt): (f64, f64),
+    ) -> Option<Solution> {
+        /// Row of the tilt.
+        const TILT: usize = 12;
+        let mut h = SMatrix::<f64, 13, 13>::identity();
+        let mut g = SVector::<f64, 13>::zeros();
+        let (n, blocks) = if motion.is_some() { (TILT, 2) } else { (6, 1) };
         h.fixed_view_mut::<6, 6>(0, 0).copy_from(&(self.pose() + pose_prior));
-        h.fixed_view_mut::<6, 6>(0, 6).copy_from(&cross);
-        h.fixed_view_mut::<6, 6>(6, 0).copy_from(&cross);
-        h.fixed_view_mut::<6, 6>(6, 6).copy_from(&(symmetric(&self.squares[2]) + motion_prior));
-        let mut g = SVector::<f64, 12>::zeros();
         g.fixed_rows_mut::<6>(0).copy_from(&(pose_prior * pose_offset - Vector6::from(self.gradients[0])));
-        g.fixed_rows_mut::<6>(6).copy_from(&(motion_prior * motion_offset - Vector6::from(self.gradients[1])));
-        let step = h.cholesky()?.solve(&g);
-        Some((step.fixed_rows::<6>(0).into_owned(), step.fixed_rows::<6>(6).into_owned()))
+        if let Some((motion_prior, motion_offset)) = motion {
+            let cross = symmetric(&self.squares[1]);
+            h.fixed_view_mut::<6, 6>(0, 6).copy_from(&cross);
+            h.fixed_view_mut::<6, 6>(6, 0).copy_from(&cross);
+            h.fixed_view_mut::<6, 6>(6, 6).copy_from(&(symmetric(&self.squares[2]) + motion_prior));
+            g.fixed_rows_mut::<6>(6).copy_from(&(motion_prior * motion_offset - Vector6::from(self.gradients[1])));
+        }
+        for (row, value) in self.tilts[..blocks].as_flattened().iter().enumerate().take(n) {
+            h[(row, TILT)] = -value;
+            h[(TILT, row)] = -value;
+        }
+        h[(TILT, TILT)] = self.tilt[0] + tilt_prior;
+        g[TILT] = self.tilt[1] + tilt_prior * expected_tilt;
+        let cholesky = h.cholesky()?;
+        let step = cholesky.solve(&g);
+        let mut unit = SVector::<f64, 13>::zeros();
+        unit[TILT] = 1.0;
+        Some(Solution {
+            pose: step.fixed_rows::<6>(0).into_owned(),
+            motion: step.fixed_rows::<6>(6).into_owned(),
+            tilt: step[TILT],
+            tilt_cofactor: cholesky.solve(&unit)[TILT],
+        })
     }
+}
+
+/// See [`NormalEquations::solve`].
+pub(crate) struct Solution {
+    /// Step of the pose.
+    pub pose: Vector6<f64>,
+    /// Step of the motion; zero if it is no unknown.
+    pub motion: Vector6<f64>,
+    /// The ground's tilt, rad.
+    pub tilt: f64,
+    /// Its variance in units of the squared error of a residual, 1/m^2.
+    pub tilt_cofactor: f64,
 }
 
 fn symmetric(triangle: &[f64; 21]) -> Matrix6<f64> {

@@ -1,10 +1,12 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
+use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
 use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement};
+use crate::ring_errors::RingErrors;
 use crate::sampling::sampled;
 use crate::sensors::SensorLog;
 use crate::start::{InitialMotion, find_start};
@@ -108,8 +110,8 @@ struct Last {
 
 /// The saved state, see [`Odometry::save`]. It must be stored in a format that keeps the bits of floating-point numbers.
 ///
-/// Size: at most twice [`MapSettings::max_points`] map points of 40 bytes (smooth and rough ones), before the second sweep the
-/// features of the first (at most three lists of one feature per range image cell and column step, 44 bytes each), and the
+/// Size: at most twice [`MapSettings::max_points`] map points of 44 bytes (smooth and rough ones), before the second sweep the
+/// features of the first (at most three lists of one feature per range image cell and column step, 52 bytes each), and the
 /// ranges of eight sweeps (2 bytes a ray). That is 7.5 MB with the defaults and 32 rings, and about 4 MB in a street.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OdometryState {
@@ -126,6 +128,8 @@ pub struct OdometryState {
     /// From the first match on.
     navigation: Option<Navigation>,
     log: SensorLog,
+    rings: RingErrors,
+    ground_tilt: GroundTilt,
     moving: MovingDetector,
     maps: SavedMaps,
 }
@@ -153,6 +157,8 @@ impl Odometry {
             bridged_in_a_row: 0,
             navigation: None,
             log: SensorLog::default(),
+            rings: RingErrors::default(),
+            ground_tilt: GroundTilt::default(),
             moving: MovingDetector::default(),
             maps: SavedMaps::default(),
         };
@@ -222,7 +228,12 @@ impl Odometry {
 
     fn features(&self, sweep: &Sweep) -> SweepFeatures {
         let up = self.state.up_in_lidar.cast();
-        SweepFeatures::new(sweep, &up, &self.settings.features, |features| self.sampled(features, |_| true))
+        let mut found =
+            SweepFeatures::new(sweep, &up, &self.settings.features, |features| self.sampled(features, |_| true));
+        for features in [&mut found.features, &mut found.matching, &mut found.with_rough] {
+            self.state.rings.correct(features);
+        }
+        found
     }
 
     fn start(&mut self, first: &SweepFeatures, second: SweepFeatures, second_sweep: &Sweep) -> Vec<Registered> {
@@ -273,11 +284,13 @@ impl Odometry {
         let seconds = features.mid_stamp.seconds_since(last.mid_stamp);
         let predicted = self.predict(last, features.mid_stamp);
         let velocity = Velocity::between(&last.mid, &predicted.mid, seconds);
+        let way_m = (predicted.mid.translation.vector - last.mid.translation.vector).norm();
         let prediction = Prediction {
             motion: velocity.motion_at(predicted.mid, features.duration_s),
             previous: (last.mid, seconds),
             duration_s: features.duration_s,
             information: predicted.information,
+            ground_tilt: self.state.ground_tilt.advanced(way_m, self.state.rings.significant_rad()),
         };
         let gated = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(features, &prediction.motion)),
@@ -295,6 +308,13 @@ impl Odometry {
         let matched = matched
             .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds));
         let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
+        if let Some(matched) = &matched {
+            self.state.ground_tilt = matched.ground_tilt;
+            // At rest each sweep repeats the same measurement.
+            if self.has_moved(&motion) {
+                self.state.rings.update(&matched.rings);
+            }
+        }
         self.update(features, sweep, (motion, matched), last, &predicted)
     }
 
@@ -367,12 +387,16 @@ impl Odometry {
         }
     }
 
-    fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
-        let moved = self.state.grown_at.is_none_or(|at| {
+    /// Whether the vehicle has moved or rotated since the map grew last.
+    fn has_moved(&self, motion: &SweepMotion) -> bool {
+        self.state.grown_at.is_none_or(|at| {
             (at.translation.vector - motion.mid.translation.vector).norm() > MIN_MOTION_M
                 || at.rotation.angle_to(&motion.mid.rotation) > MIN_ROTATION_RAD
-        });
-        if moved {
+        })
+    }
+
+    fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
+        if self.has_moved(motion) {
             let batch = self.state.next_batch;
             self.maps.insert(batch, features, motion, &self.settings.map);
             self.state.next_batch += 1;

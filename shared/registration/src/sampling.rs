@@ -91,7 +91,17 @@ mod tests {
     use super::*;
 
     fn feature(position: [f32; 3], normal: [f32; 3], planarity: f32) -> Feature {
-        Feature { position, normal, share: 0.0, planarity, roughness_m: 0.02, is_rough: false, point_idx: 0 }
+        Feature {
+            position,
+            normal,
+            share: 0.0,
+            planarity,
+            roughness_m: 0.02,
+            is_rough: false,
+            lever: 0.0,
+            row: 0,
+            point_idx: 0,
+        }
     }
 
     /// A floor, two walls along the street, and one wall across it, each of 400 features.

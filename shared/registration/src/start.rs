@@ -3,6 +3,7 @@
 //! A match that assumes rest can converge to a wrong wall when the vehicle moves at 10 m/s. So several speeds along the
 //! vehicle's forward axis are tried. Each speed deskews *both* sweeps, and the speed with the lowest cost is taken.
 
+use crate::ground_tilt::GroundTilt;
 use crate::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
@@ -69,6 +70,7 @@ pub(crate) fn find_start(
             previous: (motion.mid, seconds),
             duration_s: second.duration_s,
             information: Matrix6::zeros(),
+            ground_tilt: GroundTilt::default(),
         };
         let second = match_features(&second.matching, &maps, &prediction, settings)?;
         Some(Start { first: motion, second })

@@ -2,6 +2,7 @@
 
 use super::ImlsSettings;
 use super::model::Model;
+use crate::ground_tilt::GroundTilt;
 use crate::normal_equations::NormalEquations;
 use crate::{Feature, Matched, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
@@ -39,7 +40,7 @@ pub(super) fn match_samples(
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
-        let step = equations.solve_pose((&Matrix6::zeros(), &Vector6::zeros()))?;
+        let step = equations.solve((&Matrix6::zeros(), &Vector6::zeros()), None, (1.0, 0.0))?.pose;
         let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3).into_owned());
         let mut rotation = turn * pose.rotation;
         // Products of unit quaternions drift from unit length.
@@ -53,6 +54,8 @@ pub(super) fn match_samples(
     let influences = influences(&equations);
     let is_degenerate = |influence: &&f64| **influence < reported.min_influence;
     Some(Matched {
+        ground_tilt: GroundTilt::default(),
+        rings: Vec::new(),
         motion: SweepMotion::still(pose),
         n_features: samples.len(),
         n_matches: equations.n_matches,
@@ -76,7 +79,7 @@ fn linearize(samples: &[Feature], model: &Model, pose: &Pose, settings: &ImlsSet
                 continue;
             };
             sum.cost += (surface.distance_m / settings.radius_m).powi(2).min(1.0);
-            sum.add(&arm, &surface.normal, surface.distance_m, 1.0, 0.0);
+            sum.add(&arm, &surface.normal, surface.distance_m, 0.0, 1.0, 0.0);
         }
         sum
     };

@@ -149,7 +149,11 @@ impl Model {
             }
         });
         // Weights may all be too small for a number if h is a small part of the radius.
-        (weights > 0.0).then(|| Surface { distance_m: heights / weights, normal: normal.cast::<f64>().normalize() })
+        (weights > 0.0).then(|| Surface {
+            distance_m: heights / weights,
+            normal: normal.cast::<f64>().normalize(),
+            lever: 0.0,
+        })
     }
 
     /// Whether a point is within the radius.

@@ -83,6 +83,8 @@ impl SweepPoints {
             planarity: point.planarity,
             roughness_m: 0.0,
             is_rough: false,
+            lever: 0.0,
+            row: 0,
             point_idx: idx as u32,
         };
         self.points.iter().zip(deskewed).enumerate().map(feature).collect()

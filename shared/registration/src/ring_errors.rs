@@ -1,0 +1,167 @@
+//! Errors of the elevation angles of a LiDAR's rings, estimated while it drives.
+//!
+//! Elevations of real units err by a tenth of a degree from ring to ring and stay so: rings that see one patch of road put it at
+//! different heights. The mean distance of a ring's features from the map, which other rings have made, tells its error. What all
+//! rings share, or what grows evenly from ring to ring, is not seen in this way: see [`crate::ground_tilt`].
+
+use crate::Feature;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Deviation of a ring's error before it is measured, rad: 0.2 degrees.
+const INITIAL_RAD: f64 = 3.5e-3;
+/// Error of a residual for the weight of a measurement, m; see [`crate::MatchSettings::residual_m`].
+const RESIDUAL_M: f64 = 0.1;
+/// Map points whose lever differs by less, m, were seen by the same ring from nearby: they show the same error.
+const OTHER_RING_M: f64 = 2.0;
+/// A ring is measured when its deviation is below this share of the initial one.
+const MEASURED: f64 = 0.5;
+
+/// How far an elevation error of 1 rad moves a point along a normal, m. Both in the LiDAR frame, whose z axis is that of rotation.
+#[inline(always)]
+pub(crate) fn lever(position: &Vector3<f32>, normal: &Vector3<f32>) -> f32 {
+    let horizontal = (position.x * position.x + position.y * position.y).sqrt().max(1e-3);
+    normal.z * horizontal - position.z / horizontal * (normal.x * position.x + normal.y * position.y)
+}
+
+/// Sums over a ring's features with residual r, lever l and weight w: of w l^2 and of w l r.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RingSums([f64; 2]);
+
+impl RingSums {
+    /// Adds a feature, unless the map around it was made by the same ring.
+    #[inline(always)]
+    pub fn add(&mut self, lever: f64, map_lever: f64, r: f64, weight: f64) {
+        if (lever - map_lever).abs() > OTHER_RING_M {
+            self.0[0] += weight * lever * lever;
+            self.0[1] += weight * lever * r;
+        }
+    }
+    pub fn merge(&mut self, part: &Self) {
+        self.0[0] += part.0[0];
+        self.0[1] += part.0[1];
+    }
+}
+
+/// Reported minus true elevation, rad, and its variance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct RingError {
+    mean: f64,
+    variance: f64,
+}
+
+/// Errors by row of the range image.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RingErrors(Vec<RingError>);
+
+impl RingErrors {
+    /// Root mean square of the errors beyond what their deviations explain, rad; 0 for a unit without significant errors.
+    pub fn significant_rad(&self) -> f64 {
+        let limit = (MEASURED * INITIAL_RAD).powi(2);
+        let measured: Vec<&RingError> = self.0.iter().filter(|ring| ring.variance < limit).collect();
+        let sum: f64 = measured.iter().map(|ring| ring.mean * ring.mean - ring.variance).sum();
+        (sum / measured.len().max(1) as f64).max(0.0).sqrt()
+    }
+    /// Moves features to where they would be without the errors.
+    pub fn correct(&self, features: &mut [Feature]) {
+        let significant = self.significant_rad();
+        if significant == 0.0 {
+            return;
+        }
+        for feature in features {
+            let [x, y, z] = feature.position;
+            let error = self.correction(usize::from(feature.row), significant) as f32;
+            let horizontal = (x * x + y * y).sqrt().max(1e-3);
+            let along = error * z / horizontal;
+            feature.position = [x + along * x, y + along * y, z - error * horizontal];
+        }
+    }
+    /// Takes in the sums of a match of corrected features.
+    pub fn update(&mut self, sums: &[RingSums]) {
+        let significant = self.significant_rad();
+        if self.0.len() < sums.len() {
+            self.0.resize(sums.len(), RingError { mean: 0.0, variance: INITIAL_RAD.powi(2) });
+        }
+        for (row, RingSums([squares, products])) in sums.iter().enumerate().filter(|(_, sums)| sums.0[0] > 0.0) {
+            let measured = self.correction(row, significant) + products / squares;
+            let ring = &mut self.0[row];
+            let gain = ring.variance / (ring.variance + RESIDUAL_M * RESIDUAL_M / squares);
+            ring.mean += gain * (measured - ring.mean);
+            ring.variance *= 1.0 - gain;
+        }
+    }
+    /// The error of a row, reduced by the share that noise may have in it.
+    fn correction(&self, row: usize, significant: f64) -> f64 {
+        let signal = significant * significant;
+        self.0.get(row).map_or(0.0, |ring| ring.mean * signal / (signal + ring.variance).max(f64::MIN_POSITIVE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn feature(row: u16) -> Feature {
+        let position = [8.0, 6.0, -1.8];
+        let normal = [0.0, 0.0, 1.0];
+        let lever = lever(&position.into(), &normal.into());
+        Feature {
+            position,
+            normal,
+            share: 0.0,
+            planarity: 1.0,
+            roughness_m: 0.01,
+            is_rough: false,
+            lever,
+            row,
+            point_idx: 0,
+        }
+    }
+
+    /// Matches of features of two rings with a map at the true height, `n` times.
+    fn after(n: usize, errors: [f64; 2]) -> RingErrors {
+        let mut found = RingErrors::default();
+        for _ in 0..n {
+            let sums = [0, 1].map(|row| {
+                let mut features = [feature(row)];
+                features[0].position[2] += (errors[usize::from(row)] * 10.0) as f32;
+                found.correct(&mut features);
+                let r = f64::from(features[0].position[2]) + 1.8;
+                let mut sums = RingSums::default();
+                (0..50).for_each(|_| sums.add(f64::from(features[0].lever), 20.0, r, 1.0));
+                sums
+            });
+            found.update(&sums);
+        }
+        found
+    }
+
+    #[test]
+    fn errors_of_two_rings_are_found_and_corrected() {
+        let errors = [2e-3, -3e-3];
+        let found = after(60, errors);
+        for (ring, error) in found.0.iter().zip(errors) {
+            assert!((ring.mean - error).abs() < 2e-4, "{ring:?} for {error}");
+        }
+        assert!((found.significant_rad() - 2.5e-3).abs() < 2e-4, "{}", found.significant_rad());
+        let mut features = [feature(1)];
+        found.correct(&mut features);
+        assert!((features[0].position[2] + 1.8 - 0.03).abs() < 2e-3, "{features:?}");
+    }
+
+    #[test]
+    fn rings_without_errors_are_not_corrected() {
+        let found = after(60, [1e-5, -1e-5]);
+        assert_eq!(found.significant_rad(), 0.0);
+        let mut features = [feature(0)];
+        found.correct(&mut features);
+        assert_eq!(features, [feature(0)]);
+    }
+
+    #[test]
+    fn points_seen_by_the_same_ring_from_nearby_tell_nothing() {
+        let mut sums = RingSums::default();
+        sums.add(10.0, 11.0, 0.05, 1.0);
+        assert_eq!(sums, RingSums::default());
+    }
+}
