@@ -62,7 +62,9 @@ fn main() -> ExitCode {
             faults.push(format!("{name}: positions are {:.1} m off (RMSE)", scores.rmse_m));
         }
     }
-    faults.iter().for_each(|fault| println!("FAULT {fault}"));
+    for fault in &faults {
+        println!("FAULT {fault}");
+    }
     if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
@@ -147,7 +149,7 @@ impl Scores {
     }
 }
 
-/// Largest resident memory of slam_aggregate in the second and in the last quarter of the drive, bytes.
+/// Largest resident memory of `slam_aggregate` in the second and in the last quarter of the drive, bytes.
 fn memory(output: &Path) -> [f64; 2] {
     let text = std::fs::read_to_string(output.join("run/costs.csv")).expect("written");
     let mut lines = text.lines();

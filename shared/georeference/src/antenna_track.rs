@@ -96,7 +96,7 @@ mod tests {
         for k in (from * 10.0) as i64..=(to * 10.0) as i64 {
             path.push(k * 100_000_000, turning(k as f64 * 0.1));
         }
-        AntennaTrack::new(&path, 1_500_000_000, &Point3::new(-1.0, 0.3, 1.8)).unwrap()
+        AntennaTrack::new(&path, 1_500_000_000, &Point3::new(-1.0, 0.3, 1.8)).expect("two poses and more")
     }
 
     #[test]

@@ -14,6 +14,32 @@ const MIN_USED_SHARE: f64 = 0.05;
 /// Below this share the result may be anywhere among the fixes.
 const MAJORITY: f64 = 0.5;
 
+/// Share of a rejected fix in the result.
+const REJECTED_SHARE: f64 = 1e-3;
+
+/// Takes the weight of the fixes that do not agree with these poses, if most do. Returns whether any lost its weight. Beside a jump
+/// all fixes have large deviations, so that the robust cost alone does not reject the wrong ones.
+pub(crate) fn release_disagreeing(used: &[UsedFix], positions: &mut [AntennaPosition], poses: &[Pose]) -> bool {
+    let disagree: Vec<usize> =
+        (0..positions.len()).filter(|&number| !agrees(&used[number], &residual(&positions[number], poses))).collect();
+    let most_agree = (disagree.len() as f64) < MAJORITY * positions.len() as f64;
+    if most_agree {
+        for &number in &disagree {
+            positions[number].share *= REJECTED_SHARE;
+        }
+    }
+    most_agree && !disagree.is_empty()
+}
+
+fn residual(position: &AntennaPosition, poses: &[Pose]) -> Vector3<f64> {
+    position.p_in_world - poses[position.submap] * position.p_in_submap
+}
+
+fn agrees(fix: &UsedFix, residual: &Vector3<f64>) -> bool {
+    let tolerance_m = fix.tolerance_m();
+    residual.xy().norm() <= MAX_ACROSS * tolerance_m && residual.z.abs() <= MAX_UP * tolerance_m
+}
+
 /// Rejects fixes that do not agree with the result, whatever their weight, and adds common errors to the covariances of placed
 /// submaps. Standard deviations grow with the share of rejected fixes; if it is above one half, by the
 /// median distance of all fixes.
@@ -22,10 +48,8 @@ pub(crate) fn judge(solution: &mut Solution, used: &[UsedFix], positions: &[Ante
     let mut common = Vector3::zeros();
     let (mut across_m, mut up_m) = (Vec::new(), Vec::new());
     for (number, (fix, position)) in used.iter().zip(positions).enumerate() {
-        let residual = position.p_in_world - solution.poses[position.submap] * position.p_in_submap;
-        let tolerance_m = fix.tolerance_m();
-        let agrees = residual.xy().norm() <= MAX_ACROSS * tolerance_m && residual.z.abs() <= MAX_UP * tolerance_m;
-        if !agrees {
+        let residual = residual(position, &solution.poses);
+        if !agrees(fix, &residual) {
             solution.position_weights[number] = 0.0;
         }
         let [across, up] = fix.receiver.common_m();

@@ -3,9 +3,10 @@
 //! 1. The delay of the receiver's stamps, and north, by the receiver's velocities.
 //! 2. The shape of the drive by odometry, loops, gravity and velocities.
 //! 3. The place of that shape that agrees with the most fixes.
-//! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between.
+//! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between. Last without
+//!    the fixes that disagree, if most agree.
 
-use crate::deviations::judge;
+use crate::deviations::{judge, release_disagreeing};
 use crate::fixes::UsedFix;
 use crate::receiver_clock::{ReceiverDelay, receiver_delay, yaw_by_velocities};
 use crate::receiver_errors::correct_positions;
@@ -92,6 +93,9 @@ fn solve(
         last = Some(solution);
     }
     let mut solution = last?;
+    if release_disagreeing(fixes, &mut graph.positions, &poses) {
+        solution = graph.solve_from(&poses, Start::Aligned, Gauge::Positions)?;
+    }
     judge(&mut solution, fixes, &graph.positions);
     (Solution::n_inliers(&solution.position_weights) > 0).then_some(solution)
 }

@@ -99,7 +99,7 @@ fn multipath_evidence(residuals: &[(i64, Vector3<f64>)], positions: &[AntennaPos
         let number = (stamp - first) / MULTIPATH_NANOS;
         match averages.last_mut().filter(|(last, ..)| *last == number) {
             Some((_, sum, n, sigmas)) => {
-                (*sum, *n, *sigmas) = (*sum + residual.z, *n + 1.0, *sigmas + position.sigma_m[2])
+                (*sum, *n, *sigmas) = (*sum + residual.z, *n + 1.0, *sigmas + position.sigma_m[2]);
             }
             None => averages.push((number, residual.z, 1.0, position.sigma_m[2])),
         }

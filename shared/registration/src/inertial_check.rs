@@ -139,7 +139,9 @@ impl InertialCheck {
         if samples.is_empty() {
             return samples;
         }
-        samples.iter().for_each(|sample| self.history.push_sample(sample));
+        for sample in &samples {
+            self.history.push_sample(sample);
+        }
         let mean = |of: fn(&InertialSample) -> Vector3<f64>| {
             samples.iter().map(of).sum::<Vector3<f64>>() / samples.len() as f64
         };

@@ -94,12 +94,17 @@ pub struct Matched {
     /// The same with [`MatchSettings::drift_residual_m`] and zero along degenerate directions. The covariance of a
     /// [`crate::Registered`] follows from it.
     pub step_information: Matrix6<f64>,
-    /// The ground's tilt after the match.
-    pub(crate) ground_tilt: GroundTilt,
-    /// Sums by row of the range image.
-    pub(crate) rings: Vec<RingSums>,
     /// Whether the last step was below 5 cm and 5 mrad. Larger last steps diverge or oscillate.
     pub converged: bool,
+}
+
+/// A match, and what it tells of the sensor.
+pub(crate) struct Match {
+    pub matched: Matched,
+    /// The ground's tilt after the match.
+    pub ground_tilt: GroundTilt,
+    /// Sums by row of the range image.
+    pub rings: Vec<RingSums>,
 }
 
 /// What is known before matching.
@@ -135,7 +140,7 @@ pub(crate) fn match_features(
     maps: &Maps,
     prediction: &Prediction,
     settings: &MatchSettings,
-) -> Option<Matched> {
+) -> Option<Match> {
     let mut motion = prediction.motion;
     let way = prediction.motion.mid.translation.vector - prediction.previous.0.translation.vector;
     let ground = GroundLever::of(&way);
@@ -167,7 +172,7 @@ pub(crate) fn match_features(
                     Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
             }
             let mean_square = equations.weighted_squares / equations.weight;
-            return Some(Matched {
+            let matched = Matched {
                 motion,
                 n_features: features.len(),
                 n_matches: equations.n_matches,
@@ -178,13 +183,11 @@ pub(crate) fn match_features(
                 // A floor of 1 mm keeps a perfect scene finite.
                 information: equations.pose() / mean_square.max(1e-6),
                 step_information: degenerate.determined / settings.drift_residual_m.powi(2),
-                ground_tilt: GroundTilt {
-                    mean: solution.tilt,
-                    variance: solution.tilt_cofactor * settings.residual_m.powi(2),
-                },
-                rings: equations.rings,
                 converged: step_is_below(CONVERGED.0, CONVERGED.1),
-            });
+            };
+            let variance = solution.tilt_cofactor * settings.residual_m.powi(2);
+            let ground_tilt = GroundTilt { mean: solution.tilt, variance };
+            return Some(Match { matched, ground_tilt, rings: equations.rings });
         }
     }
     None

@@ -2,7 +2,7 @@
 
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
-use crate::matching::{Prediction, match_features};
+use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
 use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement};
@@ -298,24 +298,25 @@ impl Odometry {
         };
         let samples = gated.as_ref().unwrap_or(&features.matching);
         let matching = |samples| match_features(samples, &self.maps, &prediction, &self.settings.matching);
-        let is_poor = |matched: &Option<Matched>| {
-            matched.as_ref().is_none_or(|m| m.least_influence < self.settings.matching.rough_below)
+        let is_poor = |found: &Option<Match>| {
+            found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
-        let mut matched = matching(samples);
-        if gated.is_none() && is_poor(&matched) && features.with_rough.len() > features.matching.len() {
-            matched = matching(&features.with_rough);
+        let mut found = matching(samples);
+        if gated.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
+            found = matching(&features.with_rough);
         }
-        let matched = matched
-            .filter(|matched| is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds));
-        let motion = matched.as_ref().map_or(prediction.motion, |matched| matched.motion);
-        if let Some(matched) = &matched {
-            self.state.ground_tilt = matched.ground_tilt;
+        let found = found.filter(|Match { matched, .. }| {
+            is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
+        });
+        let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
+        if let Some(found) = &found {
+            self.state.ground_tilt = found.ground_tilt;
             // At rest each sweep repeats the same measurement.
             if self.has_moved(&motion) {
-                self.state.rings.update(&matched.rings);
+                self.state.rings.update(&found.rings);
             }
         }
-        self.update(features, sweep, (motion, matched), last, &predicted)
+        self.update(features, sweep, (motion, found.map(|found| found.matched)), last, &predicted)
     }
 
     /// A sample of the features that are near the map under this motion.

@@ -40,7 +40,9 @@ pub(crate) fn rings_by_order(points: &[TimedPoint]) -> Option<(Vec<u8>, usize)> 
         return None;
     }
     if ordered(|lower, upper| lower > upper) {
-        rings.iter_mut().for_each(|ring| *ring = n as u8 - 1 - *ring);
+        for ring in &mut rings {
+            *ring = n as u8 - 1 - *ring;
+        }
         return Some((rings, n));
     }
     ordered(|lower, upper| lower < upper).then_some((rings, n))

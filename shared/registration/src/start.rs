@@ -72,7 +72,7 @@ pub(crate) fn find_start(
             information: Matrix6::zeros(),
             ground_tilt: GroundTilt::default(),
         };
-        let second = match_features(&second.matching, &maps, &prediction, settings)?;
+        let second = match_features(&second.matching, &maps, &prediction, settings)?.matched;
         Some(Start { first: motion, second })
     };
     let at_speed = |speed: f64| attempt(Velocity { linear: forward_in_lidar * speed, angular: initial.angular });

@@ -36,6 +36,7 @@ pub struct Fit {
 /// The surfaces of a keyframe, searchable by position.
 pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
     let point = |surface: &SurfacePoint| MapPoint {
+        lever: 0.0,
         position: surface.position.coords.into(),
         normal: surface.normal.cast::<f32>().into(),
         batch: 0,

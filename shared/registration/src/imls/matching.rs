@@ -2,7 +2,6 @@
 
 use super::ImlsSettings;
 use super::model::Model;
-use crate::ground_tilt::GroundTilt;
 use crate::normal_equations::NormalEquations;
 use crate::{Feature, Matched, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
@@ -54,8 +53,6 @@ pub(super) fn match_samples(
     let influences = influences(&equations);
     let is_degenerate = |influence: &&f64| **influence < reported.min_influence;
     Some(Matched {
-        ground_tilt: GroundTilt::default(),
-        rings: Vec::new(),
         motion: SweepMotion::still(pose),
         n_features: samples.len(),
         n_matches: equations.n_matches,
