@@ -94,8 +94,10 @@ mod tests {
 
     #[test]
     fn panic_of_the_decoder_is_a_fault_of_the_file() {
-        let error = CameraFileError::decoder_panicked(Path::new("camera/1/5.jpg"), "index 7 is out of bounds".to_owned());
-        let expected = "camera/1/5.jpg: the image decoder cannot handle the damage of the file: index 7 is out of bounds";
+        let error =
+            CameraFileError::decoder_panicked(Path::new("camera/1/5.jpg"), "index 7 is out of bounds".to_owned());
+        let expected =
+            "camera/1/5.jpg: the image decoder cannot handle the damage of the file: index 7 is out of bounds";
         assert_eq!(error.to_string(), expected);
     }
 }
