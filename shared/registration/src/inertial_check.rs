@@ -211,7 +211,7 @@ impl InertialCheck {
         std::mem::replace(&mut self.has_changed, false)
     }
 
-    /// Why the unit is not used; `None` if it is, or if there is none.
+    /// Why the unit is not used; `None` if it is used, or if the drive has no unit.
     pub fn why_withheld(&self) -> Option<&str> {
         match &self.trust {
             Trust::Withheld(reason) => Some(reason),

@@ -118,7 +118,7 @@ impl Disk {
     fn file(&mut self, node: u64) -> &mut Vec<u8> {
         match self.nodes.get_mut(&node) {
             Some((Node::File(bytes), _)) => bytes,
-            _ => panic!("the kernel reads and writes files only, {node} is none"),
+            _ => panic!("node {node} is not a file: the kernel reads and writes files only"),
         }
     }
 
