@@ -14,21 +14,14 @@ const MIN_USED_SHARE: f64 = 0.05;
 /// Below this share the result may be anywhere among the fixes.
 const MAJORITY: f64 = 0.5;
 
-/// Share of a rejected fix in the result.
-const REJECTED_SHARE: f64 = 1e-3;
-
-/// Takes the weight of the fixes that do not agree with these poses, if most do. Returns whether any lost its weight. Beside a jump
-/// all fixes have large deviations, so that the robust cost alone does not reject the wrong ones.
-pub(crate) fn release_disagreeing(used: &[UsedFix], positions: &mut [AntennaPosition], poses: &[Pose]) -> bool {
-    let disagree: Vec<usize> =
-        (0..positions.len()).filter(|&number| !agrees(&used[number], &residual(&positions[number], poses))).collect();
-    let most_agree = (disagree.len() as f64) < MAJORITY * positions.len() as f64;
-    if most_agree {
-        for &number in &disagree {
-            positions[number].share *= REJECTED_SHARE;
-        }
-    }
-    most_agree && !disagree.is_empty()
+/// Numbers of the fixes that agree with these poses if they are the majority, else of all. Beside a jump all fixes seem to drift, so
+/// that their deviations do not tell the wrong ones.
+pub(crate) fn majority(used: &[UsedFix], positions: &[AntennaPosition], poses: &[Pose]) -> Vec<usize> {
+    let all = 0..positions.len();
+    let agreeing: Vec<usize> =
+        all.clone().filter(|&number| agrees(&used[number], &residual(&positions[number], poses))).collect();
+    let most_agree = agreeing.len() as f64 > (1.0 - MAJORITY) * positions.len() as f64;
+    if most_agree { agreeing } else { all.collect() }
 }
 
 fn residual(position: &AntennaPosition, poses: &[Pose]) -> Vector3<f64> {

@@ -3,14 +3,14 @@
 //! 1. The delay of the receiver's stamps, and north, by the receiver's velocities.
 //! 2. The shape of the drive by odometry, loops, gravity and velocities.
 //! 3. The place of that shape that agrees with the most fixes.
-//! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between. Last without
-//!    the fixes that disagree, if most agree.
+//! 4. All measurements together from there; the errors of the fixes are estimated from their residuals in between, without the
+//!    fixes that disagree while most agree.
 
-use crate::deviations::{judge, release_disagreeing};
+use crate::deviations::{judge, majority};
 use crate::fixes::UsedFix;
 use crate::receiver_clock::{ReceiverDelay, receiver_delay, yaw_by_velocities};
 use crate::receiver_errors::correct_positions;
-use crate::{AntennaPosition, Gauge, PointPair, PoseGraph, Solution, Start, align_odometry};
+use crate::{AntennaPosition, Gauge, PointPair, PoseGraph, Solution, Start, UpDirection, align_odometry};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 
 /// Positions determine north if their root mean square distance from their center is at least this, m: as on 35 m of straight
@@ -18,6 +18,13 @@ use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 pub(crate) const MIN_SPREAD_M: f64 = 10.0;
 /// Rounds in which errors of fixes and poses of submaps are estimated in turn; further rounds move submaps by millimeters.
 const ROUNDS: usize = 4;
+
+/// Without gravity: roads slope by less than a tenth, most by far less. Velocities and wrong heights would otherwise tilt the drive.
+const START_IS_LEVEL: UpDirection =
+    UpDirection { submap: 0, up_in_submap: Vector3::new(0.0, 0.0, 1.0), sigma_rad: 0.03 };
+
+/// Share of a fix that disagrees with the majority in the result.
+const RELEASED_SHARE: f64 = 1e-3;
 
 pub(crate) struct Placing {
     /// Root mean square distance of the fixes from their center, horizontally, m.
@@ -37,6 +44,9 @@ pub(crate) fn place_by_fixes(
     let delay = receiver_delay(fixes);
     let late_s = delay.as_ref().filter(|delay| !delay.is_out_of_range()).map_or(0.0, |delay| delay.late_s);
     let mut graph = graph.clone();
+    if graph.up_directions.is_empty() {
+        graph.up_directions.push(START_IS_LEVEL);
+    }
     let of_submap = |fix: &UsedFix| odom_from_submap[fix.submap];
     graph.velocities = fixes.iter().filter_map(|fix| fix.horizontal_velocity(late_s, &of_submap(fix))).collect();
     let positions: Vec<AntennaPosition> = fixes.iter().map(|fix| fix.position(late_s, &of_submap(fix))).collect();
@@ -58,11 +68,7 @@ fn start(
     let about_z =
         |yaw| Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw));
     let turned: Vec<Pose> = odom_from_submap.iter().map(|pose| about_z(yaw.unwrap_or(0.0)) * pose).collect();
-    let gauge = match (yaw.is_some(), graph.up_directions.is_empty()) {
-        (true, _) => Gauge::FirstPosition,
-        (false, false) => Gauge::FirstPositionAndHeading,
-        (false, true) => Gauge::FirstPose,
-    };
+    let gauge = if yaw.is_some() { Gauge::FirstPosition } else { Gauge::FirstPositionAndHeading };
     let shape = graph.solve(&turned, gauge).map_or(turned, |solution| solution.poses);
     let pair = |position: &AntennaPosition| PointPair {
         p_in_odom: shape[position.submap] * position.p_in_submap,
@@ -86,16 +92,31 @@ fn solve(
     let mut poses = start;
     let mut last = None;
     for _ in 0..ROUNDS {
-        graph.positions = positions.to_vec();
-        correct_positions(fixes, &mut graph.positions, &poses, unsmooth_fixes);
+        graph.positions = corrected(fixes, positions, &poses, unsmooth_fixes);
         let solution = graph.solve_from(&poses, Start::Aligned, Gauge::Positions)?;
         poses.clone_from(&solution.poses);
         last = Some(solution);
     }
     let mut solution = last?;
-    if release_disagreeing(fixes, &mut graph.positions, &poses) {
-        solution = graph.solve_from(&poses, Start::Aligned, Gauge::Positions)?;
-    }
     judge(&mut solution, fixes, &graph.positions);
     (Solution::n_inliers(&solution.position_weights) > 0).then_some(solution)
+}
+
+/// Corrects the fixes that agree with these poses; the rest, if it is the minority, loses its weight.
+fn corrected(
+    fixes: &[UsedFix],
+    positions: &[AntennaPosition],
+    poses: &[Pose],
+    unsmooth_fixes: bool,
+) -> Vec<AntennaPosition> {
+    let kept = majority(fixes, positions, poses);
+    let used: Vec<&UsedFix> = kept.iter().map(|number| &fixes[*number]).collect();
+    let mut agreeing: Vec<AntennaPosition> = kept.iter().map(|number| positions[*number]).collect();
+    correct_positions(&used, &mut agreeing, poses, unsmooth_fixes);
+    let released = |position: &AntennaPosition| AntennaPosition { share: position.share * RELEASED_SHARE, ..*position };
+    let mut corrected: Vec<AntennaPosition> = positions.iter().map(released).collect();
+    for (number, position) in kept.into_iter().zip(agreeing) {
+        corrected[number] = position;
+    }
+    corrected
 }

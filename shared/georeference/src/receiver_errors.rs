@@ -43,7 +43,7 @@ const ACROSS_PER_ABOVE: f64 = 1.0;
 /// deviations grow with the drift of the fix. With `unsmooth_fixes`, the horizontal positions of a receiver that smooths are
 /// unsmoothed instead, except those by carrier phases.
 pub fn correct_positions(
-    used: &[UsedFix],
+    used: &[&UsedFix],
     positions: &mut [AntennaPosition],
     world_from_submap: &[Pose],
     unsmooth_fixes: bool,
@@ -168,7 +168,7 @@ mod tests {
         let mut positions: Vec<AntennaPosition> = fixes.iter().map(position).collect();
         let used = |(second, _): &(i64, f64)| UsedFix::for_test(*second, hdop, by_carrier);
         let used: Vec<UsedFix> = fixes.iter().map(used).collect();
-        correct_positions(&used, &mut positions, &[world_from_submap()], unsmooth);
+        correct_positions(&used.iter().collect::<Vec<_>>(), &mut positions, &[world_from_submap()], unsmooth);
         positions
     }
 
@@ -357,7 +357,7 @@ mod tests {
         };
         let mut positions: Vec<AntennaPosition> = (0..64).map(position).collect();
         let used: Vec<UsedFix> = (0..64).map(|second| UsedFix::for_test(second, 1.0, false)).collect();
-        correct_positions(&used, &mut positions, &[Pose::identity()], false);
+        correct_positions(&used.iter().collect::<Vec<_>>(), &mut positions, &[Pose::identity()], false);
         positions
     }
 

@@ -134,18 +134,21 @@ fn fixes_place_the_drive_on_the_earth_despite_reflections() {
     let first = LocalFrame::new(Geodetic::new(ORIGIN[0], ORIGIN[1], ORIGIN[2]).unwrap());
     let origin = first.world_from_geodetic(&frame.origin());
     assert!(placement.rows().len() >= 4);
-    for ((second, world_from_submap, odom_from_submap), row) in poses(&placement).into_iter().zip(placement.rows()) {
+    for (second, world_from_submap, odom_from_submap) in poses(&placement) {
         let truth = world_from_street() * STREET.world_from_body(second);
         let off = world_from_submap.translation.vector + origin.coords - truth.translation.vector;
-        assert!(off.xy().norm() < 0.25, "{off} m at {second} s");
-        // Without gravity the reflections, 20 m above, tilt the drive by some degrees; the deviations say so.
-        assert!(off.z.abs() < 2.0 * f64::from(row.sigma_m[2]), "{off} m at {second} s, deviation {} m", row.sigma_m[2]);
-        let heading = |pose: &Pose| (pose.rotation * Vector3::x()).xy();
-        assert!(heading(&world_from_submap).angle(&heading(&truth)) < 0.03);
-        assert!(heading(&odom_from_submap).angle(&heading(&truth)) > 1.5, "the odometry does not know north");
-        // All fixes of these four seconds are within two seconds of a jump, so their deviations grow.
+        assert!(off.norm() < 0.25, "{off} m at {second} s");
+        let forward = |pose: &Pose| pose.rotation * Vector3::x();
+        assert!(forward(&world_from_submap).angle(&forward(&truth)) < 0.03);
+        assert!(forward(&odom_from_submap).angle(&forward(&truth)) > 1.5, "the odometry does not know north");
+    }
+    for row in placement.rows() {
+        // All fixes of these four seconds are within two seconds of a jump, so their deviations grow 33 times, and six times more
+        // for heights above the truth: 0.37 to 1.12 m horizontally and 1.8 to 17 m of height. Using the smaller drift of both
+        // sides would spare fixes beside a jump, but also fixes that have just become wrong: over seeds 21 to 34 the error grows
+        // from 0.28 to 0.29 m horizontally and from 0.46 to 0.52 m of height.
         let [forward, left, up] = row.sigma_m;
-        let is_sound = [forward, left].iter().all(|sigma| (0.01..5.0).contains(sigma)) && (0.01..20.0).contains(&up);
+        let is_sound = [forward, left].iter().all(|sigma| (0.01..1.5).contains(sigma)) && (0.01..20.0).contains(&up);
         assert!(is_sound, "{:?}", row.sigma_m);
     }
 }
