@@ -3,12 +3,12 @@
 use crate::open_submap::{OpenSubmap, SubmapFrame};
 use georeference::Georeferencer;
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{DegenerateStretches, InertialCheck, SelectedState};
+use registration::{ContestedStretches, DegenerateStretches, InertialCheck, SelectedState};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 8;
+pub(crate) const STATE_VERSION: u32 = 9;
 
 /// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings; 72 MB more with `odometry = "imls"`) and up to
 /// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
@@ -21,6 +21,7 @@ pub(crate) struct Saved {
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
     pub degenerate: DegenerateStretches,
+    pub contested: ContestedStretches,
     pub inertial: InertialCheck,
     pub georeferencer: Georeferencer,
 }
@@ -33,6 +34,7 @@ pub(crate) struct Saving<'a> {
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
     pub degenerate: &'a DegenerateStretches,
+    pub contested: &'a ContestedStretches,
     pub inertial: &'a InertialCheck,
     pub georeferencer: &'a Georeferencer,
 }

@@ -52,6 +52,9 @@ stage::settings! {
         /// Measurements that correct the poses of the submaps at the end: GNSS fixes, gravity by the inertial unit, loop closures.
         /// Without any the odometry is the result.
         pub correct: Vec<String> = ["gnss", "imu", "loops"].map(str::to_owned).to_vec() => stage::each_one_of(&["gnss", "imu", "loops"]);
+        /// Time of the drive in which the own motion may be contested by vehicles that move along, s; beyond it, the result is
+        /// doubtful. Stretches are a second or longer.
+        pub max_contested_s: f64 = 0.0 => stage::within(0.0, 1e6);
         /// Share of the fixes that must agree with the result; below it, the result is doubtful. If more than half of the fixes are
         /// rejected, the rejected ones may be the correct ones. 0 accepts a drive whose fixes are not used at all.
         pub min_used_fixes_share: f64 = 0.5 => stage::within(0.0, 1.0);

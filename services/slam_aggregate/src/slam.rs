@@ -11,7 +11,8 @@ use messages::{
     GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered, SelectedOdometry, SensorMounting,
+    ContestedStretches, DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered,
+    SelectedOdometry, SensorMounting,
 };
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
@@ -31,6 +32,7 @@ pub struct SlamAggregate {
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
     degenerate: DegenerateStretches,
+    contested: ContestedStretches,
     inertial: InertialCheck,
     georeferencer: Georeferencer,
     /// The drive has a GNSS receiver whose fixes should place the result.
@@ -61,6 +63,7 @@ impl SlamAggregate {
             saved_submap: None,
             last_pose_stamp: None,
             degenerate: DegenerateStretches::default(),
+            contested: ContestedStretches::default(),
             inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
             expects_fixes: false,
         }
@@ -76,6 +79,7 @@ impl SlamAggregate {
     ) -> Result<(), StepError> {
         count(registered, outputs);
         self.compare_inertial(registered);
+        self.contested.add(registered);
         if let Some(text) = self.degenerate.add(registered) {
             outputs.note(text);
         }
@@ -111,6 +115,19 @@ impl SlamAggregate {
             self.close_submap(outputs)?;
         }
         Ok(())
+    }
+
+    fn report_contested(&self, outputs: &mut Outputs) {
+        let (seconds, limit) = (self.contested.seconds(), self.settings.max_contested_s);
+        if seconds > limit {
+            let stretches = self.contested.describe();
+            let text = format!(
+                "own motion contested for {seconds:.1} s of the drive, more than {limit} s: the surroundings fit other positions along \
+                 the way about as well, as in a queue that moves along ({stretches}); the vehicle may have driven farther than the \
+                 result says"
+            );
+            outputs.doubt("motion_contested", seconds, text);
+        }
     }
 
     /// Adds inertial samples that are not withheld.
@@ -246,6 +263,7 @@ impl Stage for SlamAggregate {
         }
         self.close_submap(outputs)?;
         inertial::report(&self.inertial, outputs);
+        self.report_contested(outputs);
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
@@ -267,6 +285,7 @@ impl Stage for SlamAggregate {
             submap,
             last_pose_stamp: self.last_pose_stamp,
             degenerate: &self.degenerate,
+            contested: &self.contested,
             inertial: &self.inertial,
             georeferencer: &self.georeferencer,
         };
@@ -287,6 +306,7 @@ impl Stage for SlamAggregate {
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
         self.degenerate = saved.degenerate;
+        self.contested = saved.contested;
         self.inertial = saved.inertial;
         self.georeferencer = saved.georeferencer;
         Ok(())

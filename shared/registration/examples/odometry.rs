@@ -185,7 +185,7 @@ fn report(registered: &Registered, ms: f64) {
     let matched = matched.unwrap_or("bridged".to_owned());
     let deviation = |axis: usize| registered.covariance[(axis, axis)].sqrt();
     println!(
-        "{seconds:.1} s, {ms:.1} ms, end {:.3} {:.3} {:.3}, deviation {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad, {matched}",
+        "{seconds:.1} s, {ms:.1} ms, end {:.3} {:.3} {:.3}, deviation {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad, contrast {:.2}, {matched}",
         end.x,
         end.y,
         end.z,
@@ -194,7 +194,8 @@ fn report(registered: &Registered, ms: f64) {
         deviation(2),
         deviation(3),
         deviation(4),
-        deviation(5)
+        deviation(5),
+        registered.contrast.unwrap_or(f64::NAN)
     );
 }
 

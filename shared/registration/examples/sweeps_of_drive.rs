@@ -1,7 +1,7 @@
 //! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
 //! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
-//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file). The simulated drive itself is
-//! deleted.
+//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file), `--traffic dense` after it for a
+//! queue. The simulated drive itself is deleted.
 
 mod folder;
 
@@ -21,13 +21,16 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", town, seed, seconds, out, rig @ ..] => {
-            let rig = match rig {
-                [] => DriveSettings::default().rig,
-                ["--rig", rig] => (*rig).to_owned(),
-                _ => anyhow::bail!("usage: sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]"),
+            let (rig, traffic) = match rig {
+                [] => (DriveSettings::default().rig, DriveSettings::default().traffic),
+                ["--rig", rig] => ((*rig).to_owned(), DriveSettings::default().traffic),
+                ["--rig", rig, "--traffic", traffic] => ((*rig).to_owned(), (*traffic).to_owned()),
+                _ => anyhow::bail!(
+                    "usage: sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG [--traffic TRAFFIC]]"
+                ),
             };
             let (town, seed, seconds) = ((*town).to_owned(), seed.parse()?, seconds.parse()?);
-            let spec = DriveSettings { town, seed, seconds, rig, ..DriveSettings::default() }.spec()?;
+            let spec = DriveSettings { town, seed, seconds, rig, traffic, ..DriveSettings::default() }.spec()?;
             let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
             fs::create_dir_all(out)?;

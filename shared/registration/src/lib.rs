@@ -18,6 +18,8 @@
 #![allow(clippy::needless_bitwise_bool, reason = "branch-free loops vectorize")]
 
 mod cell;
+mod contested_stretches;
+mod contrast;
 mod degenerate_stretches;
 mod eigen;
 mod features;
@@ -50,6 +52,7 @@ mod sweep;
 mod sweep_features;
 mod voxel;
 
+pub use contested_stretches::ContestedStretches;
 pub use degenerate_stretches::DegenerateStretches;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};

@@ -1,5 +1,6 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
+use crate::contrast::contrast_along;
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
@@ -61,6 +62,9 @@ pub struct Registered {
     /// The match; `None` if no match was accepted. Then the motion is the prediction, or rest for a first sweep that could not be
     /// matched with a second one.
     pub matched: Option<Matched>,
+    /// How clearly the match stands out among other positions along the vehicle's way: their cost beyond its own. 0.15 to 0.75 in
+    /// streets, about 0 if the motion is that of a queue around the vehicle. `None` without a match, or if too little faces the way.
+    pub contrast: Option<f64>,
     /// Sensors that predicted the motion. Along degenerate directions the prediction is the result.
     pub predicted_by: PredictionSources,
     /// Whether a new map was begun with this sweep because too many sweeps had no match.
@@ -309,6 +313,10 @@ impl Odometry {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
         });
         let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
+        let forward = self.state.begin.rotation.inverse() * Vector3::x();
+        let contrast = found.as_ref().and_then(|found| {
+            contrast_along(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
+        });
         if let Some(found) = &found {
             self.state.ground_tilt = found.ground_tilt;
             // At rest each sweep repeats the same measurement.
@@ -316,7 +324,8 @@ impl Odometry {
                 self.state.rings.update(&found.rings);
             }
         }
-        self.update(features, sweep, (motion, found.map(|found| found.matched)), last, &predicted)
+        let matched = (motion, found.map(|found| found.matched));
+        Registered { contrast, ..self.update(features, sweep, matched, last, &predicted) }
     }
 
     /// A sample of the features that are near the map under this motion.
@@ -418,6 +427,7 @@ fn registered(
         motion,
         matched,
         map_restarted,
+        contrast: None,
         predicted_by: PredictionSources::default(),
         covariance: Matrix6::zeros(),
         moving: Vec::new(),

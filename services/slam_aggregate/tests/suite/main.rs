@@ -4,6 +4,7 @@
 mod imu_faults;
 mod placement;
 mod step;
+mod traffic;
 #[path = "../../../../shared/registration/tests/suite/support/world.rs"]
 #[allow(dead_code, reason = "the tests of the odometry use more of it")]
 mod world;

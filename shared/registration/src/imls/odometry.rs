@@ -306,6 +306,7 @@ fn registered(features: &SweepFeatures, motion: SweepMotion, matched: Option<Mat
         motion,
         matched,
         map_restarted: false,
+        contrast: None,
         predicted_by: PredictionSources::default(),
         covariance: Matrix6::zeros(),
         moving: Vec::new(),

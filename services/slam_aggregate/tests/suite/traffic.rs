@@ -1,0 +1,71 @@
+//! Simulated drives in a queue that starts with the vehicle, from rest, and without one.
+
+use formats::drive::Drive;
+use geometry::Pose;
+use messages::{SweepHeader, SweepPoint, SweepTopic, TrajectoryTopic};
+use simulation::{DriveSettings, DriveSpec, write_drive};
+use slam_aggregate::{Settings, SlamAggregate};
+use stage::testing::Bench;
+
+/// A vehicle at rest needs two seconds to get ahead of a queue, or not.
+const SECONDS: f64 = 6.0;
+
+/// The stage after a drive by LiDAR alone, and its way and the true one, m.
+fn driven(traffic: &str) -> (Bench<SlamAggregate>, [f64; 2]) {
+    let rig = String::from("nuscenes");
+    let settings =
+        DriveSettings { seed: 811, seconds: SECONDS, rig, traffic: traffic.to_owned(), ..DriveSettings::default() };
+    let spec = DriveSpec { cameras: false, mosaics: false, ..settings.spec().unwrap() };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive");
+    write_drive(&spec, &path, &mut |_| {}).unwrap();
+    let drive = Drive::open(&path).unwrap();
+    let settings = Settings { motion: Vec::new(), correct: Vec::new(), ..Settings::default() };
+    let mut bench = Bench::with_stage(SlamAggregate::with_mounting(&settings, drive.rig().body_from_lidar));
+    let mut sweeps = drive.sweeps().unwrap();
+    let mut rows = Vec::new();
+    while let Some(sweep) = sweeps.next_sweep(|piece| rows.extend(piece.iter().map(row))).unwrap() {
+        let header = SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 };
+        if sweep.turn > 0.95 {
+            bench.send::<SweepTopic>(sweep.stamp.0, header, std::mem::take(&mut rows));
+            bench.tick().unwrap();
+        }
+        rows.clear();
+    }
+    bench.finish().unwrap();
+    let found: Vec<Pose> = bench
+        .take::<TrajectoryTopic>()
+        .iter()
+        .flat_map(|message| message.rows().iter().map(|row| row.world_from_body.to_pose().unwrap()).collect::<Vec<_>>())
+        .collect();
+    let truth = drive.true_trajectory().unwrap().unwrap();
+    let way = |first: &Pose, last: &Pose| (last.translation.vector - first.translation.vector).norm();
+    let [first, .., last] = truth.poses() else { panic!("the truth is a path") };
+    (bench, [way(&found[0], &found[found.len() - 1]), way(&first.1, &last.1)])
+}
+
+fn row(point: &formats::velodyne::SweepPoint) -> SweepPoint {
+    SweepPoint {
+        x: point.x,
+        y: point.y,
+        z: point.z,
+        offset_nanos: point.offset_nanos,
+        ring: point.ring,
+        ..SweepPoint::default()
+    }
+}
+
+#[test]
+fn queue_that_is_taken_for_the_world_is_a_doubt() {
+    let (bench, [found_m, true_m]) = driven("dense");
+    assert!(found_m < 0.5 * true_m, "{found_m} m of {true_m} m: with a better odometry this drive needs no doubt");
+    let seconds = bench.doubt("motion_contested").unwrap();
+    assert!((1.0..=SECONDS).contains(&seconds), "{seconds} s");
+}
+
+#[test]
+fn drive_in_sparse_traffic_is_no_doubt() {
+    let (bench, [found_m, true_m]) = driven("normal");
+    assert!((found_m - true_m).abs() < 0.1, "{found_m} m of {true_m} m");
+    assert_eq!(bench.doubt("motion_contested"), None);
+}

@@ -1,0 +1,104 @@
+//! Reports stretches of the drive where the own motion is contested: by vehicles that move along.
+
+use crate::Registered;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// The contrast is averaged over so many sweeps, a second.
+const WINDOW: usize = 10;
+/// Below this mean contrast the motion is contested. Drives in a queue that is taken for the world come to 0.07 and less, real
+/// drives with sweeps that are not deskewed stay above 0.15.
+const MIN_CONTRAST: f64 = 0.1;
+
+/// Collects stretches with a low [`Registered::contrast`]. Serializing it saves the state.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContestedStretches {
+    /// First shot of the drive, ns.
+    begin: Option<i64>,
+    /// First shots and contrasts of the last sweeps.
+    window: VecDeque<(i64, f64)>,
+    /// First and last shot of each stretch, ns; the last one may still grow.
+    stretches: Vec<(i64, i64)>,
+}
+
+impl ContestedStretches {
+    /// Adds the next sweep. Sweeps without contrast are left out.
+    pub fn add(&mut self, registered: &Registered) {
+        if let Some(contrast) = registered.contrast {
+            let end = registered.stamp.0 + i64::from(registered.duration_nanos);
+            self.add_contrast([registered.stamp.0, end], contrast);
+        }
+    }
+
+    fn add_contrast(&mut self, [stamp, end]: [i64; 2], contrast: f64) {
+        self.begin.get_or_insert(stamp);
+        self.window.push_back((stamp, contrast));
+        if self.window.len() > WINDOW {
+            self.window.pop_front();
+        }
+        let mean = self.window.iter().map(|(_, contrast)| contrast).sum::<f64>() / WINDOW as f64;
+        let is_contested = self.window.len() == WINDOW && mean < MIN_CONTRAST;
+        let Some((begin, _)) = self.window.front().filter(|_| is_contested) else { return };
+        match self.stretches.last_mut().filter(|(_, last)| begin <= last) {
+            Some((_, last)) => *last = end,
+            None => self.stretches.push((*begin, end)),
+        }
+    }
+
+    /// Time of all stretches, s.
+    pub fn seconds(&self) -> f64 {
+        self.stretches.iter().map(|(begin, end)| (end - begin) as f64 * 1e-9).sum()
+    }
+
+    /// The longest stretches by the seconds of the drive, for the operator; empty without any.
+    pub fn describe(&self) -> String {
+        /// Stretches that are named.
+        const MAX_NAMED: usize = 5;
+        let mut longest = self.stretches.clone();
+        longest.sort_by_key(|(begin, end)| (begin - end, *begin));
+        let n_more = longest.len().saturating_sub(MAX_NAMED);
+        longest.truncate(MAX_NAMED);
+        longest.sort_unstable();
+        let second = |stamp: i64| (stamp - self.begin.unwrap_or(stamp)) as f64 * 1e-9;
+        let named: Vec<String> =
+            longest.iter().map(|(begin, end)| format!("{:.1} to {:.1} s", second(*begin), second(*end))).collect();
+        let more = if n_more > 0 { format!(" and {n_more} more") } else { String::new() };
+        named.join(", ") + &more
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(contrasts: &[f64]) -> ContestedStretches {
+        let mut stretches = ContestedStretches::default();
+        for (number, contrast) in contrasts.iter().enumerate() {
+            let stamp = 7_000_000_000 + number as i64 * 100_000_000;
+            stretches.add_contrast([stamp, stamp + 100_000_000], *contrast);
+        }
+        stretches
+    }
+
+    #[test]
+    fn stretch_of_low_contrast_is_named_with_its_times() {
+        let contrasts = [vec![0.5; 30], vec![0.0; 20], vec![0.5; 30], vec![0.0; 40]].concat();
+        let found = after(&contrasts);
+        assert_eq!(found.describe(), "2.2 to 5.1 s, 7.2 to 12.0 s");
+        assert!((found.seconds() - 7.7).abs() < 1e-6, "{}", found.seconds());
+    }
+
+    #[test]
+    fn single_sweeps_of_low_contrast_are_no_stretch() {
+        let contrasts: Vec<f64> = (0..100).map(|number| if number % 4 == 0 { -0.1 } else { 0.3 }).collect();
+        assert_eq!(after(&contrasts), ContestedStretches { window: after(&contrasts).window, ..after(&[0.5]) });
+        assert_eq!(after(&contrasts).describe(), "");
+    }
+
+    #[test]
+    fn description_names_the_longest_stretches() {
+        let part = |n: usize| [vec![0.0; 10 + n], vec![0.9; 20]].concat();
+        let found = after(&(1..=8).map(part).collect::<Vec<_>>().concat());
+        assert!(found.describe().ends_with(" and 3 more"), "{}", found.describe());
+    }
+}
