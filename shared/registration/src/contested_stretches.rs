@@ -1,14 +1,12 @@
 //! Reports stretches of the drive where the own motion is contested: by vehicles that move along.
 
 use crate::Registered;
+use crate::contrast::MIN_CONTRAST;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// The contrast is averaged over so many sweeps, a second.
 const WINDOW: usize = 10;
-/// Below this mean contrast the motion is contested. Drives in a queue that is taken for the world come to 0.07 and less, real
-/// drives with sweeps that are not deskewed stay above 0.15.
-const MIN_CONTRAST: f64 = 0.1;
 
 /// Collects stretches with a low [`Registered::contrast`]. Serializing it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -9,6 +9,9 @@ use crate::maps::Maps;
 use crate::{Feature, MatchSettings, SweepMotion};
 use nalgebra::{Point3, Vector3};
 
+/// Below this the position along the way is contested. Drives in a queue that is taken for the world come to 0.07 and less, averaged
+/// over a second; real drives with sweeps that are not deskewed stay above 0.12 in each sweep.
+pub(crate) const MIN_CONTRAST: f64 = 0.1;
 /// Least cosine between the normals of these surfaces and the way: within 60 degrees.
 const MIN_FACING: f64 = 0.5;
 /// Fewer features tell nothing: tunnels, open fields.
@@ -27,8 +30,7 @@ pub(crate) fn contrast_along(
     motion: &SweepMotion,
     settings: &MatchSettings,
 ) -> Option<f64> {
-    let faces = |feature: &&Feature| Vector3::from(feature.normal).cast::<f64>().dot(forward).abs() >= MIN_FACING;
-    let facing: Vec<&Feature> = features.iter().filter(faces).collect();
+    let facing: Vec<&Feature> = features.iter().filter(|feature| faces(feature, forward)).collect();
     if facing.len() < MIN_FEATURES {
         return None;
     }
@@ -47,4 +49,13 @@ pub(crate) fn contrast_along(
     };
     let mean = |[near, far]: [f64; 2]| (cost(near) + cost(far)) / 2.0;
     Some(mean(BEHIND_M).min(mean(AHEAD_M)) - cost(0.0))
+}
+
+/// The features that do not face the way. Objects that move along cannot mislead them.
+pub(crate) fn without_facing(forward: &Vector3<f64>, features: &[Feature]) -> Vec<Feature> {
+    features.iter().filter(|feature| !faces(feature, forward)).copied().collect()
+}
+
+fn faces(feature: &Feature, forward: &Vector3<f64>) -> bool {
+    Vector3::from(feature.normal).cast::<f64>().dot(forward).abs() >= MIN_FACING
 }

@@ -1,6 +1,6 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
-use crate::contrast::contrast_along;
+use crate::contrast::{MIN_CONTRAST, contrast_along, without_facing};
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
@@ -43,6 +43,9 @@ const MAX_JUMP_MPS2: f64 = 15.0;
 const MAX_JUMP_RADPS2: f64 = 10.0;
 const JUMP_SLACK_M: f64 = 0.5;
 const JUMP_SLACK_RAD: f64 = 0.05;
+/// See [`MatchSettings::min_influence`], for the features that do not face the way: what they tell of the position along it is the
+/// edges of vehicles. Streets have 0.01 to 0.1 along the other directions.
+const UNDISPUTED_INFLUENCE: f64 = 0.01;
 /// After so many sweeps without a match (half a second) a new map is begun, because the old one may be out of reach.
 const MAX_BRIDGED: u32 = 5;
 /// The map grows only after the vehicle has moved or rotated this much since the last time: at a red light the map does not age
@@ -309,14 +312,22 @@ impl Odometry {
         if gated.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
             found = matching(&features.with_rough);
         }
-        let found = found.filter(|Match { matched, .. }| {
+        let is_acceptable = |Match { matched, .. }: &Match| {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
-        });
-        let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
+        };
+        let mut found = found.filter(is_acceptable);
         let forward = self.state.begin.rotation.inverse() * Vector3::x();
         let contrast = found.as_ref().and_then(|found| {
             contrast_along(&forward, samples, &self.maps, &found.matched.motion, &self.settings.matching)
         });
+        if contrast.is_some_and(|contrast| contrast < MIN_CONTRAST) && predicted.sources.is_any() {
+            // The sensors know the position along the way better than the match.
+            let undisputed = without_facing(&forward, samples);
+            let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
+            let again = match_features(&undisputed, &self.maps, &prediction, &settings);
+            found = again.filter(is_acceptable).or(found);
+        }
+        let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
         if let Some(found) = &found {
             self.state.ground_tilt = found.ground_tilt;
             // At rest each sweep repeats the same measurement.

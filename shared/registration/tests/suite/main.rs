@@ -6,3 +6,4 @@ mod other_sensors;
 mod real_sweeps;
 mod support;
 mod synthetic_drive;
+mod traffic;
