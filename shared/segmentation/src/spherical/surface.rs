@@ -109,11 +109,14 @@ fn set(rows: &mut [&mut [f32]; 4], at: usize, pixel: &PolarPixel) {
 /// Replaces `end` by the neighbor where that is on the same surface.
 #[inline(always)]
 fn take_same(end: &mut [Tile; 4], neighbor: &[Tile; 4], here: &[Tile; 4], limit_m: &Tile) {
+    let mut is_same = [false; LANES];
     for i in 0..LANES {
         let range_m = neighbor[3][i];
-        let is_same = (range_m > 0.0) & ((range_m - here[3][i]).abs() < limit_m[i]);
-        for k in 0..3 {
-            end[k][i] = if is_same { neighbor[k][i] } else { end[k][i] };
+        is_same[i] = (range_m > 0.0) & ((range_m - here[3][i]).abs() < limit_m[i]);
+    }
+    for k in 0..3 {
+        for i in 0..LANES {
+            end[k][i] = if is_same[i] { neighbor[k][i] } else { end[k][i] };
         }
     }
 }
