@@ -4,7 +4,9 @@ use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
 use georeference::GeoreferenceSettings;
 use messages::{Message, SubmapTopic};
-use registration::{Algorithm, ImlsSettings, OdometrySettings, Sampling, SensorMounting};
+use registration::{
+    Algorithm, ImlsSettings, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection, Sweep,
+};
 
 stage::settings! {
     /// Settings of slam_aggregate.
@@ -87,6 +89,21 @@ impl Settings {
     /// Whether a sensor predicts the motion.
     pub(crate) fn predicts_by(&self, name: &str) -> bool {
         self.motion.iter().any(|sensor| sensor == name)
+    }
+
+    /// The points of a sweep that go into the submap.
+    pub(crate) fn kept_points(&self, sweep: &Sweep) -> KeptPoints {
+        KeptPoints::of(sweep, self.min_range_m, self.thin_m)
+    }
+
+    /// How a sensor without point times spins, and the time of its revolution, ns.
+    pub(crate) fn untimed_turn(&self) -> Option<(SpinDirection, u32)> {
+        let spin = match self.untimed_turn.as_str() {
+            "clockwise" => SpinDirection::Clockwise,
+            "counterclockwise" => SpinDirection::Counterclockwise,
+            _ => return None,
+        };
+        Some((spin, (self.untimed_turn_s * 1e9) as u32))
     }
 
     pub(crate) fn algorithm(&self) -> Algorithm {

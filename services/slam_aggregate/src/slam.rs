@@ -1,22 +1,24 @@
 //! The stage.
 
-use crate::incoming::{IncomingSweep, KeptPoints};
-use crate::open_submap::OpenSubmap;
-use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
-use crate::{Settings, fix_doubts, inertial};
+use crate::Settings;
+use crate::incoming::IncomingSweep;
+use crate::open_submap::LoanedSubmap;
+use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
 use formats::drive::{Drive, LiveRig};
-use geometry::{Isometry3, Pose, Stamp};
-use georeference::{GeoreferenceSettings, Georeferencer, Placed};
+use geometry::{Isometry3, Pose};
+use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, Placed};
 use messages::{
-    GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
+    GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered, SelectedOdometry, SensorMounting,
+    DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, KeptPoints, Registered, SelectedOdometry,
+    SensorMounting,
 };
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
     next_message,
 };
+use std::borrow::Cow;
 
 /// The stage; see the crate's page.
 pub struct SlamAggregate {
@@ -26,7 +28,7 @@ pub struct SlamAggregate {
     odometry: SelectedOdometry,
     /// The first sweep, until the second arrives.
     waiting: Option<Received<SweepTopic>>,
-    open: Option<OpenSubmap>,
+    open: Option<LoanedSubmap>,
     /// From a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
@@ -100,14 +102,14 @@ impl SlamAggregate {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(OpenSubmap::new(loan, &begin, incoming.received.header().n_rings));
-                self.georeferencer.begin_submap(open.frame.world_from_submap, registered.stamp.0);
+                let open = empty.insert(LoanedSubmap::new(loan, &begin, incoming.received.header().n_rings));
+                self.georeferencer.begin_submap(open.submap.frame.world_from_submap, registered.stamp.0);
                 open
             }
         };
         self.georeferencer.add_sweep(registered, &begin, &end);
-        open.append(incoming, kept, registered, end.translation.vector)?;
-        if open.frame.path_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
+        open.append(incoming.rows(kept), registered, end.translation.vector)?;
+        if open.submap.frame.path_m >= self.settings.submap_m || open.submap.seconds() >= self.settings.submap_s {
             self.close_submap(outputs)?;
         }
         Ok(())
@@ -115,12 +117,12 @@ impl SlamAggregate {
 
     /// Adds inertial samples that are not withheld.
     fn add_inertial(&mut self, rows: &[ImuRow]) {
-        let mut samples: Vec<InertialSample> = rows.iter().map(inertial::sample).collect();
+        let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
         if self.settings.check_imu {
             samples = self.inertial.add_samples(&samples);
             self.forget_wrong_samples();
         }
-        let rows: Vec<ImuRow> = samples.iter().map(inertial::row).collect();
+        let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         self.georeferencer.add_imu(&rows, &self.georeference);
         if self.settings.predicts_by("imu") {
             for sample in samples {
@@ -131,8 +133,7 @@ impl SlamAggregate {
 
     fn compare_inertial(&mut self, registered: &Registered) {
         if self.settings.check_imu {
-            let (stamp, pose) = inertial::measured_pose(registered, &self.mounting.body_from_lidar);
-            self.inertial.add_pose(stamp, pose.as_ref());
+            self.inertial.add_registered(registered, &self.mounting.body_from_lidar);
             self.forget_wrong_samples();
         }
     }
@@ -144,9 +145,16 @@ impl SlamAggregate {
         }
     }
 
+    fn report_inertial(&self, outputs: &mut Outputs) {
+        self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
+        if let Some(text) = self.inertial.doubt() {
+            outputs.doubt("imu_not_used", 1.0, text);
+        }
+    }
+
     fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
         let incoming = IncomingSweep::new(received, &self.settings);
-        let kept = KeptPoints::of(&incoming.sweep, &self.settings);
+        let kept = self.settings.kept_points(&incoming.sweep);
         (incoming, kept)
     }
 
@@ -211,7 +219,7 @@ impl Stage for SlamAggregate {
             outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
             if self.settings.predicts_by("gnss") {
-                let velocities = message.rows().iter().filter_map(ground_velocity);
+                let velocities = message.rows().iter().filter_map(GroundVelocity::of_fix);
                 velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }
         }
@@ -219,7 +227,7 @@ impl Stage for SlamAggregate {
         for received in inputs.take::<SweepTopic>() {
             let incoming = IncomingSweep::new(received, &self.settings);
             let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
-            let (registered, kept) = rayon::join(|| odometry.register(sweep), || KeptPoints::of(sweep, settings));
+            let (registered, kept) = rayon::join(|| odometry.register(sweep), || settings.kept_points(sweep));
             let registered = registered.map_err(StepError::data)?;
             let waiting = self.waiting.take().map(|received| self.prepare(received));
             let mut prepared = waiting.into_iter().chain([(incoming, kept)]);
@@ -245,12 +253,15 @@ impl Stage for SlamAggregate {
             outputs.note(text);
         }
         self.close_submap(outputs)?;
-        inertial::report(&self.inertial, outputs);
+        self.report_inertial(outputs);
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
+            let counted = ["fixes", "fixes_without_position"].map(|name| outputs.counted(name));
             let min_used_share = self.settings.min_used_fixes_share;
-            fix_doubts::report(placed.as_ref(), self.expects_fixes, min_used_share, outputs);
+            for doubt in FixDoubt::find(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
+                outputs.doubt(doubt.name(), doubt.size(), doubt.to_string());
+            }
         }
         placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
@@ -261,14 +272,14 @@ impl Stage for SlamAggregate {
             (None, Some(saved)) => (Some(saved.head.clone()), &saved.rows[..]),
             (None, None) => (None, &[][..]),
         };
-        let saving = Saving {
+        let saving = Saved {
             odometry: self.odometry.save(),
             is_waiting: self.waiting.is_some(),
             submap,
             last_pose_stamp: self.last_pose_stamp,
-            degenerate: &self.degenerate,
-            inertial: &self.inertial,
-            georeferencer: &self.georeferencer,
+            degenerate: Cow::Borrowed(&self.degenerate),
+            inertial: Cow::Borrowed(&self.inertial),
+            georeferencer: Cow::Borrowed(&self.georeferencer),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
         if let Some(waiting) = &self.waiting {
@@ -279,16 +290,16 @@ impl Stage for SlamAggregate {
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
+        let (saved, mut rest): (Saved<'_>, _) = decode_head(STATE_VERSION, state)?;
         let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
         self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
-        self.degenerate = saved.degenerate;
-        self.inertial = saved.inertial;
-        self.georeferencer = saved.georeferencer;
+        self.degenerate = saved.degenerate.into_owned();
+        self.inertial = saved.inertial.into_owned();
+        self.georeferencer = saved.georeferencer.into_owned();
         Ok(())
     }
 }
@@ -306,13 +317,6 @@ fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), Ste
     let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
     loan.extend_from_slice(poses)?;
     outputs.publish(loan, first.stamp)
-}
-
-/// `None` if the receiver reports no velocity.
-fn ground_velocity(row: &GnssRow) -> Option<GroundVelocity> {
-    let reported = |value: f64| (value >= 0.0).then_some(value);
-    let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
-    GroundVelocity::new(Stamp(row.stamp), reported(row.speed_mps)?, reported(row.course_deg), hdop)
 }
 
 fn publish_placement(placed: &Placed, outputs: &mut Outputs) -> Result<(), StepError> {

@@ -6,7 +6,7 @@
 //! Faults: `white` (independent errors of 0.97 m), `jump` (30 m east and north during a third of the drive), `late` (stamps 0.2 s late),
 //! `few` (a fix every 15 s).
 
-use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, UnitQuaternion, Vector3};
+use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, Vector3};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::{GnssRow, ImuRow};
 use nalgebra::Matrix6;
@@ -116,8 +116,7 @@ fn place(seed: u64, seconds: f64, fault: &str) -> Result<Option<Score>, Box<dyn 
         let path_m = (end.translation.vector - odometry.translation.vector).norm();
         let is_new = submap.is_none_or(|(m, since)| m >= 20.0 || from - since >= 5_000_000_000);
         if is_new {
-            let forward = odometry.rotation * Vector3::x();
-            let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x));
+            let heading = geometry::heading(&odometry.rotation);
             georeferencer.begin_submap(Isometry3::from_parts(odometry.translation, heading), begin + from);
             submaps.push(truth(from) * odometry.inverse() * Isometry3::from_parts(odometry.translation, heading));
             submap = Some((0.0, from));
