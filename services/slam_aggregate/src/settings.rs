@@ -120,17 +120,15 @@ impl Settings {
     }
 
     pub(crate) fn odometry(&self, mounting: SensorMounting) -> OdometrySettings {
-        let mut odometry = OdometrySettings { mounting, ..OdometrySettings::default() };
+        let odometry = OdometrySettings { mounting, ..OdometrySettings::default() };
+        let mut odometry = odometry.with_map_spacing(self.map_spacing_m);
         odometry.features.min_range_m = odometry.features.min_range_m.max(self.min_range_m as f32);
         odometry.features.max_range_m = self.max_range_m as f32;
-        odometry.features.spacing_m = self.map_spacing_m;
-        odometry.map.spacing_m = self.map_spacing_m;
         odometry.map.batches = self.map_sweeps;
         odometry.map.max_points = self.map_points_max as usize;
         if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {
             *max_features = self.matches_max as usize;
         }
-        odometry.matching.fine.0 = 1.5 * self.map_spacing_m;
         odometry
     }
 

@@ -76,17 +76,14 @@ impl SlamAggregate {
         poses: &mut Vec<StampedPose>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
-        count(registered, outputs);
+        registered.counts().into_iter().for_each(|(name, n)| outputs.count(name, n));
         self.compare_inertial(registered);
-        if let Some(text) = self.degenerate.add(registered) {
-            outputs.note(text);
-        }
+        self.degenerate.add(registered).into_iter().for_each(|text| outputs.note(text));
         outputs.count("points_out_of_range", kept.n_dropped as u64);
         let body_from_lidar = self.mounting.body_from_lidar;
         let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
         let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
-        let end_stamp = registered.stamp.0 + i64::from(registered.duration_nanos);
-        for (stamp, pose) in [(registered.stamp.0, begin), (end_stamp, end)] {
+        for (stamp, pose) in [(registered.stamp.0, begin), (registered.end_stamp().0, end)] {
             // Stamps on the topic never decrease, even if those of the recording do.
             if self.last_pose_stamp.is_none_or(|last| last <= stamp) {
                 poses.push(StampedPose { stamp, world_from_body: pose.into() });
@@ -125,9 +122,7 @@ impl SlamAggregate {
         let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         self.georeferencer.add_imu(&rows, &self.georeference);
         if self.settings.predicts_by("imu") {
-            for sample in samples {
-                self.odometry.add_imu(sample);
-            }
+            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
         }
     }
 
@@ -249,9 +244,7 @@ impl Stage for SlamAggregate {
             self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
         }
         publish_poses(&poses, outputs)?;
-        if let Some(text) = self.degenerate.finish() {
-            outputs.note(text);
-        }
+        self.degenerate.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
         self.report_inertial(outputs);
         self.georeferencer.update(&self.georeference);
@@ -302,14 +295,6 @@ impl Stage for SlamAggregate {
         self.georeferencer = saved.georeferencer.into_owned();
         Ok(())
     }
-}
-
-fn count(registered: &Registered, outputs: &mut Outputs) {
-    let is_degenerate = registered.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
-    outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
-    outputs.count("degenerate_sweeps", u64::from(is_degenerate));
-    outputs.count("maps_restarted", u64::from(registered.map_restarted));
-    outputs.count("points_moving", registered.moving.len() as u64);
 }
 
 fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {

@@ -112,7 +112,7 @@ impl OpenSubmap {
         if sweep_idx == 0 {
             self.header.stamp_begin = registered.stamp.0;
         }
-        self.header.stamp_end = registered.stamp.0 + i64::from(registered.duration_nanos);
+        self.header.stamp_end = registered.end_stamp().0;
         self.header.n_sweeps += 1;
         self.frame.path_m += (body - self.frame.body).norm();
         self.frame.body = body;
