@@ -155,3 +155,34 @@ fn crates_behind_a_step_deny_clocks_files_and_environment() {
         }
     }
 }
+
+/// Lines of code of the files below a folder: without tests, comments and blank lines.
+fn lines_of_code(folder: &Path) -> usize {
+    let mut n_lines = 0;
+    for entry in std::fs::read_dir(folder).expect("readable").flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            n_lines += lines_of_code(&path);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = std::fs::read_to_string(&path).expect("text");
+            let code = text.lines().map(str::trim).take_while(|line| *line != "#[cfg(test)]");
+            n_lines += code.filter(|line| !line.is_empty() && !line.starts_with("//")).count();
+        }
+    }
+    n_lines
+}
+
+#[test]
+fn stages_have_less_than_500_lines_of_code() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (name, (folder, _)) in packages() {
+        // `launch` supervises the stages.
+        if folder.starts_with("services/") && name != "launch" {
+            let n_lines = lines_of_code(&root.join(&folder).join("src"));
+            assert!(
+                (50..500).contains(&n_lines),
+                "{folder}/src has {n_lines} lines of code: move ideas into a library"
+            );
+        }
+    }
+}

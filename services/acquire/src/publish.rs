@@ -3,7 +3,7 @@
 use crate::Settings;
 use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
-use acquisition::rows::gnss_row;
+use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
@@ -11,48 +11,43 @@ use formats::velodyne::Model;
 use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
-/// Why a frame is not published.
-pub(crate) enum PublishError {
-    /// The file is damaged; it is skipped.
-    File(CameraFileError),
-    /// The pipeline failed; the run ends.
-    Step(StepError),
-}
-
-impl From<StepError> for PublishError {
-    fn from(error: StepError) -> Self {
-        Self::Step(error)
-    }
-}
-
-/// Publishes a color image.
-pub(crate) fn publish_image(frame: &Frame, entry: &CameraEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+/// Publishes a color image. A damaged file is skipped; its error is returned.
+pub(crate) fn publish_image(
+    frame: &Frame,
+    entry: &CameraEntry,
+    outputs: &mut Outputs,
+) -> Result<Option<CameraFileError>, StepError> {
     let (width, height) = entry.model.size();
     let n_bytes = width as usize * height as usize * 3;
     let mut loan: Loan<ImageTopic> = outputs.loan(n_bytes)?;
-    let pixels = room(&mut loan, n_bytes)?;
-    stage::catch_panic(|| image_into(&frame.path, entry, pixels))
-        .unwrap_or_else(|text| Err(CameraFileError::decoder_panicked(&frame.path, text)))
-        .map_err(PublishError::File)?;
+    let pixels = loan.grow_unset(n_bytes)?;
+    let decoded = stage::catch_panic(|| image_into(&frame.path, entry, pixels))
+        .unwrap_or_else(|text| Err(CameraFileError::decoder_panicked(&frame.path, text)));
+    if let Err(error) = decoded {
+        return Ok(Some(error));
+    }
     let (camera, exposure_nanos) = (frame.camera as u32, entry.exposure_nanos);
     *loan.header_mut() = ImageHeader { camera, width, height, channels: 3, exposure_nanos };
-    Ok(outputs.publish(loan, frame.stamp.0)?)
+    outputs.publish(loan, frame.stamp.0)?;
+    Ok(None)
 }
 
-/// Publishes a raw mosaic.
-pub(crate) fn publish_mosaic(frame: &Frame, entry: &MosaicEntry, outputs: &mut Outputs) -> Result<(), PublishError> {
+/// Publishes a raw mosaic. A damaged file is skipped; its error is returned.
+pub(crate) fn publish_mosaic(
+    frame: &Frame,
+    entry: &MosaicEntry,
+    outputs: &mut Outputs,
+) -> Result<Option<CameraFileError>, StepError> {
     let (width, height) = entry.model.size();
     let n_samples = width as usize * height as usize;
     let mut loan: Loan<MosaicTopic> = outputs.loan(n_samples)?;
-    mosaic_into(&frame.path, entry, room(&mut loan, n_samples)?).map_err(PublishError::File)?;
+    if let Err(error) = mosaic_into(&frame.path, entry, loan.grow_unset(n_samples)?) {
+        return Ok(Some(error));
+    }
     let MosaicEntry { bit_depth, exposure_nanos, .. } = *entry;
     *loan.header_mut() = MosaicHeader { camera: frame.camera as u32, width, height, bit_depth, exposure_nanos };
-    Ok(outputs.publish(loan, frame.stamp.0)?)
-}
-
-/// Appends `n_rows` rows, all of which the caller must write.
-pub(crate) fn room<T: Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut [T::Row], StepError> {
-    Ok(loan.grow_unset(n_rows)?)
+    outputs.publish(loan, frame.stamp.0)?;
+    Ok(None)
 }
 
 /// Publishes a sweep whose points are in the loan.
@@ -62,11 +57,7 @@ pub(crate) fn publish_sweep(
     model: Model,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
-    let header = loan.header_mut();
-    header.duration_nanos = sweep.duration_nanos;
-    header.lost_packets = sweep.lost_packets.min(u64::from(u32::MAX)) as u32;
-    header.n_rings = model.n_rings() as u32;
-    header.has_times = u32::from(sweep.has_times);
+    *loan.header_mut() = sweep_header(sweep, model);
     outputs.publish(loan, sweep.stamp.0)
 }
 
@@ -89,7 +80,7 @@ pub(crate) fn publish_rows<T: Message>(
 ) -> Result<(), StepError> {
     let Some(stamp) = stamp else { return Ok(()) };
     let mut loan = outputs.loan::<T>(rows.len())?;
-    room(&mut loan, rows.len())?.copy_from_slice(rows);
+    loan.grow_unset(rows.len())?.copy_from_slice(rows);
     outputs.publish(loan, stamp)
 }
 

@@ -1,6 +1,5 @@
 //! Decodes sweeps directly into shared memory.
 
-use crate::publish::room;
 use formats::velodyne::SweepReader;
 use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
@@ -16,9 +15,9 @@ pub(crate) fn fill<T>(
     read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<T, StepError>,
 ) -> Result<T, StepError> {
     let mut full = None;
-    let found = read(&mut |returns| match room(loan, returns.len()) {
+    let found = read(&mut |returns| match loan.grow_unset(returns.len()) {
         Ok(rows) => rows.copy_from_slice(returns),
-        Err(error) => full = Some(error),
+        Err(error) => full = Some(error.into()),
     })?;
     full.map_or(Ok(found), Err)
 }

@@ -6,14 +6,11 @@ mod intake;
 
 use crate::Settings;
 use crate::saved::{self, Held};
-use crate::window::{ExposureTopic, Window};
 use camera_alignment::report;
-use coloring::{AgeLimits, Bands, PointBuffers, ProjectionCamera};
-use doubts::LimitsOfDoubt;
+use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, ProjectionCamera};
 use formats::drive::Drive;
 use geometry::{Stamp, Trajectory};
-use intake::expected_bands;
-use messages::{ColorTopic, CubeTopic, ImageTopic, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
+use messages::{ColorTopic, CubeTopic, ImageTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 
 /// Submaps held between two ticks; see the documentation of the crate.
@@ -30,10 +27,7 @@ pub struct Colorize {
     mosaics: Vec<ProjectionCamera>,
     /// Side of the filter pattern of each mosaic camera, px.
     patterns: Vec<u32>,
-    /// Expected band centers of each mosaic camera, nm.
-    expected_nm: Vec<Vec<f32>>,
-    /// Bands of all mosaic cameras: as expected, until the first cube of a camera arrives.
-    bands: Bands,
+    bands: KnownBands,
     /// Whether images can arrive at all.
     has_images: bool,
     /// Whether cubes can arrive at all.
@@ -46,7 +40,7 @@ pub struct Colorize {
     level_exposures: bool,
     max_offset_rad: f32,
     max_delay_s: f32,
-    limits_of_doubt: LimitsOfDoubt,
+    limits_of_doubt: DoubtLimits,
     held: Held,
     buffers: PointBuffers,
 }
@@ -61,8 +55,7 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
-        let expected_nm = expected_bands(drive);
-        let bands = Bands::new(&expected_nm).map_err(StepError::data)?;
+        let bands = KnownBands::new(drive.expected_bands()).map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
@@ -73,7 +66,6 @@ impl Colorize {
             cameras: rig.cameras.iter().map(ProjectionCamera::from).collect(),
             mosaics: rig.mosaics.iter().map(ProjectionCamera::from).collect(),
             patterns: manifest.mosaics.iter().map(|entry| entry.pattern).collect(),
-            expected_nm,
             bands,
             has_images: images && n_cameras > 0,
             has_cubes: cubes && n_mosaics > 0,
@@ -87,7 +79,10 @@ impl Colorize {
             level_exposures: settings.level_exposures,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
-            limits_of_doubt: LimitsOfDoubt::new(settings),
+            limits_of_doubt: DoubtLimits {
+                min_colored_share: settings.min_colored_share,
+                max_unused_share: settings.max_unused_exposures_share,
+            },
             held: Held::default(),
             buffers: PointBuffers::default(),
         })
@@ -140,11 +135,11 @@ impl Colorize {
             held.images.release_before(needed_from, |stamp| has_pose(&held.trajectory, stamp));
             held.cubes.release_before(needed_from, |stamp| has_pose(&held.trajectory, stamp));
         }
-        let n_excess = held.images.release_excess(|stamp| has_pose(&held.trajectory, stamp))
-            + held.cubes.release_excess(|stamp| has_pose(&held.trajectory, stamp));
+        let n_excess = held.images.release_excess(ImageTopic::BORROWED, |stamp| has_pose(&held.trajectory, stamp))
+            + held.cubes.release_excess(CubeTopic::BORROWED, |stamp| has_pose(&held.trajectory, stamp));
         outputs.count("exposures_released_early", n_excess);
         if let Some((newest, _)) = held.trajectory.poses().last() {
-            let exposures = [oldest_stamp(&held.images), oldest_stamp(&held.cubes)];
+            let exposures = [held.images.oldest_stamp(), held.cubes.oldest_stamp()];
             let late = newest.0.saturating_sub(MAX_LATENESS_NANOS);
             let needed_from = exposures.into_iter().flatten().fold(late, i64::min);
             held.trajectory.forget_before(Stamp(needed_from));
@@ -154,10 +149,6 @@ impl Colorize {
 
 fn has_pose(trajectory: &Trajectory, stamp: i64) -> bool {
     trajectory.at(Stamp(stamp)).is_some()
-}
-
-fn oldest_stamp<T: ExposureTopic>(window: &Window<T>) -> Option<i64> {
-    window.exposures().first().map(Received::stamp)
 }
 
 impl Stage for Colorize {
@@ -180,7 +171,7 @@ impl Stage for Colorize {
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {
         // Other problems of the drive are reported by its source.
         let Ok(drive) = Drive::open(&context.drive) else { return Vec::new() };
-        Bands::new(&expected_bands(&drive))
+        Bands::new(&drive.expected_bands())
             .err()
             .map(|error| Problem::of_key("", error.to_string()))
             .into_iter()
@@ -219,12 +210,12 @@ impl Stage for Colorize {
     }
 
     fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
-        saved::save(&self.held)
+        saved::save(&self.held, self.bands.first_nm())
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        self.held = saved::load(state)?;
-        self.bands = Bands::of_first_cubes(&self.expected_nm, &self.held.bands_nm).map_err(StepError::data)?;
-        Ok(())
+        let bands_nm;
+        (self.held, bands_nm) = saved::load(state)?;
+        self.bands.resume(bands_nm).map_err(StepError::data)
     }
 }

@@ -21,7 +21,6 @@
 
 mod colorize;
 mod saved;
-mod window;
 
 pub use colorize::Colorize;
 

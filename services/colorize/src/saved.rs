@@ -1,7 +1,7 @@
 //! The saved state of the stage.
 
-use crate::window::{Tally, Window};
 use camera_alignment::OffsetMonitor;
+use coloring::{ExposureTally, ExposureWindow, HeldExposure};
 use geometry::{Stamp, Trajectory};
 use messages::{CubeTopic, ImageTopic, PoseRow, SubmapTopic};
 use serde::{Deserialize, Serialize};
@@ -19,15 +19,21 @@ pub struct Held {
     /// Submaps that are not yet colored, oldest first.
     pub submaps: VecDeque<Received<SubmapTopic>>,
     /// Color exposures.
-    pub images: Window<ImageTopic>,
+    pub images: ExposureWindow<Received<ImageTopic>>,
     /// Spectral exposures.
-    pub cubes: Window<CubeTopic>,
-    /// Wavelengths of each mosaic camera whose first cube has arrived, nm.
-    pub bands_nm: BTreeMap<u32, Vec<f32>>,
+    pub cubes: ExposureWindow<Received<CubeTopic>>,
     /// Last shot of the newest submap.
     pub submaps_until: Option<i64>,
     /// Alignment of points and images.
     pub monitor: OffsetMonitor,
+}
+
+pub fn held_image(data: Received<ImageTopic>) -> HeldExposure<Received<ImageTopic>> {
+    HeldExposure { stamp: data.stamp(), camera: data.header().camera, data }
+}
+
+pub fn held_cube(data: Received<CubeTopic>) -> HeldExposure<Received<CubeTopic>> {
+    HeldExposure { stamp: data.stamp(), camera: data.header().camera, data }
 }
 
 /// Everything except the messages, which follow it: submaps, images, cubes.
@@ -37,15 +43,15 @@ struct Head {
     bands_nm: BTreeMap<u32, Vec<f32>>,
     submaps_until: Option<i64>,
     monitor: OffsetMonitor,
-    image_tallies: BTreeMap<u32, Tally>,
-    cube_tallies: BTreeMap<u32, Tally>,
+    image_tallies: BTreeMap<u32, ExposureTally>,
+    cube_tallies: BTreeMap<u32, ExposureTally>,
     n_submaps: u64,
     n_images: u64,
     n_cubes: u64,
 }
 
 /// The saved state: head and messages.
-pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
+pub fn save<'a>(held: &'a Held, bands_nm: &BTreeMap<u32, Vec<f32>>) -> Result<StateBytes<'a>, StepError> {
     let pose = |(stamp, pose): &(Stamp, _)| {
         let row = PoseRow::from(*pose);
         (stamp.0, row.translation, row.rotation)
@@ -53,7 +59,7 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
     let (images, cubes) = (held.images.exposures(), held.cubes.exposures());
     let head = Head {
         poses: held.trajectory.poses().iter().map(pose).collect(),
-        bands_nm: held.bands_nm.clone(),
+        bands_nm: bands_nm.clone(),
         submaps_until: held.submaps_until,
         monitor: held.monitor.clone(),
         image_tallies: held.images.tallies().clone(),
@@ -67,23 +73,22 @@ pub fn save(held: &Held) -> Result<StateBytes<'_>, StepError> {
         state.push(submap);
     }
     for image in images {
-        state.push(image);
+        state.push(&image.data);
     }
     for cube in cubes {
-        state.push(cube);
+        state.push(&cube.data);
     }
     Ok(state)
 }
 
 /// The inverse of [`save`].
-pub fn load(state: &[u8]) -> Result<Held, StepError> {
+pub fn load(state: &[u8]) -> Result<(Held, BTreeMap<u32, Vec<f32>>), StepError> {
     let (head, mut rest): (Head, _) = decode_head(VERSION, state)?;
     let mut held = Held {
         submaps_until: head.submaps_until,
-        bands_nm: head.bands_nm,
         monitor: head.monitor,
-        images: Window::with_tallies(head.image_tallies),
-        cubes: Window::with_tallies(head.cube_tallies),
+        images: ExposureWindow::with_tallies(head.image_tallies),
+        cubes: ExposureWindow::with_tallies(head.cube_tallies),
         ..Held::default()
     };
     for (stamp, translation, rotation) in head.poses {
@@ -96,13 +101,13 @@ pub fn load(state: &[u8]) -> Result<Held, StepError> {
         held.submaps.push_back(next_message(&mut rest)?);
     }
     for _ in 0..head.n_images {
-        held.images.restore(next_message(&mut rest)?);
+        held.images.restore(held_image(next_message(&mut rest)?));
     }
     for _ in 0..head.n_cubes {
-        held.cubes.restore(next_message(&mut rest)?);
+        held.cubes.restore(held_cube(next_message(&mut rest)?));
     }
     if !rest.is_empty() {
         return Err(StepError::data(format!("saved state: {} bytes after the last message", rest.len())));
     }
-    Ok(held)
+    Ok((held, head.bands_nm))
 }

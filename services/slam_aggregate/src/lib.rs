@@ -14,9 +14,7 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-mod fix_doubts;
 mod incoming;
-mod inertial;
 mod open_submap;
 mod saved;
 mod settings;

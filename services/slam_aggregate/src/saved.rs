@@ -1,11 +1,12 @@
 //! The saved state of the stage.
 
-use crate::open_submap::{OpenSubmap, SubmapFrame};
+use crate::open_submap::LoanedSubmap;
 use georeference::Georeferencer;
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{ContestedStretches, DegenerateStretches, InertialCheck, SelectedState};
+use registration::{ContestedStretches, DegenerateStretches, InertialCheck, OpenSubmap, SelectedState, SubmapFrame};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
+use std::borrow::Cow;
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
 pub(crate) const STATE_VERSION: u32 = 9;
@@ -13,33 +14,21 @@ pub(crate) const STATE_VERSION: u32 = 9;
 /// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings; 72 MB more with `odometry = "imls"`) and up to
 /// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
 /// rows of the open submap (28 bytes a point).
-#[derive(Deserialize)]
-pub(crate) struct Saved {
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Saved<'a> {
     pub odometry: SelectedState,
     /// Whether the first sweep is waiting for the second.
     pub is_waiting: bool,
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
-    pub degenerate: DegenerateStretches,
-    pub contested: ContestedStretches,
-    pub inertial: InertialCheck,
-    pub georeferencer: Georeferencer,
+    // Borrowed while saving: they grow with the drive.
+    pub degenerate: Cow<'a, DegenerateStretches>,
+    pub contested: Cow<'a, ContestedStretches>,
+    pub inertial: Cow<'a, InertialCheck>,
+    pub georeferencer: Cow<'a, Georeferencer>,
 }
 
-/// [`Saved`] without a copy of its parts: they grow with the drive.
-#[derive(Serialize)]
-pub(crate) struct Saving<'a> {
-    pub odometry: SelectedState,
-    pub is_waiting: bool,
-    pub submap: Option<SubmapHead>,
-    pub last_pose_stamp: Option<i64>,
-    pub degenerate: &'a DegenerateStretches,
-    pub contested: &'a ContestedStretches,
-    pub inertial: &'a InertialCheck,
-    pub georeferencer: &'a Georeferencer,
-}
-
-/// An [`OpenSubmap`] without its rows.
+/// A [`LoanedSubmap`] without its rows.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct SubmapHead {
     frame: SubmapFrame,
@@ -47,25 +36,23 @@ pub(crate) struct SubmapHead {
     n_rows: u64,
 }
 
-/// An [`OpenSubmap`] outside shared memory.
+/// A [`LoanedSubmap`] outside shared memory.
 pub(crate) struct SavedSubmap {
     pub head: SubmapHead,
     pub rows: Vec<u8>,
 }
 
 impl SubmapHead {
-    pub fn of(open: &OpenSubmap) -> Self {
-        Self {
-            frame: open.frame,
-            header: Bytes(pod::bytes_from_rows(std::slice::from_ref(&*open.header)).to_vec()),
-            n_rows: open.loan.rows().len() as u64,
-        }
+    pub fn of(open: &LoanedSubmap) -> Self {
+        let OpenSubmap { frame, header } = &open.submap;
+        let header = Bytes(pod::bytes_from_rows(std::slice::from_ref(&**header)).to_vec());
+        Self { frame: *frame, header, n_rows: open.loan.rows().len() as u64 }
     }
 }
 
 impl SavedSubmap {
     /// Copies the rows into a new loan.
-    pub fn reopen(&self, outputs: &mut Outputs, capacity: usize) -> Result<OpenSubmap, StepError> {
+    pub fn reopen(&self, outputs: &mut Outputs, capacity: usize) -> Result<LoanedSubmap, StepError> {
         let torn = || StepError::data("saved state: header or rows of the open submap have the wrong length");
         let header = pod::rows_from_bytes::<SubmapHeader>(&self.head.header.0).ok_or_else(torn)?;
         let [header] = header[..] else { return Err(torn()) };
@@ -73,7 +60,7 @@ impl SavedSubmap {
         // Points saved under a larger limit must not be lost.
         let mut loan = outputs.loan::<SubmapTopic>(capacity.max(rows.len()))?;
         loan.extend_from_slice(&rows)?;
-        Ok(OpenSubmap { loan, frame: self.head.frame, header: Box::new(header) })
+        Ok(LoanedSubmap { loan, submap: OpenSubmap { frame: self.head.frame, header: Box::new(header) } })
     }
     /// `rows` is the rest of a state.
     pub fn load(head: Option<SubmapHead>, rows: &[u8]) -> Result<Option<Self>, StepError> {

@@ -4,7 +4,9 @@ use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
 use georeference::GeoreferenceSettings;
 use messages::{Message, SubmapTopic};
-use registration::{Algorithm, ImlsSettings, OdometrySettings, Sampling, SensorMounting};
+use registration::{
+    Algorithm, ImlsSettings, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection, Sweep,
+};
 
 stage::settings! {
     /// Settings of slam_aggregate.
@@ -92,6 +94,21 @@ impl Settings {
         self.motion.iter().any(|sensor| sensor == name)
     }
 
+    /// The points of a sweep that go into the submap.
+    pub(crate) fn kept_points(&self, sweep: &Sweep) -> KeptPoints {
+        KeptPoints::of(sweep, self.min_range_m, self.thin_m)
+    }
+
+    /// How a sensor without point times spins, and the time of its revolution, ns.
+    pub(crate) fn untimed_turn(&self) -> Option<(SpinDirection, u32)> {
+        let spin = match self.untimed_turn.as_str() {
+            "clockwise" => SpinDirection::Clockwise,
+            "counterclockwise" => SpinDirection::Counterclockwise,
+            _ => return None,
+        };
+        Some((spin, (self.untimed_turn_s * 1e9) as u32))
+    }
+
     pub(crate) fn algorithm(&self) -> Algorithm {
         match self.odometry.as_str() {
             "imls" => Algorithm::Imls(ImlsSettings {
@@ -106,17 +123,15 @@ impl Settings {
     }
 
     pub(crate) fn odometry(&self, mounting: SensorMounting) -> OdometrySettings {
-        let mut odometry = OdometrySettings { mounting, ..OdometrySettings::default() };
+        let odometry = OdometrySettings { mounting, ..OdometrySettings::default() };
+        let mut odometry = odometry.with_map_spacing(self.map_spacing_m);
         odometry.features.min_range_m = odometry.features.min_range_m.max(self.min_range_m as f32);
         odometry.features.max_range_m = self.max_range_m as f32;
-        odometry.features.spacing_m = self.map_spacing_m;
-        odometry.map.spacing_m = self.map_spacing_m;
         odometry.map.batches = self.map_sweeps;
         odometry.map.max_points = self.map_points_max as usize;
         if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {
             *max_features = self.matches_max as usize;
         }
-        odometry.matching.fine.0 = 1.5 * self.map_spacing_m;
         odometry
     }
 

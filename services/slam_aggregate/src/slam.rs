@@ -1,23 +1,24 @@
 //! The stage.
 
-use crate::incoming::{IncomingSweep, KeptPoints};
-use crate::open_submap::OpenSubmap;
-use crate::saved::{STATE_VERSION, Saved, SavedSubmap, Saving, SubmapHead};
-use crate::{Settings, fix_doubts, inertial};
+use crate::Settings;
+use crate::incoming::IncomingSweep;
+use crate::open_submap::LoanedSubmap;
+use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
 use formats::drive::{Drive, LiveRig};
-use geometry::{Isometry3, Pose, Stamp};
-use georeference::{GeoreferenceSettings, Georeferencer, Placed};
+use geometry::{Isometry3, Pose};
+use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, Placed};
 use messages::{
-    GnssRow, GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
+    GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    ContestedStretches, DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, Registered,
+    ContestedStretches, DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, KeptPoints, Registered,
     SelectedOdometry, SensorMounting,
 };
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
     next_message,
 };
+use std::borrow::Cow;
 
 /// The stage; see the crate's page.
 pub struct SlamAggregate {
@@ -27,7 +28,7 @@ pub struct SlamAggregate {
     odometry: SelectedOdometry,
     /// The first sweep, until the second arrives.
     waiting: Option<Received<SweepTopic>>,
-    open: Option<OpenSubmap>,
+    open: Option<LoanedSubmap>,
     /// From a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
@@ -77,18 +78,15 @@ impl SlamAggregate {
         poses: &mut Vec<StampedPose>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
-        count(registered, outputs);
+        registered.counts().into_iter().for_each(|(name, n)| outputs.count(name, n));
         self.compare_inertial(registered);
         self.contested.add(registered);
-        if let Some(text) = self.degenerate.add(registered) {
-            outputs.note(text);
-        }
+        self.degenerate.add(registered).into_iter().for_each(|text| outputs.note(text));
         outputs.count("points_out_of_range", kept.n_dropped as u64);
         let body_from_lidar = self.mounting.body_from_lidar;
         let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
         let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
-        let end_stamp = registered.stamp.0 + i64::from(registered.duration_nanos);
-        for (stamp, pose) in [(registered.stamp.0, begin), (end_stamp, end)] {
+        for (stamp, pose) in [(registered.stamp.0, begin), (registered.end_stamp().0, end)] {
             // Stamps on the topic never decrease, even if those of the recording do.
             if self.last_pose_stamp.is_none_or(|last| last <= stamp) {
                 poses.push(StampedPose { stamp, world_from_body: pose.into() });
@@ -104,52 +102,42 @@ impl SlamAggregate {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(OpenSubmap::new(loan, &begin, incoming.received.header().n_rings));
-                self.georeferencer.begin_submap(open.frame.world_from_submap, registered.stamp.0);
+                let open = empty.insert(LoanedSubmap::new(loan, &begin, incoming.received.header().n_rings));
+                self.georeferencer.begin_submap(open.submap.frame.world_from_submap, registered.stamp.0);
                 open
             }
         };
         self.georeferencer.add_sweep(registered, &begin, &end);
-        open.append(incoming, kept, registered, end.translation.vector)?;
-        if open.frame.path_m >= self.settings.submap_m || open.seconds() >= self.settings.submap_s {
+        open.append(incoming.rows(kept), registered, end.translation.vector)?;
+        if open.submap.frame.path_m >= self.settings.submap_m || open.submap.seconds() >= self.settings.submap_s {
             self.close_submap(outputs)?;
         }
         Ok(())
     }
 
     fn report_contested(&self, outputs: &mut Outputs) {
-        let (seconds, limit) = (self.contested.seconds(), self.settings.max_contested_s);
-        if seconds > limit {
-            let stretches = self.contested.describe();
-            let text = format!(
-                "own motion contested for {seconds:.1} s of the drive, more than {limit} s: the surroundings fit other positions along \
-                 the way about as well, as in a queue that moves along ({stretches}); the vehicle may have driven farther than the \
-                 result says"
-            );
+        if let Some((seconds, text)) = self.contested.doubt(self.settings.max_contested_s) {
             outputs.doubt("motion_contested", seconds, text);
         }
     }
 
     /// Adds inertial samples that are not withheld.
     fn add_inertial(&mut self, rows: &[ImuRow]) {
-        let mut samples: Vec<InertialSample> = rows.iter().map(inertial::sample).collect();
+        let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
         if self.settings.check_imu {
             samples = self.inertial.add_samples(&samples);
             self.forget_wrong_samples();
         }
-        let rows: Vec<ImuRow> = samples.iter().map(inertial::row).collect();
+        let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         self.georeferencer.add_imu(&rows, &self.georeference);
         if self.settings.predicts_by("imu") {
-            for sample in samples {
-                self.odometry.add_imu(sample);
-            }
+            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
         }
     }
 
     fn compare_inertial(&mut self, registered: &Registered) {
         if self.settings.check_imu {
-            let (stamp, pose) = inertial::measured_pose(registered, &self.mounting.body_from_lidar);
-            self.inertial.add_pose(stamp, pose.as_ref());
+            self.inertial.add_registered(registered, &self.mounting.body_from_lidar);
             self.forget_wrong_samples();
         }
     }
@@ -161,9 +149,16 @@ impl SlamAggregate {
         }
     }
 
+    fn report_inertial(&self, outputs: &mut Outputs) {
+        self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
+        if let Some(text) = self.inertial.doubt() {
+            outputs.doubt("imu_not_used", 1.0, text);
+        }
+    }
+
     fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
         let incoming = IncomingSweep::new(received, &self.settings);
-        let kept = KeptPoints::of(&incoming.sweep, &self.settings);
+        let kept = self.settings.kept_points(&incoming.sweep);
         (incoming, kept)
     }
 
@@ -228,7 +223,7 @@ impl Stage for SlamAggregate {
             outputs.count("fixes", n_valid as u64);
             outputs.count("fixes_without_position", (message.rows().len() - n_valid) as u64);
             if self.settings.predicts_by("gnss") {
-                let velocities = message.rows().iter().filter_map(ground_velocity);
+                let velocities = message.rows().iter().filter_map(GroundVelocity::of_fix);
                 velocities.for_each(|velocity| self.odometry.add_gnss(velocity));
             }
         }
@@ -236,7 +231,7 @@ impl Stage for SlamAggregate {
         for received in inputs.take::<SweepTopic>() {
             let incoming = IncomingSweep::new(received, &self.settings);
             let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
-            let (registered, kept) = rayon::join(|| odometry.register(sweep), || KeptPoints::of(sweep, settings));
+            let (registered, kept) = rayon::join(|| odometry.register(sweep), || settings.kept_points(sweep));
             let registered = registered.map_err(StepError::data)?;
             let waiting = self.waiting.take().map(|received| self.prepare(received));
             let mut prepared = waiting.into_iter().chain([(incoming, kept)]);
@@ -258,17 +253,18 @@ impl Stage for SlamAggregate {
             self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
         }
         publish_poses(&poses, outputs)?;
-        if let Some(text) = self.degenerate.finish() {
-            outputs.note(text);
-        }
+        self.degenerate.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
-        inertial::report(&self.inertial, outputs);
+        self.report_inertial(outputs);
         self.report_contested(outputs);
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
+            let counted = ["fixes", "fixes_without_position"].map(|name| outputs.counted(name));
             let min_used_share = self.settings.min_used_fixes_share;
-            fix_doubts::report(placed.as_ref(), self.expects_fixes, min_used_share, outputs);
+            for doubt in FixDoubt::find(counted, self.expects_fixes, placed.as_ref(), min_used_share) {
+                outputs.doubt(doubt.name(), doubt.size(), doubt.to_string());
+            }
         }
         placed.map_or(Ok(()), |placed| publish_placement(&placed, outputs))
     }
@@ -279,15 +275,15 @@ impl Stage for SlamAggregate {
             (None, Some(saved)) => (Some(saved.head.clone()), &saved.rows[..]),
             (None, None) => (None, &[][..]),
         };
-        let saving = Saving {
+        let saving = Saved {
             odometry: self.odometry.save(),
             is_waiting: self.waiting.is_some(),
             submap,
             last_pose_stamp: self.last_pose_stamp,
-            degenerate: &self.degenerate,
-            contested: &self.contested,
-            inertial: &self.inertial,
-            georeferencer: &self.georeferencer,
+            degenerate: Cow::Borrowed(&self.degenerate),
+            contested: Cow::Borrowed(&self.contested),
+            inertial: Cow::Borrowed(&self.inertial),
+            georeferencer: Cow::Borrowed(&self.georeferencer),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
         if let Some(waiting) = &self.waiting {
@@ -298,27 +294,19 @@ impl Stage for SlamAggregate {
     }
 
     fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
-        let (saved, mut rest): (Saved, _) = decode_head(STATE_VERSION, state)?;
+        let (saved, mut rest): (Saved<'_>, _) = decode_head(STATE_VERSION, state)?;
         let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
         self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
         self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
-        self.degenerate = saved.degenerate;
-        self.contested = saved.contested;
-        self.inertial = saved.inertial;
-        self.georeferencer = saved.georeferencer;
+        self.degenerate = saved.degenerate.into_owned();
+        self.contested = saved.contested.into_owned();
+        self.inertial = saved.inertial.into_owned();
+        self.georeferencer = saved.georeferencer.into_owned();
         Ok(())
     }
-}
-
-fn count(registered: &Registered, outputs: &mut Outputs) {
-    let is_degenerate = registered.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
-    outputs.count("sweeps_bridged", u64::from(registered.is_bridged()));
-    outputs.count("degenerate_sweeps", u64::from(is_degenerate));
-    outputs.count("maps_restarted", u64::from(registered.map_restarted));
-    outputs.count("points_moving", registered.moving.len() as u64);
 }
 
 fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {
@@ -326,13 +314,6 @@ fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), Ste
     let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
     loan.extend_from_slice(poses)?;
     outputs.publish(loan, first.stamp)
-}
-
-/// `None` if the receiver reports no velocity.
-fn ground_velocity(row: &GnssRow) -> Option<GroundVelocity> {
-    let reported = |value: f64| (value >= 0.0).then_some(value);
-    let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
-    GroundVelocity::new(Stamp(row.stamp), reported(row.speed_mps)?, reported(row.course_deg), hdop)
 }
 
 fn publish_placement(placed: &Placed, outputs: &mut Outputs) -> Result<(), StepError> {

@@ -5,7 +5,7 @@
 //! | a LiDAR on the network: received, recorded, decoded from the growing recording | [`live`] |
 //! | a recorded drive in ticks: a sweep, and what the other sensors measured up to its end | [`recorded`] |
 //! | how far the data can be trusted | [`doubts`], [`counters`] |
-//! | rows of messages from decoded sentences | [`rows`] |
+//! | rows and headers of messages from decoded data | [`rows`] |
 //!
 //! The caller provides the memory of points, images and mosaics.
 

@@ -1,5 +1,6 @@
 //! A recorded drive in ticks.
 
+mod account;
 mod camera_file;
 mod drive_reader;
 mod events;
@@ -7,8 +8,9 @@ mod inertial;
 mod odometer;
 mod trigger;
 
+pub use account::{DriveAccount, News, SavedDrive};
 pub use camera_file::{CameraFileError, image_into, mosaic_into};
 pub use drive_reader::{
-    DrivePosition, DriveReader, Due, InitialCounts, NextSweep, Part, SkippedAtBegin, wrong_captures,
+    DrivePosition, DriveReader, Due, InitialCounts, NextSweep, Part, SkippedAtBegin, drive_problems,
 };
 pub use trigger::Trigger;

@@ -1,7 +1,19 @@
-//! Rows of messages from decoded sentences.
+//! Rows and headers of messages from decoded data.
 
+use formats::drive::SweepInfo;
 use formats::nmea::Fix;
-use messages::GnssRow;
+use formats::velodyne::Model;
+use messages::{GnssRow, SweepHeader};
+
+/// The header of a sweep.
+pub fn sweep_header(sweep: &SweepInfo, model: Model) -> SweepHeader {
+    SweepHeader {
+        duration_nanos: sweep.duration_nanos,
+        lost_packets: sweep.lost_packets.min(u64::from(u32::MAX)) as u32,
+        n_rings: model.n_rings() as u32,
+        has_times: u32::from(sweep.has_times),
+    }
+}
 
 /// The row of a fix; `None` without a height.
 pub fn gnss_row(fix: &Fix) -> Option<GnssRow> {

@@ -1,6 +1,6 @@
 //! The bands of a spectrum.
 
-use messages::MAX_BANDS;
+use messages::{CubeHeader, MAX_BANDS};
 use std::collections::BTreeMap;
 
 /// The bands of all mosaic cameras, one camera after another.
@@ -59,6 +59,60 @@ impl Bands {
     /// Number of bands of all cameras.
     pub fn n_bands(&self) -> usize {
         self.starts.last().copied().unwrap_or_default()
+    }
+}
+
+/// The bands of all mosaic cameras: as expected, until the first cube of a camera arrives. That cube defines the bands of its camera,
+/// because `calibrate` decides whether cubes are corrected.
+#[derive(Clone, Debug)]
+pub struct KnownBands {
+    expected_nm: Vec<Vec<f32>>,
+    first_nm: BTreeMap<u32, Vec<f32>>,
+    bands: Bands,
+}
+
+impl KnownBands {
+    /// From the expected wavelengths of each camera, nm.
+    ///
+    /// # Errors
+    /// As [`Bands::new`].
+    pub fn new(expected_nm: Vec<Vec<f32>>) -> Result<Self, TooManyBands> {
+        Ok(Self { bands: Bands::new(&expected_nm)?, first_nm: BTreeMap::new(), expected_nm })
+    }
+
+    /// Continues with the wavelengths of the first cubes, by index of the camera.
+    ///
+    /// # Errors
+    /// As [`Bands::new`].
+    pub fn resume(&mut self, first_nm: BTreeMap<u32, Vec<f32>>) -> Result<(), TooManyBands> {
+        self.bands = Bands::of_first_cubes(&self.expected_nm, &first_nm)?;
+        self.first_nm = first_nm;
+        Ok(())
+    }
+
+    /// The bands.
+    pub fn bands(&self) -> &Bands {
+        &self.bands
+    }
+
+    /// Wavelengths of the first cubes, nm, by index of the camera.
+    pub fn first_nm(&self) -> &BTreeMap<u32, Vec<f32>> {
+        &self.first_nm
+    }
+
+    /// Whether a cube has the bands of its camera.
+    pub fn accept(&mut self, header: &CubeHeader) -> bool {
+        let Some(wavelengths_nm) = header.wavelengths_nm.get(..header.n_bands as usize) else { return false };
+        if let Some(known) = self.first_nm.get(&header.camera) {
+            return known == wavelengths_nm;
+        }
+        self.first_nm.insert(header.camera, wavelengths_nm.to_vec());
+        if let Ok(bands) = Bands::of_first_cubes(&self.expected_nm, &self.first_nm) {
+            self.bands = bands;
+            return true;
+        }
+        self.first_nm.remove(&header.camera);
+        false
     }
 }
 

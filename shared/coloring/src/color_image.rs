@@ -1,6 +1,7 @@
 //! The pixels of a color exposure.
 
-use messages::ColorRow;
+use crate::ProjectionCamera;
+use messages::{ColorRow, ImageHeader};
 
 /// Pixels of a color exposure, in place.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,12 @@ impl<'a> ColorImage<'a> {
         let (pixels, rest) = bytes.as_chunks::<3>();
         let fits = !pixels.is_empty() && rest.is_empty() && pixels.len() == width as usize * height as usize;
         fits.then_some(Self { camera, width: width as usize, height: height as usize, pixels })
+    }
+
+    /// `None` unless the header matches the camera and the bytes match the header.
+    pub fn of_camera(camera: &ProjectionCamera, header: &ImageHeader, bytes: &'a [u8]) -> Option<Self> {
+        let fits = camera.size() == [header.width, header.height] && header.channels == 3;
+        Self::new(header.camera as u8, header.width, header.height, bytes).filter(|_| fits)
     }
 
     /// Index of the camera.

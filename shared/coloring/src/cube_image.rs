@@ -1,5 +1,6 @@
 //! The cells of a spectral exposure.
 
+use crate::ProjectionCamera;
 use messages::{CubeHeader, CubeView};
 
 /// A reflectance cube, in place.
@@ -14,6 +15,17 @@ impl<'a> CubeImage<'a> {
     pub fn new(header: &'a CubeHeader, rows: &'a [u32]) -> Option<Self> {
         let sound = header.width > 0 && header.height > 0 && header.pattern > 0;
         Some(Self { planes: CubeView::new(header, rows).filter(|_| sound)?, header })
+    }
+
+    /// `None` unless the cells are inside the image of the camera, whose filter pattern has sides of `pattern` px, and the rows fit the
+    /// header.
+    pub fn of_camera(camera: &ProjectionCamera, pattern: u32, header: &'a CubeHeader, rows: &'a [u32]) -> Option<Self> {
+        let [width, height] = camera.size().map(u64::from);
+        let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
+        let fits = end(header.x0, header.width) <= width
+            && end(header.y0, header.height) <= height
+            && (header.pattern == pattern || header.pattern == 1);
+        Self::new(header, rows).filter(|_| fits)
     }
 
     /// Number of bands.

@@ -8,6 +8,8 @@
 //! 4. [`ColorImage`] and [`CubeImage`] are sampled at the projected pixel. [`ExposureGains`] can level the brightness of
 //!    exposures.
 //!
+//! [`ExposureWindow`] holds the exposures that submaps may still need, [`DoubtLimits`] judges the result at the end.
+//!
 //! A point that no exposure sees stays unseen; no value is interpolated between points.
 //!
 //! # Vectorized loops
@@ -25,7 +27,9 @@ mod chunk;
 mod color;
 mod color_image;
 mod cube_image;
+mod doubts;
 mod exposure;
+mod exposure_window;
 mod frustum;
 mod gains;
 mod lens;
@@ -35,7 +39,7 @@ mod projection;
 mod spectra;
 mod visibility;
 
-pub use bands::{Bands, TooManyBands};
+pub use bands::{Bands, KnownBands, TooManyBands};
 pub use camera::ProjectionCamera;
 pub use candidates::{AgeLimits, Candidates};
 pub use choice::Choices;
@@ -43,7 +47,9 @@ pub use chunk::{CHUNK, Chunk, Lanes, seconds};
 pub use color::{color_into, leveled_color};
 pub use color_image::ColorImage;
 pub use cube_image::CubeImage;
+pub use doubts::{ColorDoubt, DoubtLimits, ExposureKind};
 pub use exposure::PosedExposure;
+pub use exposure_window::{ExposureTally, ExposureWindow, HeldExposure};
 pub use frustum::Frustum;
 pub use gains::{ExposureGains, Overlap, overlaps};
 pub use lens::Lens;

@@ -20,7 +20,7 @@ pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
-use crate::manifest::{ImuEntry, Manifest};
+use crate::manifest::{ImuEntry, Manifest, MosaicEntry};
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
 use crate::sensor_calibration::SensorCalibration;
@@ -113,6 +113,18 @@ impl Drive {
     /// Manufacturer's calibration of each mosaic camera, if the manifest names one.
     pub fn sensors(&self) -> &[Option<SensorCalibration>] {
         &self.sensors
+    }
+    /// Band centers of the cubes of each mosaic camera, nm: the virtual bands of its calibration if there is one, because `calibrate`
+    /// corrects by default; otherwise those of its filters.
+    pub fn expected_bands(&self) -> Vec<Vec<f32>> {
+        let bands = |(entry, sensor): (&MosaicEntry, &Option<SensorCalibration>)| match sensor
+            .as_ref()
+            .and_then(SensorCalibration::reflectance_matrix)
+        {
+            Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
+            None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
+        };
+        self.manifest.mosaics.iter().zip(&self.sensors).map(bands).collect()
     }
     /// Files in camera folders whose names are not stamps.
     pub fn strange_files(&self) -> &[PathBuf] {

@@ -28,13 +28,69 @@ pub struct LadybugCamera {
 }
 
 /// An invalid line of a file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}: {rule}")]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("line {line}: {fault}")]
 pub struct LadybugError {
     /// From 1.
     pub line: usize,
     /// What was found and what was expected.
-    pub rule: String,
+    pub fault: LadybugFault,
+}
+
+/// What is wrong with a line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LadybugFault {
+    /// The file is something else.
+    #[error("not a Ladybug calibration: no Resolution")]
+    NoResolution,
+    /// The size of the images is impossible.
+    #[error("Resolution {width} {height} must be 1 to 32768 px a side")]
+    Resolution {
+        /// As found, px.
+        width: f64,
+        /// As found, px.
+        height: f64,
+    },
+    /// No camera is calibrated.
+    #[error("the file has no camera")]
+    NoCamera,
+    /// A camera has no usable spline.
+    #[error("spline {0} is missing or not a surface with even knots")]
+    Spline(f64),
+    /// A block has no entry of this name.
+    #[error("the {block} has no {key}")]
+    NoEntry {
+        /// Camera or spline.
+        block: &'static str,
+        /// Name of the entry.
+        key: String,
+    },
+    /// The coefficients of a spline do not match their numbers.
+    #[error("{found} coefficients; expected {n_rows} times {n_columns}")]
+    Coefficients {
+        /// As found.
+        found: usize,
+        /// As stated.
+        n_rows: usize,
+        /// As stated.
+        n_columns: usize,
+    },
+    /// A block does not end.
+    #[error("no {0} up to the end of the file")]
+    NoEnd(String),
+    /// A word is not a finite number.
+    #[error("{0:?} is not a number")]
+    Number(String),
+    /// An entry has another number of values.
+    #[error("{key} has {found} numbers; expected {expected}")]
+    Length {
+        /// Name of the entry.
+        key: String,
+        /// As found.
+        found: usize,
+        /// As it must be.
+        expected: usize,
+    },
 }
 
 /// Entries of a camera, before its splines are known.
@@ -65,12 +121,12 @@ impl FromStr for LadybugCalibration {
                 _ => {}
             }
         }
-        let [width, height] = resolution.ok_or_else(|| error(1, "not a Ladybug calibration: no Resolution"))?;
+        let [width, height] = resolution.ok_or_else(|| error(1, LadybugFault::NoResolution))?;
         if !(1.0..=32_768.0).contains(&width) || !(1.0..=32_768.0).contains(&height) {
-            return Err(error(1, format!("Resolution {width} {height} must be 1 to 32768 px a side")));
+            return Err(error(1, LadybugFault::Resolution { width, height }));
         }
         if blocks.is_empty() {
-            return Err(error(1, "the file has no camera"));
+            return Err(error(1, LadybugFault::NoCamera));
         }
         let cameras = blocks.iter().map(|block| block.camera([width, height], &warps)).collect::<Result<_, _>>()?;
         Ok(Self { serial, cameras })
@@ -83,8 +139,7 @@ impl Block {
         let [rx, ry, rz, x, y, z] = self.get("CamToLadybugEulerZYX")?;
         let [warp_u, warp_v] = self.get::<2>("RectifiedSpline")?.map(|id| (id, warps.get(&(id as usize))));
         let found = |(id, warp): (f64, Option<&Warp>)| {
-            warp.and_then(Clone::clone)
-                .ok_or_else(|| error(self.line, format!("spline {id} is missing or not a surface with even knots")))
+            warp.and_then(Clone::clone).ok_or_else(|| error(self.line, LadybugFault::Spline(id)))
         };
         // Positions are fractions of the image size from its edge; the center of the upper left pixel is 0.
         let px = |fraction: [f64; 2]| [0, 1].map(|axis| fraction[axis] * size[axis] - 0.5);
@@ -113,8 +168,10 @@ impl Block {
     }
 
     fn get<const N: usize>(&self, key: &str) -> Result<[f64; N], LadybugError> {
-        let (line, values) =
-            self.entries.get(key).ok_or_else(|| error(self.line, format!("the camera has no {key}")))?;
+        let (line, values) = self
+            .entries
+            .get(key)
+            .ok_or_else(|| error(self.line, LadybugFault::NoEntry { block: "camera", key: key.to_owned() }))?;
         of_length(*line, key, values)
     }
 }
@@ -124,7 +181,9 @@ type Warp = Option<SplineSurface>;
 
 /// Number and surface of a spline. Splines that no camera uses may have uneven knots.
 fn warp(line: usize, entries: &BTreeMap<String, (usize, Vec<f64>)>) -> Result<(usize, Warp), LadybugError> {
-    let get = |key: &str| entries.get(key).ok_or_else(|| error(line, format!("the spline has no {key}")));
+    let get = |key: &str| {
+        entries.get(key).ok_or_else(|| error(line, LadybugFault::NoEntry { block: "spline", key: key.to_owned() }))
+    };
     let (at, id) = get("Id")?;
     let [id] = of_length(*at, "Id", id)?;
     let (at, counts) = get("NumberCoefs")?;
@@ -132,7 +191,7 @@ fn warp(line: usize, entries: &BTreeMap<String, (usize, Vec<f64>)>) -> Result<(u
     let (at, coefficients) = get("Coefs")?;
     let [n_rows, n_columns] = counts.map(|n| n as usize);
     if n_rows.checked_mul(n_columns) != Some(coefficients.len()) || n_columns == 0 {
-        return Err(error(*at, format!("{} coefficients; expected {n_rows} times {n_columns}", coefficients.len())));
+        return Err(error(*at, LadybugFault::Coefficients { found: coefficients.len(), n_rows, n_columns }));
     }
     let is_even = is_even(&get("KnotsX")?.1, n_rows) && is_even(&get("KnotsY")?.1, n_columns);
     let rows: Vec<Vec<f64>> = coefficients.chunks_exact(n_columns).map(<[f64]>::to_vec).collect();
@@ -173,21 +232,22 @@ fn entries<'a>(
         let values = numbers(line, values)?;
         entries.entry(key.clone()).or_insert((line, Vec::new())).1.extend(values);
     }
-    Err(error(begin, format!("no {end} up to the end of the file")))
+    Err(error(begin, LadybugFault::NoEnd(end.to_owned())))
 }
 
 fn numbers(line: usize, words: &str) -> Result<Vec<f64>, LadybugError> {
     let number = |word: &str| {
         let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
-        value.ok_or_else(|| error(line, format!("{word:?} is not a number")))
+        value.ok_or_else(|| error(line, LadybugFault::Number(word.to_owned())))
     };
     words.split_whitespace().map(number).collect()
 }
 
 fn of_length<const N: usize>(line: usize, key: &str, values: &[f64]) -> Result<[f64; N], LadybugError> {
-    values.try_into().map_err(|_| error(line, format!("{key} has {} numbers; expected {N}", values.len())))
+    let fault = || LadybugFault::Length { key: key.to_owned(), found: values.len(), expected: N };
+    values.try_into().map_err(|_| error(line, fault()))
 }
 
-fn error(line: usize, rule: impl Into<String>) -> LadybugError {
-    LadybugError { line, rule: rule.into() }
+fn error(line: usize, fault: LadybugFault) -> LadybugError {
+    LadybugError { line, fault }
 }

@@ -9,11 +9,13 @@
 //! do neither.
 
 mod blocks;
+mod damage;
 mod link;
 mod reader;
 mod recorder;
 mod writer;
 
+pub use damage::Damage;
 pub use reader::{PacketReader, ReadStats, UdpPacket};
 pub use recorder::{Frontier, Recorder};
 pub use writer::Writer;
@@ -32,13 +34,13 @@ pub enum PcapError {
         cause: std::io::Error,
     },
     /// The capture is damaged.
-    #[error("{path}, byte {offset}: {rule}", path = path.display())]
+    #[error("{path}, byte {offset}: {damage}", path = path.display())]
     Damaged {
         /// The capture.
         path: PathBuf,
         /// Offset of the damage.
         offset: u64,
         /// What was found and what was expected.
-        rule: String,
+        damage: Damage,
     },
 }

@@ -16,7 +16,7 @@ mod row;
 mod rows;
 mod writer;
 
-pub use error::{PlyError, RowMismatch, UnwritableHeader};
+pub use error::{HeaderFault, PayloadFault, PlyError, PropertyFault, RowMismatch, UnwritableHeader};
 pub use header::{Header, Property};
 pub use kind::Kind;
 pub use reader::Vertices;

@@ -18,7 +18,7 @@ pub use bev::BevGrid;
 pub use camera::{CameraModel, KannalaBrandt, Pinhole};
 pub use geodesy::{Geodetic, LocalFrame};
 pub use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector2, Vector3};
-pub use pose::{Pose, Trajectory, interpolate};
+pub use pose::{Pose, Trajectory, heading, interpolate};
 pub use range_image::{NO_POINT, RangeImage, SphericalGrid, column_angle, column_of_azimuth};
 pub use rectangle::OrientedRectangle;
 pub use rig::{Rig, RigCamera};

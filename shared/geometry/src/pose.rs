@@ -1,7 +1,7 @@
 //! Poses and trajectories.
 
 use crate::Stamp;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 /// A rigid transform. Variables are named by its direction: `world_from_body`.
 pub type Pose = Isometry3<f64>;
@@ -13,6 +13,12 @@ pub fn interpolate(a: &Pose, b: &Pose, share: f64) -> Pose {
     let rotation_a_from_b = a.rotation.inverse() * b.rotation;
     let rotation = a.rotation * UnitQuaternion::from_scaled_axis(rotation_a_from_b.scaled_axis() * share);
     Isometry3::from_parts(Translation3::from(translation), rotation)
+}
+
+/// The rotation about z that has the same forward direction.
+pub fn heading(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    let forward = rotation * Vector3::x();
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
 }
 
 /// `world_from_body` over time.
@@ -60,7 +66,6 @@ impl Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
 
     fn pose(x: f64, yaw: f64) -> Pose {
         Isometry3::new(Vector3::new(x, 0.0, 0.0), Vector3::z() * yaw)

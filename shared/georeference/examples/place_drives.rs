@@ -6,12 +6,15 @@
 //! Faults: `white` (independent errors of 0.97 m), `jump` (30 m east and north during a third of the drive), `late` (stamps 0.2 s late),
 //! `few` (a fix every 15 s).
 
-use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, UnitQuaternion, Vector3};
+#[path = "../tests/suite/matched.rs"]
+mod matched;
+
+use acquisition::rows::gnss_row;
+use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Vector3};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::{GnssRow, ImuRow};
-use nalgebra::Matrix6;
 use random::{gauss, hash};
-use registration::{Matched, PredictionSources, Registered, SweepMotion};
+use registration::{Registered, SweepMotion};
 use simulation::sensors::gnss::{Epoch, ORIGIN};
 use simulation::{DriveSpec, RigSpec, Simulation};
 use std::error::Error;
@@ -116,8 +119,7 @@ fn place(seed: u64, seconds: f64, fault: &str) -> Result<Option<Score>, Box<dyn 
         let path_m = (end.translation.vector - odometry.translation.vector).norm();
         let is_new = submap.is_none_or(|(m, since)| m >= 20.0 || from - since >= 5_000_000_000);
         if is_new {
-            let forward = odometry.rotation * Vector3::x();
-            let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x));
+            let heading = geometry::heading(&odometry.rotation);
             georeferencer.begin_submap(Isometry3::from_parts(odometry.translation, heading), begin + from);
             submaps.push(truth(from) * odometry.inverse() * Isometry3::from_parts(odometry.translation, heading));
             submap = Some((0.0, from));
@@ -145,28 +147,7 @@ fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
         translation: end.translation.vector - begin.translation.vector,
         rotation: (begin.rotation.inverse() * end.rotation).scaled_axis(),
     };
-    let matched = Matched {
-        motion,
-        n_features: 2000,
-        n_matches: 2000,
-        rms_m: 0.02,
-        cost: 0.1,
-        least_influence: 0.1,
-        n_degenerate_directions: 0,
-        information: Matrix6::identity(),
-        step_information: Matrix6::identity(),
-        converged: true,
-    };
-    Registered {
-        stamp: Stamp(stamp),
-        duration_nanos: SWEEP_NANOS as u32,
-        motion,
-        matched: Some(matched),
-        predicted_by: PredictionSources { inertial: true, receiver: true },
-        map_restarted: false,
-        covariance: Matrix6::zeros(),
-        moving: Vec::new(),
-    }
+    matched::registered(stamp, SWEEP_NANOS as u32, motion, 2000, true)
 }
 
 fn fixes(simulation: &Simulation, fault: &str, seed: u64) -> Vec<GnssRow> {
@@ -195,12 +176,7 @@ fn fixes(simulation: &Simulation, fault: &str, seed: u64) -> Vec<GnssRow> {
             latitude_deg: place.latitude_deg,
             longitude_deg: place.longitude_deg,
             altitude_m: place.altitude_m,
-            speed_mps: fix.speed_mps.unwrap_or(-1.0),
-            course_deg: fix.course_deg.unwrap_or(-1.0),
-            hdop: fix.hdop.unwrap_or_default() as f32,
-            satellites: fix.satellites,
-            quality: fix.quality,
-            reserved: 0,
+            ..gnss_row(&fix)?
         })
     };
     epochs.iter().enumerate().filter_map(row).collect()

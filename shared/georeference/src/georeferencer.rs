@@ -145,8 +145,7 @@ impl Georeferencer {
 
     /// Adds a sweep to the open submap. `begin` and `end` are `odom_from_body` at its first and last shot.
     pub fn add_sweep(&mut self, registered: &Registered, begin: &Pose, end: &Pose) {
-        let begin_stamp = registered.stamp.0;
-        let end_stamp = begin_stamp + i64::from(registered.duration_nanos);
+        let (begin_stamp, end_stamp) = (registered.stamp.0, registered.end_stamp().0);
         // Sweeps follow each other without gaps, except for lost packets.
         let previous = self.path.last().and_then(|last| self.path.at(last));
         let path_m = previous.map_or(0.0, |previous| (previous.translation.vector - end.translation.vector).norm());

@@ -22,6 +22,7 @@ mod alignment;
 mod antenna_track;
 mod deviations;
 mod drift;
+mod fix_doubts;
 mod fixes;
 mod georeferencer;
 mod graph;
@@ -34,6 +35,7 @@ mod receiver_filter;
 mod recent_path;
 
 pub use alignment::{Alignment, PointPair, align_odometry};
+pub use fix_doubts::FixDoubt;
 pub use georeferencer::{FixUse, GeoreferenceSettings, Georeferencer, Placed};
 pub use graph::{AntennaPosition, Gauge, HorizontalVelocity, PoseGraph, RelativePose, Solution, Start, UpDirection};
 pub use loops::{Keyframe, LoopClosure, LoopFinder, LoopSettings, Places};

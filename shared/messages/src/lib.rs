@@ -34,7 +34,7 @@ pub(crate) use pod::pod;
 pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};
 pub use submap::{
     CheckedSubmap, MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapError, SubmapHeader,
-    SubmapPoint, SubmapSweep, SubmapTopic,
+    SubmapPoint, SubmapSweep, SubmapTopic, pose_numbers,
 };
 pub use sweep::{SweepHeader, SweepPoint, SweepTopic};
 pub use tick::{NO_DRIVE_TIME, TickRow, TickTopic};

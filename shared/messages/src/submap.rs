@@ -100,6 +100,12 @@ pod! {
     }
 }
 
+/// A pose as in [`SubmapSweep`]: x y z, qx qy qz qw.
+pub fn pose_numbers(pose: &Pose) -> [f32; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|value| value as f32)
+}
+
 /// A submap whose content breaks a rule of the topic.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SubmapError {

@@ -43,13 +43,27 @@ impl ContestedStretches {
         }
     }
 
+    /// Time of all stretches, s, and what it means, if it is above the limit, s.
+    pub fn doubt(&self, max_s: f64) -> Option<(f64, String)> {
+        let seconds = self.seconds();
+        let text = || {
+            format!(
+                "own motion contested for {seconds:.1} s of the drive, more than {max_s} s: the surroundings fit other positions along \
+                 the way about as well, as in a queue that moves along ({}); the vehicle may have driven farther than the result \
+                 says",
+                self.describe()
+            )
+        };
+        (seconds > max_s).then(|| (seconds, text()))
+    }
+
     /// Time of all stretches, s.
-    pub fn seconds(&self) -> f64 {
+    fn seconds(&self) -> f64 {
         self.stretches.iter().map(|(begin, end)| (end - begin) as f64 * 1e-9).sum()
     }
 
     /// The longest stretches by the seconds of the drive, for the operator; empty without any.
-    pub fn describe(&self) -> String {
+    fn describe(&self) -> String {
         /// Stretches that are named.
         const MAX_NAMED: usize = 5;
         let mut longest = self.stretches.clone();

@@ -49,7 +49,7 @@ impl DegenerateStretches {
     pub fn add(&mut self, registered: &Registered) -> Option<String> {
         self.add_sweep(Step {
             begin: registered.stamp.0,
-            end: registered.stamp.0 + i64::from(registered.duration_nanos),
+            end: registered.end_stamp().0,
             n_degenerate: registered.matched.as_ref().map(|matched| matched.n_degenerate_directions),
             sources: registered.predicted_by,
             sigma_m: registered.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt(),

@@ -12,7 +12,7 @@ mod judgment;
 pub use axes::Axes;
 pub use comparison::Fit;
 
-use crate::InertialSample;
+use crate::{InertialSample, Registered};
 use comparison::Sums;
 use geometry::{Point3, Pose, Stamp, UnitQuaternion, Vector3};
 use history::History;
@@ -206,6 +206,14 @@ impl InertialCheck {
         }
     }
 
+    /// Adds the next sweep. `body_from_lidar` is the mounting of the LiDAR.
+    pub fn add_registered(&mut self, registered: &Registered, body_from_lidar: &Pose) {
+        let middle = registered.stamp.plus_nanos(i64::from(registered.duration_nanos) / 2);
+        let is_measured = registered.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions == 0);
+        let odom_from_body = registered.motion.mid * body_from_lidar.inverse();
+        self.add_pose(middle, is_measured.then_some(&odom_from_body));
+    }
+
     /// Whether the samples so far were wrong: a filter that used them must forget them. `true` once for each change.
     pub const fn take_change(&mut self) -> bool {
         std::mem::replace(&mut self.has_changed, false)
@@ -217,6 +225,16 @@ impl InertialCheck {
             Trust::Withheld(reason) => Some(reason),
             Trust::Assumed | Trust::Verified => None,
         }
+    }
+
+    /// For the operator: why the unit is not used and what to check; `None` if it is used.
+    pub fn doubt(&self) -> Option<String> {
+        self.why_withheld().map(|reason| {
+            format!(
+                "the inertial unit is not used: {reason}; check the units (m/s^2, rad/s) and axes of its file, imu.body_from_imu and \
+                 the clock of the unit, or remove [imu] from drive.toml"
+            )
+        })
     }
 
     /// How the samples are corrected.

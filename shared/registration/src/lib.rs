@@ -9,6 +9,8 @@
 //! 5. Small objects in space that was free in an earlier sweep are moving. Their points are reported.
 //! 6. The other features are inserted into the map. Points of old sweeps are dropped.
 //!
+//! An [`OpenSubmap`] collects the deskewed points of the registered sweeps.
+//!
 //! [`ImlsOdometry`] is the published algorithm, for comparison; [`SelectedOdometry`] is the one that a run selects.
 //!
 //! Frames: `lidar` moves with the vehicle; `odom` is fixed, smooth and drifts. Metres and radians. Results do not depend on the
@@ -28,6 +30,7 @@ mod ground_tilt;
 mod imls;
 mod incidence;
 mod inertial_check;
+mod kept_points;
 mod kernel;
 mod local_map;
 mod maps;
@@ -48,6 +51,7 @@ mod selected;
 mod sensors;
 mod small_objects;
 mod start;
+mod submap;
 mod sweep;
 mod sweep_features;
 mod voxel;
@@ -57,6 +61,7 @@ pub use degenerate_stretches::DegenerateStretches;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};
 pub use inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
+pub use kept_points::KeptPoints;
 pub use kernel::{Kernel, Weights};
 pub use local_map::{LocalMap, MapPoint, MapSettings, Surface};
 pub use matching::{MatchSettings, Matched};
@@ -68,5 +73,6 @@ pub use range_image::RangeImage;
 pub use sampling::Sampling;
 pub use selected::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};
 pub use sensors::{GroundVelocity, InertialSample, SensorMounting};
+pub use submap::{OpenSubmap, SubmapFrame, SweepRows};
 pub use sweep::{SpinDirection, Sweep, set_times_from_azimuth};
 pub use voxel::thinned;

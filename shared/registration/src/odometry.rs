@@ -33,6 +33,17 @@ pub struct OdometrySettings {
     pub mounting: SensorMounting,
 }
 
+impl OdometrySettings {
+    /// With another spacing of the map's points, m, and the limits that follow from it.
+    #[must_use]
+    pub fn with_map_spacing(mut self, spacing_m: f64) -> Self {
+        self.features.spacing_m = spacing_m;
+        self.map.spacing_m = spacing_m;
+        self.matching.fine.0 = 1.5 * spacing_m;
+        self
+    }
+}
+
 /// Least share of features with a match. At 10 m/s 10 to 20 % lie on newly seen surfaces.
 const MIN_MATCHED_SHARE: f64 = 0.3;
 /// Largest root mean square distance from the map's planes, m: five times the range noise.
@@ -88,6 +99,20 @@ impl Registered {
     /// `odom_from_lidar` at the last shot.
     pub fn end(&self) -> Pose {
         self.motion.end()
+    }
+    /// Time of the last shot.
+    pub fn end_stamp(&self) -> Stamp {
+        self.stamp.plus_nanos(i64::from(self.duration_nanos))
+    }
+    /// Names and numbers for the counters of the run.
+    pub fn counts(&self) -> [(&'static str, u64); 4] {
+        let is_degenerate = self.matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0);
+        [
+            ("sweeps_bridged", u64::from(self.is_bridged())),
+            ("degenerate_sweeps", u64::from(is_degenerate)),
+            ("maps_restarted", u64::from(self.map_restarted)),
+            ("points_moving", self.moving.len() as u64),
+        ]
     }
     /// Whether the prediction replaces a match.
     pub fn is_bridged(&self) -> bool {

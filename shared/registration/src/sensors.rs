@@ -1,6 +1,7 @@
 //! Measurements of other sensors, kept until the sweep of their time arrives.
 
 use geometry::{Point3, Pose, Stamp, Vector3};
+use messages::{GnssRow, ImuRow};
 use serde::{Deserialize, Serialize};
 
 /// Longer pauses between inertial samples are gaps, ns: samples at 20 Hz still describe the motion of a car.
@@ -49,6 +50,18 @@ pub struct InertialSample {
     pub rate: Vector3<f64>,
 }
 
+impl From<&ImuRow> for InertialSample {
+    fn from(row: &ImuRow) -> Self {
+        Self { stamp: Stamp(row.stamp), force: row.acceleration.into(), rate: row.angular_rate.into() }
+    }
+}
+
+impl From<&InertialSample> for ImuRow {
+    fn from(sample: &InertialSample) -> Self {
+        Self { stamp: sample.stamp.0, acceleration: sample.force.into(), angular_rate: sample.rate.into() }
+    }
+}
+
 /// Horizontal velocity of a GNSS antenna.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundVelocity {
@@ -73,6 +86,12 @@ impl GroundVelocity {
         };
         let is_number = speed.is_finite() && east.is_finite();
         is_number.then_some(Self { stamp, east_north: [speed * east, speed * north], sigma })
+    }
+    /// Of a fix; `None` if the receiver reports no velocity.
+    pub fn of_fix(row: &GnssRow) -> Option<Self> {
+        let reported = |value: f64| (value >= 0.0).then_some(value);
+        let hdop = Some(f64::from(row.hdop)).filter(|hdop| *hdop > 0.0);
+        Self::new(Stamp(row.stamp), reported(row.speed_mps)?, reported(row.course_deg), hdop)
     }
     pub(crate) fn speed(&self) -> f64 {
         self.east_north[0].hypot(self.east_north[1])

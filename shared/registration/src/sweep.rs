@@ -4,6 +4,7 @@ use crate::incidence::incidences;
 use crate::range_image::fast_atan2;
 use crate::{RangeImage, TimedPoint};
 use geometry::Stamp;
+use messages::{SweepHeader, SweepPoint};
 
 /// Direction in which a sensor spins, seen from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +46,25 @@ impl Sweep {
         let duration_nanos = points.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
         let image = RangeImage::new(&points, n_rings);
         Self { stamp, points, duration_nanos, image }
+    }
+    /// From the rows of topic `sweep`. `untimed`: how a sensor spins whose recording has no point times, and the time of a revolution,
+    /// ns; `None` leaves the sweep rigid.
+    pub fn of_rows(
+        stamp: Stamp,
+        header: &SweepHeader,
+        rows: &[SweepPoint],
+        untimed: Option<(SpinDirection, u32)>,
+    ) -> Self {
+        let timed = |point: &SweepPoint| TimedPoint {
+            position: [point.x, point.y, point.z],
+            offset_nanos: if header.has_times == 0 { 0 } else { point.offset_nanos },
+            ring: point.ring,
+        };
+        let mut points: Vec<TimedPoint> = rows.iter().map(timed).collect();
+        if let Some((spin, duration_nanos)) = untimed.filter(|_| header.has_times == 0) {
+            set_times_from_azimuth(&mut points, spin, duration_nanos);
+        }
+        Self::new(stamp, points, header.n_rings)
     }
     /// Time of the first shot.
     pub fn stamp(&self) -> Stamp {

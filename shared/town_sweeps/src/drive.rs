@@ -2,8 +2,8 @@
 
 use crate::error::TownSweepsError;
 use crate::mount::Mount;
-use crate::submap::{TURN_SECONDS, TownSubmap, row};
-use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapSweep};
+use crate::submap::{TURN_SECONDS, TownSubmap};
+use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapSweep, pose_numbers};
 use random::Random;
 use simulation::sensors::lidar::LidarModel;
 use simulation::{DriveSpec, Simulation, Town};
@@ -95,8 +95,8 @@ impl TownDrive {
                 first_point: first_point as u32,
                 n_points: (submap.points.len() - first_point) as u32,
                 reserved: 0,
-                submap_from_lidar_begin: row(&pose_at(since_begin)),
-                submap_from_lidar_end: row(&pose_at(since_begin + i64::from(duration_nanos))),
+                submap_from_lidar_begin: pose_numbers(&pose_at(since_begin)),
+                submap_from_lidar_end: pose_numbers(&pose_at(since_begin + i64::from(duration_nanos))),
             };
         }
         submap.header.n_sweeps = n_sweeps as u32;

@@ -74,9 +74,3 @@ impl TownSubmap {
 fn laser_of(model: Model, block: &Block, index: usize) -> usize {
     index % model.n_rings() + if block.is_lower { 32 } else { 0 }
 }
-
-/// x y z, qx qy qz qw.
-pub(crate) fn row(pose: &Pose) -> [f32; 7] {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
-    [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|v| v as f32)
-}

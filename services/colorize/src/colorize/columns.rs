@@ -1,11 +1,12 @@
 //! Output: the columns of a submap that is due.
 
 use super::Colorize;
-use crate::window::{ExposureTopic, Window};
 use camera_alignment::{AlignmentExposure, Profile, profiles_by_camera};
-use coloring::{CameraCubes, Candidates, SpectraColumn, SubmapPoints, color_into, visibility_maps};
+use coloring::{
+    CameraCubes, Candidates, ExposureWindow, HeldExposure, SpectraColumn, SubmapPoints, color_into, visibility_maps,
+};
 use geometry::{Pose, Stamp};
-use messages::{CheckedSubmap, ColorTopic, SpectraTopic, SubmapHeader, SubmapTopic};
+use messages::{CheckedSubmap, ColorTopic, Message, SpectraTopic, SubmapHeader, SubmapTopic};
 use stage::{Outputs, Received, StepError};
 
 /// Time before and after an exposure at which its pose is evaluated to see how a delay moves edges, ns. In this time the
@@ -100,7 +101,7 @@ impl Colorize {
             cameras[index].exposures.push(exposure);
             cameras[index].cubes.push(cells);
         }
-        let column = SpectraColumn::new(points, &self.bands, &cameras, self.limits);
+        let column = SpectraColumn::new(points, self.bands.bands(), &cameras, self.limits);
         let mut loan = outputs.loan::<SpectraTopic>(column.n_rows())?;
         *loan.header_mut() = column.header();
         column.write_into(loan.grow_unset(column.n_rows())?);
@@ -110,19 +111,19 @@ impl Colorize {
 
     /// The exposures within `max_age_s` of the submap, with `world_from_body`. Exposures before the first or after the last
     /// known pose are skipped and counted, once per submap.
-    fn within_reach<'a, T: ExposureTopic>(
+    fn within_reach<'a, T: Message>(
         &self,
-        window: &'a Window<T>,
+        window: &'a ExposureWindow<Received<T>>,
         header: &SubmapHeader,
         outputs: &mut Outputs,
     ) -> Vec<(&'a Received<T>, Pose)> {
         let from = header.stamp_begin.saturating_sub(self.max_age_nanos);
         let until = header.stamp_end.saturating_add(self.max_age_nanos);
-        let near = window.exposures().iter().filter(|exposure| (from..=until).contains(&exposure.stamp()));
-        let posed = |exposure: &'a Received<T>| Some((exposure, self.held.trajectory.at(Stamp(exposure.stamp()))?));
-        let n_near = near.clone().count();
-        let found: Vec<_> = near.filter_map(posed).collect();
-        outputs.count("exposures_without_pose", (n_near - found.len()) as u64);
+        let near = window.within(from..=until);
+        let posed =
+            |held: &'a HeldExposure<Received<T>>| Some((&held.data, self.held.trajectory.at(Stamp(held.stamp))?));
+        let found: Vec<_> = near.iter().filter_map(posed).collect();
+        outputs.count("exposures_without_pose", (near.len() - found.len()) as u64);
         found
     }
 }

@@ -1,10 +1,8 @@
 //! Input: poses, images and cubes, checked against the rig.
 
 use super::Colorize;
-use coloring::{Bands, ColorImage, CubeImage};
-use formats::drive::Drive;
-use formats::manifest::MosaicEntry;
-use formats::sensor_calibration::SensorCalibration;
+use crate::saved::{held_cube, held_image};
+use coloring::{ColorImage, CubeImage};
 use geometry::Stamp;
 use messages::{CubeTopic, ImageTopic, TrajectoryTopic};
 use stage::{Inputs, Outputs, Received, StepError};
@@ -26,10 +24,10 @@ impl Colorize {
     pub(super) fn take_exposures(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) {
         for image in inputs.take::<ImageTopic>() {
             if self.color_image(&image).is_some() {
-                self.held.images.add(image);
+                self.held.images.add(held_image(image));
             } else {
-                self.held.images.refuse(&image);
                 let header = image.header();
+                self.held.images.refuse(header.camera);
                 outputs.count("images_unusable", 1);
                 outputs.note(format!(
                     "images of camera {} with {}x{} px and {} channels do not match the rig: ignored",
@@ -38,11 +36,11 @@ impl Colorize {
             }
         }
         for cube in inputs.take::<CubeTopic>() {
-            if self.cube_image(&cube).is_some() && self.has_expected_bands(&cube) {
-                self.held.cubes.add(cube);
+            if self.cube_image(&cube).is_some() && self.bands.accept(cube.header()) {
+                self.held.cubes.add(held_cube(cube));
             } else {
-                self.held.cubes.refuse(&cube);
                 let header = cube.header();
+                self.held.cubes.refuse(header.camera);
                 outputs.count("cubes_unusable", 1);
                 outputs.note(format!(
                     "cubes of mosaic camera {} with {}x{} cells of {} bands do not match the rig: ignored",
@@ -55,52 +53,12 @@ impl Colorize {
     /// The pixels of an image; `None` if its header does not match the rig.
     pub(super) fn color_image<'a>(&self, image: &'a Received<ImageTopic>) -> Option<ColorImage<'a>> {
         let header = image.header();
-        let camera = self.cameras.get(header.camera as usize)?;
-        let fits = camera.size() == [header.width, header.height] && header.channels == 3;
-        ColorImage::new(header.camera as u8, header.width, header.height, image.rows()).filter(|_| fits)
+        ColorImage::of_camera(self.cameras.get(header.camera as usize)?, header, image.rows())
     }
 
     /// The cells of a cube; `None` if its header does not match the rig.
     pub(super) fn cube_image<'a>(&self, cube: &'a Received<CubeTopic>) -> Option<CubeImage<'a>> {
-        let header = cube.header();
-        let camera = header.camera as usize;
-        let [width, height] = self.mosaics.get(camera)?.size().map(u64::from);
-        let end = |first: u32, n_cells: u32| u64::from(first) + u64::from(n_cells) * u64::from(header.pattern);
-        let fits = end(header.x0, header.width) <= width
-            && end(header.y0, header.height) <= height
-            && (header.pattern == self.patterns[camera] || header.pattern == 1);
-        CubeImage::new(header, cube.rows()).filter(|_| fits)
+        let (header, camera) = (cube.header(), cube.header().camera as usize);
+        CubeImage::of_camera(self.mosaics.get(camera)?, *self.patterns.get(camera)?, header, cube.rows())
     }
-
-    /// Whether the cube has the bands of its camera. The first cube of a camera defines them, because `calibrate` decides
-    /// whether cubes are corrected.
-    fn has_expected_bands(&mut self, cube: &Received<CubeTopic>) -> bool {
-        let header = cube.header();
-        let Some(wavelengths_nm) = header.wavelengths_nm.get(..header.n_bands as usize) else { return false };
-        if let Some(known) = self.held.bands_nm.get(&header.camera) {
-            return known == wavelengths_nm;
-        }
-        self.held.bands_nm.insert(header.camera, wavelengths_nm.to_vec());
-        if let Ok(bands) = Bands::of_first_cubes(&self.expected_nm, &self.held.bands_nm) {
-            self.bands = bands;
-            return true;
-        }
-        self.held.bands_nm.remove(&header.camera);
-        false
-    }
-}
-
-/// The virtual bands of the camera calibration if there is one, because `calibrate` corrects by default; otherwise the bands
-/// of the filters.
-fn expected_nm(entry: &MosaicEntry, sensor: Option<&SensorCalibration>) -> Vec<f32> {
-    match sensor.and_then(SensorCalibration::reflectance_matrix) {
-        Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
-        None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
-    }
-}
-
-/// The expected bands of all mosaic cameras, nm.
-pub(super) fn expected_bands(drive: &Drive) -> Vec<Vec<f32>> {
-    let mosaics = drive.manifest().mosaics.iter().zip(drive.sensors());
-    mosaics.map(|(entry, sensor)| expected_nm(entry, sensor.as_ref())).collect()
 }

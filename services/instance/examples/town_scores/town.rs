@@ -2,8 +2,8 @@
 
 use formats::drive::{Drive, SweepInfo, TrueLabel};
 use formats::velodyne::SweepPoint;
-use geometry::{Point3, Pose, Stamp, Trajectory, UnitQuaternion, Vector3};
-use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use geometry::{Point3, Pose, Stamp, Trajectory, Vector3};
+use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep, pose_numbers};
 use segmentation::{ModelInput, Segmenter};
 use simulation::{DriveSpec, Town};
 use std::path::Path;
@@ -34,9 +34,7 @@ impl TownSubmap {
     }
 
     fn begin(world_from_body: &Pose) -> Self {
-        // At the body, turned with it about z.
-        let forward = world_from_body.rotation * Vector3::x();
-        let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x));
+        let rotation = geometry::heading(&world_from_body.rotation);
         let world_from_submap = Pose::from_parts(world_from_body.translation, rotation).into();
         let header = SubmapHeader { world_from_submap, n_rings: N_RINGS, ..SubmapHeader::default() };
         Self { header: Box::new(header), points: Vec::new(), truth: Vec::new() }
@@ -69,17 +67,12 @@ impl TownSubmap {
             duration_nanos: sweep.duration_nanos,
             first_point,
             n_points: self.points.len() as u32 - first_point,
-            submap_from_lidar_begin: numbers(&begin),
-            submap_from_lidar_end: numbers(&end),
+            submap_from_lidar_begin: pose_numbers(&begin),
+            submap_from_lidar_end: pose_numbers(&end),
             ..SubmapSweep::default()
         };
         self.header.n_sweeps += 1;
     }
-}
-
-fn numbers(pose: &Pose) -> [f32; 7] {
-    let (t, q) = (pose.translation.vector, pose.rotation.coords);
-    [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|v| v as f32)
 }
 
 struct Truth {

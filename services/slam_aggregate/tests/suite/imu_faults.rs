@@ -1,34 +1,20 @@
 //! Inertial units that are mounted, wired or logged wrongly: each is corrected by name or not used.
 
-use crate::world::{Drive, body_from_lidar};
+use crate::street::{RawSweep, STREET, raw, send};
+use crate::world::body_from_lidar;
 use geometry::{UnitQuaternion, Vector3};
-use messages::{ImuRow, ImuTopic, NoHeader, PlacementTopic, SweepHeader, SweepPoint, SweepTopic, TrajectoryTopic};
+use messages::{ImuRow, ImuTopic, NoHeader, PlacementTopic, TrajectoryTopic};
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::testing::Bench;
 use std::sync::LazyLock;
 
-const STREET: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
 /// Eight seconds: the road winds, and the vehicle brakes and accelerates.
 const N_SWEEPS: u32 = 80;
 /// Samples per second.
 const RATE_HZ: i64 = 100;
 const GRAVITY: f64 = 9.806_65;
 
-static SWEEPS: LazyLock<Vec<(i64, Vec<SweepPoint>)>> = LazyLock::new(|| {
-    let sweep = |number: u32| {
-        let sweep = STREET.sweep(number);
-        let row = |point: &registration::TimedPoint| SweepPoint {
-            x: point.position[0],
-            y: point.position[1],
-            z: point.position[2],
-            offset_nanos: point.offset_nanos,
-            ring: point.ring,
-            ..SweepPoint::default()
-        };
-        (sweep.stamp().0, sweep.points().iter().map(row).collect())
-    };
-    (0..N_SWEEPS).map(sweep).collect()
-});
+static SWEEPS: LazyLock<Vec<RawSweep>> = LazyLock::new(|| (0..N_SWEEPS).map(raw).collect());
 
 /// What a unit reports: specific force and angular rate at a time, s.
 type Unit<'a> = &'a dyn Fn(f64) -> (Vector3<f64>, Vector3<f64>);
@@ -61,19 +47,18 @@ fn drive(settings: &Settings, unit: Option<Unit<'_>>) -> Driven {
             }
         }
     };
-    for (stamp, rows) in SWEEPS.iter() {
+    for raw in SWEEPS.iter() {
         if let Some(unit) = unit {
-            let end = (stamp + 100_000_000) * RATE_HZ / 1_000_000_000;
+            let end = (raw.stamp + 100_000_000) * RATE_HZ / 1_000_000_000;
             let row = |i: i64| {
                 let (force, rate) = unit(i as f64 / RATE_HZ as f64);
                 let stamp = i * 1_000_000_000 / RATE_HZ;
                 ImuRow { stamp, acceleration: force.into(), angular_rate: rate.into() }
             };
-            bench.send::<ImuTopic>(*stamp, NoHeader::default(), (next..end).map(row).collect());
+            bench.send::<ImuTopic>(raw.stamp, NoHeader::default(), (next..end).map(row).collect());
             next = end;
         }
-        let header = SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 };
-        bench.send::<SweepTopic>(*stamp, header, rows.clone());
+        send(&mut bench, raw);
         bench.tick().unwrap();
         check(&mut bench);
     }

@@ -1,35 +1,19 @@
 //! Placement of the submaps: by fixes, by gravity, and with the same bytes after any restart.
 
-use crate::world::{Drive, body_from_lidar};
+use crate::gnss_row::gnss_row;
+use crate::street::{RawSweep, STREET, raw, send};
+use crate::world::body_from_lidar;
 use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, UnitQuaternion, Vector3};
-use messages::{
-    FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, GnssTopic, ImuRow, ImuTopic, NoHeader, PlacementTopic, SweepHeader,
-    SweepPoint, SweepTopic,
-};
+use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, GnssTopic, ImuRow, ImuTopic, NoHeader, PlacementTopic};
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::Received;
 use stage::testing::Bench;
 use std::sync::LazyLock;
 
-const STREET: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
 /// 42 m: enough to determine north.
 const N_SWEEPS: u32 = 42;
 
-static SWEEPS: LazyLock<Vec<(i64, Vec<SweepPoint>)>> = LazyLock::new(|| {
-    let sweep = |number: u32| {
-        let sweep = STREET.sweep(number);
-        let row = |point: &registration::TimedPoint| SweepPoint {
-            x: point.position[0],
-            y: point.position[1],
-            z: point.position[2],
-            offset_nanos: point.offset_nanos,
-            ring: point.ring,
-            ..SweepPoint::default()
-        };
-        (sweep.stamp().0, sweep.points().iter().map(row).collect())
-    };
-    (0..N_SWEEPS).map(sweep).collect()
-});
+static SWEEPS: LazyLock<Vec<RawSweep>> = LazyLock::new(|| (0..N_SWEEPS).map(raw).collect());
 
 /// Other sensors in the tick of a sweep.
 struct OtherSensors<'a> {
@@ -46,10 +30,9 @@ fn settings(correct: &[&str]) -> Settings {
 }
 
 fn feed(bench: &mut Bench<SlamAggregate>, number: usize, others: &OtherSensors<'_>) {
-    let (stamp, rows) = &SWEEPS[number];
-    let header = SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 };
-    bench.send::<SweepTopic>(*stamp, header, rows.clone());
-    let second = *stamp as f64 * 1e-9;
+    let raw = &SWEEPS[number];
+    send(bench, raw);
+    let second = raw.stamp as f64 * 1e-9;
     if number.is_multiple_of(2)
         && let Some(row) = (others.fixes)(second + 0.03)
     {
@@ -57,7 +40,7 @@ fn feed(bench: &mut Bench<SlamAggregate>, number: usize, others: &OtherSensors<'
     }
     if let Some(upright_from_street) = &others.upright_from_street {
         let row = |k: u32| inertial(upright_from_street, second + 0.01 * f64::from(k));
-        bench.send::<ImuTopic>(*stamp, NoHeader::default(), (0..10).map(row).collect());
+        bench.send::<ImuTopic>(raw.stamp, NoHeader::default(), (0..10).map(row).collect());
     }
     bench.tick().unwrap();
 }
@@ -104,18 +87,7 @@ fn fix(second: f64, error: Vector3<f64>) -> GnssRow {
     let antenna = world_from_street() * STREET.world_from_body(second).translation.vector + error;
     let place = frame.geodetic_from_world(&Point3::from(antenna));
     let velocity = world_from_street().rotation * STREET.velocity(second);
-    GnssRow {
-        stamp: (second * 1e9).round() as i64,
-        latitude_deg: place.latitude_deg,
-        longitude_deg: place.longitude_deg,
-        altitude_m: place.altitude_m,
-        speed_mps: velocity.xy().norm(),
-        course_deg: velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0),
-        hdop: 1.0,
-        satellites: 12,
-        quality: 2,
-        ..GnssRow::default()
-    }
+    gnss_row(second, &place, &velocity)
 }
 
 #[test]

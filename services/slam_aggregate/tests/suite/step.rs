@@ -1,42 +1,17 @@
 //! The stage tick by tick: a synthetic street with ground truth, and real sweeps without point times.
 
-use crate::world::{Drive, body_from_lidar};
-use geometry::{Isometry3, Point3, Pose, Quaternion, Translation3, UnitQuaternion, interpolate};
+use crate::gnss_row::gnss_row;
+use crate::street::{RawSweep, STREET, imu_row, raw, send};
+use crate::world::body_from_lidar;
+use geometry::{Geodetic, Isometry3, Point3, Pose, Quaternion, Translation3, UnitQuaternion, interpolate};
 use messages::{
-    GnssRow, GnssTopic, ImuRow, ImuTopic, NoHeader, POINT_INCIDENCE_UNKNOWN, SubmapSweep, SubmapTopic, SweepHeader,
-    SweepPoint, SweepTopic, TrajectoryTopic,
+    GnssRow, GnssTopic, ImuTopic, NoHeader, POINT_INCIDENCE_UNKNOWN, SubmapSweep, SubmapTopic, SweepHeader, SweepPoint,
+    SweepTopic, TrajectoryTopic,
 };
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::testing::{Bench, context};
 use stage::{Received, Stage};
 use std::path::Path;
-
-const STREET: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
-
-/// One sweep of the street as `acquire` publishes it.
-struct RawSweep {
-    stamp: i64,
-    header: SweepHeader,
-    rows: Vec<SweepPoint>,
-}
-
-fn raw(number: u32) -> RawSweep {
-    let sweep = STREET.sweep(number);
-    let row = |(idx, point): (usize, &registration::TimedPoint)| SweepPoint {
-        x: point.position[0],
-        y: point.position[1],
-        z: point.position[2],
-        offset_nanos: point.offset_nanos,
-        azimuth: (point.offset_nanos / 2778 % 36_000) as u16,
-        intensity: (idx % 251) as u8,
-        ring: point.ring,
-    };
-    RawSweep {
-        stamp: sweep.stamp().0,
-        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 },
-        rows: sweep.points().iter().enumerate().map(row).collect(),
-    }
-}
 
 fn bench(settings: &Settings) -> Bench<SlamAggregate> {
     Bench::with_stage(SlamAggregate::with_mounting(settings, body_from_lidar()))
@@ -45,30 +20,17 @@ fn bench(settings: &Settings) -> Bench<SlamAggregate> {
 /// The inertial samples and fixes of a sweep's time, and the sweep.
 fn feed_with_sensors(bench: &mut Bench<SlamAggregate>, raw: &RawSweep) {
     let first = (raw.stamp + 9_999_999) / 10_000_000;
-    let sample = |i: i64| {
-        let (force, rate) = STREET.inertial((first + i) as f64 * 0.01);
-        ImuRow { stamp: (first + i) * 10_000_000, acceleration: force.into(), angular_rate: rate.into() }
-    };
+    let sample = |i: i64| imu_row((first + i) * 10_000_000);
     bench.send::<ImuTopic>(raw.stamp, NoHeader::default(), (0..10).map(sample).collect());
-    let velocity = STREET.velocity(raw.stamp as f64 * 1e-9);
-    let fix = GnssRow {
-        stamp: raw.stamp,
-        latitude_deg: 48.8,
-        longitude_deg: 2.3,
-        altitude_m: 100.0,
-        speed_mps: velocity.xy().norm(),
-        course_deg: velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0),
-        hdop: 1.0,
-        satellites: 9,
-        quality: 1,
-        reserved: 0,
-    };
+    let second = raw.stamp as f64 * 1e-9;
+    let fix = gnss_row(second, &Geodetic::new(48.8, 2.3, 100.0).unwrap(), &STREET.velocity(second));
+    let fix = GnssRow { satellites: 9, quality: 1, ..fix };
     bench.send::<GnssTopic>(raw.stamp, NoHeader::default(), vec![fix]);
     feed(bench, raw);
 }
 
 fn feed(bench: &mut Bench<SlamAggregate>, raw: &RawSweep) {
-    bench.send::<SweepTopic>(raw.stamp, raw.header, raw.rows.clone());
+    send(bench, raw);
     bench.tick().unwrap();
 }
 

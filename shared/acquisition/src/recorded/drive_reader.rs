@@ -123,8 +123,20 @@ pub struct Due<'a> {
     pub bad_imu_lines: (u64, Option<ImuError>),
 }
 
+/// Why a drive cannot be read, found before the run starts. A folder that is missing may be simulated first; the supervisor checks
+/// that.
+pub fn drive_problems(folder: &Path) -> Vec<String> {
+    if !folder.exists() {
+        return Vec::new();
+    }
+    match Drive::open(folder) {
+        Ok(drive) => wrong_captures(&drive).into_iter().collect(),
+        Err(error) => error.problems.iter().map(ToString::to_string).collect(),
+    }
+}
+
 /// Why no sweep can be read from the captures of a drive: found from their first packets, before the run starts.
-pub fn wrong_captures(drive: &Drive) -> Option<String> {
+fn wrong_captures(drive: &Drive) -> Option<String> {
     if drive.manifest().lidar.format != "pcap" {
         return None;
     }

@@ -1,15 +1,15 @@
 //! Records of a capture of either format: stamp, link type and captured bytes.
 
-use super::PcapError;
+use super::{Damage, PcapError};
 use geometry::Stamp;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// Longest frame, bytes: the limit of libpcap. Longer frames are damage.
-const MAX_FRAME: u32 = 256 * 1024;
+pub(super) const MAX_FRAME: u32 = 256 * 1024;
 /// Most interfaces of a section.
-const MAX_INTERFACES: usize = 256;
+pub(super) const MAX_INTERFACES: usize = 256;
 
 const SECTION: u32 = 0x0a0d_0d0a;
 const INTERFACE: u32 = 1;
@@ -66,7 +66,7 @@ pub(super) struct Records {
 enum ReadFault {
     Cut,
     Io(io::Error),
-    Rule(String),
+    Damage(Damage),
 }
 
 impl From<io::Error> for ReadFault {
@@ -81,21 +81,21 @@ impl Records {
         // A buffer holds about 200 packets.
         let mut file = BufReader::with_capacity(256 * 1024, File::open(path).map_err(io)?);
         let mut magic = [0; 4];
-        let damaged = |rule: String| PcapError::Damaged { path: path.to_owned(), offset: 0, rule };
-        file.read_exact(&mut magic).map_err(|_| damaged("the file is shorter than the header of a capture".into()))?;
+        let damaged = |damage| PcapError::Damaged { path: path.to_owned(), offset: 0, damage };
+        file.read_exact(&mut magic).map_err(|_| damaged(Damage::NoHeader))?;
         let (big_endian, format) = match u32::from_le_bytes(magic) {
             0xa1b2_c3d4 => (false, Format::Classic { link: 0, fraction_nanos: 1000 }),
             0xa1b2_3c4d => (false, Format::Classic { link: 0, fraction_nanos: 1 }),
             0xd4c3_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1000 }),
             0x4d3c_b2a1 => (true, Format::Classic { link: 0, fraction_nanos: 1 }),
             SECTION => (false, Format::Ng { interfaces: Vec::new(), last_stamp: Stamp(0) }),
-            other => return Err(damaged(format!("magic number {other:08x} is neither pcap nor pcapng"))),
+            other => return Err(damaged(Damage::Magic(other))),
         };
         let mut records = Self { path: path.to_owned(), file, offset: 4, big_endian, format, frame: Vec::new() };
         match &records.format {
             Format::Classic { .. } => {
                 let mut header = [0; 20];
-                records.file.read_exact(&mut header).map_err(|_| damaged("the file ends inside the header".into()))?;
+                records.file.read_exact(&mut header).map_err(|_| damaged(Damage::CutHeader))?;
                 records.offset = 24;
                 // The upper bits describe frame check sequences.
                 let link_type = records.u32_at(&header, 16) & 0x0fff_ffff;
@@ -154,7 +154,9 @@ impl Records {
             Ok(None) => Ok(Next::End),
             Err(ReadFault::Cut) => Ok(Next::Cut),
             Err(ReadFault::Io(cause)) => Err(PcapError::Io { path: self.path.clone(), cause }),
-            Err(ReadFault::Rule(rule)) => Err(PcapError::Damaged { path: self.path.clone(), offset: start, rule }),
+            Err(ReadFault::Damage(damage)) => {
+                Err(PcapError::Damaged { path: self.path.clone(), offset: start, damage })
+            }
         }
     }
 
@@ -163,10 +165,8 @@ impl Records {
         let [seconds, fraction, captured, wire] = [0, 4, 8, 12].map(|at| self.u32_at(&header, at));
         let fraction = i64::from(fraction) * fraction_nanos;
         if captured > MAX_FRAME || fraction >= 1_000_000_000 {
-            return Err(ReadFault::Rule(format!(
-                "record of {captured} bytes ({wire} on the wire) at {seconds} s and {fraction} ns; expected at most \
-                 {MAX_FRAME} bytes and less than 1000000000 ns"
-            )));
+            let damage = Damage::Record { captured, wire, seconds, fraction_nanos: fraction };
+            return Err(ReadFault::Damage(damage));
         }
         self.read_frame(captured)?;
         let record = Record { offset: self.offset, stamp: Stamp(i64::from(seconds) * 1_000_000_000 + fraction), link };
@@ -182,17 +182,13 @@ impl Records {
             }
             let (kind, total) = (self.u32_at(&head, 0), self.u32_at(&head, 4));
             if total < 12 || !total.is_multiple_of(4) {
-                return Err(ReadFault::Rule(format!(
-                    "block of {total} bytes; expected at least 12 and a multiple of 4"
-                )));
+                return Err(ReadFault::Damage(Damage::BlockLength(total)));
             }
             let start = self.offset;
             if matches!(kind, INTERFACE | OLD_PACKET | SIMPLE_PACKET | PACKET) {
                 let rest = total - 12;
                 if rest > MAX_FRAME + 1024 {
-                    return Err(ReadFault::Rule(format!(
-                        "packet block of {total} bytes; a frame has at most {MAX_FRAME}"
-                    )));
+                    return Err(ReadFault::Damage(Damage::PacketBlock(total)));
                 }
                 self.read_frame(rest)?;
                 // The frame now ends with the length of the block. The first word of the block is in `head`.
@@ -213,7 +209,7 @@ impl Records {
         self.big_endian = match u32::from_le_bytes([head[8], head[9], head[10], head[11]]) {
             BYTE_ORDER_MAGIC => false,
             magic if magic.swap_bytes() == BYTE_ORDER_MAGIC => true,
-            other => return Err(ReadFault::Rule(format!("section with byte-order magic {other:08x}"))),
+            other => return Err(ReadFault::Damage(Damage::ByteOrder(other))),
         };
         if let Format::Ng { interfaces, .. } = &mut self.format {
             interfaces.clear();
@@ -229,7 +225,7 @@ impl Records {
         let Format::Ng { interfaces, last_stamp } = &mut self.format else { return Ok(None) };
         if kind == INTERFACE {
             if interfaces.len() == MAX_INTERFACES {
-                return Err(ReadFault::Rule(format!("more than {MAX_INTERFACES} interfaces")));
+                return Err(ReadFault::Damage(Damage::Interfaces));
             }
             interfaces.push(Interface::new(first_word, &self.frame, big_endian));
             return Ok(None);
@@ -241,7 +237,8 @@ impl Records {
             _ => (first_word, 16, words[2]),
         };
         let Some(interface) = interfaces.get(index as usize) else {
-            return Err(ReadFault::Rule(format!("packet of interface {index}; {} are declared", interfaces.len())));
+            let damage = Damage::Interface { index, n_declared: interfaces.len() };
+            return Err(ReadFault::Damage(damage));
         };
         if kind != SIMPLE_PACKET {
             *last_stamp = interface.stamp(u64::from(words[0]) << 32 | u64::from(words[1]));
@@ -251,7 +248,7 @@ impl Records {
         let room = n_bytes.saturating_sub(header + 4);
         let captured = captured as usize;
         if captured > room && kind != SIMPLE_PACKET {
-            return Err(ReadFault::Rule(format!("packet of {captured} bytes in a block with room for {room}")));
+            return Err(ReadFault::Damage(Damage::PacketLength { captured, room }));
         }
         self.frame.truncate(header + captured.min(room));
         self.frame.drain(..header.min(self.frame.len()));

@@ -18,14 +18,14 @@ pub enum PlyError {
         cause: io::Error,
     },
     /// The header of a file is invalid.
-    #[error("{path}: header line {line}: {rule}", path = path.display())]
+    #[error("{path}: header line {line}: {fault}", path = path.display())]
     Header {
         /// The file.
         path: PathBuf,
         /// Counted from 1.
         line: usize,
         /// What was found and what was expected.
-        rule: String,
+        fault: HeaderFault,
     },
     /// A header that common readers would not read is not written.
     #[error("{path}: header line {line}: {reason}", path = path.display())]
@@ -38,14 +38,14 @@ pub enum PlyError {
         reason: UnwritableHeader,
     },
     /// The rows of a file are truncated or not numbers.
-    #[error("{path}: byte {byte}: {rule}", path = path.display())]
+    #[error("{path}: byte {byte}: {fault}", path = path.display())]
     Payload {
         /// The file.
         path: PathBuf,
         /// Counted from 0.
         byte: usize,
         /// What was found and what was expected.
-        rule: String,
+        fault: PayloadFault,
     },
     /// A row to be written does not match the header.
     #[error("{path}: point {point}: {reason}", path = path.display())]
@@ -68,15 +68,44 @@ pub enum PlyError {
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A requested column does not exist or has another type.
-    #[error("{path}: property {name}: {rule}", path = path.display())]
+    #[error("{path}: property {name}: {fault}", path = path.display())]
     Property {
         /// The file.
         path: PathBuf,
         /// Requested name.
         name: String,
         /// What the file contains.
-        rule: String,
+        fault: PropertyFault,
     },
+}
+
+/// A header that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum HeaderFault {
+    /// The file is something else.
+    #[error("not a PLY file: expected `ply`")]
+    NoMagic,
+    /// The header does not end.
+    #[error("the header ends without `end_header`")]
+    NoEnd,
+    /// The file has no points.
+    #[error("no element `vertex`")]
+    NoVertex,
+    /// Points have no columns.
+    #[error("{n_points} vertices have no scalar property")]
+    NoScalar {
+        /// Points that the header declares.
+        n_points: usize,
+    },
+    /// A name occurs twice.
+    #[error("two properties or elements have the same name")]
+    DuplicateName,
+    /// A file whose rows cannot be changed in place.
+    #[error("expected format binary_little_endian and vertices of scalars")]
+    NotPlain,
+    /// The parser refuses a line.
+    #[error("{0}")]
+    Parser(String),
 }
 
 /// A header line that common readers would not read.
@@ -106,6 +135,53 @@ pub enum UnwritableHeader {
         name: String,
         /// Its type.
         kind: &'static str,
+    },
+}
+
+/// A column that the file does not have as requested.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PropertyFault {
+    /// No property has the name.
+    #[error("no such property; the file has {}", .known.join(" "))]
+    Missing {
+        /// The properties of the file.
+        known: Vec<String>,
+    },
+    /// A value is not an integer.
+    #[error("point {point} has {value}, not an integer")]
+    NotInteger {
+        /// Counted from 0.
+        point: usize,
+        /// As found.
+        value: f64,
+    },
+    /// A value does not fit into a byte.
+    #[error("{0} is not within 0 to 255")]
+    NotByte(i64),
+}
+
+/// Rows that are truncated or not numbers.
+#[derive(Debug, thiserror::Error)]
+pub enum PayloadFault {
+    /// The file is shorter than its header declares.
+    #[error("the file ends before the {n_rows} rows of {element}, {row_size} bytes each")]
+    Cut {
+        /// Rows that the header declares.
+        n_rows: usize,
+        /// Name of the element.
+        element: String,
+        /// Bytes of a row.
+        row_size: usize,
+    },
+    /// A row cannot be read.
+    #[error("row {row} of {element}: {cause}")]
+    Row {
+        /// Counted from 0.
+        row: usize,
+        /// Name of the element.
+        element: String,
+        /// Error of the parser.
+        cause: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
@@ -144,10 +220,10 @@ impl PlyError {
     pub(super) fn io(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Self {
         move |cause| PlyError::Io { path: path.to_owned(), action, cause }
     }
-    pub(super) fn header(path: &Path, line: usize, rule: impl Into<String>) -> Self {
-        PlyError::Header { path: path.to_owned(), line, rule: rule.into() }
+    pub(super) fn header(path: &Path, line: usize, fault: HeaderFault) -> Self {
+        PlyError::Header { path: path.to_owned(), line, fault }
     }
-    pub(super) fn payload(path: &Path, byte: usize, rule: impl Into<String>) -> Self {
-        PlyError::Payload { path: path.to_owned(), byte, rule: rule.into() }
+    pub(super) fn payload(path: &Path, byte: usize, fault: PayloadFault) -> Self {
+        PlyError::Payload { path: path.to_owned(), byte, fault }
     }
 }

@@ -1,7 +1,7 @@
 //! Files that are not plain little-endian rows: ASCII, big-endian, and files with lists. ply-rs decodes them one row at a time;
 //! the scalars are packed as in a plain file.
 
-use super::PlyError;
+use super::{PayloadFault, PlyError};
 use ply_rs::parser::{ParseError, Parser};
 use ply_rs::ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult};
 use std::path::Path;
@@ -62,8 +62,10 @@ pub(super) fn packed_rows(head: &Header, bytes: &[u8], start: usize, path: &Path
                     parser.read_little_endian_element(&mut rest, element).map_err(RowError::Parse)
                 }
             };
-            let values = values
-                .map_err(|error| PlyError::payload(path, at, format!("row {row} of {}: {error}", element.name)))?;
+            let values = values.map_err(|error| {
+                let fault = PayloadFault::Row { row, element: element.name.clone(), cause: Box::new(error) };
+                PlyError::payload(path, at, fault)
+            })?;
             if element.name == "vertex" {
                 packed.extend_from_slice(&values.0);
             }

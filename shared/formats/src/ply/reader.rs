@@ -1,6 +1,6 @@
 //! Reading whole clouds.
 
-use super::{Kind, PlyError, Property, packed};
+use super::{HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use std::ops::Range;
@@ -32,11 +32,11 @@ impl Vertices {
     pub fn decode(bytes: Vec<u8>, path: &Path) -> Result<Self, PlyError> {
         let start = header_len(&bytes, path)?;
         let head = parse_header(&bytes[..start], path)?;
-        let vertex = head.elements.get("vertex").ok_or_else(|| PlyError::header(path, 1, "no element `vertex`"))?;
+        let vertex = head.elements.get("vertex").ok_or_else(|| PlyError::header(path, 1, HeaderFault::NoVertex))?;
         let properties = scalar_properties(vertex);
         let row_size: usize = properties.iter().map(|property| property.kind.size()).sum();
         if row_size == 0 && vertex.count > 0 {
-            return Err(PlyError::header(path, 1, format!("{} vertices have no scalar property", vertex.count)));
+            return Err(PlyError::header(path, 1, HeaderFault::NoScalar { n_points: vertex.count }));
         }
         let mut vertices = Self {
             path: path.to_owned(),
@@ -115,9 +115,7 @@ impl Vertices {
         let values = self.f64s(name)?;
         // 2^53: up to here every integer is an f64.
         match values.iter().position(|value| value.fract() != 0.0 || value.abs() > 9_007_199_254_740_992.0) {
-            Some(point) => {
-                Err(self.property_error(name, format!("point {point} has {}, not an integer", values[point])))
-            }
+            Some(point) => Err(self.property_error(name, PropertyFault::NotInteger { point, value: values[point] })),
             None => Ok(values.into_iter().map(|value| value as i64).collect()),
         }
     }
@@ -127,9 +125,8 @@ impl Vertices {
         if let (Kind::UChar, at) = self.column(name)? {
             return Ok(self.gather(at, u8::from_le_bytes));
         }
-        let small = |value: i64| {
-            u8::try_from(value).map_err(|_| self.property_error(name, format!("{value} is not within 0 to 255")))
-        };
+        let small =
+            |value: i64| u8::try_from(value).map_err(|_| self.property_error(name, PropertyFault::NotByte(value)));
         self.i64s(name)?.into_iter().map(small).collect()
     }
 
@@ -141,8 +138,8 @@ impl Vertices {
             }
             at += property.kind.size();
         }
-        let known: Vec<&str> = self.properties.iter().map(|property| property.name.as_str()).collect();
-        Err(self.property_error(name, format!("no such property; the file has {}", known.join(" "))))
+        let known = self.properties.iter().map(|property| property.name.clone()).collect();
+        Err(self.property_error(name, PropertyFault::Missing { known }))
     }
 
     fn gather<const N: usize, T>(&self, at: usize, value: impl Fn([u8; N]) -> T) -> Vec<T> {
@@ -150,15 +147,15 @@ impl Vertices {
         self.rows().chunks_exact(self.row_size.max(1)).filter_map(field).collect()
     }
 
-    fn property_error(&self, name: &str, rule: String) -> PlyError {
-        PlyError::Property { path: self.path.clone(), name: name.to_owned(), rule }
+    fn property_error(&self, name: &str, fault: PropertyFault) -> PlyError {
+        PlyError::Property { path: self.path.clone(), name: name.to_owned(), fault }
     }
 }
 
 /// Offset of the first row.
 pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
     if !bytes.starts_with(b"ply") {
-        return Err(PlyError::header(path, 1, "not a PLY file: expected `ply`"));
+        return Err(PlyError::header(path, 1, HeaderFault::NoMagic));
     }
     let mut start = 0;
     for (index, line) in bytes[..bytes.len().min(MAX_HEADER)].split_inclusive(|byte| *byte == b'\n').enumerate() {
@@ -167,22 +164,22 @@ pub(super) fn header_len(bytes: &[u8], path: &Path) -> Result<usize, PlyError> {
             return Ok(start);
         }
         if !line.ends_with(b"\n") {
-            return Err(PlyError::header(path, index + 1, "the header ends without `end_header`"));
+            return Err(PlyError::header(path, index + 1, HeaderFault::NoEnd));
         }
     }
-    Err(PlyError::header(path, 1, "the header ends without `end_header`"))
+    Err(PlyError::header(path, 1, HeaderFault::NoEnd))
 }
 
 pub(super) fn parse_header(bytes: &[u8], path: &Path) -> Result<ply_rs::ply::Header, PlyError> {
     let head = Parser::<DefaultElement>::new()
         .read_header(&mut Reader::new(bytes))
-        .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), error.to_string()))?;
+        .map_err(|error| PlyError::header(path, error.line().unwrap_or(1), HeaderFault::Parser(error.to_string())))?;
     // Of two properties with the same name the parser keeps the last, which would shift all later fields.
     let lines = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"property")).count();
     let kept: usize = head.elements.values().map(|element| element.properties.len()).sum();
     let elements = bytes.split(|byte| *byte == b'\n').filter(|line| line.starts_with(b"element")).count();
     if lines != kept || elements != head.elements.len() {
-        return Err(PlyError::header(path, 1, "two properties or elements have the same name"));
+        return Err(PlyError::header(path, 1, HeaderFault::DuplicateName));
     }
     Ok(head)
 }
@@ -214,14 +211,13 @@ pub(super) fn plain_rows(
         let row_size: usize = scalar_properties(element).iter().map(|property| property.kind.size()).sum();
         let end = element.count.checked_mul(row_size).and_then(|size| size.checked_add(start));
         let Some(end) = end.filter(|end| *end <= len) else {
-            let rule =
-                format!("the file ends before the {} rows of {}, {row_size} bytes each", element.count, element.name);
-            return Err(PlyError::payload(path, len, rule));
+            let fault = PayloadFault::Cut { n_rows: element.count, element: element.name.clone(), row_size };
+            return Err(PlyError::payload(path, len, fault));
         };
         if element.name == "vertex" {
             return Ok(start..end);
         }
         start = end;
     }
-    Err(PlyError::header(path, 1, "no element `vertex`"))
+    Err(PlyError::header(path, 1, HeaderFault::NoVertex))
 }

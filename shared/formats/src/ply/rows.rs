@@ -1,7 +1,7 @@
 //! Reading clouds block by block.
 
 use super::reader::{MAX_HEADER, header_len, is_plain, parse_header, plain_rows, scalar_properties};
-use super::{Header, PlyError};
+use super::{Header, HeaderFault, PlyError};
 use ply_rs::ply::Encoding;
 use std::fs::File;
 use std::io::Read;
@@ -32,7 +32,7 @@ impl PlyRows {
         let head = parse_header(&bytes[..start], path)?;
         let vertex = head.elements.get("vertex").filter(|vertex| is_plain(&head, vertex));
         let Some(vertex) = vertex.filter(|_| head.encoding == Encoding::BinaryLittleEndian) else {
-            return Err(PlyError::header(path, 1, "expected format binary_little_endian and vertices of scalars"));
+            return Err(PlyError::header(path, 1, HeaderFault::NotPlain));
         };
         let rows = plain_rows(&head, start, n_bytes as usize, path)?;
         let header = Header {

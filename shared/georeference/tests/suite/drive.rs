@@ -1,11 +1,12 @@
 //! A drive of two minutes through curves: its true motion, odometry with drift, and fixes with any error.
 
-use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, Vector3};
+use crate::gnss_row::gnss_row;
+use crate::matched;
+use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Vector3};
 use georeference::{GeoreferenceSettings, Georeferencer, Placed};
 use messages::GnssRow;
-use nalgebra::Matrix6;
 use random::{gauss, hash};
-use registration::{Matched, PredictionSources, Registered, SweepMotion};
+use registration::{Registered, SweepMotion};
 
 pub const SECONDS: i64 = 120;
 const SWEEP_NANOS: i64 = 100_000_000;
@@ -55,18 +56,7 @@ pub fn fix(second: i64, error: Vector3<f64>) -> GnssRow {
     let at = second as f64 + 0.05;
     let place = LocalFrame::new(origin()).geodetic_from_world(&(antenna(at) + error));
     let velocity = (antenna(at + 0.01) - antenna(at - 0.01)) / 0.02;
-    GnssRow {
-        stamp: (at * 1e9).round() as i64,
-        latitude_deg: place.latitude_deg,
-        longitude_deg: place.longitude_deg,
-        altitude_m: place.altitude_m,
-        speed_mps: velocity.xy().norm(),
-        course_deg: velocity.x.atan2(velocity.y).to_degrees().rem_euclid(360.0),
-        hdop: 1.0,
-        satellites: 12,
-        quality: 2,
-        ..GnssRow::default()
-    }
+    gnss_row(at, &place, &velocity)
 }
 
 pub fn placed(fixes: impl Fn(i64) -> Option<GnssRow>) -> Placed {
@@ -90,28 +80,7 @@ pub fn placed(fixes: impl Fn(i64) -> Option<GnssRow>) -> Placed {
 fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
     let translation = end.translation.vector - begin.translation.vector;
     let motion = SweepMotion { mid: *begin, translation, rotation: Vector3::zeros() };
-    let matched = Matched {
-        motion,
-        n_features: 1000,
-        n_matches: 1000,
-        rms_m: 0.02,
-        cost: 0.1,
-        least_influence: 0.1,
-        n_degenerate_directions: 0,
-        information: Matrix6::identity(),
-        step_information: Matrix6::identity(),
-        converged: true,
-    };
-    Registered {
-        stamp: Stamp(stamp),
-        duration_nanos: SWEEP_NANOS as u32,
-        motion,
-        matched: Some(matched),
-        predicted_by: PredictionSources { inertial: true, receiver: false },
-        map_restarted: false,
-        covariance: Matrix6::zeros(),
-        moving: Vec::new(),
-    }
+    matched::registered(stamp, SWEEP_NANOS as u32, motion, 1000, false)
 }
 
 /// Root mean square errors of the submaps: horizontal and up, m, and heading, degrees.

@@ -1,6 +1,6 @@
 //! Places of a simulated town that are visited twice, in the same and in the opposite direction, and similar places.
 
-use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
+use geometry::{Isometry3, Pose, Vector3};
 use georeference::{Keyframe, LoopFinder, LoopSettings, Places};
 use raytrace::Ray;
 use registration::{MapPoint, thinned};
@@ -43,16 +43,11 @@ fn map(seconds: f64, side: &Pose) -> Vec<MapPoint> {
     kept.into_iter().map(|k| points[k]).collect()
 }
 
-fn heading(pose: &Pose) -> UnitQuaternion<f64> {
-    let forward = pose.rotation * Vector3::x();
-    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), forward.y.atan2(forward.x))
-}
-
 /// The keyframe of a time, and the true pose of its submap. `drift` is the error of the odometry by then.
 fn keyframe(number: usize, seconds: f64, side: &Pose, drift: &Pose) -> (Keyframe, Pose) {
     let world_from_body = TOWN.motion.pose(seconds) * side;
     let begin = TOWN.motion.pose(seconds - 2.0) * side;
-    let world_from_submap = Isometry3::from_parts(begin.translation, heading(&begin));
+    let world_from_submap = Isometry3::from_parts(begin.translation, geometry::heading(&begin.rotation));
     let moved = |point: &MapPoint| MapPoint {
         position: (drift * geometry::Point3::from(point.position)).coords.into(),
         normal: (drift.rotation.cast::<f32>() * Vector3::from(point.normal)).into(),

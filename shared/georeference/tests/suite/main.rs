@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod drive;
+mod gnss_row;
 mod graph;
 mod loops;
+mod matched;
 mod placement;

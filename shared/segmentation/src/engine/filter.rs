@@ -53,6 +53,7 @@ impl Filter {
         let (row, lane) = self.shape.weight_position(out, input, tap);
         self.packed[row][lane]
     }
+    #[inline(always)]
     pub(super) fn bias(&self, out_block: usize) -> &Feature {
         &self.packed[blocks(self.shape.out_channels) * self.shape.rows_per_block() + out_block]
     }
@@ -62,6 +63,7 @@ impl Filter {
         &self.packed[out_block * self.shape.rows_per_block() + tap * LANES..][..LANES]
     }
     /// The filter for the Winograd kernel; empty if that cannot apply it.
+    #[inline(always)]
     pub(super) fn transformed(&self) -> &[Feature] {
         &self.transformed
     }

@@ -19,6 +19,7 @@ pub enum Border {
 }
 
 /// Number of blocks for a number of channels.
+#[inline(always)]
 pub const fn blocks(channels: usize) -> usize {
     channels.div_ceil(LANES)
 }
@@ -61,51 +62,51 @@ impl Planes {
         inner
     }
     /// Number of channels.
-    #[inline]
+    #[inline(always)]
     pub fn channels(&self) -> usize {
         self.channels
     }
     /// Number of rows.
-    #[inline]
+    #[inline(always)]
     pub fn height(&self) -> usize {
         self.height
     }
     /// Number of columns.
-    #[inline]
+    #[inline(always)]
     pub fn width(&self) -> usize {
         self.width
     }
     /// Number of blocks.
-    #[inline]
+    #[inline(always)]
     pub fn n_blocks(&self) -> usize {
         blocks(self.channels)
     }
     /// Pixels from one row to the next, with the border.
-    #[inline]
+    #[inline(always)]
     pub fn pitch(&self) -> usize {
         self.width + 2 * BORDER
     }
     /// Number of pixels of a block, with the border.
-    #[inline]
+    #[inline(always)]
     fn plane_len(&self) -> usize {
         self.pitch() * (self.height + 2 * BORDER)
     }
     /// A block with its border.
-    #[inline]
+    #[inline(always)]
     pub fn plane(&self, block: usize) -> &[Feature] {
         &self.pixels[block * self.plane_len()..][..self.plane_len()]
     }
-    #[inline]
+    #[inline(always)]
     fn start(&self, block: usize, y: usize) -> usize {
         block * self.plane_len() + (y + BORDER) * self.pitch() + BORDER
     }
     /// One row of a block without the border.
-    #[inline]
+    #[inline(always)]
     pub fn row(&self, block: usize, y: usize) -> &[Feature] {
         &self.pixels[self.start(block, y)..][..self.width]
     }
     /// One row of a block without the border. Call [`Planes::fill_border`] after all rows are written.
-    #[inline]
+    #[inline(always)]
     pub fn row_mut(&mut self, block: usize, y: usize) -> &mut [Feature] {
         let (start, width) = (self.start(block, y), self.width);
         &mut self.pixels[start..][..width]

@@ -19,10 +19,12 @@ pub struct Shape {
 
 impl Shape {
     /// Number of blocks of all sources.
+    #[inline(always)]
     pub fn in_blocks(&self) -> usize {
         self.in_channels.iter().map(|&channels| blocks(channels)).sum()
     }
     /// Number of rows of 16 weights of one output block.
+    #[inline(always)]
     pub(super) fn rows_per_block(&self) -> usize {
         self.in_blocks() * self.kernel[0] * self.kernel[1] * LANES
     }

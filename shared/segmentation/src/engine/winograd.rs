@@ -134,10 +134,6 @@ impl Job<'_> {
         let shape = &self.filter.shape;
         let in_blocks = shape.in_blocks();
         let of_value = &inputs[value * (in_blocks * TILES + 1)..][..in_blocks * TILES];
-        let weights_of_block = |c: usize| {
-            let row = (value * blocks(shape.out_channels) + block + c) * in_blocks * LANES;
-            &self.filter.transformed()[row..][..in_blocks * LANES]
-        };
         let zero = simd.splat_f32s(0.0);
         let mut sums = [[[zero; N]; C]; P];
         let mut in_block = 0;
@@ -145,9 +141,9 @@ impl Job<'_> {
             for source_block in 0..blocks(channels) {
                 let n_channels = (channels - source_block * LANES).min(LANES);
                 let pixels = &of_value[in_block * TILES + first..];
-                let mut weights = [&weights_of_block(0)[in_block * LANES..][..LANES]; C];
+                let mut weights = [self.weights(value, block, in_block); C];
                 for c in 1..C {
-                    weights[c] = &weights_of_block(c)[in_block * LANES..][..LANES];
+                    weights[c] = self.weights(value, block + c, in_block);
                 }
                 add_products::<S, N, P, C, 1>(simd, &mut sums, n_channels, pixels, weights);
                 in_block += 1;
@@ -155,9 +151,18 @@ impl Job<'_> {
         }
         sums
     }
+
+    /// The 16 rows of one value, output block and input block.
+    #[inline(always)]
+    fn weights(&self, value: usize, block: usize, in_block: usize) -> &[Feature] {
+        let shape = &self.filter.shape;
+        let row = (value * blocks(shape.out_channels) + block) * shape.in_blocks() + in_block;
+        &self.filter.transformed()[row * LANES..][..LANES]
+    }
 }
 
 /// Row and column of the first pixel of a tile.
+#[inline(always)]
 fn place(tile: usize, width: usize) -> [usize; 2] {
     let per_row = width / OUT;
     [tile / per_row * OUT, tile % per_row * OUT]

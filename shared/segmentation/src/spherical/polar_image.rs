@@ -15,12 +15,13 @@ pub struct PolarPixel {
 
 impl PolarPixel {
     /// Length of the ray, m; 0 without a point.
-    #[inline]
+    #[inline(always)]
     pub fn range_m(&self) -> f32 {
         let [x, y, z] = self.ray;
         (x * x + y * y + z * z).sqrt()
     }
     /// Whether the pixel has a point.
+    #[inline(always)]
     pub fn is_valid(&self) -> bool {
         self.ray != [0.0; 3]
     }

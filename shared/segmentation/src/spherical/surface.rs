@@ -6,7 +6,7 @@
     reason = "loops over constant bounds become vector instructions; iterators, calls and branches in between do not"
 )]
 
-use super::PolarImage;
+use super::{PolarImage, PolarPixel};
 use crate::engine::LANES;
 
 /// Distances of neighbors in columns, the preferred one last: far enough that range noise (2 cm) does not tilt the normal, near enough to
@@ -42,22 +42,19 @@ pub(super) struct Surface {
 }
 
 impl Surface {
+    #[inline(always)]
     pub(super) fn of(image: &PolarImage) -> Self {
         let pitch = image.columns.next_multiple_of(LANES) + 2 * PAD;
         let mut rays = [(); 4].map(|()| vec![0.0; (image.rows + 2) * pitch]);
         for (row, pixels) in image.pixels.chunks_exact(image.columns).enumerate() {
             let mut rows = rays.each_mut().map(|values| &mut values[(row + 1) * pitch..][..pitch]);
-            let mut set = |at: usize, column: usize| {
-                let pixel = &pixels[column];
-                let [x, y, z] = pixel.ray;
-                for (row, value) in rows.iter_mut().zip([x, y, z, pixel.range_m()]) {
-                    row[at] = value;
-                }
-            };
-            (0..image.columns).for_each(|column| set(PAD + column, column));
+            let columns = image.columns;
+            for (at, pixel) in (PAD..).zip(pixels) {
+                set(&mut rows, at, pixel);
+            }
             for pad in 0..PAD {
-                set(pad, image.columns - PAD + pad);
-                set(PAD + image.columns + pad, pad);
+                set(&mut rows, pad, &pixels[columns - PAD + pad]);
+                set(&mut rows, PAD + columns + pad, &pixels[pad]);
             }
         }
         Self { rays, pitch }
@@ -102,14 +99,24 @@ impl Surface {
     }
 }
 
+/// Writes the ray of a pixel and its length.
+#[inline(always)]
+fn set(rows: &mut [&mut [f32]; 4], at: usize, pixel: &PolarPixel) {
+    let [x, y, z] = pixel.ray;
+    (rows[0][at], rows[1][at], rows[2][at], rows[3][at]) = (x, y, z, pixel.range_m());
+}
+
 /// Replaces `end` by the neighbor where that is on the same surface.
 #[inline(always)]
 fn take_same(end: &mut [Tile; 4], neighbor: &[Tile; 4], here: &[Tile; 4], limit_m: &Tile) {
+    let mut is_same = [false; LANES];
     for i in 0..LANES {
         let range_m = neighbor[3][i];
-        let is_same = (range_m > 0.0) & ((range_m - here[3][i]).abs() < limit_m[i]);
-        for k in 0..3 {
-            end[k][i] = if is_same { neighbor[k][i] } else { end[k][i] };
+        is_same[i] = (range_m > 0.0) & ((range_m - here[3][i]).abs() < limit_m[i]);
+    }
+    for k in 0..3 {
+        for i in 0..LANES {
+            end[k][i] = if is_same[i] { neighbor[k][i] } else { end[k][i] };
         }
     }
 }

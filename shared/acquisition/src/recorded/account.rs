@@ -1,0 +1,139 @@
+//! What was published and lost of a recorded drive, for the summary of the run.
+
+use super::{CameraFileError, DrivePosition, DriveReader, Due};
+use crate::counters::ReportedCounts;
+use crate::doubts::{Doubts, Tally};
+use crate::error::DriveError;
+use serde::{Deserialize, Serialize};
+
+/// Damaged files that are reported one by one; the counters include all of them.
+const MAX_REPORTED: usize = 10;
+
+/// Counters and notes that have not been reported yet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct News {
+    /// Names and numbers.
+    pub counts: Vec<(&'static str, u64)>,
+    /// Texts for the operator.
+    pub notes: Vec<String>,
+}
+
+/// What was published of a drive, and what has been reported of its losses.
+#[derive(Default)]
+pub struct DriveAccount {
+    /// What was published.
+    pub tally: Tally,
+    /// Damaged files reported so far.
+    n_reported: usize,
+    n_damage_reported: usize,
+    reported: ReportedCounts,
+    n_bad_clouds: u64,
+    news: News,
+}
+
+/// The saved state of a drive that is being read.
+#[derive(Serialize, Deserialize)]
+pub struct SavedDrive {
+    position: DrivePosition,
+    tally: Tally,
+}
+
+impl News {
+    /// What is known before the first tick.
+    pub fn initial(reader: &DriveReader) -> Self {
+        let drive = reader.drive();
+        let mut news = Self { counts: reader.initial_counts().named().into(), notes: Vec::new() };
+        if drive.is_inferred() {
+            let (model, format) = (drive.model().name(), &drive.manifest().lidar.format);
+            news.notes.push(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
+        }
+        if let Some(path) = drive.strange_files().first() {
+            let path = path.display();
+            news.notes.push(format!("{path}: the file name is not a stamp in ns; such files are skipped"));
+        }
+        news
+    }
+}
+
+impl DriveAccount {
+    /// The state of the drive between two ticks.
+    pub fn save(&self, reader: &DriveReader) -> SavedDrive {
+        SavedDrive { position: reader.position(), tally: self.tally }
+    }
+
+    /// Continues both the reader and its account at a saved state.
+    pub fn resumed(saved: SavedDrive, reader: &mut DriveReader) -> Result<Self, DriveError> {
+        reader.resume(saved.position)?;
+        let source = reader.source();
+        let reported = ReportedCounts::up_to(source.lidar_stats(), reader.packet_log_stats());
+        Ok(Self { tally: saved.tally, reported, n_bad_clouds: source.n_bad_clouds(), ..Self::default() })
+    }
+
+    /// Counters and notes since the last call.
+    pub fn take_news(&mut self) -> News {
+        std::mem::take(&mut self.news)
+    }
+
+    /// Adds packets and files that were lost or damaged since the last call.
+    pub fn add_losses(&mut self, reader: &DriveReader) {
+        let source = reader.source();
+        self.news.counts.extend(self.reported.take_new(source.lidar_stats(), reader.packet_log_stats()));
+        let n_bad = source.n_bad_clouds();
+        if n_bad > self.n_bad_clouds {
+            self.news.counts.push(("bad_sweeps", n_bad - self.n_bad_clouds));
+            self.n_bad_clouds = n_bad;
+        }
+        let new: Vec<String> = source.damage().iter().skip(self.n_damage_reported).cloned().collect();
+        self.n_damage_reported += new.len();
+        new.into_iter().for_each(|text| self.note_damage(text));
+    }
+
+    /// Adds what a tick published: fixes with a height, and damaged camera files with the names of their counters.
+    pub fn add_published(&mut self, due: &Due<'_>, n_gnss_rows: u64, damaged: Vec<(&'static str, CameraFileError)>) {
+        self.tally.fixes += due.fixes.len() as u64;
+        self.tally.gnss_rows += n_gnss_rows;
+        self.tally.imu_samples += due.samples.len() as u64;
+        let (n_bad, error) = &due.bad_imu_lines;
+        self.add_bad_imu_lines(*n_bad);
+        for (counter, error) in damaged {
+            self.news.counts.push((counter, 1));
+            self.note_damage(error.to_string());
+        }
+        if let Some(error) = error {
+            self.note_damage(format!("imu: {error}"));
+        }
+    }
+
+    /// Adds damaged lines of the IMU.
+    pub fn add_bad_imu_lines(&mut self, n_bad: u64) {
+        self.tally.bad_imu_lines += n_bad;
+        self.news.counts.push(("bad_imu_lines", n_bad));
+    }
+
+    /// Reports a damaged file, unless there were too many.
+    fn note_damage(&mut self, text: String) {
+        match self.n_reported {
+            n if n < MAX_REPORTED => self.news.notes.push(text),
+            MAX_REPORTED => self.news.notes.push("more files are damaged; see the counters".to_owned()),
+            _ => {}
+        }
+        self.n_reported += 1;
+    }
+
+    /// Collects the doubts about what was read.
+    pub fn doubt(&self, reader: &DriveReader, doubts: &mut Doubts) {
+        let (source, initial, tally) = (reader.source(), reader.initial_counts(), &self.tally);
+        doubts.captures(&source.lidar_stats(), source.capture_bytes());
+        let n_bad_clouds = source.n_bad_clouds();
+        doubts.files(tally, reader.n_sweeps() + n_bad_clouds, n_bad_clouds);
+        if reader.drive().manifest().gnss.is_some() {
+            doubts.log(&initial.log, initial.n_fixes - initial.without_height, initial.n_fixes);
+        } else {
+            doubts.log(&source.log_stats(), tally.gnss_rows, tally.fixes);
+        }
+        if let Some((n_outside, n_frames)) = reader.frames_outside() {
+            doubts.outside(n_outside, n_frames);
+        }
+        doubts.silent(&reader.silent_sensors(tally.fixes, tally.imu_samples));
+    }
+}
