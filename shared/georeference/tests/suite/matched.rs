@@ -23,6 +23,7 @@ pub fn registered(stamp: i64, duration_nanos: u32, motion: SweepMotion, n: usize
         duration_nanos,
         motion,
         matched: Some(matched),
+        contrast: None,
         predicted_by: PredictionSources { inertial: true, receiver },
         map_restarted: false,
         covariance: Matrix6::zeros(),
