@@ -14,6 +14,8 @@
 //!
 //! The crate mcap reads and writes the container. The layout of messages and the grouping into ticks are specific to REPLICA.
 
+mod chunk;
+mod contents;
 mod error;
 mod reader;
 mod table;

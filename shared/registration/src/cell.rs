@@ -42,6 +42,8 @@ impl Cell {
     }
     pub fn push(&mut self, point: Oriented) {
         if self.n.is_multiple_of(LANES) {
+            // Most cells have one block; the first push would reserve four.
+            self.blocks.reserve_exact(1);
             self.blocks.push([
                 [UNUSED; LANES],
                 [UNUSED; LANES],

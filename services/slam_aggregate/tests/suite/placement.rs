@@ -8,12 +8,18 @@ use messages::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, GnssRow, GnssTopic, ImuRow, Imu
 use slam_aggregate::{Settings, SlamAggregate};
 use stage::Received;
 use stage::testing::Bench;
-use std::sync::LazyLock;
+use std::sync::OnceLock;
 
 /// 42 m: enough to determine north.
-const N_SWEEPS: u32 = 42;
+const N_SWEEPS: usize = 42;
+/// 12 s, in which the speed goes through one and a half periods: enough to determine the delay of a receiver.
+const N_SWEEPS_OF_DELAYS: usize = 120;
 
-static SWEEPS: LazyLock<Vec<RawSweep>> = LazyLock::new(|| (0..N_SWEEPS).map(raw).collect());
+/// A sweep of the street; computed once.
+fn sweep(number: usize) -> &'static RawSweep {
+    static SWEEPS: [OnceLock<RawSweep>; N_SWEEPS_OF_DELAYS] = [const { OnceLock::new() }; N_SWEEPS_OF_DELAYS];
+    SWEEPS[number].get_or_init(|| raw(number as u32))
+}
 
 /// Other sensors in the tick of a sweep.
 struct OtherSensors<'a> {
@@ -30,7 +36,7 @@ fn settings(correct: &[&str]) -> Settings {
 }
 
 fn feed(bench: &mut Bench<SlamAggregate>, number: usize, others: &OtherSensors<'_>) {
-    let raw = &SWEEPS[number];
+    let raw = sweep(number);
     send(bench, raw);
     let second = raw.stamp as f64 * 1e-9;
     if number.is_multiple_of(2)
@@ -54,8 +60,12 @@ fn inertial(upright_from_street: &Pose, second: f64) -> ImuRow {
 }
 
 fn finished(settings: &Settings, others: &OtherSensors<'_>) -> Bench<SlamAggregate> {
+    finished_after(N_SWEEPS, settings, others)
+}
+
+fn finished_after(n_sweeps: usize, settings: &Settings, others: &OtherSensors<'_>) -> Bench<SlamAggregate> {
     let mut bench = Bench::with_stage(SlamAggregate::with_mounting(settings, body_from_lidar()));
-    (0..SWEEPS.len()).for_each(|number| feed(&mut bench, number, others));
+    (0..n_sweeps).for_each(|number| feed(&mut bench, number, others));
     bench.finish().unwrap();
     bench
 }
@@ -179,6 +189,34 @@ fn fixes_that_do_not_place_the_drive_are_doubted() {
     };
     let [_, share] = fix_doubts(&settings, &scattered);
     assert!(share.is_some_and(|share| share < 0.5), "{share:?}");
+}
+
+/// Fixes with stamps that are late by some nanoseconds; negative: early.
+fn receiver_delay_doubt(settings: &Settings, late_nanos: i64) -> Option<f64> {
+    let fixes = |second: f64| {
+        let fix = fix(second, Vector3::zeros());
+        Some(GnssRow { stamp: fix.stamp + late_nanos, ..fix })
+    };
+    let others = OtherSensors { fixes: &fixes, ..NONE };
+    finished_after(N_SWEEPS_OF_DELAYS, settings, &others).doubt("receiver_delay")
+}
+
+#[test]
+fn stamps_more_than_a_second_late_or_early_are_doubted_with_the_least_delay() {
+    let settings = settings(&["gnss"]);
+    // Delays of up to one second are tried.
+    for late_nanos in [1_200_000_000, -1_200_000_000] {
+        assert_eq!(receiver_delay_doubt(&settings, late_nanos), Some(1.0), "{late_nanos} ns");
+    }
+    let accepting = Settings { min_used_fixes_share: 0.0, ..settings };
+    assert_eq!(receiver_delay_doubt(&accepting, 1_200_000_000), None);
+}
+
+#[test]
+fn delays_that_are_corrected_are_not_doubted() {
+    for late_nanos in [0, 200_000_000, -350_000_000] {
+        assert_eq!(receiver_delay_doubt(&settings(&["gnss"]), late_nanos), None, "{late_nanos} ns");
+    }
 }
 
 #[test]

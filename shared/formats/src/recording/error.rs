@@ -106,6 +106,16 @@ pub enum RecordFault {
         /// Bytes to the end of the record.
         left: usize,
     },
+    /// A record does not end within its chunk.
+    #[error("chunk with {left} bytes left has a record of kind {opcode} with {}", length_text(*found))]
+    ChunkRecord {
+        /// Kind of the record.
+        opcode: u8,
+        /// Length of its body; `None` if the chunk ends before it.
+        found: Option<u64>,
+        /// Bytes of the chunk from the begin of the record.
+        left: usize,
+    },
     /// Chunks are compressed.
     #[error("chunks are compressed with {0}, recordings are not; decompress the file with `mcap decompress`")]
     Compressed(String),
@@ -242,6 +252,10 @@ pub enum RecordFault {
         /// Another topic.
         other: String,
     },
+}
+
+fn length_text(length: Option<u64>) -> String {
+    length.map_or_else(|| "a cut length".to_owned(), |length| format!("a head of 9 bytes and {length} more"))
 }
 
 impl RecordingError {

@@ -7,17 +7,30 @@ use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS
 use super::{Laser, Model};
 use messages::SweepPoint;
 use std::ops::Range;
+use std::sync::LazyLock;
 
 /// Resolution of ranges, m.
 const RANGE_UNIT_M: f32 = 0.002;
+
+/// Sine and cosine by encoder count.
+type SinCos = [[f32; 2]; TURN as usize];
+
+/// The same for all models, and by far the most work of a new decoder.
+static SIN_COS: LazyLock<Box<SinCos>> = LazyLock::new(|| {
+    let mut table = Box::new([[0.0; 2]; TURN as usize]);
+    for (count, entry) in table.iter_mut().enumerate() {
+        let (sin, cos) = (count as f64 * 0.01).to_radians().sin_cos();
+        *entry = [sin as f32, cos as f32];
+    }
+    table
+});
 
 /// Decoder of one sensor model, with its tables.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     model: Model,
     beams: Vec<Beam>,
-    /// Sine and cosine by encoder count.
-    sin_cos: Vec<[f32; 2]>,
+    sin_cos: &'static SinCos,
     /// Firing time of each return of a block, ns after the block.
     firing_nanos: [u32; LASERS_PER_BLOCK],
     /// Firing time of each return as a fraction of the duration of a block; zero if azimuths are not interpolated.
@@ -61,11 +74,10 @@ impl Decoder {
             if timing.interpolate_azimuth { f64::from(nanos) / f64::from(timing.block_nanos) } else { 0.0 }
         };
         let firing_nanos = std::array::from_fn(|return_idx| model.firing_nanos(0, return_idx));
-        let angle = |count: u16| (f64::from(count) * 0.01).to_radians().sin_cos();
         Self {
             model,
             beams: model.lasers().iter().zip(&rings).map(beam).collect(),
-            sin_cos: (0..TURN).map(angle).map(|(sin, cos)| [sin as f32, cos as f32]).collect(),
+            sin_cos: &SIN_COS,
             firing_nanos,
             azimuth_shares: firing_nanos.map(share),
         }

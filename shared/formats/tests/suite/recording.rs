@@ -153,6 +153,29 @@ fn changed_byte_is_detected_anywhere() {
     assert!(unseen.is_empty(), "changes at {unseen:?} were not detected");
 }
 
+/// Such a record once was read from behind its chunk, and a build with overflow checks panicked.
+#[test]
+fn record_that_exceeds_its_chunk_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (whole, changed) = (file(&folder, "whole.mcap"), file(&folder, "changed.mcap"));
+    record(&whole, 5, None);
+    let mut bytes = std::fs::read(&whole).expect("written");
+    let length_at = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"));
+    // Behind the magic, records of kind, length and body.
+    let mut chunk = mcap::MAGIC.len();
+    while bytes[chunk] != mcap::records::op::CHUNK {
+        chunk += 9 + length_at(&bytes, chunk + 1) as usize;
+    }
+    // In the body of a chunk: 24 bytes, the sum (0: none), the length of a name (0), the length of the records.
+    let (sum, length) = (chunk + 9 + 24, chunk + 9 + 32);
+    bytes[sum..sum + 4].fill(0);
+    let shorter = length_at(&bytes, length) - 1;
+    bytes[length..length + 8].copy_from_slice(&shorter.to_le_bytes());
+    std::fs::write(&changed, bytes).expect("written");
+    let error = sweeps(&changed).1.expect_err("refused").to_string();
+    assert!(error.contains("changed.mcap: byte ") && error.contains("bytes left has a record of kind 5"), "{error}");
+}
+
 #[test]
 fn recording_with_missing_message_is_refused_as_input() {
     let folder = tempfile::tempdir().expect("a folder");
