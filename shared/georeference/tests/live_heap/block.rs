@@ -130,6 +130,7 @@ fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
         duration_nanos: SWEEP_NANOS as u32,
         motion,
         matched: Some(matched),
+        contrast: None,
         predicted_by: PredictionSources { inertial: true, receiver: false },
         map_restarted: false,
         covariance: Matrix6::zeros(),
