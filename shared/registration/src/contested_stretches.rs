@@ -96,8 +96,8 @@ mod tests {
     fn stretch_of_low_contrast_is_named_with_its_times() {
         let contrasts = [vec![0.5; 30], vec![0.0; 20], vec![0.5; 30], vec![0.0; 40]].concat();
         let found = after(&contrasts);
-        assert_eq!(found.describe(), "2.2 to 5.1 s, 7.2 to 12.0 s");
-        assert!((found.seconds() - 7.7).abs() < 1e-6, "{}", found.seconds());
+        assert_eq!(found.describe(), "2.9 to 5.1 s, 7.9 to 12.0 s");
+        assert!((found.seconds() - 6.3).abs() < 1e-6, "{}", found.seconds());
     }
 
     #[test]
