@@ -7,7 +7,6 @@ use acquisition::rows::gnss_row;
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
-use formats::velodyne::Model;
 use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
@@ -59,13 +58,13 @@ pub(crate) fn room<T: Message>(loan: &mut Loan<T>, n_rows: usize) -> Result<&mut
 pub(crate) fn publish_sweep(
     mut loan: Loan<SweepTopic>,
     sweep: &SweepInfo,
-    model: Model,
+    n_rings: usize,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
     let header = loan.header_mut();
     header.duration_nanos = sweep.duration_nanos;
     header.lost_packets = sweep.lost_packets.min(u64::from(u32::MAX)) as u32;
-    header.n_rings = model.n_rings() as u32;
+    header.n_rings = n_rings as u32;
     header.has_times = u32::from(sweep.has_times);
     outputs.publish(loan, sweep.stamp.0)
 }

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 4;
+const STATE_VERSION: u32 = 5;
 /// Damaged files that are reported one by one; the counters include all of them.
 const MAX_REPORTED: usize = 10;
 
@@ -91,7 +91,7 @@ impl Recorded {
             self.report_initial(outputs);
             self.begin(sweep.stamp.0, outputs);
         }
-        publish_sweep(loan, &sweep, self.reader.drive().model(), outputs)?;
+        publish_sweep(loan, &sweep, self.reader.drive().lidar().n_rings(), outputs)?;
         let end = sweep.stamp.0 + i64::from(sweep.duration_nanos);
         self.publish_others(end, outputs)?;
         outputs.set_drive_time(sweep.stamp.0);

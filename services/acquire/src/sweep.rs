@@ -1,7 +1,7 @@
 //! Decodes sweeps directly into shared memory.
 
 use crate::publish::room;
-use formats::velodyne::SweepReader;
+use formats::lidar::SweepReader;
 use messages::{SweepPoint, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 

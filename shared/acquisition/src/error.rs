@@ -1,7 +1,7 @@
 //! Why a drive or a live sensor cannot be read, and what has no sweeps.
 
+use formats::lidar::SweepError;
 use formats::problems::FileError;
-use formats::velodyne::SweepError;
 use std::io;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;

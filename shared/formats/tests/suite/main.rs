@@ -1,6 +1,7 @@
 //! All tests of the crate's public interface in one program.
 
 mod damaged_input;
+mod driver_clouds;
 mod drives;
 mod envi;
 mod jpeg;

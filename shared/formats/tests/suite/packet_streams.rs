@@ -1,9 +1,8 @@
 //! Packet streams as networks deliver them: complete, lossy, duplicated, mixed with other traffic.
 
 use crate::support::{BEGIN, SENSOR, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
-use formats::velodyne::{
-    LidarStats, Model, PulseStatus, SweepError, SweepInfo, SweepPoint, SweepReader, encode_position_packet,
-};
+use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepReader};
+use formats::velodyne::{Model, PulseStatus, encode_position_packet};
 use random::Random;
 use std::net::SocketAddrV4;
 
@@ -15,7 +14,7 @@ fn encoded_packets_decode_to_points_with_their_times() {
     let folder = tempfile::tempdir().expect("a folder");
     let packets = hdl32e_packets(N_PACKETS);
     let mut reader = open(&write_capture(&folder.path().join("a.pcap"), &packets));
-    assert_eq!(reader.model(), Model::Hdl32e);
+    assert_eq!(reader.model(), Model::Hdl32e.into());
     let sweeps = sweeps(&mut reader);
     assert_eq!(sweeps.len(), 4);
     // The clock wraps at the full hour, which is 1.5 s in and not reached here. The time of a shot follows from its number.
@@ -135,7 +134,7 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
     assert_eq!(whole.len(), 4);
     let reference = sweeps(&mut SweepReader::open(files.to_vec(), None).expect("opens"));
     for (k, position) in positions.iter().enumerate() {
-        let mut resumed = SweepReader::open(files.to_vec(), Some(Model::Hdl32e)).expect("opens");
+        let mut resumed = SweepReader::open(files.to_vec(), Some(Model::Hdl32e.into())).expect("opens");
         resumed.resume(*position).expect("is there");
         assert_eq!(sweeps(&mut resumed), reference[k..], "from sweep {k}");
         assert_eq!(resumed.stats(), reader.stats());
@@ -150,11 +149,11 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
 fn capture_without_sensor_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = write_capture(&folder.path().join("a.pcap"), &[(BEGIN, 2368, vec![0; 1206])]);
-    let error = SweepReader::open(vec![path.clone()], Some(Model::Vlp16)).expect_err("nothing there");
+    let error = SweepReader::open(vec![path.clone()], Some(Model::Vlp16.into())).expect_err("nothing there");
     assert!(error.to_string().contains("a.pcap: no data packet of vlp16"), "{error}");
     let hdl = write_capture(&path, &hdl32e_packets(3));
-    assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16)).is_err());
-    assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e)).is_ok());
+    assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16.into())).is_err());
+    assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e.into())).is_ok());
     std::fs::write(&path, "root:x:0:0").expect("writes");
     let error = SweepReader::open(vec![path], None).expect_err("no capture").to_string();
     assert!(error.contains("a.pcap, byte 0: magic number") && error.contains("neither pcap nor pcapng"), "{error}");
@@ -270,11 +269,11 @@ fn stray_packets_before_the_sensor_do_not_decide() {
         sent.extend(packets.iter().map(|packet| (SENSOR, packet.clone())));
         let path = write_capture_from(&folder.path().join("b.pcap"), &sent);
         let mut reader = open(&path);
-        assert_eq!(reader.model(), Model::Hdl32e);
+        assert_eq!(reader.model(), Model::Hdl32e.into());
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
         assert_eq!(reader.stats().foreign_packets, 2);
         // Also when the manifest names the model.
-        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e)).expect("opens");
+        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e.into())).expect("opens");
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
     }
 }

@@ -16,7 +16,7 @@
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::simulation::Simulation;
-use formats::velodyne::SweepReader;
+use formats::lidar::SweepReader;
 use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
 use messages::ClassId;
 use rayon::prelude::*;
