@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     };
     let name = lidar.model().name();
-    let decoder = PacketDecoder::new(&lidar);
+    let mut decoder = PacketDecoder::new(&lidar);
     let mut returns: Vec<SweepPoint> = Vec::with_capacity(1 << 20);
     let mut packets: Vec<Vec<u8>> = Vec::new();
     let mut reader = PacketReader::open(&path)?;

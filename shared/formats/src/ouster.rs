@@ -16,6 +16,8 @@
 //! **Frame.** The sensor frame of Ouster, the same as in [`crate::lidar`]: x away from the connector.
 
 mod decode;
+#[cfg(test)]
+mod digest_test;
 mod metadata;
 mod packet;
 

@@ -31,6 +31,8 @@ pub struct PacketDecoder {
     lidar: Lidar,
     n_rings: usize,
     maker: Maker,
+    /// Buffer of [`PacketDecoder::decode_into`].
+    scratch: Option<Box<Scratch<MAX_RETURNS_PER_PACKET>>>,
 }
 
 #[derive(Clone, Debug)]
@@ -114,7 +116,7 @@ impl PacketDecoder {
             (Model::Ouster, _) => Maker::Unknown,
             (Model::Livox(model), _) => Maker::Livox(livox::Decoder::new(model)),
         };
-        Self { lidar: lidar.clone(), n_rings: lidar.n_rings(), maker }
+        Self { lidar: lidar.clone(), n_rings: lidar.n_rings(), maker, scratch: None }
     }
 
     /// The sensor.
@@ -128,14 +130,15 @@ impl PacketDecoder {
     }
 
     /// Appends all returns of a payload, with times after its first firing. `false` if it is no data packet of the sensor.
-    pub fn decode_into(&self, payload: &[u8], returns: &mut Vec<SweepPoint>) -> bool {
+    pub fn decode_into(&mut self, payload: &[u8], returns: &mut Vec<SweepPoint>) -> bool {
         let is_data = self.lidar.may_have_sent(payload);
         if is_data {
             let blocks = self.blocks(payload);
-            let mut scratch = Box::<Scratch<MAX_RETURNS_PER_PACKET>>::default();
+            let mut scratch = self.scratch.take().unwrap_or_default();
             let first = (0..blocks.len()).filter_map(|index| blocks.get(index)).map(|(nanos, _)| nanos).min();
             self.decode(payload, 0..blocks.len(), -first.unwrap_or(0), &mut scratch);
             returns.extend_from_slice(scratch.returns());
+            self.scratch = Some(scratch);
         }
         is_data
     }

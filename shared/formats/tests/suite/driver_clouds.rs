@@ -107,13 +107,14 @@ fn pandar_qt64_revolution_equals_driver_cloud() {
 }
 
 /// Compares our points with those of the driver in order; `later_deg` is how far the driver turns the encoder more than we do. The driver
-/// leaves out the last degree of a revolution. It turns the encoder between two blocks by their own difference, not by the median of the
+/// was configured to leave out the angles `left_out`. It turns the encoder between two blocks by their own difference, not by the median of the
 /// packet, and not at all in the last shots of a packet: some azimuths differ by up to `step_deg`, the step from block to block.
 fn compare_velodyne(
     ours: &[SweepPoint],
     theirs: &[([f32; 3], Vec<u8>)],
     later_deg: impl Fn(&SweepPoint) -> f64,
     step_deg: f64,
+    left_out: impl Fn(u16) -> bool,
 ) {
     let polar = |[x, y, z]: [f32; 3]| {
         let across = x.hypot(y);
@@ -151,8 +152,9 @@ fn compare_velodyne(
         skipped.len()
     );
     assert_eq!(next, theirs.len());
-    assert!(share > 0.88, "{share}");
-    assert!(skipped.iter().all(|azimuth| *azimuth > 35_850), "{:?}", skipped.iter().min());
+    // Ten of twelve blocks, if there are two echoes.
+    assert!(share > 0.82, "{share}");
+    assert!(skipped.iter().all(|azimuth| left_out(*azimuth)), "{:?}", skipped.iter().min());
 }
 
 #[real_data::test("lidars/nebula/vlp16/1673400471837873222/1673400471837873222_0.db3")]
@@ -162,7 +164,13 @@ fn vlp16_revolution_with_two_echoes_equals_driver_cloud() {
     assert!(!reader.stats().has_lost_data());
     let is_of_turn = |(at, _): &&(f64, SweepPoint)| (3.0..4.0).contains(at);
     let ours: Vec<SweepPoint> = points.iter().filter(is_of_turn).map(|(_, point)| *point).collect();
-    compare_velodyne(&ours, &driver_points("vlp16/1673400472138016708.pcd"), |_| 0.0, 0.41);
+    compare_velodyne(
+        &ours,
+        &driver_points("vlp16/1673400472138016708.pcd"),
+        |_| 0.0,
+        0.41,
+        |azimuth| (azimuth + 100) % 36_000 < 120,
+    );
 }
 
 #[real_data::test("lidars/nebula/vlp32/1713492677464078412/1713492677464078412_0.db3")]
@@ -180,7 +188,9 @@ fn vlp32c_points_equal_driver_cloud() {
         (laser - laser / 2) as f64 * 2.304 / 55.296 * 0.2
     };
     let ours: Vec<SweepPoint> = points.iter().map(|(_, point)| *point).collect();
-    compare_velodyne(&ours, &driver_points("vlp32/1713492677464078412.pcd"), later_deg, 0.21);
+    compare_velodyne(&ours, &driver_points("vlp32/1713492677464078412.pcd"), later_deg, 0.21, |azimuth| {
+        (9000..27_020).contains(&azimuth)
+    });
 }
 
 #[real_data::test("velodyne/hdl64e_db.xml", "lidars/nebula/calibration/HDL64e_s3.yaml")]
