@@ -20,7 +20,8 @@ impl Mounting {
         let rig = LiveRig::find(drive)?;
         let wanted = Model::from_name(model);
         let LiveRig::File(path, manifest) = &rig else {
-            return Ok(Self { lidar: wanted.map(Lidar::from), rig });
+            let lidar = wanted.map(Lidar::from);
+            return needs_no_file(lidar.as_ref()).map(|()| Self { lidar, rig });
         };
         let of_rig = Model::from_name(&manifest.lidar.model);
         if wanted.is_some() && wanted != of_rig {
@@ -28,10 +29,17 @@ impl Mounting {
         }
         let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), &manifest.lidar);
         let lidar = lidar.map_err(|problem| FileError { problems: vec![problem] })?;
+        needs_no_file(Some(&lidar))?;
         Ok(Self { lidar: Some(lidar), rig })
     }
 
     pub(super) fn body_from_lidar(&self) -> PoseEntry {
         self.rig.manifest().map_or(PoseEntry::IDENTITY, |manifest| manifest.lidar.body_from_lidar)
     }
+}
+
+/// Fails if the packets of a LiDAR cannot be decoded without a file of the unit.
+fn needs_no_file(lidar: Option<&Lidar>) -> Result<(), LiveError> {
+    let Some((lidar, file)) = lidar.and_then(|lidar| Some((lidar, lidar.missing_file()?))) else { return Ok(()) };
+    Err(LiveError::Calibration { model: lidar.model().name().to_owned(), file })
 }

@@ -76,6 +76,13 @@ impl Model {
             .or_else(|| livox::Model::of_payload(payload).map(Model::Livox))
     }
 
+    /// Whether a payload may be a data packet of some supported LiDAR.
+    pub fn may_be_data(payload: &[u8]) -> bool {
+        velodyne::DataPacket::new(payload).is_some()
+            || Self::of_payload(payload).is_some()
+            || Self::may_be_ouster(payload)
+    }
+
     /// Whether a payload has the size of a data packet of some Ouster.
     pub(crate) fn may_be_ouster(payload: &[u8]) -> bool {
         ouster::is_common_size(payload.len())

@@ -7,6 +7,7 @@ mod envi;
 mod jpeg;
 mod ladybug;
 mod nmea_log;
+mod other_makers;
 mod packet_streams;
 mod ply;
 mod raw_mosaic;

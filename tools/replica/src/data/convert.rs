@@ -1,11 +1,12 @@
 //! `replica convert`: converts a packet capture to one point cloud per revolution.
 
+use crate::argument::InvalidValue;
 use crate::exit_code;
 use anyhow::Context;
 use clap::ValueEnum;
-use formats::lidar::{LidarStats, SweepInfo, SweepPoint, SweepReader};
+use formats::lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::velodyne::Model;
+use formats::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -120,7 +121,7 @@ fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[SweepPoint]
 mod tests {
     use super::*;
     use formats::ply::Vertices;
-    use formats::velodyne::{DATA_PORT, RawBlock, RawReturn, encode_data_packet};
+    use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
     use geometry::Stamp;
 
     /// Two packets of one azimuth sector, and the packet between them if `complete`.
