@@ -1,10 +1,11 @@
 //! Packet streams as networks deliver them: complete, lossy, duplicated, mixed with other traffic.
 
-use crate::support::{BEGIN, SENSOR, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
+use crate::support::{BEGIN, SENSOR, Sent, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
 use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepReader};
+use formats::pcap::Writer;
 use formats::velodyne::{Model, PulseStatus, encode_position_packet};
 use random::Random;
-use std::net::SocketAddrV4;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 /// Three whole revolutions and a bit: 180.84 packets each.
 const N_PACKETS: usize = 560;
@@ -254,6 +255,60 @@ fn lossy_recording_resumed_before_any_sweep_gives_the_same_sweeps() {
     }
     let path = write_capture(&folder.path().join("lossy.pcap"), &lossy);
     assert!(resumed_sweeps(&path) == sweeps(&mut open(&path)), "the resumed sweeps differ");
+}
+
+/// Frames of a packet that was sent in three fragments.
+fn fragments(number: u16, sender: SocketAddrV4, (stamp, port, payload): &Sent) -> Vec<(Vec<u8>, Vec<u8>)> {
+    let mut record = Vec::new();
+    let mut writer = Writer::new(&mut record).expect("writes");
+    let target = SocketAddrV4::new(Ipv4Addr::BROADCAST, *port);
+    writer.write_datagram(*stamp, sender, target, payload).expect("writes");
+    let (time, frame) = (record[24..32].to_vec(), &record[40..]);
+    let (head, datagram) = frame.split_at(34);
+    let one = |(index, part): (usize, &[u8])| {
+        let mut frame = [head, part].concat();
+        frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
+        frame[18..20].copy_from_slice(&number.to_be_bytes());
+        let more = if 480 * (index + 1) < datagram.len() { 0x2000 } else { 0 };
+        frame[20..22].copy_from_slice(&(more | 60 * index as u16).to_be_bytes());
+        (time.clone(), frame)
+    };
+    datagram.chunks(480).enumerate().map(one).collect()
+}
+
+#[test]
+fn packets_in_fragments_give_the_same_sweeps_also_when_resumed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(N_PACKETS);
+    let whole = write_capture(&folder.path().join("whole.pcap"), &packets);
+    let reference = sweeps(&mut open(&whole));
+    let other: SocketAddrV4 = "192.168.1.77:2368".parse().expect("an address");
+    let mut bytes = std::fs::read(&whole).expect("reads")[..24].to_vec();
+    let mut random = Random::new(4);
+    for (number, two) in packets.chunks(2).enumerate() {
+        // Fragments of two packets, and of a packet of another sender of which one fragment is lost, in any order.
+        let number = number as u16 * 3;
+        let foreign = fragments(number + 2, other, &two[0]).into_iter().skip(usize::from(number.is_multiple_of(2)));
+        let own = two.iter().zip(number..).flat_map(|(packet, number)| fragments(number, SENSOR, packet));
+        let mut frames: Vec<_> = own.chain(foreign).collect();
+        for last in (1..frames.len()).rev() {
+            frames.swap(last, random.index(last + 1));
+        }
+        for (time, frame) in frames {
+            bytes.extend(time);
+            bytes.extend([frame.len() as u32; 2].iter().flat_map(|length| length.to_le_bytes()));
+            bytes.extend(frame);
+        }
+    }
+    let path = folder.path().join("fragments.pcap");
+    std::fs::write(&path, bytes).expect("writes");
+    let mut reader = open(&path);
+    let found = sweeps(&mut reader);
+    let stats = reader.stats();
+    assert_eq!((stats.data_packets, stats.late_packets, stats.lost_packets), (N_PACKETS as u64, 0, 0));
+    assert!(stats.foreign_packets > 300, "{stats:?}");
+    assert!(found == reference, "the sweeps differ");
+    assert!(resumed_sweeps(&path) == reference, "the resumed sweeps differ");
 }
 
 #[test]
