@@ -176,7 +176,9 @@ impl PacketDecoder {
             Maker::Hesai(decoder) => decoder.decode(payload, blocks, packet_nanos, scratch),
             Maker::Ouster(decoder) => decoder.decode(payload, blocks, packet_nanos, scratch),
             Maker::Robosense(decoder) => decoder.decode(payload, blocks, packet_nanos, scratch),
-            Maker::Livox(decoder) => decoder.decode(payload, packet_nanos, scratch),
+            // The packet is one block.
+            Maker::Livox(decoder) if !blocks.is_empty() => decoder.decode(payload, packet_nanos, scratch),
+            Maker::Livox(_) => {}
             Maker::Unknown => {}
         }
     }

@@ -56,8 +56,8 @@ fn point(format: Format, raw: &[u8]) -> ([f32; 3], u8) {
     let i32_at = |at: usize| i32::from_le_bytes([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]) as f32;
     let u16_at = |at: usize| u16::from_le_bytes([raw[at], raw[at + 1]]);
     match format {
-        Format::Millimeters => ([0, 4, 8].map(|at| i32_at(at) * 1e-3), raw[12]),
-        Format::Centimeters => ([0, 2, 4].map(|at| f32::from(u16_at(at) as i16) * 1e-2), raw[6]),
+        Format::Millimeters => ([0, 4, 8].map(|at| i32_at(at) / 1e3), raw[12]),
+        Format::Centimeters => ([0, 2, 4].map(|at| f32::from(u16_at(at) as i16) / 1e2), raw[6]),
         Format::Spherical => {
             let range_m = u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]]) as f32 * 1e-3;
             let angle = |at: usize| (f32::from(u16_at(at)) * 0.01).to_radians().sin_cos();
