@@ -5,7 +5,7 @@ use super::receiver::{Receiver, Sockets};
 use super::recording::Recording;
 use crate::error::{LiveError, NoSweepError};
 use formats::drive::LiveRig;
-use formats::lidar::{Lidar, LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
+use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
 use formats::nmea::{Fix, LogStats};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;

@@ -86,8 +86,8 @@ fn sweeps_without_rings_and_order_give_the_same_trajectory() {
     for (found, expected) in without.iter().zip(&with_rings) {
         let off = (found.translation.vector - expected.translation.vector).norm();
         println!("{off:.4} m, {:.5} rad", found.rotation.angle_to(&expected.rotation));
-        assert!(off < 0.15, "{off} m off");
-        assert!(found.rotation.angle_to(&expected.rotation) < 0.01);
+        assert!(off < 0.04, "{off} m off");
+        assert!(found.rotation.angle_to(&expected.rotation) < 0.003);
     }
     let share = path_length(&without) / path_length(&with_rings);
     assert!((share - 1.0).abs() < 0.01, "path length is {share} of that with rings");
