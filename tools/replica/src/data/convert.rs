@@ -150,8 +150,13 @@ mod tests {
             [(true, ExitCode::SUCCESS, 1152), (false, ExitCode::from(exit_code::INCOMPLETE), 768)]
         {
             let out = folder.path().join("out");
-            let args =
-                Args { capture: capture(folder.path(), complete), out: out.clone(), model: None, format: Format::Ply };
+            let args = Args {
+                capture: capture(folder.path(), complete),
+                out: out.clone(),
+                model: None,
+                calibration: None,
+                format: Format::Ply,
+            };
             assert_eq!(run(&args).expect("converts"), code);
             let cloud = Vertices::load(&out.join("drive_000000.ply")).expect("loads");
             let [y, azimuth] = ["y", "azimuth"].map(|name| cloud.f32s(name).expect("is there"));
