@@ -44,12 +44,17 @@ stage::settings! {
         /// Least share of GNSS epochs with position and height, 0 to 1. A smaller share is a doubt: a log of RMC without GGA
         /// sentences has no heights, and a receiver without sky has no positions.
         pub min_fix_share: f64 = 0.5 => stage::within(0.0, 1.0);
-        /// Live: IPv4 address and UDP port of the LiDAR's data packets; 0.0.0.0:2368 for a sensor that broadcasts.
+        /// Live: IPv4 address and UDP port of the LiDAR's data packets; 0.0.0.0:2368 for a Velodyne or Hesai that broadcasts. Other makers use
+        /// other ports: Ouster 7502, Robosense 6699, Livox Mid-360 56301.
         pub listen: String = "127.0.0.1:2368".to_owned() => stage::any();
         /// Live: IPv4 address and UDP port of the LiDAR's position packets.
         pub position_listen: String = "127.0.0.1:8308".to_owned() => stage::any();
-        /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets.
-        pub model: String = String::new() => stage::one_of(&["", "hdl32e", "vlp16", "hdl64e"]);
+        /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets. The packets of an `ouster`
+        /// and of an `rs32` need a calibration file, which the rig names.
+        pub model: String = String::new() => stage::one_of(&[
+            "", "hdl32e", "vlp16", "vlp32c", "hdl64e", "pandar40p", "pandarxt32", "pandarqt64", "ouster", "rs16", "rs32", "mid360",
+            "avia",
+        ]);
         /// Live: folder of the raw recording inside the output folder; it must not contain an earlier recording.
         pub recording: String = "recording".to_owned() => stage::any();
         /// Live: time without packets after which the run ends, s; 0 = never.

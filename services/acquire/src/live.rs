@@ -157,8 +157,8 @@ impl Live {
                 None => sweep::loan(outputs)?,
             };
             match sweep::fill(&mut loan, |sink| self.sensor.poll(sink).map_err(step_error))? {
-                LivePoll::Sweep(info, model, fixes) => {
-                    publish_sweep(loan, &info, model, outputs)?;
+                LivePoll::Sweep(info, n_rings, fixes) => {
+                    publish_sweep(loan, &info, n_rings, outputs)?;
                     self.n_fixes += fixes.len() as u64;
                     self.gnss_rows += publish_fixes(&fixes, outputs)?;
                     outputs.set_drive_time(info.stamp.0);

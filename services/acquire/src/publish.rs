@@ -7,7 +7,6 @@ use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
-use formats::velodyne::Model;
 use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
@@ -54,10 +53,10 @@ pub(crate) fn publish_mosaic(
 pub(crate) fn publish_sweep(
     mut loan: Loan<SweepTopic>,
     sweep: &SweepInfo,
-    model: Model,
+    n_rings: usize,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
-    *loan.header_mut() = sweep_header(sweep, model);
+    *loan.header_mut() = sweep_header(sweep, n_rings);
     outputs.publish(loan, sweep.stamp.0)
 }
 

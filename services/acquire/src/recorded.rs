@@ -12,7 +12,7 @@ use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 4;
+const STATE_VERSION: u32 = 5;
 
 /// A drive, and what has been published and reported of it.
 pub(crate) struct Recorded {
@@ -57,7 +57,7 @@ impl Recorded {
         if !self.reader.has_begun() {
             self.begin(sweep.stamp.0, outputs);
         }
-        publish_sweep(loan, &sweep, self.reader.drive().model(), outputs)?;
+        publish_sweep(loan, &sweep, self.reader.drive().lidar().n_rings(), outputs)?;
         let end = sweep.stamp.0 + i64::from(sweep.duration_nanos);
         self.publish_others(end, outputs)?;
         outputs.set_drive_time(sweep.stamp.0);

@@ -1,7 +1,7 @@
 //! How far the data of a drive can be trusted: shares of what is damaged, foreign or missing, against limits.
 
+use formats::lidar::LidarStats;
 use formats::nmea::LogStats;
-use formats::velodyne::LidarStats;
 use serde::{Deserialize, Serialize};
 
 /// Blocks of a data packet.

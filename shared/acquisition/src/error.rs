@@ -1,7 +1,7 @@
 //! Why a drive or a live sensor cannot be read, and what has no sweeps.
 
+use formats::lidar::SweepError;
 use formats::problems::FileError;
-use formats::velodyne::SweepError;
 use std::io;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
@@ -57,6 +57,14 @@ pub enum LiveError {
         setting: String,
         /// The model of the rig.
         rig: String,
+    },
+    /// A model whose packets cannot be decoded without a file of the unit.
+    #[error("packets of {model:?} need {file}; set run.rig to a drive.toml whose lidar.calibration names it")]
+    Calibration {
+        /// The wanted model.
+        model: String,
+        /// The file.
+        file: &'static str,
     },
     /// A folder elsewhere.
     #[error("value {0:?} must be a path inside the output folder")]
@@ -136,7 +144,7 @@ impl LiveError {
             Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
                 "recording"
             }
-            Self::Model { .. } => "model",
+            Self::Model { .. } | Self::Calibration { .. } => "model",
             // `run.rig` is no setting of the stage.
             Self::Rig(_) | Self::Thread(_) | Self::Sweep(_) | Self::NoSweep(_) => "",
         }

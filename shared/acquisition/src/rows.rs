@@ -2,15 +2,14 @@
 
 use formats::drive::SweepInfo;
 use formats::nmea::Fix;
-use formats::velodyne::Model;
 use messages::{GnssRow, SweepHeader};
 
-/// The header of a sweep.
-pub fn sweep_header(sweep: &SweepInfo, model: Model) -> SweepHeader {
+/// The header of a sweep of a LiDAR with this number of rings, 0 without rings.
+pub fn sweep_header(sweep: &SweepInfo, n_rings: usize) -> SweepHeader {
     SweepHeader {
         duration_nanos: sweep.duration_nanos,
         lost_packets: sweep.lost_packets.min(u64::from(u32::MAX)) as u32,
-        n_rings: model.n_rings() as u32,
+        n_rings: n_rings as u32,
         has_times: u32::from(sweep.has_times),
     }
 }

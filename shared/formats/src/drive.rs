@@ -7,26 +7,28 @@ mod check;
 mod clouds;
 mod infer;
 mod labels;
+mod lidar_file;
 mod listing;
 mod live_rig;
 mod read;
 mod sweeps;
 
-pub use crate::velodyne::SweepInfo;
+pub use crate::lidar::SweepInfo;
 pub use clouds::returns_from_cloud;
 pub use labels::{TrueLabel, TrueLabels};
+pub use lidar_file::lidar_of;
 pub use listing::Frame;
 pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
+use crate::lidar::{Lidar, Model, SweepError};
 use crate::manifest::{ImuEntry, Manifest, MosaicEntry};
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
 use crate::sensor_calibration::SensorCalibration;
 use crate::text_file::{MAX_SETTINGS_BYTES, read_text};
 use crate::trajectory::trajectory_from_tum;
-use crate::velodyne::{Model, SweepError};
 use geometry::{Rig, Stamp, Trajectory};
 use std::fs::{self, File};
 use std::io::{self, BufReader};
@@ -43,7 +45,7 @@ pub struct Drive {
     folder: PathBuf,
     manifest: Manifest,
     rig: Rig,
-    model: Model,
+    lidar: Lidar,
     is_inferred: bool,
     sweep_files: Vec<PathBuf>,
     /// Stamps of cloud files; empty for captures.
@@ -90,9 +92,13 @@ impl Drive {
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
+    /// The LiDAR, with the calibration of its unit.
+    pub fn lidar(&self) -> &Lidar {
+        &self.lidar
+    }
     /// Model of the LiDAR.
     pub fn model(&self) -> Model {
-        self.model
+        self.lidar.model()
     }
     /// Whether the folder has no `drive.toml` and the manifest was inferred.
     pub fn is_inferred(&self) -> bool {
@@ -163,9 +169,9 @@ impl Drive {
     }
 }
 
-/// Reads a `drive.toml` in any folder. LiDAR and poses are checked, files are not. The error contains all problems.
+/// Reads a `drive.toml` in any folder. LiDAR and poses are checked; of the files, only the calibration of the LiDAR is. The error contains all problems.
 pub fn read_manifest(path: &Path) -> Result<Manifest, FileError> {
     let text = read_text(path, MAX_SETTINGS_BYTES);
     let text = text.map_err(|error| FileProblem::of_file(path, format!("cannot read the file: {error}")))?;
-    check::manifest(read::Read::of_text(path, text))
+    check::manifest(path.parent().unwrap_or(Path::new("")), read::Read::of_text(path, text))
 }

@@ -49,13 +49,16 @@ pub struct PoseEntry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LidarEntry {
-    /// `hdl32e`, `vlp16` or `hdl64e`.
+    /// Name of a [`crate::lidar::Model`].
     pub model: String,
     /// `pcap`: packet captures. `pcd`, `bin` (KITTI) or `nuscenes`: one file per sweep, 10 sweeps per second unless the folder has a
     /// `times.txt`.
     pub format: String,
     /// Folder of the files, which are read in the order of their names.
     pub folder: String,
+    /// Calibration file of the unit ([`crate::lidar::Lidar::with_calibration`]). Without it the beams are those of the model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<String>,
     /// Mounting.
     pub body_from_lidar: PoseEntry,
 }
@@ -213,7 +216,13 @@ pub struct RigError {
 impl LidarEntry {
     /// Packet captures of a model in the folder `lidar`.
     pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
-        Self { model: model.to_owned(), format: "pcap".to_owned(), folder: "lidar".to_owned(), body_from_lidar }
+        Self {
+            model: model.to_owned(),
+            format: "pcap".to_owned(),
+            folder: "lidar".to_owned(),
+            calibration: None,
+            body_from_lidar,
+        }
     }
 }
 

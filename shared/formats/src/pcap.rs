@@ -1,7 +1,7 @@
 //! Packet captures: classic pcap (libpcap) and pcapng (IETF draft-ietf-opsawg-pcapng), limited to what sensors send.
 //!
 //! Read: both byte orders, microsecond and nanosecond stamps, UDP over IPv4 over Ethernet (with VLAN tags), Linux cooked, loopback
-//! and raw IP. Other packets are counted as foreign.
+//! and raw IP, whole or in fragments. Other packets are counted as foreign.
 //! Written: classic pcap, microseconds, little-endian, with the headers of a sensor broadcast. A capture can be read while it is
 //! being written, see [`Recorder`].
 //!
@@ -10,6 +10,7 @@
 
 mod blocks;
 mod damage;
+mod fragments;
 mod link;
 mod reader;
 mod recorder;

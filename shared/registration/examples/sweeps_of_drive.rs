@@ -8,7 +8,7 @@ mod folder;
 use anyhow::Context;
 use folder::kitti_line;
 use formats::drive::{Drive, SweepInfo};
-use formats::velodyne::SweepPoint;
+use formats::lidar::SweepPoint;
 use geometry::{Pose, Stamp, Trajectory, Vector3, interpolate};
 use raytrace::Ray;
 use registration::GroundVelocity;

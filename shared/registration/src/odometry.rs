@@ -262,8 +262,11 @@ impl Odometry {
         let up = self.state.up_in_lidar.cast();
         let mut found =
             SweepFeatures::new(sweep, &up, &self.settings.features, |features| self.sampled(features, |_| true));
-        for features in [&mut found.features, &mut found.matching, &mut found.with_rough] {
-            self.state.rings.correct(features);
+        // Bins of elevation are no lasers: they have no errors of their own.
+        if sweep.image().has_rings() {
+            for features in [&mut found.features, &mut found.matching, &mut found.with_rough] {
+                self.state.rings.correct(features);
+            }
         }
         found
     }
@@ -356,7 +359,7 @@ impl Odometry {
         if let Some(found) = &found {
             self.state.ground_tilt = found.ground_tilt;
             // At rest each sweep repeats the same measurement.
-            if self.has_moved(&motion) {
+            if self.has_moved(&motion) && sweep.image().has_rings() {
                 self.state.rings.update(&found.rings);
             }
         }

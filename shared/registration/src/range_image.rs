@@ -38,6 +38,7 @@ pub struct RangeImage {
     cell_of: Vec<u32>,
     /// Rows up or down that a neighborhood reaches.
     reach: usize,
+    has_rings: bool,
 }
 
 impl RangeImage {
@@ -55,8 +56,13 @@ impl RangeImage {
         };
         let ring = |point_idx: usize| by_order.as_ref().map_or(points[point_idx].ring, |(rings, _)| rings[point_idx]);
         let empty = Cell { position: [f32::NAN; 3], point: EMPTY };
-        let mut image =
-            Self { rows, cells: vec![empty; rows * STRIDE], cell_of: Vec::with_capacity(points.len()), reach: 2 };
+        let mut image = Self {
+            rows,
+            cells: vec![empty; rows * STRIDE],
+            cell_of: Vec::with_capacity(points.len()),
+            reach: 2,
+            has_rings: rings_known,
+        };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
         for chunk in points.chunks(CHUNK) {
             let (slopes, cols) = wide_loops::run(
@@ -126,6 +132,10 @@ impl RangeImage {
     pub(crate) fn cell(&self, point_idx: usize) -> Option<(usize, usize)> {
         let idx = self.cell_of[point_idx];
         (idx != EMPTY).then_some((idx as usize / STRIDE, idx as usize % STRIDE))
+    }
+    /// Whether rows are rings, each with its own laser, and not bins of elevation.
+    pub(crate) fn has_rings(&self) -> bool {
+        self.has_rings
     }
     /// Rows up or down that span about [`REACH_DEG`].
     pub(crate) fn reach(&self) -> usize {

@@ -11,8 +11,9 @@
 #![allow(missing_docs, reason = "a program")]
 
 use chart::{Axis, Chart, Series};
+use formats::lidar::{SweepPoint, SweepReader};
 use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, Model, SweepPoint, SweepReader};
+use formats::velodyne::{DATA_PORT, DataPacket, Model};
 use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Translation3};
 use simulation::sensors::lidar::LidarModel;
@@ -71,7 +72,7 @@ struct Recording {
 
 impl Recording {
     fn read(path: &Path) -> Result<Self, Box<dyn Error>> {
-        let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e))?;
+        let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e.into()))?;
         // The first begins somewhere in a turn.
         reader.next_sweep(|_| ())?;
         let mut sweep = Vec::new();

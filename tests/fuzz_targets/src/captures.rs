@@ -2,8 +2,9 @@
 
 use crate::with_file;
 use formats::imu::ImuReader;
+use formats::lidar::SweepReader;
 use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, Model, PositionPacket, SweepReader};
+use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, Model, PositionPacket};
 
 /// All packets and all sweeps of a capture.
 pub(crate) fn capture(bytes: &[u8]) {
@@ -35,7 +36,7 @@ fn packets(model: Model, bytes: &[u8]) {
         if let Some(packet) = DataPacket::new(payload) {
             returns.clear();
             decoder.decode_into(packet, 0..12, 0, &mut returns);
-            let is_valid = |one: &formats::velodyne::SweepPoint| {
+            let is_valid = |one: &formats::lidar::SweepPoint| {
                 one.x.is_finite() && one.azimuth < 36_000 && usize::from(one.ring) < model.n_rings()
             };
             assert!(returns.iter().all(is_valid));

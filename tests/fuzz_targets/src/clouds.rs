@@ -18,7 +18,7 @@ pub(crate) fn ply(bytes: &[u8]) {
 
 pub(crate) fn pcd(bytes: &[u8]) {
     if let Ok(points) = formats::pcd::points_from_pcd(bytes) {
-        let returns = returns_from_cloud(&points, Model::Hdl64e);
+        let returns = returns_from_cloud(&points, &Model::Hdl64e.into());
         assert!(returns.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
     }
 }
@@ -26,7 +26,7 @@ pub(crate) fn pcd(bytes: &[u8]) {
 pub(crate) fn kitti(bytes: &[u8]) {
     if let Ok(points) = formats::kitti::points_from_bin(bytes) {
         let _ = check_points(&points, 1.0);
-        let _ = returns_from_cloud(&points, Model::Hdl32e);
+        let _ = returns_from_cloud(&points, &Model::Hdl32e.into());
     }
     let _ = formats::kitti::labels_from_bytes(bytes);
 }

@@ -6,6 +6,7 @@
 mod captures;
 mod clouds;
 mod images;
+mod lidars;
 mod mutation;
 mod programs;
 mod spectra;
@@ -20,12 +21,17 @@ use std::path::Path;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 31] = [
+pub const TARGETS: [Target; 36] = [
     ("pcap", captures::capture),
     ("pcapng", captures::capture),
     ("hdl32e", captures::hdl32e),
     ("vlp16", captures::vlp16),
     ("hdl64e", captures::hdl64e),
+    ("hesai", lidars::hesai),
+    ("ouster", lidars::ouster),
+    ("robosense", lidars::robosense),
+    ("livox", lidars::livox),
+    ("lidar_calibration", lidars::calibration),
     ("nmea", captures::nmea),
     ("imu", captures::imu),
     ("png", images::color),

@@ -1,7 +1,7 @@
 //! A simulated drive as submaps, as the stage `slam_aggregate` would publish them with true poses.
 
 use formats::drive::{Drive, SweepInfo, TrueLabel};
-use formats::velodyne::SweepPoint;
+use formats::lidar::SweepPoint;
 use geometry::{Point3, Pose, Stamp, Trajectory, Vector3};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep, pose_numbers};
 use segmentation::{ModelInput, Segmenter};

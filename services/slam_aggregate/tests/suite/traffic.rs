@@ -44,7 +44,7 @@ fn driven(traffic: &str) -> (Bench<SlamAggregate>, [f64; 2]) {
     (bench, [way(&found[0], &found[found.len() - 1]), way(&first.1, &last.1)])
 }
 
-fn row(point: &formats::velodyne::SweepPoint) -> SweepPoint {
+fn row(point: &formats::lidar::SweepPoint) -> SweepPoint {
     SweepPoint {
         x: point.x,
         y: point.y,

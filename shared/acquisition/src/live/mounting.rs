@@ -1,15 +1,16 @@
 //! The sensor's model and rig.
 
 use crate::error::LiveError;
-use formats::drive::LiveRig;
+use formats::drive::{LiveRig, lidar_of};
+use formats::lidar::{Lidar, Model};
 use formats::manifest::PoseEntry;
-use formats::velodyne::Model;
+use formats::problems::FileError;
 use std::path::Path;
 
 /// Model and rig of a sensor on the network.
 pub struct Mounting {
-    /// `None`: it is detected from the packets.
-    pub(super) model: Option<Model>,
+    /// `None`: the model is detected from the packets.
+    pub(super) lidar: Option<Lidar>,
     pub(super) rig: LiveRig,
 }
 
@@ -18,15 +19,27 @@ impl Mounting {
     pub fn find(drive: &Path, model: &str) -> Result<Self, LiveError> {
         let rig = LiveRig::find(drive)?;
         let wanted = Model::from_name(model);
-        let Some(manifest) = rig.manifest() else { return Ok(Self { model: wanted, rig }) };
+        let LiveRig::File(path, manifest) = &rig else {
+            let lidar = wanted.map(Lidar::from);
+            return needs_no_file(lidar.as_ref()).map(|()| Self { lidar, rig });
+        };
         let of_rig = Model::from_name(&manifest.lidar.model);
         if wanted.is_some() && wanted != of_rig {
             return Err(LiveError::Model { setting: model.to_owned(), rig: manifest.lidar.model.clone() });
         }
-        Ok(Self { model: of_rig, rig })
+        let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), &manifest.lidar);
+        let lidar = lidar.map_err(|problem| FileError { problems: vec![problem] })?;
+        needs_no_file(Some(&lidar))?;
+        Ok(Self { lidar: Some(lidar), rig })
     }
 
     pub(super) fn body_from_lidar(&self) -> PoseEntry {
         self.rig.manifest().map_or(PoseEntry::IDENTITY, |manifest| manifest.lidar.body_from_lidar)
     }
+}
+
+/// Fails if the packets of a LiDAR cannot be decoded without a file of the unit.
+fn needs_no_file(lidar: Option<&Lidar>) -> Result<(), LiveError> {
+    let Some((lidar, file)) = lidar.and_then(|lidar| Some((lidar, lidar.missing_file()?))) else { return Ok(()) };
+    Err(LiveError::Calibration { model: lidar.model().name().to_owned(), file })
 }

@@ -3,9 +3,9 @@
 use crate::error::LiveError;
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
+use formats::lidar::Lidar;
 use formats::manifest::{LidarEntry, Manifest, PoseEntry};
 use formats::pcap::Recorder;
-use formats::velodyne::Model;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -74,13 +74,21 @@ impl Recording {
         self.captures.len() > 1
     }
 
-    /// Writes the manifest if it is absent, so that the recording is a drive.
-    pub(crate) fn describe(&self, model: Model, body_from_lidar: PoseEntry) -> Result<(), LiveError> {
+    /// Writes the manifest and the calibration of the unit if they are absent, so that the recording is a drive.
+    pub(crate) fn describe(&self, lidar: &Lidar, body_from_lidar: PoseEntry) -> Result<(), LiveError> {
         let path = self.folder.join(MANIFEST_FILE);
         if path.exists() {
             return Ok(());
         }
-        let manifest = Manifest::of_lidar("live recording", LidarEntry::of_captures(model.name(), body_from_lidar));
+        let mut entry = LidarEntry::of_captures(lidar.model().name(), body_from_lidar);
+        if let Some((name, text)) = lidar.calibration_file() {
+            let extension = Path::new(name).extension().and_then(|extension| extension.to_str()).unwrap_or("txt");
+            let name = format!("lidar_calibration.{extension}");
+            let path = self.folder.join(&name);
+            write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })?;
+            entry.calibration = Some(name);
+        }
+        let manifest = Manifest::of_lidar("live recording", entry);
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
     }

@@ -5,16 +5,14 @@ use super::receiver::{Receiver, Sockets};
 use super::recording::Recording;
 use crate::error::{LiveError, NoSweepError};
 use formats::drive::LiveRig;
+use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
 use formats::nmea::{Fix, LogStats};
-use formats::velodyne::{
-    DATA_PACKET_BYTES, LidarStats, Model, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader,
-};
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Size of a packet's record in a capture: record header, Ethernet, IP, UDP and data.
-const RECORD_BYTES: u64 = 16 + 42 + DATA_PACKET_BYTES as u64;
+/// Size of a packet's record in a capture without the payload: record header, Ethernet, IP and UDP.
+const HEADER_BYTES: u64 = 16 + 42;
 /// Revolution of a sensor at 10 Hz, until one has been measured.
 const TURN_NANOS: u64 = 100_000_000;
 /// Least share of a revolution that measures the size of a revolution.
@@ -63,8 +61,8 @@ enum CurrentSweep {
 
 /// Result of [`LiveSensor::poll`].
 pub enum LivePoll {
-    /// A sweep is complete, with the fixes up to its end.
-    Sweep(SweepInfo, Model, Vec<Fix>),
+    /// A sweep is complete, with the number of rings of the sensor and the fixes up to its end.
+    Sweep(SweepInfo, usize, Vec<Fix>),
     /// The sweep is discarded; so must be its points.
     Discarded,
     /// The packets are not those of the sensor. They are recorded, not decoded.
@@ -95,8 +93,8 @@ impl LiveSensor {
         let sockets = Sockets::bind(addresses)?;
         let (recording, recorder) = Recording::begin(folder)?;
         let receiver = Receiver::start(sockets, recorder).map_err(LiveError::Thread)?;
-        if let Some(model) = mounting.model {
-            recording.describe(model, mounting.body_from_lidar())?;
+        if let Some(lidar) = &mounting.lidar {
+            recording.describe(lidar, mounting.body_from_lidar())?;
         }
         // The previous process ended within a sweep. A run on the recording does not publish the rest of it either.
         let current = if recording.is_continued() { CurrentSweep::Discarded } else { CurrentSweep::None };
@@ -141,7 +139,7 @@ impl LiveSensor {
                     stats.data_packets, stats.foreign_packets, stats.late_packets
                 )
             }
-            None => match SweepReader::open(self.recording.captures().to_vec(), self.mounting.model) {
+            None => match SweepReader::open(self.recording.captures().to_vec(), self.mounting.lidar.clone()) {
                 Err(error) => error.to_string(),
                 Ok(_) => "too few data packets to detect the model".to_owned(),
             },
@@ -171,13 +169,13 @@ impl LiveSensor {
                 SweepPoll::Pending => return Ok(LivePoll::Waiting),
                 SweepPoll::End => return Ok(LivePoll::Ended),
             };
-            let (model, end_bytes) = (reader.model(), reader.place().1);
+            let (n_rings, end_bytes) = (reader.n_rings(), reader.place().1);
             self.current = CurrentSweep::None;
             if is_passed_on && info.turn >= self.limits.min_turn {
                 let fixes = reader.take_fixes();
                 self.n_sweeps += 1;
                 self.measure(&info, end_bytes);
-                return Ok(LivePoll::Sweep(info, model, fixes));
+                return Ok(LivePoll::Sweep(info, n_rings, fixes));
             }
             // Its fixes are published with the next sweep, as offline.
             self.discarded.add(&info, &self.limits);
@@ -209,12 +207,12 @@ impl LiveSensor {
             return Ok(Some(unchanged));
         }
         self.examined_bytes = whole_bytes;
-        match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.model) {
+        match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.lidar.clone()) {
             Ok(None) => Ok(Some(unchanged)),
             Ok(Some(reader)) => {
-                let model = reader.model();
-                self.recording.describe(model, self.mounting.body_from_lidar())?;
-                self.revolution_bytes = TURN_NANOS / u64::from(model.packet_nanos()) * RECORD_BYTES;
+                self.recording.describe(reader.lidar(), self.mounting.body_from_lidar())?;
+                let (n_bytes, nanos) = reader.typical_packet();
+                self.revolution_bytes = TURN_NANOS / nanos * (HEADER_BYTES + n_bytes);
                 self.reader = Some(reader);
                 Ok(None)
             }

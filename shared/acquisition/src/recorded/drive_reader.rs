@@ -7,9 +7,9 @@ use super::trigger::Trigger;
 use crate::error::{DriveError, NoSweepError};
 use formats::drive::{Drive, Frame, SourcePosition, SweepInfo, SweepSource};
 use formats::imu::ImuError;
+use formats::lidar::{OtherModel, SweepError, SweepPoint};
 use formats::manifest::Manifest;
 use formats::nmea::{Fix, LogStats};
-use formats::velodyne::{OtherModel, SweepError, SweepPoint};
 use messages::{ImageTopic, ImuRow, Message, MosaicTopic};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -140,7 +140,7 @@ fn wrong_captures(drive: &Drive) -> Option<String> {
     if drive.manifest().lidar.format != "pcap" {
         return None;
     }
-    match OtherModel::find(drive.sweep_files(), drive.model()) {
+    match OtherModel::find(drive.sweep_files(), drive.lidar()) {
         Ok(Some(other)) => Some(other.to_string()),
         Ok(None) => drive.sweeps().err().map(|error| error.to_string()),
         Err(error) => Some(error.to_string()),

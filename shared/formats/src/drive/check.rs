@@ -1,8 +1,10 @@
 //! Checks a manifest against the rules and against the files of its folder.
 
+use super::lidar_file::lidar_of;
 use super::listing::{Frame, files_with_extension, frames};
 use super::read::Read;
 use super::{Drive, TIMES_FILE};
+use crate::lidar::Lidar;
 use crate::manifest::{
     CameraEntry, GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, MosaicEntry, TruthEntry, WhitePanelEntry,
     rules,
@@ -11,7 +13,6 @@ use crate::problems::FileError;
 use crate::sensor_calibration::SensorCalibration;
 use crate::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use crate::toml_file::TomlFile;
-use crate::velodyne::Model;
 use geometry::Stamp;
 use messages::{CubeTopic, ImageTopic, Message, MosaicTopic};
 use std::path::{Component, Path, PathBuf};
@@ -26,7 +27,7 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     let manifest = read.manifest();
     let mut check = Check { folder, file: read.file, unnamed: Vec::new() };
     check.general(read.version);
-    let model = read.lidar.as_ref().and_then(|entry| check.lidar(entry));
+    let lidar = read.lidar.as_ref().and_then(|entry| check.lidar(entry));
     let (sweep_files, sweep_stamps) = read.lidar.as_ref().map(|entry| check.sweeps(entry)).unwrap_or_default();
     let mut camera_frames = Vec::new();
     for (index, entry) in numbered(&read.cameras) {
@@ -51,12 +52,12 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     }
     let Check { file, unnamed, .. } = check;
     let rig = manifest.as_ref().and_then(|manifest| manifest.rig().ok());
-    match (manifest, rig, model) {
-        (Some(manifest), Some(rig), Some(model)) if file.is_sound() => Ok(Drive {
+    match (manifest, rig, lidar) {
+        (Some(manifest), Some(rig), Some(lidar)) if file.is_sound() => Ok(Drive {
             folder: folder.to_owned(),
             manifest,
             rig,
-            model,
+            lidar,
             is_inferred,
             sweep_files,
             sweep_stamps,
@@ -69,10 +70,10 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     }
 }
 
-/// Checks the LiDAR and the poses of a manifest without its files.
-pub(super) fn manifest(read: Read) -> Result<Manifest, FileError> {
+/// Checks the LiDAR and the poses of a manifest without its other files.
+pub(super) fn manifest(folder: &Path, read: Read) -> Result<Manifest, FileError> {
     let manifest = read.manifest();
-    let mut check = Check { folder: Path::new(""), file: read.file, unnamed: Vec::new() };
+    let mut check = Check { folder, file: read.file, unnamed: Vec::new() };
     check.general(read.version);
     read.lidar.as_ref().and_then(|entry| check.lidar(entry));
     for (index, entry) in numbered(&read.cameras) {
@@ -114,13 +115,23 @@ impl Check<'_> {
         });
     }
 
-    fn lidar(&mut self, entry: &LidarEntry) -> Option<Model> {
+    fn lidar(&mut self, entry: &LidarEntry) -> Option<Lidar> {
         rules::pose(&mut self.file, "lidar.body_from_lidar", &entry.body_from_lidar);
-        let model = Model::from_name(&entry.model);
-        let names = || Model::ALL.map(Model::name).join(", ");
-        self.file
-            .rule("lidar.model", model.is_some(), || format!("value {:?} must be one of {}", entry.model, names()));
-        model
+        if let Some(name) = &entry.calibration {
+            self.inside("lidar.calibration", name)?;
+        }
+        let lidar = match lidar_of(self.folder, entry) {
+            Ok(lidar) => lidar,
+            Err(problem) => {
+                self.file.fault(&problem.key, problem.rule);
+                return None;
+            }
+        };
+        let missing = lidar.missing_file().filter(|_| entry.format == "pcap");
+        self.file.rule("lidar.calibration", missing.is_none(), || {
+            format!("is absent; packets of {:?} need {}", entry.model, missing.unwrap_or_default())
+        });
+        Some(lidar)
     }
 
     /// Files of the sweeps and, for clouds, their stamps.

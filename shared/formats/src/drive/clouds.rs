@@ -1,8 +1,8 @@
 //! Sweeps stored as one cloud file each, without firing times.
 
 use crate::cloud::CloudPoint;
-use crate::velodyne::{Model, SweepPoint, SweepReader};
-use crate::{kitti, nuscenes, pcd};
+use crate::lidar::{Lidar, Model, SweepPoint, SweepReader};
+use crate::{kitti, nuscenes, pcd, velodyne};
 use std::io;
 use std::path::Path;
 
@@ -25,12 +25,12 @@ pub(super) enum CloudFault {
 }
 
 /// The returns of a cloud file.
-pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<SweepPoint>, CloudFault> {
+pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<Vec<SweepPoint>, CloudFault> {
     let bytes = std::fs::read(path)?;
     let returns = match format {
-        "bin" => returns_from_cloud(&kitti::points_from_bin(&bytes)?, model),
+        "bin" => returns_from_cloud(&kitti::points_from_bin(&bytes)?, lidar),
         "nuscenes" => returns(&nuscenes::points_from_bin(&bytes)?, |(point, _)| point, |(_, ring)| *ring),
-        _ => returns_from_cloud(&pcd::points_from_pcd(&bytes)?, model),
+        _ => returns_from_cloud(&pcd::points_from_pcd(&bytes)?, lidar),
     };
     let limit = SweepReader::MAX_RETURNS;
     if returns.len() > limit {
@@ -40,10 +40,10 @@ pub(super) fn load(path: &Path, format: &str, model: Model) -> Result<Vec<SweepP
 }
 
 /// Returns in the order of the file, without times. Points that are not finite or closer than 0.1 m are removed. The azimuth is the
-/// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: of the device of KITTI). Intensities from 0 to
-/// 1 are scaled to 0 to 255.
-pub fn returns_from_cloud(points: &[CloudPoint], model: Model) -> Vec<SweepPoint> {
-    let rings = Rings::new(model);
+/// direction of the point. The ring is the nearest beam by elevation (for the HDL-64E: of the device of KITTI); 0 for
+/// sensors without fixed beams. Intensities from 0 to 1 are scaled to 0 to 255.
+pub fn returns_from_cloud(points: &[CloudPoint], lidar: &Lidar) -> Vec<SweepPoint> {
+    let rings = Rings::new(lidar);
     returns(points, |p| p, |p| rings.nearest(p))
 }
 
@@ -102,19 +102,20 @@ struct Bank {
 struct Rings(Vec<Bank>);
 
 impl Rings {
-    fn new(model: Model) -> Self {
+    fn new(lidar: &Lidar) -> Self {
         let bank = |up_m: f32, degrees: &[f32]| {
             let mut elevations: Vec<f32> = degrees.iter().map(|degrees| degrees.to_radians()).collect();
             elevations.sort_by(f32::total_cmp);
             Bank { up_m, elevations }
         };
-        Self(match model {
-            Model::Hdl64e => {
+        Self(match lidar.model() {
+            Model::Velodyne(velodyne::Model::Hdl64e) => {
                 vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]
             }
-            Model::Hdl32e | Model::Vlp16 => {
-                let degrees: Vec<f32> = model.lasers().iter().map(|laser| laser.elevation_deg as f32).collect();
-                vec![bank(0.0, &degrees)]
+            _ => {
+                let degrees: Vec<f32> = lidar.elevations_deg().iter().map(|degrees| *degrees as f32).collect();
+                // Between fewer beams there is none to choose.
+                if degrees.len() < 2 { Vec::new() } else { vec![bank(0.0, &degrees)] }
             }
         })
     }
@@ -150,6 +151,7 @@ impl Bank {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::velodyne::Model;
 
     #[test]
     fn ring_and_azimuth_of_a_point_are_those_of_its_beam() {
@@ -163,7 +165,7 @@ mod tests {
                 let (sin, cos) = elevation.sin_cos();
                 // 30 degrees to the right.
                 let point = CloudPoint { x: 8.660_254 * cos, y: -5.0 * cos, z: 10.0 * sin, intensity: 0.5 };
-                let [found] = returns_from_cloud(&[point], model).try_into().expect("one");
+                let [found] = returns_from_cloud(&[point], &model.into()).try_into().expect("one");
                 assert_eq!((found.ring, found.azimuth, found.intensity), (*ring, 3000, 128));
             }
         }
@@ -173,7 +175,7 @@ mod tests {
     #[real_data::test("kitti_raw_0048/0000000003.pcd")]
     fn rings_of_real_sweep_match_the_order_of_its_points() {
         let path = real_data::path("kitti_raw_0048/0000000003.pcd");
-        let returns = load(&path, "pcd", Model::Hdl64e).expect("reads");
+        let returns = load(&path, "pcd", &Model::Hdl64e.into()).expect("reads");
         let (mut ring, mut n_right, mut last) = (63_u8, 0, 0.0_f32);
         for found in &returns {
             let angle = found.y.atan2(found.x);
@@ -191,7 +193,7 @@ mod tests {
     fn invalid_points_are_removed() {
         let far = CloudPoint { x: -5.0, intensity: 200.0, ..CloudPoint::default() };
         let bad = CloudPoint { z: f32::NAN, ..far };
-        let found = returns_from_cloud(&[CloudPoint::default(), bad, far], Model::Hdl64e);
+        let found = returns_from_cloud(&[CloudPoint::default(), bad, far], &Model::Hdl64e.into());
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].intensity, found[0].azimuth), (200, 18_000));
     }

@@ -5,9 +5,10 @@ use super::read::Read;
 use super::{Drive, MANIFEST_FILE};
 use crate::cloud::check_points;
 use crate::kitti;
+use crate::lidar::{Lidar, Model, SweepReader};
 use crate::manifest::{LidarEntry, Manifest, PoseEntry};
 use crate::problems::{FileError, FileProblem};
-use crate::velodyne::{Model, SweepReader};
+use crate::velodyne;
 use std::path::{Path, PathBuf};
 
 /// Formats by file name extension, in the order of the search.
@@ -37,7 +38,7 @@ pub(super) fn read(folder: &Path) -> Result<Read, FileError> {
             check_rows(&files[0])?;
         }
         let is_capture = extension.starts_with("pcap");
-        let model = if is_capture { model_of(files).map_err(problem)? } else { Model::Hdl64e };
+        let model = if is_capture { model_of(files).map_err(problem)? } else { velodyne::Model::Hdl64e.into() };
         let manifest = manifest(folder, model, if is_capture { "pcap" } else { extension });
         return Ok(Read::inferred(&folder.join(MANIFEST_FILE), manifest));
     }
@@ -61,7 +62,7 @@ pub(super) fn of_capture(file: &Path) -> Result<Drive, FileError> {
         folder: file.parent().unwrap_or(Path::new(".")).to_owned(),
         manifest,
         rig,
-        model,
+        lidar: Lidar::from(model),
         is_inferred: true,
         sweep_files: vec![file.to_owned()],
         sweep_stamps: Vec::new(),
@@ -86,6 +87,7 @@ fn manifest(path: &Path, model: Model, format: &str) -> Manifest {
             model: model.name().to_owned(),
             format: format.to_owned(),
             folder: ".".to_owned(),
+            calibration: None,
             body_from_lidar: PoseEntry::IDENTITY,
         },
     )

@@ -1,8 +1,8 @@
 //! The sweeps of a drive, from captures or from cloud files.
 
 use super::{Drive, clouds};
+use crate::lidar::{Lidar, LidarStats, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use crate::nmea::{Fix, LogStats};
-use crate::velodyne::{LidarStats, Model, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -27,7 +27,7 @@ pub struct Clouds {
     files: Vec<PathBuf>,
     stamps: Vec<Stamp>,
     format: String,
-    model: Model,
+    lidar: Lidar,
     next: usize,
     n_bad: u64,
     /// Errors of unreadable files.
@@ -55,11 +55,11 @@ impl SweepSource {
         if format == "pcap" {
             let size = |path: &PathBuf| path.metadata().map_or(0, |metadata| metadata.len());
             let sizes = files.iter().map(size).collect();
-            let reader = Box::new(SweepReader::open(files, Some(drive.model()))?);
+            let reader = Box::new(SweepReader::open(files, Some(drive.lidar().clone()))?);
             return Ok(Self::Packets { reader, sizes });
         }
-        let (stamps, model) = (drive.sweep_stamps.clone(), drive.model());
-        Ok(Self::Clouds(Clouds { files, stamps, format, model, next: 0, n_bad: 0, damage: Vec::new() }))
+        let (stamps, lidar) = (drive.sweep_stamps.clone(), drive.lidar().clone());
+        Ok(Self::Clouds(Clouds { files, stamps, format, lidar, next: 0, n_bad: 0, damage: Vec::new() }))
     }
 
     /// Passes the returns of the next sweep to `sink` in firing order, in pieces, at most [`SweepReader::MAX_RETURNS`] in all. `None`
@@ -162,7 +162,7 @@ impl Clouds {
         while let Some(path) = self.files.get(self.next) {
             let index = self.next;
             self.next += 1;
-            match clouds::load(path, &self.format, self.model) {
+            match clouds::load(path, &self.format, &self.lidar) {
                 Ok(returns) => {
                     let sweep = self.sweep(index, returns.len());
                     return Some((returns, sweep));

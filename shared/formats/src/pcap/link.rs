@@ -12,23 +12,62 @@ pub(super) struct Datagram<'a> {
     pub(super) is_cut: bool,
 }
 
-/// The UDP packet of a frame. `None` for other protocols and for IP fragments.
-pub(super) fn datagram(link: u32, frame: &[u8]) -> Option<Datagram<'_>> {
+/// A part of an IP packet that was sent in fragments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Fragment<'a> {
+    /// Addresses of sender and receiver, and number of the packet.
+    pub(super) key: ([u8; 8], u16),
+    /// Position of its first byte.
+    pub(super) at: usize,
+    pub(super) bytes: &'a [u8],
+    pub(super) is_last: bool,
+}
+
+impl Fragment<'_> {
+    /// Addresses of sender and receiver.
+    pub(super) fn addresses(&self) -> &[u8; 8] {
+        &self.key.0
+    }
+}
+
+/// What a frame has of UDP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Udp<'a> {
+    Whole(Datagram<'a>),
+    Fragment(Fragment<'a>),
+}
+
+/// The UDP packet of a frame, or its fragment. `None` for other protocols and for fragments that the capture cut.
+pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     let packet = ip_packet(link, frame)?;
     let header_len = usize::from(packet.first()? & 0x0f) * 4;
     let is_ipv4 = packet[0] >> 4 == 4 && header_len >= 20;
     let total = usize::from(u16_at(packet, 2)?);
-    // Neither "more fragments" nor an offset: packets of sensors are not fragmented.
-    let is_whole = u16_at(packet, 6)? & 0x3fff == 0;
-    if !is_ipv4 || !is_whole || *packet.get(9)? != 17 {
+    if !is_ipv4 || *packet.get(9)? != 17 {
         return None;
     }
     // Short frames are padded on the wire, so the length in the IP header is used.
-    let udp = packet.get(header_len..total.min(packet.len()))?;
+    let bytes = packet.get(header_len..total.min(packet.len()))?;
+    let addresses: &[u8; 8] = packet.get(12..)?.first_chunk()?;
+    let (flags, number) = (u16_at(packet, 6)?, u16_at(packet, 4)?);
+    // Neither "more fragments" nor an offset.
+    if flags & 0x3fff == 0 {
+        return datagram(addresses, bytes).map(Udp::Whole);
+    }
+    let key = (*addresses, number);
+    let is_last = flags & 0x2000 == 0;
+    let fragment = Fragment { key, at: usize::from(flags & 0x1fff) * 8, bytes, is_last };
+    // All but the last have a multiple of eight bytes.
+    (total <= packet.len() && !bytes.is_empty() && (is_last || bytes.len().is_multiple_of(8)))
+        .then_some(Udp::Fragment(fragment))
+}
+
+/// The UDP packet in the content of an IP packet. `addresses` are those of sender and receiver.
+pub(super) fn datagram<'a>(addresses: &[u8; 8], udp: &'a [u8]) -> Option<Datagram<'a>> {
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;
-    let address: [u8; 4] = *packet.get(12..)?.first_chunk()?;
-    let (source, port) = (SocketAddrV4::new(Ipv4Addr::from(address), u16_at(udp, 0)?), u16_at(udp, 2)?);
+    let [a, b, c, d, ..] = *addresses;
+    let (source, port) = (SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), u16_at(udp, 0)?), u16_at(udp, 2)?);
     Some(Datagram { source, port, payload, is_cut: length > udp.len() })
 }
 

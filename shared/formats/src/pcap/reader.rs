@@ -1,7 +1,8 @@
 //! Reads UDP packets from a capture.
 
-use super::blocks::{Next, Records};
-use super::link::datagram;
+use super::blocks::{Next, Record, Records};
+use super::fragments::Fragments;
+use super::link::{Udp, datagram, udp};
 use super::recorder::Reach;
 use super::{Frontier, PcapError};
 use geometry::Stamp;
@@ -21,14 +22,17 @@ pub struct UdpPacket<'a> {
     pub payload: &'a [u8],
     /// Whether the capture contains only a part of the payload.
     pub is_cut: bool,
-    /// Offset of its record in the file; see [`PacketReader::open_at`].
+    /// Offset of its record in the file; of its last fragment, if it was sent in fragments.
     pub offset: u64,
+    /// Offset from which [`PacketReader::open_at`] reads this packet and all later ones. Differs from `offset` if fragments of them came
+    /// before.
+    pub begin: u64,
 }
 
 /// Counters of a capture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadStats {
-    /// Frames that are not complete UDP packets over IPv4.
+    /// Frames that are neither complete UDP packets over IPv4 nor fragments of one.
     pub foreign_frames: u64,
     /// 1 if the file ends inside a record.
     pub cut_records: u64,
@@ -36,10 +40,11 @@ pub struct ReadStats {
     pub whole_bytes: u64,
 }
 
-/// Reads a capture sequentially. Memory: one packet.
+/// Reads a capture sequentially. Memory: one packet, and up to eight of which fragments are missing.
 #[derive(Debug)]
 pub struct PacketReader {
     records: Records,
+    fragments: Fragments,
     stats: ReadStats,
     ended: bool,
     /// Readable part of a capture that is being written.
@@ -51,7 +56,8 @@ impl PacketReader {
     /// Opens a capture.
     pub fn open(path: &Path) -> Result<Self, PcapError> {
         let records = Records::open(path)?;
-        Ok(Self { records, stats: ReadStats::default(), ended: false, frontier: None, waiting: false })
+        let (fragments, stats) = (Fragments::default(), ReadStats::default());
+        Ok(Self { records, fragments, stats, ended: false, frontier: None, waiting: false })
     }
 
     /// Opens a capture that is being written. [`PacketReader::next`] returns `None` while no more packets are written and can be called
@@ -60,7 +66,7 @@ impl PacketReader {
         Ok(Self { frontier: Some(frontier), ..Self::open(path)? })
     }
 
-    /// Opens a capture at the record with this [`UdpPacket::offset`].
+    /// Opens a capture at the record with this [`UdpPacket::begin`].
     pub fn open_at(path: &Path, offset: u64) -> Result<Self, PcapError> {
         let mut reader = Self::open(path)?;
         reader.records.seek(offset)?;
@@ -97,25 +103,49 @@ impl PacketReader {
             let next = self.records.next();
             self.ended = !matches!(next, Ok(Next::Record(_)));
             match next? {
-                Next::End => {}
-                Next::Cut => (self.stats.cut_records, self.stats.whole_bytes) = (1, self.records.offset()),
+                Next::End => self.stats.foreign_frames += self.fragments.drop_all(),
+                Next::Cut => {
+                    (self.stats.cut_records, self.stats.whole_bytes) = (1, self.records.offset());
+                    self.stats.foreign_frames += self.fragments.drop_all();
+                }
                 Next::Record(record) => {
-                    if datagram(record.link, self.records.frame()).is_none() {
-                        self.stats.foreign_frames += 1;
-                        continue;
-                    }
-                    let found = datagram(record.link, self.records.frame());
-                    return Ok(found.map(|datagram| UdpPacket {
+                    self.stats.foreign_frames += self.fragments.drop_old(record.offset);
+                    let Some(begin) = self.begin_of_packet(record) else { continue };
+                    // The returned packet borrows the buffers, so it is found again.
+                    let found = match udp(record.link, self.records.frame()) {
+                        Some(Udp::Whole(datagram)) => Some(datagram),
+                        Some(Udp::Fragment(fragment)) => datagram(fragment.addresses(), self.fragments.whole()),
+                        None => None,
+                    };
+                    return Ok(found.map(|found| UdpPacket {
                         stamp: record.stamp,
-                        source: datagram.source,
-                        port: datagram.port,
-                        payload: datagram.payload,
-                        is_cut: datagram.is_cut,
+                        source: found.source,
+                        port: found.port,
+                        payload: found.payload,
+                        is_cut: found.is_cut,
                         offset: record.offset,
+                        begin,
                     }));
                 }
             }
         }
         Ok(None)
+    }
+
+    /// Takes the frame of a record. `None` unless it is a UDP packet or completes one; see [`UdpPacket::begin`].
+    fn begin_of_packet(&mut self, record: Record) -> Option<u64> {
+        let begin = match udp(record.link, self.records.frame()) {
+            Some(Udp::Whole(_)) => Some(record.offset),
+            Some(Udp::Fragment(fragment)) => {
+                let added = self.fragments.add(&fragment, record.offset);
+                self.stats.foreign_frames += added.dropped;
+                let begin = added.whole?;
+                datagram(fragment.addresses(), self.fragments.whole()).map(|_| begin)
+            }
+            None => None,
+        };
+        self.stats.foreign_frames += u64::from(begin.is_none());
+        let begin = begin?;
+        Some(self.fragments.begin().map_or(begin, |oldest| oldest.min(begin)))
     }
 }

@@ -3,34 +3,19 @@
 //! Values that depend only on the laser or only on the angle are tabulated, so that a return needs two table look-ups and a few
 //! multiplications.
 
-use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode, TURN};
+use super::packet::{BLOCKS_PER_PACKET, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET, ReturnMode};
 use super::{Laser, Model};
+use crate::lidar::{Blocks, Scratch, TURN, TurnTable, rings};
 use messages::SweepPoint;
 use std::ops::Range;
-use std::sync::LazyLock;
-
-/// Resolution of ranges, m.
-const RANGE_UNIT_M: f32 = 0.002;
-
-/// Sine and cosine by encoder count.
-type SinCos = [[f32; 2]; TURN as usize];
-
-/// The same for all models, and by far the most work of a new decoder.
-static SIN_COS: LazyLock<Box<SinCos>> = LazyLock::new(|| {
-    let mut table = Box::new([[0.0; 2]; TURN as usize]);
-    for (count, entry) in table.iter_mut().enumerate() {
-        let (sin, cos) = (count as f64 * 0.01).to_radians().sin_cos();
-        *entry = [sin as f32, cos as f32];
-    }
-    table
-});
 
 /// Decoder of one sensor model, with its tables.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     model: Model,
     beams: Vec<Beam>,
-    sin_cos: &'static SinCos,
+    turns: TurnTable,
+    range_unit_m: f32,
     /// Firing time of each return of a block, ns after the block.
     firing_nanos: [u32; LASERS_PER_BLOCK],
     /// Firing time of each return as a fraction of the duration of a block; zero if azimuths are not interpolated.
@@ -51,23 +36,15 @@ struct Beam {
     ring: u8,
 }
 
-/// The returns of one packet.
-#[derive(Clone, Debug)]
-pub(super) struct Scratch {
-    pub(super) returns: [SweepPoint; MAX_RETURNS_PER_PACKET],
-    pub(super) len: usize,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self { returns: [SweepPoint::default(); MAX_RETURNS_PER_PACKET], len: 0 }
-    }
-}
-
 impl Decoder {
     /// Computes the tables of a model.
     pub fn new(model: Model) -> Self {
-        let rings = model.rings();
+        Self::with_lasers(model, model.lasers())
+    }
+
+    /// Computes the tables of a unit, whose lasers are in firing order.
+    pub fn with_lasers(model: Model, lasers: &[Laser]) -> Self {
+        let rings = rings(lasers.iter().map(|laser| laser.elevation_deg));
         let beam = |(laser, ring): (&Laser, &u8)| Beam::new(laser, *ring, model);
         let timing = model.timing();
         let share = |nanos: u32| {
@@ -76,8 +53,9 @@ impl Decoder {
         let firing_nanos = std::array::from_fn(|return_idx| model.firing_nanos(0, return_idx));
         Self {
             model,
-            beams: model.lasers().iter().zip(&rings).map(beam).collect(),
-            sin_cos: &SIN_COS,
+            beams: lasers.iter().zip(&rings).map(beam).collect(),
+            turns: TurnTable::new(),
+            range_unit_m: model.range_unit_m(),
             firing_nanos,
             azimuth_shares: firing_nanos.map(share),
         }
@@ -97,18 +75,18 @@ impl Decoder {
         packet_nanos: i64,
         returns: &mut Vec<SweepPoint>,
     ) {
-        let mut scratch = Scratch::default();
+        let mut scratch = Scratch::<MAX_RETURNS_PER_PACKET>::default();
         self.decode(packet, blocks, packet_nanos, &mut scratch);
-        returns.extend_from_slice(&scratch.returns[..scratch.len]);
+        returns.extend_from_slice(scratch.returns());
     }
 
     /// Like [`Decoder::decode_into`], but replaces the content of `scratch`.
-    pub(super) fn decode(
+    pub(crate) fn decode<const N: usize>(
         &self,
         packet: DataPacket<'_>,
         blocks: Range<usize>,
         packet_nanos: i64,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<N>,
     ) {
         scratch.len = 0;
         let slots = self.slots(packet);
@@ -129,7 +107,7 @@ impl Decoder {
     /// `twin` contains the other echoes of the same shots. Returns equal to their twin are skipped.
     #[expect(clippy::too_many_arguments, reason = "the innermost loop; a struct would only group the arguments")]
     #[inline]
-    fn decode_block(
+    fn decode_block<const N: usize>(
         &self,
         bytes: &[u8],
         twin: &[u8],
@@ -137,7 +115,7 @@ impl Decoder {
         azimuth: u16,
         block_nanos: i64,
         steps: &[u16; LASERS_PER_BLOCK],
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<N>,
     ) {
         // A power of two: 16 or 32.
         let mask = self.model.timing().round_lasers - 1;
@@ -151,7 +129,7 @@ impl Decoder {
             };
             let turned = azimuth + steps[laser];
             let azimuth = if turned >= TURN { turned - TURN } else { turned };
-            let [x, y, z] = beam.point(f32::from(range) * RANGE_UNIT_M, self.sin_cos[usize::from(azimuth)]);
+            let [x, y, z] = beam.point(f32::from(range) * self.range_unit_m, self.turns.sin_cos(azimuth));
             let offset_nanos = (block_nanos + i64::from(self.firing_nanos[laser])).clamp(0, i64::from(u32::MAX)) as u32;
             *slot = SweepPoint { x, y, z, offset_nanos, azimuth, intensity: raw[2], ring: beam.ring };
             scratch.len += 1;
@@ -160,7 +138,7 @@ impl Decoder {
 
     /// Time slot of each block. Blocks fire one after the other, except pairs that fire together: two echoes of one shot, or upper and
     /// lower lasers of an HDL-64E.
-    pub(super) fn slots(&self, packet: DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
+    fn slots(&self, packet: DataPacket<'_>) -> [u8; BLOCKS_PER_PACKET] {
         let is_dual = self.is_dual(packet);
         let is_second = |index: usize| {
             let (Some(before), Some(block)) = (packet.block(index - 1), packet.block(index)) else { return false };
@@ -183,8 +161,18 @@ impl Decoder {
         slots
     }
 
+    /// Times and angles of the blocks of a packet.
+    pub(crate) fn blocks(&self, packet: DataPacket<'_>) -> Blocks {
+        let (slots, block_nanos) = (self.slots(packet), self.model.timing().block_nanos);
+        let mut blocks = Blocks::new(i64::from(self.n_slots(slots)) * i64::from(block_nanos), i64::from(block_nanos));
+        for (index, slot) in slots.into_iter().enumerate() {
+            blocks.push(i32::from(slot) * block_nanos as i32, packet.azimuth(index));
+        }
+        blocks
+    }
+
     /// Number of time slots of a packet.
-    pub(super) fn n_slots(&self, slots: [u8; BLOCKS_PER_PACKET]) -> u8 {
+    fn n_slots(&self, slots: [u8; BLOCKS_PER_PACKET]) -> u8 {
         let [.., before, last] = slots;
         last + if self.model == Model::Hdl64e && before == last { 2 } else { 1 }
     }
@@ -224,7 +212,7 @@ impl Beam {
         let (across_m, up_m) = match model {
             // Perpendicular to the beam, as the viewer of the manufacturer applies db.xml.
             Model::Hdl64e => (-laser.up_m * sin_elevation, laser.up_m * cos_elevation),
-            Model::Hdl32e | Model::Vlp16 => (0.0, laser.up_m),
+            Model::Hdl32e | Model::Vlp16 | Model::Vlp32c => (0.0, laser.up_m),
         };
         Self {
             cos_elevation: cos_elevation as f32,

@@ -10,7 +10,7 @@ use geometry::Stamp;
 /// One return as the sensor sends it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RawReturn {
-    /// Range in units of 2 mm; 0 = no return.
+    /// Range in units of 2 mm; 0 = no return. A VLP-32C sends it in units of 4 mm, rounded up.
     pub range_2mm: u16,
     /// Intensity, 0 to 255.
     pub intensity: u8,
@@ -53,7 +53,8 @@ pub fn encode_data_packet(
         out[..2].copy_from_slice(&flag.to_le_bytes());
         out[2..4].copy_from_slice(&block.azimuth.to_le_bytes());
         for (return_, out) in block.returns.iter().zip(out[4..].chunks_exact_mut(3)) {
-            out[..2].copy_from_slice(&return_.range_2mm.to_le_bytes());
+            let range = if model == Model::Vlp32c { return_.range_2mm.div_ceil(2) } else { return_.range_2mm };
+            out[..2].copy_from_slice(&range.to_le_bytes());
             out[2] = return_.intensity;
         }
     }

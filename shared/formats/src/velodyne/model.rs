@@ -2,6 +2,7 @@
 
 use super::packet::DataPacket;
 use super::tables;
+use crate::lidar::rings;
 
 /// A supported sensor model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,6 +11,8 @@ pub enum Model {
     Hdl32e,
     /// VLP-16: 16 lasers, +15 to -15 deg.
     Vlp16,
+    /// VLP-32C: 32 lasers, +15 to -25 deg, closest at the horizon.
+    Vlp32c,
     /// HDL-64E: 64 lasers, +2 to -24.9 deg, each with its own corrections.
     Hdl64e,
 }
@@ -34,8 +37,10 @@ pub struct Laser {
 pub(super) struct Timing {
     /// From one block to the next, ns.
     pub(super) block_nanos: u32,
-    /// From one laser to the next, ns.
+    /// From one laser to the next, or from one group of lasers that fire at once to the next, ns.
     pub(super) laser_nanos: u32,
+    /// Lasers that fire at once.
+    pub(super) lasers_at_once: usize,
     /// Lasers per firing sequence. A block has 32 returns, so two sequences if this is 16.
     pub(super) round_lasers: usize,
     /// From one firing sequence of a block to the next, ns.
@@ -46,13 +51,14 @@ pub(super) struct Timing {
 
 impl Model {
     /// All models.
-    pub const ALL: [Model; 3] = [Model::Hdl32e, Model::Vlp16, Model::Hdl64e];
+    pub const ALL: [Model; 4] = [Model::Hdl32e, Model::Vlp16, Model::Vlp32c, Model::Hdl64e];
 
     /// Name in `drive.toml`.
     pub const fn name(self) -> &'static str {
         match self {
             Model::Hdl32e => "hdl32e",
             Model::Vlp16 => "vlp16",
+            Model::Vlp32c => "vlp32c",
             Model::Hdl64e => "hdl64e",
         }
     }
@@ -61,6 +67,7 @@ impl Model {
         match self {
             Model::Hdl32e => "HDL-32E",
             Model::Vlp16 => "VLP-16",
+            Model::Vlp32c => "VLP-32C",
             Model::Hdl64e => "HDL-64E",
         }
     }
@@ -75,6 +82,7 @@ impl Model {
             0x21 => Some(Model::Hdl32e),
             // The Puck Hi-Res (0x24) has the same electronics but other angles.
             0x22 => Some(Model::Vlp16),
+            0x28 => Some(Model::Vlp32c),
             _ => None,
         }
     }
@@ -90,6 +98,7 @@ impl Model {
         match self {
             Model::Hdl32e => 0x21,
             Model::Vlp16 => 0x22,
+            Model::Vlp32c => 0x28,
             Model::Hdl64e => 0,
         }
     }
@@ -98,7 +107,15 @@ impl Model {
         match self {
             Model::Hdl32e => &tables::HDL32E,
             Model::Vlp16 => &tables::VLP16,
+            Model::Vlp32c => &tables::VLP32C,
             Model::Hdl64e => &tables::HDL64E,
+        }
+    }
+    /// Resolution of ranges, m.
+    pub const fn range_unit_m(self) -> f32 {
+        match self {
+            Model::Vlp32c => 0.004,
+            Model::Hdl32e | Model::Vlp16 | Model::Hdl64e => 0.002,
         }
     }
     /// Number of lasers.
@@ -107,16 +124,16 @@ impl Model {
     }
     /// Ring of each laser: its rank by elevation, 0 = lowest.
     pub fn rings(self) -> Vec<u8> {
-        let lasers = self.lasers();
-        let below = |laser: &Laser| lasers.iter().filter(|other| other.elevation_deg < laser.elevation_deg).count();
-        lasers.iter().map(|laser| below(laser) as u8).collect()
+        rings(self.lasers().iter().map(|laser| laser.elevation_deg))
     }
     /// Time of a firing after the stamp of the packet, ns. Blocks are 0 to 11, pairs of a dual-return packet count once. Returns are 0
     /// to 31 of a block.
     pub fn firing_nanos(self, block: usize, return_idx: usize) -> u32 {
         let timing = self.timing();
         let (round, laser) = (return_idx / timing.round_lasers, return_idx % timing.round_lasers);
-        block as u32 * timing.block_nanos + round as u32 * timing.round_nanos + laser as u32 * timing.laser_nanos
+        block as u32 * timing.block_nanos
+            + round as u32 * timing.round_nanos
+            + (laser / timing.lasers_at_once) as u32 * timing.laser_nanos
     }
     /// Whether the encoder angle of a block is that of its first firing, so that later firings need interpolation. The corrections of
     /// the HDL-64E refer to the angle of the block.
@@ -133,6 +150,7 @@ impl Model {
             Model::Hdl32e => Timing {
                 block_nanos: 46_080,
                 laser_nanos: 1_152,
+                lasers_at_once: 1,
                 round_lasers: 32,
                 round_nanos: 46_080,
                 interpolate_azimuth: true,
@@ -140,7 +158,16 @@ impl Model {
             Model::Vlp16 => Timing {
                 block_nanos: 110_592,
                 laser_nanos: 2_304,
+                lasers_at_once: 1,
                 round_lasers: 16,
+                round_nanos: 55_296,
+                interpolate_azimuth: true,
+            },
+            Model::Vlp32c => Timing {
+                block_nanos: 55_296,
+                laser_nanos: 2_304,
+                lasers_at_once: 2,
+                round_lasers: 32,
                 round_nanos: 55_296,
                 interpolate_azimuth: true,
             },
@@ -149,6 +176,7 @@ impl Model {
             Model::Hdl64e => Timing {
                 block_nanos: 28_800,
                 laser_nanos: 900,
+                lasers_at_once: 1,
                 round_lasers: 32,
                 round_nanos: 28_800,
                 interpolate_azimuth: false,

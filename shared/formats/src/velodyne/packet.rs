@@ -1,5 +1,7 @@
 //! Layout of data packets, read in place.
 
+use crate::lidar::TURN;
+
 /// UDP port of data packets.
 pub const DATA_PORT: u16 = 2368;
 /// UDP port of position packets.
@@ -25,8 +27,6 @@ pub(super) const POSITION_NMEA_AT: usize = 206;
 pub(super) const UPPER_BLOCK: u16 = 0xeeff;
 /// Flag of a block of lasers 32 to 63.
 pub(super) const LOWER_BLOCK: u16 = 0xddff;
-/// Encoder counts per revolution.
-pub(super) const TURN: u16 = 36_000;
 
 /// Echoes of a shot that the sensor sends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

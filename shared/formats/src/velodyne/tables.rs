@@ -14,6 +14,11 @@ const fn shifted(elevation_deg: f64, up_mm: f64) -> Laser {
     Laser { up_m: up_mm * 1e-3, ..beam(elevation_deg) }
 }
 
+/// A beam that looks to the left of the encoder angle; angles in deg.
+const fn turned(elevation_deg: f64, azimuth_deg: f64) -> Laser {
+    Laser { azimuth_deg, ..beam(elevation_deg) }
+}
+
 /// A line of an HDL-64E's db.xml: vertical and rotational correction in deg; distance correction, vertical and horizontal
 /// offset in cm.
 const fn corrected(elevation_deg: f64, azimuth_deg: f64, range_cm: f64, up_cm: f64, left_cm: f64) -> Laser {
@@ -36,6 +41,19 @@ pub(super) static VLP16: [Laser; 16] = [
     shifted(-11.0, 8.1), shifted(5.0, -3.7), shifted(-9.0, 6.6), shifted(7.0, -5.1),
     shifted(-7.0, 5.1), shifted(9.0, -6.6), shifted(-5.0, 3.7), shifted(11.0, -8.1),
     shifted(-3.0, 2.2), shifted(13.0, -9.7), shifted(-1.0, 0.7), shifted(15.0, -11.2),
+];
+
+/// Elevations and azimuth offsets that all units share (the manufacturer's VLP32 calibration file, rounded to 0.001 deg).
+#[rustfmt::skip]
+pub(super) static VLP32C: [Laser; 32] = [
+    turned(-25.0, -1.4), turned(-1.0, 4.2), turned(-1.667, -1.4), turned(-15.639, 1.4),
+    turned(-11.31, -1.4), turned(0.0, 1.4), turned(-0.667, -4.2), turned(-8.843, 1.4),
+    turned(-7.254, -1.4), turned(0.333, 4.2), turned(-0.333, -1.4), turned(-6.148, 1.4),
+    turned(-5.333, -4.2), turned(1.333, 1.4), turned(0.667, -4.2), turned(-4.0, 1.4),
+    turned(-4.667, -1.4), turned(1.667, 4.2), turned(1.0, -1.4), turned(-3.667, 4.2),
+    turned(-3.333, -4.2), turned(3.333, 1.4), turned(2.333, -1.4), turned(-2.667, 1.4),
+    turned(-3.0, -1.4), turned(7.0, 1.4), turned(4.667, -1.4), turned(-2.333, 4.2),
+    turned(-2.0, -4.2), turned(15.0, 1.4), turned(10.333, -1.4), turned(-1.333, 1.4),
 ];
 
 /// The db.xml of one HDL-64E. Every device has its own table, so other devices have errors of a few centimetres. Near-range corrections

@@ -5,6 +5,7 @@ use formats::drive::{Drive, returns_from_cloud};
 use formats::envi;
 use formats::imu::{ImuReader, ImuSample, csv_from_samples};
 use formats::ladybug::LadybugCalibration;
+use formats::lidar::SweepReader;
 use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
 use formats::pcap::PacketReader;
 use formats::pcd::{pcd_from_points, points_from_pcd};
@@ -16,7 +17,7 @@ use formats::trajectory::{
     TrajectoryError, csv_from_trajectory, kitti_from_trajectory, numbered, poses_from_kitti, trajectory_from_csv,
     trajectory_from_tum, tum_from_trajectory,
 };
-use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket, SweepReader};
+use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket};
 use formats::{cloud::CloudPoint, kitti};
 use geometry::{Pose, Stamp, Trajectory};
 use random::Random;
@@ -131,7 +132,7 @@ fn damaged_captures_do_not_panic() {
     let path = folder.path().join("b.pcap");
     let read = |bytes: &[u8]| {
         std::fs::write(&path, bytes).expect("writes");
-        let Ok(mut reader) = SweepReader::open(vec![path.clone()], Some(Model::Hdl32e)) else { return };
+        let Ok(mut reader) = SweepReader::open(vec![path.clone()], Some(Model::Hdl32e.into())) else { return };
         let mut n_returns = 0;
         while let Ok(Some(info)) = reader.next_sweep(|piece| n_returns += piece.len()) {
             assert!(info.n_returns <= SweepReader::MAX_RETURNS);
@@ -204,7 +205,7 @@ fn damaged_clouds_and_images_do_not_panic() {
     for (seed, bytes) in [(7, &pcd[..]), (8, &ascii[..])] {
         attack(seed, 5000, bytes, |bytes| {
             if let Ok(points) = points_from_pcd(bytes) {
-                let found = returns_from_cloud(&points, Model::Hdl64e);
+                let found = returns_from_cloud(&points, &Model::Hdl64e.into());
                 assert!(found.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
             }
         });

@@ -57,7 +57,7 @@ fn problems(folder: &Path) -> Vec<FileProblem> {
 fn valid_folder_lists_files_by_stamp() {
     let folder = drive(GOOD);
     let drive = Drive::open(folder.path()).expect("is valid");
-    assert_eq!((drive.model(), drive.sweep_files().len(), drive.is_inferred()), (Model::Hdl64e, 3, false));
+    assert_eq!((drive.model(), drive.sweep_files().len(), drive.is_inferred()), (Model::Hdl64e.into(), 3, false));
     let stamps: Vec<i64> = drive.camera_frames().iter().map(|frame| frame.stamp.0).collect();
     assert_eq!(stamps, [100, 200, 300]);
     assert_eq!(drive.strange_files().len(), 1);
@@ -194,7 +194,7 @@ fn folder_of_real_sweeps_without_manifest_opens_as_drive() {
     let folder = real_data::path("kitti_raw_0048");
     let drive = Drive::open(&folder).expect("opens");
     assert!(drive.is_inferred());
-    assert_eq!((drive.model(), drive.sweep_files().len()), (Model::Hdl64e, 22));
+    assert_eq!((drive.model(), drive.sweep_files().len()), (Model::Hdl64e.into(), 22));
     let mut sweeps = drive.sweeps().expect("opens");
     let mut returns = Vec::new();
     let mut positions = Vec::new();
@@ -223,7 +223,7 @@ fn folder_of_captures_without_manifest_detects_its_sensor() {
     let folder = tempfile::tempdir().expect("a folder");
     std::os::unix::fs::symlink(capture, folder.path().join("a.pcap")).expect("links");
     let drive = Drive::open(folder.path()).expect("opens");
-    assert_eq!((drive.model(), drive.manifest().lidar.format.as_str()), (Model::Vlp16, "pcap"));
+    assert_eq!((drive.model(), drive.manifest().lidar.format.as_str()), (Model::Vlp16.into(), "pcap"));
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! All tests of the crate's public interface in one program.
 
 mod damaged_input;
+mod driver_clouds;
 mod drives;
 mod envi;
 mod jpeg;
 mod ladybug;
 mod nmea_log;
+mod other_makers;
 mod packet_streams;
 mod ply;
 mod raw_mosaic;

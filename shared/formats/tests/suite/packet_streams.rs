@@ -1,11 +1,11 @@
 //! Packet streams as networks deliver them: complete, lossy, duplicated, mixed with other traffic.
 
-use crate::support::{BEGIN, SENSOR, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
-use formats::velodyne::{
-    LidarStats, Model, PulseStatus, SweepError, SweepInfo, SweepPoint, SweepReader, encode_position_packet,
-};
+use crate::support::{BEGIN, SENSOR, Sent, hdl32e_packets, open, sweeps, write_capture, write_capture_from};
+use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepReader};
+use formats::pcap::Writer;
+use formats::velodyne::{Model, PulseStatus, encode_position_packet};
 use random::Random;
-use std::net::SocketAddrV4;
+use std::net::{Ipv4Addr, SocketAddrV4};
 
 /// Three whole revolutions and a bit: 180.84 packets each.
 const N_PACKETS: usize = 560;
@@ -15,7 +15,7 @@ fn encoded_packets_decode_to_points_with_their_times() {
     let folder = tempfile::tempdir().expect("a folder");
     let packets = hdl32e_packets(N_PACKETS);
     let mut reader = open(&write_capture(&folder.path().join("a.pcap"), &packets));
-    assert_eq!(reader.model(), Model::Hdl32e);
+    assert_eq!(reader.model(), Model::Hdl32e.into());
     let sweeps = sweeps(&mut reader);
     assert_eq!(sweeps.len(), 4);
     // The clock wraps at the full hour, which is 1.5 s in and not reached here. The time of a shot follows from its number.
@@ -135,7 +135,7 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
     assert_eq!(whole.len(), 4);
     let reference = sweeps(&mut SweepReader::open(files.to_vec(), None).expect("opens"));
     for (k, position) in positions.iter().enumerate() {
-        let mut resumed = SweepReader::open(files.to_vec(), Some(Model::Hdl32e)).expect("opens");
+        let mut resumed = SweepReader::open(files.to_vec(), Some(Model::Hdl32e.into())).expect("opens");
         resumed.resume(*position).expect("is there");
         assert_eq!(sweeps(&mut resumed), reference[k..], "from sweep {k}");
         assert_eq!(resumed.stats(), reader.stats());
@@ -150,11 +150,11 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
 fn capture_without_sensor_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = write_capture(&folder.path().join("a.pcap"), &[(BEGIN, 2368, vec![0; 1206])]);
-    let error = SweepReader::open(vec![path.clone()], Some(Model::Vlp16)).expect_err("nothing there");
+    let error = SweepReader::open(vec![path.clone()], Some(Model::Vlp16.into())).expect_err("nothing there");
     assert!(error.to_string().contains("a.pcap: no data packet of vlp16"), "{error}");
     let hdl = write_capture(&path, &hdl32e_packets(3));
-    assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16)).is_err());
-    assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e)).is_ok());
+    assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16.into())).is_err());
+    assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e.into())).is_ok());
     std::fs::write(&path, "root:x:0:0").expect("writes");
     let error = SweepReader::open(vec![path], None).expect_err("no capture").to_string();
     assert!(error.contains("a.pcap, byte 0: magic number") && error.contains("neither pcap nor pcapng"), "{error}");
@@ -257,6 +257,61 @@ fn lossy_recording_resumed_before_any_sweep_gives_the_same_sweeps() {
     assert!(resumed_sweeps(&path) == sweeps(&mut open(&path)), "the resumed sweeps differ");
 }
 
+/// Frames of a packet that was sent in three fragments.
+fn fragments(number: u16, sender: SocketAddrV4, (stamp, port, payload): &Sent) -> Vec<(Vec<u8>, Vec<u8>)> {
+    let mut record = Vec::new();
+    let mut writer = Writer::new(&mut record).expect("writes");
+    let target = SocketAddrV4::new(Ipv4Addr::BROADCAST, *port);
+    writer.write_datagram(*stamp, sender, target, payload).expect("writes");
+    let (time, frame) = (record[24..32].to_vec(), &record[40..]);
+    let (head, datagram) = frame.split_at(34);
+    let one = |(index, part): (usize, &[u8])| {
+        let mut frame = [head, part].concat();
+        frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
+        frame[18..20].copy_from_slice(&number.to_be_bytes());
+        let more = if 480 * (index + 1) < datagram.len() { 0x2000 } else { 0 };
+        frame[20..22].copy_from_slice(&(more | 60 * index as u16).to_be_bytes());
+        (time.clone(), frame)
+    };
+    datagram.chunks(480).enumerate().map(one).collect()
+}
+
+#[test]
+fn packets_in_fragments_give_the_same_sweeps_also_when_resumed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let packets = hdl32e_packets(N_PACKETS);
+    let whole = write_capture(&folder.path().join("whole.pcap"), &packets);
+    let reference = sweeps(&mut open(&whole));
+    let other: SocketAddrV4 = "192.168.1.77:2368".parse().expect("an address");
+    let mut bytes = std::fs::read(&whole).expect("reads")[..24].to_vec();
+    let mut random = Random::new(4);
+    for (number, two) in packets.chunks(2).enumerate() {
+        // Fragments of two packets, and of a packet of another sender of which one fragment is lost, in any order.
+        let number = number as u16 * 3;
+        let foreign = fragments(number + 2, other, &two[0]).into_iter().skip(usize::from(number.is_multiple_of(2)));
+        let own = two.iter().zip(number..).flat_map(|(packet, number)| fragments(number, SENSOR, packet));
+        let mut frames: Vec<_> = own.chain(foreign).collect();
+        // The first packet fixes the begin; packets before it would be late.
+        for last in (1..frames.len()).rev().filter(|_| number > 0) {
+            frames.swap(last, random.index(last + 1));
+        }
+        for (time, frame) in frames {
+            bytes.extend(time);
+            bytes.extend([frame.len() as u32; 2].iter().flat_map(|length| length.to_le_bytes()));
+            bytes.extend(frame);
+        }
+    }
+    let path = folder.path().join("fragments.pcap");
+    std::fs::write(&path, bytes).expect("writes");
+    let mut reader = open(&path);
+    let found = sweeps(&mut reader);
+    let stats = reader.stats();
+    assert_eq!((stats.data_packets, stats.late_packets, stats.lost_packets), (N_PACKETS as u64, 0, 0));
+    assert!(stats.foreign_packets > 300, "{stats:?}");
+    assert!(found == reference, "the sweeps differ");
+    assert!(resumed_sweeps(&path) == reference, "the resumed sweeps differ");
+}
+
 #[test]
 fn stray_packets_before_the_sensor_do_not_decide() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -270,11 +325,11 @@ fn stray_packets_before_the_sensor_do_not_decide() {
         sent.extend(packets.iter().map(|packet| (SENSOR, packet.clone())));
         let path = write_capture_from(&folder.path().join("b.pcap"), &sent);
         let mut reader = open(&path);
-        assert_eq!(reader.model(), Model::Hdl32e);
+        assert_eq!(reader.model(), Model::Hdl32e.into());
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
         assert_eq!(reader.stats().foreign_packets, 2);
         // Also when the manifest names the model.
-        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e)).expect("opens");
+        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e.into())).expect("opens");
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
     }
 }

@@ -1,9 +1,10 @@
 //! Real captures of every supported sensor.
 
 use crate::support::{open, sweeps};
+use formats::lidar::SweepPoint;
 use formats::nmea::{Sentence, parse};
 use formats::pcap::PacketReader;
-use formats::velodyne::{Model, PositionPacket, SweepPoint};
+use formats::velodyne::{Model, PositionPacket};
 use geometry::Stamp;
 use nalgebra::{Matrix3, Vector3};
 
@@ -19,7 +20,7 @@ fn elevation_deg(found: &SweepPoint) -> f32 {
 fn real_vlp16_capture_decodes_to_plausible_sweeps() {
     let path = real_data::path("velodyne/vlp16_moving_car.pcap");
     let mut reader = open(&path);
-    assert_eq!(reader.model(), Model::Vlp16);
+    assert_eq!(reader.model(), Model::Vlp16.into());
     let sweeps = sweeps(&mut reader);
     let stats = reader.stats();
     assert_eq!((stats.data_packets, stats.position_packets, stats.cut_captures), (291, 56, 1));
@@ -64,7 +65,7 @@ fn real_position_packets_contain_sentences() {
 fn real_hdl64e_capture_decodes_to_plausible_sweeps() {
     let path = real_data::path("velodyne/hdl64e.pcap");
     let mut reader = open(&path);
-    assert_eq!(reader.model(), Model::Hdl64e);
+    assert_eq!(reader.model(), Model::Hdl64e.into());
     let sweeps = sweeps(&mut reader);
     let (info, returns) = &sweeps[1];
     // This early device sends no time, so the clock of the capture is used.

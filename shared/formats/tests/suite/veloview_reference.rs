@@ -1,7 +1,7 @@
 //! A revolution of a real HDL-32E capture, exported by VeloView (the manufacturer's viewer), is the reference.
 
 use flate2::read::GzDecoder;
-use formats::velodyne::{SweepPoint, SweepReader};
+use formats::lidar::{SweepPoint, SweepReader};
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 

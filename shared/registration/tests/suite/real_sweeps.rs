@@ -59,6 +59,40 @@ fn kitti_raw_trajectory_agrees_with_two_references() {
     }
 }
 
+/// The same points in an order without rings, as those of a sensor whose pattern does not repeat.
+fn without_rings(sweep: &Sweep) -> Sweep {
+    let mut points = sweep.points().to_vec();
+    let mut random = random::Random::new(7);
+    for index in (1..points.len()).rev() {
+        points[index].ring = 0;
+        points.swap(index, random.index(index + 1));
+    }
+    points[0].ring = 0;
+    Sweep::new(sweep.stamp(), points, 0)
+}
+
+#[real_data::test("kitti_raw_0048")]
+fn sweeps_without_rings_and_order_give_the_same_trajectory() {
+    let folder = real_data::path("kitti_raw_0048");
+    let sweeps = kitti_raw(&folder, Some(SpinDirection::Clockwise));
+    let with_rings = register_all(&sweeps);
+    let without = register_all(&sweeps.iter().map(without_rings).collect::<Vec<_>>());
+    assert_eq!(without.len(), 22);
+    assert!(without.iter().all(|sweep| !sweep.is_bridged()), "a sweep was not matched");
+    let poses = |registered: &[Registered]| -> Vec<Pose> {
+        registered.iter().map(|sweep| registered[0].motion.mid.inverse() * sweep.motion.mid).collect()
+    };
+    let (with_rings, without) = (poses(&with_rings), poses(&without));
+    for (found, expected) in without.iter().zip(&with_rings) {
+        let off = (found.translation.vector - expected.translation.vector).norm();
+        println!("{off:.4} m, {:.5} rad", found.rotation.angle_to(&expected.rotation));
+        assert!(off < 0.04, "{off} m off");
+        assert!(found.rotation.angle_to(&expected.rotation) < 0.003);
+    }
+    let share = path_length(&without) / path_length(&with_rings);
+    assert!((share - 1.0).abs() < 0.01, "path length is {share} of that with rings");
+}
+
 #[real_data::test("kitti_raw_0048")]
 fn times_from_azimuth_fit_best_clockwise() {
     let folder = real_data::path("kitti_raw_0048");

@@ -6,7 +6,7 @@ use registration::{
 };
 use simulation::{DriveSettings, DriveSpec, write_drive};
 
-fn timed(point: &formats::velodyne::SweepPoint) -> TimedPoint {
+fn timed(point: &formats::lidar::SweepPoint) -> TimedPoint {
     TimedPoint { position: [point.x, point.y, point.z], offset_nanos: point.offset_nanos, ring: point.ring }
 }
 

@@ -1,10 +1,13 @@
-//! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel.
+//! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel; without rings, elevation and azimuth.
 
 use super::{PolarImage, PolarPixel};
 use crate::ModelInput;
 use geometry::{RangeImage, column_of_azimuth};
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
 use std::ops::Range;
+
+/// Rows of the range image of a sensor without rings: as many as the beams of the largest sensor of the training.
+const ROWS_WITHOUT_RINGS: usize = 64;
 
 /// One sweep of a submap as a range image.
 #[derive(Clone, Debug)]
@@ -29,10 +32,33 @@ pub fn point_ranges(input: &ModelInput<'_>) -> Vec<(SubmapSweep, Range<usize>)> 
 
 /// Number of rows of the range images.
 pub fn rows_of(header: &SubmapHeader) -> usize {
-    (header.n_rings as usize).clamp(1, 256)
+    if has_rings(header) { (header.n_rings as usize).min(256) } else { ROWS_WITHOUT_RINGS }
 }
 
-/// The range image of one sweep: row 0 is the highest ring, columns count azimuths. `heights_m` are the heights of all points above
+/// Sensors with patterns that do not repeat have no rings.
+fn has_rings(header: &SubmapHeader) -> bool {
+    header.n_rings > 1
+}
+
+/// Rows of points without rings: equal steps from the highest to the lowest elevation of a sweep.
+struct ElevationRows {
+    highest: i16,
+    steps: usize,
+}
+
+impl ElevationRows {
+    fn of(points: &[SubmapPoint]) -> Self {
+        let elevations = || points.iter().map(|point| point.elevation);
+        let (highest, lowest) = (elevations().max().unwrap_or(0), elevations().min().unwrap_or(0));
+        Self { highest, steps: (i32::from(highest) - i32::from(lowest)) as usize + 1 }
+    }
+
+    fn row(&self, elevation: i16) -> usize {
+        (i32::from(self.highest) - i32::from(elevation)) as usize * ROWS_WITHOUT_RINGS / self.steps
+    }
+}
+
+/// The range image of one sweep: row 0 is the highest ring or elevation, columns count azimuths. `heights_m` are the heights of all points above
 /// the ground; where they are NaN, the LiDAR is assumed 2 m above it.
 pub fn range_sweep(
     input: &ModelInput<'_>,
@@ -49,10 +75,14 @@ pub fn range_sweep(
         let origin = |i: usize| begin[i] + share.min(1.0) * (end[i] - begin[i]);
         [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
     };
+    let elevation_rows = (!has_rings(input.header)).then(|| ElevationRows::of(of_sweep));
     let placed = of_sweep.iter().map(|point| {
         let [x, y, z] = ray(point);
         let range_m = (x * x + y * y + z * z).sqrt();
-        let row = rows.checked_sub(1 + usize::from(point.ring));
+        let row = match &elevation_rows {
+            Some(by_elevation) => Some(by_elevation.row(point.elevation)),
+            None => rows.checked_sub(1 + usize::from(point.ring)),
+        };
         let row = row.filter(|_| range_m > 0.0);
         (row.map(|row| (row, column_of_azimuth(point.azimuth, columns))), range_m)
     });

@@ -123,6 +123,40 @@ fn range_sweeps_contain_all_rays_of_submap() {
 }
 
 #[test]
+fn points_without_rings_are_placed_by_elevation() {
+    let (mut header, mut points, rays) = submap();
+    header.n_rings = 0;
+    for (point, ray) in points.iter_mut().zip(&rays) {
+        (point.ring, point.elevation) = (0, (ray[2].atan2(ray[0].hypot(ray[1])).to_degrees() * 100.0).round() as i16);
+    }
+    // A pattern that does not repeat has no order of angles either.
+    for sweep in &header.sweeps[..2] {
+        let (first, n) = (sweep.first_point as usize, sweep.n_points as usize);
+        let mut random = Random::new(3);
+        for index in (1..n).rev() {
+            points.swap(first + index, first + random.index(index + 1));
+        }
+    }
+    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let images = range_sweeps(&cloud, FIRINGS as usize, &vec![0.0; points.len()]);
+    for sweep in &images {
+        assert_eq!((sweep.image.rows, sweep.image.collision_rate()), (64, 0.0));
+        let pixels: Vec<u32> = sweep.image.pixel_of_point.clone();
+        for (point, pixel) in points[sweep.points.clone()].iter().zip(pixels) {
+            let row = usize::try_from(pixel).expect("a pixel") / FIRINGS as usize;
+            // Sixteen beams two degrees apart, from +5 to -25 deg, in 64 rows.
+            let expected = (500 - i32::from(point.elevation)) as f32 / 3001.0 * 64.0;
+            assert!((row as f32 - expected).abs() < 1.1, "{row} for {}", point.elevation);
+        }
+    }
+    let settings = settings();
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    let mut classes = vec![ClassRow { class_id: UNKNOWN, score: 0 }; points.len()];
+    model.segment(&cloud, &mut classes).expect("segments");
+    assert!(classes.iter().all(|row| row.class_id != UNKNOWN), "every point gets a class");
+}
+
+#[test]
 fn number_of_threads_does_not_change_classes() {
     let settings = settings();
     let model = load(&file_of(&settings, &weights(&settings))).expect("loads");

@@ -16,7 +16,7 @@
 use super::files::Folder;
 use crate::error::SimulationError;
 use crate::simulation::Simulation;
-use formats::velodyne::SweepReader;
+use formats::lidar::SweepReader;
 use geometry::{CameraModel, Point3, Pose, Stamp, Vector3};
 use messages::ClassId;
 use rayon::prelude::*;
@@ -48,8 +48,8 @@ pub fn write(simulation: &Simulation, folder: &Folder, stamps: &[Stamp]) -> Resu
     let capture = folder.path("lidar/000000.pcap")?;
     let failed =
         |error: &dyn std::fmt::Display| SimulationError::write(&capture)(std::io::Error::other(error.to_string()));
-    let mut reader =
-        SweepReader::open(vec![capture.clone()], Some(simulation.rig.lidar.model)).map_err(|error| failed(&error))?;
+    let mut reader = SweepReader::open(vec![capture.clone()], Some(simulation.rig.lidar.model.into()))
+        .map_err(|error| failed(&error))?;
     let exposures: Vec<NearExposure> = stamps.iter().map(|stamp| near_exposure(simulation, *stamp)).collect();
     loop {
         let mut returns = Vec::new();

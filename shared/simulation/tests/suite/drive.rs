@@ -2,9 +2,10 @@
 
 use crate::support::{SHARED_DRIVE, SharedDrive, files, revolutions, udp_payloads};
 use formats::drive::Drive;
+use formats::lidar::{SweepPoint, SweepReader};
 use formats::manifest::Manifest;
 use formats::sensor_calibration::SensorCalibration;
-use formats::velodyne::{Model, SweepPoint, SweepReader};
+use formats::velodyne::Model;
 use geometry::{CameraModel, KannalaBrandt, Point3};
 use simulation::sensors::camera::ColorCamera;
 use simulation::{DriveSpec, RigSpec, Simulation, SimulationError, write_drive};
@@ -164,7 +165,8 @@ fn decoder_returns_equal_simulated_returns() {
     let SharedDrive { path, files, simulation } = &*SHARED_DRIVE;
     let by_manual = revolutions(&files["lidar/000000.pcap"]);
     let begin = simulation.motion.begin;
-    let mut reader = SweepReader::open(vec![path.join("lidar/000000.pcap")], Some(Model::Hdl32e)).expect("a capture");
+    let mut reader =
+        SweepReader::open(vec![path.join("lidar/000000.pcap")], Some(Model::Hdl32e.into())).expect("a capture");
     for (seq, expected) in by_manual.iter().enumerate() {
         let mut returns = Vec::new();
         let info = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a sweep");
@@ -212,7 +214,7 @@ fn built_in_rigs_of_other_data_sets_produce_drives() {
             Ok(drive) => drive,
             Err(error) => panic!("{error}"),
         };
-        assert_eq!((drive.model(), report.n_images), (model, n_cameras));
+        assert_eq!((drive.model(), report.n_images), (model.into(), n_cameras));
         assert_eq!((drive.camera_frames().len(), drive.mosaic_frames().len()), (n_cameras as usize, 0));
         // Most near returns are road, and the body frame is at the height of the rig above it.
         let heights = heights_around(&drive);

@@ -1,7 +1,8 @@
 //! Decoded packets of every lidar model against the scene.
 
+use formats::lidar::{SweepPoint, SweepReader};
 use formats::pcap::Writer;
-use formats::velodyne::{DATA_PORT, Model, SweepPoint, SweepReader};
+use formats::velodyne::{DATA_PORT, Model};
 use geometry::{Isometry3, Point3};
 use nalgebra::Translation3;
 use simulation::sensors::lidar::LidarModel;
@@ -33,7 +34,7 @@ fn decoded_points_of_every_lidar_model_match_hits() {
         }
         capture.finish().expect("writes");
         let mut reader = SweepReader::open(vec![path], None).expect("a capture");
-        assert_eq!(reader.model(), model, "known by its packets");
+        assert_eq!(reader.model(), model.into(), "known by its packets");
         let mut decoded: Vec<SweepPoint> = Vec::new();
         let info = reader.next_sweep(|some| decoded.extend_from_slice(some)).expect("sound").expect("a sweep");
         assert_eq!((decoded.len(), info.lost_packets), (expected.len(), 0), "{model:?}");

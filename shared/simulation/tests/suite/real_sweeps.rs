@@ -1,7 +1,8 @@
 //! Statistics of a simulated HDL-32E against a real one.
 
+use formats::lidar::{SweepPoint, SweepReader};
 use formats::pcap::{PacketReader, Writer};
-use formats::velodyne::{DATA_PORT, DataPacket, Model, SweepPoint, SweepReader};
+use formats::velodyne::{DATA_PORT, DataPacket, Model};
 use geometry::Isometry3;
 use nalgebra::Translation3;
 use simulation::sensors::lidar::LidarModel;
@@ -21,7 +22,7 @@ struct Revolution {
 }
 
 fn read(path: &Path) -> Revolution {
-    let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e)).expect("a capture");
+    let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e.into())).expect("a capture");
     reader.next_sweep(|_| ()).expect("sound");
     let mut returns = Vec::new();
     let info = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a whole revolution");

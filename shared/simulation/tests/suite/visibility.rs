@@ -1,6 +1,7 @@
 //! `truth/visibility` against ray casts from the cameras.
 
-use formats::velodyne::{Model, SweepReader};
+use formats::lidar::SweepReader;
+use formats::velodyne::Model;
 use geometry::{Point3, Stamp};
 use messages::ClassId;
 use raytrace::Ray;
@@ -25,7 +26,8 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
     let spec = DriveSpec { truth_visibility: true, ..DriveSpec::urban(3, 5.0).sparse(12) };
     write_drive(&spec, &drive, &mut |_| ()).expect("a drive");
     let simulation = Simulation::new(&spec).expect("a town");
-    let mut reader = SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(Model::Hdl32e)).expect("a capture");
+    let mut reader =
+        SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(Model::Hdl32e.into())).expect("a capture");
     let (mut seen, mut all, mut hidden, mut wrong) = (0_u32, 0_u32, 0_u32, 0_u32);
     for seq in 0..45 {
         let mut returns = Vec::new();

@@ -29,11 +29,16 @@ const BEGIN: Stamp = Stamp(1_699_999_200_000_000_000 - 1_500_000_000);
 pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
     let (trajectory, poses) = trajectory();
     vec![
-        ("pcap", vec![capture(Model::Hdl32e), capture(Model::Vlp16)]),
+        ("pcap", vec![capture(Model::Hdl32e), capture(Model::Vlp16), fragments()]),
         ("pcapng", vec![pcapng()]),
         ("hdl32e", vec![packet(Model::Hdl32e, 0), position()]),
         ("vlp16", vec![packet(Model::Vlp16, 0), position()]),
         ("hdl64e", vec![packet(Model::Hdl64e, 0)]),
+        ("hesai", vec![hesai_40p(), hesai(6, 32, 8, 24), hesai(3, 64, 4, 24)]),
+        ("ouster", vec![ouster(16, 12, 4, 0), ouster(12, 4, 0, 32), ouster(12, 12, 0, 32), ouster(12, 16, 0, 32)]),
+        ("robosense", vec![robosense(1), robosense(2)]),
+        ("livox", vec![mid360(1, 14), mid360(3, 10), avia(2, 96 * 14), avia(4, 48 * 28)]),
+        ("lidar_calibration", vec![LASERS_XML.into(), lasers_yaml(), angles_csv(), METADATA.into()]),
         ("nmea", vec![log().into_bytes()]),
         ("imu", vec![imu().into_bytes()]),
         ("png", vec![picture(ImageFormat::Png)]),
@@ -63,6 +68,15 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
     ]
 }
 
+const LASERS_XML: &str = "<!DOCTYPE boost_serialization>\n<DB><distLSB_>0.2</distLSB_><points_><item><px><id_>0</id_>\
+    <rotCorrection_>-5.3</rotCorrection_><vertCorrection_>-7.2</vertCorrection_><distCorrection_>111</distCorrection_></px></item>\
+    </points_></DB>";
+const METADATA: &str = r#"{"beam_intrinsics": {"beam_altitude_angles": [10, -10], "beam_azimuth_angles": [2, -2],
+    "beam_to_lidar_transform": [1, 0, 0, 20, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1]}, "config_params": {"lidar_mode": "512x10"},
+    "lidar_data_format": {"columns_per_frame": 512, "columns_per_packet": 16, "pixels_per_column": 2, "column_window": [0, 511],
+    "udp_profile_lidar": "LEGACY"}, "sensor_info": {"prod_sn": "5"},
+    "lidar_intrinsics": {"lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1]}}"#;
+
 const PCD_TEXT: &[u8] =
     b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA ascii\n1 2 3\n4 5 6\n7 8 9\n";
 const SPECTRUM: &str =
@@ -91,6 +105,110 @@ fn packet(model: Model, number: i64) -> Vec<u8> {
         RawBlock { azimuth, is_lower: model == Model::Hdl64e && index % 2 == 1, returns: std::array::from_fn(one) }
     });
     encode_data_packet(model, BEGIN.plus_nanos(number * 552_960), &blocks).to_vec()
+}
+
+/// Blocks of a Hesai: angle and returns.
+fn hesai_blocks(flag: &[u8], n_blocks: u16, n_beams: usize, return_bytes: usize) -> Vec<u8> {
+    let one = |beam: usize| [(beam as u16 * 50 + 500).to_le_bytes().to_vec(), vec![9; return_bytes - 2]].concat();
+    let block = |block: u16| {
+        let angle = (block / 2 * 20).to_le_bytes();
+        [flag.to_vec(), angle.to_vec(), (0..n_beams).flat_map(one).collect()].concat()
+    };
+    (0..n_blocks).flat_map(block).collect()
+}
+
+fn hesai_40p() -> Vec<u8> {
+    let mut bytes = hesai_blocks(&[0xff, 0xee], 10, 40, 3);
+    bytes.resize(1254, 0);
+    bytes.extend([0x39, 0x42, 23, 11, 14, 22, 13, 20]);
+    bytes
+}
+
+fn hesai(major: u8, n_beams: u8, n_blocks: u8, tail: usize) -> Vec<u8> {
+    let mut bytes = vec![0xee, 0xff, major, 1, 0, 0, n_beams, n_blocks, 1, 4, 2, 1];
+    bytes.extend(hesai_blocks(&[], u16::from(n_blocks), usize::from(n_beams), 4));
+    // The return mode of one model, reserved of the other: two echoes.
+    bytes.extend([0; 10]);
+    bytes.extend([0x39; 7]);
+    bytes.resize(bytes.len() + tail - 17 + 4, 1);
+    bytes
+}
+
+/// A packet of an Ouster with two beams: sizes of the headers of columns, pixels, footers of columns, and header of the packet.
+fn ouster(column_header: usize, pixel: usize, column_footer: usize, header: usize) -> Vec<u8> {
+    let mut bytes = vec![1, 0];
+    bytes.resize(header, 0);
+    for column in 0..16_u16 {
+        let begin = bytes.len();
+        bytes.extend((1_000_000 + u64::from(column) * 195_312).to_le_bytes());
+        bytes.extend(column.to_le_bytes());
+        bytes.resize(begin + column_header, 1);
+        bytes.extend((0..2 * pixel).map(|at| [0x10, 0x20, 1, 7][at % 4]));
+        bytes.resize(bytes.len() + column_footer, 0xff);
+    }
+    bytes.resize(bytes.len() + header, 0);
+    bytes
+}
+
+fn robosense(model: u8) -> Vec<u8> {
+    let mut bytes = vec![0x55, 0xaa, 0x05, 0x0a, 0x5a, 0xa5, 0x50, 0xa0];
+    bytes.resize(20, 0);
+    bytes.extend([23, 11, 14, 22, 13, 20, 0, 7, 0, 9, model]);
+    bytes.resize(42, 0);
+    for block in 0..12_u16 {
+        bytes.extend([0xff, 0xee]);
+        bytes.extend((block * 40).to_be_bytes());
+        bytes.extend((0..32_u8).flat_map(|laser| [7, laser, 9]));
+    }
+    bytes.resize(1248, 0);
+    bytes
+}
+
+fn mid360(kind: u8, point_bytes: u16) -> Vec<u8> {
+    let mut bytes = vec![0];
+    for value in [36 + 8 * point_bytes, 350, 8] {
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.resize(36, 0);
+    bytes[10] = kind;
+    bytes.extend((0..8 * point_bytes).map(|at| (at % 5) as u8));
+    bytes
+}
+
+fn avia(kind: u8, n_bytes: usize) -> Vec<u8> {
+    let mut bytes = vec![5, 0, 0, 0, 0, 0, 0, 0, 3, kind, 23, 11, 14, 22, 0, 0, 0, 1];
+    bytes.extend((0..n_bytes).map(|at| (at % 5) as u8));
+    bytes
+}
+
+fn lasers_yaml() -> Vec<u8> {
+    let laser = |id: usize| format!("- {{laser_id: {id}, rot_correction: 0.02, vert_correction: -0.{id}}}\n");
+    let lasers: String = (0..16).map(laser).collect();
+    format!("lasers:\n{lasers}num_lasers: 16\ndistance_resolution: 0.002\n").into_bytes()
+}
+
+fn angles_csv() -> Vec<u8> {
+    let line = |beam: usize| format!("{},{}.5,-1.042\n", beam + 1, 15 - beam as i32);
+    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<String>()).into_bytes()
+}
+
+/// A data packet in three fragments.
+fn fragments() -> Vec<u8> {
+    let mut whole = Vec::new();
+    Writer::new(&mut whole).expect("writes").write_udp(BEGIN, DATA_PORT, &packet(Model::Hdl32e, 3)).expect("writes");
+    let (file_header, record) = whole.split_at(24);
+    let (head, datagram) = record[16..].split_at(34);
+    let mut bytes = file_header.to_vec();
+    for (number, part) in datagram.chunks(480).enumerate() {
+        let mut frame = [head, part].concat();
+        frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
+        let more = if (number + 1) * 480 < datagram.len() { 0x2000 } else { 0 };
+        frame[20..22].copy_from_slice(&(more | 60 * number as u16).to_be_bytes());
+        bytes.extend(&record[..8]);
+        bytes.extend([frame.len() as u32; 2].iter().flat_map(|length| length.to_le_bytes()));
+        bytes.extend(frame);
+    }
+    bytes
 }
 
 fn position() -> Vec<u8> {

@@ -1,10 +1,12 @@
 //! `replica convert`: converts a packet capture to one point cloud per revolution.
 
+use crate::argument::InvalidValue;
 use crate::exit_code;
 use anyhow::Context;
 use clap::ValueEnum;
+use formats::lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
 use formats::ply::{Header, Kind, PlyWriter};
-use formats::velodyne::{LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
+use formats::text_file::{MAX_CALIBRATION_BYTES, read_text};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -14,23 +16,20 @@ use std::process::ExitCode;
     after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 done, but the capture has lost or damaged packets"
 )]
 pub struct Args {
-    /// Capture of a Velodyne (pcap or pcapng)
+    /// Capture of a LiDAR (pcap or pcapng)
     capture: PathBuf,
     /// Folder for the clouds; created if absent
     out: PathBuf,
-    /// Sensor model [default: the one that the packets name]
-    #[arg(long, value_enum)]
-    model: Option<ModelName>,
+    /// Sensor model, as in drive.toml [default: the one that the packets name]
+    #[arg(long, value_parser = model)]
+    model: Option<Model>,
+    /// Calibration file of the unit, for --model: db.xml or YAML of a Velodyne, angle CSV of a Hesai or Robosense, metadata JSON of an
+    /// Ouster
+    #[arg(long, requires = "model")]
+    calibration: Option<PathBuf>,
     /// File format of the clouds
     #[arg(long, value_enum, default_value_t = Format::Ply)]
     format: Format,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ModelName {
-    Hdl32e,
-    Vlp16,
-    Hdl64e,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -40,13 +39,20 @@ enum Format {
     Ply,
 }
 
+fn model(name: &str) -> Result<Model, InvalidValue> {
+    Model::from_name(name).ok_or(InvalidValue("the name of a model in docs/reference/drive_folder.md"))
+}
+
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let model = args.model.map(|name| match name {
-        ModelName::Hdl32e => Model::Hdl32e,
-        ModelName::Vlp16 => Model::Vlp16,
-        ModelName::Hdl64e => Model::Hdl64e,
-    });
-    let mut reader = SweepReader::open(vec![args.capture.clone()], model)?;
+    let lidar = match (args.model, &args.calibration) {
+        (Some(model), Some(path)) => {
+            let text = read_text(path, MAX_CALIBRATION_BYTES).with_context(|| path.display().to_string())?;
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            Some(Lidar::with_calibration(model, &name, text).with_context(|| path.display().to_string())?)
+        }
+        (model, _) => model.map(Lidar::from),
+    };
+    let mut reader = SweepReader::open(vec![args.capture.clone()], lidar)?;
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let stem = args.capture.file_stem().unwrap_or_default().to_string_lossy().into_owned();
 
@@ -115,7 +121,7 @@ fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[SweepPoint]
 mod tests {
     use super::*;
     use formats::ply::Vertices;
-    use formats::velodyne::{DATA_PORT, RawBlock, RawReturn, encode_data_packet};
+    use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
     use geometry::Stamp;
 
     /// Two packets of one azimuth sector, and the packet between them if `complete`.
@@ -144,8 +150,13 @@ mod tests {
             [(true, ExitCode::SUCCESS, 1152), (false, ExitCode::from(exit_code::INCOMPLETE), 768)]
         {
             let out = folder.path().join("out");
-            let args =
-                Args { capture: capture(folder.path(), complete), out: out.clone(), model: None, format: Format::Ply };
+            let args = Args {
+                capture: capture(folder.path(), complete),
+                out: out.clone(),
+                model: None,
+                calibration: None,
+                format: Format::Ply,
+            };
             assert_eq!(run(&args).expect("converts"), code);
             let cloud = Vertices::load(&out.join("drive_000000.ply")).expect("loads");
             let [y, azimuth] = ["y", "azimuth"].map(|name| cloud.f32s(name).expect("is there"));

@@ -8,8 +8,8 @@ mod times;
 
 use anyhow::{Context, bail, ensure};
 use formats::drive::{Drive, MANIFEST_FILE, TIMES_FILE};
+use formats::lidar::Model;
 use formats::manifest::{LidarEntry, Manifest};
-use formats::velodyne::Model;
 use layout::{Kind, Layout};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ pub struct Args {
     /// Layout of the folder; without it the layout is recognized, and files that do not fit it are refused
     #[arg(long, value_enum)]
     kind: Option<Kind>,
-    /// Model of the LiDAR: hdl32e, vlp16 or hdl64e; default hdl32e for nuScenes, else hdl64e
+    /// Model of the LiDAR, as in drive.toml; default hdl32e for nuScenes, else hdl64e
     #[arg(long, value_parser = model)]
     model: Option<Model>,
     /// nuScenes: the drive to import if the folder holds several: the file names up to `__LIDAR_TOP__`
@@ -42,8 +42,7 @@ pub struct Args {
 }
 
 fn model(name: &str) -> Result<Model, String> {
-    let names = || Model::ALL.map(Model::name).join(", ");
-    Model::from_name(name).ok_or_else(|| format!("must be one of {}", names()))
+    Model::from_name(name).ok_or_else(|| format!("must be one of {}", Model::names()))
 }
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -104,6 +103,7 @@ fn write(found: &Layout, model: Model, source: &Path, out: &Path) -> anyhow::Res
             model: model.name().into(),
             format: found.kind.format().into(),
             folder: "lidar".into(),
+            calibration: None,
             body_from_lidar: found.kind.body_from_lidar(),
         },
     );

@@ -4,6 +4,7 @@ use crate::argument::InvalidValue;
 use crate::terminal::StopFlag;
 use anyhow::{Context, ensure};
 use formats::drive::Drive;
+use formats::lidar::Model;
 use formats::pcap::PacketReader;
 use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT};
 use run::exit;
@@ -18,11 +19,11 @@ const MAX_SLEEP: Duration = Duration::from_millis(100);
 
 /// Send the packets of a capture over UDP, as the sensor did.
 ///
-/// Sends data packets (1206 bytes) and position packets (512 bytes). Other packets are skipped and counted.
+/// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// Capture of a Velodyne (pcap or pcapng), or a drive folder, whose captures are sent as one stream
+    /// Capture of a LiDAR (pcap or pcapng), or a drive folder, whose captures are sent as one stream
     capture: PathBuf,
     /// Host and port of the receiver of data packets
     #[arg(long, default_value = "127.0.0.1:2368", value_parser = address)]
@@ -128,7 +129,7 @@ impl Player<'_> {
             self.play_round(files)?;
             let n_sent = self.sent.n_data + self.sent.n_position - before;
             let path = self.args.capture.display();
-            ensure!(n_sent > 0 || self.is_stopped(), "{path}: no Velodyne packet in the selected part");
+            ensure!(n_sent > 0 || self.is_stopped(), "{path}: no LiDAR packet in the selected part");
             if !self.args.again || self.is_stopped() {
                 return Ok(());
             }
@@ -152,8 +153,9 @@ impl Player<'_> {
                 if self.args.seconds.is_some_and(|seconds| since >= seconds) {
                     break 'files;
                 }
+                let is_data = packet.payload.len() == DATA_PACKET_BYTES || Model::may_be_data(packet.payload);
                 let port = match packet.payload.len() {
-                    DATA_PACKET_BYTES if !packet.is_cut => self.args.to.port(),
+                    _ if is_data && !packet.is_cut => self.args.to.port(),
                     POSITION_PACKET_BYTES if !packet.is_cut => self.args.position_port,
                     _ => {
                         self.sent.n_skipped += 1;
@@ -197,7 +199,7 @@ impl Player<'_> {
     fn send(&mut self, port: u16, payload: &[u8]) -> anyhow::Result<()> {
         let target = SocketAddr::new(self.args.to.ip(), port);
         self.socket.send_to(payload, target).with_context(|| format!("cannot send to {target}"))?;
-        let is_data = payload.len() == DATA_PACKET_BYTES;
+        let is_data = payload.len() != POSITION_PACKET_BYTES;
         *(if is_data { &mut self.sent.n_data } else { &mut self.sent.n_position }) += 1;
         self.sent.n_bytes += payload.len() as u64;
         Ok(())
@@ -283,7 +285,7 @@ mod tests {
             assert!(Cli::<Args>::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
         }
         let late = Cli::parse_from(["", text, "--start", "7"]);
-        assert!(run(&late.args).expect_err("no packets").to_string().contains("no Velodyne packet"));
+        assert!(run(&late.args).expect_err("no packets").to_string().contains("no LiDAR packet"));
         let mut bytes = std::fs::read(&path).expect("reads");
         // The length of the second record.
         bytes[24 + 16 + 42 + 1206 + 8..][..4].fill(0xff);

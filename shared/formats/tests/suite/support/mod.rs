@@ -1,9 +1,11 @@
 //! Captures for the tests.
 
+pub mod bag;
+mod sqlite;
+
+use formats::lidar::{SweepInfo, SweepPoint, SweepReader};
 use formats::pcap::Writer;
-use formats::velodyne::{
-    DATA_PORT, Model, RawBlock, RawReturn, SweepInfo, SweepPoint, SweepReader, encode_data_packet,
-};
+use formats::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
 use geometry::Stamp;
 use random::Random;
 use std::net::{Ipv4Addr, SocketAddrV4};

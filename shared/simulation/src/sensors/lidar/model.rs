@@ -52,6 +52,10 @@ impl LidarModel {
     /// The VLP-16 at 600 turns a minute: to 100 m, ±3 cm, 903 nm, beam as above (manual 63-9243).
     pub const VLP16: Self =
         Self { model: Model::Vlp16, range_m: [0.5, 120.0], range_sigma_m: 0.03, tenth_m: 80.0, ..Self::HDL32E };
+    /// The VLP-32C at 600 turns a minute: ±3 cm, 903 nm, beam as above (manual 63-9325). It reaches 200 m; here, ranges have 16 bits in units
+    /// of 2 mm until they are sent.
+    pub const VLP32C: Self =
+        Self { model: Model::Vlp32c, range_m: [1.0, 130.0], range_sigma_m: 0.03, tenth_m: 120.0, ..Self::HDL32E };
     /// The HDL-64E at 600 turns a minute: to 120 m, below 2 cm, 905 nm, 2 mrad (manual 63-HDL64ES3), stronger lasers. Its encoder
     /// reads steady.
     pub const HDL64E: Self = Self {
@@ -69,6 +73,7 @@ impl LidarModel {
         match model {
             Model::Hdl32e => Self::HDL32E,
             Model::Vlp16 => Self::VLP16,
+            Model::Vlp32c => Self::VLP32C,
             Model::Hdl64e => Self::HDL64E,
         }
     }

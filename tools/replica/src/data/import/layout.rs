@@ -2,9 +2,10 @@
 
 use super::times::{nanos_of_date, nanos_of_seconds, read_times};
 use anyhow::{Context, bail, ensure};
+use formats::lidar::Model;
 use formats::manifest::PoseEntry;
 use formats::nuscenes::{self, SweepName};
-use formats::velodyne::Model;
+use formats::velodyne;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -45,7 +46,7 @@ impl Kind {
         }
     }
     pub fn model(self) -> Model {
-        if self == Self::Nuscenes { Model::Hdl32e } else { Model::Hdl64e }
+        if self == Self::Nuscenes { velodyne::Model::Hdl32e } else { velodyne::Model::Hdl64e }.into()
     }
     pub fn body_from_lidar(self) -> PoseEntry {
         if self == Self::Nuscenes { nuscenes::BODY_FROM_LIDAR } else { PoseEntry::IDENTITY }

@@ -140,7 +140,7 @@ fn kind_and_model_of_the_command_line_are_used() {
     write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
     let mut args = args(&source, &folder);
     assert!(error(&args).contains("intensity 200 must be 0 to 1"));
-    (args.kind, args.model) = (Some(Kind::Bin), Some(Model::Vlp16));
+    (args.kind, args.model) = (Some(Kind::Bin), Some(formats::velodyne::Model::Vlp16.into()));
     let report = import(&args).expect("imports");
     assert!(report[0].contains("1 sweeps of vlp16"), "{report:?}");
     assert!(report[1].contains("no times"), "{report:?}");

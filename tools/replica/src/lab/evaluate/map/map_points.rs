@@ -4,8 +4,8 @@ use crate::cloud_files::cloud_files;
 use crate::lab::evaluate::trajectory::true_trajectory;
 use anyhow::ensure;
 use formats::drive::{Drive, MANIFEST_FILE};
+use formats::lidar::SweepPoint;
 use formats::ply::Vertices;
-use formats::velodyne::SweepPoint;
 use geometry::{Point3, Pose, Trajectory, Vector3};
 use std::path::Path;
 

@@ -1,15 +1,13 @@
 //! Splits the stream of blocks into revolutions.
 
-use super::packet::TURN;
-
 /// A decrease of the encoder angle by more than this ends a revolution. Smaller decreases are jitter.
 const JITTER: u16 = 1000;
 /// A gap of this length ends the revolution: at 10 Hz the sensor may have completed a revolution in it.
 const MAX_GAP_NANOS: i64 = 100_000_000;
 /// Longest revolution. The slowest sensor takes 200 ms, so a longer one means that the motor stands still.
 const MAX_NANOS: i64 = 500_000_000;
-/// Most returns of a revolution: two echoes of the sensor with the highest rate (2.2 million per second) in a slow revolution, with
-/// a reserve.
+/// Most returns of a revolution: two echoes of an HDL-64E (2.2 million per second) in a slow revolution, or of an Ouster with 128 beams
+/// and 2048 columns, with a reserve.
 pub(super) const MAX_RETURNS: usize = 600_000;
 
 /// A revolution that is being read.
@@ -52,9 +50,9 @@ impl Revolution {
         Ok(())
     }
 
-    /// Covered part of a revolution, 0 to 1.
-    pub(super) fn share(&self) -> f64 {
-        (f64::from(self.turned) / f64::from(TURN)).min(1.0)
+    /// Covered part of a revolution, 0 to 1. `full`: encoder counts of a whole one.
+    pub(super) fn share(&self, full: u16) -> f64 {
+        (f64::from(self.turned) / f64::from(full)).min(1.0)
     }
 
     /// Time of its last block.
@@ -65,6 +63,7 @@ impl Revolution {
 
 #[cfg(test)]
 mod tests {
+    use super::super::TURN;
     use super::*;
 
     #[test]
@@ -75,7 +74,7 @@ mod tests {
             let azimuth = if i % 10 == 0 { azimuth - 19 } else { azimuth };
             assert_eq!(revolution.take(i as i64 * 46_080, azimuth), Ok(()));
         }
-        assert!(revolution.share() > 0.99);
+        assert!(revolution.share(TURN) > 0.99);
         assert_eq!(revolution.take(95_000_000, 5), Err(End::Wrapped));
     }
 

@@ -1,7 +1,7 @@
 //! Several captures read as one stream. Recorders start a new file every few minutes.
 
 use super::LidarStats;
-use crate::pcap::{Frontier, PacketReader, PcapError, ReadStats};
+use crate::pcap::{Frontier, PacketReader, PcapError, ReadStats, UdpPacket};
 use geometry::Stamp;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
@@ -18,6 +18,8 @@ pub(super) struct Arrival {
     pub(super) file: usize,
     /// Offset of its record in the file.
     pub(super) offset: u64,
+    /// Offset from which the file must be read to get the packet.
+    pub(super) begin: u64,
 }
 
 /// Reads files in order.
@@ -132,8 +134,8 @@ impl Captures {
         let arrival = reader.next()?.map(|packet| {
             self.payload.clear();
             self.payload.extend_from_slice(packet.payload);
-            let (captured, source, is_cut, offset) = (packet.stamp, packet.source, packet.is_cut, packet.offset);
-            Arrival { captured, source, port: packet.port, is_cut, file: self.file, offset }
+            let UdpPacket { stamp, source, port, is_cut, offset, begin, .. } = packet;
+            Arrival { captured: stamp, source, port, is_cut, file: self.file, offset, begin }
         });
         let now = reader.stats();
         stats.foreign_packets += now.foreign_frames - self.counted.foreign_frames;

@@ -1,13 +1,11 @@
 //! The packets of the sensor, sorted out from all packets of the captures and put in order.
 
 use super::{PacketPosition, SweepError, SweepReader};
-use crate::velodyne::PositionPacket;
-use crate::velodyne::capture::Arrival;
-use crate::velodyne::clock::Step;
-use crate::velodyne::packet::{
-    BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, POSITION_PACKET_BYTES, POSITION_PORT,
-};
-use crate::velodyne::reorder::{Held, Place, n_lost};
+use crate::lidar::Model;
+use crate::lidar::capture::Arrival;
+use crate::lidar::clock::Step;
+use crate::lidar::reorder::{Held, Place, n_lost};
+use crate::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PositionPacket};
 
 impl SweepReader {
     /// The next data packet by the clock of the sensor. Returns the number of packets lost before it. `None` at the end, or if no
@@ -17,7 +15,7 @@ impl SweepReader {
         while !self.at.ended {
             while let Some((packet, is_reordered)) = self.reorder.take(&self.at.clock, self.packet_nanos(), is_end) {
                 self.at.stats.reordered_packets += u64::from(is_reordered);
-                if let Some(n_lost) = self.accept(&packet) {
+                if let Some(n_lost) = self.accept(packet) {
                     return Ok(Some(n_lost));
                 }
             }
@@ -37,53 +35,65 @@ impl SweepReader {
 
     /// Holds a data packet of the sensor, takes the sentence of a position packet, or counts why a packet is skipped.
     fn sort_out(&mut self, arrival: Arrival) {
-        let place = Place { file: arrival.file, offset: arrival.offset };
+        let place = Place { file: arrival.file, offset: arrival.offset, begin: arrival.begin };
         self.at.read = Some(place);
         let (payload, stats) = (self.captures.payload(), &mut self.at.stats);
-        // The sensor sends position packets from another port.
+        // The sensor sends other packets from other ports.
         if arrival.source.ip() != self.sensor.ip() {
             stats.foreign_packets += 1;
             return;
         }
-        let own_port = arrival.port == self.port || arrival.port == DATA_PORT || arrival.port == POSITION_PORT;
-        if own_port && (arrival.is_cut || payload.len() < POSITION_PACKET_BYTES) {
+        let lidar = self.decoder.lidar();
+        let model = lidar.model();
+        let own_port = [self.port, model.data_port(), model.other_port()].contains(&arrival.port);
+        let is_velodyne = matches!(model, Model::Velodyne(_));
+        let least = if is_velodyne { POSITION_PACKET_BYTES } else { 0 };
+        if own_port && (arrival.is_cut || payload.len() < least) {
             stats.short_packets += 1;
             return;
         }
-        if let Some(packet) = PositionPacket::new(payload) {
+        if let Some(packet) = PositionPacket::new(payload).filter(|_| is_velodyne) {
             stats.position_packets += 1;
             self.fixes.extend(self.at.receiver.take(packet.nmea));
             return;
         }
-        let packet = DataPacket::new(payload).filter(|packet| self.decoder.model().may_have_sent(*packet));
+        if lidar.is_auxiliary(payload) {
+            stats.position_packets += 1;
+            return;
+        }
         let is_of_sensor = arrival.port == self.port && arrival.source == self.sensor;
-        match packet.filter(|_| is_of_sensor) {
-            Some(packet) => {
-                self.reorder.push(Held { place, captured: arrival.captured, bytes: *packet.bytes() });
-            }
-            None if own_port && payload.len() < DATA_PACKET_BYTES => stats.short_packets += 1,
-            None => stats.foreign_packets += 1,
+        if is_of_sensor && lidar.may_have_sent(payload) {
+            let nanos = lidar.packet_nanos(payload);
+            let mut bytes = self.spare.pop().unwrap_or_default();
+            bytes.clear();
+            bytes.extend_from_slice(payload);
+            self.reorder.push(Held { place, captured: arrival.captured, nanos, bytes });
+        } else if own_port && is_velodyne && payload.len() < DATA_PACKET_BYTES {
+            stats.short_packets += 1;
+        } else {
+            stats.foreign_packets += 1;
         }
     }
 
-    /// Time from one packet to the next.
+    /// Time from the current packet to the next one, ns; 0 if it varies.
     fn packet_nanos(&self) -> i64 {
-        i64::from(self.decoder.n_slots(self.slots)) * i64::from(self.decoder.model().timing().block_nanos)
+        if self.decoder.is_regular() { self.blocks.packet_nanos } else { 0 }
     }
 
     /// Makes a data packet the current packet, or counts why it is skipped. Returns the number of packets lost before it.
-    fn accept(&mut self, held: &Held) -> Option<u64> {
-        let packet = DataPacket::new(&held.bytes)?;
+    fn accept(&mut self, mut held: Held) -> Option<u64> {
         let packet_nanos = self.packet_nanos();
         let stats = &mut self.at.stats;
         if self.at.packet.is_some() && held.bytes == self.bytes {
             stats.duplicated_packets += 1;
+            self.spare.push(held.bytes);
             return None;
         }
         let mut lost = 0;
-        let stamp = match self.at.clock.step(packet.micros(), held.captured) {
+        let stamp = match self.at.clock.step(held.nanos, held.captured) {
             Step::Late => {
                 stats.late_packets += 1;
+                self.spare.push(held.bytes);
                 return None;
             }
             Step::Repeated { stamp } => stamp,
@@ -96,11 +106,12 @@ impl SweepReader {
                 stamp
             }
         };
+        std::mem::swap(&mut self.bytes, &mut held.bytes);
+        self.spare.push(held.bytes);
+        self.blocks = self.decoder.blocks(&self.bytes);
         stats.data_packets += 1;
         stats.lost_packets += lost;
-        stats.bad_blocks += (0..BLOCKS_PER_PACKET).filter(|index| packet.azimuth(*index).is_none()).count() as u64;
-        self.slots = self.decoder.slots(packet);
-        self.bytes = held.bytes;
+        stats.bad_blocks += self.blocks.n_bad() as u64;
         self.at.packet = Some(PacketPosition { place: held.place, stamp, block: 0 });
         Some(lost)
     }

@@ -4,10 +4,11 @@
 //! decides nothing.
 
 use super::capture::{Arrival, Captures};
-use super::clock::{Clock, Step, TimeBase};
-use super::{DataPacket, LidarStats, Model, PositionPacket};
+use super::clock::{Clock, Epoch, Step, TimeBase};
+use super::{Lidar, LidarStats, Model};
 use crate::nmea::{self, Sentence};
 use crate::pcap::PcapError;
+use crate::velodyne::{DataPacket, PositionPacket};
 use geometry::Stamp;
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
@@ -26,14 +27,16 @@ pub(super) const MAX_EXAMINED: usize = 65_536;
 const TIMES: usize = 64;
 
 /// Properties of a packet stream.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct StreamInfo {
-    pub(super) model: Model,
+    pub(super) lidar: Lidar,
     /// Address and port from which the sensor sends data packets.
     pub(super) sensor: SocketAddrV4,
     /// Port to which the data packets are sent.
     pub(super) port: u16,
     pub(super) clock: Clock,
+    /// The first data packet.
+    pub(super) payload: Vec<u8>,
 }
 
 /// Result of the detection.
@@ -50,12 +53,14 @@ pub(super) enum Detection {
 
 /// A possible sensor: where its data packets come from and go to.
 struct Candidate {
-    model: Model,
+    lidar: Lidar,
     sensor: SocketAddrV4,
     port: u16,
     n_packets: usize,
     /// Sensor and capture times of its first packets.
-    times: Vec<(u32, Stamp)>,
+    times: Vec<(i64, Stamp)>,
+    /// Its first packet.
+    payload: Vec<u8>,
 }
 
 /// What has been found so far.
@@ -64,15 +69,15 @@ struct Search {
     candidates: Vec<Candidate>,
     /// Offset of the capturing machine from GNSS time, by the address of the sender.
     host_ahead_nanos: BTreeMap<Ipv4Addr, i64>,
-    /// Data packets that are not considered, by sender and product byte.
-    others: BTreeMap<(SocketAddrV4, u8), (Option<Model>, usize)>,
+    /// Data packets that are not considered, by sender and name of the model.
+    others: BTreeMap<(SocketAddrV4, String), usize>,
     /// Capture time of the first data packet.
     first: Option<Stamp>,
     n_packets: usize,
 }
 
-/// Examines captures from their beginning. With `model`, only packets of this model are considered.
-pub(super) fn detect(mut captures: Captures, model: Option<Model>) -> Result<Detection, PcapError> {
+/// Examines captures from their beginning. With `lidar`, only packets of this model are considered.
+pub(super) fn detect(mut captures: Captures, lidar: Option<&Lidar>) -> Result<Detection, PcapError> {
     let mut stats = LidarStats::default();
     let mut search = Search::default();
     for _ in 0..MAX_EXAMINED {
@@ -82,7 +87,7 @@ pub(super) fn detect(mut captures: Captures, model: Option<Model>) -> Result<Det
             }
             break;
         };
-        search.add(&arrival, captures.payload(), model);
+        search.add(&arrival, captures.payload(), lidar);
         if search.n_packets >= MAX_PACKETS || search.is_complete(arrival.captured) {
             break;
         }
@@ -92,51 +97,52 @@ pub(super) fn detect(mut captures: Captures, model: Option<Model>) -> Result<Det
 }
 
 impl Search {
-    fn add(&mut self, arrival: &Arrival, payload: &[u8], model: Option<Model>) {
+    fn add(&mut self, arrival: &Arrival, payload: &[u8], wanted: Option<&Lidar>) {
         if let Some(packet) = PositionPacket::new(payload) {
             self.n_packets += 1;
             if let Some(nanos) = host_ahead(&packet, arrival.captured) {
                 self.host_ahead_nanos.entry(*arrival.source.ip()).or_insert(nanos);
             }
         }
-        let Some(packet) = DataPacket::new(payload) else { return };
-        self.n_packets += 1;
-        let sender = match model {
-            Some(model) => Some(model).filter(|model| model.may_have_sent(packet)),
-            None => Model::of_packet(packet),
+        let named = Model::of_payload(payload);
+        let found = match wanted {
+            Some(lidar) => lidar.may_have_sent(payload).then(|| lidar.clone()),
+            None => named.map(Lidar::from),
         };
-        let Some(model) = sender else {
-            self.add_other(arrival.source, packet);
+        let Some(lidar) = found else {
+            let other = other_name(named, wanted, payload);
+            self.n_packets += usize::from(other.is_some());
+            other.into_iter().for_each(|name| self.add_other(arrival.source, name));
             return;
         };
+        self.n_packets += 1;
         self.first.get_or_insert(arrival.captured);
         let (sensor, port) = (arrival.source, arrival.port);
-        let known = self.candidates.iter().position(|one| (one.model, one.sensor, one.port) == (model, sensor, port));
+        let is_same = |one: &Candidate| (one.lidar.model(), one.sensor, one.port) == (lidar.model(), sensor, port);
+        let known = self.candidates.iter().position(is_same);
+        let nanos = lidar.packet_nanos(payload);
         let index = known.unwrap_or_else(|| {
-            self.candidates.push(Candidate { model, sensor, port, n_packets: 0, times: Vec::new() });
+            let payload = payload.to_vec();
+            self.candidates.push(Candidate { lidar, sensor, port, n_packets: 0, times: Vec::new(), payload });
             self.candidates.len() - 1
         });
         let candidate = &mut self.candidates[index];
         candidate.n_packets += 1;
         if candidate.times.len() < TIMES {
-            candidate.times.push((packet.micros(), arrival.captured));
+            candidate.times.push((nanos, arrival.captured));
         }
     }
 
-    fn add_other(&mut self, source: SocketAddrV4, packet: DataPacket<'_>) {
-        let key = (source, packet.product());
+    fn add_other(&mut self, source: SocketAddrV4, name: String) {
+        let key = (source, name);
         if self.others.len() < MAX_OTHERS || self.others.contains_key(&key) {
-            self.others.entry(key).or_insert((Model::of_packet(packet), 0)).1 += 1;
+            *self.others.entry(key).or_default() += 1;
         }
     }
 
     /// The sensors that are not considered.
     fn others(&self) -> impl Iterator<Item = String> {
-        self.others.iter().map(|((source, product), (model, n))| {
-            let name = model
-                .map_or_else(|| format!("an unknown sensor (product byte {product:#04x})"), |m| m.name().to_owned());
-            format!("{n} data packets of {name} come from {source}")
-        })
+        self.others.iter().map(|((source, name), n)| format!("{n} data packets of {name} come from {source}"))
     }
 
     /// The candidate with most packets; the first of several.
@@ -157,11 +163,29 @@ impl Search {
     }
 
     fn result(&self) -> Option<StreamInfo> {
-        let Candidate { model, sensor, port, times, .. } = self.best()?;
+        let Candidate { lidar, sensor, port, times, payload, .. } = self.best()?;
         let host_ahead_nanos = self.host_ahead_nanos.get(sensor.ip()).copied().unwrap_or_default();
-        let clock = Clock::new(time_base(times), host_ahead_nanos);
-        Some(StreamInfo { model: *model, sensor: *sensor, port: *port, clock })
+        let epoch = lidar.epoch();
+        let clock = Clock::new(time_base(times, epoch), epoch, host_ahead_nanos);
+        let payload = payload.clone();
+        Some(StreamInfo { lidar: lidar.clone(), sensor: *sensor, port: *port, clock, payload })
     }
+}
+
+/// Name of the sensor of a data packet that is not considered; `None` if it is no data packet of a LiDAR.
+fn other_name(named: Option<Model>, wanted: Option<&Lidar>, payload: &[u8]) -> Option<String> {
+    if let Some(number) = wanted.and_then(|lidar| lidar.other_serial_number(payload)) {
+        return Some(format!("an Ouster with serial number {number}, not that of the metadata file,"));
+    }
+    if let Some(model) = named {
+        return Some(model.name().to_owned());
+    }
+    if let Some(packet) = DataPacket::new(payload) {
+        return Some(format!("an unknown sensor (product byte {:#04x})", packet.product()));
+    }
+    Model::may_be_ouster(payload).then(|| {
+        "what may be an Ouster (set lidar.model = \"ouster\" and lidar.calibration to its metadata file)".to_owned()
+    })
 }
 
 /// Offset of the capturing machine from GNSS time; `None` without a fix.
@@ -173,9 +197,9 @@ fn host_ahead(packet: &PositionPacket<'_>, captured: Stamp) -> Option<i64> {
 }
 
 /// The clock of the sensor if it runs like the clock of the capture. Packets that overtook each other do not speak against it.
-fn time_base(times: &[(u32, Stamp)]) -> TimeBase {
-    let mut clock = Clock::new(TimeBase::Sensor, 0);
-    let steps = times.iter().map(|(micros, captured)| clock.step(*micros, *captured));
+fn time_base(times: &[(i64, Stamp)], epoch: Epoch) -> TimeBase {
+    let mut clock = Clock::new(TimeBase::Sensor, epoch, 0);
+    let steps = times.iter().map(|(nanos, captured)| clock.step(*nanos, *captured));
     let n_plausible = steps.filter(|step| matches!(step, Step::Forward { .. } | Step::Late)).count();
     if n_plausible * 2 > times.len() { TimeBase::Sensor } else { TimeBase::Capture }
 }

@@ -4,13 +4,12 @@ mod arrivals;
 
 use super::capture::Captures;
 use super::clock::Clock;
-use super::decode::{Decoder, Scratch};
+use super::decoder::{Cut, MAX_RETURNS_PER_PACKET, PacketDecoder};
 use super::detect::{Detection, MAX_EXAMINED, StreamInfo, detect};
-use super::packet::{BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DataPacket, MAX_RETURNS_PER_PACKET};
 use super::receiver::Receiver;
 use super::reorder::{Held, Place, Reorder, WINDOW};
 use super::revolutions::{End, MAX_RETURNS, Revolution};
-use super::{LidarStats, Model};
+use super::{Blocks, Lidar, LidarStats, Model, Scratch, TURN};
 use crate::nmea::{Fix, LogStats};
 use crate::pcap::{Frontier, PcapError};
 use geometry::Stamp;
@@ -102,14 +101,20 @@ struct PacketPosition {
 #[derive(Debug)]
 pub struct SweepReader {
     captures: Captures,
-    decoder: Decoder,
+    decoder: PacketDecoder,
+    cut: Cut,
+    /// Bytes of a packet, and time to the next one, ns.
+    typical_packet: (u64, u64),
     sensor: SocketAddrV4,
     port: u16,
     at: SweepPosition,
     reorder: Reorder,
-    bytes: [u8; DATA_PACKET_BYTES],
-    slots: [u8; BLOCKS_PER_PACKET],
-    scratch: Box<Scratch>,
+    /// Payload and blocks of the current packet.
+    bytes: Vec<u8>,
+    blocks: Blocks,
+    /// Buffers of packets that were read, for the next ones.
+    spare: Vec<Vec<u8>>,
+    scratch: Box<Scratch<MAX_RETURNS_PER_PACKET>>,
     /// The sweep being read.
     revolution: Option<Revolution>,
     /// Packets lost inside that sweep so far.
@@ -121,26 +126,27 @@ impl SweepReader {
     /// Most returns of a sweep.
     pub const MAX_RETURNS: usize = MAX_RETURNS + MAX_RETURNS_PER_PACKET;
 
-    /// Opens a recording, which may consist of several captures. Without `model`, the model is that of
-    /// most data packets of the first second.
-    pub fn open(files: Vec<PathBuf>, model: Option<Model>) -> Result<Self, SweepError> {
-        match detect(Captures::new(files.clone()), model)? {
+    /// Opens a recording, which may consist of several captures. Without `lidar`, the model is that of most data packets of the first
+    /// second, other than an Ouster.
+    pub fn open(files: Vec<PathBuf>, lidar: Option<Lidar>) -> Result<Self, SweepError> {
+        match detect(Captures::new(files.clone()), lidar.as_ref())? {
             Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
-            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
-            Detection::NeedsMorePackets => Err(no_sensor(files, model, &[])),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar.as_ref(), &reasons)),
+            Detection::NeedsMorePackets => Err(no_sensor(files, lidar.as_ref(), &[])),
         }
     }
 
     /// Reads the last file of a recording while it is being written. Earlier files of the recording are used to detect the stream, as
     /// in [`SweepReader::open`], and are skipped. `None` if the stream cannot be detected yet; this needs up to 4096 packets. Call
     /// again when more packets are written.
-    pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, model: Option<Model>) -> Result<Option<Self>, SweepError> {
+    pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, lidar: Option<Lidar>) -> Result<Option<Self>, SweepError> {
         let captures = || Captures::follow(files.clone(), frontier.clone());
-        let mut detection = detect(captures(), model)?;
-        if let (Detection::Found(first), None) = (&detection, model) {
+        let mut detection = detect(captures(), lidar.as_ref())?;
+        if let (Detection::Found(first), None) = (&detection, &lidar) {
             // A later run opens the recording with the model, which also accepts packets without product byte. Detecting again
             // with the model gives the same result as that run.
-            detection = detect(captures(), Some(first.model))?;
+            let found = first.lidar.clone();
+            detection = detect(captures(), Some(&found))?;
         }
         match detection {
             Detection::Found(stream) => {
@@ -149,15 +155,18 @@ impl SweepReader {
                 Ok(Some(Self::new(captures, &stream)))
             }
             Detection::NeedsMorePackets => Ok(None),
-            Detection::NoSensor(reasons) => Err(no_sensor(files, model, &reasons)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar.as_ref(), &reasons)),
         }
     }
 
     fn new(captures: Captures, stream: &StreamInfo) -> Self {
         let (stats, receiver) = (LidarStats::default(), Receiver::default());
+        let decoder = PacketDecoder::new(&stream.lidar);
         Self {
             captures,
-            decoder: Decoder::new(stream.model),
+            cut: decoder.cut(),
+            typical_packet: (stream.payload.len() as u64, decoder.blocks(&stream.payload).packet_nanos.max(1) as u64),
+            decoder,
             sensor: stream.sensor,
             port: stream.port,
             at: SweepPosition {
@@ -171,8 +180,9 @@ impl SweepReader {
                 ended: false,
             },
             reorder: Reorder::default(),
-            bytes: [0; DATA_PACKET_BYTES],
-            slots: [0; BLOCKS_PER_PACKET],
+            bytes: Vec::new(),
+            blocks: Blocks::default(),
+            spare: Vec::new(),
             scratch: Box::default(),
             revolution: None,
             lost_packets: 0,
@@ -189,25 +199,36 @@ impl SweepReader {
         let Some(current) = position.packet else { return Ok(()) };
         let held = || position.held.into_iter().flatten();
         let first = held().fold(current.place, Place::min);
-        self.captures.seek(first.file, first.offset)?;
+        let begin = held().filter(|held| held.file == first.file).map(|held| held.begin);
+        let begin = begin.chain((current.place.file == first.file).then_some(current.place.begin)).min();
+        let begin = begin.unwrap_or(first.begin);
+        self.captures.seek(first.file, begin)?;
         let mut n_missing = 1 + held().count();
         self.at.read = None;
-        while self.at.read < position.read {
+        let end = |place: Place| (place.file, place.offset);
+        while self.at.read.map(end) < position.read.map(end) {
             // The packets were counted when they were read first.
             let Some(arrival) = self.captures.next(&mut LidarStats::default())? else { break };
-            let place = Place { file: arrival.file, offset: arrival.offset };
+            let place = Place { file: arrival.file, offset: arrival.offset, begin: arrival.begin };
             self.at.read = Some(place);
-            let Some(packet) = DataPacket::new(self.captures.payload()) else { continue };
-            if place == current.place {
-                self.bytes = *packet.bytes();
-                self.slots = self.decoder.slots(packet);
+            let (payload, lidar) = (self.captures.payload(), self.decoder.lidar());
+            if !lidar.may_have_sent(payload) {
+                continue;
+            }
+            // A packet in fragments is found again by its last one.
+            let is_at = |other: Place| (other.file, other.offset) == (place.file, place.offset);
+            if is_at(current.place) {
+                self.bytes = payload.to_vec();
+                self.blocks = self.decoder.blocks(payload);
                 n_missing -= 1;
-            } else if held().any(|held| held == place) {
-                self.reorder.push(Held { place, captured: arrival.captured, bytes: *packet.bytes() });
+            } else if let Some(place) = held().find(|held| is_at(*held)) {
+                let (captured, nanos) = (arrival.captured, lidar.packet_nanos(payload));
+                self.reorder.push(Held { place, captured, nanos, bytes: payload.to_vec() });
                 n_missing -= 1;
             }
         }
-        if n_missing == 0 && current.block <= BLOCKS_PER_PACKET && self.at.read == position.read {
+        if n_missing == 0 && current.block <= self.blocks.len() && self.at.read.map(end) == position.read.map(end) {
+            self.at.read = position.read;
             return Ok(());
         }
         let path = self.captures.files().get(first.file).cloned().unwrap_or_default();
@@ -219,9 +240,24 @@ impl SweepReader {
         SweepPosition { held: self.reorder.places(), ..self.at }
     }
 
+    /// The sensor.
+    pub fn lidar(&self) -> &Lidar {
+        self.decoder.lidar()
+    }
+
     /// Model of the sensor.
     pub fn model(&self) -> Model {
-        self.decoder.model()
+        self.lidar().model()
+    }
+
+    /// Number of rings of the sensor; 0 if it has none.
+    pub fn n_rings(&self) -> usize {
+        self.decoder.n_rings()
+    }
+
+    /// Payload of the first data packet, bytes, and time to the next one, ns.
+    pub fn typical_packet(&self) -> (u64, u64) {
+        self.typical_packet
     }
 
     /// Counters since the start of the recording.
@@ -250,7 +286,7 @@ impl SweepReader {
         self.at.receiver.stats()
     }
 
-    /// Passes the returns of the next sweep to `sink` in firing order, at most 384 at a time and at most [`SweepReader::MAX_RETURNS`] in
+    /// Passes the returns of the next sweep to `sink` in firing order, at most 4096 at a time and at most [`SweepReader::MAX_RETURNS`] in
     /// all. `None` at the end of the recording, or if no more packets are written yet.
     pub fn next_sweep(&mut self, sink: impl FnMut(&[SweepPoint])) -> Result<Option<SweepInfo>, SweepError> {
         match self.poll_sweep(sink)? {
@@ -264,7 +300,7 @@ impl SweepReader {
     pub fn poll_sweep(&mut self, mut sink: impl FnMut(&[SweepPoint])) -> Result<SweepPoll, SweepError> {
         let mut revolution = self.revolution.take();
         let end = loop {
-            if self.at.packet.is_none_or(|place| place.block == BLOCKS_PER_PACKET) {
+            if self.at.packet.is_none_or(|place| place.block >= self.blocks.len()) {
                 match self.next_packet()? {
                     Some(n_lost) => self.lost_packets += n_lost,
                     None if self.at.ended => break None,
@@ -280,11 +316,11 @@ impl SweepReader {
         };
         let lost_packets = std::mem::take(&mut self.lost_packets);
         let Some(revolution) = revolution else { return Ok(SweepPoll::End) };
-        let block_nanos = i64::from(self.decoder.model().timing().block_nanos);
         let end_nanos = match end {
             Some((End::Wrapped, at)) => at,
-            Some((End::Forced, _)) | None => revolution.last() + block_nanos,
+            Some((End::Forced, _)) | None => revolution.last() + self.blocks.block_nanos,
         };
+        let full = if let Cut::Turn { full } = self.cut { full } else { TURN };
         let seq = self.at.seq;
         self.at.seq += 1;
         self.at.stats.forced_ends += u64::from(matches!(end, Some((End::Forced, _))));
@@ -294,7 +330,7 @@ impl SweepReader {
             duration_nanos: (end_nanos - revolution.begin).clamp(0, i64::from(u32::MAX)) as u32,
             n_returns: revolution.n_returns,
             lost_packets,
-            turn: revolution.share(),
+            turn: revolution.share(full),
             has_times: true,
         }))
     }
@@ -305,15 +341,17 @@ impl SweepReader {
         revolution: &mut Option<Revolution>,
         sink: &mut impl FnMut(&[SweepPoint]),
     ) -> Option<(End, i64)> {
-        let packet = DataPacket::new(&self.bytes)?;
         let place = self.at.packet.as_mut()?;
-        let block_nanos = i64::from(self.decoder.model().timing().block_nanos);
         let first = place.block;
         let mut end = None;
-        while place.block < BLOCKS_PER_PACKET {
-            if let Some(azimuth) = packet.azimuth(place.block) {
-                let at = place.stamp.0 + i64::from(self.slots[place.block]) * block_nanos;
-                let taken = revolution.get_or_insert_with(|| Revolution::begin(at, azimuth)).take(at, azimuth);
+        while place.block < self.blocks.len() {
+            if let Some((nanos, turned)) = self.blocks.get(place.block) {
+                let at = place.stamp.0 + nanos;
+                let turned = match self.cut {
+                    Cut::Turn { .. } => turned,
+                    Cut::Time { nanos } => (at.rem_euclid(nanos) as f64 / nanos as f64 * f64::from(TURN)) as u16,
+                };
+                let taken = revolution.get_or_insert_with(|| Revolution::begin(at, turned)).take(at, turned);
                 if let Err(reason) = taken {
                     end = Some((reason, at));
                     break;
@@ -323,16 +361,22 @@ impl SweepReader {
         }
         if let Some(revolution) = revolution {
             let packet_nanos = place.stamp.0 - revolution.begin;
-            self.decoder.decode(packet, first..place.block, packet_nanos, &mut self.scratch);
+            self.decoder.decode(&self.bytes, first..place.block, packet_nanos, &mut self.scratch);
             revolution.n_returns += self.scratch.len;
-            sink(&self.scratch.returns[..self.scratch.len]);
+            sink(self.scratch.returns());
         }
         end
     }
 }
 
-fn no_sensor(files: Vec<PathBuf>, model: Option<Model>, reasons: &[String]) -> SweepError {
-    let wanted = model.map_or_else(|| Model::ALL.map(Model::name).join(", "), |model| model.name().to_owned());
+fn no_sensor(files: Vec<PathBuf>, lidar: Option<&Lidar>, reasons: &[String]) -> SweepError {
+    let wanted = match lidar {
+        Some(lidar) => match lidar.missing_file() {
+            None => lidar.model().name().to_owned(),
+            Some(file) => format!("{}, which needs {file},", lidar.model().name()),
+        },
+        None => Model::names(),
+    };
     let reasons = reasons.iter().flat_map(|text| ["; ", text]).collect();
     SweepError::NoSensor { path: files.into_iter().next().unwrap_or_default(), wanted, reasons }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub struct LidarStats {
     /// Decoded data packets.
     pub data_packets: u64,
-    /// Position packets.
+    /// Position packets; of other makers than Velodyne, packets of IMU, receiver and state, which are not read.
     pub position_packets: u64,
     /// Lost data packets, by gaps of the sensor clock.
     pub lost_packets: u64,

@@ -1,7 +1,8 @@
 //! Finds out from the first packets of a recording that it is of another model than expected.
 
-use super::{DataPacket, Model};
+use super::{Lidar, Model};
 use crate::pcap::{PacketReader, PcapError};
+use crate::velodyne::{self, DataPacket};
 use std::fmt;
 use std::path::PathBuf;
 
@@ -17,8 +18,8 @@ pub struct OtherModel {
     pub file: PathBuf,
     /// Number of the first such UDP packet in the capture, from 1.
     pub packet: usize,
-    /// Its factory byte.
-    pub product: u8,
+    /// Its factory byte, if it is of a Velodyne.
+    pub product: Option<u8>,
     /// The model that it names.
     pub found: Model,
     /// The model that was expected.
@@ -28,7 +29,8 @@ pub struct OtherModel {
 impl OtherModel {
     /// `None` if the first data packets may be of the `expected` model, or if there are none. Packets of a second sensor do not
     /// matter if some are of the first.
-    pub fn find(files: &[PathBuf], expected: Model) -> Result<Option<Self>, PcapError> {
+    pub fn find(files: &[PathBuf], lidar: &Lidar) -> Result<Option<Self>, PcapError> {
+        let expected = lidar.model();
         let mut first = None;
         let (mut n_data, mut n_others, mut n_packets) = (0, 0, 0);
         for file in files {
@@ -39,14 +41,15 @@ impl OtherModel {
                 if n_packets > MAX_PACKETS || n_data == MAX_DATA_PACKETS {
                     break;
                 }
-                let Some(data) = DataPacket::new(udp.payload) else { continue };
-                n_data += 1;
-                let Some(found) = Model::of_packet(data) else { continue };
-                if found == expected {
+                let (named, velodyne) = (Model::of_payload(udp.payload), DataPacket::new(udp.payload));
+                let is_expected = lidar.may_have_sent(udp.payload);
+                if named == Some(expected) || is_expected && velodyne.is_none() {
                     return Ok(None);
                 }
+                n_data += usize::from(velodyne.is_some() || named.is_some());
+                let Some(found) = named else { continue };
                 n_others += 1;
-                let (file, product) = (file.clone(), data.product());
+                let (file, product) = (file.clone(), velodyne.map(DataPacket::product));
                 first.get_or_insert(Self { file, packet, product, found, expected });
             }
         }
@@ -59,9 +62,10 @@ impl fmt::Display for OtherModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, packet, product, found, expected } = self;
         write!(f, "{}: packet {packet}: ", file.display())?;
-        match found {
-            Model::Hdl64e => write!(f, "has the blocks of an HDL-64E")?,
-            Model::Hdl32e | Model::Vlp16 => write!(f, "factory byte {product:#04x} names the {}", found.title())?,
+        match (found, product) {
+            (Model::Velodyne(velodyne::Model::Hdl64e), _) => write!(f, "has the blocks of an HDL-64E")?,
+            (_, Some(product)) => write!(f, "factory byte {product:#04x} names the {}", found.title())?,
+            (_, None) => write!(f, "has the size and the header of a {}", found.title())?,
         }
         let (found, expected) = (found.name(), expected.name());
         write!(f, ", drive.toml says {expected:?}; set lidar.model = {found:?}")
@@ -72,7 +76,7 @@ impl fmt::Display for OtherModel {
 mod tests {
     use super::*;
     use crate::pcap::Writer;
-    use crate::velodyne::{DATA_PORT, RawBlock, RawReturn, encode_data_packet};
+    use crate::velodyne::{DATA_PORT, Model, RawBlock, RawReturn, encode_data_packet};
     use geometry::Stamp;
 
     fn capture(folder: &std::path::Path, models: &[Model]) -> PathBuf {
@@ -98,15 +102,16 @@ mod tests {
         for sent in Model::ALL {
             let file = capture(folder.path(), &[sent; 20]);
             for expected in Model::ALL {
-                let found = OtherModel::find(std::slice::from_ref(&file), expected).expect("reads");
+                let found = OtherModel::find(std::slice::from_ref(&file), &expected.into()).expect("reads");
                 assert_eq!(
                     found.as_ref().map(|other| (other.found, other.packet)),
-                    (sent != expected).then_some((sent, 2))
+                    (sent != expected).then_some((sent.into(), 2))
                 );
             }
         }
         let file = capture(folder.path(), &[Model::Hdl32e; 3]);
-        let other = OtherModel::find(std::slice::from_ref(&file), Model::Vlp16).expect("reads").expect("another model");
+        let other =
+            OtherModel::find(std::slice::from_ref(&file), &Model::Vlp16.into()).expect("reads").expect("another model");
         let expected = "a.pcap: packet 2: factory byte 0x21 names the HDL-32E, drive.toml says \"vlp16\"; \
                         set lidar.model = \"hdl32e\"";
         assert!(other.to_string().ends_with(expected), "{other}");
@@ -117,7 +122,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = capture(folder.path(), &[Model::Hdl32e, Model::Hdl32e, Model::Vlp16, Model::Hdl32e]);
         for expected in [Model::Vlp16, Model::Hdl32e] {
-            assert_eq!(OtherModel::find(std::slice::from_ref(&file), expected).expect("reads"), None);
+            assert_eq!(OtherModel::find(std::slice::from_ref(&file), &expected.into()).expect("reads"), None);
         }
     }
 }

@@ -3,9 +3,7 @@
 //! A packet that follows the previous one without a gap is passed on at once. Behind a gap, packets are held until the missing
 //! ones arrive or [`WINDOW`] packets are waiting.
 
-use super::DATA_PACKET_BYTES;
 use super::clock::{Clock, Step};
-use super::packet::DataPacket;
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -19,8 +17,10 @@ pub(super) const WINDOW: usize = 8;
 pub(super) struct Place {
     /// Index of the file.
     pub(super) file: usize,
-    /// Offset of its record in the file.
+    /// Offset of its record in the file; of its last fragment, if it was sent in fragments.
     pub(super) offset: u64,
+    /// Offset from which the file must be read to get it.
+    pub(super) begin: u64,
 }
 
 /// A data packet of the sensor.
@@ -28,7 +28,9 @@ pub(super) struct Place {
 pub(super) struct Held {
     pub(super) place: Place,
     pub(super) captured: Stamp,
-    pub(super) bytes: [u8; DATA_PACKET_BYTES],
+    /// Its time, see [`Clock::step`].
+    pub(super) nanos: i64,
+    pub(super) bytes: Vec<u8>,
 }
 
 /// Packets that wait for earlier ones, in the order of arrival.
@@ -65,13 +67,12 @@ impl Reorder {
 
 /// Packets missing between two that are `nanos` apart.
 pub(super) fn n_lost(clock: &Clock, nanos: i64, packet_nanos: i64) -> i64 {
-    if clock.is_regular() { ((nanos + packet_nanos / 2) / packet_nanos - 1).max(0) } else { 0 }
+    if clock.is_regular() && packet_nanos > 0 { ((nanos + packet_nanos / 2) / packet_nanos - 1).max(0) } else { 0 }
 }
 
 /// Time after the last packet; `None` if the clock jumped.
 fn lead_nanos(mut clock: Clock, held: &Held) -> Option<i64> {
-    let micros = DataPacket::new(&held.bytes).map_or(0, DataPacket::micros);
-    match clock.step(micros, held.captured) {
+    match clock.step(held.nanos, held.captured) {
         Step::Forward { nanos, .. } => Some(nanos),
         Step::Repeated { .. } => Some(0),
         Step::Late => Some(-1),

@@ -1,0 +1,69 @@
+//! Packets and calibration files of LiDARs other than Velodyne.
+
+use formats::lidar::{Lidar, Model, PacketDecoder};
+use std::cell::RefCell;
+
+/// Metadata of an Ouster with two beams and this profile.
+const METADATA: &str = r#"{"beam_altitude_angles": [10, -10], "beam_azimuth_angles": [2, -2], "lidar_mode": "512x10",
+    "lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1], "udp_profile_lidar": "PROFILE"}"#;
+const PROFILES: [&str; 4] = ["LEGACY", "RNG15_RFL8_NIR8", "RNG19_RFL8_SIG16_NIR16", "RNG19_RFL8_SIG16_NIR16_DUAL"];
+
+fn of_names(names: &[&str]) -> Vec<PacketDecoder> {
+    let lidars = names.iter().filter_map(|name| Model::from_name(name)).map(Lidar::from);
+    lidars.map(|lidar| PacketDecoder::new(&lidar)).collect()
+}
+
+fn with_angles(name: &str, n_beams: usize) -> Option<PacketDecoder> {
+    let angles = (0..n_beams).map(|beam| format!("{beam},0\n")).collect();
+    let lidar = Lidar::with_calibration(Model::from_name(name)?, "angle.csv", angles).ok()?;
+    Some(PacketDecoder::new(&lidar))
+}
+
+/// Decodes an input as one packet.
+fn packet(decoders: &mut [PacketDecoder], bytes: &[u8]) {
+    let _ = (Model::of_payload(bytes), Model::may_be_data(bytes));
+    for decoder in decoders {
+        let mut returns = Vec::new();
+        decoder.decode_into(bytes, &mut returns);
+        let n_rings = decoder.n_rings().max(1);
+        assert!(returns.iter().all(|one| one.azimuth < 36_000 && usize::from(one.ring) < n_rings));
+        assert!(returns.iter().all(|one| (one.x + one.y + one.z).is_finite()));
+    }
+}
+
+pub(crate) fn hesai(bytes: &[u8]) {
+    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> =
+        RefCell::new(of_names(&["pandar40p", "pandarxt32", "pandarqt64"])));
+    DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
+}
+
+pub(crate) fn ouster(bytes: &[u8]) {
+    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> = RefCell::new(PROFILES.iter().filter_map(|profile| {
+        let text = METADATA.replace("PROFILE", profile);
+        Lidar::with_calibration(Model::Ouster, "a.json", text).ok().map(|lidar| PacketDecoder::new(&lidar))
+    }).collect()));
+    DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
+}
+
+pub(crate) fn robosense(bytes: &[u8]) {
+    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> =
+        RefCell::new(of_names(&["rs16"]).into_iter().chain(with_angles("rs32", 32)).collect()));
+    DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
+}
+
+pub(crate) fn livox(bytes: &[u8]) {
+    thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> = RefCell::new(of_names(&["mid360", "avia"])));
+    DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
+}
+
+/// A calibration file of each model.
+pub(crate) fn calibration(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    for model in Model::ALL {
+        if let Ok(lidar) = Lidar::with_calibration(model, "a", text.to_owned()) {
+            assert!(lidar.elevations_deg().iter().all(|elevation| elevation.abs() <= 180.0));
+            assert_eq!(lidar.rings().len(), lidar.n_rings());
+            let _ = PacketDecoder::new(&lidar);
+        }
+    }
+}
