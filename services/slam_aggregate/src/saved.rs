@@ -3,7 +3,7 @@
 use crate::open_submap::LoanedSubmap;
 use georeference::Georeferencer;
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{ContestedStretches, DegenerateStretches, InertialCheck, OpenSubmap, SelectedState, SubmapFrame};
+use registration::{InertialCheck, OpenSubmap, SelectedState, Stretches, SubmapFrame};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 use std::borrow::Cow;
@@ -22,8 +22,7 @@ pub(crate) struct Saved<'a> {
     pub submap: Option<SubmapHead>,
     pub last_pose_stamp: Option<i64>,
     // Borrowed while saving: they grow with the drive.
-    pub degenerate: Cow<'a, DegenerateStretches>,
-    pub contested: Cow<'a, ContestedStretches>,
+    pub stretches: Cow<'a, Stretches>,
     pub inertial: Cow<'a, InertialCheck>,
     pub georeferencer: Cow<'a, Georeferencer>,
 }

@@ -11,8 +11,7 @@ use messages::{
     GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
 };
 use registration::{
-    ContestedStretches, DegenerateStretches, GroundVelocity, InertialCheck, InertialSample, KeptPoints, Registered,
-    SelectedOdometry, SensorMounting,
+    GroundVelocity, InertialCheck, InertialSample, KeptPoints, Registered, SelectedOdometry, SensorMounting, Stretches,
 };
 use stage::{
     Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
@@ -32,8 +31,7 @@ pub struct SlamAggregate {
     /// From a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
     last_pose_stamp: Option<i64>,
-    degenerate: DegenerateStretches,
-    contested: ContestedStretches,
+    stretches: Stretches,
     inertial: InertialCheck,
     georeferencer: Georeferencer,
     /// The drive has a GNSS receiver whose fixes should place the result.
@@ -63,8 +61,7 @@ impl SlamAggregate {
             open: None,
             saved_submap: None,
             last_pose_stamp: None,
-            degenerate: DegenerateStretches::default(),
-            contested: ContestedStretches::default(),
+            stretches: Stretches::default(),
             inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
             expects_fixes: false,
         }
@@ -80,8 +77,7 @@ impl SlamAggregate {
     ) -> Result<(), StepError> {
         registered.counts().into_iter().for_each(|(name, n)| outputs.count(name, n));
         self.compare_inertial(registered);
-        self.contested.add(registered);
-        self.degenerate.add(registered).into_iter().for_each(|text| outputs.note(text));
+        self.stretches.add(registered).into_iter().for_each(|text| outputs.note(text));
         outputs.count("points_out_of_range", kept.n_dropped as u64);
         let body_from_lidar = self.mounting.body_from_lidar;
         let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
@@ -115,12 +111,6 @@ impl SlamAggregate {
         Ok(())
     }
 
-    fn report_contested(&self, outputs: &mut Outputs) {
-        if let Some((seconds, text)) = self.contested.doubt(self.settings.max_contested_s) {
-            outputs.doubt("motion_contested", seconds, text);
-        }
-    }
-
     /// Adds inertial samples that are not withheld.
     fn add_inertial(&mut self, rows: &[ImuRow]) {
         let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
@@ -131,7 +121,9 @@ impl SlamAggregate {
         let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         self.georeferencer.add_imu(&rows, &self.georeference);
         if self.settings.predicts_by("imu") {
-            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
+            for sample in samples {
+                self.odometry.add_imu(sample);
+            }
         }
     }
 
@@ -253,10 +245,12 @@ impl Stage for SlamAggregate {
             self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
         }
         publish_poses(&poses, outputs)?;
-        self.degenerate.finish().into_iter().for_each(|text| outputs.note(text));
+        self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
         self.report_inertial(outputs);
-        self.report_contested(outputs);
+        if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
+            outputs.doubt("motion_contested", seconds, text);
+        }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
         if self.georeference.gnss {
@@ -280,8 +274,7 @@ impl Stage for SlamAggregate {
             is_waiting: self.waiting.is_some(),
             submap,
             last_pose_stamp: self.last_pose_stamp,
-            degenerate: Cow::Borrowed(&self.degenerate),
-            contested: Cow::Borrowed(&self.contested),
+            stretches: Cow::Borrowed(&self.stretches),
             inertial: Cow::Borrowed(&self.inertial),
             georeferencer: Cow::Borrowed(&self.georeferencer),
         };
@@ -301,8 +294,7 @@ impl Stage for SlamAggregate {
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
         self.last_pose_stamp = saved.last_pose_stamp;
-        self.degenerate = saved.degenerate.into_owned();
-        self.contested = saved.contested.into_owned();
+        self.stretches = saved.stretches.into_owned();
         self.inertial = saved.inertial.into_owned();
         self.georeferencer = saved.georeferencer.into_owned();
         Ok(())

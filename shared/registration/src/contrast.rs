@@ -47,7 +47,7 @@ pub(crate) fn contrast_along(
         };
         facing.iter().map(of_feature).sum::<f64>() / facing.len() as f64
     };
-    let mean = |[near, far]: [f64; 2]| (cost(near) + cost(far)) / 2.0;
+    let mean = |[near, far]: [f64; 2]| cost(near).midpoint(cost(far));
     Some(mean(BEHIND_M).min(mean(AHEAD_M)) - cost(0.0))
 }
 

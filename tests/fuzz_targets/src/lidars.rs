@@ -1,4 +1,4 @@
-//! Packets and calibration files of LiDARs other than Velodyne.
+//! Packets and calibration files of LiDAR sensors other than Velodyne.
 
 use formats::lidar::{Lidar, Model, PacketDecoder};
 use std::cell::RefCell;
@@ -14,7 +14,7 @@ fn of_names(names: &[&str]) -> Vec<PacketDecoder> {
 }
 
 fn with_angles(name: &str, n_beams: usize) -> Option<PacketDecoder> {
-    let angles = (0..n_beams).map(|beam| format!("{beam},0\n")).collect();
+    let angles = (0..n_beams).fold(String::new(), |text, beam| text + &format!("{beam},0\n"));
     let lidar = Lidar::with_calibration(Model::from_name(name)?, "angle.csv", angles).ok()?;
     Some(PacketDecoder::new(&lidar))
 }

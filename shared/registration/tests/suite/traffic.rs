@@ -17,7 +17,6 @@ fn driven(drive: &Drive) -> Registered {
         body_from_lidar: drive.rig().body_from_lidar,
         imu_in_body: manifest.imu.as_ref().unwrap().mounting().translation.vector.into(),
         antenna_in_body: manifest.gnss.as_ref().unwrap().antenna_in_body.into(),
-        ..SensorMounting::default()
     };
     let settings = OdometrySettings { mounting, ..OdometrySettings::default() };
     let mut odometry = Odometry::new(settings, drive.rig().body_from_lidar);

@@ -203,7 +203,7 @@ fn fragments() -> Vec<u8> {
         let mut frame = [head, part].concat();
         frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
         let more = if (number + 1) * 480 < datagram.len() { 0x2000 } else { 0 };
-        frame[20..22].copy_from_slice(&(more | 60 * number as u16).to_be_bytes());
+        frame[20..22].copy_from_slice(&(more | (60 * number as u16)).to_be_bytes());
         bytes.extend(&record[..8]);
         bytes.extend([frame.len() as u32; 2].iter().flat_map(|length| length.to_le_bytes()));
         bytes.extend(frame);

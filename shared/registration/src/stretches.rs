@@ -1,0 +1,31 @@
+//! Stretches of the drive that the operator has to know of.
+
+use crate::Registered;
+use crate::contested_stretches::ContestedStretches;
+use crate::degenerate_stretches::DegenerateStretches;
+use serde::{Deserialize, Serialize};
+
+/// Collects stretches with degenerate geometry, and with a contested motion. Serializing it saves the state.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stretches {
+    degenerate: DegenerateStretches,
+    contested: ContestedStretches,
+}
+
+impl Stretches {
+    /// Adds the next sweep. Returns a report if the sweep ends a stretch of degenerate geometry.
+    pub fn add(&mut self, registered: &Registered) -> Option<String> {
+        self.contested.add(registered);
+        self.degenerate.add(registered)
+    }
+
+    /// Ends the drive. Returns a report on degenerate geometry at its end.
+    pub fn finish(&mut self) -> Option<String> {
+        self.degenerate.finish()
+    }
+
+    /// Time in which the motion was contested, s, and what it means, if it is above the limit, s.
+    pub fn contested(&self, max_s: f64) -> Option<(f64, String)> {
+        self.contested.doubt(max_s)
+    }
+}
