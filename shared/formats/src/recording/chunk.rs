@@ -2,6 +2,7 @@
 
 use super::error::RecordFault;
 use super::reader::mcap_fault;
+use super::texts;
 use mcap::McapError;
 use mcap::records::{Record, op};
 use std::ops::Range;
@@ -22,6 +23,7 @@ impl Chunk {
     pub fn open(&mut self, body: &[u8]) -> Result<(), RecordFault> {
         self.bytes.clear();
         self.at = 0;
+        texts::check(op::CHUNK, body)?;
         let record = mcap::parse_record(op::CHUNK, body).map_err(|error| mcap_fault(&error))?;
         let Record::Chunk { header, data } = record else { return Ok(()) };
         if !header.compression.is_empty() {

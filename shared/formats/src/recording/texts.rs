@@ -3,13 +3,14 @@
 use super::error::RecordFault;
 use mcap::records::op;
 
-/// Whether all texts of a schema, channel or metadata record lie within it.
+/// Whether all texts of a schema, channel, metadata or chunk record lie within it.
 pub(super) fn check(opcode: u8, body: &[u8]) -> Result<(), RecordFault> {
     // Bytes before the first text, number of texts, whether a map of texts follows.
     let (record, begin, n_texts, has_map) = match opcode {
         op::SCHEMA => ("schema", 2, 2, false),
         op::CHANNEL => ("channel", 4, 2, true),
         op::METADATA => ("metadata", 0, 1, true),
+        op::CHUNK => ("chunk", 28, 1, false),
         _ => return Ok(()),
     };
     let mut rest = body.get(begin..).unwrap_or_default();
