@@ -375,13 +375,14 @@ fn texts_of_a_recording_longer_than_their_record_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");
     for (opcode, body) in [
-        // Schema: id, name. Channel: id, schema, topic. Metadata: name, then a map with a key.
+        // Schema: id, name. Channel: id, schema, topic. Metadata: name, then a map with a key. Chunk: times, size, sum, compression.
         (3_u8, [&1_u16.to_le_bytes()[..], &u32::MAX.to_le_bytes(), b"x"].concat()),
         (4, [&[1, 0, 1, 0][..], &1_760_000_000_u32.to_le_bytes(), b"x"].concat()),
         (
             12,
             [&1_u32.to_le_bytes()[..], b"r", &8_u32.to_le_bytes(), &3_000_000_000_u32.to_le_bytes(), b"abcd"].concat(),
         ),
+        (6, [&[0; 28][..], &3_000_000_000_u32.to_le_bytes(), &[0; 8]].concat()),
     ] {
         let mut bytes = b"\x89MCAP0\r\n".to_vec();
         bytes.extend([&[opcode][..], &(body.len() as u64).to_le_bytes(), &body].concat());
