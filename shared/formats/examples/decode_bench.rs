@@ -49,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut best = f64::INFINITY;
     for _ in 0..ROUNDS / 4 {
         returns.clear();
-        let mut sweeps = SweepReader::open(vec![path.clone()], Some(lidar.clone()))?;
+        let mut sweeps = SweepReader::open(vec![path.clone()], Some(&lidar))?;
         let start = Instant::now();
         while sweeps.next_sweep(|piece| returns.extend_from_slice(piece))?.is_some() {}
         best = best.min(start.elapsed().as_secs_f64());

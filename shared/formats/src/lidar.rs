@@ -39,7 +39,8 @@ pub(crate) use turn_table::{TurnTable, azimuth_of};
 pub(crate) const TURN: u16 = 36_000;
 
 /// Ring of each beam: its rank by elevation, 0 = lowest.
-pub(crate) fn rings(elevations_deg: impl Iterator<Item = f64> + Clone) -> Vec<u8> {
-    let below = |elevation: f64| elevations_deg.clone().filter(|other| *other < elevation).count();
-    elevations_deg.clone().map(|elevation| below(elevation) as u8).collect()
+pub(crate) fn rings(elevations_deg: impl Iterator<Item = f64>) -> Vec<u8> {
+    let elevations_deg: Vec<f64> = elevations_deg.collect();
+    let below = |elevation: &f64| elevations_deg.iter().filter(|other| *other < elevation).count();
+    elevations_deg.iter().map(|elevation| below(elevation) as u8).collect()
 }

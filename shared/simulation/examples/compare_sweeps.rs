@@ -72,7 +72,7 @@ struct Recording {
 
 impl Recording {
     fn read(path: &Path) -> Result<Self, Box<dyn Error>> {
-        let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e.into()))?;
+        let mut reader = SweepReader::open(vec![path.to_owned()], Some(&Model::Hdl32e.into()))?;
         // The first begins somewhere in a turn.
         reader.next_sweep(|_| ())?;
         let mut sweep = Vec::new();

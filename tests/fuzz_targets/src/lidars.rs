@@ -14,8 +14,8 @@ fn of_names(names: &[&str]) -> Vec<PacketDecoder> {
 }
 
 fn with_angles(name: &str, n_beams: usize) -> Option<PacketDecoder> {
-    let angles = (0..n_beams).map(|beam| format!("{beam},0\n")).collect();
-    let lidar = Lidar::with_calibration(Model::from_name(name)?, "angle.csv", angles).ok()?;
+    let angles: Vec<String> = (0..n_beams).map(|beam| format!("{beam},0")).collect();
+    let lidar = Lidar::with_calibration(Model::from_name(name)?, "angle.csv", angles.join("\n")).ok()?;
     Some(PacketDecoder::new(&lidar))
 }
 

@@ -139,7 +139,7 @@ impl LiveSensor {
                     stats.data_packets, stats.foreign_packets, stats.late_packets
                 )
             }
-            None => match SweepReader::open(self.recording.captures().to_vec(), self.mounting.lidar.clone()) {
+            None => match SweepReader::open(self.recording.captures().to_vec(), self.mounting.lidar.as_ref()) {
                 Err(error) => error.to_string(),
                 Ok(_) => "too few data packets to detect the model".to_owned(),
             },
@@ -207,7 +207,7 @@ impl LiveSensor {
             return Ok(Some(unchanged));
         }
         self.examined_bytes = whole_bytes;
-        match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.lidar.clone()) {
+        match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.lidar.as_ref()) {
             Ok(None) => Ok(Some(unchanged)),
             Ok(Some(reader)) => {
                 self.recording.describe(reader.lidar(), self.mounting.body_from_lidar())?;

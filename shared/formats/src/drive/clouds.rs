@@ -108,16 +108,12 @@ impl Rings {
             elevations.sort_by(f32::total_cmp);
             Bank { up_m, elevations }
         };
-        Self(match lidar.model() {
-            Model::Velodyne(velodyne::Model::Hdl64e) => {
-                vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]
-            }
-            _ => {
-                let degrees: Vec<f32> = lidar.elevations_deg().iter().map(|degrees| *degrees as f32).collect();
-                // Between fewer beams there is none to choose.
-                if degrees.len() < 2 { Vec::new() } else { vec![bank(0.0, &degrees)] }
-            }
-        })
+        if lidar.model() == Model::Velodyne(velodyne::Model::Hdl64e) {
+            return Self(vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]);
+        }
+        let degrees: Vec<f32> = lidar.elevations_deg().iter().map(|degrees| *degrees as f32).collect();
+        // Between fewer beams there is none to choose.
+        Self(if degrees.len() < 2 { Vec::new() } else { vec![bank(0.0, &degrees)] })
     }
 
     fn nearest(&self, p: &CloudPoint) -> u8 {

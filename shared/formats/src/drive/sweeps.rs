@@ -55,7 +55,7 @@ impl SweepSource {
         if format == "pcap" {
             let size = |path: &PathBuf| path.metadata().map_or(0, |metadata| metadata.len());
             let sizes = files.iter().map(size).collect();
-            let reader = Box::new(SweepReader::open(files, Some(drive.lidar().clone()))?);
+            let reader = Box::new(SweepReader::open(files, Some(drive.lidar()))?);
             return Ok(Self::Packets { reader, sizes });
         }
         let (stamps, lidar) = (drive.sweep_stamps.clone(), drive.lidar().clone());

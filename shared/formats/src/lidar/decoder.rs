@@ -37,7 +37,7 @@ pub struct PacketDecoder {
 
 #[derive(Clone, Debug)]
 enum Maker {
-    Velodyne(velodyne::Decoder),
+    Velodyne(Box<velodyne::Decoder>),
     Hesai(hesai::Decoder),
     Ouster(Box<ouster::Decoder>),
     Robosense(robosense::Decoder),
@@ -103,9 +103,9 @@ impl PacketDecoder {
     pub fn new(lidar: &Lidar) -> Self {
         let maker = match (lidar.model(), &lidar.beams) {
             (Model::Velodyne(model), Beams::Velodyne(lasers)) => {
-                Maker::Velodyne(velodyne::Decoder::with_lasers(model, lasers))
+                Maker::Velodyne(Box::new(velodyne::Decoder::with_lasers(model, lasers)))
             }
-            (Model::Velodyne(model), _) => Maker::Velodyne(velodyne::Decoder::new(model)),
+            (Model::Velodyne(model), _) => Maker::Velodyne(Box::new(velodyne::Decoder::new(model))),
             (Model::Hesai(model), Beams::Angles(angles)) => Maker::Hesai(hesai::Decoder::new(model, angles)),
             (Model::Hesai(model), _) => Maker::Hesai(hesai::Decoder::new(model, model.beams())),
             (Model::Robosense(model), Beams::Angles(angles)) => {
@@ -178,8 +178,7 @@ impl PacketDecoder {
             Maker::Robosense(decoder) => decoder.decode(payload, blocks, packet_nanos, scratch),
             // The packet is one block.
             Maker::Livox(decoder) if !blocks.is_empty() => decoder.decode(payload, packet_nanos, scratch),
-            Maker::Livox(_) => {}
-            Maker::Unknown => {}
+            Maker::Livox(_) | Maker::Unknown => {}
         }
     }
 

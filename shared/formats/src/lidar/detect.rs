@@ -112,7 +112,9 @@ impl Search {
         let Some(lidar) = found else {
             let other = other_name(named, wanted, payload);
             self.n_packets += usize::from(other.is_some());
-            other.into_iter().for_each(|name| self.add_other(arrival.source, name));
+            if let Some(name) = other {
+                self.add_other(arrival.source, name);
+            }
             return;
         };
         self.n_packets += 1;

@@ -128,21 +128,21 @@ impl SweepReader {
 
     /// Opens a recording, which may consist of several captures. Without `lidar`, the model is that of most data packets of the first
     /// second, other than an Ouster.
-    pub fn open(files: Vec<PathBuf>, lidar: Option<Lidar>) -> Result<Self, SweepError> {
-        match detect(Captures::new(files.clone()), lidar.as_ref())? {
+    pub fn open(files: Vec<PathBuf>, lidar: Option<&Lidar>) -> Result<Self, SweepError> {
+        match detect(Captures::new(files.clone()), lidar)? {
             Detection::Found(stream) => Ok(Self::new(Captures::new(files), &stream)),
-            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar.as_ref(), &reasons)),
-            Detection::NeedsMorePackets => Err(no_sensor(files, lidar.as_ref(), &[])),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar, &reasons)),
+            Detection::NeedsMorePackets => Err(no_sensor(files, lidar, &[])),
         }
     }
 
     /// Reads the last file of a recording while it is being written. Earlier files of the recording are used to detect the stream, as
     /// in [`SweepReader::open`], and are skipped. `None` if the stream cannot be detected yet; this needs up to 4096 packets. Call
     /// again when more packets are written.
-    pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, lidar: Option<Lidar>) -> Result<Option<Self>, SweepError> {
+    pub fn follow(files: Vec<PathBuf>, frontier: &Frontier, lidar: Option<&Lidar>) -> Result<Option<Self>, SweepError> {
         let captures = || Captures::follow(files.clone(), frontier.clone());
-        let mut detection = detect(captures(), lidar.as_ref())?;
-        if let (Detection::Found(first), None) = (&detection, &lidar) {
+        let mut detection = detect(captures(), lidar)?;
+        if let (Detection::Found(first), None) = (&detection, lidar) {
             // A later run opens the recording with the model, which also accepts packets without product byte. Detecting again
             // with the model gives the same result as that run.
             let found = first.lidar.clone();
@@ -155,7 +155,7 @@ impl SweepReader {
                 Ok(Some(Self::new(captures, &stream)))
             }
             Detection::NeedsMorePackets => Ok(None),
-            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar.as_ref(), &reasons)),
+            Detection::NoSensor(reasons) => Err(no_sensor(files, lidar, &reasons)),
         }
     }
 

@@ -25,8 +25,8 @@ pub(super) struct Fragment<'a> {
 
 impl Fragment<'_> {
     /// Addresses of sender and receiver.
-    pub(super) fn addresses(&self) -> &[u8; 8] {
-        &self.key.0
+    pub(super) fn addresses(&self) -> [u8; 8] {
+        self.key.0
     }
 }
 
@@ -48,13 +48,13 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     }
     // Short frames are padded on the wire, so the length in the IP header is used.
     let bytes = packet.get(header_len..total.min(packet.len()))?;
-    let addresses: &[u8; 8] = packet.get(12..)?.first_chunk()?;
+    let addresses: [u8; 8] = *packet.get(12..)?.first_chunk()?;
     let (flags, number) = (u16_at(packet, 6)?, u16_at(packet, 4)?);
     // Neither "more fragments" nor an offset.
     if flags & 0x3fff == 0 {
         return datagram(addresses, bytes).map(Udp::Whole);
     }
-    let key = (*addresses, number);
+    let key = (addresses, number);
     let is_last = flags & 0x2000 == 0;
     let fragment = Fragment { key, at: usize::from(flags & 0x1fff) * 8, bytes, is_last };
     // All but the last have a multiple of eight bytes.
@@ -63,10 +63,10 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
 }
 
 /// The UDP packet in the content of an IP packet. `addresses` are those of sender and receiver.
-pub(super) fn datagram<'a>(addresses: &[u8; 8], udp: &'a [u8]) -> Option<Datagram<'a>> {
+pub(super) fn datagram(addresses: [u8; 8], udp: &[u8]) -> Option<Datagram<'_>> {
     let length = usize::from(u16_at(udp, 4)?);
     let payload = udp.get(8..length.min(udp.len()))?;
-    let [a, b, c, d, ..] = *addresses;
+    let [a, b, c, d, ..] = addresses;
     let (source, port) = (SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), u16_at(udp, 0)?), u16_at(udp, 2)?);
     Some(Datagram { source, port, payload, is_cut: length > udp.len() })
 }

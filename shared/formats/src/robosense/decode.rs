@@ -148,7 +148,7 @@ impl Decoder {
 
 impl Sequence {
     /// A block after the time of the packet, ns.
-    fn nanos(&self, index: usize) -> i32 {
+    fn nanos(self, index: usize) -> i32 {
         (if self.in_pairs { index / 2 } else { index }) as i32 * self.block_nanos
     }
 }

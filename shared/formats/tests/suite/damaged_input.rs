@@ -132,7 +132,7 @@ fn damaged_captures_do_not_panic() {
     let path = folder.path().join("b.pcap");
     let read = |bytes: &[u8]| {
         std::fs::write(&path, bytes).expect("writes");
-        let Ok(mut reader) = SweepReader::open(vec![path.clone()], Some(Model::Hdl32e.into())) else { return };
+        let Ok(mut reader) = SweepReader::open(vec![path.clone()], Some(&Model::Hdl32e.into())) else { return };
         let mut n_returns = 0;
         while let Ok(Some(info)) = reader.next_sweep(|piece| n_returns += piece.len()) {
             assert!(info.n_returns <= SweepReader::MAX_RETURNS);

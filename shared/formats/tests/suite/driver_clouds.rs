@@ -28,11 +28,11 @@ fn driver_points(cloud: &str) -> Vec<([f32; 3], Vec<u8>)> {
 }
 
 /// Our points: number of the revolution with the azimuth as its fraction, and the point.
-fn turned_points(bag: &str, lidar: Lidar, message: Option<usize>) -> (Vec<(f64, SweepPoint)>, SweepReader) {
+fn turned_points(bag: &str, lidar: &Lidar, message: Option<usize>) -> (Vec<(f64, SweepPoint)>, SweepReader) {
     let folder = tempfile::tempdir().expect("a folder");
     let bag = real_data::path(&format!("lidars/nebula/{bag}"));
     let capture = capture_of_bag(&bag, &folder.path().join("a.pcap"), message);
-    let mut reader = SweepReader::open(vec![capture.clone()], Some(lidar.clone())).expect("opens");
+    let mut reader = SweepReader::open(vec![capture.clone()], Some(lidar)).expect("opens");
     let mut points = Vec::new();
     for (info, returns) in sweeps(&mut reader) {
         for found in returns {
@@ -42,7 +42,7 @@ fn turned_points(bag: &str, lidar: Lidar, message: Option<usize>) -> (Vec<(f64, 
             points.push((info.seq as f64 + encoder + off, found));
         }
     }
-    check_detection(&capture, &lidar);
+    check_detection(&capture, lidar);
     (points, reader)
 }
 
@@ -75,7 +75,7 @@ fn match_points(ours: &[[f32; 3]], theirs: &[[f32; 3]], limit_m: f32) -> f32 {
 
 /// Compares the revolution `turn` with the driver's cloud. The driver cuts revolutions by the direction of each point, and skips ranges
 /// below `min_m`. Its x is to the right, its y forward.
-fn compare_hesai(bag: &str, cloud: &str, lidar: Lidar, turn: f64, min_m: f32) {
+fn compare_hesai(bag: &str, cloud: &str, lidar: &Lidar, turn: f64, min_m: f32) {
     let (points, reader) = turned_points(bag, lidar, None);
     let stats = reader.stats();
     assert!(!stats.has_lost_data() && stats.foreign_packets == 0, "{stats:?}");
@@ -91,19 +91,19 @@ fn compare_hesai(bag: &str, cloud: &str, lidar: Lidar, turn: f64, min_m: f32) {
 #[real_data::test("lidars/nebula/40p/1673400149412331409/1673400149412331409_0.db3")]
 fn pandar40p_revolution_equals_driver_cloud() {
     let bag = "40p/1673400149412331409/1673400149412331409_0.db3";
-    compare_hesai(bag, "40p/1673400149711850138.pcd", lidar("pandar40p", "Pandar40P.csv"), 2.0, 0.3);
+    compare_hesai(bag, "40p/1673400149711850138.pcd", &lidar("pandar40p", "Pandar40P.csv"), 2.0, 0.3);
 }
 
 #[real_data::test("lidars/nebula/xt32/1673400677802009732/1673400677802009732_0.db3")]
 fn pandar_xt32_revolution_equals_driver_cloud() {
     let bag = "xt32/1673400677802009732/1673400677802009732_0.db3";
-    compare_hesai(bag, "xt32/1673400678101968885.pcd", lidar("pandarxt32", "PandarXT32.csv"), 3.0, 0.05);
+    compare_hesai(bag, "xt32/1673400678101968885.pcd", &lidar("pandarxt32", "PandarXT32.csv"), 3.0, 0.05);
 }
 
 #[real_data::test("lidars/nebula/qt64/1673401195788312575/1673401195788312575_0.db3")]
 fn pandar_qt64_revolution_equals_driver_cloud() {
     let bag = "qt64/1673401195788312575/1673401195788312575_0.db3";
-    compare_hesai(bag, "qt64/1673401196087570870.pcd", lidar("pandarqt64", "PandarQT64.csv"), 2.0, 0.1);
+    compare_hesai(bag, "qt64/1673401196087570870.pcd", &lidar("pandarqt64", "PandarQT64.csv"), 2.0, 0.1);
 }
 
 /// Compares our points with those of the driver in order; `later_deg` is how far the driver turns the encoder more than we do. The driver
@@ -160,7 +160,7 @@ fn compare_velodyne(
 #[real_data::test("lidars/nebula/vlp16/1673400471837873222/1673400471837873222_0.db3")]
 fn vlp16_revolution_with_two_echoes_equals_driver_cloud() {
     let bag = "vlp16/1673400471837873222/1673400471837873222_0.db3";
-    let (points, reader) = turned_points(bag, lidar("vlp16", "VLP16.yaml"), None);
+    let (points, reader) = turned_points(bag, &lidar("vlp16", "VLP16.yaml"), None);
     assert!(!reader.stats().has_lost_data());
     let is_of_turn = |(at, _): &&(f64, SweepPoint)| (3.0..4.0).contains(at);
     let ours: Vec<SweepPoint> = points.iter().filter(is_of_turn).map(|(_, point)| *point).collect();
@@ -180,7 +180,7 @@ fn vlp32c_points_equal_driver_cloud() {
     let rings = unit.rings();
     let laser_of_ring: Vec<usize> =
         (0..32).map(|ring| rings.iter().position(|of| *of == ring).expect("a laser")).collect();
-    let (points, reader) = turned_points(bag, unit, Some(0));
+    let (points, reader) = turned_points(bag, &unit, Some(0));
     assert!(!reader.stats().has_lost_data());
     // Lasers fire in pairs (manual 63-9325); the driver turns the encoder as if they fired one by one. A block is 20 counts.
     let later_deg = |point: &SweepPoint| {

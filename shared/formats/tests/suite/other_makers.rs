@@ -131,11 +131,11 @@ fn rs32_needs_the_angles_of_its_unit() {
     };
     let path = write(&folder.path().join("a.pcap"), (0..300).map(packet));
     let model = Model::from_name("rs32").expect("a model");
-    let error = SweepReader::open(vec![path.clone()], Some(model.into())).expect_err("has no angles").to_string();
+    let error = SweepReader::open(vec![path.clone()], Some(&model.into())).expect_err("has no angles").to_string();
     assert!(error.contains("rs32, which needs the angle file (CSV) of the unit"), "{error}");
-    let angles: String = (0..32).map(|laser| format!("{},{}\n", laser - 16, laser % 2)).collect();
-    let lidar = Lidar::with_calibration(model, "angle.csv", angles).expect("reads");
-    let mut reader = SweepReader::open(vec![path], Some(lidar)).expect("opens");
+    let angles: Vec<String> = (0..32).map(|laser| format!("{},{}", laser - 16, laser % 2)).collect();
+    let lidar = Lidar::with_calibration(model, "angle.csv", angles.join("\n")).expect("reads");
+    let mut reader = SweepReader::open(vec![path], Some(&lidar)).expect("opens");
     let sweeps = sweeps(&mut reader);
     let returns = &sweeps[1].1;
     for (laser, nanos) in [(0, 0), (15, 44_640), (16, 1_440), (31, 46_080)] {

@@ -135,7 +135,7 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
     assert_eq!(whole.len(), 4);
     let reference = sweeps(&mut SweepReader::open(files.to_vec(), None).expect("opens"));
     for (k, position) in positions.iter().enumerate() {
-        let mut resumed = SweepReader::open(files.to_vec(), Some(Model::Hdl32e.into())).expect("opens");
+        let mut resumed = SweepReader::open(files.to_vec(), Some(&Model::Hdl32e.into())).expect("opens");
         resumed.resume(*position).expect("is there");
         assert_eq!(sweeps(&mut resumed), reference[k..], "from sweep {k}");
         assert_eq!(resumed.stats(), reader.stats());
@@ -150,11 +150,11 @@ fn reading_resumed_between_any_two_sweeps_gives_the_same_sweeps() {
 fn capture_without_sensor_is_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = write_capture(&folder.path().join("a.pcap"), &[(BEGIN, 2368, vec![0; 1206])]);
-    let error = SweepReader::open(vec![path.clone()], Some(Model::Vlp16.into())).expect_err("nothing there");
+    let error = SweepReader::open(vec![path.clone()], Some(&Model::Vlp16.into())).expect_err("nothing there");
     assert!(error.to_string().contains("a.pcap: no data packet of vlp16"), "{error}");
     let hdl = write_capture(&path, &hdl32e_packets(3));
-    assert!(SweepReader::open(vec![hdl.clone()], Some(Model::Vlp16.into())).is_err());
-    assert!(SweepReader::open(vec![hdl], Some(Model::Hdl32e.into())).is_ok());
+    assert!(SweepReader::open(vec![hdl.clone()], Some(&Model::Vlp16.into())).is_err());
+    assert!(SweepReader::open(vec![hdl], Some(&Model::Hdl32e.into())).is_ok());
     std::fs::write(&path, "root:x:0:0").expect("writes");
     let error = SweepReader::open(vec![path], None).expect_err("no capture").to_string();
     assert!(error.contains("a.pcap, byte 0: magic number") && error.contains("neither pcap nor pcapng"), "{error}");
@@ -270,7 +270,7 @@ fn fragments(number: u16, sender: SocketAddrV4, (stamp, port, payload): &Sent) -
         frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
         frame[18..20].copy_from_slice(&number.to_be_bytes());
         let more = if 480 * (index + 1) < datagram.len() { 0x2000 } else { 0 };
-        frame[20..22].copy_from_slice(&(more | 60 * index as u16).to_be_bytes());
+        frame[20..22].copy_from_slice(&(more | (60 * index as u16)).to_be_bytes());
         (time.clone(), frame)
     };
     datagram.chunks(480).enumerate().map(one).collect()
@@ -329,7 +329,7 @@ fn stray_packets_before_the_sensor_do_not_decide() {
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
         assert_eq!(reader.stats().foreign_packets, 2);
         // Also when the manifest names the model.
-        let mut reader = SweepReader::open(vec![path], Some(Model::Hdl32e.into())).expect("opens");
+        let mut reader = SweepReader::open(vec![path], Some(&Model::Hdl32e.into())).expect("opens");
         assert!(sweeps(&mut reader) == reference, "the sweeps differ");
     }
 }

@@ -48,7 +48,7 @@ pub fn write(simulation: &Simulation, folder: &Folder, stamps: &[Stamp]) -> Resu
     let capture = folder.path("lidar/000000.pcap")?;
     let failed =
         |error: &dyn std::fmt::Display| SimulationError::write(&capture)(std::io::Error::other(error.to_string()));
-    let mut reader = SweepReader::open(vec![capture.clone()], Some(simulation.rig.lidar.model.into()))
+    let mut reader = SweepReader::open(vec![capture.clone()], Some(&simulation.rig.lidar.model.into()))
         .map_err(|error| failed(&error))?;
     let exposures: Vec<NearExposure> = stamps.iter().map(|stamp| near_exposure(simulation, *stamp)).collect();
     loop {

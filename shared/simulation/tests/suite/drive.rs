@@ -166,7 +166,7 @@ fn decoder_returns_equal_simulated_returns() {
     let by_manual = revolutions(&files["lidar/000000.pcap"]);
     let begin = simulation.motion.begin;
     let mut reader =
-        SweepReader::open(vec![path.join("lidar/000000.pcap")], Some(Model::Hdl32e.into())).expect("a capture");
+        SweepReader::open(vec![path.join("lidar/000000.pcap")], Some(&Model::Hdl32e.into())).expect("a capture");
     for (seq, expected) in by_manual.iter().enumerate() {
         let mut returns = Vec::new();
         let info = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a sweep");

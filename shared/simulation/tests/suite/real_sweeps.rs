@@ -22,7 +22,7 @@ struct Revolution {
 }
 
 fn read(path: &Path) -> Revolution {
-    let mut reader = SweepReader::open(vec![path.to_owned()], Some(Model::Hdl32e.into())).expect("a capture");
+    let mut reader = SweepReader::open(vec![path.to_owned()], Some(&Model::Hdl32e.into())).expect("a capture");
     reader.next_sweep(|_| ()).expect("sound");
     let mut returns = Vec::new();
     let info = reader.next_sweep(|some| returns.extend_from_slice(some)).expect("sound").expect("a whole revolution");

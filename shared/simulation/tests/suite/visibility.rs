@@ -27,7 +27,7 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
     write_drive(&spec, &drive, &mut |_| ()).expect("a drive");
     let simulation = Simulation::new(&spec).expect("a town");
     let mut reader =
-        SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(Model::Hdl32e.into())).expect("a capture");
+        SweepReader::open(vec![drive.join("lidar/000000.pcap")], Some(&Model::Hdl32e.into())).expect("a capture");
     let (mut seen, mut all, mut hidden, mut wrong) = (0_u32, 0_u32, 0_u32, 0_u32);
     for seq in 0..45 {
         let mut returns = Vec::new();

@@ -183,13 +183,13 @@ fn avia(kind: u8, n_bytes: usize) -> Vec<u8> {
 
 fn lasers_yaml() -> Vec<u8> {
     let laser = |id: usize| format!("- {{laser_id: {id}, rot_correction: 0.02, vert_correction: -0.{id}}}\n");
-    let lasers: String = (0..16).map(laser).collect();
+    let lasers = (0..16).map(laser).collect::<Vec<_>>().concat();
     format!("lasers:\n{lasers}num_lasers: 16\ndistance_resolution: 0.002\n").into_bytes()
 }
 
 fn angles_csv() -> Vec<u8> {
     let line = |beam: usize| format!("{},{}.5,-1.042\n", beam + 1, 15 - beam as i32);
-    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<String>()).into_bytes()
+    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<Vec<_>>().concat()).into_bytes()
 }
 
 /// A data packet in three fragments.
@@ -203,7 +203,7 @@ fn fragments() -> Vec<u8> {
         let mut frame = [head, part].concat();
         frame[16..18].copy_from_slice(&(20 + part.len() as u16).to_be_bytes());
         let more = if (number + 1) * 480 < datagram.len() { 0x2000 } else { 0 };
-        frame[20..22].copy_from_slice(&(more | 60 * number as u16).to_be_bytes());
+        frame[20..22].copy_from_slice(&(more | (60 * number as u16)).to_be_bytes());
         bytes.extend(&record[..8]);
         bytes.extend([frame.len() as u32; 2].iter().flat_map(|length| length.to_le_bytes()));
         bytes.extend(frame);

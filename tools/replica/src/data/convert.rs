@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         (model, _) => model.map(Lidar::from),
     };
-    let mut reader = SweepReader::open(vec![args.capture.clone()], lidar)?;
+    let mut reader = SweepReader::open(vec![args.capture.clone()], lidar.as_ref())?;
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let stem = args.capture.file_stem().unwrap_or_default().to_string_lossy().into_owned();
 

@@ -29,7 +29,7 @@ impl<'a> Cdr<'a> {
     }
 }
 
-/// Writes the packets of a bag to a capture: of pandar_msgs/PandarScan, whose packets have a size, or velodyne_msgs/VelodyneScan. With
+/// Writes the packets of a bag to a capture: of `pandar_msgs/PandarScan`, whose packets have a size, or `velodyne_msgs/VelodyneScan`. With
 /// `message`, only of this message.
 pub fn capture_of_bag(bag: &Path, capture: &Path, message: Option<usize>) -> PathBuf {
     let is_pandar = bag.to_string_lossy().contains("/40p/")

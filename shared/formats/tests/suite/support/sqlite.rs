@@ -1,4 +1,4 @@
-//! Reads the rows of a table of an SQLite database (https://www.sqlite.org/fileformat2.html), enough for ROS 2 bags.
+//! Reads the rows of a table of a database of `SQLite` (<https://www.sqlite.org/fileformat2.html>), enough for ROS 2 bags.
 
 /// A value of a row.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ impl Database {
         let bytes = std::fs::read(path).expect("a database");
         assert!(bytes.starts_with(b"SQLite format 3\0"));
         let page_size = usize::from(u16::from_be_bytes([bytes[16], bytes[17]]));
-        Self { page_size, bytes }
+        Self { bytes, page_size }
     }
 
     /// The rows of a table, in order.
