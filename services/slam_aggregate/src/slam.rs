@@ -122,7 +122,9 @@ impl SlamAggregate {
         let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         self.georeferencer.add_imu(&rows, &self.georeference);
         if self.settings.predicts_by("imu") {
-            samples.into_iter().for_each(|sample| self.odometry.add_imu(sample));
+            for sample in samples {
+                self.odometry.add_imu(sample);
+            }
         }
     }
 

@@ -85,7 +85,9 @@ impl DriveAccount {
         }
         let new: Vec<String> = source.damage().iter().skip(self.n_damage_reported).cloned().collect();
         self.n_damage_reported += new.len();
-        new.into_iter().for_each(|text| self.note_damage(text));
+        for text in new {
+            self.note_damage(text);
+        }
     }
 
     /// Adds what a tick published: fixes with a height, and damaged camera files with the names of their counters.
