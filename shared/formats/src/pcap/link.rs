@@ -52,7 +52,7 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     let (flags, number) = (u16_at(packet, 6)?, u16_at(packet, 4)?);
     // Neither "more fragments" nor an offset.
     if flags & 0x3fff == 0 {
-        return datagram(*addresses, bytes).map(Udp::Whole);
+        return datagram(addresses, bytes).map(Udp::Whole);
     }
     let key = (addresses, number);
     let is_last = flags & 0x2000 == 0;
