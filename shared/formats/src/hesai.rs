@@ -1,6 +1,7 @@
 //! Hesai packets: Pandar40P, PandarXT-32 and PandarQT64.
 //!
-//! A data packet has a header (not the Pandar40P), blocks and a tail, little-endian (manuals, "Data Structure"):
+//! A data packet has a header (not the Pandar40P), blocks and a tail, little-endian (manuals 40P-en-2001, X32-en-210810 and
+//! Q03-en-220110):
 //!
 //! | part | content |
 //! |---|---|

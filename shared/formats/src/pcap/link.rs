@@ -48,13 +48,13 @@ pub(super) fn udp(link: u32, frame: &[u8]) -> Option<Udp<'_>> {
     }
     // Short frames are padded on the wire, so the length in the IP header is used.
     let bytes = packet.get(header_len..total.min(packet.len()))?;
-    let addresses: [u8; 8] = *packet.get(12..)?.first_chunk()?;
+    let addresses: &[u8; 8] = packet.get(12..)?.first_chunk()?;
     let (flags, number) = (u16_at(packet, 6)?, u16_at(packet, 4)?);
     // Neither "more fragments" nor an offset.
     if flags & 0x3fff == 0 {
-        return datagram(addresses, bytes).map(Udp::Whole);
+        return datagram(*addresses, bytes).map(Udp::Whole);
     }
-    let key = (addresses, number);
+    let key = (*addresses, number);
     let is_last = flags & 0x2000 == 0;
     let fragment = Fragment { key, at: usize::from(flags & 0x1fff) * 8, bytes, is_last };
     // All but the last have a multiple of eight bytes.

@@ -246,7 +246,7 @@ mod tests {
         let laser = |id: usize| {
             format!("- {{dist_correction: 0.01, laser_id: {id}, rot_correction: 0.02, vert_correction: -0.1}}\n")
         };
-        let lasers = (0..n).map(laser).collect::<Vec<_>>().concat();
+        let lasers: String = (0..n).map(laser).collect();
         format!("lasers:\n{lasers}num_lasers: {n}\ndistance_resolution: 0.002\n")
     }
 

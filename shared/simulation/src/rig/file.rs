@@ -220,7 +220,7 @@ mod tests {
         let texts: Vec<String> = error.problems.iter().map(ToString::to_string).collect();
         for (line, expected) in [
             (line_of("body_height_m"), "body_height_m: value 9 must be 0 to 3"),
-            (line_of("hdl33"), "lidar.model: value \"hdl33\" must be one of hdl32e, vlp16, hdl64e"),
+            (line_of("hdl33"), "lidar.model: value \"hdl33\" must be one of hdl32e, vlp16, vlp32c, hdl64e"),
             (line_of("rate = 2"), "trigger: unknown field `rate`"),
             (line_of("hs04"), "mosaic[1].sensor: value \"hs04\" must be one of hs02, hs03"),
             (line_of("hs04") - 1, "mosaic[1].name: value \"hs02\" must be a folder of its own"),

@@ -183,13 +183,13 @@ fn avia(kind: u8, n_bytes: usize) -> Vec<u8> {
 
 fn lasers_yaml() -> Vec<u8> {
     let laser = |id: usize| format!("- {{laser_id: {id}, rot_correction: 0.02, vert_correction: -0.{id}}}\n");
-    let lasers = (0..16).map(laser).collect::<Vec<_>>().concat();
+    let lasers: String = (0..16).map(laser).collect();
     format!("lasers:\n{lasers}num_lasers: 16\ndistance_resolution: 0.002\n").into_bytes()
 }
 
 fn angles_csv() -> Vec<u8> {
     let line = |beam: usize| format!("{},{}.5,-1.042\n", beam + 1, 15 - beam as i32);
-    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<Vec<_>>().concat()).into_bytes()
+    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<String>()).into_bytes()
 }
 
 /// A data packet in three fragments.
