@@ -112,7 +112,7 @@ impl Rings {
             return Self(vec![bank(KITTI_UPPER_UP_M, &KITTI_UPPER_DEG), bank(KITTI_LOWER_UP_M, &KITTI_LOWER_DEG)]);
         }
         let degrees: Vec<f32> = lidar.elevations_deg().iter().map(|degrees| *degrees as f32).collect();
-        // Between fewer beams there is none to choose.
+        // With one beam or none, points have no rings.
         Self(if degrees.len() < 2 { Vec::new() } else { vec![bank(0.0, &degrees)] })
     }
 
