@@ -1,11 +1,11 @@
 //! A vehicle that drives round a square block of houses, with exact odometry, fixes and inertial samples.
 
-use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Stamp, Vector3};
+use crate::matched;
+use geometry::{Geodetic, Isometry3, LocalFrame, Point3, Pose, Vector3};
 use georeference::{GeoreferenceSettings, Georeferencer};
 use messages::{GnssRow, ImuRow};
-use nalgebra::Matrix6;
 use random::{hash, unit};
-use registration::{LocalMap, MapPoint, Matched, PredictionSources, Registered, SweepMotion};
+use registration::{LocalMap, MapPoint, Registered, SweepMotion};
 
 /// Submaps of a round.
 pub const LAP_SUBMAPS: usize = 32;
@@ -110,30 +110,9 @@ fn fix(stamp: i64, world_from_body: &Pose) -> GnssRow {
     GnssRow { stamp, latitude_deg, longitude_deg, altitude_m, quality: 1, hdop: 1.0, ..GnssRow::default() }
 }
 
+/// A sweep in which the vehicle moves straight.
 fn registered(stamp: i64, begin: &Pose, end: &Pose) -> Registered {
     let translation = end.translation.vector - begin.translation.vector;
     let motion = SweepMotion { mid: *begin, translation, rotation: Vector3::zeros() };
-    let matched = Matched {
-        motion,
-        n_features: 1000,
-        n_matches: 1000,
-        rms_m: 0.02,
-        cost: 0.1,
-        least_influence: 0.1,
-        n_degenerate_directions: 0,
-        information: Matrix6::identity(),
-        step_information: Matrix6::identity(),
-        converged: true,
-    };
-    Registered {
-        stamp: Stamp(stamp),
-        duration_nanos: SWEEP_NANOS as u32,
-        motion,
-        matched: Some(matched),
-        contrast: None,
-        predicted_by: PredictionSources { inertial: true, receiver: false },
-        map_restarted: false,
-        covariance: Matrix6::zeros(),
-        moving: Vec::new(),
-    }
+    matched::registered(stamp, SWEEP_NANOS as u32, motion, 1000, false)
 }

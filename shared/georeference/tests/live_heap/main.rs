@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod block;
+#[path = "../suite/matched.rs"]
+mod matched;
 
 use block::{LAP_SUBMAPS, Vehicle, local_map};
 use cap::Cap;
