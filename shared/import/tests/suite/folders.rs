@@ -1,24 +1,10 @@
 //! Imports of small folders in the layouts of the data sets, and of real sweeps.
 
-use super::*;
+use super::support::{error, folder, of, write_file};
 use formats::cloud::CloudPoint;
+use formats::drive::Drive;
 use formats::{kitti, nuscenes};
-use std::path::PathBuf;
-use tempfile::TempDir;
-
-fn folder() -> TempDir {
-    tempfile::tempdir().expect("a folder")
-}
-
-fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
-    fs::create_dir_all(path.parent().expect("has one")).expect("makes");
-    fs::write(path, bytes).expect("writes");
-}
-
-fn args(source: impl Into<PathBuf>, folder: &TempDir) -> Args {
-    let out = folder.path().join("drive");
-    Args { source: source.into(), out, kind: None, model: None, log: None, position: vec![0.0; 3] }
-}
+use import::Kind;
 
 fn points(intensity: f32) -> Vec<CloudPoint> {
     (1..=40).map(|i| CloudPoint { x: i as f32, y: 1.0, z: -1.0, intensity }).collect()
@@ -29,10 +15,12 @@ fn rows_with_ring() -> Vec<u8> {
     nuscenes::bin_from_points(&rows)
 }
 
-fn error(args: &Args) -> String {
-    let error = import(args).expect_err("is refused");
-    assert!(!args.out.exists(), "nothing is written");
-    format!("{error:#}")
+fn error(import: &Import) -> String {
+    let error = import.run().expect_err("is refused");
+    let names =
+        import.out.parent().expect("has one").read_dir().expect("lists").map(|entry| entry.expect("lists").file_name());
+    assert!(!names.into_iter().any(|name| name.to_string_lossy().starts_with("drive")), "nothing is written");
+    error.to_string()
 }
 
 #[test]
@@ -49,8 +37,8 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     write_file(&raw.join("image_02/timestamps.txt"), dates);
     write_file(&raw.join("oxts/data/0000000000.txt"), "1 2 3\n");
     write_file(&folder.path().join("day/calib_velo_to_cam.txt"), "R: 1\n");
-    let args = args(&raw, &folder);
-    let report = import(&args).expect("imports");
+    let import = of(&raw, &folder);
+    let report = import.run().expect("imports");
     assert!(report[0].ends_with("drive: 3 sweeps of hdl64e (KITTI raw)"), "{report:?}");
     assert_eq!(
         report[1..],
@@ -63,7 +51,7 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
             "not imported: ../calib_velo_to_cam.txt (calibration)",
         ]
     );
-    let drive = Drive::open(&args.out).expect("opens");
+    let drive = Drive::open(&import.out).expect("opens");
     assert!(!drive.is_inferred());
     assert!(drive.sweep_files().iter().all(|path| path.is_symlink()));
     let mut sweeps = drive.sweeps().expect("opens");
@@ -72,7 +60,7 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
         stamps.push(sweep.stamp.0 - 1_317_042_145_000_000_000);
     }
     assert_eq!(stamps, [900_000_000, 1_000_000_000, 1_125_000_000]);
-    assert!(import(&args).is_err(), "an existing drive is not overwritten");
+    assert!(import.run().is_err(), "an existing drive is not overwritten");
 }
 
 #[test]
@@ -84,11 +72,11 @@ fn nuscenes_folder_is_imported_in_the_order_of_times_with_its_rings() {
         write_file(&root.join(name), rows_with_ring());
     }
     write_file(&root.join("samples/CAM_FRONT/n015__CAM_FRONT__1000100000.jpg"), "");
-    let args = args(&root, &folder);
-    let report = import(&args).expect("imports");
+    let import = of(&root, &folder);
+    let report = import.run().expect("imports");
     assert!(report[0].ends_with("3 sweeps of hdl32e (nuScenes)"), "{report:?}");
     assert!(report.contains(&"not imported: 1 file in samples/CAM_FRONT (camera images)".to_owned()), "{report:?}");
-    let drive = Drive::open(&args.out).expect("opens");
+    let drive = Drive::open(&import.out).expect("opens");
     let mut sweeps = drive.sweeps().expect("opens");
     let (mut stamps, mut rings) = (Vec::new(), Vec::new());
     while let Some(sweep) = sweeps.next_sweep(|returns| rings.extend(returns.iter().map(|r| r.ring))).expect("reads") {
@@ -108,11 +96,11 @@ fn sweeps_of_several_logs_need_a_choice() {
     for log in ["n008-a", "n015-b"] {
         write_file(&root.join(format!("{log}__LIDAR_TOP__1000050000.pcd.bin")), rows_with_ring());
     }
-    let mut args = args(&root, &folder);
-    assert!(error(&args).contains("2 logs; choose one with --log: n008-a, n015-b"), "{}", error(&args));
-    args.log = Some("n015-b".into());
-    import(&args).expect("imports");
-    assert_eq!(Drive::open(&args.out).expect("opens").sweep_files().len(), 1);
+    let mut import = of(&root, &folder);
+    assert!(error(&import).contains("2 logs; choose one with --log: n008-a, n015-b"), "{}", error(&import));
+    import.options.log = Some("n015-b".into());
+    import.run().expect("imports");
+    assert_eq!(Drive::open(&import.out).expect("opens").sweep_files().len(), 1);
 }
 
 #[test]
@@ -126,11 +114,11 @@ fn rows_of_another_layout_are_refused() {
     ] {
         let source = folder.path().join(name);
         write_file(&source.join("0.bin"), bytes);
-        let error = error(&args(&source, &folder));
+        let error = error(&of(&source, &folder));
         assert!(error.contains(words) && error.contains("0.bin"), "{name}: {error}");
         assert_eq!(error.contains("--kind nuscenes"), name == "ring", "{error}");
     }
-    assert!(error(&args(folder.path(), &folder)).contains("no known layout"));
+    assert!(error(&of(folder.path(), &folder)).contains("no known layout"));
 }
 
 #[test]
@@ -138,10 +126,10 @@ fn kind_and_model_of_the_command_line_are_used() {
     let folder = folder();
     let source = folder.path().join("bare");
     write_file(&source.join("0.bin"), kitti::bin_from_points(&points(200.0)));
-    let mut args = args(&source, &folder);
-    assert!(error(&args).contains("intensity 200 must be 0 to 1"));
-    (args.kind, args.model) = (Some(Kind::Bin), Some(formats::velodyne::Model::Vlp16.into()));
-    let report = import(&args).expect("imports");
+    let mut import = of(&source, &folder);
+    assert!(error(&import).contains("intensity 200 must be 0 to 1"));
+    (import.options.kind, import.options.model) = (Some(Kind::Bin), Some(formats::velodyne::Model::Vlp16.into()));
+    let report = import.run().expect("imports");
     assert!(report[0].contains("1 sweeps of vlp16"), "{report:?}");
     assert!(report[1].contains("no times"), "{report:?}");
 }
@@ -163,10 +151,10 @@ fn real_folders_are_recognized() {
         ("kitti_raw_0048", "22 sweeps of hdl64e (bare sweeps)", 22),
     ] {
         let folder = folder();
-        let args = args(real_data::path(name), &folder);
-        let report = import(&args).expect("imports");
+        let import = of(real_data::path(name), &folder);
+        let report = import.run().expect("imports");
         assert!(report[0].contains(kind), "{report:?}");
         assert!(report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
-        assert_eq!(Drive::open(&args.out).expect("opens").sweep_files().len(), n);
+        assert_eq!(Drive::open(&import.out).expect("opens").sweep_files().len(), n);
     }
 }

@@ -1,28 +1,28 @@
 //! Times of sweeps in text files.
 
-use anyhow::Context;
+use crate::error::{At, ImportError};
 use formats::calendar::{DAY_NANOS, days_from_date};
 use std::fs;
 use std::path::Path;
 
 /// One time per line, ns.
-pub fn read_times(path: &Path, nanos: fn(&str) -> Option<i64>) -> anyhow::Result<Vec<i64>> {
-    let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+pub(crate) fn read_times(path: &Path, nanos: fn(&str) -> Option<i64>) -> Result<Vec<i64>, ImportError> {
+    let text = fs::read_to_string(path).at(path)?;
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let time = |(index, line): (usize, &str)| {
-        nanos(line.trim()).with_context(|| format!("{}:{}: {line:?} is not a valid time", path.display(), index + 1))
+        nanos(line.trim()).ok_or_else(|| ImportError::at_line(path, index + 1, format!("{line:?} is not a valid time")))
     };
     lines.map(time).collect()
 }
 
 /// KITTI odometry: seconds since the first sweep.
-pub fn nanos_of_seconds(text: &str) -> Option<i64> {
+pub(crate) fn nanos_of_seconds(text: &str) -> Option<i64> {
     let seconds: f64 = text.parse().ok()?;
     (0.0..1e9).contains(&seconds).then(|| (seconds * 1e9).round() as i64)
 }
 
 /// KITTI raw: `2011-09-26 13:02:25.951199337`. The time zone is not given; UTC is assumed.
-pub fn nanos_of_date(text: &str) -> Option<i64> {
+pub(crate) fn nanos_of_date(text: &str) -> Option<i64> {
     let (date, time) = text.split_once(' ')?;
     let [year, month, day] = numbers(date, '-')?;
     let (time, decimals) = time.split_once('.').unwrap_or((time, ""));

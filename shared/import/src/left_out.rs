@@ -1,7 +1,9 @@
 //! Lists the files of a data set that are not imported.
 
-use super::layout::{Kind, Layout};
-use anyhow::Context;
+use crate::Kind;
+use crate::error::{At, ImportError};
+use crate::files::files;
+use crate::plan::Plan;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -11,10 +13,10 @@ const MAX_DEPTH: usize = 3;
 const MAX_NAMED: usize = 8;
 
 /// One line per folder with files that are not imported, and one per single file.
-pub fn list(source: &Path, found: &Layout) -> anyhow::Result<Vec<String>> {
-    let mut taken: BTreeSet<PathBuf> = found.sweeps.iter().map(|(_, path)| path.clone()).collect();
-    for path in &found.time_files {
-        taken.insert(path.canonicalize().with_context(|| path.display().to_string())?);
+pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportError> {
+    let mut taken: BTreeSet<PathBuf> = found.links.iter().map(|link| link.original.clone()).collect();
+    for path in &found.read {
+        taken.insert(path.canonicalize().at(path)?);
     }
     let mut folders = BTreeMap::new();
     count(source, 0, &taken, &mut folders)?;
@@ -30,8 +32,8 @@ pub fn list(source: &Path, found: &Layout) -> anyhow::Result<Vec<String>> {
         }
     }
     // KITTI raw keeps the calibration of a day beside its drives.
-    if let (Kind::KittiRaw, Some(parent)) = (found.kind, source.canonicalize()?.parent()) {
-        for (name, _) in super::layout::files(parent, ".txt")?.iter().filter(|(name, _)| name.starts_with("calib")) {
+    if let (Kind::KittiRaw, Some(parent)) = (found.kind, source.canonicalize().at(source)?.parent()) {
+        for (name, _) in files(parent, ".txt")?.iter().filter(|(name, _)| name.starts_with("calib")) {
             lines.push(format!("not imported: ../{name}{}", meaning(Path::new(name))));
         }
     }
@@ -44,9 +46,9 @@ fn count(
     depth: usize,
     taken: &BTreeSet<PathBuf>,
     folders: &mut BTreeMap<PathBuf, Vec<String>>,
-) -> anyhow::Result<()> {
-    for entry in folder.read_dir().with_context(|| folder.display().to_string())? {
-        let path = entry?.path();
+) -> Result<(), ImportError> {
+    for entry in folder.read_dir().at(folder)? {
+        let path = entry.at(folder)?.path();
         if path.is_dir() {
             if depth < MAX_DEPTH {
                 count(&path, depth + 1, taken, folders)?;

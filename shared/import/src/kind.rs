@@ -1,0 +1,86 @@
+//! The layouts that are recognized.
+
+use crate::error::{At, ImportError};
+use crate::files::files;
+use crate::nuscenes;
+use std::path::Path;
+
+/// A layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// KITTI raw: `velodyne_points/data/*.bin`, `velodyne_points/timestamps.txt`.
+    KittiRaw,
+    /// KITTI odometry: `velodyne/*.bin`, `times.txt`.
+    KittiOdometry,
+    /// `nuScenes`: `samples/LIDAR_TOP` and `sweeps/LIDAR_TOP`, or `*.pcd.bin`; rows of x y z intensity ring as f32.
+    Nuscenes,
+    /// Rows of x y z intensity as f32.
+    Bin,
+    /// Point clouds of PCL.
+    Pcd,
+}
+
+impl Kind {
+    /// All layouts, in the order in which they are recognized.
+    pub const ALL: [Self; 5] = [Self::KittiRaw, Self::KittiOdometry, Self::Nuscenes, Self::Bin, Self::Pcd];
+
+    /// Value of `--kind`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::KittiRaw => "kitti-raw",
+            Self::KittiOdometry => "kitti-odometry",
+            Self::Nuscenes => "nuscenes",
+            Self::Bin => "bin",
+            Self::Pcd => "pcd",
+        }
+    }
+
+    /// The layout of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Name of the data set, for people.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::KittiRaw => "KITTI raw",
+            Self::KittiOdometry => "KITTI odometry",
+            Self::Nuscenes => "nuScenes",
+            Self::Bin | Self::Pcd => "bare sweeps",
+        }
+    }
+
+    /// By what the layout is recognized.
+    fn mark(self) -> &'static str {
+        match self {
+            Self::KittiRaw => "velodyne_points/data",
+            Self::KittiOdometry => "velodyne",
+            Self::Nuscenes => "sweeps/LIDAR_TOP or *.pcd.bin",
+            Self::Bin => "*.bin",
+            Self::Pcd => "*.pcd",
+        }
+    }
+
+    fn fits(self, source: &Path) -> Result<bool, ImportError> {
+        let has = |end: &str| files(source, end).map(|files| !files.is_empty());
+        Ok(match self {
+            Self::KittiRaw => source.join("velodyne_points/data").is_dir(),
+            Self::KittiOdometry => source.join("velodyne").is_dir(),
+            Self::Nuscenes => nuscenes::lidar_folders(source).next().is_some() || has(".pcd.bin")?,
+            Self::Bin => has(".bin")?,
+            Self::Pcd => has(".pcd")?,
+        })
+    }
+
+    /// The layout of a source.
+    pub fn recognize(source: &Path) -> Result<Self, ImportError> {
+        source.metadata().at(source)?;
+        for kind in Self::ALL {
+            if kind.fits(source)? {
+                return Ok(kind);
+            }
+        }
+        let marks = Self::ALL.map(Self::mark).join(", ");
+        Err(ImportError::at(source, format!("no known layout; must contain one of {marks}")))
+    }
+}

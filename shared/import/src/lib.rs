@@ -1,0 +1,103 @@
+//! Imports recordings and data sets of others as drive folders (`docs/guide/own_drive.md`).
+//!
+//! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
+
+mod bare;
+mod error;
+mod files;
+mod kind;
+mod kitti;
+mod left_out;
+mod nuscenes;
+mod plan;
+mod rows;
+mod sweeps;
+mod times;
+
+pub use error::{ImportError, Rule};
+pub use kind::Kind;
+
+use error::At;
+use formats::drive::Drive;
+use formats::lidar::Model;
+use plan::Plan;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Choices of an import.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The layout. `None`: it is recognized, and files that do not fit it are refused.
+    pub kind: Option<Kind>,
+    /// Model of the LiDAR. `None`: that of the data set.
+    pub model: Option<Model>,
+    /// `nuScenes`: file names up to `__LIDAR_TOP__` of the drive to import, if the folder holds several.
+    pub log: Option<String>,
+}
+
+/// Imports `source` as the drive folder `out`, which must not exist, and returns lines for the operator: what was taken and what was
+/// left. A failed import leaves no folder.
+pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String>, ImportError> {
+    if out.exists() {
+        return Err(ImportError::at(out, "exists already"));
+    }
+    let kind = options.kind.map_or_else(|| Kind::recognize(source), Ok)?;
+    if options.log.is_some() && kind != Kind::Nuscenes {
+        return Err(ImportError::of_option("--log", format!("{} has no logs", kind.title())));
+    }
+    let partial = Partial::create(out)?;
+    let plan = plan(kind, source, options)?;
+    plan.write(&partial.folder)?;
+    let drive = Drive::open(&partial.folder).at(out)?;
+    let (n_sweeps, model) = (drive.sweep_files().len(), drive.model().name());
+    let mut report = vec![format!("{}: {n_sweeps} sweeps of {model} ({})", out.display(), kind.title())];
+    report.extend(plan.report.iter().cloned());
+    report.extend(left_out::list(source, &plan)?);
+    partial.rename(out)?;
+    Ok(report)
+}
+
+fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportError> {
+    match kind {
+        Kind::KittiRaw => kitti::raw(source, options),
+        Kind::KittiOdometry => kitti::odometry(source, options),
+        Kind::Nuscenes => nuscenes::plan(source, options),
+        Kind::Bin | Kind::Pcd => bare::plan(kind, source, options),
+    }
+}
+
+/// Name of a drive, for people.
+fn drive_name(source: &Path, kind: Kind) -> String {
+    let path = source.canonicalize().unwrap_or_else(|_| source.to_owned());
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    format!("{name} ({})", kind.title())
+}
+
+/// The drive folder while it is written. It is removed unless it is renamed.
+struct Partial {
+    folder: PathBuf,
+}
+
+impl Partial {
+    fn create(out: &Path) -> Result<Self, ImportError> {
+        let mut name = out.as_os_str().to_owned();
+        name.push(".partial");
+        let folder = PathBuf::from(name);
+        if let Some(parent) = folder.parent() {
+            fs::create_dir_all(parent).at(parent)?;
+        }
+        fs::create_dir(&folder).at(&folder)?;
+        Ok(Self { folder })
+    }
+
+    fn rename(&self, out: &Path) -> Result<(), ImportError> {
+        fs::rename(&self.folder, out).at(out)
+    }
+}
+
+impl Drop for Partial {
+    fn drop(&mut self) {
+        // Absent after the renaming.
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}

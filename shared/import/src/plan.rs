@@ -1,0 +1,61 @@
+//! The drive folder that an import makes: links to the files of the source, and files of its own.
+
+use crate::Kind;
+use crate::error::{At, ImportError};
+use formats::drive::MANIFEST_FILE;
+use formats::manifest::Manifest;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Content of a drive folder. Nothing is written before it is complete.
+#[derive(Debug)]
+pub(crate) struct Plan {
+    pub kind: Kind,
+    pub manifest: Manifest,
+    pub links: Vec<Link>,
+    pub texts: Vec<TextFile>,
+    /// Files of the source that were read into the manifest or into texts.
+    pub read: Vec<PathBuf>,
+    /// Lines for the operator: what was taken, and how.
+    pub report: Vec<String>,
+}
+
+/// A file of the source, under its place in the drive folder.
+#[derive(Debug)]
+pub(crate) struct Link {
+    pub place: PathBuf,
+    /// Absolute.
+    pub original: PathBuf,
+}
+
+/// A file that the import writes.
+#[derive(Debug)]
+pub(crate) struct TextFile {
+    pub place: PathBuf,
+    pub text: String,
+}
+
+impl Plan {
+    /// Writes the folder, which exists and is empty.
+    pub fn write(&self, out: &Path) -> Result<(), ImportError> {
+        for link in &self.links {
+            let path = in_folder(out, &link.place)?;
+            std::os::unix::fs::symlink(&link.original, &path).at(&path)?;
+        }
+        for file in &self.texts {
+            let path = in_folder(out, &file.place)?;
+            fs::write(&path, &file.text).at(&path)?;
+        }
+        let path = out.join(MANIFEST_FILE);
+        let text = toml::to_string(&self.manifest).at(&path)?;
+        fs::write(&path, text).at(&path)
+    }
+}
+
+/// A path below the folder, whose own folder exists.
+fn in_folder(out: &Path, place: &Path) -> Result<PathBuf, ImportError> {
+    let path = out.join(place);
+    let folder = path.parent().unwrap_or(out);
+    fs::create_dir_all(folder).at(folder)?;
+    Ok(path)
+}

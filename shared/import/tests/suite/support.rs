@@ -1,0 +1,32 @@
+//! Imports into folders of a test.
+
+use import::Options;
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// What to import, and where to.
+pub struct Import {
+    pub source: PathBuf,
+    pub out: PathBuf,
+    pub options: Options,
+}
+
+impl Import {
+    pub fn run(&self) -> Result<Vec<String>, import::ImportError> {
+        import::import(&self.source, &self.out, &self.options)
+    }
+}
+
+pub fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
+    fs::create_dir_all(path.parent().expect("has one")).expect("makes");
+    fs::write(path, bytes).expect("writes");
+}
+
+pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
+    Import { source: source.into(), out: folder.path().join("drive"), options: Options::default() }
+}
