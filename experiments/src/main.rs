@@ -1,4 +1,5 @@
 //! Claims of the thesis, repeated on own data. Each prints one or two tables and takes minutes.
+//! Results: `experiments/README.md`.
 //!
 //! `cargo run --release -p experiments -- mnist-binary` runs one; `--help` lists all.
 

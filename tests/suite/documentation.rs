@@ -19,11 +19,12 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every page: those in the root, the model cards and all under `docs/`.
+/// Every page: those in the root, those beside code, and all under `docs/`.
 fn pages() -> Vec<PathBuf> {
     let root = root();
-    let mut pages: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "models/README.md"].map(|page| root.join(page)).into();
+    let beside_code = ["experiments", "fuzz", "models"].map(|folder| root.join(folder).join("README.md"));
+    let mut pages: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|page| root.join(page)).into();
+    pages.extend(beside_code);
     let mut folders = vec![root.join("docs")];
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).expect("docs/ is readable") {
