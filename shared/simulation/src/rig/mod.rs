@@ -1,6 +1,6 @@
 //! The vehicle: which sensors it carries, where they are mounted and how accurate they are.
 //!
-//! A rig file (`docs/guide/simulate.md`) describes one rig; [`RigSpec::built_in_names`] lists those built in. The body frame has x
+//! A rig file (`shared/simulation/rigs/README.md`) describes one rig; [`RigSpec::built_in_names`] lists those built in. The body frame has x
 //! forward, y left, z up, and its origin is `body_height_m` above the road.
 
 mod built_in;
