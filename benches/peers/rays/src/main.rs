@@ -1,4 +1,5 @@
-//! Rays per second and core: `cargo bench -p simulation --bench rays [-- SEED [COPIES]]`.
+//! Rays per second and core, from the root:
+//! `cargo run --release --manifest-path benches/peers/rays/Cargo.toml [-- SEED [COPIES]]`.
 //!
 //! Time is the CPU time of the thread, so that other programs do not count; sharing caches still slows it.
 //!
@@ -7,8 +8,6 @@
 //! 2. The same rays on the same triangles beside [obvhs](https://docs.rs/obvhs) (its eight-wide tree with SIMD traversal). The triangles
 //!    are the scene's; other primitives are replaced by their bounding boxes, because obvhs supports only triangles.
 //! 3. The same for COPIES copies of the scene, 60 m apart: a large town. The default is three million triangles.
-
-#![allow(missing_docs, reason = "a program")]
 
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
