@@ -7,12 +7,15 @@ use raytrace::Ray;
 use simulation::sensors::camera::ColorCamera;
 use simulation::sensors::lidar::{LidarModel, LidarReturn};
 use simulation::{DriveSpec, Simulation, write_drive};
-use town::SceneHit;
+use town::{Scene, SceneHit, Snapshot};
+
+/// Range of a camera or LiDAR, m.
+const FAR_M: f32 = 150.0;
 
 /// The scene along a ray without noise.
-fn look(simulation: &Simulation, seconds: f64, from: &Point3<f64>, direction: &Vector3<f64>) -> Option<SceneHit> {
+fn look(scene: &Scene, snapshot: &Snapshot, from: &Point3<f64>, direction: &Vector3<f64>) -> Option<SceneHit> {
     let ray = Ray { origin: from.coords.cast(), direction: direction.cast(), seed: 0 };
-    simulation.scene.cast(&simulation.scene.at(seconds), &ray, 150.0)
+    scene.cast(snapshot, &ray, FAR_M)
 }
 
 /// Share of the returns that lie within 10 cm (five sigmas) of what a ray from the given pose meets. Leaves and mesh,
@@ -23,13 +26,14 @@ fn share_on_surfaces(simulation: &Simulation, shots: &[Shot], pose: impl Fn(f64)
         let world_from_lidar = pose(shot.seconds) * simulation.rig.lidar.body_from_lidar;
         let origin = world_from_lidar * Point3::origin();
         let direction = world_from_lidar * Vector3::from(shot.direction);
-        let Some(hit) = look(simulation, shot.seconds, &origin, &direction) else {
+        let (scene, snapshot) = (&simulation.scene, simulation.scene.at(shot.seconds));
+        let Some(hit) = look(scene, &snapshot, &origin, &direction) else {
             all += 1;
             continue;
         };
         let is_porous = |seed| {
             let ray = Ray { origin: origin.coords.cast(), direction: direction.cast(), seed };
-            let hit = simulation.scene.cast(&simulation.scene.at(shot.seconds), &ray, 150.0);
+            let hit = scene.cast(&snapshot, &ray, FAR_M);
             hit.is_some_and(|hit| matches!(hit.surface.class, ClassId::Vegetation | ClassId::Fence))
         };
         if (0..6).any(is_porous) {
@@ -72,6 +76,7 @@ fn decoded_points_lie_on_scene_at_true_poses_only() {
 fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, Option<SceneHit>)> {
     let lidar = simulation.lidar_of(model, simulation.rig.lidar.body_from_lidar, 3);
     let (lasers, per_second) = (model.model.lasers(), model.turns_per_second);
+    let snapshot = simulation.scene.at(0.0);
     let mut found = Vec::new();
     for packet in 0..model.n_packets(1.0 / per_second) {
         for (i, block) in lidar.packet(packet).iter().enumerate() {
@@ -82,7 +87,7 @@ fn ranges(simulation: &Simulation, model: LidarModel) -> Vec<(f64, LidarReturn, 
                 let (sin_e, cos_e) = lasers[laser % lasers.len()].elevation_deg.to_radians().sin_cos();
                 let world_from_lidar = simulation.motion.pose(0.0) * simulation.rig.lidar.body_from_lidar;
                 let direction = world_from_lidar * Vector3::new(cos_e * azimuth.cos(), -cos_e * azimuth.sin(), sin_e);
-                let hit = look(simulation, 0.0, &(world_from_lidar * Point3::origin()), &direction);
+                let hit = look(&simulation.scene, &snapshot, &(world_from_lidar * Point3::origin()), &direction);
                 found.push((f64::from(sent.range_2mm) * 0.002 - f64::from(sent.range_m), *sent, hit));
             }
         }
@@ -127,6 +132,7 @@ fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp
     let seconds = stamp.seconds_since(simulation.motion.begin);
     let world_from_camera = simulation.motion.pose(seconds) * simulation.rig.cameras[index].body_from_camera;
     let (lens, eye) = (&simulation.rig.cameras[index].lens, world_from_camera * Point3::origin());
+    let snapshot = simulation.scene.at(seconds);
     let (width, height) = lens.size();
     let mut sums = [([0.0; 3], 0_u32); 2];
     // A regular fan of rays stands for any sensor's points.
@@ -134,7 +140,7 @@ fn mean_colors(simulation: &Simulation, image: &[u8], index: usize, stamp: Stamp
         for u in (4..width).step_by(3) {
             let pixel = geometry::Vector2::new(f64::from(u), f64::from(v));
             let Some(ray) = lens.ray_from_pixel(&pixel) else { continue };
-            let Some(hit) = look(simulation, seconds, &eye, &(world_from_camera * ray)) else { continue };
+            let Some(hit) = look(&simulation.scene, &snapshot, &eye, &(world_from_camera * ray)) else { continue };
             let kind = match hit.surface.class {
                 ClassId::Vegetation => 0,
                 ClassId::RoadLine => 1,

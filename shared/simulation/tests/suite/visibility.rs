@@ -6,6 +6,7 @@ use geometry::{Point3, Stamp};
 use messages::ClassId;
 use raytrace::Ray;
 use simulation::{DriveSpec, Simulation, write_drive};
+use town::Snapshot;
 
 /// Masks of a file: stamps of the exposures, and by return one byte for each and for each eight cameras.
 fn parse(bytes: &[u8]) -> (Vec<i64>, Vec<&[u8]>) {
@@ -40,13 +41,15 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
             continue;
         }
         assert!(stamps.len() >= 2, "{stamps:?}");
+        let seconds_of = |stamp: &i64| Stamp(*stamp).seconds_since(simulation.motion.begin);
+        let snapshots: Vec<Snapshot> = stamps.iter().map(|stamp| simulation.scene.at(seconds_of(stamp))).collect();
         for (found, masks) in returns.iter().zip(masks) {
             let seconds = sweep.stamp.seconds_since(simulation.motion.begin) + f64::from(found.offset_nanos) * 1e-9;
             let p = simulation.motion.pose(seconds)
                 * simulation.rig.lidar.body_from_lidar
                 * Point3::new(f64::from(found.x), f64::from(found.y), f64::from(found.z));
-            for (stamp, mask) in stamps.iter().zip(masks) {
-                let seconds = Stamp(*stamp).seconds_since(simulation.motion.begin);
+            for ((stamp, snapshot), mask) in stamps.iter().zip(&snapshots).zip(masks) {
+                let seconds = seconds_of(stamp);
                 for (k, camera) in simulation.rig.cameras.iter().enumerate() {
                     let world_from_camera = simulation.motion.pose(seconds) * camera.body_from_camera;
                     let is_seen = mask >> k & 1 == 1;
@@ -60,7 +63,7 @@ fn unoccluded_returns_are_visible_and_occluded_ones_are_not() {
                     let direction = (toward / toward.norm()).cast();
                     let ray = Ray { origin: eye.coords.cast(), direction, seed: 9 };
                     let before = (toward.norm() - 1.0) as f32;
-                    let hit = simulation.scene.cast(&simulation.scene.at(seconds), &ray, before.max(0.1));
+                    let hit = simulation.scene.cast(snapshot, &ray, before.max(0.1));
                     if hit.is_some_and(|hit| hit.surface.class == ClassId::Vegetation) {
                         // Rays pass leaves at random.
                         continue;
