@@ -7,7 +7,7 @@ use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
 use formats::lidar::Model;
-use formats::manifest::{LidarEntry, Manifest, PoseEntry};
+use formats::manifest::{LidarEntry, PoseEntry};
 use formats::velodyne;
 use std::path::Path;
 
@@ -27,18 +27,11 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
         calibration: None,
         body_from_lidar: PoseEntry::IDENTITY,
     };
-    let mut report = vec![sweeps.report()];
+    let mut plan = Plan::of_sweeps(kind, &crate::drive_name(source, kind), lidar, &sweeps);
     if options.model.is_none() {
-        report.push(assumed(model));
+        plan.report.push(assumed(model));
     }
-    Ok(Plan {
-        kind,
-        manifest: Manifest::of_lidar(&crate::drive_name(source, kind), lidar),
-        links: sweeps.links(),
-        texts: Vec::new(),
-        read: Vec::new(),
-        report,
-    })
+    Ok(plan)
 }
 
 fn assumed(model: Model) -> String {

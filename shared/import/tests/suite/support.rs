@@ -30,3 +30,9 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
 pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
     Import { source: source.into(), out: folder.path().join("drive"), options: Options::default() }
 }
+
+/// The header of a PNG image.
+pub fn png(width: u32, height: u32) -> Vec<u8> {
+    let begin = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR";
+    [&begin[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat()
+}

@@ -29,6 +29,12 @@ pub struct Args {
     /// nuScenes: the drive to import if the folder holds several: the file names up to `__LIDAR_TOP__`
     #[arg(long)]
     log: Option<String>,
+    /// nuScenes: the scene to import if the tables have several, for example scene-0061
+    #[arg(long)]
+    scene: Option<String>,
+    /// Import the sweeps and their times alone, for example without calibration files
+    #[arg(long)]
+    lidar_only: bool,
     /// For a calibration: position of the Ladybug in the body frame, m; its axes are parallel to the body's
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', allow_hyphen_values = true, default_value = "0,0,0")]
     position: Vec<f64>,
@@ -50,7 +56,13 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         println!("{}: {n_cameras} cameras", args.out.display());
         return Ok(ExitCode::SUCCESS);
     }
-    let options = Options { kind: args.kind, model: args.model, log: args.log.clone() };
+    let options = Options {
+        kind: args.kind,
+        model: args.model,
+        log: args.log.clone(),
+        scene: args.scene.clone(),
+        lidar_only: args.lidar_only,
+    };
     for line in import::import(&args.source, &args.out, &options)? {
         println!("{line}");
     }
