@@ -3,7 +3,6 @@
 use crate::error::{At, ImportError};
 use formats::cloud::{CloudPoint, check_points};
 use formats::{kitti, nuscenes};
-use std::error::Error;
 use std::path::{Path, PathBuf};
 
 /// Sweeps whose values are checked, spread over the drive: all would be gigabytes.
@@ -13,13 +12,16 @@ const KITTI_INTENSITY: f32 = 1.0;
 /// Largest intensity of a sensor.
 const SENSOR_INTENSITY: f32 = 255.0;
 
+/// Why a file does not hold such rows.
+type Fault = Box<dyn std::error::Error + Send + Sync>;
+
 /// Rows of a file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows {
     name: &'static str,
     n_bytes: u64,
     max_intensity: f32,
-    points: fn(&[u8]) -> Result<Vec<CloudPoint>, Box<dyn Error + Send + Sync>>,
+    points: fn(&[u8]) -> Result<Vec<CloudPoint>, Fault>,
 }
 
 impl Rows {
@@ -56,7 +58,7 @@ pub(crate) fn check(sweeps: &[(String, PathBuf)], rows: Rows) -> Result<(), Impo
     Ok(())
 }
 
-fn values(path: &Path, rows: Rows) -> Result<(), Box<dyn Error + Send + Sync>> {
+fn values(path: &Path, rows: Rows) -> Result<(), Fault> {
     let points = (rows.points)(&std::fs::read(path)?)?;
     Ok(check_points(&points, rows.max_intensity)?)
 }

@@ -24,8 +24,8 @@ const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0
 
 /// Points of a sweep: the second and the fourth are no returns.
 fn points() -> Vec<CloudPoint> {
-    let at = |x: f32| CloudPoint { x, y: 1.0, z: -1.0, intensity: 0.5 };
-    vec![at(9.0), CloudPoint::default(), at(8.0), at(f32::NAN), at(7.0)]
+    let at = |x: f32| CloudPoint { x, y: 0.0, z: 0.0, intensity: 0.5 };
+    vec![at(9.0), CloudPoint::default(), at(8.0), at(0.05), at(7.0)]
 }
 
 /// The instance is the hundreds of the class.
@@ -42,8 +42,7 @@ fn sequence(folder: &TempDir) -> PathBuf {
     write_file(&sequence.join("times.txt"), "0.000000e+00\n1.037359e-01\n2.073343e-01\n");
     write_file(&root.join("poses/00.txt"), POSES);
     for k in 0..3 {
-        let rows = if k == 1 { points() } else { points().into_iter().filter(|point| point.x.is_finite()).collect() };
-        write_file(&sequence.join(format!("velodyne/{k:06}.bin")), bin_from_points(&rows));
+        write_file(&sequence.join(format!("velodyne/{k:06}.bin")), bin_from_points(&points()));
         write_file(&sequence.join(format!("image_2/{k:06}.png")), png(1241, 376));
     }
     sequence
@@ -106,7 +105,7 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     let folder = folder();
     let sequence = sequence(&folder);
     write_file(&sequence.join("labels/000001.label"), labels(&[10, 40, 252, 70, 80]));
-    write_file(&sequence.join("labels/000002.label"), labels(&[254, 40, 99, 48]));
+    write_file(&sequence.join("labels/000002.label"), labels(&[254, 40, 99, 99, 48]));
     let (report, drive) = imported(&of(sequence, &folder));
     assert!(report.contains(&"imported: 2 label files, in the classes of this project".to_owned()), "{report:?}");
     let bytes = |seq: usize| std::fs::read(drive.folder().join(format!("truth/labels/{seq:06}.label"))).expect("reads");

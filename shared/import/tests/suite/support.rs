@@ -36,3 +36,12 @@ pub fn png(width: u32, height: u32) -> Vec<u8> {
     let begin = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR";
     [&begin[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat()
 }
+
+/// Error of an import that fails; nothing remains of it.
+pub fn error(import: &Import) -> String {
+    let error = import.run().expect_err("is refused");
+    let names =
+        import.out.parent().expect("has one").read_dir().expect("lists").map(|entry| entry.expect("lists").file_name());
+    assert!(!names.into_iter().any(|name| name.to_string_lossy().starts_with("drive")), "nothing is written");
+    error.to_string()
+}
