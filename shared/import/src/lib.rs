@@ -48,7 +48,9 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
         return Err(ImportError::at(out, "exists already"));
     }
     let kind = options.kind.map_or_else(|| Kind::recognize(source), Ok)?;
-    for (name, is_given, what) in [("--log", options.log.is_some(), "logs"), ("--scene", options.scene.is_some(), "scenes")] {
+    for (name, is_given, what) in
+        [("--log", options.log.is_some(), "logs"), ("--scene", options.scene.is_some(), "scenes")]
+    {
         if is_given && kind != Kind::Nuscenes {
             return Err(ImportError::of_option(name, format!("{} has no {what}", kind.title())));
         }

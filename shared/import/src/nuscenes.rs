@@ -7,10 +7,10 @@ mod scene_choice;
 mod sweep_files;
 mod table;
 
+use crate::Options;
 use crate::error::{At, ImportError};
 use crate::plan::Plan;
 use crate::sweeps::LIDAR_FOLDER;
-use crate::Options;
 use formats::manifest::{LidarEntry, PoseEntry};
 use formats::velodyne;
 use std::path::{Path, PathBuf};

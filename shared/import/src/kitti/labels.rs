@@ -13,11 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The label files of a drive: one for each label file of a sweep.
-pub(crate) fn conversions(
-    place: &Path,
-    folder: &Path,
-    sweeps: &KittiSweeps,
-) -> Result<Vec<Conversion>, ImportError> {
+pub(crate) fn conversions(place: &Path, folder: &Path, sweeps: &KittiSweeps) -> Result<Vec<Conversion>, ImportError> {
     let seq_of_number: BTreeMap<usize, usize> =
         sweeps.numbers.iter().enumerate().map(|(seq, number)| (*number, seq)).collect();
     let mut conversions = Vec::new();

@@ -13,8 +13,36 @@ use std::path::Path;
 const MAX_BYTES: u64 = 4096;
 /// Names of the numbers.
 const FIELDS: [&str; 30] = [
-    "lat", "lon", "alt", "roll", "pitch", "yaw", "vn", "ve", "vf", "vl", "vu", "ax", "ay", "az", "af", "al", "au", "wx",
-    "wy", "wz", "wf", "wl", "wu", "pos_accuracy", "vel_accuracy", "navstat", "numsats", "posmode", "velmode", "orimode",
+    "lat",
+    "lon",
+    "alt",
+    "roll",
+    "pitch",
+    "yaw",
+    "vn",
+    "ve",
+    "vf",
+    "vl",
+    "vu",
+    "ax",
+    "ay",
+    "az",
+    "af",
+    "al",
+    "au",
+    "wx",
+    "wy",
+    "wz",
+    "wf",
+    "wl",
+    "wu",
+    "pos_accuracy",
+    "vel_accuracy",
+    "navstat",
+    "numsats",
+    "posmode",
+    "velmode",
+    "orimode",
 ];
 /// Slower vehicles have no course.
 const MIN_COURSE_MPS: f64 = 0.1;
@@ -46,8 +74,7 @@ pub(crate) fn read(folder: &Path, stamps: &Stamps) -> Result<UnitLog, ImportErro
             satellites: record[26].clamp(0.0, 99.0) as u32,
             quality: quality(record[23], record[26]),
         };
-        let sample =
-            ImuSample { stamp: Stamp(file.stamp), acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] };
+        let sample = ImuSample { stamp: Stamp(file.stamp), acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] };
         // Roll about x, then pitch about y, then yaw about z; yaw 0 is east, as in the devkit's convertOxtsToPose.
         let world_from_body_rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         log.push(fix, sample, place, Isometry3::from_parts([0.0; 3].into(), world_from_body_rotation));

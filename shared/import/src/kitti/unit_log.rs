@@ -81,8 +81,7 @@ impl UnitLog {
             origin: [origin.latitude_deg, origin.longitude_deg, origin.altitude_m],
             antenna_in_body: [0.0; 3],
         });
-        plan.manifest.imu =
-            Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
+        plan.manifest.imu = Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
         let n = self.records.len();
         plan.report.push(format!("imported: {n} records of {name} as GNSS fixes, IMU samples and true poses"));
         if self.n_not_rising > 0 {

@@ -188,7 +188,10 @@ fn frames(
         Ok(())
     })?;
     if let Some(first) = absent.first() {
-        let rule = format!("{} of {n_files} files of the scene are absent, first {first}: download all its blobs", absent.len());
+        let rule = format!(
+            "{} of {n_files} files of the scene are absent, first {first}: download all its blobs",
+            absent.len()
+        );
         return Err(ImportError::at(source, rule));
     }
     if !frames.contains_key(LIDAR) {
@@ -209,8 +212,7 @@ pub(super) fn file_inside(source: &Path, name: &str) -> Result<PathBuf, String> 
 /// Poses of the files by the tokens of the poses.
 fn ego_poses(tables: &Path, frames: &BTreeMap<String, Vec<Frame>>) -> Result<BTreeMap<String, Pose>, ImportError> {
     let path = tables.join("ego_pose.json");
-    let wanted: BTreeSet<&str> =
-        frames.values().flatten().map(|frame| frame.data.ego_pose_token.as_str()).collect();
+    let wanted: BTreeSet<&str> = frames.values().flatten().map(|frame| frame.data.ego_pose_token.as_str()).collect();
     let mut poses = BTreeMap::new();
     table::each_row(&path, |row: EgoPose| {
         if wanted.contains(row.token.as_str()) {

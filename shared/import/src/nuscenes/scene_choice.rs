@@ -40,7 +40,8 @@ impl SceneChoice {
         for tables in versions {
             let scenes: Vec<Scene> = rows(&tables.join("scene.json"))?;
             let logs: Vec<Log> = rows(&tables.join("log.json"))?;
-            let files: BTreeMap<&str, &str> = logs.iter().map(|log| (log.token.as_str(), log.logfile.as_str())).collect();
+            let files: BTreeMap<&str, &str> =
+                logs.iter().map(|log| (log.token.as_str(), log.logfile.as_str())).collect();
             let is_chosen = |scene: &&Scene| match (&options.scene, &options.log) {
                 (Some(name), _) => scene.name == *name,
                 (None, Some(log)) => files.get(scene.log_token.as_str()) == Some(&log.as_str()),
@@ -60,7 +61,10 @@ impl SceneChoice {
             (Some(name), _) => ("--scene", format!("no scene {name}")),
             (None, Some(log)) => ("--log", format!("no scene of log {log}")),
             (None, None) => {
-                let rule = format!("{} scenes; choose one with --scene, or all of a drive with --log: {names}{more}", all.len());
+                let rule = format!(
+                    "{} scenes; choose one with --scene, or all of a drive with --log: {names}{more}",
+                    all.len()
+                );
                 return Err(ImportError::at(source, rule));
             }
         };

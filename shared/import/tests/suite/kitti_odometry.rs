@@ -114,7 +114,10 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     };
     let of_class = |class: ClassId, instance: u16| (class as u16, instance);
     // The moving car has the class of a car and keeps its instance; points that are no returns have no label.
-    assert_eq!(classes(1), [of_class(ClassId::Vehicles, 0), of_class(ClassId::Vehicles, 2), of_class(ClassId::Pole, 0)]);
+    assert_eq!(
+        classes(1),
+        [of_class(ClassId::Vehicles, 0), of_class(ClassId::Vehicles, 2), of_class(ClassId::Pole, 0)]
+    );
     assert_eq!(
         classes(2),
         [of_class(ClassId::Pedestrian, 2), of_class(ClassId::Unlabeled, 0), of_class(ClassId::Sidewalk, 0)]
@@ -147,15 +150,45 @@ fn poses_beside_the_labels_are_used_without_those_of_the_data_set() {
 fn damaged_kitti_odometry_is_refused_with_file_and_rule() {
     let cut = |text: &str| text.lines().take(2).collect::<Vec<_>>().join("\n");
     let faults: [(&str, Box<dyn Fn(&Path)>, &str); 9] = [
-        ("no calibration", Box::new(|s| remove(&s.join("calib.txt"))), "calib.txt: is absent; images and poses need it"),
-        ("no Tr", Box::new(|s| write_file(&s.join("calib.txt"), CALIB.replace("Tr:", "Trr:"))), "calib.txt: has no line Tr:"),
-        ("skew", Box::new(|s| write_file(&s.join("calib.txt"), CALIB.replace("P2: 7.188560e+02 0.000000e+00", "P2: 7.188560e+02 1"))), "calib.txt:3: P2 must be the projection of a rectified camera"),
+        (
+            "no calibration",
+            Box::new(|s| remove(&s.join("calib.txt"))),
+            "calib.txt: is absent; images and poses need it",
+        ),
+        (
+            "no Tr",
+            Box::new(|s| write_file(&s.join("calib.txt"), CALIB.replace("Tr:", "Trr:"))),
+            "calib.txt: has no line Tr:",
+        ),
+        (
+            "skew",
+            Box::new(|s| {
+                write_file(&s.join("calib.txt"), CALIB.replace("P2: 7.188560e+02 0.000000e+00", "P2: 7.188560e+02 1"))
+            }),
+            "calib.txt:3: P2 must be the projection of a rectified camera",
+        ),
         ("poses", Box::new(move |s| write_file(&s.join("../../poses/00.txt"), cut(POSES))), "00.txt: 2 poses, but"),
-        ("cut pose", Box::new(|s| write_file(&s.join("../../poses/00.txt"), "1 0 0 0\n")), "00.txt: line 1: 4 numbers, expected 12"),
+        (
+            "cut pose",
+            Box::new(|s| write_file(&s.join("../../poses/00.txt"), "1 0 0 0\n")),
+            "00.txt: line 1: 4 numbers, expected 12",
+        ),
         ("images", Box::new(|s| write_file(&s.join("image_2/000003.png"), "")), "000003.png: has number 3, but"),
-        ("label count", Box::new(|s| write_file(&s.join("labels/000001.label"), [0; 16])), "000001.label: 4 labels, but"),
-        ("label id", Box::new(|s| write_file(&s.join("labels/000001.label"), labels(&[7; 5]))), "000001.label: label 0 has id 7, which"),
-        ("label sweep", Box::new(|s| write_file(&s.join("labels/000009.label"), [0; 16])), "000009.label: there is no sweep with number 9"),
+        (
+            "label count",
+            Box::new(|s| write_file(&s.join("labels/000001.label"), [0; 16])),
+            "000001.label: 4 labels, but",
+        ),
+        (
+            "label id",
+            Box::new(|s| write_file(&s.join("labels/000001.label"), labels(&[7; 5]))),
+            "000001.label: label 0 has id 7, which",
+        ),
+        (
+            "label sweep",
+            Box::new(|s| write_file(&s.join("labels/000009.label"), [0; 16])),
+            "000009.label: there is no sweep with number 9",
+        ),
     ];
     for (name, damage, rule) in faults {
         let folder = folder();

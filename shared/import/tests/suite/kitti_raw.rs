@@ -178,17 +178,53 @@ fn sweeps_that_the_data_set_lost_are_reported_and_the_others_keep_their_stamps()
 #[test]
 fn damaged_kitti_raw_is_refused_with_file_and_rule() {
     let faults: [(&str, fn(&Path), &str); 11] = [
-        ("no calibration", |raw| remove(&raw.join("../calib_cam_to_cam.txt")), "calib_cam_to_cam.txt is neither here nor"),
-        ("no unit calibration", |raw| remove(&raw.join("../calib_imu_to_velo.txt")), "calib_imu_to_velo.txt is neither"),
-        ("key", |raw| edit(&raw.join("../calib_cam_to_cam.txt"), "P_rect_03", "P_03"), "calib_cam_to_cam.txt: has no line P_rect_03:"),
-        ("word", |raw| edit(&raw.join("../calib_velo_to_cam.txt"), "-4.069766e-03", "x"), "calib_velo_to_cam.txt:3: T must be 3 finite"),
-        ("mirror", |raw| edit(&raw.join("../calib_velo_to_cam.txt"), "-9.999714e-01", "9.999714e-01"), "calib_velo_to_cam.txt:2: R: "),
+        (
+            "no calibration",
+            |raw| remove(&raw.join("../calib_cam_to_cam.txt")),
+            "calib_cam_to_cam.txt is neither here nor",
+        ),
+        (
+            "no unit calibration",
+            |raw| remove(&raw.join("../calib_imu_to_velo.txt")),
+            "calib_imu_to_velo.txt is neither",
+        ),
+        (
+            "key",
+            |raw| edit(&raw.join("../calib_cam_to_cam.txt"), "P_rect_03", "P_03"),
+            "calib_cam_to_cam.txt: has no line P_rect_03:",
+        ),
+        (
+            "word",
+            |raw| edit(&raw.join("../calib_velo_to_cam.txt"), "-4.069766e-03", "x"),
+            "calib_velo_to_cam.txt:3: T must be 3 finite",
+        ),
+        (
+            "mirror",
+            |raw| edit(&raw.join("../calib_velo_to_cam.txt"), "-9.999714e-01", "9.999714e-01"),
+            "calib_velo_to_cam.txt:2: R: ",
+        ),
         ("size", |raw| write_file(&raw.join("image_02/data/0000000000.png"), png(1392, 512)), "1392 x 512 px, but"),
-        ("png", |raw| write_file(&raw.join("image_02/data/0000000000.png"), "GIF"), "0000000000.png: is not a PNG image"),
+        (
+            "png",
+            |raw| write_file(&raw.join("image_02/data/0000000000.png"), "GIF"),
+            "0000000000.png: is not a PNG image",
+        ),
         ("more images", |raw| write_file(&raw.join("image_02/data/0000000004.png"), ""), "has number 4, but"),
-        ("nan", |raw| edit(&raw.join("oxts/data/0000000002.txt"), "-0.25", "nan"), "0000000002.txt: field 13, ay: \"nan\" must be"),
-        ("cut record", |raw| write_file(&raw.join("oxts/data/0000000003.txt"), "49 8 116"), "3 numbers; a record has 30: lat lon"),
-        ("no stamps", |raw| remove(&raw.join("velodyne_points/timestamps.txt")), "timestamps.txt: is absent; the sweeps need it"),
+        (
+            "nan",
+            |raw| edit(&raw.join("oxts/data/0000000002.txt"), "-0.25", "nan"),
+            "0000000002.txt: field 13, ay: \"nan\" must be",
+        ),
+        (
+            "cut record",
+            |raw| write_file(&raw.join("oxts/data/0000000003.txt"), "49 8 116"),
+            "3 numbers; a record has 30: lat lon",
+        ),
+        (
+            "no stamps",
+            |raw| remove(&raw.join("velodyne_points/timestamps.txt")),
+            "timestamps.txt: is absent; the sweeps need it",
+        ),
     ];
     for (name, damage, rule) in faults {
         let folder = folder();

@@ -3,4 +3,5 @@
 mod folders;
 mod kitti_odometry;
 mod kitti_raw;
+mod nuscenes_scene;
 mod support;
