@@ -22,6 +22,9 @@ const POSES: &str = "1 0 0 0 0 1 0 0 0 0 1 0
 9.999910e-01 1.048972e-03 -4.131348e-03 -9.374345e-02 -1.058514e-03 9.999968e-01 -2.308104e-03 -5.676064e-02 4.128913e-03 2.312456e-03 9.999887e-01 1.716275e+00
 ";
 
+/// A name, what damages the sequence, and words of the error.
+type Fault = (&'static str, Box<dyn Fn(&Path)>, &'static str);
+
 /// Points of a sweep: the second and the fourth are no returns.
 fn points() -> Vec<CloudPoint> {
     let at = |x: f32| CloudPoint { x, y: 0.0, z: 0.0, intensity: 0.5 };
@@ -69,8 +72,8 @@ fn images_and_poses_of_kitti_odometry_are_imported() {
     let pixel = camera.model.pixel_from_camera(&(camera.body_from_camera.inverse() * p)).expect("is inside");
     let in_rectified = tr() * p;
     let [u, v, w] = [
-        718.8560 * in_rectified.x + 607.1928 * in_rectified.z + 45.38225,
-        718.8560 * in_rectified.y + 185.2157 * in_rectified.z - 0.1130887,
+        718.8560 * in_rectified.x + 607.1928 * in_rectified.z + 45.382_25,
+        718.8560 * in_rectified.y + 185.2157 * in_rectified.z - 0.113_088_7,
         in_rectified.z + 3.779761e-3,
     ];
     assert!((pixel.x - u / w).abs() < 0.01 && (pixel.y - v / w).abs() < 0.01, "{pixel:?}: {u} {v} {w}");
@@ -149,7 +152,7 @@ fn poses_beside_the_labels_are_used_without_those_of_the_data_set() {
 #[test]
 fn damaged_kitti_odometry_is_refused_with_file_and_rule() {
     let cut = |text: &str| text.lines().take(2).collect::<Vec<_>>().join("\n");
-    let faults: [(&str, Box<dyn Fn(&Path)>, &str); 9] = [
+    let faults: [Fault; 9] = [
         (
             "no calibration",
             Box::new(|s| remove(&s.join("calib.txt"))),
@@ -163,7 +166,7 @@ fn damaged_kitti_odometry_is_refused_with_file_and_rule() {
         (
             "skew",
             Box::new(|s| {
-                write_file(&s.join("calib.txt"), CALIB.replace("P2: 7.188560e+02 0.000000e+00", "P2: 7.188560e+02 1"))
+                write_file(&s.join("calib.txt"), CALIB.replace("P2: 7.188560e+02 0.000000e+00", "P2: 7.188560e+02 1"));
             }),
             "calib.txt:3: P2 must be the projection of a rectified camera",
         ),

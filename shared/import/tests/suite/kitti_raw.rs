@@ -1,4 +1,4 @@
-//! Imports of a drive of KITTI raw, written as the data set is published, with the calibration of its day 2011_09_26.
+//! Imports of a drive of KITTI raw, written as the data set is published, with the calibration of its day.
 
 use super::support::{Import, error, folder, of, png, write_file};
 use formats::drive::Drive;
@@ -27,11 +27,15 @@ T: -8.086759e-01 3.195559e-01 -7.997231e-01
 
 /// Stamps of a sensor that is `k` ms late.
 fn stamps(k: usize) -> String {
-    (1..=4).map(|tenth| format!("2011-09-26 13:02:25.{tenth}{k:02}000000\n")).collect()
+    let lines: Vec<String> = (1..=4).map(|tenth| format!("2011-09-26 13:02:25.{tenth}{k:02}000000\n")).collect();
+    lines.concat()
 }
 
 /// The first stamp of the LiDAR.
 const FIRST_NANOS: i64 = 1_317_042_145_100_000_000;
+
+/// A name, what damages the folder, and words of the error.
+type Fault = (&'static str, fn(&Path), &'static str);
 
 /// A record of the unit: latitude, longitude, height, yaw, then speeds north and east.
 fn record([lat, lon, alt, yaw, vn, ve]: [f64; 6]) -> String {
@@ -102,7 +106,7 @@ fn all_sensors_of_kitti_raw_are_imported() {
     assert_eq!((samples[1].acceleration, samples[1].angular_rate), ([0.5, -0.25, 9.81], [0.01, -0.02, 0.125]));
 }
 
-/// The devkit projects a point of the LiDAR by P_rect_xx R_rect_00 (R|T)_velo_to_cam.
+/// The devkit projects a point of the LiDAR by `P_rect_xx R_rect_00 (R|T)_velo_to_cam`.
 #[test]
 fn points_of_kitti_raw_project_as_in_its_devkit() {
     let folder = folder();
@@ -177,7 +181,7 @@ fn sweeps_that_the_data_set_lost_are_reported_and_the_others_keep_their_stamps()
 
 #[test]
 fn damaged_kitti_raw_is_refused_with_file_and_rule() {
-    let faults: [(&str, fn(&Path), &str); 11] = [
+    let faults: [Fault; 11] = [
         (
             "no calibration",
             |raw| remove(&raw.join("../calib_cam_to_cam.txt")),

@@ -15,6 +15,9 @@ const LOG: &str = "n015-2018-07-24-11-22-45+0800";
 /// µs.
 const BEGIN: i64 = 1_532_402_927_000_000;
 
+/// A name, what damages the tables, a folder to remove, and words of the error.
+type Fault = (&'static str, fn(&mut DataSet), &'static str, &'static str);
+
 /// Mounting of the LiDAR: x right, y forward.
 fn body_from_lidar() -> Pose {
     let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
@@ -258,7 +261,7 @@ fn scene_or_log_is_chosen_among_several() {
 
 #[test]
 fn damaged_tables_are_refused_with_file_and_rule() {
-    let faults: [(&str, fn(&mut DataSet), &str, &str); 9] = [
+    let faults: [Fault; 9] = [
         ("pose", |data| data.rows("ego_pose").clear(), "", "ego_pose.json: has no pose scene-0061-"),
         ("file", |_| (), "samples/CAM_FRONT", "2 of 5 files of the scene are absent, first samples/CAM_FRONT"),
         ("sensor", |data| data.rows("sensor").clear(), "", "calibrated_sensor.json: sensor l is not in sensor.json"),
