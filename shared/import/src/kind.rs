@@ -18,11 +18,13 @@ pub enum Kind {
     Bin,
     /// Point clouds of PCL.
     Pcd,
+    /// Point clouds of the Stanford format.
+    Ply,
 }
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 5] = [Self::KittiRaw, Self::KittiOdometry, Self::Nuscenes, Self::Bin, Self::Pcd];
+    pub const ALL: [Self; 6] = [Self::KittiRaw, Self::KittiOdometry, Self::Nuscenes, Self::Bin, Self::Pcd, Self::Ply];
 
     /// Value of `--kind`.
     pub fn name(self) -> &'static str {
@@ -32,6 +34,7 @@ impl Kind {
             Self::Nuscenes => "nuscenes",
             Self::Bin => "bin",
             Self::Pcd => "pcd",
+            Self::Ply => "ply",
         }
     }
 
@@ -46,7 +49,7 @@ impl Kind {
             Self::KittiRaw => "KITTI raw",
             Self::KittiOdometry => "KITTI odometry",
             Self::Nuscenes => "nuScenes",
-            Self::Bin | Self::Pcd => "bare sweeps",
+            Self::Bin | Self::Pcd | Self::Ply => "bare sweeps",
         }
     }
 
@@ -58,6 +61,7 @@ impl Kind {
             Self::Nuscenes => "sweeps/LIDAR_TOP or *.pcd.bin",
             Self::Bin => "*.bin",
             Self::Pcd => "*.pcd",
+            Self::Ply => "*.ply",
         }
     }
 
@@ -69,6 +73,7 @@ impl Kind {
             Self::Nuscenes => nuscenes::lidar_folders(source).next().is_some() || has(".pcd.bin")?,
             Self::Bin => has(".bin")?,
             Self::Pcd => has(".pcd")?,
+            Self::Ply => has(".ply")?,
         })
     }
 

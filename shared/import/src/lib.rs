@@ -2,7 +2,6 @@
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
 
-mod bare;
 mod cameras;
 mod error;
 mod files;
@@ -11,6 +10,7 @@ mod kitti;
 mod left_out;
 mod numbered;
 mod nuscenes;
+mod plain;
 mod plan;
 mod rows;
 mod sweeps;
@@ -72,7 +72,7 @@ fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportErro
         Kind::KittiRaw => kitti::raw::plan(source, options),
         Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),
-        Kind::Bin | Kind::Pcd => bare::plan(kind, source, options),
+        Kind::Bin | Kind::Pcd | Kind::Ply => plain::plan(kind, source, options),
     }
 }
 

@@ -74,7 +74,7 @@ fn images_and_poses_of_kitti_odometry_are_imported() {
     let [u, v, w] = [
         718.8560 * in_rectified.x + 607.1928 * in_rectified.z + 45.382_25,
         718.8560 * in_rectified.y + 185.2157 * in_rectified.z - 0.113_088_7,
-        in_rectified.z + 3.779761e-3,
+        in_rectified.z + 3.779_761e-3,
     ];
     assert!((pixel.x - u / w).abs() < 0.01 && (pixel.y - v / w).abs() < 0.01, "{pixel:?}: {u} {v} {w}");
     assert_eq!(camera.model.size(), (1241, 376));

@@ -4,4 +4,5 @@ mod folders;
 mod kitti_odometry;
 mod kitti_raw;
 mod nuscenes_scene;
+mod plain_folders;
 mod support;
