@@ -1,4 +1,4 @@
-//! Imports recordings and data sets of others as drive folders (`docs/guide/own_drive.md`).
+//! Imports recordings and data sets of others as drive folders (`docs/guide/import_data_sets.md`).
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
 

@@ -62,9 +62,10 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
 /// Drives read their sweeps in the order of the names. Names that are in the order of the stamps are kept.
 fn numbered(sweeps: &Sweeps) -> Sweeps {
     let name = |(number, (name, path)): (usize, &(String, PathBuf))| (format!("{number:06}_{name}"), path.clone());
-    let files = match sweeps.files.is_sorted() {
-        true => sweeps.files.clone(),
-        false => sweeps.files.iter().enumerate().map(name).collect(),
+    let files = if sweeps.files.is_sorted() {
+        sweeps.files.clone()
+    } else {
+        sweeps.files.iter().enumerate().map(name).collect()
     };
     Sweeps { files, times: sweeps.times.clone() }
 }
@@ -109,21 +110,21 @@ fn pcd_of_ply(path: &Path) -> Result<Vec<u8>, ImportError> {
 /// Poses with stamps are the truth, those of the LiDAR. Poses without stamps are often those of a camera, and not taken.
 fn add_truth(plan: &mut Plan, source: &Path, sweeps: &Sweeps) -> Result<(), ImportError> {
     let Some(path) = beside(source, &TRAJECTORIES)? else { return Ok(()) };
-    let trajectory = match path.extension().is_some_and(|extension| extension == "csv") {
-        true => newer_college(&path)?,
-        false => match TrajectoryFile::load(&path, None) {
-            Ok(TrajectoryFile::Stamped(trajectory)) => trajectory,
-            Ok(TrajectoryFile::Numbered(_)) => {
-                plan.report.push(format!("not imported: {}, poses without stamps", path.display()));
-                return Ok(());
-            }
-            Err(problem) => {
-                return Err(match problem.line {
-                    Some(line) => ImportError::at_line(&path, line, problem.rule),
-                    None => ImportError::at(&path, problem.rule),
-                });
-            }
-        },
+    let is_csv = path.extension().is_some_and(|extension| extension == "csv");
+    let found =
+        if is_csv { Ok(TrajectoryFile::Stamped(newer_college(&path)?)) } else { TrajectoryFile::load(&path, None) };
+    let trajectory = match found {
+        Ok(TrajectoryFile::Stamped(trajectory)) => trajectory,
+        Ok(TrajectoryFile::Numbered(_)) => {
+            plan.report.push(format!("not imported: {}, poses without stamps", path.display()));
+            return Ok(());
+        }
+        Err(problem) => {
+            return Err(match problem.line {
+                Some(line) => ImportError::at_line(&path, line, problem.rule),
+                None => ImportError::at(&path, problem.rule),
+            });
+        }
     };
     let Some((first, last)) = sweeps.times.as_ref().and_then(|times| Some((*times.first()?, *times.last()?))) else {
         plan.report.push(format!("not imported: {}, the sweeps have no stamps", path.display()));
@@ -165,7 +166,8 @@ fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
         let nanos = nanos.ok_or_else(|| {
             ImportError::at_line(path, number, format!("{line:?} must be sec,nsec,x,y,z,qx,qy,qz,qw"))
         })?;
-        tum += &format!("{}.{nanos:09} {}\n", seconds.trim(), pose.replace(',', " "));
+        let words = [seconds.trim(), ".", &format!("{nanos:09}"), " ", &pose.replace(',', " "), "\n"];
+        tum.extend(words);
     }
     formats::trajectory::trajectory_from_tum(&tum).at(path)
 }

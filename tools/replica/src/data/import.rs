@@ -16,7 +16,7 @@ use std::process::ExitCode;
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     /// Folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
-    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), or of *.bin or *.pcd sweeps; or the calibration file of a Ladybug (.cal)
+    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), or of *.bin, *.pcd or *.ply sweeps; or the calibration file of a Ladybug (.cal)
     source: PathBuf,
     /// Drive folder to create; for a calibration, the file to write its `[[camera]]` entries of a drive.toml to
     out: PathBuf,
