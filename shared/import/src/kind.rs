@@ -2,7 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::files::files;
-use crate::nuscenes;
+use crate::{mandeye, nuscenes};
 use std::path::Path;
 
 /// A layout.
@@ -14,17 +14,30 @@ pub enum Kind {
     KittiOdometry,
     /// `nuScenes`: `samples/LIDAR_TOP` and `sweeps/LIDAR_TOP`, or `*.pcd.bin`; rows of x y z intensity ring as f32.
     Nuscenes,
+    /// MandEye: `lidar*.laz`, `imu*.csv`.
+    Mandeye,
     /// Rows of x y z intensity as f32.
     Bin,
     /// Point clouds of PCL.
     Pcd,
     /// Point clouds of the Stanford format.
     Ply,
+    /// Point clouds of ASPRS, also compressed: `*.las`, `*.laz`.
+    Las,
 }
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 6] = [Self::KittiRaw, Self::KittiOdometry, Self::Nuscenes, Self::Bin, Self::Pcd, Self::Ply];
+    pub const ALL: [Self; 8] = [
+        Self::KittiRaw,
+        Self::KittiOdometry,
+        Self::Nuscenes,
+        Self::Mandeye,
+        Self::Bin,
+        Self::Pcd,
+        Self::Ply,
+        Self::Las,
+    ];
 
     /// Value of `--kind`.
     pub fn name(self) -> &'static str {
@@ -35,6 +48,8 @@ impl Kind {
             Self::Bin => "bin",
             Self::Pcd => "pcd",
             Self::Ply => "ply",
+            Self::Las => "las",
+            Self::Mandeye => "mandeye",
         }
     }
 
@@ -49,7 +64,8 @@ impl Kind {
             Self::KittiRaw => "KITTI raw",
             Self::KittiOdometry => "KITTI odometry",
             Self::Nuscenes => "nuScenes",
-            Self::Bin | Self::Pcd | Self::Ply => "bare sweeps",
+            Self::Mandeye => "MandEye",
+            Self::Bin | Self::Pcd | Self::Ply | Self::Las => "bare sweeps",
         }
     }
 
@@ -62,6 +78,8 @@ impl Kind {
             Self::Bin => "*.bin",
             Self::Pcd => "*.pcd",
             Self::Ply => "*.ply",
+            Self::Las => "*.las or *.laz",
+            Self::Mandeye => "lidar*.laz",
         }
     }
 
@@ -74,6 +92,8 @@ impl Kind {
             Self::Bin => has(".bin")?,
             Self::Pcd => has(".pcd")?,
             Self::Ply => has(".ply")?,
+            Self::Las => has(".las")? || has(".laz")?,
+            Self::Mandeye => !mandeye::lidar_files(source)?.is_empty(),
         })
     }
 

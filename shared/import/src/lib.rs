@@ -5,15 +5,19 @@
 mod cameras;
 mod error;
 mod files;
+mod imu_units;
 mod kind;
 mod kitti;
+mod las;
 mod left_out;
+mod mandeye;
 mod numbered;
 mod nuscenes;
 mod plain;
 mod plan;
 mod rows;
 mod sweeps;
+mod timed_pcd;
 mod times;
 
 pub use error::{ImportError, Rule};
@@ -72,7 +76,8 @@ fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportErro
         Kind::KittiRaw => kitti::raw::plan(source, options),
         Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),
-        Kind::Bin | Kind::Pcd | Kind::Ply => plain::plan(kind, source, options),
+        Kind::Mandeye => mandeye::plan(source, options),
+        Kind::Bin | Kind::Pcd | Kind::Ply | Kind::Las => plain::plan(kind, source, options),
     }
 }
 

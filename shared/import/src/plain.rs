@@ -6,6 +6,7 @@ mod stamp_text;
 
 use crate::error::{At, ImportError};
 use crate::files::files;
+use crate::las::each_block;
 use crate::plan::{Conversion, Plan, TextFile};
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
@@ -29,8 +30,12 @@ const INTENSITIES: [&str; 5] = ["intensity", "scalar_intensity", "scalar_Intensi
 
 /// The drive of a folder of `*.bin`, `*.pcd` or `*.ply`.
 pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportError> {
-    let extension = kind.name();
-    let found = stamped(source, files(source, &format!(".{extension}"))?)?;
+    let mut sweeps = files(source, &format!(".{}", kind.name()))?;
+    if kind == Kind::Las {
+        sweeps.extend(files(source, ".laz")?);
+        sweeps.sort();
+    }
+    let found = stamped(source, sweeps)?;
     let originals = Sweeps { files: found.files, times: found.times };
     originals.check(source)?;
     if kind == Kind::Bin {
@@ -46,8 +51,10 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     };
     let mut plan = Plan::of_sweeps(kind, &crate::drive_name(source, kind), lidar, &numbered(&originals));
     plan.read.extend(found.table);
-    if kind == Kind::Ply {
-        convert(&mut plan);
+    match kind {
+        Kind::Ply => convert(&mut plan, pcd_of_ply),
+        Kind::Las => convert(&mut plan, pcd_of_las),
+        _ => {}
     }
     if options.model.is_none() {
         plan.report.push(assumed(model));
@@ -81,17 +88,17 @@ fn beside(source: &Path, names: &[&str]) -> Result<Option<PathBuf>, ImportError>
     Ok(folders.flat_map(|folder| names.iter().map(|name| folder.join(name))).find(|path| path.is_file()))
 }
 
-/// PLY files become PCD files: the drive format has no PLY.
-fn convert(plan: &mut Plan) {
+/// The files become PCD files: the drive format has no others.
+fn convert(plan: &mut Plan, pcd: fn(&Path) -> Result<Vec<u8>, ImportError>) {
     for link in std::mem::take(&mut plan.links) {
         let original = link.original.clone();
         plan.conversions.push(Conversion {
             place: link.place.with_extension("pcd"),
             originals: vec![link.original],
-            bytes: Box::new(move || pcd_of_ply(&original)),
+            bytes: Box::new(move || pcd(&original)),
         });
     }
-    plan.report.push("the PLY files are converted to PCD; their rings and times are not taken".into());
+    plan.report.push("the files are converted to PCD, without rings and times of points".into());
 }
 
 fn pcd_of_ply(path: &Path) -> Result<Vec<u8>, ImportError> {
@@ -104,6 +111,15 @@ fn pcd_of_ply(path: &Path) -> Result<Vec<u8>, ImportError> {
     let intensities = column.map(|name| cloud.f32s(name)).transpose().at(path)?.unwrap_or_else(|| vec![0.0; xs.len()]);
     let rows = xs.into_iter().zip(ys).zip(zs).zip(intensities);
     let points: Vec<CloudPoint> = rows.map(|(((x, y), z), intensity)| CloudPoint { x, y, z, intensity }).collect();
+    Ok(pcd_from_points(&points))
+}
+
+fn pcd_of_las(path: &Path) -> Result<Vec<u8>, ImportError> {
+    let mut points = Vec::new();
+    each_block(path, |block| {
+        points.extend(block.iter().map(|found| found.point));
+        Ok(())
+    })?;
     Ok(pcd_from_points(&points))
 }
 

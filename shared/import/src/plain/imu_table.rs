@@ -2,13 +2,12 @@
 
 use super::stamp_text::nanos;
 use crate::error::{At, ImportError};
+use crate::imu_units::to_metric;
 use formats::imu::{ImuSample, csv_from_samples};
 use geometry::Stamp;
 use std::fs;
 use std::path::Path;
 
-/// Standard gravity, m/s^2.
-const GRAVITY: f64 = 9.806_65;
 /// Beginnings of the names of a column of stamps, in lower case without other characters than letters and digits.
 const STAMPS: [&str; 4] = ["timestamp", "stamp", "time", "t"];
 /// Names of the columns of accelerations and of rates, without their axis.
@@ -66,26 +65,6 @@ fn all(values: [Option<f64>; 6]) -> Option<[f64; 6]> {
 fn words(line: &str) -> Vec<&str> {
     let by_comma: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
     if by_comma.len() > 1 { by_comma } else { line.split_whitespace().collect() }
-}
-
-/// A car and a person accelerate by far less than gravity, so its size shows the unit.
-fn to_metric(samples: &mut [ImuSample]) -> Result<&'static str, String> {
-    let mut norms: Vec<f64> =
-        samples.iter().map(|sample| geometry::Vector3::from(sample.acceleration).norm()).collect();
-    norms.sort_by(f64::total_cmp);
-    match norms.get(norms.len() / 2) {
-        None => Err("has no samples".into()),
-        Some(median) if (5.0..20.0).contains(median) => Ok(""),
-        Some(median) if (0.5..2.0).contains(median) => {
-            for value in samples.iter_mut().flat_map(|sample| &mut sample.acceleration) {
-                *value *= GRAVITY;
-            }
-            Ok(", with accelerations in g")
-        }
-        Some(median) => {
-            Err(format!("accelerations have a median of {median}; with gravity it must be about 9.8 m/s^2 or 1 g"))
-        }
-    }
 }
 
 impl Columns {

@@ -3,6 +3,8 @@
 mod folders;
 mod kitti_odometry;
 mod kitti_raw;
+mod las_file;
+mod mandeye;
 mod nuscenes_scene;
 mod plain_folders;
 mod support;

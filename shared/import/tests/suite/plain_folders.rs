@@ -115,7 +115,7 @@ fn ply_sweeps_are_converted_with_their_intensities() {
         write_file(&source.join(format!("{name}.ply")), format!("{header}{}.5 1 2 9 7\n3 -1 2 9 200\n", k + 5));
     }
     let (report, drive) = imported(&of(&source, &folder));
-    assert!(report.iter().any(|line| line.starts_with("the PLY files are converted")), "{report:?}");
+    assert!(report.iter().any(|line| line.starts_with("the files are converted")), "{report:?}");
     assert!(!report.iter().any(|line| line.starts_with("not imported")), "{report:?}");
     assert_eq!(sweeps_of(&drive), [(0, 5.5), (100_000_000, 6.5)]);
     let mut intensities = Vec::new();
