@@ -14,7 +14,7 @@ pub enum Kind {
     KittiOdometry,
     /// `nuScenes`: `samples/LIDAR_TOP` and `sweeps/LIDAR_TOP`, or `*.pcd.bin`; rows of x y z intensity ring as f32.
     Nuscenes,
-    /// MandEye: `lidar*.laz`, `imu*.csv`.
+    /// `MandEye`: `lidar*.laz`, `imu*.csv`.
     Mandeye,
     /// Rows of x y z intensity as f32.
     Bin,

@@ -1,4 +1,4 @@
-//! MandEye: chunks of a Livox scanner, `lidar*.laz` with times, and of its IMU, `imu*.csv`. They are cut into sweeps of a tenth of a
+//! `MandEye`: chunks of a Livox scanner, `lidar*.laz` with times, and of its IMU, `imu*.csv`. They are cut into sweeps of a tenth of a
 //! second. The body frame is that of the LiDAR.
 
 mod chunks;

@@ -6,6 +6,7 @@ use crate::timed_pcd::timed_pcd;
 use formats::cloud::CloudPoint;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 
 /// Duration of a sweep, ns.
@@ -63,10 +64,10 @@ impl Chunks {
         let (from, to) = (sweep.tenth * SWEEP_NANOS, (sweep.tenth + 1) * SWEEP_NANOS);
         let mut points = Vec::with_capacity(sweep.n_points);
         for index in first..=last {
-            if !loaded.contains_key(&index) {
-                loaded.insert(index, sorted(&self.files[index])?);
-            }
-            let chunk = &loaded[&index];
+            let chunk = match loaded.entry(index) {
+                Entry::Occupied(chunk) => chunk.into_mut(),
+                Entry::Vacant(place) => place.insert(sorted(&self.files[index])?),
+            };
             let begin = chunk.partition_point(|(nanos, _)| *nanos < from);
             points.extend(chunk[begin..].iter().take_while(|(nanos, _)| *nanos < to));
         }

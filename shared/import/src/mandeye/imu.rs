@@ -63,7 +63,7 @@ pub(super) fn read(inputs: &[PathBuf]) -> Result<ImuLog, ImportError> {
     let mut note = to_metric(&mut samples).map_err(|rule| ImportError::at(place, rule))?.to_owned();
     for (n, what) in [(n_others, "of other units"), (n_not_rising, "whose stamp is not after the one before")] {
         if n > 0 {
-            note += &format!("; {n} {what} are left out");
+            note.extend(["; ", &n.to_string(), " ", what, " are left out"]);
         }
     }
     Ok(ImuLog { samples, note })

@@ -1,4 +1,4 @@
-//! Imports of MandEye folders and of LAS and LAZ sweeps, written by tests as the formats say.
+//! Imports of `MandEye` folders and of LAS and LAZ sweeps, written by tests as the formats say.
 
 use super::las_file::{RECORD_BYTES, Row, las};
 use super::support::{Import, error, folder, of, write_file};
