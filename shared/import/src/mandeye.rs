@@ -17,7 +17,7 @@ use formats::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Position of the IMU of a Mid-360 in the frame of its points, m (user manual, section 4.3).
+/// Position of the IMU of a Mid-360 in the frame of its points, m (user manual).
 const IMU_OF_MID_360: [f64; 3] = [0.011, 0.023_29, -0.044_12];
 
 /// The chunks of the LiDAR.
