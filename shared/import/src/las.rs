@@ -12,8 +12,8 @@ use std::path::Path;
 
 /// Bytes of the header up to the offsets.
 const HEADER_BYTES: usize = 227;
-/// Points that are decoded at a time.
-const BLOCK: usize = 50_000;
+/// Bytes of points that are decoded at a time.
+const BLOCK_BYTES: usize = 1 << 21;
 /// Most points per byte of a compressed file. Real files have less than one.
 const MAX_POINTS_PER_BYTE: u64 = 8;
 /// Bytes of a record before the time, by point format; `None` without time.
@@ -50,7 +50,9 @@ pub(crate) fn each_block(
     let n_bytes = file.metadata().at(path)?.len();
     let mut file = BufReader::new(file);
     let layout = Layout::read(&mut file, n_bytes).map_err(|rule| ImportError::at(path, rule))?;
-    let mut bytes = vec![0; BLOCK * layout.record_bytes];
+    // A record has less than 2^16 bytes.
+    let block_points = BLOCK_BYTES / layout.record_bytes;
+    let mut bytes = vec![0; block_points * layout.record_bytes];
     let mut decompressor = match &layout.laszip {
         None => {
             file.seek(SeekFrom::Start(layout.data_at)).at(path)?;
@@ -60,7 +62,7 @@ pub(crate) fn each_block(
     };
     let mut left = layout.n_points;
     while left > 0 {
-        let n = (BLOCK as u64).min(left) as usize;
+        let n = (block_points as u64).min(left) as usize;
         let block = &mut bytes[..n * layout.record_bytes];
         match &mut decompressor {
             None => file.read_exact(block).at(path)?,

@@ -25,6 +25,8 @@ use std::path::{Path, PathBuf};
 /// Names of trajectories. `registered_poses.csv` is that of Newer College.
 const TRAJECTORIES: [&str; 5] =
     ["trajectory.txt", "groundtruth.txt", "ground_truth.txt", "registered_poses.csv", "poses.txt"];
+/// Coordinates beyond this are those of a map, m: no LiDAR measures so far.
+const MAX_COORDINATE_M: f32 = 10_000.0;
 /// Names of the column of intensities of a PLY file.
 const INTENSITIES: [&str; 5] = ["intensity", "scalar_intensity", "scalar_Intensity", "reflectance", "reflectivity"];
 
@@ -120,6 +122,13 @@ fn pcd_of_las(path: &Path) -> Result<Vec<u8>, ImportError> {
         points.extend(block.iter().map(|found| found.point));
         Ok(())
     })?;
+    if let Some(far) = points.iter().find(|p| [p.x, p.y, p.z].iter().any(|value| value.abs() > MAX_COORDINATE_M)) {
+        let (x, y, z) = (far.x, far.y, far.z);
+        return Err(ImportError::at(
+            path,
+            format!("a point is at {x} {y} {z} m; sweeps must be in the frame of the LiDAR"),
+        ));
+    }
     Ok(pcd_from_points(&points))
 }
 

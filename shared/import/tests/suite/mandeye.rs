@@ -120,6 +120,9 @@ fn damaged_las_files_are_refused_at_each_length_and_byte() {
         "{}",
         error(&import)
     );
+    let map: Vec<Row> = vec![([150_000.0, 0.0, 0.0], 1, 0.0)];
+    write_file(&path, las(&map, false));
+    assert!(error(&import).contains("0.las: a point is at 150000 0 0 m; sweeps must be in the frame of the LiDAR"));
     let mut bytes = whole.clone();
     bytes[104] = 0x86;
     write_file(&path, bytes);
