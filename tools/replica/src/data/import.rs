@@ -16,15 +16,15 @@ use std::process::ExitCode;
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     /// Folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
-    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), of MandEye (with `lidar*.laz`), or of *.bin, *.pcd, *.ply, *.las or *.laz sweeps; or the
-    /// calibration file of a Ladybug (.cal)
+    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), of `MandEye` (with `lidar*.laz`), or of *.bin, *.pcd, *.ply, *.las or *.laz sweeps; or
+    /// the calibration file of a Ladybug (.cal)
     source: PathBuf,
     /// Drive folder to create; for a calibration, the file to write its `[[camera]]` entries of a drive.toml to
     out: PathBuf,
     /// Layout of the source; without it the layout is recognized, and files that do not fit it are refused
     #[arg(long, value_parser = kind)]
     kind: Option<Kind>,
-    /// Model of the LiDAR, as in drive.toml; default hdl32e for nuScenes, mid360 for MandEye, else hdl64e
+    /// Model of the LiDAR, as in drive.toml; default hdl32e for nuScenes, mid360 for `MandEye`, else hdl64e
     #[arg(long, value_parser = model)]
     model: Option<Model>,
     /// nuScenes: the drive to import if the folder holds several: the file names up to `__LIDAR_TOP__`
