@@ -14,7 +14,7 @@ mod read;
 mod sweeps;
 
 pub use crate::lidar::SweepInfo;
-pub use clouds::returns_from_cloud;
+pub use clouds::{is_return, returns_from_cloud};
 pub use labels::{TrueLabel, TrueLabels};
 pub use lidar_file::lidar_of;
 pub use listing::Frame;

@@ -2,6 +2,7 @@
 
 use super::Drive;
 use crate::problems::FileProblem;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// Tolerance of times: a time stored as f64 seconds is rounded to 0.24 µs, and a laser fires every 46 µs.
@@ -37,7 +38,8 @@ struct Labelled {
 }
 
 impl Drive {
-    /// The labels of all returns. An error if the drive has no labels, or the labels of a sweep are not as many as its returns.
+    /// The labels of all returns of the sweeps that have a label file. An error if there is none, or the labels of a sweep are not as
+    /// many as its returns.
     pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
         let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
         let labels = self.manifest.truth.as_ref().and_then(|truth| truth.labels.as_ref());
@@ -47,12 +49,18 @@ impl Drive {
         let folder = self.folder.join(labels);
         let mut source = self.sweeps().map_err(|error| fault(&self.folder, error.to_string()))?;
         let mut sweeps = Vec::new();
+        let mut n_files = 0;
         loop {
             let mut returns = Vec::new();
             let next = source.next_sweep(|found| returns.extend(found.iter().map(|r| (r.offset_nanos, r.ring))));
             let Some(sweep) = next.map_err(|error| fault(&self.folder, error.to_string()))? else { break };
             let path = folder.join(format!("{:06}.label", sweep.seq));
-            let bytes = std::fs::read(&path).map_err(|error| fault(&path, format!("cannot read the file: {error}")))?;
+            let bytes = match std::fs::read(&path) {
+                // Data sets that label key frames only.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                read => read.map_err(|error| fault(&path, format!("cannot read the file: {error}")))?,
+            };
+            n_files += 1;
             let (labels, rest) = bytes.as_chunks::<4>();
             if labels.len() != returns.len() || !rest.is_empty() {
                 let rule = format!("{} bytes for {} returns; expected 4 bytes per return", bytes.len(), returns.len());
@@ -69,6 +77,9 @@ impl Drive {
                 .collect();
             returns.sort_by_key(|r| (r.ring, r.offset_nanos));
             sweeps.push(LabelledSweep { stamp: sweep.stamp.0, returns });
+        }
+        if n_files == 0 {
+            return Err(fault(&folder, "contains no label file of a sweep, 000000.label for the first".to_owned()));
         }
         Ok(TrueLabels { sweeps })
     }
