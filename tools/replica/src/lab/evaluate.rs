@@ -16,7 +16,13 @@ use std::process::ExitCode;
 /// With OUT, all results of a run are scored. A subcommand scores one kind of result. For a folder with the name of a subcommand,
 /// write ./map.
 #[derive(Debug, clap::Args)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, arg_required_else_help = true)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    arg_required_else_help = true,
+    after_help = "Exit codes: 0 done, 1 failed or OUT is a run of another drive, 2 wrong usage, 3 done, but less than --min-joined \
+                  of the points have a true label"
+)]
 pub struct Args {
     #[command(subcommand)]
     result: Option<Evaluated>,

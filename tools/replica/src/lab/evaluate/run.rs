@@ -20,8 +20,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// With fewer points that are returns of the drive, the run is of another drive. Of another drive with the same LiDAR and the same
-/// times, about a tenth of the points (the road) lie where a return of this drive is.
+/// With fewer points that are returns of the drive, the run is of another drive. If that has the same LiDAR and the same times, only
+/// points where both scenes have the same range, such as the road, are returns of this drive, too.
 const MIN_SHARE_OF_DRIVE: f64 = 0.5;
 
 /// Score a run: classes, instances, color, trajectory and the deviations that it states.

@@ -2,6 +2,7 @@
 
 use super::DriveReport;
 use super::lidar::LidarSurvey;
+use super::stream::seconds_between;
 use geometry::Stamp;
 
 /// Another sensor that begins later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.
@@ -58,9 +59,9 @@ pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
 
 /// Compares begin and end of a sensor with those of the LiDAR.
 fn compared(name: &str, span: [Stamp; 2], lidar: [Stamp; 2], period_s: f64) -> (String, Option<String>) {
-    let [begin_s, end_s] = [0, 1].map(|k| span[k].seconds_since(lidar[k]));
+    let [begin_s, end_s] = [0, 1].map(|k| seconds_between(span[k], lidar[k]));
     let line = format!("{name}: begins {}, ends {}", relative(begin_s), relative(end_s));
-    let lidar_s = lidar[1].seconds_since(lidar[0]);
+    let lidar_s = seconds_between(lidar[1], lidar[0]);
     let has_overlap = span[0] <= lidar[1] && span[1] >= lidar[0];
     let spread_s = (begin_s - end_s).abs();
     let offset_s = f64::midpoint(begin_s, end_s);

@@ -3,7 +3,7 @@
 use super::DriveReport;
 use super::packets::{PacketSurvey, survey};
 use super::pictures;
-use super::stream::Stream;
+use super::stream::{Stream, seconds_between};
 use formats::drive::{Drive, SourcePosition, SweepSource};
 use formats::lidar::{SweepError, SweepInfo, SweepPoint};
 use formats::nmea::{Fix, LogStats};
@@ -110,7 +110,7 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) -> anyhow::Re
     n_returns.sort_unstable();
     let median_returns = n_returns.get(n_returns.len() / 2).copied().unwrap_or(0);
     let known = if is_full { Some(samples.sweeps.len()) } else { (!is_capture).then(|| drive.sweep_files().len()) };
-    let span_s = report.lidar_span().map_or(0.0, |[first, last]| last.seconds_since(first));
+    let span_s = report.lidar_span().map_or(0.0, |[first, last]| seconds_between(last, first));
     let estimate = || sweep_s.filter(|sweep_s| *sweep_s > 0.0).map_or(0, |sweep_s| (span_s / sweep_s).round() as u64);
     let n_sweeps = known.map_or_else(estimate, |n| n as u64);
     add_coverage(drive, &samples, &n_returns, report);
@@ -119,7 +119,7 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) -> anyhow::Re
         section.lines.insert(0, format!("sweeps: {about}{n_sweeps}, {:.2} per second", 1.0 / sweep_s));
     }
     if !samples.shown.is_empty() {
-        report.pictures.extend(pictures::top_view(&samples.shown));
+        report.pictures.extend(pictures::top_view(&samples.shown, &drive.rig().body_from_lidar));
     }
     let packets = packets.unwrap_or_default();
     Ok(LidarSurvey {
@@ -276,7 +276,7 @@ fn add_coverage(drive: &Drive, samples: &Samples, n_returns: &[u64], report: &mu
         lines.push("points have no times".to_owned());
     }
     if let Some([first, last]) = report.lidar_span() {
-        lines.insert(0, format!("time: {} to {} UTC, {:.1} s", utc(first), utc(last), last.seconds_since(first)));
+        lines.insert(0, format!("time: {} to {} UTC, {:.1} s", utc(first), utc(last), seconds_between(last, first)));
     }
     report.section("LiDAR", lines);
 }

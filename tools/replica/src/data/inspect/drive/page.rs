@@ -2,7 +2,7 @@
 
 use super::DriveReport;
 use super::pictures::timeline;
-use super::stream::Stream;
+use super::stream::{Stream, seconds_between};
 use super::text::{HEADINGS, gap_lines, row};
 use chart::{Axis, COLORS, Chart, Series};
 use geometry::Stamp;
@@ -78,6 +78,8 @@ fn table(streams: &[Stream]) -> String {
 fn rates(streams: &[Stream], origin: Stamp) -> String {
     let mut rated: Vec<(f64, &Stream)> = streams.iter().filter_map(|s| Some((s.rate_hz()?, s))).collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let spans = || streams.iter().filter_map(Stream::span).flatten().map(|stamp| seconds_between(stamp, origin));
+    let (begin, end) = (spans().fold(0.0, f64::min), spans().fold(1e-3, f64::max));
     let mut charts = Vec::new();
     while let Some((fastest, _)) = rated.first().copied() {
         let n_similar = rated.partition_point(|(rate, _)| *rate * RATE_SPREAD >= fastest);
@@ -86,9 +88,7 @@ fn rates(streams: &[Stream], origin: Stamp) -> String {
             series.push(Series::line(&stream.name, color, stream.rates(origin)));
         }
         let points = || series.iter().flat_map(Series::points);
-        let end = points().map(|[x, _]| *x).fold(0.0, f64::max);
-        let begin = points().map(|[x, _]| *x).fold(0.0, f64::min);
-        let x = Axis::new("s after the begin of the LiDAR", [begin, end.max(begin + 1e-3)]);
+        let x = Axis::new("s after the begin of the LiDAR", [begin, end]);
         let y = Axis::from_zero("messages per second", points().map(|[_, y]| *y));
         charts.push(Chart { size: [760.0, 150.0], ..Chart::new("", x, y, series) });
     }

@@ -1,8 +1,8 @@
 //! Small pictures for the page: images of cameras, and the first sweep from above.
 
-use super::stream::Stream;
+use super::stream::{Stream, seconds_between};
 use formats::lidar::SweepPoint;
-use geometry::Stamp;
+use geometry::{Point3, Pose, Stamp};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, Rgb, RgbImage};
 use std::fmt::Write;
@@ -49,9 +49,13 @@ pub fn small(title: &str, rgb: &RgbImage) -> Option<Picture> {
     Some(Picture { title: format!("{title}, first image"), kind: "image/jpeg", bytes })
 }
 
-/// A sweep from above, x upwards, colored by height, with a circle each 10 m.
-pub fn top_view(points: &[SweepPoint]) -> Option<Picture> {
-    let of = |value: fn(&SweepPoint) -> f32, share: usize| {
+/// A sweep from above in the body frame, x upwards, colored by height, with a circle each 10 m.
+pub fn top_view(points: &[SweepPoint], body_from_lidar: &Pose) -> Option<Picture> {
+    // LiDARs are often tilted.
+    let body_from_lidar = body_from_lidar.cast::<f32>();
+    let in_body = |point: &SweepPoint| body_from_lidar * Point3::new(point.x, point.y, point.z);
+    let points: Vec<Point3<f32>> = points.iter().map(in_body).collect();
+    let of = |value: fn(&Point3<f32>) -> f32, share: usize| {
         let mut values: Vec<f32> = points.iter().map(value).filter(|value| value.is_finite()).collect();
         values.sort_by(f32::total_cmp);
         values.get(values.len().saturating_sub(1) * share / 100).copied()
@@ -74,14 +78,14 @@ pub fn top_view(points: &[SweepPoint]) -> Option<Picture> {
             }
         }
     }
-    for point in points {
+    for point in &points {
         if let Some((u, v)) = place(point.x, point.y) {
             view.put_pixel(u, v, height_color((point.z - lowest_m) / HEIGHT_M));
         }
     }
     let mut bytes = Vec::new();
     view.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).ok()?;
-    let title = format!("LiDAR, one sweep of {} returns from above; circles each 10 m, x up", points.len());
+    let title = format!("LiDAR, one sweep of {} returns from above; circles each 10 m, forward is up", points.len());
     Some(Picture { title, kind: "image/png", bytes })
 }
 
@@ -98,11 +102,11 @@ fn height_color(share: f32) -> Rgb<u8> {
 /// The time of each sensor as a bar under the others, in seconds after the begin of the LiDAR; gaps are open.
 pub fn timeline(streams: &[Stream], origin: Stamp) -> String {
     const ROW: f64 = 26.0;
-    const LEFT: f64 = 190.0;
-    const LENGTH: f64 = 640.0;
+    const LEFT: f64 = 270.0;
+    const LENGTH: f64 = 580.0;
     let spans: Vec<(&Stream, [f64; 2])> = streams
         .iter()
-        .filter_map(|stream| Some((stream, stream.span()?.map(|stamp| stamp.seconds_since(origin)))))
+        .filter_map(|stream| Some((stream, stream.span()?.map(|stamp| seconds_between(stamp, origin)))))
         .collect();
     let begin = spans.iter().map(|(_, span)| span[0]).fold(0.0, f64::min);
     let end = spans.iter().map(|(_, span)| span[1]).fold(0.0, f64::max);
@@ -126,7 +130,7 @@ pub fn timeline(streams: &[Stream], origin: Stamp) -> String {
             y + 6.0
         );
         for gap in stream.gaps().listed {
-            let at = gap.begin.seconds_since(origin);
+            let at = seconds_between(gap.begin, origin);
             let width = (x(at + gap.seconds) - x(at)).max(1.0);
             let _ = writeln!(
                 svg,
@@ -172,12 +176,12 @@ mod tests {
         let at = |x: f32, y: f32| SweepPoint { x, y, ..SweepPoint::default() };
         let mut points = vec![at(5.0, 0.0); 100];
         points.push(at(f32::NAN, 1.0));
-        let picture = top_view(&points).expect("has points");
+        let picture = top_view(&points, &Pose::identity()).expect("has points");
         let view = image::load_from_memory(&picture.bytes).expect("is a PNG").to_rgb8();
         // 5 of 15 m ahead: a third of the way from the middle to the top.
         let expected = Rgb([70, 130, 255]);
         assert_eq!(*view.get_pixel(SIDE / 2, SIDE / 2 - SIDE / 6), expected);
         assert_eq!(view.pixels().filter(|pixel| **pixel == expected).count(), 1);
-        assert!(top_view(&[]).is_none());
+        assert!(top_view(&[], &Pose::identity()).is_none());
     }
 }

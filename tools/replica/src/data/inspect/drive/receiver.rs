@@ -2,7 +2,7 @@
 
 use super::DriveReport;
 use super::lidar::LidarSurvey;
-use super::stream::Stream;
+use super::stream::{Stream, seconds_between};
 use anyhow::Context;
 use formats::drive::Drive;
 use formats::nmea::{Fix, LogStats};
@@ -135,7 +135,7 @@ fn path(fixes: &[Fix], report: &mut DriveReport) -> Vec<String> {
         lines.push(format!("path not known during {unknown_s:.1} s of gaps"));
     }
     if let Some((stamp, distance_m)) = first_jump {
-        let after_s = report.lidar_span().map_or(0.0, |[first, _]| stamp.seconds_since(first));
+        let after_s = report.lidar_span().map_or(0.0, |[first, _]| seconds_between(stamp, first));
         report.doubt(format!(
             "gnss: {n_jumps} jumps faster than {MAX_SPEED_MPS} m/s, the first of {distance_m:.0} m at {after_s:+.1} s"
         ));

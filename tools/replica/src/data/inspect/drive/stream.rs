@@ -7,7 +7,12 @@ const MAX_LISTED: usize = 10;
 /// A gap is longer than this many periods.
 const GAP_PERIODS: f64 = 3.0;
 /// Bins of the rate over time.
-const BINS: usize = 120;
+const BINS: usize = 60;
+
+/// Seconds between two stamps, which may be any numbers: names of files are stamps.
+pub fn seconds_between(later: Stamp, earlier: Stamp) -> f64 {
+    later.0.saturating_sub(earlier.0) as f64 * 1e-9
+}
 
 /// Number, rate and gaps of the messages of a sensor.
 pub struct Stream {
@@ -147,7 +152,7 @@ impl Stream {
         }
         // The last stamp ends a piece without beginning another.
         counts[n_bins - 1] -= 1;
-        let begin_s = Stamp(*first).seconds_since(origin);
+        let begin_s = seconds_between(Stamp(*first), origin);
         let at = |bin: usize| begin_s + (bin as f64 + 0.5) * width_s;
         counts.iter().enumerate().map(|(bin, n)| [at(bin), *n as f64 / width_s]).collect()
     }

@@ -1,7 +1,7 @@
 //! The report as text.
 
 use super::DriveReport;
-use super::stream::{Gap, Stream};
+use super::stream::{Gap, Stream, seconds_between};
 use geometry::Stamp;
 use std::fmt::Write;
 
@@ -70,7 +70,7 @@ pub fn gap_lines(stream: &Stream, origin: Stamp) -> String {
         return String::new();
     }
     let limit_s = stream.gap_limit_s().unwrap_or(0.0);
-    let one = |gap: &Gap| format!("{:.3} s at {:+.3} s", gap.seconds, gap.begin.seconds_since(origin));
+    let one = |gap: &Gap| format!("{:.3} s at {:+.3} s", gap.seconds, seconds_between(gap.begin, origin));
     let listed: Vec<String> = gaps.listed.iter().map(one).collect();
     let more =
         if gaps.n > gaps.listed.len() { format!(", and {} more", gaps.n - gaps.listed.len()) } else { String::new() };
