@@ -68,11 +68,11 @@ impl LabelReader {
             let rule = format!("{} bytes for {} returns; expected 4 bytes per return", bytes.len(), self.points.len());
             return Err(fault(&path, rule));
         }
-        Ok(Some(LabelledSweep::new(&sweep, &self.points, labels.iter().map(label))))
+        Ok(Some(LabelledSweep::new(&sweep, &self.points, labels.iter().copied().map(label))))
     }
 }
 
-fn label(&bytes: &[u8; 4]) -> TrueLabel {
+fn label(bytes: [u8; 4]) -> TrueLabel {
     let word = u32::from_le_bytes(bytes);
     // Classes of 256 and more are unknown.
     TrueLabel { class: u8::try_from(word & 0xffff).unwrap_or(0), instance: (word >> 16) as u16 }
