@@ -15,14 +15,6 @@ fn rows_with_ring() -> Vec<u8> {
     nuscenes::bin_from_points(&rows)
 }
 
-fn error(import: &Import) -> String {
-    let error = import.run().expect_err("is refused");
-    let names =
-        import.out.parent().expect("has one").read_dir().expect("lists").map(|entry| entry.expect("lists").file_name());
-    assert!(!names.into_iter().any(|name| name.to_string_lossy().starts_with("drive")), "nothing is written");
-    error.to_string()
-}
-
 #[test]
 fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     let folder = folder();
@@ -139,7 +131,7 @@ fn bare_sweeps_report_the_assumed_model() {
     let folder = folder();
     let source = folder.path().join("bare");
     write_file(&source.join("0.pcd"), formats::pcd::pcd_from_points(&points(0.5)));
-    let report = import(&args(&source, &folder)).expect("imports");
+    let report = of(&source, &folder).run().expect("imports");
     assert!(report.iter().any(|line| line.contains("hdl64e is assumed")), "{report:?}");
 }
 

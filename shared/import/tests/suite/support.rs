@@ -30,3 +30,12 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) {
 pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
     Import { source: source.into(), out: folder.path().join("drive"), options: Options::default() }
 }
+
+/// Error of an import that fails; nothing remains of it.
+pub fn error(import: &Import) -> String {
+    let error = import.run().expect_err("is refused");
+    let names =
+        import.out.parent().expect("has one").read_dir().expect("lists").map(|entry| entry.expect("lists").file_name());
+    assert!(!names.into_iter().any(|name| name.to_string_lossy().starts_with("drive")), "nothing is written");
+    error.to_string()
+}
