@@ -4,9 +4,13 @@
 //! |---|---|
 //! | one pass over a drive: the motion by the LiDAR alone, outlines, ground, samples | [`survey`] |
 //! | whether the rig fits the data, and what does not | [`check`] |
+//! | rotations as people write them | [`rotation`] |
+//! | calibrations of others | [`source`] |
 //! | errors | [`error`] |
 
 pub mod check;
 pub mod error;
 pub mod rotation;
+pub mod source;
 pub mod survey;
+mod yaml;
