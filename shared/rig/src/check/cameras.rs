@@ -3,7 +3,7 @@
 use super::Verdict;
 use super::hypotheses::{Hypothesis, lenses, mountings};
 use crate::survey::{PixelBuffer, Survey, decoded};
-use camera_alignment::{AlignmentExposure, CameraOffset, Offset, OffsetMonitor, Profile, fit_at_range};
+use camera_alignment::{AlignmentExposure, Offset, OffsetMonitor, Profile, fit_rotation};
 use coloring::{PointBuffers, ProjectionCamera, SubmapPoints, VisibilityMap};
 use formats::drive::{Drive, Frame};
 use geometry::Stamp;
@@ -26,17 +26,6 @@ const DELAY_STEP_NANOS: i64 = 100_000_000;
 const MAX_DELAY_STEPS: i64 = 20;
 /// Time scales, s.
 const SCALES_S: [i64; 4] = [-37, -18, 18, 37];
-/// All ranges, m.
-const ALL_RANGES: std::ops::Range<f32> = 0.0..1000.0;
-const UNTURNED: CameraOffset = CameraOffset {
-    rotation: [0.0; 3],
-    is_rotated_about_axis: false,
-    is_across_alone: false,
-    deviation: [0.0; 3],
-    n_edges: 0,
-    peak: 0.0,
-};
-
 /// Offsets of all cameras as stated, and the exposures that were compared.
 pub struct CameraScores<'a> {
     drive: &'a Drive,
@@ -91,7 +80,7 @@ impl<'a> CameraScores<'a> {
         is_better.then(|| (hypotheses[best].clone(), peaks[best]))
     }
 
-    /// The delay of all cameras in `cameras` at which their outlines fit far better, s.
+    /// How much the stamps of all cameras in `cameras` are late where their outlines fit far better, s.
     fn common_delay(&self, cameras: &[usize]) -> Option<(f64, f32)> {
         let fine = (-MAX_DELAY_STEPS..=MAX_DELAY_STEPS).map(|step| step * DELAY_STEP_NANOS);
         let delays: Vec<i64> = fine.chain(SCALES_S.map(|seconds| seconds * 1_000_000_000)).filter(|d| *d != 0).collect();
@@ -163,9 +152,9 @@ fn profiles(survey: &Survey, camera: &ProjectionCamera, stamp: Stamp, pixels: &P
     found
 }
 
-/// Height of the peak near the given mounting.
+/// Height of the highest peak around the given mounting.
 fn peak(profiles: &[Profile]) -> f32 {
-    if profiles.is_empty() { 0.0 } else { fit_at_range(profiles, ALL_RANGES, &UNTURNED, 0.0).peak }
+    if profiles.is_empty() { 0.0 } else { fit_rotation(profiles).peak }
 }
 
 pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<Verdict> {
@@ -178,9 +167,9 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
         .filter(|camera| !scores.offset.cameras[*camera].is_observable() && !scores.frames[*camera].is_empty())
         .collect();
     if lost.len() == scores.frames.iter().filter(|frames| !frames.is_empty()).count()
-        && let Some((delay_s, height)) = scores.common_delay(&lost)
+        && let Some((late_s, height)) = scores.common_delay(&lost)
     {
-        return vec![delay(delay_s, height)];
+        return vec![delay(late_s, height)];
     }
     let mut verdicts = vec![common_delay(&scores.offset)];
     for (camera, name) in names.iter().enumerate().filter(|(camera, _)| on_time[*camera]) {
@@ -189,9 +178,9 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
     verdicts
 }
 
-fn delay(delay_s: f64, height: f32) -> Verdict {
-    let value = format!("all images fit {delay_s:+.1} s after their stamps minus this time (peak {height:.0})");
-    let advice = format!("subtract {delay_s:.1} s from the names of all images");
+fn delay(late_s: f64, height: f32) -> Verdict {
+    let value = format!("exposures {:+.1} s after their stamps (peak {height:.0})", -late_s);
+    let advice = format!("add {:+.1} s to the names of all images", -late_s);
     Verdict::of("delay", "cameras", false, [value, format!("{:.0} ms", MAX_DELAY_S * 1e3), advice])
 }
 
@@ -200,7 +189,7 @@ fn common_delay(offset: &Offset) -> Verdict {
     match offset.delay_s.map(|values| values.map(f64::from)) {
         Some([delay_s, sigma_s]) => {
             let value = format!("exposures {:.1} +- {:.1} ms after their stamps", delay_s * 1e3, sigma_s * 1e3);
-            let advice = format!("add {:.0} ms to the names of all images", delay_s * 1e3);
+            let advice = format!("add {:+.0} ms to the names of all images", delay_s * 1e3);
             let is_within = delay_s.abs() - 3.0 * sigma_s <= f64::from(MAX_DELAY_S);
             Verdict::of("delay", "cameras", is_within, [value, limit, advice])
         }

@@ -41,7 +41,7 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
 /// The axes of rates and forces, if the comparison of the unit has decided about them.
 fn axes(survey: &Survey) -> Option<[Matrix3<f64>; 2]> {
     let check = survey.inertial.as_ref()?;
-    let is_judged = check.why_withheld().is_none() && check.mounting().is_some();
+    let is_judged = check.is_verified();
     let correction = check.correction();
     is_judged.then(|| [correction.rate.axes.matrix(), correction.force.axes.matrix()])
 }

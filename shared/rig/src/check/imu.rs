@@ -14,6 +14,9 @@ const SIGNIFICANT: f64 = 4.0;
 /// Larger time offsets are doubts, s: a point 20 m away moves by 1 cm at 0.5 rad/s in 1 ms.
 const MAX_LATE_S: f64 = 0.02;
 
+/// Why mounting and axes are unknown.
+const NO_TURN: &str = "the vehicle turned or braked too little to compare the unit with the LiDAR";
+
 pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     let Some(check) = survey.inertial.as_ref().filter(|check| check.has_samples()) else {
         return vec![Verdict::unknown("motion", "imu", "no samples within the sweeps")];
@@ -25,8 +28,8 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     }
     let mut verdicts = units(check);
     verdicts.push(axes(drive, check));
-    let Some(found) = check.mounting() else {
-        verdicts.push(Verdict::unknown("mounting", "imu", "the vehicle turned too little"));
+    let Some(found) = check.mounting().filter(|_| check.is_verified()) else {
+        verdicts.push(Verdict::unknown("mounting", "imu", NO_TURN));
         return verdicts;
     };
     let value = format!("stamps {:.1} +- {:.1} ms late", found.late_s * 1e3, found.late_sigma_s * 1e3);
@@ -64,11 +67,17 @@ fn units(check: &InertialCheck) -> Vec<Verdict> {
     }
     let value = if wrong.is_empty() { "m/s^2 and rad/s".to_owned() } else { wrong.join("; ") };
     let advice = "convert imu.csv to m/s^2 and rad/s".to_owned();
+    if wrong.is_empty() && !check.is_verified() {
+        return Vec::new();
+    }
     vec![Verdict::of("units", "imu", wrong.is_empty(), [value, String::new(), advice])]
 }
 
 fn axes(drive: &Drive, check: &InertialCheck) -> Verdict {
     let [rate, force] = [check.correction().rate.axes, check.correction().force.axes];
+    if !check.is_verified() {
+        return Verdict::unknown("axes", "imu", NO_TURN);
+    }
     if rate == Axes::BODY && force == Axes::BODY {
         return Verdict::of("axes", "imu", true, ["those of the body".to_owned(), String::new(), String::new()]);
     }
