@@ -12,6 +12,8 @@ mod travel;
 mod verdict;
 
 pub use cameras::CameraScores;
+pub(crate) use hypotheses::turned;
+pub(crate) use imu::{quaternion, rotation_of};
 pub use level::{Level, level};
 pub use spin::SpinCosts;
 pub use travel::{Travel, travel};
@@ -45,7 +47,7 @@ impl Report {
             });
         }
         if drive.manifest().gnss.is_some() {
-            verdicts.extend(gnss::place(drive, survey));
+            verdicts.extend(gnss::place(drive, survey, !blames_lidar));
             if !is_late(&verdicts, "gnss") && !blames_lidar {
                 verdicts.extend(gnss::motion(survey));
             }

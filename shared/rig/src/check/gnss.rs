@@ -65,11 +65,14 @@ fn wrapped(angle: f64) -> f64 {
     sin.atan2(cos)
 }
 
-/// Origin of the world frame and place of the antenna.
-pub(super) fn place(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
+/// Origin of the world frame, and place of the antenna if the height of the LiDAR is right.
+pub(super) fn place(drive: &Drive, survey: &Survey, is_height_right: bool) -> Vec<Verdict> {
     let Some(entry) = &drive.manifest().gnss else { return Vec::new() };
     let mut verdicts = Vec::new();
     verdicts.extend(origin(entry.origin, &survey.fixes));
+    if !is_height_right {
+        return verdicts;
+    }
     let [x, y, z] = entry.antenna_in_body;
     let ground_m = super::level(survey, &drive.rig().body_from_lidar.rotation)
         .map_or(0.0, |level| drive.rig().body_from_lidar.translation.z - level.height_m);

@@ -99,7 +99,8 @@ fn stated(drive: &Drive) -> UnitQuaternion<f64> {
     drive.manifest().imu.as_ref().map_or_else(UnitQuaternion::identity, |entry| entry.mounting().rotation)
 }
 
-fn rotation_of(matrix: Matrix3<f64>) -> UnitQuaternion<f64> {
+/// The rotation of right-handed axes.
+pub(crate) fn rotation_of(matrix: Matrix3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix))
 }
 

@@ -7,11 +7,12 @@ use geometry::Pose;
 
 /// Cameras `cam0`, `cam1`, … The frame of the source is that of the inertial unit if the chain has one (`T_cam_imu`), else that of `cam0`.
 pub(super) fn parts(document: &Node, options: &SourceOptions) -> Result<RigParts, YamlError> {
-    let body_from_source = options.body_from_source;
     let mut found = RigParts::default();
     let chain = document.entries().iter().filter(|(key, _)| is_camera(key));
     let mut source_from_last = Pose::identity();
     let has_imu = document.get("cam0").is_some_and(|camera| camera.get("T_cam_imu").is_some());
+    // Without a stated mounting, an inertial unit is the body.
+    let body_from_source = options.body_from_source.or_else(|| has_imu.then(Pose::identity));
     for (index, (name, entry)) in chain.enumerate() {
         let fault = |node: &Node| {
             let line = node.line;
@@ -46,13 +47,7 @@ pub(super) fn parts(document: &Node, options: &SourceOptions) -> Result<RigParts
     let frame = if has_imu { "the inertial unit" } else { "cam0" };
     found.notes.push(format!("{} cameras of Kalibr; frame of the source: {frame}", found.cameras.len()));
     if has_imu {
-        found.body_from_imu = Some(body_from_source.unwrap_or_else(Pose::identity));
-        for camera in &mut found.cameras {
-            // Without a stated mounting the unit is the body.
-            if body_from_source.is_none() {
-                camera.body_from_camera = None;
-            }
-        }
+        found.body_from_imu = body_from_source;
     }
     Ok(found)
 }
