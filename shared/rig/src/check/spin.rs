@@ -8,7 +8,7 @@ use registration::{Odometry, OdometrySettings, SensorMounting, SpinDirection, Sw
 /// Sweeps before the motion is known well are not compared.
 const SETTLED: usize = 8;
 /// Another sense of turning must lower the residuals by this factor.
-const MAX_SHARE: f64 = 0.85;
+const MAX_SHARE: f64 = 0.93;
 
 /// Residuals of a stretch of the drive by how its points get their times.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage};
 
 /// Side of a picture, px, and of the square that it shows, m.
 const SIDE_PX: u32 = 900;
-const SIDE_M: f64 = 50.0;
+const SIDE_M: f64 = 40.0;
 /// Heights above the ground that are shown, m: walls and vehicles, without the road.
 const HEIGHT_M: [f64; 2] = [0.5, 4.0];
 const COLORS: [[u8; 3]; 2] = [[0, 90, 190], [220, 90, 0]];
@@ -46,7 +46,7 @@ fn drawn(drive: &Drive, sweeps: &[KeptSweep; 2], ground_m: Option<f64>) -> RgbIm
         for p in in_frame(sweep, &odom_from_body).filter(is_shown) {
             // Forward is up.
             let at = [0.5 * f64::from(SIDE_PX) - p.y * per_m, 0.5 * f64::from(SIDE_PX) - p.x * per_m];
-            dot(&mut image, at, 1, color);
+            dot(&mut image, at, 2, color);
         }
     }
     image

@@ -48,8 +48,8 @@ pub fn with_turns() -> &'static Recorded {
     })
 }
 
-pub const TURNS_SEED: u64 = 8;
-pub const TURNS_SECONDS: f64 = 30.0;
+pub const TURNS_SEED: u64 = 1;
+pub const TURNS_SECONDS: f64 = 14.0;
 
 /// A copy of a drive whose files are links.
 pub struct Copied {
