@@ -51,7 +51,8 @@ pub fn parse(text: &str) -> Result<UnitQuaternion<f64>, RotationError> {
     let words: Vec<&str> = text.split(is_separator).filter(|word| !word.is_empty()).collect();
     let n_words = words.iter().take_while(|word| word.parse::<f64>().is_err()).count();
     let (kind, numbers) = words.split_at(n_words);
-    let numbers: Option<Vec<f64>> = numbers.iter().map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    let numbers: Option<Vec<f64>> =
+        numbers.iter().map(|word| word.parse().ok().filter(|v: &f64| v.is_finite())).collect();
     let numbers = numbers.ok_or_else(|| error("the numbers must be finite and stand at the end"))?;
     match kind {
         ["quaternion", order] => {
@@ -77,7 +78,8 @@ pub fn parse(text: &str) -> Result<UnitQuaternion<f64>, RotationError> {
                 "extrinsic" => false,
                 _ => return Err(error("Euler angles are intrinsic (moving axes) or extrinsic (fixed axes)")),
             };
-            let angles = angles(&numbers, unit).ok_or_else(|| error("Euler angles have deg or rad and three numbers"))?;
+            let angles =
+                angles(&numbers, unit).ok_or_else(|| error("Euler angles have deg or rad and three numbers"))?;
             euler(order, is_intrinsic, angles)
                 .ok_or_else(|| error("the order is three of x, y, z, no two neighbors the same"))
         }
@@ -117,7 +119,11 @@ pub fn euler(order: &str, is_intrinsic: bool, angles: [f64; 3]) -> Option<UnitQu
 pub fn from_quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, RotationError> {
     let quaternion = Quaternion::new(w, x, y, z);
     let norm = quaternion.norm();
-    if (norm - 1.0).abs() < TOLERANCE { Ok(UnitQuaternion::from_quaternion(quaternion)) } else { Err(RotationError::Norm { norm }) }
+    if (norm - 1.0).abs() < TOLERANCE {
+        Ok(UnitQuaternion::from_quaternion(quaternion))
+    } else {
+        Err(RotationError::Norm { norm })
+    }
 }
 
 /// From a matrix whose columns are the axes of the sensor. Rounding is removed.

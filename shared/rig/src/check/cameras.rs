@@ -83,7 +83,8 @@ impl<'a> CameraScores<'a> {
     /// How much the stamps of all cameras in `cameras` are late where their outlines fit far better, s.
     fn common_delay(&self, cameras: &[usize]) -> Option<(f64, f32)> {
         let fine = (-MAX_DELAY_STEPS..=MAX_DELAY_STEPS).map(|step| step * DELAY_STEP_NANOS);
-        let delays: Vec<i64> = fine.chain(SCALES_S.map(|seconds| seconds * 1_000_000_000)).filter(|d| *d != 0).collect();
+        let delays: Vec<i64> =
+            fine.chain(SCALES_S.map(|seconds| seconds * 1_000_000_000)).filter(|d| *d != 0).collect();
         let mut squares = vec![0.0_f32; delays.len()];
         let mut stated = 0.0;
         for camera in cameras {

@@ -34,7 +34,9 @@ pub(super) fn verdict(survey: &Survey) -> Verdict {
             };
             Verdict::of("handedness", "lidar", is_sound, [value.to_owned(), limit, advice.to_owned()])
         }
-        None => Verdict::unknown("handedness", "lidar", "no turn that a receiver or an inertial unit has measured, too"),
+        None => {
+            Verdict::unknown("handedness", "lidar", "no turn that a receiver or an inertial unit has measured, too")
+        }
     }
 }
 

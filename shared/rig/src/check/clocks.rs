@@ -13,11 +13,8 @@ const MIN_CORRECTED: f64 = 0.9;
 /// Begins and ends of recordings differ by some seconds at most, s.
 const MAX_APART_S: f64 = 5.0;
 /// Seconds by which the time of GPS and TAI are ahead of UTC since 2017.
-const SCALES: [(i64, &str); 3] = [
-    (18, "GPS time instead of UTC (18 leap seconds)"),
-    (37, "TAI instead of UTC"),
-    (19, "TAI instead of GPS time"),
-];
+const SCALES: [(i64, &str); 3] =
+    [(18, "GPS time instead of UTC (18 leap seconds)"), (37, "TAI instead of UTC"), (19, "TAI instead of GPS time")];
 /// Time zones reach from -12 to +14 hours, in quarters.
 const QUARTERS: std::ops::RangeInclusive<i64> = -56..=56;
 const QUARTER_S: i64 = 900;
@@ -49,7 +46,9 @@ fn judgment(sensor: &SensorStamps, lidar: [Stamp; 2]) -> Judgment {
     let Some(span) = sensor.span else {
         return Judgment { overlap: 0.0, begin_s: 0.0, answer: Answer::Unknown, offset_s: None };
     };
-    let overlap_at = |seconds: i64| overlap(span.map(|stamp| stamp.0.saturating_sub(seconds * 1_000_000_000)), lidar, sensor.interval_s);
+    let overlap_at = |seconds: i64| {
+        overlap(span.map(|stamp| stamp.0.saturating_sub(seconds * 1_000_000_000)), lidar, sensor.interval_s)
+    };
     let overlap = overlap_at(0);
     let begin_s = span[0].seconds_since(lidar[0]);
     if overlap >= MIN_OVERLAP {

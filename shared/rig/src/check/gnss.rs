@@ -80,7 +80,8 @@ pub(super) fn place(drive: &Drive, survey: &Survey, is_height_right: bool) -> Ve
     let is_possible = x.abs() <= MAX_ALONG_M && y.abs() <= MAX_ACROSS_M && (0.0..=MAX_ABOVE_M).contains(&above_m);
     let value = format!("{x:.2} m ahead, {y:.2} m to the left, {above_m:.2} m above the ground");
     let limit = format!("{MAX_ALONG_M} m ahead or behind, {MAX_ACROSS_M} m to the side, 0 to {MAX_ABOVE_M} m above");
-    let advice = "measure gnss.antenna_in_body again: m along x (forward), y (left), z (up) from the origin of the body";
+    let advice =
+        "measure gnss.antenna_in_body again: m along x (forward), y (left), z (up) from the origin of the body";
     verdicts.push(Verdict::of("antenna", "gnss", is_possible, [value, limit, advice.to_owned()]));
     verdicts
 }

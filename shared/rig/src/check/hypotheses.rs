@@ -40,9 +40,8 @@ pub(super) fn lenses(camera: &RigCamera) -> Vec<Hypothesis> {
     match &camera.model {
         CameraModel::Pinhole(m) => {
             let Pinhole { width, height, fx, fy, cx, cy, .. } = *m;
-            let fisheye = KannalaBrandt {
-                width, height, fx, fy, cx, cy, distortion: [0.0; 4], max_angle: FISHEYE_ANGLE,
-            };
+            let fisheye =
+                KannalaBrandt { width, height, fx, fy, cx, cy, distortion: [0.0; 4], max_angle: FISHEYE_ANGLE };
             let text = "the images are those of a fisheye lens";
             let advice = "set model.kind = \"kannala_brandt\" with the calibration of the fisheye";
             found.push(Hypothesis::new("lens", text, advice, with(CameraModel::KannalaBrandt(fisheye))));
@@ -94,13 +93,20 @@ pub(super) fn mountings(rig: &Rig, index: usize, names: &[String]) -> Vec<Hypoth
     }
     let inverse = camera.body_from_camera.inverse();
     let text = "the inverse of body_from_camera fits";
-    found.push(Hypothesis::new("mounting", text, "invert body_from_camera: the file has camera_from_body", at(inverse)));
+    found.push(Hypothesis::new(
+        "mounting",
+        text,
+        "invert body_from_camera: the file has camera_from_body",
+        at(inverse),
+    ));
     for (rotation, name) in axes() {
         let text = format!("it fits with other axes: x, y, z of the camera are {name} of the stated one");
-        let advice = "a camera looks along z, x is right, y is down; multiply body_from_camera by this exchange of axes";
+        let advice =
+            "a camera looks along z, x is right, y is down; multiply body_from_camera by this exchange of axes";
         found.push(Hypothesis::new("mounting", text, advice, at(turned(&camera.body_from_camera, &rotation))));
     }
-    let mirrored = Hypothesis::new("image", "its images are mirrored", "mirror the images left to right", camera.clone());
+    let mirrored =
+        Hypothesis::new("image", "its images are mirrored", "mirror the images left to right", camera.clone());
     found.push(Hypothesis { is_mirrored: true, ..mirrored });
     for yaw in -MAX_YAW_STEPS..=MAX_YAW_STEPS {
         for pitch in -MAX_PITCH_STEPS..=MAX_PITCH_STEPS {

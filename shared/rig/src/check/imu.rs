@@ -37,17 +37,15 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     let advice = format!("subtract {:.0} ms from the stamps of imu.csv", found.late_s * 1e3);
     verdicts.push(Verdict::of("delay", "imu", is_on_time, [value, format!("{:.0} ms", MAX_LATE_S * 1e3), advice]));
     if found.rotation_sigma.max() < 1.0 {
-        let list = |v: &geometry::Vector3<f64>| {
-            format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE)
-        };
+        let list =
+            |v: &geometry::Vector3<f64>| format!("{:.2}, {:.2}, {:.2}", v.x / DEGREE, v.y / DEGREE, v.z / DEGREE);
         let value = format!(
             "turned about x, y, z of the body by {} degrees (deviations {})",
             list(&found.rotation),
             list(&found.rotation_sigma)
         );
-        let is_within = (0..3).all(|axis| {
-            found.rotation[axis].abs() <= MAX_ROTATION.max(SIGNIFICANT * found.rotation_sigma[axis])
-        });
+        let is_within =
+            (0..3).all(|axis| found.rotation[axis].abs() <= MAX_ROTATION.max(SIGNIFICANT * found.rotation_sigma[axis]));
         let rotation = UnitQuaternion::from_scaled_axis(found.rotation) * stated(drive);
         let advice = format!("set imu.body_from_imu.rotation = {}", quaternion(&rotation));
         let limit = format!("{:.1} degrees", MAX_ROTATION / DEGREE);

@@ -64,7 +64,9 @@ fn mean_cost(drive: &Drive, stretch: &[RawSweep], times: Times) -> Option<f64> {
         for registered in odometry.register(&timed(raw, times)).ok()? {
             if index >= SETTLED {
                 // A sweep without a match fits worst.
-                costs.push(registered.matched.as_ref().map_or(1.0, |matched| matched.rms_m.powi(2) / 0.01 + matched.cost));
+                costs.push(
+                    registered.matched.as_ref().map_or(1.0, |matched| matched.rms_m.powi(2) / 0.01 + matched.cost),
+                );
             }
         }
     }

@@ -26,7 +26,9 @@ pub(super) fn pictures(drive: &Drive, survey: &Survey) -> Vec<Picture> {
     let deskewed = [first.clone(), second.clone()];
     let picture = |file: &str, caption: &str, sweeps: &[KeptSweep; 2]| Picture {
         file: file.to_owned(),
-        caption: format!("{caption}: two sweeps (blue, then orange) from above, {SIDE_M} m wide. Walls must be thin lines"),
+        caption: format!(
+            "{caption}: two sweeps (blue, then orange) from above, {SIDE_M} m wide. Walls must be thin lines"
+        ),
         content: Content::Pixels(drawn(drive, sweeps, ground_m)),
     };
     vec![
@@ -39,9 +41,8 @@ fn drawn(drive: &Drive, sweeps: &[KeptSweep; 2], ground_m: Option<f64>) -> RgbIm
     let mut image = RgbImage::from_pixel(SIDE_PX, SIDE_PX, Rgb([255; 3]));
     let odom_from_body = sweeps[0].motion.mid * drive.rig().body_from_lidar.inverse();
     let per_m = f64::from(SIDE_PX) / SIDE_M;
-    let is_shown = |p: &Point3<f64>| {
-        ground_m.is_none_or(|ground_m| (HEIGHT_M[0]..HEIGHT_M[1]).contains(&(p.z - ground_m)))
-    };
+    let is_shown =
+        |p: &Point3<f64>| ground_m.is_none_or(|ground_m| (HEIGHT_M[0]..HEIGHT_M[1]).contains(&(p.z - ground_m)));
     for (sweep, color) in sweeps.iter().zip(COLORS) {
         for p in in_frame(sweep, &odom_from_body).filter(is_shown) {
             // Forward is up.

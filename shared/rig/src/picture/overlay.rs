@@ -69,7 +69,8 @@ fn overlay(drive: &Drive, survey: &Survey, frame: &Frame, sweep: &KeptSweep) -> 
 /// The deskewed points of a sweep in a frame whose pose in the frame of the odometry is given.
 pub(super) fn in_frame(sweep: &KeptSweep, odom_from_frame: &Pose) -> impl Iterator<Item = Point3<f64>> {
     let frame_from_odom = odom_from_frame.inverse();
-    let [begin, end] = [sweep.motion.begin(), sweep.motion.end()].map(|odom_from_lidar| frame_from_odom * odom_from_lidar);
+    let [begin, end] =
+        [sweep.motion.begin(), sweep.motion.end()].map(|odom_from_lidar| frame_from_odom * odom_from_lidar);
     let table = DeskewTable::new(&begin, &end, sweep.duration_nanos);
     // Without times of the points, all have the pose in the middle.
     let mid = frame_from_odom * sweep.motion.mid;
@@ -105,7 +106,10 @@ mod tests {
 
     #[test]
     fn colors_go_from_red_to_blue() {
-        assert_eq!([color(0.5), color(3.0), color(40.0), color(1e6)], [[255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255]]);
+        assert_eq!(
+            [color(0.5), color(3.0), color(40.0), color(1e6)],
+            [[255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255]]
+        );
         assert_eq!(color((3.0_f64 * 40.0).sqrt())[1], 255);
     }
 }

@@ -12,7 +12,9 @@ const STYLE: &str = "body{font:14px sans-serif;margin:2em;max-width:1200px}table
 /// The page. Pictures are files beside it.
 pub(super) fn html(drive: &Drive, survey: &Survey, report: &Report, pictures: &[Picture]) -> String {
     let name = escaped(&drive.manifest().name);
-    let mut page = format!("<!DOCTYPE html><meta charset=\"utf-8\"><title>Rig of {name}</title><style>{STYLE}</style><h1>{name}</h1>");
+    let mut page = format!(
+        "<!DOCTYPE html><meta charset=\"utf-8\"><title>Rig of {name}</title><style>{STYLE}</style><h1>{name}</h1>"
+    );
     page.push_str("<h2>Verdicts</h2><table><tr><th>sensor<th>check<th>answer<th>value<th>limit<th>what to change");
     for verdict in &report.verdicts {
         let answer = verdict.answer.word();
@@ -28,9 +30,12 @@ pub(super) fn html(drive: &Drive, survey: &Survey, report: &Report, pictures: &[
             escaped(&verdict.advice)
         );
     }
-    page.push_str("</table><h2>Stamps</h2><table><tr><th>sensor<th>number<th>first<th>last<th>interval, s<th>longest gap, s");
+    page.push_str(
+        "</table><h2>Stamps</h2><table><tr><th>sensor<th>number<th>first<th>last<th>interval, s<th>longest gap, s",
+    );
     for sensor in &survey.stamps {
-        let [first, last] = sensor.span.map_or(["-".to_owned(), "-".to_owned()], |span| span.map(|stamp| stamp.to_string()));
+        let [first, last] =
+            sensor.span.map_or(["-".to_owned(), "-".to_owned()], |span| span.map(|stamp| stamp.to_string()));
         let _ = write!(
             page,
             "<tr><td>{}<td>{}<td>{first}<td>{last}<td>{:.4}<td>{:.3}",

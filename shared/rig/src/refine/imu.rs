@@ -36,7 +36,10 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
     for axis in 0..3 {
         let (difference, sigma) = (found.rotation[axis], found.rotation_sigma[axis]);
         if sigma > MAX_SIGMA {
-            let text = format!("deviation {:.1} degrees: the vehicle turned too little about the other axes", sigma.to_degrees());
+            let text = format!(
+                "deviation {:.1} degrees: the vehicle turned too little about the other axes",
+                sigma.to_degrees()
+            );
             refined.changes.push(unknown(NAMES[axis], &text));
             continue;
         }
@@ -58,7 +61,12 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
         entry.body_from_imu = Some(PoseEntry::from(mounting));
         let total = UnitQuaternion::angle_to(&new, &given.rotation).to_degrees();
         let sigma = found.rotation_sigma.norm().to_degrees();
-        refined.changes.push(Change { difference: total, sigma, outcome: Outcome::Replaced, ..unknown("rotation", &text) });
+        refined.changes.push(Change {
+            difference: total,
+            sigma,
+            outcome: Outcome::Replaced,
+            ..unknown("rotation", &text)
+        });
     }
     refined.changes.push(unknown("position", "only rotations are measured"));
     let (late_ms, sigma_ms) = (found.late_s * 1e3, found.late_sigma_s * 1e3);

@@ -25,11 +25,17 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let errors = &survey.ring_errors;
     if errors.is_empty() {
         let text = "the points have no rings, or the vehicle did not move";
-        refined.changes.push(change("elevations of the rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, text));
+        refined.changes.push(change(
+            "elevations of the rings".into(),
+            &RingError::UNKNOWN,
+            Outcome::NotObservable,
+            text,
+        ));
         return;
     }
     let file = lasers(drive.lidar());
-    let is_significant = |error: &RingError| error.is_measured() && error.mean.abs() > SIGNIFICANT * error.variance.sqrt();
+    let is_significant =
+        |error: &RingError| error.is_measured() && error.mean.abs() > SIGNIFICANT * error.variance.sqrt();
     let mut n_replaced = 0;
     for (ring, error) in errors.iter().enumerate() {
         let quantity = format!("elevation of ring {ring}");
@@ -49,12 +55,14 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let common = "what all rings share, or what grows evenly from ring to ring, is not seen";
     refined.changes.push(change("elevation of all rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, common));
     if let Some((model, lasers)) = file.filter(|_| n_replaced > 0) {
-        let error_of = |ring: u8| errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, |error| error.mean);
+        let error_of = |ring: u8| {
+            errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, |error| error.mean)
+        };
         let rings = drive.lidar().rings();
-        let corrected = lasers.iter().zip(rings).map(|(laser, ring)| Laser {
-            elevation_deg: laser.elevation_deg - error_of(ring).to_degrees(),
-            ..*laser
-        });
+        let corrected = lasers
+            .iter()
+            .zip(rings)
+            .map(|(laser, ring)| Laser { elevation_deg: laser.elevation_deg - error_of(ring).to_degrees(), ..*laser });
         refined.lidar_file = Some((FILE, yaml(model, &corrected.collect::<Vec<_>>())));
         refined.manifest.lidar.calibration = Some(FILE.to_owned());
     }

@@ -35,7 +35,9 @@ pub(super) fn parts(document: &Node, options: &SourceOptions) -> Result<RigParts
         let model = model(entry).map_err(fault(entry))?;
         if let Some(shift) = entry.get("timeshift_cam_imu") {
             let late_ms = -shift.number()? * 1e3;
-            found.notes.push(format!("{name}: stamps of its images are {late_ms:+.2} ms late; shift the names of its files"));
+            found
+                .notes
+                .push(format!("{name}: stamps of its images are {late_ms:+.2} ms late; shift the names of its files"));
         }
         found.cameras.push(CameraPart {
             name: name.clone(),
@@ -64,10 +66,13 @@ fn model(entry: &Node) -> Result<geometry::CameraModel, String> {
     };
     let camera_model = text("camera_model")?;
     if camera_model != "pinhole" {
-        return Err(format!("camera_model {camera_model:?} is not supported; must be pinhole (with radtan or equidistant)"));
+        return Err(format!(
+            "camera_model {camera_model:?} is not supported; must be pinhole (with radtan or equidistant)"
+        ));
     }
-    let intrinsics: [f64; 4] =
-        numbers("intrinsics")?.try_into().map_err(|found: Vec<f64>| format!("{} intrinsics; must be fx fy cx cy", found.len()))?;
+    let intrinsics: [f64; 4] = numbers("intrinsics")?
+        .try_into()
+        .map_err(|found: Vec<f64>| format!("{} intrinsics; must be fx fy cx cy", found.len()))?;
     let resolution: [f64; 2] = numbers("resolution")?
         .try_into()
         .map_err(|found: Vec<f64>| format!("{} numbers of resolution; must be width and height", found.len()))?;

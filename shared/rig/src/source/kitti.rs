@@ -35,7 +35,11 @@ fn table(path: &Path) -> Result<Table, RigError> {
         if let Some(numbers) = numbers {
             table.insert(key.trim().to_owned(), numbers);
         } else if key.starts_with(['P', 'R', 'T', 'S']) {
-            return Err(RigError::source(path, &format!("line {}", index + 1), format!("{key} must be finite numbers")));
+            return Err(RigError::source(
+                path,
+                &format!("line {}", index + 1),
+                format!("{key} must be finite numbers"),
+            ));
         }
     }
     Ok(table)
@@ -92,7 +96,9 @@ fn of_raw(folder: &Path, path: &Path, options: &SourceOptions) -> Result<RigPart
     let mut parts = cameras(path, &of_cameras, keys, sizes, &rectified_from_lidar, &of_lidar)?;
     parts.body_from_imu = Some(body_from_imu);
     parts.antenna_in_body = Some(body_from_imu.translation.vector.into());
-    parts.notes.push("KITTI raw; frame of the source and body: the inertial unit, to which the fixes refer, too".to_owned());
+    parts
+        .notes
+        .push("KITTI raw; frame of the source and body: the inertial unit, to which the fixes refer, too".to_owned());
     Ok(parts)
 }
 

@@ -27,7 +27,9 @@ pub(super) fn lens(intrinsics: Intrinsics, model: &str, coefficients: &[f64]) ->
     }
     let rest = |from: usize| coefficients.iter().skip(from).any(|value| *value != 0.0);
     match model {
-        "none" | "" if !rest(0) => Ok(CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] })),
+        "none" | "" if !rest(0) => {
+            Ok(CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] }))
+        }
         "plumb_bob" | "radtan" | "rational_polynomial" | "none" | "" => {
             // k1 k2 p1 p2 k3, then those of the rational model.
             if rest(5) {

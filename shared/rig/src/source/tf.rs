@@ -53,8 +53,9 @@ impl FrameTree {
         };
         let position = numbers("translation", &["x", "y", "z"])?;
         let rotation = numbers("rotation", &["x", "y", "z", "w"])?;
-        let pose = pose_of([position[0], position[1], position[2]], [rotation[0], rotation[1], rotation[2], rotation[3]])
-            .map_err(|rule| fault(format!("{child}: {rule}")))?;
+        let pose =
+            pose_of([position[0], position[1], position[2]], [rotation[0], rotation[1], rotation[2], rotation[3]])
+                .map_err(|rule| fault(format!("{child}: {rule}")))?;
         self.frames.insert(child, (parent, pose));
         Ok(())
     }
@@ -85,8 +86,12 @@ impl FrameTree {
         if let Some(name) = BODY_NAMES.into_iter().find(|name| self.has(name)) {
             return Ok(name.to_owned());
         }
-        let mut roots: Vec<&String> =
-            self.frames.values().map(|(parent, _)| parent).filter(|parent| !self.frames.contains_key(*parent)).collect();
+        let mut roots: Vec<&String> = self
+            .frames
+            .values()
+            .map(|(parent, _)| parent)
+            .filter(|parent| !self.frames.contains_key(*parent))
+            .collect();
         roots.sort();
         roots.dedup();
         match roots[..] {
@@ -113,15 +118,16 @@ impl FrameTree {
     /// The sensors that the names of frames tell. A kind with several frames is left out and noted.
     pub(super) fn parts(&self, options: &SourceOptions) -> Result<RigParts, String> {
         let body = self.body(options)?;
-        let mut parts = RigParts { notes: vec![format!("tf tree of {} frames; body: {body}", self.frames.len())], ..RigParts::default() };
+        let mut parts = RigParts {
+            notes: vec![format!("tf tree of {} frames; body: {body}", self.frames.len())],
+            ..RigParts::default()
+        };
         let mut one = |names: &[&str], kind: &str| -> Result<Option<Pose>, String> {
             let is_named = |frame: &&String| names.iter().any(|name| frame.to_lowercase().contains(name));
             let found: Vec<&String> = self.frames.keys().filter(is_named).collect();
             // Of a sensor with frames of its parts, the one nearest to the body.
-            let nearest: Vec<&&String> = found
-                .iter()
-                .filter(|frame| !found.contains(&&self.frames[**frame].0))
-                .collect();
+            let nearest: Vec<&&String> =
+                found.iter().filter(|frame| !found.contains(&&self.frames[**frame].0)).collect();
             match nearest[..] {
                 [frame] => {
                     parts.notes.push(format!("{kind}: frame {frame}"));

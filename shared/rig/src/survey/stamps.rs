@@ -99,7 +99,8 @@ mod tests {
     fn interval_is_the_median_and_gap_the_longest() {
         let stamps = [0, 100, 200, 900, 1000].map(|i| i * 1_000_000).to_vec();
         let found = SensorStamps::of(SensorKind::Imu, "imu", stamps);
-        assert_eq!((found.n, found.interval_s, found.gap_s), (5, 0.1, 0.7));
+        assert_eq!((found.n, found.interval_s), (5, 0.1));
+        assert!((found.gap_s - 0.7).abs() < 1e-9, "{found:?}");
         assert_eq!(found.span, Some([Stamp(0), Stamp(1_000_000_000)]));
         assert_eq!(SensorStamps::of(SensorKind::Gnss, "gnss", Vec::new()).span, None);
     }

@@ -46,7 +46,8 @@ fn turned_camera_is_turned_back_within_the_deviation() {
 fn right_cameras_stay_within_their_deviations() {
     let right = Copied::of(with_cameras());
     let found = refined(&right);
-    let largest = found.changes.iter().filter(|change| change.unit == "mrad").map(|change| change.sigma).fold(0.0, f64::max);
+    let largest =
+        found.changes.iter().filter(|change| change.unit == "mrad").map(|change| change.sigma).fold(0.0, f64::max);
     assert!(off(&found, &right) < 3.0 * largest, "{} mrad", off(&found, &right));
     assert_eq!(of(&found, "cameras", "delay").outcome, Outcome::Kept);
 }
@@ -88,7 +89,8 @@ fn detrended(errors: &[f64]) -> Vec<f64> {
     let middle = (n - 1.0) / 2.0;
     let mean = errors.iter().sum::<f64>() / n;
     let at = |ring: usize| ring as f64 - middle;
-    let slope = (0..errors.len()).map(|ring| at(ring) * errors[ring]).sum::<f64>() / (0..errors.len()).map(|ring| at(ring).powi(2)).sum::<f64>();
+    let slope = (0..errors.len()).map(|ring| at(ring) * errors[ring]).sum::<f64>()
+        / (0..errors.len()).map(|ring| at(ring).powi(2)).sum::<f64>();
     errors.iter().enumerate().map(|(ring, error)| error - mean - slope * at(ring)).collect()
 }
 
@@ -108,13 +110,18 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
     let found = Refined::of(&drive, &survey);
     let truth = std::fs::read_to_string(path.join("truth/lidar_errors.csv")).expect("reads");
-    let truth: Vec<f64> =
-        truth.lines().skip(1).map(|line| line.split(',').nth(1).expect("a column").parse().expect("a number")).collect();
+    let truth: Vec<f64> = truth
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(1).expect("a column").parse().expect("a number"))
+        .collect();
     let (name, text) = found.lidar_file.clone().expect("a file");
     assert_eq!(found.manifest.lidar.calibration.as_deref(), Some(name));
     let refined = formats::lidar::Lidar::with_calibration(drive.model(), name, text).expect("reads");
     let mut corrections = vec![0.0; truth.len()];
-    for ((ring, new), old) in drive.lidar().rings().into_iter().zip(refined.elevations_deg()).zip(drive.lidar().elevations_deg()) {
+    for ((ring, new), old) in
+        drive.lidar().rings().into_iter().zip(refined.elevations_deg()).zip(drive.lidar().elevations_deg())
+    {
         corrections[usize::from(ring)] = new - old;
     }
     let rest: Vec<f64> = truth.iter().zip(&corrections).map(|(truth, correction)| truth - correction).collect();

@@ -76,7 +76,9 @@ fn chain_of_kalibr_is_mounted_at_the_inertial_unit() {
         let (_folder, path) = written("camchain.yaml", text);
         read_alone(&path, &SourceOptions::default()).expect_err("refused")
     };
-    assert!(error(&KALIBR.replace("camera_model: pinhole", "camera_model: omni")).contains("\"omni\" is not supported"));
+    assert!(
+        error(&KALIBR.replace("camera_model: pinhole", "camera_model: omni")).contains("\"omni\" is not supported")
+    );
     let mirrored = KALIBR.replace("- [0.0, -1.0, 0.0, 0.01]", "- [0.0, 1.0, 0.0, 0.01]");
     assert!(error(&mirrored).contains("mirrors one axis"), "{}", error(&mirrored));
     assert!(error(&KALIBR.replace("[1024, 800]", "[1024]")).contains("line 2: 1 numbers of resolution"));
@@ -146,15 +148,19 @@ fn nuscenes_needs_a_log_if_several_are_calibrated() {
     let sensors = r#"[{"token": "s0", "channel": "LIDAR_TOP", "modality": "lidar"}, {"token": "s1", "channel": "CAM_FRONT", "modality": "camera"},
         {"token": "s2", "channel": "RADAR_FRONT", "modality": "radar"}]"#;
     let entry = |token: &str, sensor: &str, intrinsics: &str| {
-        format!(r#"{{"token": "{token}", "sensor_token": "{sensor}", "translation": [1.7, 0.0, 1.5], "rotation": [0.5, -0.5, 0.5, -0.5], "camera_intrinsic": {intrinsics}}}"#)
+        format!(
+            r#"{{"token": "{token}", "sensor_token": "{sensor}", "translation": [1.7, 0.0, 1.5], "rotation": [0.5, -0.5, 0.5, -0.5], "camera_intrinsic": {intrinsics}}}"#
+        )
     };
     let matrix = "[[1266.4, 0.0, 816.3], [0.0, 1266.4, 491.5], [0.0, 0.0, 1.0]]";
-    let entries = [entry("c0", "s0", "[]"), entry("c1", "s1", matrix), entry("c2", "s2", "[]"), entry("c3", "s1", matrix)];
+    let entries =
+        [entry("c0", "s0", "[]"), entry("c1", "s1", matrix), entry("c2", "s2", "[]"), entry("c3", "s1", matrix)];
     let (folder, path) = written("calibrated_sensor.json", &format!("[{}]", entries.join(", ")));
     fs::write(folder.path().join("sensor.json"), sensors).expect("writes");
     let error = read_alone(&path, &SourceOptions::default()).expect_err("two cameras");
     assert!(error.contains("2 calibrations of CAM_FRONT; give --log"), "{error}");
-    let rows = ["LIDAR_TOP/n1__LIDAR_TOP__1.bin c0", "CAM_FRONT/n1__CAM_FRONT__1.jpg c1", "CAM_FRONT/n2__CAM_FRONT__1.jpg c3"];
+    let rows =
+        ["LIDAR_TOP/n1__LIDAR_TOP__1.bin c0", "CAM_FRONT/n1__CAM_FRONT__1.jpg c1", "CAM_FRONT/n2__CAM_FRONT__1.jpg c3"];
     let rows = rows.map(|row| {
         let (name, token) = row.split_once(' ').expect("two words");
         format!(r#"{{"filename": "samples/{name}", "calibrated_sensor_token": "{token}", "is_key_frame": true}}"#)

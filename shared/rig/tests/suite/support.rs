@@ -87,7 +87,8 @@ impl Copied {
             fs::create_dir_all(&folder).expect("made");
             for image in fs::read_dir(camera.path()).expect("lists").flatten() {
                 let path = image.path();
-                let stamp: i64 = path.file_stem().and_then(|stem| stem.to_str()).expect("text").parse().expect("a stamp");
+                let stamp: i64 =
+                    path.file_stem().and_then(|stem| stem.to_str()).expect("text").parse().expect("a stamp");
                 let extension = path.extension().expect("has one").to_string_lossy().into_owned();
                 symlink(&path, folder.join(format!("{}.{extension}", stamp + nanos))).expect("links");
             }

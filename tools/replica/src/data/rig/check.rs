@@ -29,7 +29,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let report = Report::of(&drive, &survey, settings.untimed_turn);
     println!("{:<16} {:>8} {:>22} {:>22} {:>10} {:>8}", "sensor", "number", "first", "last", "interval s", "gap s");
     for sensor in &survey.stamps {
-        let [first, last] = sensor.span.map_or(["-".to_owned(), "-".to_owned()], |span| span.map(|stamp| stamp.to_string()));
+        let [first, last] =
+            sensor.span.map_or(["-".to_owned(), "-".to_owned()], |span| span.map(|stamp| stamp.to_string()));
         println!(
             "{:<16} {:>8} {first:>22} {last:>22} {:>10.4} {:>8.3}",
             sensor.name, sensor.n, sensor.interval_s, sensor.gap_s

@@ -90,7 +90,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 fn pose(position: Option<[f64; 3]>, rotation: Option<UnitQuaternion<f64>>) -> Option<Pose> {
     let is_given = position.is_some() || rotation.is_some();
     is_given.then(|| {
-        Pose::from_parts(Translation3::from(position.unwrap_or_default()), rotation.unwrap_or_else(UnitQuaternion::identity))
+        Pose::from_parts(
+            Translation3::from(position.unwrap_or_default()),
+            rotation.unwrap_or_else(UnitQuaternion::identity),
+        )
     })
 }
 
@@ -112,18 +115,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if std::io::stdin().is_terminal() && std::io::stderr().is_terminal() {
         answers = ask(answers, &mut std::io::stdin().lock(), &mut std::io::stderr().lock())?;
     }
-    let Some(model) = answers.model else { bail!("the model of the LiDAR is not known; give --lidar MODEL: {}", Model::names()) };
+    let Some(model) = answers.model else {
+        bail!("the model of the LiDAR is not known; give --lidar MODEL: {}", Model::names())
+    };
     let Some(body_from_lidar) = answers.body_from_lidar else {
         bail!("the mounting of the LiDAR is not known; give --lidar-position X,Y,Z and --lidar-rotation ROTATION");
     };
     let mut lidar = LidarEntry::of_captures(model.name(), body_from_lidar.into());
     lidar.format.clone_from(&args.format);
     let name = answers.name.clone().unwrap_or_else(|| default_name(&out));
-    let parts = RigParts {
-        body_from_imu: answers.body_from_imu,
-        antenna_in_body: answers.antenna_in_body,
-        ..parts
-    };
+    let parts = RigParts { body_from_imu: answers.body_from_imu, antenna_in_body: answers.antenna_in_body, ..parts };
     let manifest = parts.manifest(&name, lidar, answers.origin).map_err(anyhow::Error::msg)?;
     let mut text = String::new();
     for note in &parts.notes {
