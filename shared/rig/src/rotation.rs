@@ -129,8 +129,7 @@ pub fn from_quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, Ro
 /// From a matrix whose columns are the axes of the sensor. Rounding is removed.
 pub fn from_matrix(matrix: &Matrix3<f64>) -> Result<UnitQuaternion<f64>, RotationError> {
     let off = (matrix * matrix.transpose() - Matrix3::identity()).abs().max();
-    // `false` for NaN.
-    if !(off < TOLERANCE) {
+    if off.is_nan() || off >= TOLERANCE {
         return Err(RotationError::Matrix { off });
     }
     let determinant = matrix.determinant();
@@ -190,7 +189,7 @@ mod tests {
         assert!(error("matrix 1,0,0, 0,-1,0, 0,0,1").contains("mirrors one axis"));
         assert!(error("matrix 1,0.1,0, 0,1,0, 0,0,1").contains("must be below 0.001"));
         assert!(error("quaternion xyzw 0,0,0,0.9").starts_with("the quaternion has length 0.9000; must be 1"));
-        assert_eq!(from_matrix(&(Matrix3::identity() * f64::NAN)).is_err(), true);
+        assert!(from_matrix(&(Matrix3::identity() * f64::NAN)).is_err());
     }
 
     #[test]

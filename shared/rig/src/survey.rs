@@ -217,13 +217,13 @@ impl<'a> Pass<'a> {
                 break;
             }
             if seconds >= self.settings.start_s && info.turn >= MIN_TURN {
-                self.add(&info, rows)?;
+                self.add(&info, rows);
             }
         }
         Ok(())
     }
 
-    fn add(&mut self, info: &SweepInfo, rows: Vec<SweepPoint>) -> Result<(), RigError> {
+    fn add(&mut self, info: &SweepInfo, rows: Vec<SweepPoint>) {
         let raw = RawSweep { stamp: info.stamp, header: sweep_header(info, self.drive.lidar().n_rings()), rows };
         if self.n_sweeps == 0 {
             self.found.span[0] = raw.stamp;
@@ -237,14 +237,13 @@ impl<'a> Pass<'a> {
         self.add_samples(end);
         self.search_ground(&sweep);
         // A sweep out of the order of time cannot be registered; its stamp is reported by the pipeline.
-        let Ok(registered) = self.odometry.register(&sweep) else { return Ok(()) };
+        let Ok(registered) = self.odometry.register(&sweep) else { return };
         let waiting = self.waiting.take();
         let mut raws = waiting.into_iter().chain([raw]);
         for (registered, raw) in registered.iter().zip(raws.by_ref()) {
             self.add_registered(registered, raw);
         }
         self.waiting = raws.next();
-        Ok(())
     }
 
     fn sweep(&self, raw: &RawSweep) -> Sweep {

@@ -1,6 +1,7 @@
 //! Faults of the LiDAR, the inertial unit and the receiver.
 
-use crate::support::{Copied, doubts, turn, with_turns};
+use crate::support::{Copied, Sample, doubts, turn, with_turns};
+use formats::drive::Drive;
 use formats::manifest::PoseEntry;
 use geometry::{Pose, UnitQuaternion, Vector3};
 use registration::SpinDirection;
@@ -32,7 +33,7 @@ fn wrong_mounting_of_the_lidar_is_found() {
 /// The drive as KITTI sweeps without times, cut at the rear. `is_mirrored`: with left and right exchanged.
 fn as_clouds(is_mirrored: bool) -> Copied {
     let mut copied = Copied::of(with_turns());
-    let drive = copied.open();
+    let drive = Drive::open(&with_turns().path()).expect("a drive");
     let (mut source, mut times) = (drive.sweeps().expect("opens"), String::new());
     let folder = copied.replaced("lidar");
     fs::create_dir(&folder).expect("made");
@@ -54,7 +55,7 @@ fn as_clouds(is_mirrored: bool) -> Copied {
     }
     fs::write(folder.join("times.txt"), times).expect("writes");
     let entry = &mut copied.manifest.lidar;
-    entry.format = "bin".to_owned();
+    "bin".clone_into(&mut entry.format);
     let half = UnitQuaternion::from_scaled_axis(Vector3::z() * PI);
     let given = entry.body_from_lidar.to_pose().expect("a pose");
     // A mirrored y axis would let the vehicle drive backwards: the operator turns the LiDAR until it drives forwards.
@@ -81,7 +82,7 @@ fn direction_of_turning_of_points_without_times_is_found() {
 
 #[test]
 fn wrong_units_axes_and_stamps_of_the_inertial_unit_are_found() {
-    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> (i64, [f64; 3], [f64; 3])| {
+    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> Sample| {
         Copied::of(with_turns()).with_samples(change).doubts()
     };
     assert_eq!(with(|stamp, force, rate| (stamp, force.map(|v| v / 9.806_65), rate)), ["imu units"]);

@@ -6,6 +6,7 @@ use geometry::{Pose, UnitQuaternion, Vector3};
 use rig::check::Report;
 use rig::survey::{Survey, SurveySettings};
 use simulation::{DriveSpec, RigSpec, write_drive};
+use std::fmt::Write;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -50,6 +51,9 @@ pub fn with_turns() -> &'static Recorded {
 
 pub const TURNS_SEED: u64 = 1;
 pub const TURNS_SECONDS: f64 = 14.0;
+
+/// Stamp, force and rate of an inertial unit.
+pub type Sample = (i64, [f64; 3], [f64; 3]);
 
 /// A copy of a drive whose files are links.
 pub struct Copied {
@@ -97,7 +101,7 @@ impl Copied {
     }
 
     /// With other samples of the inertial unit: force and rate.
-    pub fn with_samples(self, change: impl Fn(i64, [f64; 3], [f64; 3]) -> (i64, [f64; 3], [f64; 3])) -> Self {
+    pub fn with_samples(self, change: impl Fn(i64, [f64; 3], [f64; 3]) -> Sample) -> Self {
         let text = fs::read_to_string(self.path().join("imu.csv")).expect("reads");
         let mut lines = text.lines();
         let mut out = lines.next().expect("a header").to_owned();
@@ -106,7 +110,7 @@ impl Copied {
             let v: Vec<f64> = rest.split(',').map(|word| word.parse().expect("a number")).collect();
             let (stamp, force, rate) = change(stamp.parse().expect("a stamp"), [v[0], v[1], v[2]], [v[3], v[4], v[5]]);
             let numbers: Vec<String> = force.iter().chain(&rate).map(f64::to_string).collect();
-            out += &format!("\n{stamp},{}", numbers.join(","));
+            write!(out, "\n{stamp},{}", numbers.join(",")).expect("a text");
         }
         fs::write(self.replaced("imu.csv"), out + "\n").expect("writes");
         self
