@@ -1,6 +1,6 @@
 //! Elevations of the LiDAR's rings, as the odometry estimates their errors.
 
-use super::{Change, Outcome, Refined, SIGNIFICANT};
+use super::{Change, Outcome, Refined};
 use crate::survey::Survey;
 use formats::drive::Drive;
 use formats::lidar::{Lidar, Model};
@@ -8,6 +8,10 @@ use formats::velodyne::{Laser, lasers_from_file};
 use registration::RingError;
 use std::fmt::Write;
 
+/// An error with a larger deviation is not determined, rad: 0.06 degrees.
+const MAX_SIGMA: f64 = 1e-3;
+/// Deviations that an error must have to be corrected. There are dozens of rings, and errors of neighboring sweeps are not independent.
+const SIGNIFICANT: f64 = 3.0;
 /// Name of the file of the refined unit.
 const FILE: &str = "lidar_refined.yaml";
 
@@ -22,7 +26,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
         outcome,
         text: text.to_owned(),
     };
-    let errors = &survey.ring_errors;
+    let errors = &detrended(&survey.ring_errors);
     if errors.is_empty() {
         let text = "the points have no rings, or the vehicle did not move";
         refined.changes.push(change(
@@ -39,7 +43,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let mut n_replaced = 0;
     for (ring, error) in errors.iter().enumerate() {
         let quantity = format!("elevation of ring {ring}");
-        if !error.is_measured() {
+        if !is_determined(error) {
             let text = "too few surfaces that other rings have seen, too";
             refined.changes.push(change(quantity, error, Outcome::NotObservable, text));
         } else if !is_significant(error) {
@@ -66,6 +70,27 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
         refined.lidar_file = Some((FILE, yaml(model, &corrected.collect::<Vec<_>>())));
         refined.manifest.lidar.calibration = Some(FILE.to_owned());
     }
+}
+
+fn is_determined(error: &RingError) -> bool {
+    error.variance.sqrt() < MAX_SIGMA
+}
+
+/// The errors without the part that is even over the rings: the matches do not see it, so that it drifts.
+fn detrended(errors: &[RingError]) -> Vec<RingError> {
+    let known = || (0..errors.len()).filter(|ring| is_determined(&errors[*ring]));
+    let total = |of: &dyn Fn(usize) -> f64| known().map(|ring| of(ring) / errors[ring].variance).sum::<f64>();
+    let weight = total(&|_| 1.0);
+    if weight == 0.0 {
+        return errors.to_vec();
+    }
+    let (middle, mean) = (total(&|ring| ring as f64) / weight, total(&|ring| errors[ring].mean) / weight);
+    let at = |ring: usize| ring as f64 - middle;
+    let square = total(&|ring| at(ring).powi(2));
+    let slope = if square > 0.0 { total(&|ring| at(ring) * errors[ring].mean) / square } else { 0.0 };
+    let even = |ring: usize| mean + slope * at(ring);
+    let without = |(ring, error): (usize, &RingError)| RingError { mean: error.mean - even(ring), ..*error };
+    errors.iter().enumerate().map(without).collect()
 }
 
 /// The lasers of a Velodyne in firing order.
@@ -98,6 +123,17 @@ fn yaml(model: formats::velodyne::Model, lasers: &[Laser]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn even_part_of_the_errors_is_removed() {
+        let error = |ring: usize| RingError { mean: 2e-3 + 1e-4 * ring as f64, variance: 1e-8 };
+        let mut errors: Vec<RingError> = (0..32).map(error).collect();
+        assert!(detrended(&errors).iter().all(|error| error.mean.abs() < 1e-9));
+        errors[7].mean += 3e-3;
+        let found = detrended(&errors);
+        assert!((found[7].mean - 3e-3).abs() < 3e-4 && found[20].mean.abs() < 3e-4, "{found:?}");
+        assert_eq!(detrended(&[RingError::UNKNOWN]), [RingError::UNKNOWN]);
+    }
 
     #[test]
     fn written_file_is_read_back() {

@@ -82,9 +82,7 @@ fn direction_of_turning_of_points_without_times_is_found() {
 
 #[test]
 fn wrong_units_axes_and_stamps_of_the_inertial_unit_are_found() {
-    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> Sample| {
-        Copied::of(with_turns()).with_samples(change).doubts()
-    };
+    let with = |change: fn(i64, [f64; 3], [f64; 3]) -> Sample| Copied::of(with_turns()).with_samples(change).doubts();
     assert_eq!(with(|stamp, force, rate| (stamp, force.map(|v| v / 9.806_65), rate)), ["imu units"]);
     assert_eq!(with(|stamp, force, rate| (stamp, force, rate.map(f64::to_degrees))), ["imu units"]);
     assert_eq!(with(|stamp, [x, y, z], rate| (stamp, [y, -x, z], [rate[1], -rate[0], rate[2]])), ["imu axes"]);

@@ -38,7 +38,7 @@ fn turned_camera_is_turned_back_within_the_deviation() {
     let planted = 1.0_f64.to_radians() * 1e3;
     assert_eq!(change.outcome, Outcome::Replaced);
     assert!((change.difference - planted).abs() < 3.0 * change.sigma, "{change} instead of {planted}");
-    assert_eq!(of(&found, "CAM_FRONT", "rotation about x").outcome, Outcome::NotObservable);
+    assert_eq!(of(&found, "CAM_FRONT", "position").outcome, Outcome::NotObservable);
     assert!(off(&found, &right) < 3.0 * change.sigma, "{} mrad", off(&found, &right));
 }
 
@@ -102,9 +102,10 @@ fn rms(values: &[f64]) -> f64 {
 fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("drive");
-    let rig = RigSpec::built_in("nuscenes").expect("built in");
+    // Its rings cross on the facades: they see one surface from near and far.
+    let rig = RigSpec::l3d2();
     let lidar_errors = LidarErrors { unit_seed: 5, ..LidarErrors::POOR };
-    let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(2) };
+    let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(1) };
     write_drive(&spec, &path, &mut |_| {}).expect("simulated");
     let drive = formats::drive::Drive::open(&path).expect("a drive");
     let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
