@@ -1,6 +1,6 @@
 //! Elevations of the LiDAR's rings, as the odometry estimates their errors.
 
-use super::{Change, Outcome, Refined};
+use super::{Change, Outcome, Refined, SIGNIFICANT};
 use crate::survey::Survey;
 use formats::drive::Drive;
 use formats::lidar::{Lidar, Model};
@@ -8,10 +8,6 @@ use formats::velodyne::{Laser, lasers_from_file};
 use registration::RingError;
 use std::fmt::Write;
 
-/// An error with a larger deviation is not determined, rad: 0.06 degrees.
-const MAX_SIGMA: f64 = 1e-3;
-/// Deviations that an error must have to be corrected. There are dozens of rings, and errors of neighboring sweeps are not independent.
-const SIGNIFICANT: f64 = 3.0;
 /// Name of the file of the refined unit.
 const FILE: &str = "lidar_refined.yaml";
 
@@ -43,7 +39,7 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let mut n_replaced = 0;
     for (ring, error) in errors.iter().enumerate() {
         let quantity = format!("elevation of ring {ring}");
-        if !is_determined(error) {
+        if !error.is_measured() {
             let text = "too few surfaces that other rings have seen, too";
             refined.changes.push(change(quantity, error, Outcome::NotObservable, text));
         } else if !is_significant(error) {
@@ -59,9 +55,8 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let common = "what all rings share, or what grows evenly from ring to ring, is not seen";
     refined.changes.push(change("elevation of all rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, common));
     if let Some((model, lasers)) = file.filter(|_| n_replaced > 0) {
-        let error_of = |ring: u8| {
-            errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, |error| error.mean)
-        };
+        let error_of =
+            |ring: u8| errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, correction);
         let rings = drive.lidar().rings();
         let corrected = lasers
             .iter()
@@ -72,13 +67,14 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     }
 }
 
-fn is_determined(error: &RingError) -> bool {
-    error.variance.sqrt() < MAX_SIGMA
+/// The error, reduced by the share that noise has in it.
+fn correction(error: &RingError) -> f64 {
+    error.mean * (1.0 - error.variance / (error.mean * error.mean)).max(0.0)
 }
 
 /// The errors without the part that is even over the rings: the matches do not see it, so that it drifts.
 fn detrended(errors: &[RingError]) -> Vec<RingError> {
-    let known = || (0..errors.len()).filter(|ring| is_determined(&errors[*ring]));
+    let known = || (0..errors.len()).filter(|ring| errors[*ring].is_measured());
     let total = |of: &dyn Fn(usize) -> f64| known().map(|ring| of(ring) / errors[ring].variance).sum::<f64>();
     let weight = total(&|_| 1.0);
     if weight == 0.0 {
