@@ -145,6 +145,21 @@ pub fn fit_at_range(profiles: &[Profile], range_m: Range<f32>, around: &CameraOf
     }
 }
 
+/// Searches the rotation of one camera alone, without a delay and without deviations: to compare many assumptions about a camera.
+pub fn fit_rotation(profiles: &[Profile]) -> CameraOffset {
+    let outlines: Vec<Outline> = profiles.iter().map(Outline::from).collect();
+    let camera = [CameraOutlines::new(outlines.iter())];
+    let found = Solution::search(&camera, false).refined(&camera, false);
+    CameraOffset {
+        rotation: found.rotations[0],
+        is_rotated_about_axis: false,
+        is_across_alone: camera[0].n_across < 2,
+        deviation: [0.0; 3],
+        n_edges: camera[0].n_edges(),
+        peak: camera[0].peak(found.rotations[0], 0.0),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,6 +209,13 @@ mod tests {
             assert!((found_s - delay_s).abs() < 2e-3, "{found:?} instead of {delay_s}");
             assert_eq!(found.delay_s.is_some(), delay_s != 0.0);
         }
+    }
+
+    #[test]
+    fn rotation_alone_is_that_of_the_whole_fit() {
+        let found = fit_rotation(&profiles([0.02, -0.01, 0.0], 0.0, 10.0, true));
+        assert!((found.rotation[0] - 0.02).abs() < 1e-3 && (found.rotation[1] + 0.01).abs() < 1e-3, "{found:?}");
+        assert!(found.peak > 2.0 * fit_rotation(&profiles([0.0; 3], 0.0, 10.0, false)).peak, "{found:?}");
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub mod report;
 mod search;
 
 pub use depth_edges::{DepthEdge, depth_edges};
-pub use fit::{fit, fit_at_range};
+pub use fit::{fit, fit_at_range, fit_rotation};
 pub use monitor::{OffsetMonitor, RANGES_M, profiles_by_camera};
 pub use offset::{CameraOffset, Offset, Rotation};
-pub use profile::{AlignmentExposure, Profile, REACH};
+pub use profile::{AlignmentExposure, MAX_AGE_S, Profile, REACH};

@@ -247,6 +247,11 @@ impl InertialCheck {
         self.mounting.as_ref()
     }
 
+    /// Whether the samples, as corrected, agree with the LiDAR. `false` until the vehicle has turned and braked.
+    pub fn is_verified(&self) -> bool {
+        self.trust == Trust::Verified
+    }
+
     /// Whether there were any samples.
     pub const fn has_samples(&self) -> bool {
         self.n_samples > 0

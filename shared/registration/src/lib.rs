@@ -69,6 +69,7 @@ pub use navigation::PredictionSources;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
 pub use point::TimedPoint;
 pub use range_image::RangeImage;
+pub use ring_errors::RingError;
 pub use sampling::Sampling;
 pub use selected::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};
 pub use sensors::{GroundVelocity, InertialSample, SensorMounting};

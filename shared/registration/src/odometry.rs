@@ -7,7 +7,7 @@ use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
 use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement};
-use crate::ring_errors::RingErrors;
+use crate::ring_errors::{RingError, RingErrors};
 use crate::sampling::sampled;
 use crate::sensors::SensorLog;
 use crate::start::{InitialMotion, find_start};
@@ -245,6 +245,11 @@ impl Odometry {
     /// The current map of smooth surfaces.
     pub fn map(&self) -> &LocalMap {
         &self.maps.smooth
+    }
+
+    /// Errors of the sensor's rings by row of the range image, the lowest ring first; empty if the points have no rings.
+    pub fn ring_errors(&self) -> Vec<RingError> {
+        self.state.rings.by_row().to_vec()
     }
 
     /// The state on which the following sweeps depend.

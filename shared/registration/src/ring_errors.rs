@@ -43,11 +43,23 @@ impl RingSums {
     }
 }
 
-/// Reported minus true elevation, rad, and its variance.
+/// Error of the elevation of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct RingError {
-    mean: f64,
-    variance: f64,
+pub struct RingError {
+    /// Reported minus true elevation, rad.
+    pub mean: f64,
+    /// Its variance, rad^2; [`RingError::UNKNOWN`] has that of a ring that was not measured.
+    pub variance: f64,
+}
+
+impl RingError {
+    /// Before the ring is measured.
+    pub const UNKNOWN: Self = Self { mean: 0.0, variance: INITIAL_RAD * INITIAL_RAD };
+
+    /// Whether the ring was measured.
+    pub fn is_measured(&self) -> bool {
+        self.variance < (MEASURED * INITIAL_RAD).powi(2)
+    }
 }
 
 /// Errors by row of the range image.
@@ -55,10 +67,13 @@ struct RingError {
 pub(crate) struct RingErrors(Vec<RingError>);
 
 impl RingErrors {
+    /// The errors by row.
+    pub fn by_row(&self) -> &[RingError] {
+        &self.0
+    }
     /// Root mean square of the errors beyond what their deviations explain, rad; 0 for a unit without significant errors.
     pub fn significant_rad(&self) -> f64 {
-        let limit = (MEASURED * INITIAL_RAD).powi(2);
-        let measured: Vec<&RingError> = self.0.iter().filter(|ring| ring.variance < limit).collect();
+        let measured: Vec<&RingError> = self.0.iter().filter(|ring| ring.is_measured()).collect();
         let sum: f64 = measured.iter().map(|ring| ring.mean * ring.mean - ring.variance).sum();
         (sum / measured.len().max(1) as f64).max(0.0).sqrt()
     }
@@ -80,7 +95,7 @@ impl RingErrors {
     pub fn update(&mut self, sums: &[RingSums]) {
         let significant = self.significant_rad();
         if self.0.len() < sums.len() {
-            self.0.resize(sums.len(), RingError { mean: 0.0, variance: INITIAL_RAD.powi(2) });
+            self.0.resize(sums.len(), RingError::UNKNOWN);
         }
         for (row, RingSums([squares, products])) in sums.iter().enumerate().filter(|(_, sums)| sums.0[0] > 0.0) {
             let measured = self.correction(row, significant) + products / squares;

@@ -5,6 +5,7 @@ mod convert;
 mod cube;
 mod import;
 mod inspect;
+mod rig;
 mod send;
 mod sensor_calibration;
 mod simulate;
@@ -16,6 +17,7 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     Import(import::Args),
+    Rig(rig::Args),
     Convert(convert::Args),
     Inspect(inspect::Args),
     Compare(compare::Args),
@@ -31,6 +33,7 @@ impl Command {
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
             Command::Import(args) => import::run(args),
+            Command::Rig(args) => rig::run(args),
             Command::Convert(args) => convert::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),

@@ -82,7 +82,10 @@ impl LabelReader {
             return Ok(Some(LabelledSweep::new(&sweep, &self.points, labels.iter().copied().map(label))));
         }
         if self.n_files == 0 {
-            return Err(fault(&self.folder, "contains no label file of a sweep, 000000.label for the first".to_owned()));
+            return Err(fault(
+                &self.folder,
+                "contains no label file of a sweep, 000000.label for the first".to_owned(),
+            ));
         }
         Ok(None)
     }

@@ -1,8 +1,8 @@
 //! Imports of a sequence of KITTI odometry with the labels of SemanticKITTI, written as the data sets are published.
 
-use super::support::{Import, error, folder, of, png, write_file};
+use super::support::{Import, error, first_label, folder, of, png, write_file};
 use formats::cloud::CloudPoint;
-use formats::drive::Drive;
+use formats::drive::{Drive, NoLabel};
 use formats::kitti::{Label, bin_from_points, bytes_from_labels, labels_from_bytes};
 use formats::trajectory::poses_from_kitti;
 use geometry::{Point3, Pose};
@@ -125,18 +125,8 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
         classes(2),
         [of_class(ClassId::Pedestrian, 2), of_class(ClassId::Unlabeled, 0), of_class(ClassId::Sidewalk, 0)]
     );
-    let truth = drive.true_labels().expect("fits the returns");
-    let rings = |seq: usize| {
-        let mut sweeps = drive.sweeps().expect("opens");
-        let mut found = Vec::new();
-        for _ in 0..=seq {
-            found.clear();
-            sweeps.next_sweep(|returns| found.extend(returns.iter().map(|r| r.ring))).expect("reads").expect("has one");
-        }
-        found
-    };
-    assert_eq!(truth.find(0, rings(0)[0]), None, "the first sweep has no labels");
-    assert_eq!(truth.find(103_735_900, rings(1)[0]).map(|label| label.class), Some(ClassId::Vehicles as u8));
+    assert_eq!(first_label(&drive, 0), Err(NoLabel::NoSweep), "the first sweep has no labels");
+    assert_eq!(first_label(&drive, 1).map(|label| label.class), Ok(ClassId::Vehicles as u8));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Imports of scenes of nuScenes with their tables, written as the schema of the data set says.
 
-use super::support::{Import, error, folder, of, write_file};
+use super::support::{Import, error, first_label, folder, of, write_file};
 use formats::cloud::CloudPoint;
-use formats::drive::Drive;
+use formats::drive::{Drive, NoLabel};
 use formats::kitti::labels_from_bytes;
 use formats::nuscenes::bin_from_points;
 use geometry::{Isometry3, Point3, Pose, UnitQuaternion, Vector3};
@@ -214,10 +214,8 @@ fn labels_of_segments_and_boxes_belong_to_their_key_frame() {
     assert!(!report.iter().any(|line| line.contains("lidarseg/")), "{report:?}");
     assert_eq!(labels(&drive, 2), [(ClassId::Vehicles as u16, 1), (ClassId::Road as u16, 0)]);
     assert!(!drive.folder().join("truth/labels/000000.label").exists());
-    let truth = drive.true_labels().expect("fits the returns");
-    let last = 1000 * (BEGIN + 100_000);
-    assert_eq!(truth.find(last, 31).map(|label| label.class), Some(ClassId::Vehicles as u8));
-    assert_eq!(truth.find(last - 50_000_000, 31), None, "the sweep between has no labels");
+    assert_eq!(first_label(&drive, 2).map(|label| label.class), Ok(ClassId::Vehicles as u8));
+    assert_eq!(first_label(&drive, 1), Err(NoLabel::NoSweep), "the sweep between has no labels");
 }
 
 #[test]

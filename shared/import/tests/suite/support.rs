@@ -1,5 +1,6 @@
 //! Imports into folders of a test.
 
+use formats::drive::{Drive, NoLabel, Shot, TrueLabel};
 use import::Options;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,21 @@ pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
 pub fn png(width: u32, height: u32) -> Vec<u8> {
     let begin = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR";
     [&begin[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat()
+}
+
+/// The true label of the first return of a sweep.
+pub fn first_label(drive: &Drive, seq: usize) -> Result<TrueLabel, NoLabel> {
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut first = None;
+    for _ in 0..=seq {
+        let mut returns = Vec::new();
+        let sweep = sweeps.next_sweep(|some| returns.extend_from_slice(some)).expect("reads").expect("has one");
+        first = Some((sweep.stamp, returns[0]));
+    }
+    let (stamp, found) = first.expect("has one");
+    let range_m = (found.x * found.x + found.y * found.y + found.z * found.z).sqrt();
+    let shot = Shot { stamp: stamp.0, ring: found.ring, azimuth: Some(found.azimuth), range_m: Some(range_m) };
+    drive.true_labels().expect("fits the returns").find(&shot)
 }
 
 /// Error of an import that fails; nothing remains of it.

@@ -1,9 +1,9 @@
 //! Converts the calibration file of a Ladybug to camera entries of a `drive.toml`.
 
 use anyhow::Context;
-use formats::ladybug::LadybugCalibration;
 use formats::manifest::CameraEntry;
-use geometry::{CameraModel, Translation3};
+use geometry::Pose;
+use rig::source::{FrameTree, SourceOptions, UNKNOWN_EXPOSURE_NANOS, read};
 use serde::Serialize;
 use std::path::Path;
 
@@ -13,22 +13,20 @@ struct Cameras {
 }
 
 /// Writes `[[camera]]` entries and returns their number. `position` is that of the housing in the body frame, m; the axes are
-/// parallel.
-pub fn import(source: &Path, out: &Path, position: [f64; 3]) -> anyhow::Result<usize> {
-    let text = std::fs::read_to_string(source).with_context(|| source.display().to_string())?;
-    let calibration: LadybugCalibration = text.parse().with_context(|| source.display().to_string())?;
-    let body_from_ladybug = Translation3::from(position);
-    let entry = |(index, camera): (usize, formats::ladybug::LadybugCamera)| CameraEntry {
-        name: format!("ladybug_{index}"),
-        folder: format!("camera/ladybug_{index}"),
-        // A placeholder: the calibration file has no exposure time.
-        exposure_nanos: 2_000_000,
-        body_from_camera: (body_from_ladybug * camera.ladybug_from_camera).into(),
-        model: CameraModel::SplineWarp(camera.lens),
+/// parallel. `replica rig new` makes a whole `drive.toml`, with any rotation.
+pub fn import(source: &Path, out: &Path, [x, y, z]: [f64; 3]) -> anyhow::Result<usize> {
+    let options = SourceOptions { body_from_source: Some(Pose::translation(x, y, z)), ..SourceOptions::default() };
+    let parts = read(source, &options, &mut FrameTree::default())?;
+    let entry = |camera: rig::source::CameraPart| CameraEntry {
+        folder: format!("camera/{}", camera.name),
+        exposure_nanos: UNKNOWN_EXPOSURE_NANOS,
+        body_from_camera: camera.body_from_camera.unwrap_or_else(Pose::identity).into(),
+        name: camera.name,
+        model: camera.model,
     };
-    let camera: Vec<CameraEntry> = calibration.cameras.into_iter().enumerate().map(entry).collect();
+    let camera: Vec<CameraEntry> = parts.cameras.into_iter().map(entry).collect();
     let n_cameras = camera.len();
-    let head = format!("# Ladybug {}, from {}\n\n", calibration.serial, source.display());
+    let head = format!("# {}, from {}\n\n", parts.notes.join("; "), source.display());
     std::fs::write(out, head + &toml::to_string(&Cameras { camera })?).with_context(|| out.display().to_string())?;
     Ok(n_cameras)
 }

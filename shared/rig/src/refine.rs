@@ -1,0 +1,93 @@
+//! Refines a rig by its drive: rotations of cameras and inertial unit, and elevations of the LiDAR's rings.
+//!
+//! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
+
+mod cameras;
+mod imu;
+mod rings;
+
+use crate::survey::Survey;
+use formats::drive::Drive;
+use formats::manifest::Manifest;
+use std::fmt;
+
+/// Deviations by which a value must differ.
+pub(crate) const SIGNIFICANT: f64 = 2.0;
+
+/// What happens to a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It is replaced.
+    Replaced,
+    /// It is right within its deviation.
+    Kept,
+    /// The drive does not determine it.
+    NotObservable,
+    /// The drive determines it, but `drive.toml` has no place for it.
+    ToDo,
+}
+
+/// A value of the rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// The sensor.
+    pub subject: String,
+    /// The value.
+    pub quantity: String,
+    /// How much it differs from the stated one, in `unit`.
+    pub difference: f64,
+    /// Standard deviation of the difference.
+    pub sigma: f64,
+    /// Unit of both.
+    pub unit: &'static str,
+    /// What happens to it.
+    pub outcome: Outcome,
+    /// Old and new value, or why it is not determined.
+    pub text: String,
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { subject, quantity, difference, sigma, unit, outcome, text } = self;
+        let word = match outcome {
+            Outcome::Replaced => "new",
+            Outcome::Kept => "kept",
+            Outcome::NotObservable => return write!(f, "{:<14} {subject} {quantity}: {text}", "not observable"),
+            Outcome::ToDo => "by hand",
+        };
+        write!(f, "{word:<14} {subject} {quantity}: {difference:+.3} +- {sigma:.3} {unit}")?;
+        if text.is_empty() { Ok(()) } else { write!(f, "; {text}") }
+    }
+}
+
+/// A refined rig.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The new `drive.toml`.
+    pub manifest: Manifest,
+    /// Name and content of a calibration file of the LiDAR, to which the manifest refers.
+    pub lidar_file: Option<(&'static str, String)>,
+    /// All values.
+    pub changes: Vec<Change>,
+}
+
+impl Refined {
+    /// Refines the rig of a drive.
+    pub fn of(drive: &Drive, survey: &Survey) -> Self {
+        let mut refined = Self { manifest: drive.manifest().clone(), lidar_file: None, changes: Vec::new() };
+        cameras::refine(drive, survey, &mut refined);
+        imu::refine(survey, &mut refined);
+        rings::refine(drive, survey, &mut refined);
+        refined
+    }
+
+    /// Whether any value is replaced.
+    pub fn has_changes(&self) -> bool {
+        self.changes.iter().any(|change| change.outcome == Outcome::Replaced)
+    }
+}
+
+/// Whether a difference is significant.
+pub(crate) fn outcome(difference: f64, sigma: f64) -> Outcome {
+    if difference.abs() > SIGNIFICANT * sigma { Outcome::Replaced } else { Outcome::Kept }
+}

@@ -1,0 +1,82 @@
+//! Rotations of the cameras, by the outlines of objects.
+
+use super::{Change, Outcome, Refined, outcome};
+use crate::check::CameraScores;
+use crate::check::turned;
+use crate::survey::Survey;
+use formats::drive::Drive;
+use formats::manifest::PoseEntry;
+use geometry::{Pose, UnitQuaternion, Vector3};
+
+const NAMES: [&str; 3] = ["rotation about x", "rotation about y", "rotation about z"];
+
+pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
+    let n_cameras = drive.rig().cameras.len();
+    if n_cameras == 0 {
+        return;
+    }
+    let scores = CameraScores::of(drive, survey, &vec![true; n_cameras]);
+    for (camera, found) in scores.offset.cameras.iter().enumerate() {
+        let name = drive.manifest().cameras[camera].name.clone();
+        let unknown = |quantity: &str, text: String| Change {
+            subject: name.clone(),
+            quantity: quantity.to_owned(),
+            difference: 0.0,
+            sigma: 0.0,
+            unit: "mrad",
+            outcome: Outcome::NotObservable,
+            text,
+        };
+        if !found.is_observable() {
+            let text = format!("{} outlines, peak {:.1}", found.n_edges, found.peak);
+            refined.changes.push(unknown("rotation", text));
+            continue;
+        }
+        let [rotation, sigma] = [found.rotation, found.deviation].map(|values| values.map(f64::from));
+        let mut correction = Vector3::zeros();
+        for axis in 0..3 {
+            // An axis that was not fitted has no deviation.
+            if sigma[axis] == 0.0 {
+                let text = if axis == 2 { "below half a degree" } else { "along the outlines" };
+                refined.changes.push(unknown(NAMES[axis], text.to_owned()));
+                continue;
+            }
+            let outcome = outcome(rotation[axis], sigma[axis]);
+            if outcome == Outcome::Replaced {
+                correction[axis] = rotation[axis];
+            }
+            refined.changes.push(Change {
+                outcome,
+                difference: rotation[axis] * 1e3,
+                sigma: sigma[axis] * 1e3,
+                ..unknown(NAMES[axis], String::new())
+            });
+        }
+        refined.changes.push(unknown("position", "only rotations are measured".to_owned()));
+        if correction != Vector3::zeros() {
+            let given = drive.rig().cameras[camera].body_from_camera;
+            // The points move by the rotation in the frame of the camera.
+            let new: Pose = turned(&given, &UnitQuaternion::from_scaled_axis(correction).inverse());
+            refined.manifest.cameras[camera].body_from_camera = PoseEntry::from(new);
+        }
+    }
+    let delay = Change {
+        subject: "cameras".to_owned(),
+        quantity: "delay".to_owned(),
+        difference: 0.0,
+        sigma: 0.0,
+        unit: "ms",
+        outcome: Outcome::NotObservable,
+        text: "outlines move too little across the images".to_owned(),
+    };
+    refined.changes.push(match scores.offset.delay_s.map(|values| values.map(|value| f64::from(value) * 1e3)) {
+        Some([difference, sigma]) => {
+            let text = "exposures after their stamps: add it to the names of all images".to_owned();
+            Change { difference, sigma, outcome: Outcome::ToDo, text, ..delay }
+        }
+        None if scores.offset.is_delay_observable => {
+            Change { outcome: Outcome::Kept, sigma: 3.0, text: "none found".to_owned(), ..delay }
+        }
+        None => delay,
+    });
+}

@@ -1,0 +1,145 @@
+//! Elevations of the LiDAR's rings, as the odometry estimates their errors.
+
+use super::{Change, Outcome, Refined, SIGNIFICANT};
+use crate::survey::Survey;
+use formats::drive::Drive;
+use formats::lidar::{Lidar, Model};
+use formats::velodyne::{Laser, lasers_from_file};
+use registration::RingError;
+use std::fmt::Write;
+
+/// Name of the file of the refined unit.
+const FILE: &str = "lidar_refined.yaml";
+
+pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
+    let change = |quantity: String, error: &RingError, outcome: Outcome, text: &str| Change {
+        subject: "lidar".to_owned(),
+        quantity,
+        // True minus stated elevation.
+        difference: -error.mean.to_degrees(),
+        sigma: error.variance.sqrt().to_degrees(),
+        unit: "degrees",
+        outcome,
+        text: text.to_owned(),
+    };
+    let errors = &detrended(&survey.ring_errors);
+    if errors.is_empty() {
+        let text = "the points have no rings, or the vehicle did not move";
+        refined.changes.push(change(
+            "elevations of the rings".into(),
+            &RingError::UNKNOWN,
+            Outcome::NotObservable,
+            text,
+        ));
+        return;
+    }
+    let file = lasers(drive.lidar());
+    let is_significant =
+        |error: &RingError| error.is_measured() && error.mean.abs() > SIGNIFICANT * error.variance.sqrt();
+    let mut n_replaced = 0;
+    for (ring, error) in errors.iter().enumerate() {
+        let quantity = format!("elevation of ring {ring}");
+        if !error.is_measured() {
+            let text = "too few surfaces that other rings have seen, too";
+            refined.changes.push(change(quantity, error, Outcome::NotObservable, text));
+        } else if !is_significant(error) {
+            refined.changes.push(change(quantity, error, Outcome::Kept, ""));
+        } else if file.is_some() {
+            n_replaced += 1;
+            refined.changes.push(change(quantity, error, Outcome::Replaced, ""));
+        } else {
+            let text = "no file of this model can be written: correct that of the unit";
+            refined.changes.push(change(quantity, error, Outcome::ToDo, text));
+        }
+    }
+    let common = "what all rings share, or what grows evenly from ring to ring, is not seen";
+    refined.changes.push(change("elevation of all rings".into(), &RingError::UNKNOWN, Outcome::NotObservable, common));
+    if let Some((model, lasers)) = file.filter(|_| n_replaced > 0) {
+        let error_of =
+            |ring: u8| errors.get(usize::from(ring)).filter(|error| is_significant(error)).map_or(0.0, correction);
+        let rings = drive.lidar().rings();
+        let corrected = lasers
+            .iter()
+            .zip(rings)
+            .map(|(laser, ring)| Laser { elevation_deg: laser.elevation_deg - error_of(ring).to_degrees(), ..*laser });
+        refined.lidar_file = Some((FILE, yaml(model, &corrected.collect::<Vec<_>>())));
+        refined.manifest.lidar.calibration = Some(FILE.to_owned());
+    }
+}
+
+/// The error, reduced by the share that noise has in it.
+fn correction(error: &RingError) -> f64 {
+    error.mean * (1.0 - error.variance / (error.mean * error.mean)).max(0.0)
+}
+
+/// The errors without the part that is even over the rings: the matches do not see it, so that it drifts.
+fn detrended(errors: &[RingError]) -> Vec<RingError> {
+    let known = || (0..errors.len()).filter(|ring| errors[*ring].is_measured());
+    let total = |of: &dyn Fn(usize) -> f64| known().map(|ring| of(ring) / errors[ring].variance).sum::<f64>();
+    let weight = total(&|_| 1.0);
+    if weight == 0.0 {
+        return errors.to_vec();
+    }
+    let (middle, mean) = (total(&|ring| ring as f64) / weight, total(&|ring| errors[ring].mean) / weight);
+    let at = |ring: usize| ring as f64 - middle;
+    let square = total(&|ring| at(ring).powi(2));
+    let slope = if square > 0.0 { total(&|ring| at(ring) * errors[ring].mean) / square } else { 0.0 };
+    let even = |ring: usize| mean + slope * at(ring);
+    let without = |(ring, error): (usize, &RingError)| RingError { mean: error.mean - even(ring), ..*error };
+    errors.iter().enumerate().map(without).collect()
+}
+
+/// The lasers of a Velodyne in firing order.
+fn lasers(lidar: &Lidar) -> Option<(formats::velodyne::Model, Vec<Laser>)> {
+    let Model::Velodyne(model) = lidar.model() else { return None };
+    let lasers = match lidar.calibration_file() {
+        Some((_, text)) => lasers_from_file(text, model).ok()?,
+        None => model.lasers().to_vec(),
+    };
+    Some((model, lasers))
+}
+
+/// A file of the unit as drivers of ROS read it, in rad and m.
+fn yaml(model: formats::velodyne::Model, lasers: &[Laser]) -> String {
+    let mut text = String::from("lasers:\n");
+    for (id, laser) in lasers.iter().enumerate() {
+        let [elevation, azimuth] = [laser.elevation_deg, laser.azimuth_deg].map(f64::to_radians);
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "- {{laser_id: {id}, rot_correction: {azimuth:.9}, vert_correction: {elevation:.9}, dist_correction: {:.6}, \
+             vert_offset_correction: {:.6}, horiz_offset_correction: {:.6}}}",
+            laser.range_m, laser.up_m, laser.left_m
+        );
+    }
+    let _ = writeln!(text, "num_lasers: {}\ndistance_resolution: {}", lasers.len(), model.range_unit_m());
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn even_part_of_the_errors_is_removed() {
+        let error = |ring: usize| RingError { mean: 2e-3 + 1e-4 * ring as f64, variance: 1e-8 };
+        let mut errors: Vec<RingError> = (0..32).map(error).collect();
+        assert!(detrended(&errors).iter().all(|error| error.mean.abs() < 1e-9));
+        errors[7].mean += 3e-3;
+        let found = detrended(&errors);
+        assert!((found[7].mean - 3e-3).abs() < 3e-4 && found[20].mean.abs() < 3e-4, "{found:?}");
+        assert_eq!(detrended(&[RingError::UNKNOWN]), [RingError::UNKNOWN]);
+    }
+
+    #[test]
+    fn written_file_is_read_back() {
+        for model in [formats::velodyne::Model::Hdl32e, formats::velodyne::Model::Vlp32c] {
+            let text = yaml(model, model.lasers());
+            let found = lasers_from_file(&text, model).expect("reads");
+            for (found, laser) in found.iter().zip(model.lasers()) {
+                assert!((found.elevation_deg - laser.elevation_deg).abs() < 1e-6, "{found:?} {laser:?}");
+                assert!((found.up_m - laser.up_m).abs() < 1e-6 && (found.azimuth_deg - laser.azimuth_deg).abs() < 1e-6);
+            }
+        }
+    }
+}

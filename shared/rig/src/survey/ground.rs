@@ -1,0 +1,116 @@
+//! The plane of the ground around the vehicle, from one sweep.
+
+use geometry::Vector3;
+use nalgebra::{Matrix3, SymmetricEigen};
+use registration::Feature;
+
+/// Ranges of the ground that is fitted, m: nearer is the vehicle, farther the road bends.
+const RANGE_M: [f32; 2] = [2.0, 20.0];
+/// Largest angle between its normal and the stated upward direction, rad. A LiDAR that is mounted farther off is not recognized.
+const MAX_TILT: f64 = 1.05;
+/// Least distance of the sensor from the ground, m.
+const MIN_HEIGHT_M: f64 = 0.2;
+/// Features of which planes are tried.
+const MAX_SEEDS: usize = 96;
+/// A feature is on a plane if its normal is this near (cosine of 8 degrees) and it is so near, m. The fit halves the distance.
+const ALIGNED: f64 = 0.99;
+const NEAR_M: f64 = 0.2;
+/// Least features of a plane.
+const MIN_FEATURES: usize = 40;
+/// Fits with the features that are near the last one.
+const ROUNDS: usize = 4;
+
+/// The ground in the frame of the LiDAR.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundPlane {
+    /// Unit normal towards the sensor.
+    pub normal: Vector3<f64>,
+    /// Distance of the sensor, m.
+    pub height_m: f64,
+    /// Features on it.
+    pub n_features: usize,
+}
+
+/// The plane with the most features of all whose normals are within 60 degrees of `up`; `None` if no plane has enough.
+pub fn ground_plane(features: &[Feature], up: &Vector3<f32>) -> Option<GroundPlane> {
+    let up = up.cast::<f64>();
+    let candidate = |feature: &Feature| {
+        let (at, normal) = (Vector3::from(feature.position), Vector3::from(feature.normal));
+        let is_near = (RANGE_M[0]..RANGE_M[1]).contains(&at.norm()) && !feature.is_rough;
+        let (at, normal) = (at.cast::<f64>(), normal.cast::<f64>());
+        (is_near && normal.dot(&up) > MAX_TILT.cos() && -normal.dot(&at) > MIN_HEIGHT_M).then_some((at, normal))
+    };
+    let candidates: Vec<(Vector3<f64>, Vector3<f64>)> = features.iter().filter_map(candidate).collect();
+    let every = candidates.len().div_ceil(MAX_SEEDS).max(1);
+    let seeds = candidates.iter().step_by(every).map(|(at, normal)| (*normal, -normal.dot(at)));
+    let support = |plane: &(Vector3<f64>, f64)| on(&candidates, plane, NEAR_M).count();
+    // Of equally good planes the first.
+    let best = seeds.map(|plane| (support(&plane), plane)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+    let mut plane = best.filter(|(n, _)| *n >= MIN_FEATURES)?.1;
+    for _ in 0..ROUNDS {
+        let points: Vec<Vector3<f64>> = on(&candidates, &plane, 0.5 * NEAR_M).collect();
+        if points.len() < MIN_FEATURES {
+            return None;
+        }
+        plane = fitted(&points);
+    }
+    let n_features = on(&candidates, &plane, 0.5 * NEAR_M).count();
+    Some(GroundPlane { normal: plane.0, height_m: plane.1, n_features })
+}
+
+/// The positions on a plane of this normal and distance.
+fn on<'a>(
+    candidates: &'a [(Vector3<f64>, Vector3<f64>)],
+    (normal, height_m): &'a (Vector3<f64>, f64),
+    near_m: f64,
+) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    let is_on = move |(at, of): &&(Vector3<f64>, Vector3<f64>)| {
+        of.dot(normal) > ALIGNED && (normal.dot(at) + height_m).abs() < near_m
+    };
+    candidates.iter().filter(is_on).map(|(at, _)| *at)
+}
+
+/// Least squares plane of points: normal towards the origin, and distance.
+fn fitted(points: &[Vector3<f64>]) -> (Vector3<f64>, f64) {
+    let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let spread: Matrix3<f64> = points.iter().map(|at| (at - mean) * (at - mean).transpose()).sum();
+    let eigen = SymmetricEigen::new(spread);
+    let normal: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into();
+    let normal = if normal.dot(&mean) > 0.0 { -normal } else { normal };
+    (normal, -normal.dot(&mean))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn feature(at: [f32; 3], normal: Vector3<f32>) -> Feature {
+        Feature {
+            position: at,
+            normal: normal.into(),
+            share: 0.0,
+            planarity: 0.9,
+            roughness_m: 0.01,
+            is_rough: false,
+            lever: 0.0,
+            row: 0,
+            point_idx: 0,
+        }
+    }
+
+    #[test]
+    fn tilted_ground_between_walls_is_found() {
+        let normal = Vector3::new(0.1_f32, -0.05, 1.0).normalize();
+        let mut features = Vec::new();
+        for i in 0..400_u16 {
+            let (x, y) = (f32::from(i % 20) - 10.0, f32::from(i / 20) - 10.0);
+            // On the plane 1.8 m below the sensor.
+            let z = (-1.8 - normal.x * x - normal.y * y) / normal.z;
+            features.push(feature([x, y, z], normal));
+            features.push(feature([x, 6.0, f32::from(i / 20) * 0.4], Vector3::new(0.0, -1.0, 0.0)));
+        }
+        let found = ground_plane(&features, &Vector3::z()).expect("is there");
+        assert!(found.normal.angle(&normal.cast()) < 1e-5 && (found.height_m - 1.8).abs() < 1e-5, "{found:?}");
+        assert!(ground_plane(&features[..60], &Vector3::z()).is_none());
+    }
+}

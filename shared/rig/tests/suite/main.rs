@@ -1,0 +1,7 @@
+//! Rigs of simulated drives: right ones, and ones with a single fault.
+
+mod cameras;
+mod lidar;
+mod refining;
+mod sources;
+mod support;

@@ -1,0 +1,132 @@
+//! Rigs with known errors are refined within the stated deviations, and never made worse.
+
+use crate::support::{Copied, turn, with_cameras, with_turns};
+use geometry::{UnitQuaternion, Vector3};
+use rig::refine::{Change, Outcome, Refined};
+use rig::survey::{Survey, SurveySettings};
+use simulation::sensors::lidar::LidarErrors;
+use simulation::{DriveSpec, RigSpec, write_drive};
+
+fn refined(copied: &Copied) -> Refined {
+    let drive = copied.open();
+    let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
+    Refined::of(&drive, &survey)
+}
+
+fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
+    let found = refined.changes.iter().find(|change| change.subject == subject && change.quantity == quantity);
+    found.unwrap_or_else(|| panic!("no {quantity} of {subject}"))
+}
+
+/// Largest angle between mountings of cameras, mrad.
+fn off(refined: &Refined, truth: &Copied) -> f64 {
+    let pairs = refined.manifest.cameras.iter().zip(&truth.manifest.cameras);
+    let angle = |(found, truth): (&formats::manifest::CameraEntry, &formats::manifest::CameraEntry)| {
+        let [found, truth] = [found, truth].map(|entry| entry.body_from_camera.to_pose().expect("a pose"));
+        found.rotation.angle_to(&truth.rotation) * 1e3
+    };
+    pairs.map(angle).fold(0.0, f64::max)
+}
+
+#[test]
+fn turned_camera_is_turned_back_within_the_deviation() {
+    let right = Copied::of(with_cameras());
+    let mut wrong = Copied::of(with_cameras());
+    turn(&mut wrong.manifest.cameras[0].body_from_camera, Vector3::y(), 1.0, false);
+    let found = refined(&wrong);
+    let change = of(&found, "CAM_FRONT", "rotation about y");
+    let planted = 1.0_f64.to_radians() * 1e3;
+    assert_eq!(change.outcome, Outcome::Replaced);
+    assert!((change.difference - planted).abs() < 3.0 * change.sigma, "{change} instead of {planted}");
+    assert_eq!(of(&found, "CAM_FRONT", "position").outcome, Outcome::NotObservable);
+    assert!(off(&found, &right) < 3.0 * change.sigma, "{} mrad", off(&found, &right));
+}
+
+#[test]
+fn right_cameras_stay_within_their_deviations() {
+    let right = Copied::of(with_cameras());
+    let found = refined(&right);
+    let largest =
+        found.changes.iter().filter(|change| change.unit == "mrad").map(|change| change.sigma).fold(0.0, f64::max);
+    assert!(off(&found, &right) < 3.0 * largest, "{} mrad", off(&found, &right));
+    assert_eq!(of(&found, "cameras", "delay").outcome, Outcome::Kept);
+}
+
+#[test]
+fn late_images_are_reported_with_their_delay() {
+    let found = refined(&Copied::of(with_cameras()).with_images_late(-40_000_000));
+    let change = of(&found, "cameras", "delay");
+    assert_eq!(change.outcome, Outcome::ToDo);
+    assert!((change.difference - 40.0).abs() < 3.0 * change.sigma, "{change}");
+}
+
+#[test]
+fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
+    let body_from_unit = UnitQuaternion::from_scaled_axis(Vector3::new(0.06, -0.05, 0.0));
+    let turned = |v: [f64; 3]| -> [f64; 3] { (body_from_unit.inverse() * Vector3::from(v)).into() };
+    let late_ms = 30.0;
+    let copied = Copied::of(with_turns())
+        .with_samples(|stamp, force, rate| (stamp + (late_ms * 1e6) as i64, turned(force), turned(rate)));
+    let found = refined(&copied);
+    for (quantity, planted) in [("rotation about x", 0.06_f64), ("rotation about y", -0.05)] {
+        let change = of(&found, "imu", quantity);
+        let planted = planted.to_degrees();
+        assert_eq!(change.outcome, Outcome::Replaced, "{change}");
+        assert!((change.difference - planted).abs() < 3.0 * change.sigma, "{change} instead of {planted}");
+    }
+    // Turns about the vertical alone do not tell the heading of the unit.
+    assert_eq!(of(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
+    let change = of(&found, "imu", "delay");
+    assert!(change.outcome == Outcome::ToDo && (change.difference - late_ms).abs() < 3.0 * change.sigma, "{change}");
+    let new = found.manifest.imu.expect("a unit").mounting();
+    let (given, remaining) = (body_from_unit.angle(), new.rotation.angle_to(&body_from_unit));
+    assert!(remaining < 0.4 * given, "{remaining} of {given} rad");
+}
+
+/// Errors without their mean and what grows evenly, which no drive shows.
+fn detrended(errors: &[f64]) -> Vec<f64> {
+    let n = errors.len() as f64;
+    let middle = (n - 1.0) / 2.0;
+    let mean = errors.iter().sum::<f64>() / n;
+    let at = |ring: usize| ring as f64 - middle;
+    let slope = (0..errors.len()).map(|ring| at(ring) * errors[ring]).sum::<f64>()
+        / (0..errors.len()).map(|ring| at(ring).powi(2)).sum::<f64>();
+    errors.iter().enumerate().map(|(ring, error)| error - mean - slope * at(ring)).collect()
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+#[test]
+fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("drive");
+    // Its rings cross on the facades: they see one surface from near and far.
+    let rig = RigSpec::l3d2();
+    let lidar_errors = LidarErrors { unit_seed: 5, ..LidarErrors::POOR };
+    let spec = DriveSpec { rig, lidar_errors, ..DriveSpec::urban(1, 14.0).sparse(1) };
+    write_drive(&spec, &path, &mut |_| {}).expect("simulated");
+    let drive = formats::drive::Drive::open(&path).expect("a drive");
+    let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
+    let found = Refined::of(&drive, &survey);
+    let truth = std::fs::read_to_string(path.join("truth/lidar_errors.csv")).expect("reads");
+    let truth: Vec<f64> = truth
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(1).expect("a column").parse().expect("a number"))
+        .collect();
+    let (name, text) = found.lidar_file.clone().expect("a file");
+    assert_eq!(found.manifest.lidar.calibration.as_deref(), Some(name));
+    let refined = formats::lidar::Lidar::with_calibration(drive.model(), name, text).expect("reads");
+    let mut corrections = vec![0.0; truth.len()];
+    for ((ring, new), old) in
+        drive.lidar().rings().into_iter().zip(refined.elevations_deg()).zip(drive.lidar().elevations_deg())
+    {
+        corrections[usize::from(ring)] = new - old;
+    }
+    let rest: Vec<f64> = truth.iter().zip(&corrections).map(|(truth, correction)| truth - correction).collect();
+    let (before, after) = (rms(&detrended(&truth)), rms(&detrended(&rest)));
+    assert!(after < 0.9 * before, "{after} after {before} degrees: {corrections:?}");
+    assert_eq!(of(&found, "lidar", "elevation of all rings").outcome, Outcome::NotObservable);
+}

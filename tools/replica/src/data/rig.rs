@@ -1,0 +1,61 @@
+//! `replica rig`: makes, checks and refines the rig of a drive.
+
+mod calibrate;
+mod check;
+mod new;
+mod questions;
+
+use clap::Subcommand;
+use registration::SpinDirection;
+use rig::survey::SurveySettings;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Make, check or refine the rig of a drive.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    New(new::Args),
+    Check(check::Args),
+    Calibrate(calibrate::Args),
+}
+
+/// A drive, and the part of it that is read.
+#[derive(clap::Args, Debug)]
+struct PartOfDrive {
+    /// Drive folder
+    drive: PathBuf,
+    /// Begin, s after the first sweep
+    #[arg(long, default_value_t = 0.0, value_parser = crate::argument::not_negative)]
+    start: f64,
+    /// Longest part that is read, s
+    #[arg(long, default_value_t = 60.0, value_parser = crate::argument::positive)]
+    seconds: f64,
+    /// How the LiDAR turns if its points have no times: the setting `untimed_turn` of `slam_aggregate`
+    #[arg(long, default_value = "none", value_parser = ["none", "clockwise", "counterclockwise"])]
+    untimed_turn: String,
+}
+
+impl PartOfDrive {
+    fn settings(&self) -> SurveySettings {
+        let untimed_turn = match self.untimed_turn.as_str() {
+            "clockwise" => Some(SpinDirection::Clockwise),
+            "counterclockwise" => Some(SpinDirection::Counterclockwise),
+            _ => None,
+        };
+        SurveySettings { start_s: self.start, seconds: self.seconds, untimed_turn }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    match &args.command {
+        Command::New(args) => new::run(args),
+        Command::Check(args) => check::run(args),
+        Command::Calibrate(args) => calibrate::run(args),
+    }
+}
