@@ -27,6 +27,7 @@ pub mod raw_mosaic;
 pub mod recording;
 pub mod robosense;
 pub mod sensor_calibration;
+pub mod sqlite;
 pub mod text_file;
 pub mod tiff;
 pub mod toml_file;
