@@ -7,7 +7,7 @@ use formats::manifest::Manifest;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Content of a drive folder. Nothing is written before it is complete.
+/// Content of a drive folder, besides the files that are converted while the source is read.
 #[derive(Debug)]
 pub(crate) struct Plan {
     pub kind: Kind,
