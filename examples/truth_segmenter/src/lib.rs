@@ -4,9 +4,9 @@
 //! replica-launch launch.toml --set infer.program=target/release/truth-segmenter
 //! ```
 //!
-//! The labels of a drive belong to its returns; a point is matched by the time of its shot and its ring.
+//! The labels of a drive belong to its returns; a point is matched by the time, ring and angle of its shot.
 
-use formats::drive::{Drive, TrueLabels};
+use formats::drive::{Drive, Shot, TrueLabels};
 use stage::messages::pod::{FINGERPRINT_START, fingerprint};
 use stage::messages::{CLASS_TABLE_VERSION, ClassHeader, ClassId, ClassRow, ClassTopic, SubmapTopic};
 use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
@@ -29,7 +29,11 @@ impl TruthSegmenter {
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
             let sweep = header.sweeps.get(usize::from(point.sweep_idx));
             let label = sweep
-                .and_then(|sweep| self.labels.find(sweep.stamp + i64::from(point.offset_nanos), point.ring))
+                .and_then(|sweep| {
+                    let stamp = sweep.stamp + i64::from(point.offset_nanos);
+                    let shot = Shot { stamp, ring: point.ring, azimuth: Some(point.azimuth), range_m: None };
+                    self.labels.find(&shot).ok()
+                })
                 .filter(|label| ClassId::from_id(label.class).is_some());
             n_unknown += u64::from(label.is_none());
             *row = label.map_or(ClassRow::default(), |label| ClassRow { class_id: label.class, score: 255 });

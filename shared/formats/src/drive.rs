@@ -6,6 +6,7 @@
 mod check;
 mod clouds;
 mod infer;
+mod labelled_sweep;
 mod labels;
 mod lidar_file;
 mod listing;
@@ -14,8 +15,9 @@ mod read;
 mod sweeps;
 
 pub use crate::lidar::SweepInfo;
-pub use clouds::returns_from_cloud;
-pub use labels::{TrueLabel, TrueLabels};
+pub use clouds::{is_return, returns_from_cloud};
+pub use labelled_sweep::{LabelledSweep, NoLabel, Shot};
+pub use labels::{LabelReader, TrueLabel, TrueLabels, find_label};
 pub use lidar_file::lidar_of;
 pub use listing::Frame;
 pub use live_rig::LiveRig;
@@ -107,6 +109,10 @@ impl Drive {
     /// Captures or clouds in the order of their names.
     pub fn sweep_files(&self) -> &[PathBuf] {
         &self.sweep_files
+    }
+    /// Stamps of clouds, one per file of [`Drive::sweep_files`]; empty for captures.
+    pub fn sweep_stamps(&self) -> &[Stamp] {
+        &self.sweep_stamps
     }
     /// Exposures of all color cameras, by stamp, then camera.
     pub fn camera_frames(&self) -> &[Frame] {

@@ -26,6 +26,7 @@ pub mod problems;
 pub mod raw_mosaic;
 pub mod recording;
 pub mod robosense;
+pub mod semantic_kitti;
 pub mod sensor_calibration;
 pub mod sqlite;
 pub mod text_file;

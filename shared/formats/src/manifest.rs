@@ -157,10 +157,10 @@ pub struct ImuEntry {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TruthEntry {
-    /// `world_from_body` in TUM format, one line every 10 ms.
+    /// `world_from_body` in TUM format; simulated drives have a line every 10 ms.
     pub trajectory: String,
     /// Folder with one SemanticKITTI file per sweep, `<seq, 6 digits>.label`: a u32 per return in firing order, low 16 bits class,
-    /// high 16 bits instance.
+    /// high 16 bits instance. Sweeps without a file have no labels.
     /// Optional: a trajectory alone is ground truth, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<String>,

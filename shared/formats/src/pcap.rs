@@ -14,11 +14,13 @@ mod fragments;
 mod link;
 mod reader;
 mod recorder;
+mod tail;
 mod writer;
 
 pub use damage::Damage;
 pub use reader::{PacketReader, ReadStats, UdpPacket};
 pub use recorder::{Frontier, Recorder};
+pub use tail::last_stamp;
 pub use writer::Writer;
 
 use std::path::PathBuf;

@@ -2,7 +2,7 @@
 
 use crate::error::{At, ImportError};
 use crate::files::files;
-use crate::{nuscenes, ros};
+use crate::{mandeye, nuscenes, ros};
 use std::path::Path;
 
 /// A layout.
@@ -16,15 +16,31 @@ pub enum Kind {
     KittiOdometry,
     /// `nuScenes`: `samples/LIDAR_TOP` and `sweeps/LIDAR_TOP`, or `*.pcd.bin`; rows of x y z intensity ring as f32.
     Nuscenes,
+    /// `MandEye`: `lidar*.laz`, `imu*.csv`.
+    Mandeye,
     /// Rows of x y z intensity as f32.
     Bin,
     /// Point clouds of PCL.
     Pcd,
+    /// Point clouds of the Stanford format.
+    Ply,
+    /// Point clouds of ASPRS, also compressed: `*.las`, `*.laz`.
+    Las,
 }
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 6] = [Self::Ros, Self::KittiRaw, Self::KittiOdometry, Self::Nuscenes, Self::Bin, Self::Pcd];
+    pub const ALL: [Self; 9] = [
+        Self::Ros,
+        Self::KittiRaw,
+        Self::KittiOdometry,
+        Self::Nuscenes,
+        Self::Mandeye,
+        Self::Bin,
+        Self::Pcd,
+        Self::Ply,
+        Self::Las,
+    ];
 
     /// Value of `--kind`.
     pub fn name(self) -> &'static str {
@@ -35,6 +51,9 @@ impl Kind {
             Self::Nuscenes => "nuscenes",
             Self::Bin => "bin",
             Self::Pcd => "pcd",
+            Self::Ply => "ply",
+            Self::Las => "las",
+            Self::Mandeye => "mandeye",
         }
     }
 
@@ -50,7 +69,8 @@ impl Kind {
             Self::KittiRaw => "KITTI raw",
             Self::KittiOdometry => "KITTI odometry",
             Self::Nuscenes => "nuScenes",
-            Self::Bin | Self::Pcd => "bare sweeps",
+            Self::Mandeye => "MandEye",
+            Self::Bin | Self::Pcd | Self::Ply | Self::Las => "bare sweeps",
         }
     }
 
@@ -63,6 +83,9 @@ impl Kind {
             Self::Nuscenes => "sweeps/LIDAR_TOP or *.pcd.bin",
             Self::Bin => "*.bin",
             Self::Pcd => "*.pcd",
+            Self::Ply => "*.ply",
+            Self::Las => "*.las or *.laz",
+            Self::Mandeye => "lidar*.laz",
         }
     }
 
@@ -75,6 +98,9 @@ impl Kind {
             Self::Nuscenes => nuscenes::lidar_folders(source).next().is_some() || has(".pcd.bin")?,
             Self::Bin => has(".bin")?,
             Self::Pcd => has(".pcd")?,
+            Self::Ply => has(".ply")?,
+            Self::Las => has(".las")? || has(".laz")?,
+            Self::Mandeye => !mandeye::lidar_files(source)?.is_empty(),
         })
     }
 

@@ -15,7 +15,7 @@ const MAX_NAMED: usize = 8;
 /// One line per folder with files that are not imported, and one per single file.
 pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportError> {
     let mut taken: BTreeSet<PathBuf> = found.links.iter().map(|link| link.original.clone()).collect();
-    for path in &found.read {
+    for path in found.read.iter().chain(found.conversions.iter().flat_map(|conversion| &conversion.originals)) {
         taken.insert(path.canonicalize().at(path)?);
     }
     let mut folders = BTreeMap::new();
@@ -35,7 +35,8 @@ pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportErr
     }
     // KITTI raw keeps the calibration of a day beside its drives.
     if let (Kind::KittiRaw, Some(parent)) = (found.kind, source.canonicalize().at(source)?.parent()) {
-        for (name, _) in files(parent, ".txt")?.iter().filter(|(name, _)| name.starts_with("calib")) {
+        let is_left = |(name, path): &&(String, PathBuf)| name.starts_with("calib") && !taken.contains(path);
+        for (name, _) in files(parent, ".txt")?.iter().filter(is_left) {
             lines.push(format!("not imported: ../{name}{}", meaning(Path::new(name))));
         }
     }

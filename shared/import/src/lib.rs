@@ -1,18 +1,24 @@
-//! Imports recordings and data sets of others as drive folders (`docs/guide/own_drive.md`).
+//! Imports recordings and data sets of others as drive folders (`docs/guide/import_data_sets.md`).
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
 
-mod bare;
+mod cameras;
 mod error;
 mod files;
+mod imu_units;
 mod kind;
 mod kitti;
+mod las;
 mod left_out;
+mod mandeye;
+mod numbered;
 mod nuscenes;
+mod plain;
 mod plan;
 mod ros;
 mod rows;
 mod sweeps;
+mod timed_pcd;
 mod times;
 
 pub use error::{ImportError, Rule};
@@ -35,6 +41,10 @@ pub struct Options {
     pub model: Option<Model>,
     /// `nuScenes`: file names up to `__LIDAR_TOP__` of the drive to import, if the folder holds several.
     pub log: Option<String>,
+    /// `nuScenes` with tables: name of the scene to import, if there are several.
+    pub scene: Option<String>,
+    /// Sweeps and their times alone, for sources whose calibration is absent.
+    pub lidar_only: bool,
     /// ROS bags.
     pub ros: RosOptions,
 }
@@ -46,8 +56,12 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
         return Err(ImportError::at(out, "exists already"));
     }
     let kind = options.kind.map_or_else(|| Kind::recognize(source), Ok)?;
-    if options.log.is_some() && kind != Kind::Nuscenes {
-        return Err(ImportError::of_option("--log", format!("{} has no logs", kind.title())));
+    for (name, is_given, what) in
+        [("--log", options.log.is_some(), "logs"), ("--scene", options.scene.is_some(), "scenes")]
+    {
+        if is_given && kind != Kind::Nuscenes {
+            return Err(ImportError::of_option(name, format!("{} has no {what}", kind.title())));
+        }
     }
     if options.ros != RosOptions::default() && kind != Kind::Ros {
         let rule = format!("{} has no topics, frames or calibration to choose", kind.title());
@@ -70,10 +84,11 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
 fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan, ImportError> {
     match kind {
         Kind::Ros => ros::plan(source, out, options),
-        Kind::KittiRaw => kitti::raw(source, options),
-        Kind::KittiOdometry => kitti::odometry(source, options),
+        Kind::KittiRaw => kitti::raw::plan(source, options),
+        Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),
-        Kind::Bin | Kind::Pcd => bare::plan(kind, source, options),
+        Kind::Mandeye => mandeye::plan(source, options),
+        Kind::Bin | Kind::Pcd | Kind::Ply | Kind::Las => plain::plan(kind, source, options),
     }
 }
 

@@ -1,84 +1,62 @@
-//! nuScenes (Caesar et al., CVPR 2020).
+//! nuScenes (Caesar et al., CVPR 2020), with or without its tables.
 
-use crate::error::ImportError;
-use crate::files::files;
+mod boxes;
+mod labels;
+mod scene;
+mod scene_choice;
+mod sweep_files;
+mod table;
+
+use crate::Options;
+use crate::error::{At, ImportError};
 use crate::plan::Plan;
-use crate::rows::{self, Rows};
-use crate::sweeps::{LIDAR_FOLDER, Sweeps};
-use crate::{Kind, Options};
-use formats::manifest::{LidarEntry, Manifest};
-use formats::nuscenes::{self, SweepName};
+use crate::sweeps::LIDAR_FOLDER;
+use formats::manifest::{LidarEntry, PoseEntry};
 use formats::velodyne;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// A longer time between two sweeps is a gap of the data set, ns.
-const GAP_NANOS: i64 = 1_000_000_000;
-/// Logs that an error names.
-const MAX_NAMED: usize = 8;
 
 /// Key frames are in `samples`, the sweeps between them in `sweeps`.
 pub(crate) fn lidar_folders(source: &Path) -> impl Iterator<Item = PathBuf> {
     ["samples/LIDAR_TOP", "sweeps/LIDAR_TOP"].map(|folder| source.join(folder)).into_iter().filter(|path| path.is_dir())
 }
 
-/// The drive of a folder.
+/// The drive of a scene, or of the sweeps of a log.
 pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError> {
-    let mut folders: Vec<PathBuf> = lidar_folders(source).collect();
-    if folders.is_empty() {
-        folders.push(source.to_owned());
+    let tables = if options.lidar_only { Vec::new() } else { table_folders(source)? };
+    if !tables.is_empty() {
+        return scene::plan(source, &tables, options);
     }
-    let mut logs: BTreeMap<String, Vec<(i64, String, PathBuf)>> = BTreeMap::new();
-    for folder in &folders {
-        for (file_name, path) in files(folder, ".bin")? {
-            let Some(name) = SweepName::parse(&file_name) else {
-                return Err(ImportError::at(&path, "name must be <log>__LIDAR_TOP__<microseconds>.pcd.bin"));
-            };
-            logs.entry(name.log).or_default().push((name.end.0 - nuscenes::TURN_NANOS, file_name, path));
+    if options.scene.is_some() {
+        return Err(ImportError::of_option("--scene", "needs the tables: a folder v1.0-* with sample_data.json"));
+    }
+    let mut plan = sweep_files::plan(source, options)?;
+    if !options.lidar_only {
+        plan.report.push("no tables (v1.0-*/sample_data.json): sweeps alone, without cameras, poses and labels".into());
+    }
+    Ok(plan)
+}
+
+/// Folders of tables, one for each version of the data set.
+fn table_folders(source: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let mut folders = Vec::new();
+    for entry in source.read_dir().at(source)? {
+        let path = entry.at(source)?.path();
+        let is_version = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("v1.0-"));
+        if is_version && path.join("sample_data.json").is_file() {
+            folders.push(path);
         }
     }
-    let mut found = of_log(source, logs, options.log.as_deref())?;
-    found.sort();
-    let times: Vec<i64> = found.iter().map(|(time, ..)| *time).collect();
-    let n_gaps = times.windows(2).filter(|pair| pair[1] - pair[0] > GAP_NANOS).count();
-    // The number keeps the order of the times in a listing by name.
-    let file = |(number, (_, name, path)): (usize, (i64, String, PathBuf))| (format!("{number:06}_{name}"), path);
-    let sweeps = Sweeps { files: found.into_iter().enumerate().map(file).collect(), times: Some(times) };
-    sweeps.check(source)?;
-    rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
-    let mut report = vec![
-        sweeps.report(),
-        "the body frame is at the LiDAR, with x forward; its height above the ground is not known".into(),
-    ];
-    if n_gaps > 0 {
-        report.push(format!("{n_gaps} gaps of more than 1 s between sweeps: odometry cannot bridge them"));
-    }
-    let lidar = LidarEntry {
+    folders.sort();
+    Ok(folders)
+}
+
+/// The LiDAR.
+fn lidar(options: &Options, body_from_lidar: PoseEntry) -> LidarEntry {
+    LidarEntry {
         model: options.model.unwrap_or(velodyne::Model::Hdl32e.into()).name().into(),
         format: "nuscenes".into(),
         folder: LIDAR_FOLDER.into(),
         calibration: None,
-        body_from_lidar: nuscenes::BODY_FROM_LIDAR,
-    };
-    Ok(Plan {
-        kind: Kind::Nuscenes,
-        manifest: Manifest::of_lidar(&crate::drive_name(source, Kind::Nuscenes), lidar),
-        links: sweeps.links(),
-        texts: sweeps.times_file().into_iter().collect(),
-        read: Vec::new(),
-        report,
-    })
-}
-
-/// The sweeps of the chosen log, or of the only one.
-fn of_log<T>(source: &Path, mut logs: BTreeMap<String, Vec<T>>, log: Option<&str>) -> Result<Vec<T>, ImportError> {
-    match (log, logs.len()) {
-        (Some(log), _) => logs.remove(log).ok_or_else(|| ImportError::at(source, format!("no log {log}"))),
-        (None, 0 | 1) => Ok(logs.pop_first().map(|(_, sweeps)| sweeps).unwrap_or_default()),
-        (None, n) => {
-            let names = logs.keys().take(MAX_NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
-            let more = if n > MAX_NAMED { ", ..." } else { "" };
-            Err(ImportError::at(source, format!("{n} logs; choose one with --log: {names}{more}")))
-        }
+        body_from_lidar,
     }
 }

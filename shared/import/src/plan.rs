@@ -2,18 +2,21 @@
 
 use crate::Kind;
 use crate::error::{At, ImportError};
+use crate::sweeps::Sweeps;
 use formats::drive::MANIFEST_FILE;
-use formats::manifest::Manifest;
+use formats::manifest::{LidarEntry, Manifest, TruthEntry};
+use formats::trajectory::tum_from_trajectory;
+use geometry::Trajectory;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Content of a drive folder, besides the files that are converted while the source is read.
-#[derive(Debug)]
 pub(crate) struct Plan {
     pub kind: Kind,
     pub manifest: Manifest,
     pub links: Vec<Link>,
     pub texts: Vec<TextFile>,
+    pub conversions: Vec<Conversion>,
     /// Files of the source that were read into the manifest or into texts.
     pub read: Vec<PathBuf>,
     /// Lines for the operator: what was taken, and how.
@@ -35,7 +38,40 @@ pub(crate) struct TextFile {
     pub text: String,
 }
 
+/// A file that is made of files of the source, one at a time while the folder is written.
+pub(crate) struct Conversion {
+    pub place: PathBuf,
+    /// The files of the source.
+    pub originals: Vec<PathBuf>,
+    pub bytes: Box<dyn Fn() -> Result<Vec<u8>, ImportError>>,
+}
+
 impl Plan {
+    /// A drive with a LiDAR alone.
+    pub fn of_sweeps(kind: Kind, name: &str, lidar: LidarEntry, sweeps: &Sweeps) -> Self {
+        Self {
+            kind,
+            manifest: Manifest::of_lidar(name, lidar),
+            links: sweeps.links(),
+            texts: sweeps.times_file().into_iter().collect(),
+            conversions: Vec::new(),
+            read: Vec::new(),
+            report: vec![sweeps.report()],
+        }
+    }
+
+    /// Adds the true trajectory, and the folder of the labels if there are any.
+    pub fn add_truth(&mut self, trajectory: &Trajectory, labels: Option<&str>) {
+        let place = "truth/trajectory.txt";
+        self.texts.push(TextFile { place: place.into(), text: tum_from_trajectory(trajectory) });
+        self.manifest.truth = Some(TruthEntry {
+            trajectory: place.into(),
+            labels: labels.map(str::to_owned),
+            calibration: None,
+            gnss: None,
+        });
+    }
+
     /// Writes the folder, which exists and is empty.
     pub fn write(&self, out: &Path) -> Result<(), ImportError> {
         for link in &self.links {
@@ -45,6 +81,10 @@ impl Plan {
         for file in &self.texts {
             let path = in_folder(out, &file.place)?;
             fs::write(&path, &file.text).at(&path)?;
+        }
+        for conversion in &self.conversions {
+            let path = in_folder(out, &conversion.place)?;
+            fs::write(&path, (conversion.bytes)()?).at(&path)?;
         }
         let path = out.join(MANIFEST_FILE);
         let text = toml::to_string(&self.manifest).at(&path)?;

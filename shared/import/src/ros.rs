@@ -63,7 +63,15 @@ pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan,
     let mut read = bag.files().to_vec();
     let metadata = source.join(bag::METADATA);
     read.extend(metadata.is_file().then_some(metadata));
-    Ok(Plan { kind: Kind::Ros, manifest: parts.manifest, links: parts.links, texts: parts.texts, read, report })
+    Ok(Plan {
+        kind: Kind::Ros,
+        manifest: parts.manifest,
+        links: parts.links,
+        texts: parts.texts,
+        conversions: Vec::new(),
+        read,
+        report,
+    })
 }
 
 /// One line per topic that is not taken.

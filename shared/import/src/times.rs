@@ -1,19 +1,6 @@
-//! Times of sweeps in text files.
+//! Forms of times in text files.
 
-use crate::error::{At, ImportError};
 use formats::calendar::{DAY_NANOS, days_from_date};
-use std::fs;
-use std::path::Path;
-
-/// One time per line, ns.
-pub(crate) fn read_times(path: &Path, nanos: fn(&str) -> Option<i64>) -> Result<Vec<i64>, ImportError> {
-    let text = fs::read_to_string(path).at(path)?;
-    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let time = |(index, line): (usize, &str)| {
-        nanos(line.trim()).ok_or_else(|| ImportError::at_line(path, index + 1, format!("{line:?} is not a valid time")))
-    };
-    lines.map(time).collect()
-}
 
 /// KITTI odometry: seconds since the first sweep.
 pub(crate) fn nanos_of_seconds(text: &str) -> Option<i64> {

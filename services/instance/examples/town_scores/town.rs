@@ -1,6 +1,6 @@
 //! A simulated drive as submaps, as the stage `slam_aggregate` would publish them with true poses.
 
-use formats::drive::{Drive, SweepInfo, TrueLabel};
+use formats::drive::{Drive, Shot, SweepInfo, TrueLabel};
 use formats::lidar::SweepPoint;
 use geometry::{Point3, Pose, Stamp, Trajectory, Vector3};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep, pose_numbers};
@@ -51,8 +51,9 @@ impl TownSubmap {
         let ends = pose_at(0).zip(pose_at(sweep.duration_nanos));
         let Some((begin, end)) = ends else { return };
         for found in returns {
-            let label = truth.labels.find(sweep.stamp.0 + i64::from(found.offset_nanos), found.ring);
-            let (Some(pose), Some(label)) = (pose_at(found.offset_nanos), label) else { continue };
+            let stamp = sweep.stamp.0 + i64::from(found.offset_nanos);
+            let shot = Shot { stamp, ring: found.ring, azimuth: Some(found.azimuth), range_m: None };
+            let (Some(pose), Ok(label)) = (pose_at(found.offset_nanos), truth.labels.find(&shot)) else { continue };
             let p_in_submap = pose * Point3::new(found.x, found.y, found.z).cast();
             let [x, y, z] = p_in_submap.coords.map(|v| v as f32).into();
             let (offset_nanos, azimuth, intensity, ring) =

@@ -85,15 +85,16 @@ pub fn returns_from_cloud(points: &[CloudPoint], lidar: &Lidar) -> Vec<SweepPoin
     returns(points, |p| FiredPoint { point: *p, ..FiredPoint::default() }, |p| rings.nearest(p))
 }
 
+/// Whether a point of a cloud file is a return; others are left out of the sweep, and have no label in a drive.
+pub fn is_return(p: &CloudPoint) -> bool {
+    let range_m = (p.x * p.x + p.y * p.y + p.z * p.z).sqrt();
+    range_m.is_finite() && range_m > MIN_RANGE_M
+}
+
 /// See [`returns_from_cloud`]: point with its time, and ring of a row.
 fn returns<T>(rows: &[T], fired: impl Fn(&T) -> FiredPoint, ring: impl Fn(&T) -> u8) -> Vec<SweepPoint> {
     let is_fraction = rows.iter().all(|row| fired(row).point.intensity <= 1.0);
     let scale = if is_fraction { 255.0 } else { 1.0 };
-    let is_return = |row: &&T| {
-        let p = fired(row).point;
-        let range_m = (p.x * p.x + p.y * p.y + p.z * p.z).sqrt();
-        range_m.is_finite() && range_m > MIN_RANGE_M
-    };
     let one = |row: &T| {
         let FiredPoint { point: p, offset_nanos, .. } = fired(row);
         SweepPoint {
@@ -107,7 +108,7 @@ fn returns<T>(rows: &[T], fired: impl Fn(&T) -> FiredPoint, ring: impl Fn(&T) ->
             ring: ring(row),
         }
     };
-    rows.iter().filter(is_return).map(one).collect()
+    rows.iter().filter(|row| is_return(&fired(row).point)).map(one).collect()
 }
 
 /// Elevations of the lower 32 beams of the HDL-64E of KITTI, lowest first, deg: medians over sweeps of its raw recordings, whose

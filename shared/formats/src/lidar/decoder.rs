@@ -48,7 +48,7 @@ enum Maker {
 
 impl Lidar {
     /// Whether it may have sent a payload as a data packet.
-    pub(super) fn may_have_sent(&self, payload: &[u8]) -> bool {
+    pub fn may_have_sent(&self, payload: &[u8]) -> bool {
         match (self.model(), &self.beams) {
             (Model::Velodyne(model), _) => {
                 velodyne::DataPacket::new(payload).is_some_and(|packet| model.may_have_sent(packet))

@@ -115,6 +115,14 @@ impl Records {
         &self.path
     }
 
+    /// Whether a classic pcap is big-endian, and the unit of its fractions of a second, ns; `None` for pcapng.
+    pub(super) fn classic(&self) -> Option<(bool, i64)> {
+        match self.format {
+            Format::Classic { fraction_nanos, .. } => Some((self.big_endian, fraction_nanos)),
+            Format::Ng { .. } => None,
+        }
+    }
+
     /// Offset of the next record.
     pub(super) fn offset(&self) -> u64 {
         self.offset

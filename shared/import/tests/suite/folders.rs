@@ -29,7 +29,8 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
     write_file(&raw.join("image_02/timestamps.txt"), dates);
     write_file(&raw.join("oxts/data/0000000000.txt"), "1 2 3\n");
     write_file(&folder.path().join("day/calib_velo_to_cam.txt"), "R: 1\n");
-    let import = of(&raw, &folder);
+    let mut import = of(&raw, &folder);
+    import.options.lidar_only = true;
     let report = import.run().expect("imports");
     assert!(report[0].ends_with("drive: 3 sweeps of hdl64e (KITTI raw)"), "{report:?}");
     assert_eq!(

@@ -1,6 +1,12 @@
 //! All tests of the crate's public interface in one program.
 
 mod folders;
+mod kitti_odometry;
+mod kitti_raw;
+mod las_file;
+mod mandeye;
+mod nuscenes_scene;
+mod plain_folders;
 mod ros;
 mod ros_damage;
 mod ros_real;

@@ -31,6 +31,12 @@ pub fn of(source: impl Into<PathBuf>, folder: &TempDir) -> Import {
     Import { source: source.into(), out: folder.path().join("drive"), options: Options::default() }
 }
 
+/// The header of a PNG image.
+pub fn png(width: u32, height: u32) -> Vec<u8> {
+    let begin = b"\x89PNG\r\n\x1a\n\x00\x00\x00\x0dIHDR";
+    [&begin[..], &width.to_be_bytes(), &height.to_be_bytes(), &[8, 2, 0, 0, 0]].concat()
+}
+
 /// Error of an import that fails; nothing remains of it.
 pub fn error(import: &Import) -> String {
     let error = import.run().expect_err("is refused");

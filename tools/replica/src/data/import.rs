@@ -16,19 +16,26 @@ use std::process::ExitCode;
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
     /// ROS bag (*.bag, *.mcap, *.db3, or the folder of a ROS 2 bag); folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
-    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), or of *.bin or *.pcd sweeps; or the calibration file of a Ladybug (.cal)
+    /// `sweeps/LIDAR_TOP`, or *.pcd.bin), of `MandEye` (with `lidar*.laz`), or of *.bin, *.pcd, *.ply, *.las or *.laz sweeps; or
+    /// the calibration file of a Ladybug (.cal)
     source: PathBuf,
     /// Drive folder to create; for a calibration, the file to write its `[[camera]]` entries of a drive.toml to
     out: PathBuf,
     /// Layout of the source; without it the layout is recognized, and files that do not fit it are refused
     #[arg(long, value_parser = kind)]
     kind: Option<Kind>,
-    /// Model of the LiDAR, as in drive.toml; default hdl32e for nuScenes, by packets or number of rings for ROS bags, else hdl64e
+    /// Model of the LiDAR, as in drive.toml; default hdl32e for nuScenes, mid360 for `MandEye`, by packets or number of rings for ROS bags, else hdl64e
     #[arg(long, value_parser = model)]
     model: Option<Model>,
     /// nuScenes: the drive to import if the folder holds several: the file names up to `__LIDAR_TOP__`
     #[arg(long)]
     log: Option<String>,
+    /// nuScenes: the scene to import if the tables have several, for example scene-0061
+    #[arg(long)]
+    scene: Option<String>,
+    /// Import the sweeps and their times alone, for example without calibration files
+    #[arg(long)]
+    lidar_only: bool,
     /// ROS bag: topic of a role: lidar, camera.0, camera_info.0, imu, gnss, nmea or metadata (of an Ouster); `none` leaves out camera
     /// (all), imu, gnss or nmea. Other roles are chosen by type
     #[arg(long = "topic", value_name = "ROLE=NAME", value_parser = topic)]
@@ -82,7 +89,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         transforms: args.transforms.clone(),
         calibration: args.calibration.clone(),
     };
-    let options = Options { kind: args.kind, model: args.model, log: args.log.clone(), ros };
+    let options = Options {
+        kind: args.kind,
+        model: args.model,
+        log: args.log.clone(),
+        scene: args.scene.clone(),
+        lidar_only: args.lidar_only,
+        ros,
+    };
     for line in import::import(&args.source, &args.out, &options)? {
         println!("{line}");
     }

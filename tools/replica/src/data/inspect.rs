@@ -1,5 +1,6 @@
-//! `replica inspect`: what a cloud or a recording contains; the measured offset between points and images of a run.
+//! `replica inspect`: what a drive, a cloud or a recording contains; the measured offset between points and images of a run.
 
+mod drive;
 mod georeference;
 mod offset;
 mod recording;
@@ -7,24 +8,31 @@ mod recording;
 use crate::cloud_files::cloud_files;
 use crate::cloud_picture::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint, render, summarize};
 use crate::exit_code;
+use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
 use run::summary::Summary;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Show what a cloud, a run or a recording contains.
+/// Show what a drive, a cloud, a run or a recording contains.
 ///
-/// For clouds: points, bounds, classes and instances, and optionally a picture; for a run also the world frame with its standard
+/// For drives and captures: sensors, rates, gaps, clocks, coverage, doubts, and optionally a page with pictures. For clouds: points, bounds, classes and instances, and optionally a picture; for a run also the world frame with its standard
 /// deviations, and its doubts. For a recording: topics, counts and times.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Exit codes: 0 done, also if the run has doubts, which are printed; 1 failed, 2 wrong usage, 3 the recording is \
-                  not complete"
+    after_help = "Exit codes: 0 done, also if a run has doubts, which are printed; 1 failed, 2 wrong usage, 3 the recording is \
+                  not complete, or a drive has doubts"
 )]
 pub struct Args {
-    /// PLY file, output folder of a run, or recording (.mcap)
+    /// Drive folder, folder of sweeps, capture, PLY file, output folder of a run, or recording (.mcap)
     path: PathBuf,
+    /// Drive: read all sweeps and images, not a few of them
+    #[arg(long, conflicts_with_all = ["offset", "picture"])]
+    full: bool,
+    /// Drive: also write one HTML page with pictures and charts
+    #[arg(long, value_name = "HTML", conflicts_with_all = ["offset", "picture"])]
+    page: Option<PathBuf>,
     /// Show the offset between points and images instead, as the run in this output folder measured it
     #[arg(long, conflicts_with = "picture")]
     offset: bool,
@@ -58,6 +66,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let (table, complete) = recording::table(&args.path)?;
         let _ = std::io::stdout().write_all(table.as_bytes());
         return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
+    }
+    if drive::is_drive(&args.path) {
+        return drive::run(&args.path, args.full, args.page.as_deref());
+    }
+    if args.full || args.page.is_some() {
+        let path = args.path.display();
+        let rule = "--full and --page need a drive folder, a folder of sweeps or a capture";
+        return Err(UsageError(format!("{path}: {rule}")).into());
     }
     ensure!((0.0..=1.0).contains(&args.at), "--at {}: must be 0 to 1", args.at);
     let files = cloud_files(&args.path)?;

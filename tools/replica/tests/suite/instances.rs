@@ -1,7 +1,7 @@
 //! `replica evaluate instances` and `replica instances` on a drive with labels and on clouds like those of a run.
 
 use crate::support::{printed, replica, text};
-use formats::drive::Drive;
+use formats::drive::{Drive, Shot};
 use formats::ply::{Header, Kind, PlyWriter, Row};
 use messages::ClassId;
 use std::path::Path;
@@ -23,7 +23,8 @@ impl Returns {
             };
             for found in returns {
                 let nanos = sweep.stamp.0 + i64::from(found.offset_nanos);
-                let label = labels.find(nanos, found.ring).expect("every return has a label");
+                let shot = Shot { stamp: nanos, ring: found.ring, azimuth: Some(found.azimuth), range_m: None };
+                let label = labels.find(&shot).expect("every return has a label");
                 all.push((nanos as f64 * 1e-9, found.ring, label.class, i32::from(label.instance)));
             }
         }

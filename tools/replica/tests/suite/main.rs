@@ -3,6 +3,9 @@
 mod commands;
 mod compare;
 mod cube;
+mod evaluate_run;
+mod finished_run;
+mod inspect_drive;
 mod instances;
 mod spectrum;
 mod support;

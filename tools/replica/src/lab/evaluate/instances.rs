@@ -1,10 +1,11 @@
 //! `replica evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
 //! submap to the next counts as a miss and a false positive.
 
+use super::true_points::TruePoints;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use anyhow::{Context, bail, ensure};
-use formats::drive::{Drive, MANIFEST_FILE, TrueLabels};
+use formats::drive::{Drive, MANIFEST_FILE};
 use formats::ply::Vertices;
 use messages::ClassId;
 use scores::{InstanceScores, Overlaps, PointLabel};
@@ -49,13 +50,16 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> 
     let mut n_unknown = 0;
     let predicted_files = cloud_files(prediction)?;
     if truth.join(MANIFEST_FILE).is_file() {
-        let labels = Drive::open(truth)?.true_labels().map_err(|problem| anyhow::anyhow!("{problem}"))?;
+        let mut labels = TruePoints::open(Drive::open(truth)?)?;
         for file in &predicted_files {
             let cloud = Vertices::load(file)?;
-            for (predicted, truth) in point_labels(&cloud, file)?.into_iter().zip(labels_of(&labels, &cloud)?) {
+            let truth = labels.labels_of(&cloud).with_context(|| file.display().to_string())?;
+            for (predicted, truth) in point_labels(&cloud, file)?.into_iter().zip(truth) {
                 match truth {
-                    Some(truth) => overlaps.add(truth, predicted),
-                    None => n_unknown += 1,
+                    Ok(truth) => {
+                        overlaps.add(PointLabel { class: truth.class, instance: truth.instance.into() }, predicted);
+                    }
+                    Err(_) => n_unknown += 1,
                 }
             }
         }
@@ -84,18 +88,8 @@ fn point_labels(cloud: &Vertices, file: &Path) -> anyhow::Result<Vec<PointLabel>
     cloud.u8s("semantic")?.into_iter().zip(instances.into_iter().enumerate()).map(label).collect()
 }
 
-/// The true label of each point, found by time and ring.
-fn labels_of(labels: &TrueLabels, cloud: &Vertices) -> anyhow::Result<Vec<Option<PointLabel>>> {
-    let find = |(time_s, ring): (f64, u8)| {
-        // Whole seconds are handled separately: a double of seconds resolves 0.24 us, and one of nanoseconds would round again.
-        let nanos = (time_s.fract() * 1e9).round() as i64;
-        let label = labels.find(time_s.trunc() as i64 * 1_000_000_000 + nanos, ring)?;
-        Some(PointLabel { class: label.class, instance: label.instance.into() })
-    };
-    Ok(cloud.f64s("timestamp")?.into_iter().zip(cloud.u8s("ring")?).map(find).collect())
-}
-
-fn table(scores: &[InstanceScores]) -> String {
+/// A line per class.
+pub fn table(scores: &[InstanceScores]) -> String {
     let mut text =
         "| class | true | found | SM % | PQ % | SQ % | RQ % | mIoU % |\n|---|---|---|---|---|---|---|---|\n".to_owned();
     for score in scores {

@@ -14,11 +14,11 @@ use cost_chart::CostHistory;
 use formats::trajectory::{csv_from_trajectory, kitti_from_trajectory, times_from_trajectory, tum_from_trajectory};
 use geometry::Trajectory;
 use pose_input::{PoseFrame, PoseInput};
-pub use pose_input::{alignment_by_trajectory, true_trajectory};
-use report::Report;
+pub use pose_input::{RUN_TRAJECTORY, alignment_by_trajectory, true_trajectory};
+pub use report::Report;
 use scores::trajectory::{
-    Alignment, KITTI_LENGTHS_M, KITTI_STEP, PosePair, align, distances_along, intervals_by_count,
-    intervals_by_distance, kitti_segments, relative_errors,
+    AlignError, Alignment, Association, KITTI_LENGTHS_M, KITTI_STEP, PosePair, align, distances_along,
+    intervals_by_count, intervals_by_distance, kitti_segments, relative_errors,
 };
 use serde_json::Value;
 use std::io::Write;
@@ -131,9 +131,7 @@ fn evaluate(args: &Args) -> anyhow::Result<Option<Report>> {
         max_pause_ms: args.max_pause_ms,
         min_step_ms: args.min_step_ms,
     })?;
-    let unpaired = report::unpaired(&association);
-    let mut pairs = association.pairs;
-    if pairs.is_empty() {
+    if association.pairs.is_empty() {
         return Ok(None);
     }
     let alignment = match args.align {
@@ -142,26 +140,55 @@ fn evaluate(args: &Args) -> anyhow::Result<Option<Report>> {
         Align::Se3 => Alignment::Se3,
         Align::Sim3 => Alignment::Sim3,
     };
+    let intervals = Intervals {
+        lengths_m: if args.segments.is_empty() { &KITTI_LENGTHS_M[..] } else { &args.segments },
+        step: args.segment_step as usize,
+        rpe_poses: args.rpe_poses,
+        rpe_m: args.rpe_m,
+    };
+    let mut report = report(association, alignment, &intervals)?;
+    let names = [("truth", args.truth.display().to_string()), ("estimate", args.estimate.display().to_string())];
+    report.heading.splice(0..0, names);
+    report.heading.extend(step_times(&args.estimate).map(|text| ("step of slam_aggregate", text)));
+    Ok(Some(report))
+}
+
+/// The parts of a trajectory over which relative errors are computed.
+struct Intervals<'a> {
+    lengths_m: &'a [f64],
+    step: usize,
+    rpe_poses: u32,
+    rpe_m: f64,
+}
+
+/// The scores of a run, with the default settings of the command. A straight path is aligned by its first pose.
+pub fn report_of_run(association: Association) -> Result<Report, AlignError> {
+    let intervals = Intervals { lengths_m: &KITTI_LENGTHS_M, step: KITTI_STEP, rpe_poses: 1, rpe_m: 10.0 };
+    let is_straight = align(&association.pairs, Alignment::Se3) == Err(AlignError::OnALine);
+    let alignment = if is_straight { Alignment::First } else { Alignment::Se3 };
+    report(association, alignment, &intervals)
+}
+
+fn report(association: Association, alignment: Alignment, intervals: &Intervals<'_>) -> Result<Report, AlignError> {
+    let unpaired = report::unpaired(&association);
+    let mut pairs = association.pairs;
     let found = align(&pairs, alignment)?;
     found.apply(&mut pairs);
-    let lengths = if args.segments.is_empty() { &KITTI_LENGTHS_M[..] } else { &args.segments };
-    let plural = if args.rpe_poses == 1 { "" } else { "s" };
+    let Intervals { lengths_m, step, rpe_poses, rpe_m } = *intervals;
+    let plural = if rpe_poses == 1 { "" } else { "s" };
     let relative = [
-        (format!("RPE, {} pose{plural}", args.rpe_poses), intervals_by_count(pairs.len(), args.rpe_poses as usize)),
-        (format!("RPE, {} m", args.rpe_m), intervals_by_distance(&pairs, args.rpe_m)),
+        (format!("RPE, {rpe_poses} pose{plural}"), intervals_by_count(pairs.len(), rpe_poses as usize)),
+        (format!("RPE, {rpe_m} m"), intervals_by_distance(&pairs, rpe_m)),
     ];
     let relative = relative.map(|(name, intervals)| (name, relative_errors(&pairs, &intervals)));
     let seconds = pairs[pairs.len() - 1].stamp.seconds_since(pairs[0].stamp);
     let length_m = distances_along(&pairs).last().copied().unwrap_or(0.0);
-    let mut heading = vec![
-        ("truth", args.truth.display().to_string()),
-        ("estimate", args.estimate.display().to_string()),
+    let heading = vec![
         ("length of the truth", format!("{length_m:.2} m in {seconds:.2} s")),
         ("alignment", format!("{alignment:?}, scale {}", found.scale).to_lowercase()),
     ];
-    heading.extend(step_times(&args.estimate).map(|text| ("step of slam_aggregate", text)));
-    let segments = kitti_segments(&pairs, lengths, args.segment_step as usize);
-    Ok(Some(Report { heading, unpaired, pairs, relative: relative.into(), segments }))
+    let segments = kitti_segments(&pairs, lengths_m, step);
+    Ok(Report { heading, unpaired, pairs, relative: relative.into(), segments })
 }
 
 /// Durations of the steps of `slam_aggregate`, if the estimate is a run with a summary.

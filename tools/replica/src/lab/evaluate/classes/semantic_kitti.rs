@@ -2,40 +2,13 @@
 
 use super::point_confusion::{name_of, point_confusion};
 use anyhow::Context;
+use formats::semantic_kitti::CLASS_OF_BENCHMARK_ID;
 use geometry::SphericalGrid;
-use messages::ClassId::{
-    self, Building, Fence, Ground, GuardRail, Pedestrian, Pole, Road, RoadLine, Sidewalk, Terrain, TrafficSign,
-    Unlabeled, Vegetation, Vehicles, Wall,
-};
+use messages::ClassId::{self, Fence, GuardRail, Road, RoadLine, Unlabeled, Wall};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use scores::Confusion;
 use segmentation::{ModelInput, Segmenter};
 use std::path::{Path, PathBuf};
-
-/// Our classes for the ids 0 to 19 of the benchmark: unlabeled; car, bicycle, motorcycle, truck, other vehicle; person, bicyclist,
-/// motorcyclist; road, parking; sidewalk; other ground; building; fence; vegetation, trunk; terrain; pole; traffic sign.
-const CLASS_OF_ID: [ClassId; 20] = [
-    Unlabeled,
-    Vehicles,
-    Vehicles,
-    Vehicles,
-    Vehicles,
-    Vehicles,
-    Pedestrian,
-    Pedestrian,
-    Pedestrian,
-    Road,
-    Road,
-    Sidewalk,
-    Ground,
-    Building,
-    Fence,
-    Vegetation,
-    Vegetation,
-    Terrain,
-    Pole,
-    TrafficSign,
-];
 
 /// Merges classes that the benchmark does not distinguish: road lines are road; walls and guard rails are fences.
 fn as_labelled(class: u8) -> u8 {
@@ -79,7 +52,7 @@ fn labelled_sweep(path: &Path) -> anyhow::Result<LabelledSweep> {
     let ids: Vec<i32> = read_npy(&labels)?;
     let (n_points, n_labels) = (points.len(), ids.len());
     anyhow::ensure!(n_points == n_labels, "{}: {n_labels} labels for {n_points} points", labels.display());
-    let last = CLASS_OF_ID.len() - 1;
+    let last = CLASS_OF_BENCHMARK_ID.len() - 1;
     let checked = |id: i32| u32::try_from(id).ok().filter(|&id| id as usize <= last);
     let ids: Option<Vec<u32>> = ids.into_iter().map(checked).collect();
     let ids = ids.with_context(|| format!("{}: ids must be 0 to {last}", labels.display()))?;
@@ -95,7 +68,7 @@ fn confusion(model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<Con
     let (header, rows) = submap(&sweep.points);
     let mut classes = vec![ClassRow::default(); rows.len()];
     model.segment(&ModelInput { header: &header, points: &rows, colors: None }, &mut classes)?;
-    let truth: Vec<u8> = sweep.ids.iter().map(|&id| CLASS_OF_ID[id as usize] as u8).collect();
+    let truth: Vec<u8> = sweep.ids.iter().map(|&id| CLASS_OF_BENCHMARK_ID[id as usize] as u8).collect();
     let predicted: Vec<u8> = classes.iter().map(|row| as_labelled(row.class_id)).collect();
     Ok(point_confusion(&truth, &predicted, |class| class != Unlabeled as u8))
 }

@@ -9,7 +9,7 @@ use scores::trajectory::{Alignment, Association, align, associate, associate_by_
 use std::path::{Path, PathBuf};
 
 /// The trajectory file of a run, written by export.
-const RUN_TRAJECTORY: &str = "trajectory.txt";
+pub const RUN_TRAJECTORY: &str = "trajectory.txt";
 /// Poses without times are assumed to be at 10 Hz, as in KITTI.
 const PERIOD_NANOS: i64 = 100_000_000;
 

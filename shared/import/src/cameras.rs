@@ -1,0 +1,64 @@
+//! Color cameras whose images are linked under their stamps.
+
+use crate::error::{At, ImportError};
+use crate::plan::{Link, Plan};
+use formats::manifest::CameraEntry;
+use geometry::{CameraModel, Pose};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// A camera of a source.
+pub(crate) struct Camera {
+    /// Name in the data set.
+    pub name: String,
+    pub exposure_nanos: u64,
+    pub body_from_camera: Pose,
+    pub model: CameraModel,
+    /// ns since the Unix epoch, and absolute path.
+    pub images: Vec<(i64, PathBuf)>,
+    /// Stamps without an image.
+    pub n_absent: usize,
+}
+
+/// Adds the cameras to a drive, in this order.
+pub(crate) fn add(plan: &mut Plan, cameras: Vec<Camera>) -> Result<(), ImportError> {
+    for (index, camera) in cameras.into_iter().enumerate() {
+        let folder = format!("camera/{index}");
+        for pair in camera.images.windows(2) {
+            if pair[0].0 >= pair[1].0 {
+                let rule = format!("stamp {} must be after that of {}", pair[1].0, pair[0].1.display());
+                return Err(ImportError::at(&pair[1].1, rule));
+            }
+        }
+        let absent = match camera.n_absent {
+            0 => String::new(),
+            n => format!("; {n} stamps have no image"),
+        };
+        plan.report.push(format!("imported: {} images of camera {}{absent}", camera.images.len(), camera.name));
+        plan.links.extend(camera.images.into_iter().map(|(stamp, original)| {
+            let extension = original.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            Link { place: Path::new(&folder).join(format!("{stamp}.{extension}")), original }
+        }));
+        plan.manifest.cameras.push(CameraEntry {
+            name: camera.name,
+            folder,
+            exposure_nanos: camera.exposure_nanos,
+            body_from_camera: camera.body_from_camera.into(),
+            model: camera.model,
+        });
+    }
+    Ok(())
+}
+
+/// Columns and rows of a PNG file, from its header (W3C PNG, section 11.2.1).
+pub(crate) fn png_size(path: &Path) -> Result<[u32; 2], ImportError> {
+    let mut header = [0; 24];
+    let read = File::open(path).at(path)?.read_exact(&mut header);
+    let is_png = read.is_ok() && header.starts_with(b"\x89PNG\r\n\x1a\n") && &header[12..16] == b"IHDR";
+    if !is_png {
+        return Err(ImportError::at(path, "is not a PNG image: it does not begin with the header of one"));
+    }
+    let number = |at: usize| u32::from_be_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+    Ok([number(16), number(20)])
+}

@@ -1,0 +1,221 @@
+//! LAS and LAZ point clouds (ASPRS LAS 1.0 to 1.4), read in blocks.
+//!
+//! LAZ of the point formats 6 to 10 is refused: the sizes of its layers in memory are not bounded by the length of the file.
+
+use crate::error::{At, ImportError};
+use formats::cloud::CloudPoint;
+use laz::{LasZipDecompressor, LazVlr};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// Bytes of the header up to the offsets.
+const HEADER_BYTES: usize = 227;
+/// Bytes of points that are decoded at a time.
+const BLOCK_BYTES: usize = 1 << 21;
+/// Most points per byte of a compressed file. Real files have less than one.
+const MAX_POINTS_PER_BYTE: u64 = 8;
+/// Bytes of a record before the time, by point format; `None` without time.
+const TIME_AT: [Option<usize>; 11] =
+    [None, Some(20), None, Some(20), Some(20), Some(20), Some(22), Some(22), Some(22), Some(22), Some(22)];
+
+/// A point and its time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LasPoint {
+    pub point: CloudPoint,
+    /// GPS time, s; `None` in point formats without time.
+    pub time_s: Option<f64>,
+}
+
+/// What the header says.
+#[derive(Debug)]
+struct Layout {
+    data_at: u64,
+    n_points: u64,
+    record_bytes: usize,
+    time_at: Option<usize>,
+    scale: [f64; 3],
+    offset: [f64; 3],
+    /// Description of the compression.
+    laszip: Option<Vec<u8>>,
+}
+
+/// Passes all points of a file to `take`, block by block.
+pub(crate) fn each_block(
+    path: &Path,
+    mut take: impl FnMut(&[LasPoint]) -> Result<(), ImportError>,
+) -> Result<(), ImportError> {
+    let file = File::open(path).at(path)?;
+    let n_bytes = file.metadata().at(path)?.len();
+    let mut file = BufReader::new(file);
+    let layout = Layout::read(&mut file, n_bytes).map_err(|rule| ImportError::at(path, rule))?;
+    // A record has less than 2^16 bytes.
+    let block_points = BLOCK_BYTES / layout.record_bytes;
+    let mut bytes = vec![0; block_points * layout.record_bytes];
+    let mut decompressor = match &layout.laszip {
+        None => {
+            file.seek(SeekFrom::Start(layout.data_at)).at(path)?;
+            None
+        }
+        Some(vlr) => Some(decompressor(&layout, vlr, path)?),
+    };
+    let mut left = layout.n_points;
+    while left > 0 {
+        let n = (block_points as u64).min(left) as usize;
+        let block = &mut bytes[..n * layout.record_bytes];
+        match &mut decompressor {
+            None => file.read_exact(block).at(path)?,
+            Some(decompressor) => guarded(|| decompressor.decompress_many(block), path)?.at(path)?,
+        }
+        let points: Vec<LasPoint> =
+            block.chunks_exact(layout.record_bytes).map(|record| layout.point(record)).collect();
+        take(&points)?;
+        left -= n as u64;
+    }
+    Ok(())
+}
+
+/// The decoder panics on some damaged files.
+fn guarded<T>(decode: impl FnOnce() -> T, path: &Path) -> Result<T, ImportError> {
+    let decoded = catch_unwind(AssertUnwindSafe(decode));
+    decoded.map_err(|_| ImportError::at(path, "the decoder cannot handle the damage of the file"))
+}
+
+fn decompressor(
+    layout: &Layout,
+    vlr: &[u8],
+    path: &Path,
+) -> Result<LasZipDecompressor<'static, BufReader<File>>, ImportError> {
+    let vlr = LazVlr::from_buffer(vlr).at(path)?;
+    if vlr.items_size() != layout.record_bytes as u64 {
+        let rule = format!("compressed records of {} bytes, the header says {}", vlr.items_size(), layout.record_bytes);
+        return Err(ImportError::at(path, rule));
+    }
+    let mut source = BufReader::new(File::open(path).at(path)?);
+    source.seek(SeekFrom::Start(layout.data_at)).at(path)?;
+    guarded(move || LasZipDecompressor::new(source, vlr), path)?.at(path)
+}
+
+impl Layout {
+    fn read(file: &mut BufReader<File>, n_bytes: u64) -> Result<Self, String> {
+        let mut header = [0; HEADER_BYTES];
+        let read = file.read_exact(&mut header);
+        if read.is_err() || !header.starts_with(b"LASF") {
+            return Err("is not a LAS file: it does not begin with the header of one".into());
+        }
+        let header_bytes = u64::from(u16_at(&header, 94));
+        let data_at = u64::from(u32_at(&header, 96));
+        let (format, record_bytes) = (header[104] & 0x3f, usize::from(u16_at(&header, 105)));
+        let is_compressed = header[104] & 0x80 != 0;
+        let mut n_points = u64::from(u32_at(&header, 107));
+        if n_points == 0 && header_bytes >= 375 {
+            let mut long = [0; 8];
+            file.seek(SeekFrom::Start(247))
+                .and_then(|_| file.read_exact(&mut long))
+                .map_err(|error| error.to_string())?;
+            n_points = u64::from_le_bytes(long);
+        }
+        let time_at =
+            *TIME_AT.get(usize::from(format)).ok_or_else(|| format!("point format {format} must be 0 to 10"))?;
+        let least = time_at.map_or(20, |at| at + 8);
+        if record_bytes < least {
+            return Err(format!("records of {record_bytes} bytes; point format {format} has at least {least}"));
+        }
+        if is_compressed && format > 5 {
+            return Err(format!(
+                "LAZ of point format {format} is not read; decompress it to LAS, for example with laszip"
+            ));
+        }
+        let room = if is_compressed {
+            n_bytes.saturating_mul(MAX_POINTS_PER_BYTE)
+        } else {
+            n_bytes.saturating_sub(data_at) / record_bytes as u64
+        };
+        if n_points > room {
+            return Err(format!(
+                "{n_points} points of {record_bytes} bytes; {n_bytes} bytes of the file cannot hold them"
+            ));
+        }
+        let triple = |at: usize| [at, at + 8, at + 16].map(|at| f64_at(&header, at));
+        let (scale, offset) = (triple(131), triple(155));
+        if !scale.iter().chain(&offset).all(|value| value.is_finite()) {
+            return Err(format!("scale {scale:?} and offset {offset:?} must be finite"));
+        }
+        let mut layout = Self { data_at, n_points, record_bytes, time_at, scale, offset, laszip: None };
+        if is_compressed {
+            layout.laszip = Some(laszip(file, header_bytes, u32_at(&header, 100), data_at)?);
+            layout.check_chunks(file, n_bytes)?;
+        }
+        Ok(layout)
+    }
+
+    /// The decoder reserves memory for as many chunks as the file says.
+    fn check_chunks(&self, file: &mut BufReader<File>, n_bytes: u64) -> Result<(), String> {
+        let mut long = [0; 8];
+        let mut number_at = |at: u64| -> Result<[u8; 8], String> {
+            file.seek(SeekFrom::Start(at))
+                .and_then(|_| file.read_exact(&mut long))
+                .map_err(|error| error.to_string())?;
+            Ok(long)
+        };
+        let mut table_at = u64::from_le_bytes(number_at(self.data_at)?);
+        if table_at == u64::MAX {
+            table_at = u64::from_le_bytes(number_at(n_bytes.saturating_sub(8))?);
+        }
+        if table_at.saturating_add(8) > n_bytes {
+            return Err(format!(
+                "the table of the chunks begins at byte {table_at}; the file has {n_bytes}: it is cut"
+            ));
+        }
+        let [.., a, b, c, d] = number_at(table_at)?;
+        let n_chunks = u64::from(u32::from_le_bytes([a, b, c, d]));
+        if n_chunks > self.n_points {
+            return Err(format!("{n_chunks} chunks for {} points", self.n_points));
+        }
+        Ok(())
+    }
+
+    fn point(&self, record: &[u8]) -> LasPoint {
+        let value = |k: usize| (f64::from(u32_at(record, 4 * k) as i32) * self.scale[k] + self.offset[k]) as f32;
+        let intensity = f32::from(u16_at(record, 12));
+        LasPoint {
+            point: CloudPoint { x: value(0), y: value(1), z: value(2), intensity },
+            time_s: self.time_at.map(|at| f64_at(record, at)),
+        }
+    }
+}
+
+/// The description of the compression among the variable length records.
+fn laszip(file: &mut BufReader<File>, header_bytes: u64, n_records: u32, data_at: u64) -> Result<Vec<u8>, String> {
+    let mut at = header_bytes;
+    for _ in 0..n_records {
+        let mut head = [0; 54];
+        if at + 54 > data_at {
+            break;
+        }
+        file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut head)).map_err(|error| error.to_string())?;
+        let length = usize::from(u16_at(&head, 20));
+        if head[2..18].starts_with(b"laszip encoded") && u16_at(&head, 18) == 22_204 {
+            let mut data = vec![0; length];
+            file.read_exact(&mut data).map_err(|error| error.to_string())?;
+            return Ok(data);
+        }
+        at += 54 + length as u64;
+    }
+    Err("is compressed, but has no record \"laszip encoded\"".into())
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([bytes[at], bytes[at + 1]])
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+fn f64_at(bytes: &[u8], at: usize) -> f64 {
+    let mut long = [0; 8];
+    long.copy_from_slice(&bytes[at..at + 8]);
+    f64::from_le_bytes(long)
+}

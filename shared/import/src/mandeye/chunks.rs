@@ -1,0 +1,105 @@
+//! Sweeps cut from chunks of points.
+
+use crate::error::ImportError;
+use crate::las::{LasPoint, each_block};
+use crate::timed_pcd::timed_pcd;
+use formats::cloud::CloudPoint;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::{Path, PathBuf};
+
+/// Duration of a sweep, ns.
+const SWEEP_NANOS: i64 = 100_000_000;
+/// Times beyond this are damage, s: the year 2255.
+const MAX_TIME_S: f64 = 9e9;
+
+/// The chunks, and the sweeps in them.
+pub(super) struct Chunks {
+    files: Vec<PathBuf>,
+    sweeps: Vec<Sweep>,
+    /// Points of the chunks that the last sweep was cut from, by the index of their file: a sweep may begin in one chunk and end in
+    /// the next.
+    loaded: RefCell<BTreeMap<usize, Vec<(i64, CloudPoint)>>>,
+}
+
+/// The points of a tenth of a second.
+pub(super) struct Sweep {
+    /// Time of the first point, ns.
+    pub stamp: i64,
+    pub n_points: usize,
+    /// Number of tenths of a second.
+    tenth: i64,
+    /// Indexes of the first and of the last file with points of it.
+    files: (usize, usize),
+}
+
+impl Chunks {
+    /// Reads the times of all points.
+    pub fn scan(files: Vec<PathBuf>) -> Result<Self, ImportError> {
+        let mut sweeps: BTreeMap<i64, Sweep> = BTreeMap::new();
+        for (index, path) in files.iter().enumerate() {
+            each_point(path, |nanos, _| {
+                let tenth = nanos.div_euclid(SWEEP_NANOS);
+                let new = || Sweep { stamp: nanos, n_points: 0, tenth, files: (index, index) };
+                let sweep = sweeps.entry(tenth).or_insert_with(new);
+                sweep.stamp = sweep.stamp.min(nanos);
+                sweep.n_points += 1;
+                sweep.files.1 = index;
+            })?;
+        }
+        Ok(Self { files, sweeps: sweeps.into_values().collect(), loaded: RefCell::new(BTreeMap::new()) })
+    }
+
+    pub fn sweeps(&self) -> &[Sweep] {
+        &self.sweeps
+    }
+
+    /// The file of a sweep. Sweeps in their order need the points of one chunk at a time, at a border of two.
+    pub fn sweep(&self, seq: usize) -> Result<Vec<u8>, ImportError> {
+        let sweep = &self.sweeps[seq];
+        let (first, last) = sweep.files;
+        let mut loaded = self.loaded.borrow_mut();
+        loaded.retain(|index, _| (first..=last).contains(index));
+        let (from, to) = (sweep.tenth * SWEEP_NANOS, (sweep.tenth + 1) * SWEEP_NANOS);
+        let mut points = Vec::with_capacity(sweep.n_points);
+        for index in first..=last {
+            let chunk = match loaded.entry(index) {
+                Entry::Occupied(chunk) => chunk.into_mut(),
+                Entry::Vacant(place) => place.insert(sorted(&self.files[index])?),
+            };
+            let begin = chunk.partition_point(|(nanos, _)| *nanos < from);
+            points.extend(chunk[begin..].iter().take_while(|(nanos, _)| *nanos < to));
+        }
+        points.sort_by_key(|(nanos, _)| *nanos);
+        let timed: Vec<(CloudPoint, u32)> =
+            points.into_iter().map(|(nanos, point)| (point, (nanos - sweep.stamp) as u32)).collect();
+        Ok(timed_pcd(&timed))
+    }
+}
+
+/// All points of a chunk by time.
+fn sorted(path: &Path) -> Result<Vec<(i64, CloudPoint)>, ImportError> {
+    let mut points = Vec::new();
+    each_point(path, |nanos, point| points.push((nanos, *point)))?;
+    points.sort_by_key(|(nanos, _)| *nanos);
+    Ok(points)
+}
+
+/// Passes time, ns, and point.
+fn each_point(path: &Path, mut take: impl FnMut(i64, &CloudPoint)) -> Result<(), ImportError> {
+    let mut index = 0_u64;
+    each_block(path, |block| {
+        for LasPoint { point, time_s } in block {
+            // Points without times are refused as well.
+            let time_s = time_s.unwrap_or(f64::NAN);
+            if !(0.0..MAX_TIME_S).contains(&time_s) {
+                let rule = format!("point {index} has the time {time_s} s; it must be 0 to {MAX_TIME_S}");
+                return Err(ImportError::at(path, rule));
+            }
+            take((time_s * 1e9).round() as i64, point);
+            index += 1;
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,63 @@
+//! Tables: JSON arrays of rows. They have up to a gigabyte, so rows are read one at a time.
+
+use crate::error::{At, ImportError};
+use geometry::{Isometry3, Pose, Quaternion, UnitQuaternion};
+use serde::de::{DeserializeOwned, Deserializer, Error, SeqAccess, Visitor};
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::marker::PhantomData;
+use std::path::Path;
+
+/// Largest deviation of a quaternion's norm from 1.
+const NORM_TOLERANCE: f64 = 1e-3;
+
+/// Passes each row of a table to `take`, which returns what is wrong with it.
+pub(super) fn each_row<T: DeserializeOwned>(
+    path: &Path,
+    take: impl FnMut(T) -> Result<(), String>,
+) -> Result<(), ImportError> {
+    let file = File::open(path).at(path)?;
+    let mut json = serde_json::Deserializer::from_reader(BufReader::new(file));
+    json.deserialize_seq(Rows { take, row: PhantomData }).at(path)?;
+    json.end().at(path)
+}
+
+/// All rows of a small table.
+pub(super) fn rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, ImportError> {
+    let mut rows = Vec::new();
+    each_row(path, |row| {
+        rows.push(row);
+        Ok(())
+    })?;
+    Ok(rows)
+}
+
+struct Rows<F, T> {
+    take: F,
+    row: PhantomData<T>,
+}
+
+impl<'de, T: DeserializeOwned, F: FnMut(T) -> Result<(), String>> Visitor<'de> for Rows<F, T> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an array of rows")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(mut self, mut rows: A) -> Result<(), A::Error> {
+        while let Some(row) = rows.next_element()? {
+            (self.take)(row).map_err(A::Error::custom)?;
+        }
+        Ok(())
+    }
+}
+
+/// A pose of translation in m and rotation w x y z.
+pub(super) fn pose(translation: [f64; 3], [w, x, y, z]: [f64; 4]) -> Result<Pose, String> {
+    let quaternion = Quaternion::new(w, x, y, z);
+    if (quaternion.norm() - 1.0).abs() > NORM_TOLERANCE {
+        return Err(format!("rotation {:?} must be a unit quaternion w x y z", [w, x, y, z]));
+    }
+    Ok(Isometry3::from_parts(translation.into(), UnitQuaternion::from_quaternion(quaternion)))
+}

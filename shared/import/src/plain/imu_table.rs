@@ -1,0 +1,101 @@
+//! IMU samples in tables of others: a header names the columns.
+
+use super::stamp_text::nanos;
+use crate::error::{At, ImportError};
+use crate::imu_units::to_metric;
+use formats::imu::{ImuSample, csv_from_samples};
+use geometry::Stamp;
+use std::fs;
+use std::path::Path;
+
+/// Beginnings of the names of a column of stamps, in lower case without other characters than letters and digits.
+const STAMPS: [&str; 4] = ["timestamp", "stamp", "time", "t"];
+/// Names of the columns of accelerations and of rates, without their axis.
+const ACCELERATIONS: [&str; 6] = ["a", "acc", "accel", "linearacceleration", "arss", "acceleration"];
+const RATES: [&str; 6] = ["w", "gyro", "gyr", "angularvelocity", "wrss", "omega"];
+
+/// A table in the form of a drive.
+pub(super) struct ImuTable {
+    pub text: String,
+    pub n_samples: usize,
+    /// How the values were converted, for the operator.
+    pub note: &'static str,
+}
+
+/// Places of the columns.
+struct Columns {
+    /// Seconds and ns in two columns, or one stamp.
+    stamp: (usize, Option<usize>),
+    values: [usize; 6],
+}
+
+/// Reads a table. Accelerations in g become m/s^2.
+pub(super) fn read(path: &Path) -> Result<ImuTable, ImportError> {
+    let text = fs::read_to_string(path).at(path)?;
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+    let header = lines.next().map(|(_, line)| words(line.trim_start_matches('#'))).unwrap_or_default();
+    let columns = Columns::of(&header).ok_or_else(|| {
+        let rule = "the first line must name the columns: timestamp (or sec and nsec), ax ay az (m/s^2 or g) and wx wy wz (rad/s)";
+        ImportError::at_line(path, 1, rule)
+    })?;
+    let mut samples: Vec<ImuSample> = Vec::new();
+    for (number, line) in lines {
+        let fault = |rule: &str| ImportError::at_line(path, number, format!("{line:?}: {rule}"));
+        let words = words(line);
+        let stamp = columns.stamp(&words).ok_or_else(|| fault("has no valid stamp"))?;
+        let value = |column: usize| words.get(column)?.parse().ok().filter(|value: &f64| value.is_finite());
+        let Some([ax, ay, az, wx, wy, wz]) = all(columns.values.map(value)) else {
+            return Err(fault("must have finite numbers in its six columns"));
+        };
+        if samples.last().is_some_and(|last| last.stamp >= stamp) {
+            return Err(fault("the stamp must be after that of the line before"));
+        }
+        samples.push(ImuSample { stamp, acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] });
+    }
+    let note = to_metric(&mut samples).map_err(|rule| ImportError::at(path, rule))?;
+    Ok(ImuTable { text: csv_from_samples(&samples), n_samples: samples.len(), note })
+}
+
+/// The values, if all are there.
+fn all(values: [Option<f64>; 6]) -> Option<[f64; 6]> {
+    values.iter().copied().collect::<Option<Vec<f64>>>()?.try_into().ok()
+}
+
+/// Fields of a line.
+fn words(line: &str) -> Vec<&str> {
+    let by_comma: Vec<&str> = line.split([',', ';', '\t']).map(str::trim).collect();
+    if by_comma.len() > 1 { by_comma } else { line.split_whitespace().collect() }
+}
+
+impl Columns {
+    fn of(header: &[&str]) -> Option<Self> {
+        // Units stand in brackets.
+        let name = |word: &&str| -> String {
+            let word = word.split(['[', '(']).next().unwrap_or_default().to_lowercase();
+            word.chars().filter(char::is_ascii_alphanumeric).collect()
+        };
+        let names: Vec<String> = header.iter().map(name).collect();
+        let find = |wanted: &str| names.iter().position(|name| name == wanted);
+        let stamp = match (find("sec"), find("nsec")) {
+            (Some(seconds), nanos @ Some(_)) => (seconds, nanos),
+            _ => (STAMPS.iter().find_map(|wanted| find(wanted))?, None),
+        };
+        let axes = |groups: &[&str]| -> Option<[usize; 3]> {
+            let columns = |group: &&str| {
+                Some([find(&format!("{group}x"))?, find(&format!("{group}y"))?, find(&format!("{group}z"))?])
+            };
+            groups.iter().find_map(columns)
+        };
+        let ([ax, ay, az], [wx, wy, wz]) = (axes(&ACCELERATIONS)?, axes(&RATES)?);
+        Some(Self { stamp, values: [ax, ay, az, wx, wy, wz] })
+    }
+
+    fn stamp(&self, words: &[&str]) -> Option<Stamp> {
+        let (first, second) = self.stamp;
+        let text = words.get(first)?;
+        let Some(second) = second else { return nanos(text).map(Stamp) };
+        let (seconds, nanos): (i64, i64) = (text.parse().ok()?, words.get(second)?.parse().ok()?);
+        let is_valid = (0..1_000_000_000).contains(&nanos) && seconds >= 0;
+        is_valid.then(|| seconds.checked_mul(1_000_000_000)?.checked_add(nanos)).flatten().map(Stamp)
+    }
+}

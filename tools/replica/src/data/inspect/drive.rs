@@ -1,0 +1,116 @@
+//! `replica inspect DRIVE`: sensors, rates, gaps, clocks, coverage and first pictures of a drive, before it is processed.
+
+mod cameras;
+mod clocks;
+mod inertial;
+mod lidar;
+mod packets;
+mod page;
+mod pictures;
+mod processing;
+mod receiver;
+mod stream;
+mod text;
+
+use crate::exit_code;
+use anyhow::Context;
+use formats::drive::{Drive, MANIFEST_FILE};
+use geometry::Stamp;
+use pictures::Picture;
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+use stream::Stream;
+
+/// What was found in a drive.
+pub struct DriveReport {
+    /// Name in the manifest.
+    name: String,
+    folder: String,
+    /// One per sensor.
+    streams: Vec<Stream>,
+    /// Lines by heading.
+    sections: Vec<Section>,
+    /// Why not to rely on the data.
+    doubts: Vec<String>,
+    pictures: Vec<Picture>,
+    /// Path by GNSS: east and north of the first fix, m.
+    path_m: Vec<[f64; 2]>,
+}
+
+/// Facts about one subject.
+struct Section {
+    heading: String,
+    lines: Vec<String>,
+}
+
+impl DriveReport {
+    fn section(&mut self, heading: &str, lines: Vec<String>) {
+        if !lines.is_empty() {
+            self.sections.push(Section { heading: heading.to_owned(), lines });
+        }
+    }
+
+    fn doubt(&mut self, text: impl Into<String>) {
+        self.doubts.push(text.into());
+    }
+
+    /// Begin and end of the LiDAR.
+    fn lidar_span(&self) -> Option<[Stamp; 2]> {
+        self.streams.iter().find(|stream| stream.is_reference).and_then(Stream::span)
+    }
+}
+
+/// Whether `inspect` reads a path as a drive: a manifest, a capture, or a folder of sweeps without clouds of a run.
+pub fn is_drive(path: &Path) -> bool {
+    let has_extension = |file: &Path, known: &[&str]| {
+        let extension = file.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        extension.is_some_and(|extension| known.contains(&extension.as_str()))
+    };
+    if path.is_file() {
+        return has_extension(path, &["pcap", "pcapng"]);
+    }
+    if path.join(MANIFEST_FILE).is_file() {
+        return true;
+    }
+    let files = || path.read_dir().into_iter().flatten().flatten().map(|entry| entry.path());
+    !path.join("clouds").is_dir()
+        && !files().any(|file| has_extension(&file, &["ply"]))
+        && files().any(|file| has_extension(&file, &["pcap", "pcapng", "pcd", "bin"]))
+}
+
+/// Prints the report and writes the page. `is_full`: all sweeps and images are read.
+pub fn run(path: &Path, is_full: bool, page: Option<&Path>) -> anyhow::Result<ExitCode> {
+    let report = report(path, is_full)?;
+    // A reader that closes the pipe early has seen enough.
+    let _ = std::io::stdout().write_all(text::of(&report).as_bytes());
+    if let Some(page) = page {
+        std::fs::write(page, page::of(&report)).with_context(|| page.display().to_string())?;
+        eprintln!("wrote {}", page.display());
+    }
+    Ok(if report.doubts.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
+}
+
+fn report(path: &Path, is_full: bool) -> anyhow::Result<DriveReport> {
+    let drive = Drive::open(path)?;
+    let mut report = DriveReport {
+        name: drive.manifest().name.clone(),
+        folder: path.display().to_string(),
+        streams: Vec::new(),
+        sections: Vec::new(),
+        doubts: acquisition::recorded::drive_problems(path),
+        pictures: Vec::new(),
+        path_m: Vec::new(),
+    };
+    if drive.is_inferred() {
+        let lines = vec![format!("no {MANIFEST_FILE}: sweeps of one LiDAR, whose frame is the body frame")];
+        report.section("Drive", lines);
+    }
+    let lidar = lidar::add(&drive, is_full, &mut report)?;
+    receiver::add(&drive, &lidar, &mut report)?;
+    inertial::add(&drive, &mut report)?;
+    cameras::add(&drive, is_full, &mut report);
+    clocks::add(&lidar, &mut report);
+    processing::add(&drive, path, &lidar, &mut report);
+    Ok(report)
+}

@@ -1,0 +1,126 @@
+//! Whether a run knows how wrong it is: the standard deviations that it states for its submaps against their real errors.
+
+use super::errors::PoseError;
+use super::place::RunPlace;
+use anyhow::Context;
+use delivery::CloudEntry;
+use formats::manifest::PoseEntry;
+use geometry::{Pose, Stamp, Trajectory, heading};
+use messages::{PlacementRow, PoseDeviation};
+
+/// Of an honest normal error, 0.3 % lie beyond three standard deviations.
+const BEYOND: f64 = 3.0;
+
+/// Real errors and stated deviations of all submaps.
+pub struct SubmapErrors {
+    /// Whether the errors are those in the world, or those against the first submap.
+    pub is_in_world: bool,
+    /// Submaps with a true pose and stated deviations.
+    pub n_submaps: usize,
+    /// Submaps without a true pose.
+    pub n_without_truth: usize,
+    /// Name, unit and comparison.
+    pub quantities: [(&'static str, &'static str, Comparison); 3],
+}
+
+/// Real errors of one quantity against the stated deviations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Comparison {
+    /// Submaps with a deviation above 0.
+    pub n: usize,
+    /// Root mean square of the real errors.
+    pub real_rms: f64,
+    /// Largest real error.
+    pub real_max: f64,
+    /// Root mean square of the stated deviations.
+    pub stated_rms: f64,
+    /// Root mean square of error divided by deviation: 1 is honest, below 1 too careful, above 1 too sure.
+    pub ratio_rms: f64,
+    /// Largest error divided by its deviation.
+    pub ratio_max: f64,
+    /// Errors beyond three deviations.
+    pub n_beyond: usize,
+}
+
+impl SubmapErrors {
+    /// `None` if no submap states deviations or has a true pose.
+    pub fn of(truth: &Trajectory, place: &RunPlace, clouds: &[CloudEntry]) -> anyhow::Result<Option<Self>> {
+        let mut n_without_truth = 0;
+        let mut submaps: Vec<(Pose, Pose, PoseDeviation)> = Vec::new();
+        for cloud in clouds {
+            let (Some(sigma_m), Some(sigma_rad)) = (cloud.sigma_m, cloud.sigma_rad) else { continue };
+            let Some(world_from_body) = truth.at(Stamp(cloud.stamp_begin)) else {
+                n_without_truth += 1;
+                continue;
+            };
+            // A submap has the position and the heading of the body at its first shot.
+            let true_pose = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
+            let entry = PoseEntry { translation: cloud.translation, rotation: cloud.rotation };
+            let pose = entry
+                .to_pose()
+                .with_context(|| format!("pose of submap {}: {entry:?} is not a rigid transform", cloud.seq))?;
+            let deviation = PlacementRow { sigma_m, sigma_rad, ..PlacementRow::default() }.deviation();
+            submaps.push((true_pose, pose, deviation));
+        }
+        let Some((first_true, first, _)) = submaps.first().copied() else { return Ok(None) };
+        let (truth_from_run, is_in_world) = match place {
+            RunPlace::World { truth_from_run } => (*truth_from_run, true),
+            RunPlace::Own(_) | RunPlace::Odometry => (first_true * first.inverse(), false),
+        };
+        let errors: Vec<(PoseError, PoseDeviation)> = submaps
+            .iter()
+            .map(|(truth, pose, deviation)| (PoseError::between(truth, &(truth_from_run * pose)), *deviation))
+            .collect();
+        let compare = |value: fn(&(PoseError, PoseDeviation)) -> (f64, f64)| Comparison::of(errors.iter().map(value));
+        Ok(Some(Self {
+            is_in_world,
+            n_submaps: submaps.len(),
+            n_without_truth,
+            quantities: [
+                ("horizontal position", "m", compare(|(error, stated)| (error.horizontal_m, stated.position_m))),
+                ("height", "m", compare(|(error, stated)| (error.height_m, stated.height_m))),
+                ("heading", "deg", compare(|(error, stated)| (error.heading_deg, stated.heading_deg))),
+            ],
+        }))
+    }
+
+    /// Whether no error lies beyond three of its deviations.
+    pub fn is_honest(&self) -> bool {
+        self.quantities.iter().all(|(_, _, comparison)| comparison.n_beyond == 0)
+    }
+}
+
+impl Comparison {
+    /// From pairs of an error and its deviation. The submap that defines the frame has the deviation 0 and is left out.
+    fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
+        let pairs: Vec<(f64, f64)> = pairs.filter(|(_, stated)| *stated > 0.0 && stated.is_finite()).collect();
+        let rms = |value: fn(&(f64, f64)) -> f64| {
+            let sum: f64 = pairs.iter().map(|pair| value(pair).powi(2)).sum();
+            (sum / pairs.len().max(1) as f64).sqrt()
+        };
+        let max = |value: fn(&(f64, f64)) -> f64| pairs.iter().map(value).fold(0.0, f64::max);
+        Self {
+            n: pairs.len(),
+            real_rms: rms(|(real, _)| *real),
+            real_max: max(|(real, _)| *real),
+            stated_rms: rms(|(_, stated)| *stated),
+            ratio_rms: rms(|(real, stated)| real / stated),
+            ratio_max: max(|(real, stated)| real / stated),
+            n_beyond: pairs.iter().filter(|(real, stated)| *real > BEYOND * stated).count(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comparison_matches_manual_calculation() {
+        let found = Comparison::of([(3.0, 1.0), (8.0, 2.0), (5.0, 0.0)].into_iter());
+        assert_eq!((found.n, found.real_max, found.ratio_max, found.n_beyond), (2, 8.0, 4.0, 1));
+        assert!((found.real_rms - 36.5_f64.sqrt()).abs() < 1e-12 && (found.stated_rms - 2.5_f64.sqrt()).abs() < 1e-12);
+        assert!((found.ratio_rms - 12.5_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(Comparison::of(std::iter::empty()), Comparison::default());
+    }
+}
