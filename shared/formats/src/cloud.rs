@@ -1,4 +1,4 @@
-//! Points of cloud files without firing times: PCD, KITTI, nuScenes.
+//! Points of cloud files: PCD, KITTI, nuScenes.
 
 /// x, y, z and intensity as stored in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,6 +11,17 @@ pub struct CloudPoint {
     pub z: f32,
     /// Intensity, 0 if the file has none.
     pub intensity: f32,
+}
+
+/// A point with its beam and its time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FiredPoint {
+    /// The point.
+    pub point: CloudPoint,
+    /// Beam, 0 = lowest; 0 if the file has none.
+    pub ring: u8,
+    /// ns after the sweep's stamp; 0 if the file has none.
+    pub offset_nanos: u32,
 }
 
 /// Longest range of a point, m: more than twice the range of every supported sensor.

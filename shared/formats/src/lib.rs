@@ -28,6 +28,7 @@ pub mod recording;
 pub mod robosense;
 pub mod semantic_kitti;
 pub mod sensor_calibration;
+pub mod sqlite;
 pub mod text_file;
 pub mod tiff;
 pub mod toml_file;

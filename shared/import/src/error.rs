@@ -1,5 +1,6 @@
 //! Errors of an import.
 
+use formats::sqlite::SqliteError;
 use std::error::Error;
 use std::fmt;
 use std::path::Path;
@@ -36,6 +37,17 @@ impl ImportError {
     /// A problem of a file or folder.
     pub(crate) fn at(path: &Path, rule: impl Into<String>) -> Self {
         Self { place: path.display().to_string(), rule: Rule::Text(rule.into()) }
+    }
+
+    /// A problem of a part of a file.
+    pub(crate) fn at_part(path: &Path, part: &str, rule: impl Into<String>) -> Self {
+        Self { place: format!("{}: {part}", path.display()), rule: Rule::Text(rule.into()) }
+    }
+
+    /// A problem of a database.
+    pub(crate) fn of_database(error: SqliteError) -> Self {
+        let SqliteError { path, page, fault } = error;
+        Self { place: format!("{}: page {page}", path.display()), rule: Rule::Fault(Box::new(fault)) }
     }
 
     /// A problem of a line, from 1.

@@ -2,12 +2,14 @@
 
 use crate::error::{At, ImportError};
 use crate::files::files;
-use crate::{mandeye, nuscenes};
+use crate::{mandeye, nuscenes, ros};
 use std::path::Path;
 
 /// A layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
+    /// Bag of ROS 1 (`*.bag`) or ROS 2 (`*.mcap`, `*.db3`, or the folder with `metadata.yaml`).
+    Ros,
     /// KITTI raw: `velodyne_points/data/*.bin`, `velodyne_points/timestamps.txt`.
     KittiRaw,
     /// KITTI odometry: `velodyne/*.bin`, `times.txt`.
@@ -28,7 +30,8 @@ pub enum Kind {
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
+        Self::Ros,
         Self::KittiRaw,
         Self::KittiOdometry,
         Self::Nuscenes,
@@ -42,6 +45,7 @@ impl Kind {
     /// Value of `--kind`.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Ros => "ros",
             Self::KittiRaw => "kitti-raw",
             Self::KittiOdometry => "kitti-odometry",
             Self::Nuscenes => "nuscenes",
@@ -61,6 +65,7 @@ impl Kind {
     /// Name of the data set, for people.
     pub fn title(self) -> &'static str {
         match self {
+            Self::Ros => "ROS bag",
             Self::KittiRaw => "KITTI raw",
             Self::KittiOdometry => "KITTI odometry",
             Self::Nuscenes => "nuScenes",
@@ -72,6 +77,7 @@ impl Kind {
     /// By what the layout is recognized.
     fn mark(self) -> &'static str {
         match self {
+            Self::Ros => "a ROS bag",
             Self::KittiRaw => "velodyne_points/data",
             Self::KittiOdometry => "velodyne",
             Self::Nuscenes => "sweeps/LIDAR_TOP or *.pcd.bin",
@@ -86,6 +92,7 @@ impl Kind {
     fn fits(self, source: &Path) -> Result<bool, ImportError> {
         let has = |end: &str| files(source, end).map(|files| !files.is_empty());
         Ok(match self {
+            Self::Ros => ros::is_bag(source),
             Self::KittiRaw => source.join("velodyne_points/data").is_dir(),
             Self::KittiOdometry => source.join("velodyne").is_dir(),
             Self::Nuscenes => nuscenes::lidar_folders(source).next().is_some() || has(".pcd.bin")?,

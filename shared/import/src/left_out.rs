@@ -19,7 +19,9 @@ pub(crate) fn list(source: &Path, found: &Plan) -> Result<Vec<String>, ImportErr
         taken.insert(path.canonicalize().at(path)?);
     }
     let mut folders = BTreeMap::new();
-    count(source, 0, &taken, &mut folders)?;
+    if source.is_dir() {
+        count(source, 0, &taken, &mut folders)?;
+    }
     let mut lines: Vec<String> = Vec::new();
     for (folder, names) in &folders {
         let shown = folder.strip_prefix(source).unwrap_or(folder);

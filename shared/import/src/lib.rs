@@ -15,6 +15,7 @@ mod numbered;
 mod nuscenes;
 mod plain;
 mod plan;
+mod ros;
 mod rows;
 mod sweeps;
 mod timed_pcd;
@@ -22,6 +23,7 @@ mod times;
 
 pub use error::{ImportError, Rule};
 pub use kind::Kind;
+pub use ros::RosOptions;
 
 use error::At;
 use formats::drive::Drive;
@@ -43,6 +45,8 @@ pub struct Options {
     pub scene: Option<String>,
     /// Sweeps and their times alone, for sources whose calibration is absent.
     pub lidar_only: bool,
+    /// ROS bags.
+    pub ros: RosOptions,
 }
 
 /// Imports `source` as the drive folder `out`, which must not exist, and returns lines for the operator: what was taken and what was
@@ -59,20 +63,27 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
             return Err(ImportError::of_option(name, format!("{} has no {what}", kind.title())));
         }
     }
+    if options.ros != RosOptions::default() && kind != Kind::Ros {
+        let rule = format!("{} has no topics, frames or calibration to choose", kind.title());
+        return Err(ImportError::of_option("--topic, --body-frame, --transform and --calibration", rule));
+    }
     let partial = Partial::create(out)?;
-    let plan = plan(kind, source, options)?;
+    let plan = plan(kind, source, &partial.folder, options)?;
     plan.write(&partial.folder)?;
     let drive = Drive::open(&partial.folder).at(out)?;
     let (n_sweeps, model) = (drive.sweep_files().len(), drive.model().name());
-    let mut report = vec![format!("{}: {n_sweeps} sweeps of {model} ({})", out.display(), kind.title())];
+    let files = if drive.manifest().lidar.format == "pcap" { "captures" } else { "sweeps" };
+    let mut report = vec![format!("{}: {n_sweeps} {files} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
     report.extend(left_out::list(source, &plan)?);
     partial.rename(out)?;
     Ok(report)
 }
 
-fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportError> {
+/// What to import. Files that must be converted are already written to the folder `out`.
+fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan, ImportError> {
     match kind {
+        Kind::Ros => ros::plan(source, out, options),
         Kind::KittiRaw => kitti::raw::plan(source, options),
         Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),

@@ -10,7 +10,7 @@ use geometry::Trajectory;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Content of a drive folder. Nothing is written before it is complete.
+/// Content of a drive folder, besides the files that are converted while the source is read.
 pub(crate) struct Plan {
     pub kind: Kind,
     pub manifest: Manifest,

@@ -21,6 +21,10 @@ pub(crate) fn pcd(bytes: &[u8]) {
         let returns = returns_from_cloud(&points, &Model::Hdl64e.into());
         assert!(returns.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
     }
+    if let Ok(cloud) = formats::pcd::cloud_from_pcd(bytes) {
+        let bytes = formats::pcd::pcd_from_cloud(&cloud);
+        assert!(formats::pcd::cloud_from_pcd(&bytes).is_ok_and(|again| again.points.len() == cloud.points.len()));
+    }
 }
 
 pub(crate) fn kitti(bytes: &[u8]) {

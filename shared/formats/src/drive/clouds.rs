@@ -1,6 +1,6 @@
-//! Sweeps stored as one cloud file each, without firing times.
+//! Sweeps stored as one cloud file each.
 
-use crate::cloud::CloudPoint;
+use crate::cloud::{CloudPoint, FiredPoint};
 use crate::lidar::{Lidar, Model, SweepPoint, SweepReader};
 use crate::{kitti, nuscenes, pcd, velodyne};
 use std::io;
@@ -22,21 +22,59 @@ pub(super) enum CloudFault {
     Pcd(#[from] pcd::PcdError),
     #[error("{found} points; a sweep has at most {limit}")]
     TooManyPoints { found: usize, limit: usize },
+    #[error("ring {ring}: a {model} has {n_rings} rings, counted from 0; set lidar.model")]
+    Ring { ring: u8, n_rings: usize, model: &'static str },
+    #[error(
+        "points reach {found_nanos} ns after the sweep's stamp, the next sweep begins after {next_nanos} ns; times must begin at the stamp"
+    )]
+    Late { found_nanos: u32, next_nanos: u32 },
 }
 
 /// The returns of a cloud file.
-pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<Vec<SweepPoint>, CloudFault> {
+#[derive(Debug)]
+pub(super) struct CloudReturns {
+    /// By time if they have times, else in the order of the file.
+    pub(super) returns: Vec<SweepPoint>,
+    pub(super) has_times: bool,
+}
+
+/// The returns of a cloud file.
+pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<CloudReturns, CloudFault> {
     let bytes = std::fs::read(path)?;
-    let returns = match format {
-        "bin" => returns_from_cloud(&kitti::points_from_bin(&bytes)?, lidar),
-        "nuscenes" => returns(&nuscenes::points_from_bin(&bytes)?, |(point, _)| point, |(_, ring)| *ring),
-        _ => returns_from_cloud(&pcd::points_from_pcd(&bytes)?, lidar),
+    let untimed = |returns| CloudReturns { returns, has_times: false };
+    let found = match format {
+        "bin" => untimed(returns_from_cloud(&kitti::points_from_bin(&bytes)?, lidar)),
+        "nuscenes" => {
+            let rows = nuscenes::points_from_bin(&bytes)?;
+            untimed(returns(
+                &rows,
+                |(point, _)| FiredPoint { point: *point, ..FiredPoint::default() },
+                |(_, ring)| *ring,
+            ))
+        }
+        _ => of_pcd(&pcd::cloud_from_pcd(&bytes)?, lidar)?,
     };
     let limit = SweepReader::MAX_RETURNS;
-    if returns.len() > limit {
-        return Err(CloudFault::TooManyPoints { found: returns.len(), limit });
+    if found.returns.len() > limit {
+        return Err(CloudFault::TooManyPoints { found: found.returns.len(), limit });
     }
-    Ok(returns)
+    Ok(found)
+}
+
+/// As [`returns_from_cloud`], with the rings and times that the file has.
+fn of_pcd(cloud: &pcd::PcdCloud, lidar: &Lidar) -> Result<CloudReturns, CloudFault> {
+    let n_rings = lidar.n_rings();
+    let beyond = |p: &&FiredPoint| cloud.has_rings && n_rings > 0 && usize::from(p.ring) >= n_rings;
+    if let Some(FiredPoint { ring, .. }) = cloud.points.iter().find(beyond) {
+        return Err(CloudFault::Ring { ring: *ring, n_rings, model: lidar.model().name() });
+    }
+    let rings = Rings::new(lidar);
+    let ring = |p: &FiredPoint| if cloud.has_rings { p.ring } else { rings.nearest(&p.point) };
+    let mut returns = returns(&cloud.points, |p| *p, ring);
+    if !returns.is_sorted_by_key(|found| found.offset_nanos) {
+        returns.sort_by_key(|found| found.offset_nanos);
+    }
+    Ok(CloudReturns { returns, has_times: cloud.has_times })
 }
 
 /// Returns in the order of the file, without times. Points that are not finite or closer than 0.1 m are removed. The azimuth is the
@@ -44,7 +82,7 @@ pub(super) fn load(path: &Path, format: &str, lidar: &Lidar) -> Result<Vec<Sweep
 /// sensors without fixed beams. Intensities from 0 to 1 are scaled to 0 to 255.
 pub fn returns_from_cloud(points: &[CloudPoint], lidar: &Lidar) -> Vec<SweepPoint> {
     let rings = Rings::new(lidar);
-    returns(points, |p| p, |p| rings.nearest(p))
+    returns(points, |p| FiredPoint { point: *p, ..FiredPoint::default() }, |p| rings.nearest(p))
 }
 
 /// Whether a point of a cloud file is a return; others are left out of the sweep, and have no label in a drive.
@@ -53,24 +91,24 @@ pub fn is_return(p: &CloudPoint) -> bool {
     range_m.is_finite() && range_m > MIN_RANGE_M
 }
 
-/// See [`returns_from_cloud`]: `point` and `ring` of a row.
-fn returns<T>(rows: &[T], point: impl Fn(&T) -> &CloudPoint, ring: impl Fn(&T) -> u8) -> Vec<SweepPoint> {
-    let is_fraction = rows.iter().all(|row| point(row).intensity <= 1.0);
+/// See [`returns_from_cloud`]: point with its time, and ring of a row.
+fn returns<T>(rows: &[T], fired: impl Fn(&T) -> FiredPoint, ring: impl Fn(&T) -> u8) -> Vec<SweepPoint> {
+    let is_fraction = rows.iter().all(|row| fired(row).point.intensity <= 1.0);
     let scale = if is_fraction { 255.0 } else { 1.0 };
     let one = |row: &T| {
-        let p = point(row);
+        let FiredPoint { point: p, offset_nanos, .. } = fired(row);
         SweepPoint {
             x: p.x,
             y: p.y,
             z: p.z,
-            offset_nanos: 0,
+            offset_nanos,
             // Clockwise in 0.01 deg.
             azimuth: ((-p.y.atan2(p.x).to_degrees() * 100.0).round() as i32).rem_euclid(36_000) as u16,
             intensity: (p.intensity * scale).round().clamp(0.0, 255.0) as u8,
             ring: ring(row),
         }
     };
-    rows.iter().filter(|row| is_return(point(row))).map(one).collect()
+    rows.iter().filter(|row| is_return(&fired(row).point)).map(one).collect()
 }
 
 /// Elevations of the lower 32 beams of the HDL-64E of KITTI, lowest first, deg: medians over sweeps of its raw recordings, whose
@@ -172,7 +210,7 @@ mod tests {
     #[real_data::test("kitti_raw_0048/0000000003.pcd")]
     fn rings_of_real_sweep_match_the_order_of_its_points() {
         let path = real_data::path("kitti_raw_0048/0000000003.pcd");
-        let returns = load(&path, "pcd", &Model::Hdl64e.into()).expect("reads");
+        let returns = load(&path, "pcd", &Model::Hdl64e.into()).expect("reads").returns;
         let (mut ring, mut n_right, mut last) = (63_u8, 0, 0.0_f32);
         for found in &returns {
             let angle = found.y.atan2(found.x);
@@ -184,6 +222,20 @@ mod tests {
         }
         assert_eq!(ring, 0);
         assert!(n_right * 1000 > returns.len() * 998, "{n_right} of {}", returns.len());
+    }
+
+    #[test]
+    fn returns_with_times_are_in_firing_order_and_keep_their_rings() {
+        let point = CloudPoint { x: 5.0, intensity: 9.0, ..CloudPoint::default() };
+        let fired = |(ring, offset_nanos)| FiredPoint { point, ring, offset_nanos };
+        let points = [(0, 50_000), (15, 0), (1, 50_000), (0, 99_000_000)].map(fired).to_vec();
+        let mut cloud = pcd::PcdCloud { points, has_rings: true, has_times: true };
+        let found = of_pcd(&cloud, &Model::Vlp16.into()).expect("valid");
+        let order: Vec<(u8, u32)> = found.returns.iter().map(|found| (found.ring, found.offset_nanos)).collect();
+        assert!(found.has_times && order == [(15, 0), (0, 50_000), (1, 50_000), (0, 99_000_000)], "{order:?}");
+        cloud.points[2].ring = 16;
+        let error = of_pcd(&cloud, &Model::Vlp16.into()).expect_err("is beyond").to_string();
+        assert!(error.starts_with("ring 16: a vlp16 has 16 rings"), "{error}");
     }
 
     #[test]

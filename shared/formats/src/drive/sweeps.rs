@@ -1,11 +1,17 @@
 //! The sweeps of a drive, from captures or from cloud files.
 
-use super::{Drive, clouds};
+use super::Drive;
+use super::clouds::{self, CloudFault, CloudReturns};
 use crate::lidar::{Lidar, LidarStats, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use crate::nmea::{Fix, LogStats};
 use geometry::Stamp;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+/// Longest sweep, ns: sensors turn at 5 Hz or faster.
+const LONGEST_NANOS: i64 = 500_000_000;
+/// Times of points may pass the begin of the next sweep by this part of the duration: motors do not turn evenly.
+const MARGIN: u32 = 10;
 
 /// Reads sweeps in order, one at a time.
 #[derive(Debug)]
@@ -162,11 +168,9 @@ impl Clouds {
         while let Some(path) = self.files.get(self.next) {
             let index = self.next;
             self.next += 1;
-            match clouds::load(path, &self.format, &self.lidar) {
-                Ok(returns) => {
-                    let sweep = self.sweep(index, returns.len());
-                    return Some((returns, sweep));
-                }
+            let loaded = clouds::load(path, &self.format, &self.lidar);
+            match loaded.and_then(|found| Ok((self.sweep(index, &found)?, found.returns))) {
+                Ok((sweep, returns)) => return Some((returns, sweep)),
                 Err(fault) => {
                     self.n_bad += 1;
                     self.damage.push(format!("{}: {fault}", path.display()));
@@ -176,20 +180,28 @@ impl Clouds {
         None
     }
 
-    fn sweep(&self, index: usize, n_returns: usize) -> SweepInfo {
+    fn sweep(&self, index: usize, cloud: &CloudReturns) -> Result<SweepInfo, CloudFault> {
         let stamp = self.stamps[index];
         // The last sweep gets the duration of the sweep before it.
         let neighbors = if index + 1 < self.stamps.len() { Some(index) } else { index.checked_sub(1) };
-        let duration = neighbors.map_or(100_000_000, |first| self.stamps[first + 1].0 - self.stamps[first].0);
-        SweepInfo {
+        let duration =
+            neighbors.map_or(100_000_000, |first| self.stamps[first + 1].0.saturating_sub(self.stamps[first].0));
+        // A pause of the recording is not a slow revolution.
+        let duration_nanos = duration.clamp(1, LONGEST_NANOS) as u32;
+        let last_nanos = cloud.returns.last().map_or(0, |last| last.offset_nanos);
+        // A single sweep has no known duration.
+        let limit_nanos = neighbors.map_or(LONGEST_NANOS as u32, |_| duration_nanos + duration_nanos / MARGIN);
+        if last_nanos > limit_nanos {
+            return Err(CloudFault::Late { found_nanos: last_nanos, next_nanos: duration_nanos });
+        }
+        Ok(SweepInfo {
             seq: index as u64,
             stamp,
-            // A pause of the recording is not a slow revolution.
-            duration_nanos: duration.clamp(1, 500_000_000) as u32,
-            n_returns,
+            duration_nanos: duration_nanos.max(last_nanos),
+            n_returns: cloud.returns.len(),
             lost_packets: 0,
             turn: 1.0,
-            has_times: false,
-        }
+            has_times: cloud.has_times,
+        })
     }
 }

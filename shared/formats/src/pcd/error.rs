@@ -1,7 +1,7 @@
 //! Errors of PCD files.
 
 /// A PCD file that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("line {line}: {fault}")]
 pub struct PcdError {
     /// Counted from 1. For binary data, the last line of the header.
@@ -11,7 +11,7 @@ pub struct PcdError {
 }
 
 /// What is wrong with a PCD file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PcdFault {
     /// A line is not UTF-8.
     #[error("the line is not text")]
@@ -102,6 +102,26 @@ pub enum PcdFault {
         found: usize,
         /// Values by the header.
         expected: usize,
+    },
+    /// A ring is no number of a beam.
+    #[error("point {index}: ring {found} must be a whole number from 0 to 255")]
+    Ring {
+        /// Index of the point.
+        index: usize,
+        /// The value found.
+        found: f64,
+    },
+    /// A time is not after the sweep's stamp.
+    #[error("point {index}: {field} {found} must be a time after the sweep's stamp, 0 to 4 s ({unit})")]
+    Time {
+        /// Index of the point.
+        index: usize,
+        /// `t` or `time`.
+        field: &'static str,
+        /// The value found.
+        found: f64,
+        /// Unit of the field.
+        unit: &'static str,
     },
     /// A value is not a number.
     #[error("{0:?} is not a number")]

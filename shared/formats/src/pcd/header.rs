@@ -6,8 +6,10 @@ use super::error::{PcdError, PcdFault};
 const MAX_HEADER_LINES: usize = 64;
 /// Most values of a row, over all fields and counts.
 const MAX_ROW_VALUES: usize = 4096;
-/// Fields that are read, in the order of [`crate::cloud::CloudPoint`].
-const WANTED: [&str; 4] = ["x", "y", "z", "intensity"];
+/// Fields that are read.
+const WANTED: [&str; N_WANTED] = ["x", "y", "z", "intensity", "ring", "t", "time"];
+/// Number of the fields that are read.
+pub(super) const N_WANTED: usize = 7;
 
 /// Type and position of a value in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +25,7 @@ pub(super) struct Value {
 #[derive(Debug)]
 pub(super) struct Header {
     /// Values by [`WANTED`]. x y z are present.
-    pub(super) values: [Option<Value>; 4],
+    pub(super) values: [Option<Value>; N_WANTED],
     pub(super) row_bytes: usize,
     pub(super) row_words: usize,
     pub(super) n_points: usize,
@@ -36,17 +38,17 @@ pub(super) struct Header {
 
 impl Value {
     /// The value in a binary row. [`Header::parse`] ensures that it lies inside the row.
-    pub(super) fn decode(self, row: &[u8]) -> f32 {
+    pub(super) fn decode(self, row: &[u8]) -> f64 {
         let bytes = &row[self.offset..self.offset + self.size];
         let mut wide = [0; 8];
         wide[..self.size].copy_from_slice(bytes);
         let unsigned = u64::from_le_bytes(wide);
         let unused_bits = 64 - 8 * self.size as u32;
         match (self.kind, self.size) {
-            (b'F', 4) => f32::from_bits(unsigned as u32),
-            (b'F', _) => f64::from_bits(unsigned) as f32,
-            (b'I', _) => ((unsigned << unused_bits) as i64 >> unused_bits) as f32,
-            _ => unsigned as f32,
+            (b'F', 4) => f64::from(f32::from_bits(unsigned as u32)),
+            (b'F', _) => f64::from_bits(unsigned),
+            (b'I', _) => ((unsigned << unused_bits) as i64 >> unused_bits) as f64,
+            _ => unsigned as f64,
         }
     }
 }
@@ -114,7 +116,7 @@ fn layout(
     sizes: &[usize],
     kinds: &[String],
     counts: &[usize],
-) -> Result<([Option<Value>; 4], usize, usize), PcdFault> {
+) -> Result<([Option<Value>; N_WANTED], usize, usize), PcdFault> {
     if sizes.len() != fields.len()
         || kinds.len() != fields.len()
         || !(counts.is_empty() || counts.len() == fields.len())
@@ -122,7 +124,7 @@ fn layout(
         let (fields, sizes, types, counts) = (fields.len(), sizes.len(), kinds.len(), counts.len());
         return Err(PcdFault::Lists { fields, sizes, types, counts });
     }
-    let (mut values, mut row_bytes, mut row_words) = ([None; 4], 0, 0);
+    let (mut values, mut row_bytes, mut row_words) = ([None; N_WANTED], 0, 0);
     for (index, field) in fields.iter().enumerate() {
         let (size, count) = (sizes[index], counts.get(index).copied().unwrap_or(1));
         let kind = kinds[index].bytes().next().unwrap_or_default();

@@ -1,14 +1,16 @@
 //! No reader panics or hangs on damaged bytes. Real and generated files are truncated and changed at seeded random positions.
 
 use crate::support::{self, BEGIN, hdl32e_packets, write_capture};
+use formats::cloud::{CloudPoint, FiredPoint};
 use formats::drive::{Drive, returns_from_cloud};
 use formats::envi;
 use formats::imu::{ImuReader, ImuSample, csv_from_samples};
+use formats::kitti;
 use formats::ladybug::LadybugCalibration;
 use formats::lidar::SweepReader;
 use formats::nmea::{Fix, fixes, gga_from_fix, rmc_from_fix};
 use formats::pcap::PacketReader;
-use formats::pcd::{pcd_from_points, points_from_pcd};
+use formats::pcd::{PcdCloud, cloud_from_pcd, pcd_from_cloud, pcd_from_points, points_from_pcd};
 use formats::pgm::{Pgm, pgm_from_samples};
 use formats::recording::TickReader;
 use formats::sensor_calibration::SensorCalibration;
@@ -18,7 +20,6 @@ use formats::trajectory::{
     trajectory_from_tum, tum_from_trajectory,
 };
 use formats::velodyne::{DataPacket, Decoder, Model, PositionPacket};
-use formats::{cloud::CloudPoint, kitti};
 use geometry::{Pose, Stamp, Trajectory};
 use random::Random;
 use std::path::Path;
@@ -210,6 +211,13 @@ fn damaged_clouds_and_images_do_not_panic() {
             }
         });
     }
+    let fired = |i: u8| FiredPoint { point: points[usize::from(i)], ring: i, offset_nanos: u32::from(i) * 1_000_000 };
+    let timed = pcd_from_cloud(&PcdCloud { points: (0..100).map(fired).collect(), has_rings: true, has_times: true });
+    attack(11, 5000, &timed, |bytes| {
+        if let Ok(cloud) = cloud_from_pcd(bytes) {
+            assert!(cloud.points.iter().all(|p| p.offset_nanos <= 4_000_000_000 && (cloud.has_rings || p.ring == 0)));
+        }
+    });
     attack(9, 2000, &kitti::bin_from_points(&points), |bytes| {
         assert_eq!(kitti::points_from_bin(bytes).is_ok(), bytes.len() % 16 == 0);
         assert_eq!(kitti::labels_from_bytes(bytes).is_ok(), bytes.len() % 4 == 0);

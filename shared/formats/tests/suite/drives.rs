@@ -1,8 +1,9 @@
 //! Drive folders: contents, and all faults reported at once.
 
-use formats::cloud::CloudPoint;
+use formats::cloud::{CloudPoint, FiredPoint};
 use formats::drive::{Drive, TIMES_FILE};
 use formats::nuscenes;
+use formats::pcd::{PcdCloud, pcd_from_cloud};
 use formats::problems::FileProblem;
 use formats::velodyne::Model;
 use std::fs;
@@ -187,6 +188,37 @@ fn times_file_must_match_the_clouds() {
         fs::write(&times, text).expect("writes");
         assert_eq!(Drive::open(folder.path()).is_ok(), is_good, "{text:?}");
     }
+}
+
+#[test]
+fn cloud_files_with_times_are_sweeps_with_times() {
+    let folder = drive(&GOOD.replace("\"bin\"", "\"pcd\""));
+    let point = CloudPoint { x: 5.0, intensity: 9.0, ..CloudPoint::default() };
+    let cloud = |last_nanos: u32| {
+        let fired = |(ring, offset_nanos)| FiredPoint { point, ring, offset_nanos };
+        let points = [(3, last_nanos), (63, 0), (1, 500)].map(fired).to_vec();
+        pcd_from_cloud(&PcdCloud { points, has_rings: true, has_times: true })
+    };
+    // The second ends 11 % after the third begins, the last has the duration of the one before.
+    let lasts = [109_000_000, 111_000_000, 99_000_000, 40_000_000];
+    for (number, last) in lasts.into_iter().enumerate() {
+        fs::write(folder.path().join(format!("lidar/{number}.pcd")), cloud(last)).expect("writes");
+    }
+    fs::write(folder.path().join("lidar").join(TIMES_FILE), "5\n100000005\n200000005\n300000005\n").expect("writes");
+    let drive = Drive::open(folder.path()).expect("opens");
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut found = Vec::new();
+    let mut returns = Vec::new();
+    while let Some(sweep) = sweeps.next_sweep(|piece| returns.extend_from_slice(piece)).expect("reads") {
+        assert!(sweep.has_times);
+        let order: Vec<u8> = returns.drain(..).map(|found| found.ring).collect();
+        assert_eq!(order, [63, 1, 3]);
+        found.push((sweep.stamp.0, sweep.duration_nanos));
+    }
+    assert_eq!(found, [(5, 109_000_000), (200_000_005, 100_000_000), (300_000_005, 100_000_000)]);
+    let damage = sweeps.damage();
+    let words = "1.pcd: points reach 111000000 ns after the sweep's stamp, the next sweep begins after 100000000 ns";
+    assert!(damage.len() == 1 && damage[0].contains(words), "{damage:?}");
 }
 
 #[real_data::test("kitti_raw_0048")]

@@ -7,4 +7,7 @@ mod las_file;
 mod mandeye;
 mod nuscenes_scene;
 mod plain_folders;
+mod ros;
+mod ros_damage;
+mod ros_real;
 mod support;

@@ -101,6 +101,22 @@ fn imported_sweeps_are_links() {
 }
 
 #[test]
+fn imported_bag_is_a_drive_of_its_sweeps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let bag = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/import/tests/bags/street_mcap");
+    let drive = folder.path().join("drive");
+    let wishes = ["--topic", "imu=none", "--transform", "gnss=0,0,2,0,0,0,1", "--body-frame", "mast"];
+    let report = succeeded(&replica(&[&["import", bag, text(&drive)], &wishes[..]].concat()));
+    assert!(report.contains("imported: 3 sweeps from /velodyne_points"), "{report}");
+    assert!(report.contains("not imported: 6 messages of /imu/data (sensor_msgs/Imu)"), "{report}");
+    let sweeps = std::fs::read_dir(drive.join("lidar")).expect("a folder").flatten();
+    assert_eq!(sweeps.filter(|entry| entry.path().extension().is_some_and(|extension| extension == "pcd")).count(), 3);
+    let output = replica(&["import", bag, text(&folder.path().join("other")), "--transform", "gnss=0,0,2"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(printed(&output).contains("must be FRAME=X,Y,Z,QX,QY,QZ,QW with seven numbers"));
+}
+
+#[test]
 fn larger_range_images_have_fewer_collisions() {
     let folder = tempfile::tempdir().expect("a folder");
     let picture = folder.path().join("projections.svg");

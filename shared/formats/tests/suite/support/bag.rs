@@ -1,7 +1,7 @@
 //! Captures from ROS 2 bags of packets.
 
-use super::sqlite::{Database, Value};
 use formats::pcap::Writer;
+use formats::sqlite::{Database, Value};
 use geometry::Stamp;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::path::{Path, PathBuf};
@@ -37,8 +37,12 @@ pub fn capture_of_bag(bag: &Path, capture: &Path, message: Option<usize>) -> Pat
         || bag.to_string_lossy().contains("/qt64/");
     let mut writer = Writer::new(Vec::new()).expect("writes");
     let address = |ip| SocketAddrV4::new(ip, 2368);
-    for (number, row) in Database::open(bag).rows("messages").into_iter().enumerate() {
-        let Value::Bytes(data) = &row[3] else { panic!("no message") };
+    let database = Database::open(bag).expect("a database");
+    let mut rows = database.rows("messages").expect("reads").expect("the table");
+    for number in 0.. {
+        let Some(mut row) = rows.next_row().expect("reads") else { break };
+        rows.load(&mut row).expect("reads");
+        let Some(Value::Blob(data)) = row.value(3).expect("reads") else { panic!("no message") };
         if message.is_some_and(|message| message != number) {
             continue;
         }

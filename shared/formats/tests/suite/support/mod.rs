@@ -1,7 +1,6 @@
 //! Captures for the tests.
 
 pub mod bag;
-mod sqlite;
 
 use formats::lidar::{SweepInfo, SweepPoint, SweepReader};
 use formats::pcap::Writer;

@@ -1,0 +1,118 @@
+//! Bags of ROS 1 and ROS 2: topics, and messages in the order of the file.
+
+mod decompress;
+mod folder;
+mod mcap;
+mod record;
+mod ros1;
+mod sqlite;
+mod topics;
+
+pub(crate) use folder::METADATA;
+pub(crate) use topics::{Encoding, Topic};
+
+use crate::error::ImportError;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use topics::Topics;
+
+/// Longest message, bytes. A cloud of 600000 points has about 30 MB, an image of 8192 x 8192 pixels 201 MB.
+const MAX_MESSAGE: u64 = 1 << 28;
+
+/// A message of a bag.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Message<'a> {
+    /// Index of the topic.
+    pub topic: usize,
+    /// When the recorder received it, ns since the Unix epoch.
+    pub received: i64,
+    pub data: &'a [u8],
+}
+
+/// Receives messages.
+type Each<'a> = dyn FnMut(Message<'_>) -> Result<(), ImportError> + 'a;
+
+/// A file of a bag.
+trait Container {
+    fn topics(&self) -> &Topics;
+    /// Passes all messages of the topics that are `wanted`, by their index.
+    fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError>;
+}
+
+/// A bag: one file, or the files of a folder.
+pub(crate) struct Bag {
+    parts: Vec<Box<dyn Container>>,
+    topics: Topics,
+    /// By part and topic of the part, the topic of the bag.
+    topic_of_part: Vec<Vec<usize>>,
+    files: Vec<PathBuf>,
+}
+
+/// Kind of a file by its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Ros1,
+    Mcap,
+    Sqlite,
+}
+
+impl Kind {
+    fn of_file(path: &Path) -> io::Result<Option<Self>> {
+        let mut begin = Vec::new();
+        File::open(path)?.take(16).read_to_end(&mut begin)?;
+        let kinds = [(Self::Ros1, &b"#ROSBAG V"[..]), (Self::Mcap, mcap::MAGIC), (Self::Sqlite, b"SQLite format 3\0")];
+        Ok(kinds.into_iter().find(|(_, mark)| begin.starts_with(mark)).map(|(kind, _)| kind))
+    }
+}
+
+/// Whether this is a bag or a folder of one.
+pub(crate) fn is_bag(source: &Path) -> bool {
+    if source.is_dir() { folder::is_bag(source) } else { matches!(Kind::of_file(source), Ok(Some(_))) }
+}
+
+impl Bag {
+    pub fn open(source: &Path) -> Result<Self, ImportError> {
+        let files = if source.is_dir() { folder::files(source)? } else { vec![source.to_owned()] };
+        let (mut parts, mut topics, mut topic_of_part) = (Vec::new(), Topics::default(), Vec::new());
+        for path in &files {
+            let part = open(path)?;
+            topic_of_part.push(part.topics().list().iter().map(|topic| topics.merge(topic)).collect());
+            parts.push(part);
+        }
+        Ok(Self { parts, topics, topic_of_part, files })
+    }
+
+    /// All topics, by name.
+    pub fn topics(&self) -> &[Topic] {
+        self.topics.list()
+    }
+
+    /// The files that are read.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// Passes all messages of the topics that are `wanted`, by their index, with their file.
+    pub fn read(
+        &mut self,
+        wanted: &[bool],
+        mut each: impl FnMut(&Path, Message<'_>) -> Result<(), ImportError>,
+    ) -> Result<(), ImportError> {
+        for ((part, topics), path) in self.parts.iter_mut().zip(&self.topic_of_part).zip(&self.files) {
+            let wanted: Vec<bool> = topics.iter().map(|topic| wanted[*topic]).collect();
+            part.read(&wanted, &mut |message| each(path, Message { topic: topics[message.topic], ..message }))?;
+        }
+        Ok(())
+    }
+}
+
+fn open(path: &Path) -> Result<Box<dyn Container>, ImportError> {
+    let kind = Kind::of_file(path).map_err(|error| ImportError::at(path, error.to_string()))?;
+    match kind {
+        Some(Kind::Ros1) => Ok(Box::new(ros1::Ros1::open(path)?)),
+        Some(Kind::Mcap) => Ok(Box::new(mcap::Mcap::open(path)?)),
+        Some(Kind::Sqlite) => Ok(Box::new(sqlite::Sqlite::open(path)?)),
+        None => Err(ImportError::at(path, "not a bag: begins neither as a ROS 1 bag nor as MCAP nor as SQLite")),
+    }
+}

@@ -1,0 +1,122 @@
+//! The tree of frames of `tf_static`.
+
+use super::messages::Transform;
+use geometry::{Isometry3, Pose, Quaternion, Translation3, UnitQuaternion};
+use std::collections::BTreeMap;
+
+/// Frames with their parents.
+#[derive(Debug, Default)]
+pub(crate) struct Frames {
+    parents: BTreeMap<String, (String, Pose)>,
+    /// Frames that got another transform later.
+    changed: BTreeMap<String, u64>,
+}
+
+impl Frames {
+    /// Adds a transform; a later one of the same frame replaces it.
+    pub fn add(&mut self, transform: Transform) -> Result<(), String> {
+        let Transform { parent, child, translation, rotation: [x, y, z, w] } = transform;
+        let quaternion = Quaternion::new(w, x, y, z);
+        let is_rigid = translation.iter().all(|v| v.is_finite()) && (quaternion.norm() - 1.0).abs() < 1e-3;
+        if !is_rigid {
+            return Err(format!(
+                "transform of {child}: translation {translation:?} and rotation {:?} must be numbers and a unit quaternion",
+                [x, y, z, w]
+            ));
+        }
+        let rotation = UnitQuaternion::from_quaternion(quaternion);
+        let pose = Isometry3::from_parts(Translation3::from(translation), rotation);
+        let entry = (parent, pose);
+        if self.parents.get(&child).is_some_and(|known| *known != entry) {
+            *self.changed.entry(child.clone()).or_default() += 1;
+        }
+        self.parents.insert(child, entry);
+        Ok(())
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.parents.is_empty()
+    }
+
+    /// Frames whose transform changed.
+    pub fn changed(&self) -> impl Iterator<Item = &str> {
+        self.changed.keys().map(String::as_str)
+    }
+
+    pub fn contains(&self, frame: &str) -> bool {
+        self.parents.contains_key(frame) || self.parents.values().any(|(parent, _)| parent == frame)
+    }
+
+    /// The frame above all others of a frame, and the pose in it. Frames in a circle have none.
+    fn root<'a>(&'a self, frame: &'a str) -> Option<(&'a str, Pose)> {
+        let (mut at, mut root_from_frame) = (frame, Pose::identity());
+        for _ in 0..=self.parents.len() {
+            let Some((parent, parent_from_at)) = self.parents.get(at) else { return Some((at, root_from_frame)) };
+            root_from_frame = parent_from_at * root_from_frame;
+            at = parent;
+        }
+        None
+    }
+
+    /// Name of the frame above all others of a frame.
+    pub fn root_of<'a>(&'a self, frame: &'a str) -> Option<&'a str> {
+        self.root(frame).map(|(root, _)| root)
+    }
+
+    /// The pose of `frame` in `body`; `None` if no transforms connect them.
+    pub fn pose(&self, body: &str, frame: &str) -> Option<Pose> {
+        if body == frame {
+            return Some(Pose::identity());
+        }
+        let ((root, root_from_frame), (other, root_from_body)) = (self.root(frame)?, self.root(body)?);
+        (root == other).then(|| root_from_body.inverse() * root_from_frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use geometry::{Point3, Vector3};
+
+    fn transform(parent: &str, child: &str, translation: [f64; 3], yaw: f64) -> Transform {
+        let q = UnitQuaternion::from_scaled_axis(Vector3::z() * yaw);
+        Transform { parent: parent.into(), child: child.into(), translation, rotation: [q.i, q.j, q.k, q.w] }
+    }
+
+    #[test]
+    fn poses_are_chained_over_the_common_root() {
+        let mut frames = Frames::default();
+        let quarter = std::f64::consts::FRAC_PI_2;
+        for one in [
+            transform("map", "base_link", [5.0, 0.0, 0.0], 1.0),
+            transform("base_link", "mast", [1.0, 0.0, 2.0], quarter),
+            transform("mast", "velodyne", [1.0, 0.0, 0.5], 0.0),
+            transform("other", "elsewhere", [0.0; 3], 0.0),
+        ] {
+            frames.add(one).expect("valid");
+        }
+        let pose = frames.pose("base_link", "velodyne").expect("is connected");
+        let at = pose * Point3::new(1.0, 0.0, 0.0);
+        assert!((at - Point3::new(1.0, 2.0, 2.5)).norm() < 1e-12, "{at}");
+        let back = frames.pose("velodyne", "base_link").expect("is connected");
+        assert!((back * at - Point3::new(1.0, 0.0, 0.0)).norm() < 1e-12);
+        assert_eq!(frames.root_of("velodyne"), Some("map"));
+        assert_eq!(frames.pose("base_link", "elsewhere"), None);
+        assert_eq!(frames.pose("base_link", "unknown"), None);
+        assert_eq!(frames.pose("unknown", "unknown"), Some(Pose::identity()));
+    }
+
+    #[test]
+    fn circles_end_and_changes_are_known() {
+        let mut frames = Frames::default();
+        frames.add(transform("a", "b", [1.0, 0.0, 0.0], 0.0)).expect("valid");
+        frames.add(transform("b", "a", [1.0, 0.0, 0.0], 0.0)).expect("valid");
+        assert_eq!(frames.pose("a", "b"), None);
+        frames.add(transform("b", "a", [1.0, 0.0, 0.0], 0.0)).expect("valid");
+        assert_eq!(frames.changed().count(), 0);
+        frames.add(transform("b", "a", [2.0, 0.0, 0.0], 0.0)).expect("valid");
+        assert_eq!(frames.changed().collect::<Vec<_>>(), ["a"]);
+        let bad = Transform { rotation: [0.0; 4], ..transform("a", "c", [0.0; 3], 0.0) };
+        assert!(frames.add(bad).expect_err("is refused").contains("unit quaternion"));
+    }
+}

@@ -1,0 +1,92 @@
+//! Position fixes as NMEA sentences.
+
+use super::messages::NavSatFix;
+use formats::nmea::{Fix, fixes, gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
+use geometry::Stamp;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Name of the log in the drive.
+pub(crate) const FILE: &str = "gnss.nmea";
+/// Begin of the log in which the first fix with a height is searched, bytes: hours of a receiver.
+const MAX_SEARCHED: u64 = 1 << 24;
+
+/// Writes the log.
+pub(crate) struct Gnss {
+    path: PathBuf,
+    log: BufWriter<File>,
+    last: Option<i64>,
+    pub n_lines: u64,
+    /// Fixes that are not later than the one before.
+    pub n_late: u64,
+    /// Fixes without position.
+    pub n_without: u64,
+}
+
+impl Gnss {
+    pub fn create(folder: &Path) -> io::Result<Self> {
+        let path = folder.join(FILE);
+        let log = BufWriter::new(File::create(&path)?);
+        Ok(Self { path, log, last: None, n_lines: 0, n_late: 0, n_without: 0 })
+    }
+
+    /// Adds a fix. Its height is above the ellipsoid, so the sentences say that the geoid is there, too.
+    pub fn add_fix(&mut self, stamp: i64, message: &NavSatFix) -> Result<(), String> {
+        if self.last.is_some_and(|last| last >= stamp) {
+            self.n_late += 1;
+            return Ok(());
+        }
+        self.last = Some(stamp);
+        let stamp = Stamp(stamp);
+        let quality = match message.status {
+            0 => 1,
+            1 => 2,
+            2 => 4,
+            _ => 0,
+        };
+        let [latitude, longitude] = message.position_deg;
+        if quality == 0 || !latitude.is_finite() || !longitude.is_finite() {
+            self.n_without += 1;
+            return self.write(&[gga_without_fix(stamp), rmc_without_fix(stamp)]);
+        }
+        if latitude.abs() > 90.0 || longitude.abs() > 180.0 {
+            return Err(format!(
+                "position {latitude} {longitude} must be latitude -90 to 90 and longitude -180 to 180"
+            ));
+        }
+        let fix = Fix {
+            stamp,
+            position_deg: message.position_deg,
+            altitude_m: Some(message.altitude_m).filter(|altitude| altitude.is_finite()),
+            speed_mps: None,
+            course_deg: None,
+            hdop: None,
+            satellites: 0,
+            quality,
+        };
+        self.write(&[gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)])
+    }
+
+    /// Adds the text of a receiver as it is.
+    pub fn add_sentence(&mut self, text: &str) -> Result<(), String> {
+        self.write(&text.lines().map(str::to_owned).collect::<Vec<_>>())
+    }
+
+    fn write(&mut self, lines: &[String]) -> Result<(), String> {
+        for line in lines.iter().map(|line| line.trim()).filter(|line| !line.is_empty()) {
+            self.n_lines += 1;
+            self.log.write_all(format!("{line}\r\n").as_bytes()).map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Latitude, longitude (deg) and height (m) of the first fix with a height.
+    pub fn finish(mut self) -> io::Result<Option<[f64; 3]>> {
+        self.log.flush()?;
+        let mut begin = Vec::new();
+        File::open(&self.path)?.take(MAX_SEARCHED).read_to_end(&mut begin)?;
+        let first = fixes(&begin).0.into_iter().find_map(|fix| Some((fix.position_deg, fix.altitude_m?)));
+        Ok(first.map(|([latitude, longitude], altitude_m)| [latitude, longitude, altitude_m]))
+    }
+}

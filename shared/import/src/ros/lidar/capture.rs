@@ -1,0 +1,46 @@
+//! Packets of a bag as a capture.
+
+use crate::error::{At, ImportError};
+use formats::lidar::{Model, SweepReader};
+use formats::pcap::Writer;
+use geometry::Stamp;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// Name of the capture in the LiDAR folder.
+const NAME: &str = "packets.pcap";
+
+/// Writes a capture.
+pub(crate) struct Capture {
+    path: PathBuf,
+    writer: Writer<BufWriter<File>>,
+    /// UDP port in the capture; a bag does not have it.
+    port: u16,
+    pub n_packets: u64,
+}
+
+impl Capture {
+    pub fn create(folder: &Path, port: u16) -> Result<Self, ImportError> {
+        let path = folder.join(NAME);
+        let file = BufWriter::new(File::create(&path).at(&path)?);
+        let writer = Writer::new(file).at(&path)?;
+        Ok(Self { path, writer, port, n_packets: 0 })
+    }
+
+    pub fn add(&mut self, stamp: i64, packet: &[u8]) -> Result<(), String> {
+        self.n_packets += 1;
+        self.writer.write_udp(Stamp(stamp), self.port, packet).map_err(|error| error.to_string())
+    }
+
+    /// The model of the packets, if it is not given.
+    pub fn finish(self, model: Option<Model>) -> Result<Model, ImportError> {
+        self.writer.finish().at(&self.path)?;
+        match model {
+            Some(model) => Ok(model),
+            None => SweepReader::open(vec![self.path.clone()], None).map(|reader| reader.model()).map_err(|error| {
+                ImportError::of_option("--model", format!("the packets do not name a supported LiDAR: {error}"))
+            }),
+        }
+    }
+}

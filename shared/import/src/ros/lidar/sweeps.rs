@@ -1,0 +1,236 @@
+//! Clouds of a bag as one PCD file per sweep.
+
+use super::of_beams;
+use crate::error::ImportError;
+use crate::plan::TextFile;
+use crate::ros::cloud::RawPoint;
+use crate::ros::point_times::TimeForm;
+use crate::ros::rings::{Elevations, Rings};
+use crate::sweeps::LIDAR_FOLDER;
+use formats::cloud::{CloudPoint, FiredPoint};
+use formats::drive::TIMES_FILE;
+use formats::lidar::{Lidar, Model, SweepReader};
+use formats::pcd::{PcdCloud, pcd_from_cloud};
+use std::fs::File;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Clouds that show the form of the times and the elevations of the beams. The first revolution of a recording is often incomplete.
+const EXAMINED: usize = 8;
+/// Nearer points are missing returns, m.
+const MIN_RANGE_M: f32 = 0.1;
+/// Longest time from the first to the last point, ns.
+const MAX_SPAN_NANOS: i64 = 500_000_000;
+/// Largest intensity of a drive.
+const MAX_INTENSITY: f32 = 255.0;
+
+/// A cloud as the message has it.
+struct Cloud {
+    stamp: i64,
+    points: Vec<RawPoint>,
+}
+
+/// Writes the sweeps of a topic.
+pub(crate) struct Sweeps {
+    folder: PathBuf,
+    model: Option<Model>,
+    /// Clouds that wait for the decision.
+    waiting: Vec<Cloud>,
+    decision: Option<Decision>,
+    /// Stamps of the sweeps and the times of their last points, ns.
+    written: Vec<(i64, u32)>,
+    counts: Counts,
+}
+
+/// How the clouds of a topic are read.
+struct Decision {
+    form: Option<TimeForm>,
+    rings: Option<Rings>,
+    model: Model,
+}
+
+#[derive(Default)]
+struct Counts {
+    empty: u64,
+    same_stamp: u64,
+    /// Clouds whose times are not those of one sweep.
+    bad_times: u64,
+    /// Points with an intensity above that of a drive.
+    bright: u64,
+    /// Points of beams without ring.
+    without_ring: u64,
+}
+
+impl Sweeps {
+    /// `folder` exists.
+    pub fn new(folder: PathBuf, model: Option<Model>) -> Self {
+        Self { folder, model, waiting: Vec::new(), decision: None, written: Vec::new(), counts: Counts::default() }
+    }
+
+    /// Adds a cloud. `n_rows`: rows of the message, which are beams if there are more than one.
+    pub fn add(&mut self, stamp: i64, n_rows: u32, points: impl Iterator<Item = RawPoint>) -> Result<(), String> {
+        let points: Vec<RawPoint> = points.filter(is_return).collect();
+        if points.is_empty() {
+            self.counts.empty += 1;
+            return Ok(());
+        }
+        let limit = SweepReader::MAX_RETURNS;
+        if points.len() > limit {
+            return Err(format!("{} points; a sweep has at most {limit}", points.len()));
+        }
+        let cloud = Cloud { stamp, points };
+        if self.decision.is_some() {
+            return self.write(&cloud);
+        }
+        self.waiting.push(cloud);
+        if self.waiting.len() == EXAMINED { self.decide(n_rows) } else { Ok(()) }
+    }
+
+    fn decide(&mut self, n_rows: u32) -> Result<(), String> {
+        let form = self
+            .waiting
+            .iter()
+            .find_map(|cloud| time_range(cloud).and_then(|[a, b]| TimeForm::of_range(a, b, cloud.stamp)));
+        let mut elevations = Elevations::default();
+        self.waiting.iter().flat_map(|cloud| &cloud.points).for_each(|point| elevations.add(point));
+        let of_model = self.model.map(|model| Lidar::from(model).n_rings()).filter(|n| *n > 0);
+        let rings = elevations.rings(of_model.and_then(|n| u16::try_from(n).ok()), n_rows);
+        let model = self.model.unwrap_or_else(|| of_beams(rings.as_ref().map_or(0, Rings::n_rings)));
+        self.decision = Some(Decision { form, rings, model });
+        for cloud in std::mem::take(&mut self.waiting) {
+            self.write(&cloud)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, cloud: &Cloud) -> Result<(), String> {
+        let Some(decision) = &self.decision else { return Ok(()) };
+        let times = match decision.form {
+            Some(form) => {
+                let times: Option<Vec<f64>> = cloud.points.iter().map(|point| point.time).collect();
+                times.and_then(|times| form.nanos(times.into_iter(), cloud.stamp))
+            }
+            None => Some(vec![cloud.stamp; cloud.points.len()]),
+        };
+        let range = times.as_ref().and_then(|times| Some((*times.iter().min()?, *times.iter().max()?)));
+        let sweep = range.filter(|(begin, end)| end.checked_sub(*begin).is_some_and(|span| span <= MAX_SPAN_NANOS));
+        let (Some(times), Some((begin, end))) = (times, sweep) else {
+            self.counts.bad_times += 1;
+            return Ok(());
+        };
+        if begin < 0 {
+            return Err(format!("time {begin} ns is before 1970; must be a time since 1970"));
+        }
+        let (mut points, mut n_bright, mut n_without) = (Vec::with_capacity(times.len()), 0, 0);
+        for (point, time) in cloud.points.iter().zip(times) {
+            let ring = match &decision.rings {
+                Some(rings) => point.ring.and_then(|beam| rings.of(beam)),
+                None => Some(0),
+            };
+            let Some(ring) = ring else {
+                n_without += 1;
+                continue;
+            };
+            n_bright += u64::from(point.intensity > MAX_INTENSITY);
+            let ([x, y, z], intensity) = (point.position, point.intensity);
+            let offset_nanos = (time - begin) as u32;
+            points.push(FiredPoint { point: CloudPoint { x, y, z, intensity }, ring, offset_nanos });
+        }
+        self.counts.bright += n_bright;
+        self.counts.without_ring += n_without;
+        let (has_rings, has_times) = (decision.rings.is_some(), decision.form.is_some());
+        // All have 19 digits since 2001, so the order of the names is that of the stamps.
+        let path = self.folder.join(format!("{begin:019}.pcd"));
+        let mut file = match File::create_new(&path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                self.counts.same_stamp += 1;
+                return Ok(());
+            }
+            file => file.map_err(|error| format!("{}: {error}", path.display()))?,
+        };
+        let bytes = pcd_from_cloud(&PcdCloud { points, has_rings, has_times });
+        file.write_all(&bytes).map_err(|error| format!("{}: {error}", path.display()))?;
+        self.written.push((begin, (end - begin) as u32));
+        Ok(())
+    }
+
+    /// Writes what waits. The model, the file of the times, and lines for the operator.
+    pub fn finish(
+        mut self,
+        source: &Path,
+        topic: &str,
+        fields: &FieldNames,
+    ) -> Result<(Model, TextFile, Vec<String>), ImportError> {
+        if self.decision.is_none() {
+            self.decide(fields.n_rows).map_err(|rule| ImportError::at_part(source, topic, rule))?;
+        }
+        let Some(decision) = self.decision else { return Err(ImportError::at_part(source, topic, "no clouds")) };
+        if self.written.is_empty() {
+            let Counts { empty, bad_times, .. } = self.counts;
+            let rule = format!("no sweeps: {empty} clouds without points, {bad_times} with times of more than 0.5 s");
+            return Err(ImportError::at_part(source, topic, rule));
+        }
+        self.written.sort_unstable();
+        let n_sweeps = self.written.len();
+        let times: Vec<String> = self.written.iter().map(|(stamp, _)| stamp.to_string()).collect();
+        let n_overlapping =
+            self.written.windows(2).filter(|pair| pair[0].0 + i64::from(pair[0].1) > pair[1].0).count() as u64;
+        let mut report = vec![format!("imported: {n_sweeps} sweeps from {topic}")];
+        report.push(match (decision.form, &fields.time) {
+            (Some(form), Some(name)) => format!("point times: field {name}, {}", form.text()),
+            (None, Some(name)) => {
+                format!("no point times: field {name} does not span 5 ms to 0.5 s in s, ms, us or ns; sweeps begin at the stamps")
+            }
+            (_, None) => "no point times: the clouds have no such field; sweeps begin at the stamps".to_owned(),
+        });
+        report.push(match (&decision.rings, &fields.ring) {
+            (Some(rings), Some(name)) => {
+                format!("rings: field {name}, {} beams counted {}", rings.n_rings(), rings.order)
+            }
+            (None, Some(name)) => {
+                let limit = self.model.map_or(String::new(), |model| format!(" of a {}", model.name()));
+                format!("no rings: field {name} does not number the beams{limit}, each of one elevation")
+            }
+            (_, None) => "no rings: the clouds have no such field".to_owned(),
+        });
+        if self.model.is_none() {
+            let model = decision.model.name();
+            report.push(format!("clouds do not name the LiDAR: {model} is assumed, --model sets another"));
+        }
+        let Counts { empty, same_stamp, bad_times, bright, without_ring } = self.counts;
+        for (n, what) in [
+            (empty, "clouds without points are left out"),
+            (same_stamp, "clouds with the stamp of another are left out"),
+            (bad_times, "clouds whose times span more than 0.5 s are left out"),
+            (n_overlapping, "sweeps end after the next one begins"),
+            (bright, "points have an intensity above 255, which becomes 255"),
+            (without_ring, "points of unknown beams are left out"),
+        ] {
+            if n > 0 {
+                report.push(format!("{n} {what}"));
+            }
+        }
+        let file = TextFile { place: Path::new(LIDAR_FOLDER).join(TIMES_FILE), text: times.join("\n") + "\n" };
+        Ok((decision.model, file, report))
+    }
+}
+
+/// Names of the fields of the clouds, for the operator, and their rows.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FieldNames {
+    pub time: Option<&'static str>,
+    pub ring: Option<&'static str>,
+    pub n_rows: u32,
+}
+
+fn is_return(point: &RawPoint) -> bool {
+    let [x, y, z] = point.position;
+    let range_m = (x * x + y * y + z * z).sqrt();
+    range_m.is_finite() && range_m > MIN_RANGE_M
+}
+
+/// Smallest and largest time.
+fn time_range(cloud: &Cloud) -> Option<[f64; 2]> {
+    let times = || cloud.points.iter().filter_map(|point| point.time);
+    Some([times().reduce(f64::min)?, times().reduce(f64::max)?])
+}

@@ -1,0 +1,248 @@
+//! The files of the drive while the bag is read.
+
+mod finish;
+
+use super::bag::{Message, Topic};
+use super::camera::Camera;
+use super::cloud::{Fields, livox_points};
+use super::cursor::Cursor;
+use super::frames::Frames;
+use super::gnss::Gnss;
+use super::images::Images;
+use super::imu::ImuLog;
+use super::lidar::{Capture, FieldNames, Sweeps};
+use super::messages::{CameraInfo, CompressedImage, Header, Image, Imu, NavSatFix, sentence, string, transforms};
+use super::packets::{Packets, PacketsKind};
+use super::roles::{Role, Roles};
+use crate::Options;
+use crate::error::{At, ImportError};
+use crate::sweeps::LIDAR_FOLDER;
+use formats::ouster;
+use formats::velodyne::DATA_PORT;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What a topic is written to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Use {
+    Role(Role),
+    Transforms,
+}
+
+/// The LiDAR's data.
+enum LidarWriter {
+    Clouds(Sweeps),
+    Livox(Sweeps),
+    Packets(PacketsKind, Capture),
+}
+
+/// All files that are being written.
+pub(super) struct Writers<'a> {
+    source: &'a Path,
+    out: PathBuf,
+    topics: &'a [Topic],
+    roles: &'a Roles,
+    options: &'a Options,
+    uses: Vec<Vec<Use>>,
+    lidar: LidarWriter,
+    fields: FieldNames,
+    /// Frames of the sensors, by the topic's first message.
+    frame_of: BTreeMap<Role, String>,
+    cameras: BTreeMap<usize, Camera>,
+    imu: Option<ImuLog>,
+    gnss: Option<Gnss>,
+    metadata: Option<String>,
+    frames: Frames,
+    /// Messages so far, by topic.
+    n_read: Vec<u64>,
+    /// Messages without stamp, by topic.
+    n_unstamped: BTreeMap<usize, u64>,
+}
+
+impl<'a> Writers<'a> {
+    pub fn create(
+        source: &'a Path,
+        out: &Path,
+        topics: &'a [Topic],
+        roles: &'a Roles,
+        options: &'a Options,
+    ) -> Result<Self, ImportError> {
+        let mut uses = vec![Vec::new(); topics.len()];
+        for (role, topic) in &roles.topics {
+            uses[*topic].push(Use::Role(*role));
+        }
+        for (topic, of_topic) in topics.iter().zip(&mut uses) {
+            let is_transform = matches!(topic.kind.as_str(), "tf2_msgs/TFMessage" | "tf/tfMessage");
+            if is_transform && topic.encoding.is_some() && topic.name.trim_start_matches('/').ends_with("tf_static") {
+                of_topic.push(Use::Transforms);
+            }
+        }
+        let folder = |name: &str| {
+            let path = out.join(name);
+            fs::create_dir_all(&path).at(&path).map(|()| path)
+        };
+        let lidar = folder(LIDAR_FOLDER)?;
+        let kind = roles.topics.get(&Role::Lidar).map_or("", |topic| topics[*topic].kind.as_str());
+        let lidar = match PacketsKind::of_type(kind) {
+            Some(kind) => {
+                let port = if kind == PacketsKind::Ouster { ouster::DATA_PORT } else { DATA_PORT };
+                LidarWriter::Packets(kind, Capture::create(&lidar, port)?)
+            }
+            None if kind == "sensor_msgs/PointCloud2" => LidarWriter::Clouds(Sweeps::new(lidar, options.model)),
+            None => LidarWriter::Livox(Sweeps::new(lidar, options.model)),
+        };
+        let mut cameras = BTreeMap::new();
+        for (role, topic) in &roles.topics {
+            if let Role::Camera(index) = role {
+                let name = format!("camera/{index}");
+                let images = Images::new(folder(&name)?);
+                cameras.insert(*index, Camera::new(*topic, &topics[*topic].name, name, images));
+            }
+        }
+        let has_log = roles.has(Role::Gnss) || roles.has(Role::Nmea);
+        Ok(Self {
+            source,
+            out: out.to_owned(),
+            topics,
+            roles,
+            options,
+            uses,
+            lidar,
+            fields: FieldNames::default(),
+            frame_of: BTreeMap::new(),
+            cameras,
+            imu: roles.has(Role::Imu).then(|| ImuLog::create(out)).transpose().at(out)?,
+            gnss: has_log.then(|| Gnss::create(out)).transpose().at(out)?,
+            metadata: None,
+            frames: Frames::default(),
+            n_read: vec![0; topics.len()],
+            n_unstamped: BTreeMap::new(),
+        })
+    }
+
+    /// Which topics are used.
+    pub fn wanted(&self) -> Vec<bool> {
+        self.uses.iter().map(|uses| !uses.is_empty()).collect()
+    }
+
+    /// Writes a message of a file of the bag.
+    pub fn add(&mut self, path: &Path, message: Message<'_>) -> Result<(), ImportError> {
+        self.n_read[message.topic] += 1;
+        for index in 0..self.uses[message.topic].len() {
+            let of_topic = self.uses[message.topic][index];
+            self.add_use(of_topic, message).map_err(|rule| {
+                let topic = &self.topics[message.topic];
+                let number = self.n_read[message.topic];
+                let part =
+                    format!("message {number} of {} ({}), received at {}", topic.name, topic.kind, message.received);
+                ImportError::at_part(path, &part, rule)
+            })?;
+        }
+        Ok(())
+    }
+
+    fn add_use(&mut self, of_topic: Use, message: Message<'_>) -> Result<(), String> {
+        let topic = &self.topics[message.topic];
+        let encoding = topic.encoding.ok_or("unknown serialization")?;
+        let mut c = Cursor::new(encoding, message.data).map_err(|fault| fault.to_string())?;
+        let fault = |fault: super::cursor::MessageFault| fault.to_string();
+        match of_topic {
+            Use::Transforms => {
+                for transform in transforms(&mut c).map_err(fault)? {
+                    self.frames.add(transform)?;
+                }
+            }
+            Use::Role(Role::Lidar) => return self.add_lidar(&mut c, message),
+            Use::Role(Role::Metadata) => self.metadata = Some(string(&mut c).map_err(fault)?),
+            Use::Role(role @ Role::Camera(index)) => {
+                let Some(camera) = self.cameras.get_mut(&index) else { return Ok(()) };
+                if topic.kind == "sensor_msgs/Image" {
+                    let image = Image::read(&mut c).map_err(fault)?;
+                    let stamp = stamp(&mut self.n_unstamped, &image.header, message);
+                    camera.images.add(stamp, &image).map_err(without_cameras)?;
+                    self.frame_of.entry(role).or_insert(image.header.frame);
+                } else {
+                    let image = CompressedImage::read(&mut c).map_err(fault)?;
+                    let stamp = stamp(&mut self.n_unstamped, &image.header, message);
+                    camera.images.add_compressed(stamp, &image).map_err(without_cameras)?;
+                    self.frame_of.entry(role).or_insert(image.header.frame);
+                }
+            }
+            Use::Role(Role::CameraInfo(index)) => {
+                if let Some(camera) = self.cameras.get_mut(&index) {
+                    camera.add_info(CameraInfo::read(&mut c).map_err(fault)?);
+                }
+            }
+            Use::Role(Role::Imu) => {
+                let imu = Imu::read(&mut c).map_err(fault)?;
+                let stamp = stamp(&mut self.n_unstamped, &imu.header, message);
+                if let Some(log) = &mut self.imu {
+                    log.add(stamp, &imu).map_err(|error| error.to_string())?;
+                }
+                self.frame_of.entry(Role::Imu).or_insert(imu.header.frame);
+            }
+            Use::Role(Role::Gnss) => {
+                let fix = NavSatFix::read(&mut c).map_err(fault)?;
+                let stamp = stamp(&mut self.n_unstamped, &fix.header, message);
+                if let Some(log) = &mut self.gnss {
+                    log.add_fix(stamp, &fix)?;
+                }
+                self.frame_of.entry(Role::Gnss).or_insert(fix.header.frame);
+            }
+            Use::Role(Role::Nmea) => {
+                let header = Header::read(&mut c.clone()).map_err(fault)?;
+                if let Some(log) = &mut self.gnss {
+                    log.add_sentence(&sentence(&mut c).map_err(fault)?)?;
+                }
+                self.frame_of.entry(Role::Nmea).or_insert(header.frame);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_lidar(&mut self, c: &mut Cursor<'_>, message: Message<'_>) -> Result<(), String> {
+        let fault = |fault: super::cursor::MessageFault| fault.to_string();
+        let frame = match &mut self.lidar {
+            LidarWriter::Clouds(sweeps) => {
+                let cloud = Fields::read(c).map_err(fault)?;
+                let stamp = stamp(&mut self.n_unstamped, &cloud.header, message);
+                self.fields = FieldNames { time: cloud.time_name, ring: cloud.ring_name, n_rows: cloud.height };
+                sweeps.add(stamp, cloud.height, cloud.points())?;
+                Some(cloud.header.frame)
+            }
+            LidarWriter::Livox(sweeps) => {
+                let (header, points) = livox_points(c).map_err(fault)?;
+                let stamp = stamp(&mut self.n_unstamped, &header, message);
+                self.fields = FieldNames { time: Some("offset_time"), ring: None, n_rows: 1 };
+                sweeps.add(stamp, 1, points.into_iter())?;
+                Some(header.frame)
+            }
+            LidarWriter::Packets(kind, capture) => {
+                let Packets { frame, packets } = kind.read(c, message.received).map_err(fault)?;
+                for (stamp, packet) in packets {
+                    capture.add(stamp, packet)?;
+                }
+                frame
+            }
+        };
+        if let Some(frame) = frame {
+            self.frame_of.entry(Role::Lidar).or_insert(frame);
+        }
+        Ok(())
+    }
+}
+
+/// Says how to import the rest.
+fn without_cameras(rule: String) -> String {
+    rule + "; --topic camera.0=NAME chooses other images, --topic camera=none leaves the cameras out"
+}
+
+/// The stamp of a message, or the time at which it was received.
+fn stamp(n_unstamped: &mut BTreeMap<usize, u64>, header: &Header, message: Message<'_>) -> i64 {
+    if header.stamp == 0 {
+        *n_unstamped.entry(message.topic).or_default() += 1;
+        return message.received;
+    }
+    header.stamp
+}

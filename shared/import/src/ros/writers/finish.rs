@@ -1,0 +1,248 @@
+//! The manifest and the report when all messages were read.
+
+use super::{LidarWriter, Writers};
+use crate::error::{At, ImportError};
+use crate::plan::{Link, TextFile};
+use crate::ros::camera::Camera;
+use crate::ros::packets::PacketsKind;
+use crate::ros::rig::Mountings;
+use crate::ros::roles::Role;
+use crate::ros::{gnss, imu};
+use crate::sweeps::LIDAR_FOLDER;
+use crate::{Kind, drive_name};
+use formats::lidar::Model;
+use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest};
+use geometry::{Pose, UnitQuaternion, Vector3};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// Exposure time that is written if none is known, ns: that of a sunny street.
+const EXPOSURE_NANOS: u64 = 1_000_000;
+/// A rectification that turns less is none, deg.
+const MAX_TURN_DEG: f64 = 0.01;
+/// Frame of the points that are decoded from the packets of an Ouster, whose messages name none.
+const OUSTER_FRAME: &str = "os_sensor";
+/// Name of the metadata of an Ouster in the LiDAR folder.
+const METADATA: &str = "metadata.json";
+
+/// What a bag became.
+pub(in crate::ros) struct Parts {
+    pub manifest: Manifest,
+    pub links: Vec<Link>,
+    pub texts: Vec<TextFile>,
+    pub report: Vec<String>,
+    /// Why topics are not taken, by index.
+    pub reasons: BTreeMap<usize, String>,
+}
+
+/// The LiDAR of the drive.
+struct LidarPart {
+    model: Model,
+    format: &'static str,
+    calibration: Option<String>,
+    texts: Vec<TextFile>,
+    report: Vec<String>,
+    /// Turn of the points of the drive in the frame of the messages.
+    frame_from_points: UnitQuaternion<f64>,
+}
+
+impl Writers<'_> {
+    /// Completes the files.
+    pub fn finish(self) -> Result<Parts, ImportError> {
+        let Self {
+            source,
+            out,
+            topics,
+            roles,
+            options,
+            lidar,
+            fields,
+            frame_of,
+            cameras,
+            imu,
+            gnss,
+            metadata,
+            frames,
+            ..
+        } = self;
+        let topic_of = |role: Role| roles.topics.get(&role).map_or("", |topic| topics[*topic].name.as_str());
+        let lidar = finish_lidar(source, topic_of(Role::Lidar), lidar, &fields, options.model, metadata)?;
+        let lidar_frame = frame_of.get(&Role::Lidar).cloned().unwrap_or_else(|| OUSTER_FRAME.to_owned());
+        let mut rig = Mountings::new(&frames, &lidar_frame, &options.ros)?;
+        let body_from_frame = rig.body_from(&lidar_frame).map_err(|rule| ImportError::at(source, rule))?;
+        let body_from_lidar = body_from_frame * lidar.frame_from_points;
+        let entry = LidarEntry {
+            model: lidar.model.name().into(),
+            format: lidar.format.into(),
+            folder: LIDAR_FOLDER.into(),
+            calibration: lidar.calibration,
+            body_from_lidar: body_from_lidar.into(),
+        };
+        let mut parts = Parts {
+            manifest: Manifest::of_lidar(&drive_name(source, Kind::Ros), entry),
+            links: Vec::new(),
+            texts: lidar.texts,
+            report: lidar.report,
+            reasons: roles.reasons.clone(),
+        };
+        if frames.is_empty() {
+            parts.report.push("the bag has no tf_static".into());
+        }
+        parts.report.append(&mut rig.report);
+        // Leaves a sensor out, or fails if the user asked for it.
+        let leave_out = |parts: &mut Parts, role: Role, topic: usize, reason: String| {
+            if roles.is_chosen(role) {
+                return Err(ImportError::at_part(source, &topics[topic].name, reason));
+            }
+            parts.reasons.insert(topic, reason);
+            Ok(())
+        };
+        for (index, camera) in cameras {
+            let image_frame = frame_of.get(&Role::Camera(index)).map_or("", String::as_str);
+            let mounted = camera.lens(image_frame).and_then(|(frame, lens)| Ok((rig.body_from(&frame)?, lens)));
+            match mounted {
+                Ok((body_from_camera, model)) => {
+                    parts.report.extend(camera_report(&camera, &topics[camera.topic].name));
+                    parts.manifest.cameras.push(CameraEntry {
+                        name: camera.name,
+                        folder: camera.folder,
+                        exposure_nanos: EXPOSURE_NANOS,
+                        body_from_camera: body_from_camera.into(),
+                        model,
+                    });
+                }
+                Err(reason) => {
+                    camera.images.discard().at(&out)?;
+                    leave_out(&mut parts, Role::Camera(index), camera.topic, reason)?;
+                }
+            }
+        }
+        if !parts.manifest.cameras.is_empty() {
+            parts.report.push(
+                "exposure times are not in the bag: stamps are taken as the middle of exposures of 1 ms; set exposure_nanos \
+                 in drive.toml"
+                    .into(),
+            );
+        }
+        if let (Some(mut log), Some(&topic)) = (imu, roles.topics.get(&Role::Imu)) {
+            let path = out.join(imu::FILE);
+            let was_in_g = log.finish().at(&path)?;
+            let frame = frame_of.get(&Role::Imu).map_or("", String::as_str);
+            let mounted = if log.n_samples > 0 { rig.body_from(frame) } else { Err("no valid samples".into()) };
+            match mounted {
+                Ok(body_from_imu) => {
+                    parts.report.extend(imu_report(&log, &topics[topic].name, was_in_g));
+                    let body_from_imu = Some(body_from_imu.into());
+                    let file = imu::FILE.to_owned();
+                    parts.manifest.imu = Some(ImuEntry { file, position_in_body: [0.0; 3], body_from_imu });
+                }
+                Err(reason) => {
+                    fs::remove_file(&path).at(&path)?;
+                    leave_out(&mut parts, Role::Imu, topic, reason)?;
+                }
+            }
+        }
+        let receiver = [Role::Nmea, Role::Gnss].into_iter().find_map(|role| Some((role, *roles.topics.get(&role)?)));
+        if let (Some(log), Some((role, topic))) = (gnss, receiver) {
+            let path = out.join(gnss::FILE);
+            let counts = (log.n_lines, log.n_late, log.n_without);
+            let origin = log.finish().at(&path)?.ok_or("no position with a height".to_owned());
+            let frame = frame_of.get(&role).map_or("", String::as_str);
+            match origin.and_then(|origin| Ok((origin, rig.body_from(frame)?))) {
+                Ok((origin, body_from_antenna)) => {
+                    parts.report.extend(gnss_report(&topics[topic].name, role, counts));
+                    let antenna_in_body = body_from_antenna.translation.vector.into();
+                    parts.manifest.gnss = Some(GnssEntry { file: gnss::FILE.into(), origin, antenna_in_body });
+                }
+                Err(reason) => {
+                    fs::remove_file(&path).at(&path)?;
+                    leave_out(&mut parts, role, topic, reason)?;
+                }
+            }
+        }
+        for (topic, n) in self.n_unstamped {
+            let name = &topics[topic].name;
+            parts
+                .report
+                .push(format!("{n} messages of {name} have no stamp: the times at which they were received are taken"));
+        }
+        Ok(parts)
+    }
+}
+
+fn finish_lidar(
+    source: &Path,
+    topic: &str,
+    writer: LidarWriter,
+    fields: &crate::ros::lidar::FieldNames,
+    model: Option<Model>,
+    metadata: Option<String>,
+) -> Result<LidarPart, ImportError> {
+    let same_axes = Pose::identity().rotation;
+    match writer {
+        LidarWriter::Clouds(sweeps) | LidarWriter::Livox(sweeps) => {
+            let (model, times, report) = sweeps.finish(source, topic, fields)?;
+            let texts = vec![times];
+            Ok(LidarPart { model, format: "pcd", calibration: None, texts, report, frame_from_points: same_axes })
+        }
+        LidarWriter::Packets(kind, capture) => {
+            let report = vec![format!("imported: {} packets from {topic}", capture.n_packets)];
+            // The packets of an Ouster do not name their model.
+            let is_ouster = kind == PacketsKind::Ouster;
+            let model = capture.finish(model.or(is_ouster.then_some(Model::Ouster)))?;
+            let place = Path::new(LIDAR_FOLDER).join(METADATA);
+            let metadata = metadata.filter(|_| model == Model::Ouster);
+            let calibration = metadata.as_ref().map(|_| place.to_string_lossy().into_owned());
+            let texts = metadata.map(|text| TextFile { place, text }).into_iter().collect();
+            // Drivers of Hesai have y forward and x to the right.
+            let quarter = UnitQuaternion::from_scaled_axis(Vector3::z() * std::f64::consts::FRAC_PI_2);
+            let frame_from_points = if matches!(model, Model::Hesai(_)) { quarter } else { same_axes };
+            Ok(LidarPart { model, format: "pcap", calibration, texts, report, frame_from_points })
+        }
+    }
+}
+
+fn camera_report(camera: &Camera, topic: &str) -> Vec<String> {
+    let mut lines = vec![format!("imported: {} images from {topic}", camera.images.n_written)];
+    if camera.images.n_same_stamp > 0 {
+        lines.push(format!("{} images of {topic} with the stamp of another are left out", camera.images.n_same_stamp));
+    }
+    let turned_deg = camera.rectification_deg();
+    if turned_deg > MAX_TURN_DEG {
+        lines.push(format!(
+            "the rectification of {topic} turns by {turned_deg:.2} deg; it is not applied: the frame of the images is taken as \
+             that of the camera"
+        ));
+    }
+    if camera.has_changed {
+        lines.push(format!("the CameraInfo of {topic} changes; the first is taken"));
+    }
+    lines
+}
+
+fn imu_report(log: &imu::ImuLog, topic: &str, was_in_g: bool) -> Vec<String> {
+    let mut lines = vec![format!("imported: {} IMU samples from {topic}", log.n_samples)];
+    if was_in_g {
+        lines.push(format!("accelerations of {topic} are in g; they are multiplied by 9.80665"));
+    }
+    for (n, what) in [(log.n_late, "not in order"), (log.n_bad, "without valid values")] {
+        if n > 0 {
+            lines.push(format!("IMU samples of {topic} {what}, left out: {n}"));
+        }
+    }
+    lines
+}
+
+fn gnss_report(topic: &str, role: Role, (n_lines, n_late, n_without): (u64, u64, u64)) -> Vec<String> {
+    if role == Role::Nmea {
+        return vec![format!("imported: {n_lines} NMEA sentences from {topic}")];
+    }
+    let mut lines = vec![format!("imported: {} fixes from {topic}, without speeds", n_lines / 2 - n_without)];
+    for (n, what) in [(n_late, "not in order, left out"), (n_without, "without a position")] {
+        if n > 0 {
+            lines.push(format!("fixes of {topic} {what}: {n}"));
+        }
+    }
+    lines
+}
