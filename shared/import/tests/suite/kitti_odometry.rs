@@ -137,6 +137,11 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     };
     assert_eq!(truth.find(0, rings(0)[0]), None, "the first sweep has no labels");
     assert_eq!(truth.find(103_735_900, rings(1)[0]).map(|label| label.class), Some(ClassId::Vehicles as u8));
+    for seq in 1..3 {
+        remove(&drive.folder().join(format!("truth/labels/{seq:06}.label")));
+    }
+    let problem = drive.true_labels().expect_err("has none").to_string();
+    assert!(problem.contains("truth/labels: contains no label file"), "{problem}");
 }
 
 #[test]
