@@ -18,7 +18,6 @@ mod plan;
 mod ros;
 mod rows;
 mod sweeps;
-mod timed_pcd;
 mod times;
 
 pub use error::{ImportError, Rule};

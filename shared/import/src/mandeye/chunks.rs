@@ -2,8 +2,8 @@
 
 use crate::error::ImportError;
 use crate::las::{LasPoint, each_block};
-use crate::timed_pcd::timed_pcd;
-use formats::cloud::CloudPoint;
+use formats::cloud::{CloudPoint, FiredPoint};
+use formats::pcd::{PcdCloud, pcd_from_cloud};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -72,9 +72,9 @@ impl Chunks {
             points.extend(chunk[begin..].iter().take_while(|(nanos, _)| *nanos < to));
         }
         points.sort_by_key(|(nanos, _)| *nanos);
-        let timed: Vec<(CloudPoint, u32)> =
-            points.into_iter().map(|(nanos, point)| (point, (nanos - sweep.stamp) as u32)).collect();
-        Ok(timed_pcd(&timed))
+        let fired = |(nanos, point)| FiredPoint { point, ring: 0, offset_nanos: (nanos - sweep.stamp) as u32 };
+        let points = points.into_iter().map(fired).collect();
+        Ok(pcd_from_cloud(&PcdCloud { points, has_rings: false, has_times: true }))
     }
 }
 

@@ -127,6 +127,11 @@ fn labels_of_semantic_kitti_become_true_classes_of_the_returns() {
     );
     assert_eq!(first_label(&drive, 0), Err(NoLabel::NoSweep), "the first sweep has no labels");
     assert_eq!(first_label(&drive, 1).map(|label| label.class), Ok(ClassId::Vehicles as u8));
+    for seq in 1..3 {
+        remove(&drive.folder().join(format!("truth/labels/{seq:06}.label")));
+    }
+    let problem = drive.true_labels().expect_err("has none").to_string();
+    assert!(problem.contains("truth/labels: contains no label file"), "{problem}");
 }
 
 #[test]
