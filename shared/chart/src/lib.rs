@@ -8,6 +8,7 @@ mod axis;
 mod draw;
 
 pub use axis::Axis;
+pub use draw::escaped;
 
 use std::fmt::Write;
 

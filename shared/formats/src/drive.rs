@@ -16,8 +16,8 @@ mod sweeps;
 
 pub use crate::lidar::SweepInfo;
 pub use clouds::{is_return, returns_from_cloud};
-pub use labelled_sweep::{LabelledSweep, NoLabel, Shot};
-pub use labels::{LabelReader, TrueLabel, TrueLabels, find_label};
+pub use labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
+pub use labels::{LabelReader, TrueLabels, find_label};
 pub use lidar_file::lidar_of;
 pub use listing::Frame;
 pub use live_rig::LiveRig;

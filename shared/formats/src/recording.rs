@@ -24,9 +24,10 @@ mod ticks;
 mod writer;
 
 pub use error::{ForeignFile, RecordFault, RecordingError};
-pub use reader::{Recorded, RecordedTopic, RecordingReader};
+pub use reader::{Recorded, RecordingReader};
 pub use table::kind_bytes;
 pub use ticks::{RecordedMessage, RecordedTick, TickReader};
+pub use topic::RecordedTopic;
 pub use writer::RecordingWriter;
 
 /// Encoding of schemas and messages. No registered encoding means "rows of plain numbers". Programs that do not know it can still

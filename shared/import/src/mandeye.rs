@@ -41,7 +41,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let times: Vec<i64> = chunks.sweeps().iter().map(|sweep| sweep.stamp).collect();
     let name = |seq: usize| format!("{seq:06}.pcd");
     let named = Sweeps { files: (0..times.len()).map(|seq| (name(seq), PathBuf::new())).collect(), times: Some(times) };
-    let mut plan = Plan::of_sweeps(Kind::Mandeye, &crate::drive_name(source, Kind::Mandeye), lidar, &named);
+    let mut plan = named.plan(Kind::Mandeye, &crate::drive_name(source, Kind::Mandeye), lidar);
     plan.links.clear();
     if let Some(sweep) = chunks.sweeps().iter().find(|sweep| sweep.n_points > SweepReader::MAX_RETURNS) {
         let rule = format!(

@@ -1,6 +1,7 @@
 //! nuScenes (Caesar et al., CVPR 2020), with or without its tables.
 
 mod boxes;
+mod category;
 mod labels;
 mod scene;
 mod scene_choice;

@@ -51,7 +51,7 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
         calibration: None,
         body_from_lidar: PoseEntry::IDENTITY,
     };
-    let mut plan = Plan::of_sweeps(kind, &crate::drive_name(source, kind), lidar, &numbered(&originals));
+    let mut plan = numbered(&originals).plan(kind, &crate::drive_name(source, kind), lidar);
     plan.read.extend(found.table);
     match kind {
         Kind::Ply => convert(&mut plan, pcd_of_ply),

@@ -2,9 +2,8 @@
 
 use crate::Kind;
 use crate::error::{At, ImportError};
-use crate::sweeps::Sweeps;
 use formats::drive::MANIFEST_FILE;
-use formats::manifest::{LidarEntry, Manifest, TruthEntry};
+use formats::manifest::{Manifest, TruthEntry};
 use formats::trajectory::tum_from_trajectory;
 use geometry::Trajectory;
 use std::fs;
@@ -47,19 +46,6 @@ pub(crate) struct Conversion {
 }
 
 impl Plan {
-    /// A drive with a LiDAR alone.
-    pub fn of_sweeps(kind: Kind, name: &str, lidar: LidarEntry, sweeps: &Sweeps) -> Self {
-        Self {
-            kind,
-            manifest: Manifest::of_lidar(name, lidar),
-            links: sweeps.links(),
-            texts: sweeps.times_file().into_iter().collect(),
-            conversions: Vec::new(),
-            read: Vec::new(),
-            report: vec![sweeps.report()],
-        }
-    }
-
     /// Adds the true trajectory, and the folder of the labels if there are any.
     pub fn add_truth(&mut self, trajectory: &Trajectory, labels: Option<&str>) {
         let place = "truth/trajectory.txt";

@@ -1,8 +1,10 @@
 //! Sweeps that are one file each.
 
+use crate::Kind;
 use crate::error::ImportError;
-use crate::plan::{Link, TextFile};
+use crate::plan::{Link, Plan, TextFile};
 use formats::drive::TIMES_FILE;
+use formats::manifest::{LidarEntry, Manifest};
 use std::path::{Path, PathBuf};
 
 /// Folder of the sweeps in the drive.
@@ -32,8 +34,21 @@ impl Sweeps {
         }
     }
 
+    /// A drive with these sweeps alone.
+    pub fn plan(&self, kind: Kind, name: &str, lidar: LidarEntry) -> Plan {
+        Plan {
+            kind,
+            manifest: Manifest::of_lidar(name, lidar),
+            links: self.links(),
+            texts: self.times_file().into_iter().collect(),
+            conversions: Vec::new(),
+            read: Vec::new(),
+            report: vec![self.report()],
+        }
+    }
+
     /// Links of the drive.
-    pub fn links(&self) -> Vec<Link> {
+    fn links(&self) -> Vec<Link> {
         let link = |(name, path): &(String, PathBuf)| Link {
             place: Path::new(LIDAR_FOLDER).join(name),
             original: path.clone(),
@@ -42,13 +57,13 @@ impl Sweeps {
     }
 
     /// The file of the times.
-    pub fn times_file(&self) -> Option<TextFile> {
+    fn times_file(&self) -> Option<TextFile> {
         let lines: Vec<String> = self.times.as_ref()?.iter().map(i64::to_string).collect();
         Some(TextFile { place: Path::new(LIDAR_FOLDER).join(TIMES_FILE), text: lines.join("\n") + "\n" })
     }
 
     /// What was taken, for the operator.
-    pub fn report(&self) -> String {
+    fn report(&self) -> String {
         let n_sweeps = self.files.len();
         match &self.times {
             Some(_) => format!("imported: {n_sweeps} sweeps and their times"),

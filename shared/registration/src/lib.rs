@@ -19,6 +19,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 #![allow(clippy::needless_bitwise_bool, reason = "branch-free loops vectorize")]
 
+mod arc_tangent;
 mod cell;
 mod contested_stretches;
 mod contrast;

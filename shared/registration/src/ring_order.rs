@@ -5,7 +5,7 @@
 //! over three rings.
 
 use crate::TimedPoint;
-use crate::range_image::fast_atan2;
+use crate::arc_tangent::fast_atan2;
 use std::f32::consts::{PI, TAU};
 
 /// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.

@@ -1,7 +1,7 @@
 //! One revolution of a LiDAR.
 
+use crate::arc_tangent::fast_atan2;
 use crate::incidence::incidences;
-use crate::range_image::fast_atan2;
 use crate::{RangeImage, TimedPoint};
 use geometry::Stamp;
 use messages::{SweepHeader, SweepPoint};

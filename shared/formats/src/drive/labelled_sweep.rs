@@ -1,6 +1,5 @@
 //! The labelled returns of one sweep, and how a point of a cloud finds its return among them.
 
-use super::labels::TrueLabel;
 use crate::lidar::{SweepInfo, SweepPoint};
 
 /// Tolerance of times: a time stored as f64 seconds is rounded to 0.24 µs, and a laser fires every 46 µs.
@@ -9,6 +8,15 @@ const TOLERANCE_NANOS: i64 = 500;
 const TOLERANCE_M: f32 = 0.03;
 /// Tolerance of ranges as a share: the scale of UTM is up to 0.1 % off at the edge of a zone.
 const TOLERANCE_SHARE: f32 = 0.001;
+
+/// Class and instance of a return.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrueLabel {
+    /// Class id of the class table.
+    pub class: u8,
+    /// Instance, 0 = none.
+    pub instance: u16,
+}
 
 /// What a point of a cloud still tells about its return.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,20 +1,11 @@
 //! Ground-truth class and instance of every return of a simulated or annotated drive.
 
-use super::labelled_sweep::{LabelledSweep, NoLabel, Shot};
+use super::labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 use super::{Drive, SweepSource};
 use crate::lidar::SweepPoint;
 use crate::problems::FileProblem;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-
-/// Class and instance of a return.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TrueLabel {
-    /// Class id of the class table.
-    pub class: u8,
-    /// Instance, 0 = none.
-    pub instance: u16,
-}
 
 /// Reads the labels of a drive sweep by sweep.
 #[derive(Debug)]

@@ -1,9 +1,10 @@
 //! The schemas, channels and messages of a recording, record by record.
 
-use super::error::RecordFault;
-use super::reader::{RecordedTopic, envelope_of, mcap_fault};
+use super::error::{RecordFault, mcap_fault};
+use super::topic::RecordedTopic;
 use super::{ABOUT, ENCODING, table, texts};
 use mcap::records::{Channel, Record, op};
+use messages::pod::rows_from_bytes;
 use messages::{ByteTable, Envelope};
 use std::collections::BTreeMap;
 
@@ -90,4 +91,9 @@ fn check_length(topic: &RecordedTopic, bytes: &[u8]) -> Result<(), RecordFault> 
     let &ByteTable { header_bytes, row_bytes, max_rows, .. } = table;
     let topic = topic.name.clone();
     Err(RecordFault::MessageSize { topic, seq, n_bytes, header_bytes, n_rows, row_bytes, max_rows })
+}
+
+/// The envelope of a message, at its begin.
+pub(super) fn envelope_of(bytes: &[u8]) -> Option<Envelope> {
+    rows_from_bytes::<Envelope>(bytes.get(..size_of::<Envelope>())?)?.first().copied()
 }

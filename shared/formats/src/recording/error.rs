@@ -1,5 +1,6 @@
 //! Errors of recordings.
 
+use mcap::McapError;
 use messages::ByteField;
 use std::path::{Path, PathBuf};
 
@@ -264,5 +265,13 @@ impl RecordingError {
     }
     pub(super) fn foreign(path: &Path, reason: ForeignFile) -> Self {
         Self::Foreign { path: path.to_owned(), reason }
+    }
+}
+
+/// The fault of a record that `mcap` does not read.
+pub(super) fn mcap_fault(error: &McapError) -> RecordFault {
+    match error {
+        McapError::UnsupportedCompression(name) => RecordFault::Compressed(name.clone()),
+        other => RecordFault::Mcap(other.to_string()),
     }
 }

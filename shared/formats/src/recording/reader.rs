@@ -14,22 +14,6 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-/// A channel of a recording.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordedTopic {
-    /// Name of the channel: `submap`, `submap.tick`.
-    pub name: String,
-    /// Layout of its messages.
-    pub table: ByteTable,
-}
-
-impl RecordedTopic {
-    /// For a tick channel, the topic that the ticks belong to.
-    pub fn ticks_of(&self) -> Option<&str> {
-        self.name.strip_suffix(TICKS).filter(|_| self.table.topic == TickTopic::TOPIC)
-    }
-}
-
 /// A message in the memory of the reader, valid until the next message is read.
 #[derive(Clone, Copy, Debug)]
 pub struct Recorded<'a> {
@@ -185,16 +169,5 @@ impl RecordingReader {
                 }
             }
         }
-    }
-}
-
-pub(super) fn envelope_of(bytes: &[u8]) -> Option<Envelope> {
-    rows_from_bytes::<Envelope>(bytes.get(..size_of::<Envelope>())?)?.first().copied()
-}
-
-pub(super) fn mcap_fault(error: &McapError) -> RecordFault {
-    match error {
-        McapError::UnsupportedCompression(name) => RecordFault::Compressed(name.clone()),
-        other => RecordFault::Mcap(other.to_string()),
     }
 }

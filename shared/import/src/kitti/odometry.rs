@@ -25,7 +25,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let needs_stamps = !others.is_empty();
     let found = sweeps::read(&source.join("velodyne"), &times, nanos_of_seconds, needs_stamps, options)?;
     let name = crate::drive_name(source, Kind::KittiOdometry);
-    let mut plan = Plan::of_sweeps(Kind::KittiOdometry, &name, lidar(options, Pose::identity()), &found.sweeps);
+    let mut plan = found.sweeps.plan(Kind::KittiOdometry, &name, lidar(options, Pose::identity()));
     plan.report.extend(found.notes.iter().cloned());
     plan.read.extend(found.times.clone());
     if others.is_empty() {

@@ -30,7 +30,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
         None => Pose::identity(),
     };
     let name = crate::drive_name(source, Kind::KittiRaw);
-    let mut plan = Plan::of_sweeps(Kind::KittiRaw, &name, lidar(options, body_from_velo), &sweeps.sweeps);
+    let mut plan = sweeps.sweeps.plan(Kind::KittiRaw, &name, lidar(options, body_from_velo));
     plan.report.extend(sweeps.notes);
     plan.read.extend(sweeps.times);
     plan.read.extend(velo_from_imu.map(|file| file.path().to_owned()));

@@ -1,6 +1,6 @@
 //! Annotated boxes of key frames.
 
-use super::labels::class_of_category;
+use super::category::class_of_category;
 use super::table;
 use crate::error::ImportError;
 use geometry::{Point3, Pose};

@@ -1,16 +1,15 @@
 //! Labels of key frames: classes of nuScenes-lidarseg, instances of the boxes.
 
 use super::boxes::{self, SweepBox};
-use super::{scene, table};
+use super::category::class_of_category;
+use super::table;
 use crate::error::{At, ImportError};
 use crate::plan::{Conversion, Plan};
 use formats::drive::is_return;
 use formats::kitti::{Label, bytes_from_labels};
 use formats::nuscenes::points_from_bin;
 use geometry::{Point3, Pose};
-use messages::ClassId::{
-    self, Dynamic, Ground, Other, Pedestrian, Road, Sidewalk, Static, Terrain, Unlabeled, Vegetation, Vehicles,
-};
+use messages::ClassId;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -40,25 +39,6 @@ struct LidarSeg {
 struct IndexedCategory {
     name: String,
     index: u8,
-}
-
-/// The class of a category. Man-made structures are unlabeled: buildings, walls, poles and signs in one.
-pub(super) fn class_of_category(name: &str) -> Result<ClassId, String> {
-    let (group, rest) = name.split_once('.').unwrap_or((name, ""));
-    Ok(match (group, rest) {
-        ("noise", "") | ("vehicle", "ego") | ("static", "manmade" | "other") => Unlabeled,
-        ("animal", "") => Other,
-        ("human", _) => Pedestrian,
-        ("vehicle", _) => Vehicles,
-        ("movable_object", _) => Dynamic,
-        ("static_object", _) => Static,
-        ("flat", "driveable_surface") => Road,
-        ("flat", "sidewalk") => Sidewalk,
-        ("flat", "terrain") => Terrain,
-        ("flat", "other") => Ground,
-        ("static", "vegetation") => Vegetation,
-        _ => return Err(format!("category {name:?} is not one of nuScenes")),
-    })
 }
 
 /// Adds the labels of the key frames that have some.
@@ -116,7 +96,7 @@ fn segmented(source: &Path, tables: &Path, frames: &[KeyFrame]) -> Result<BTreeM
     let wanted: BTreeSet<&str> = frames.iter().map(|frame| frame.data_token.as_str()).collect();
     table::each_row(&path, |row: LidarSeg| {
         if wanted.contains(row.sample_data_token.as_str()) {
-            let file = scene::file_inside(source, &row.filename)?;
+            let file = table::file_inside(source, &row.filename)?;
             let file = file.canonicalize().map_err(|error| format!("{}: {error}", file.display()))?;
             files.insert(row.sample_data_token, file);
         }
@@ -165,32 +145,4 @@ fn bytes(
         labels.push(Label { class: class as u16, instance: found.map_or(0, |found| found.instance) });
     }
     Ok(bytes_from_labels(&labels))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn all_categories_of_lidarseg_have_classes() {
-        for (name, class) in [
-            ("noise", Unlabeled),
-            ("animal", Other),
-            ("human.pedestrian.police_officer", Pedestrian),
-            ("movable_object.trafficcone", Dynamic),
-            ("static_object.bicycle_rack", Static),
-            ("vehicle.emergency.police", Vehicles),
-            ("vehicle.ego", Unlabeled),
-            ("flat.driveable_surface", Road),
-            ("flat.other", Ground),
-            ("flat.sidewalk", Sidewalk),
-            ("flat.terrain", Terrain),
-            ("static.manmade", Unlabeled),
-            ("static.other", Unlabeled),
-            ("static.vegetation", Vegetation),
-        ] {
-            assert_eq!(class_of_category(name), Ok(class), "{name}");
-        }
-        assert!(class_of_category("flat.sky").is_err());
-    }
 }

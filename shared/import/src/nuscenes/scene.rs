@@ -13,7 +13,7 @@ use crate::{Kind, Options};
 use geometry::{CameraModel, Pinhole, Pose, Stamp, Trajectory};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// The LiDAR of the data set.
 const LIDAR: &str = "LIDAR_TOP";
@@ -95,7 +95,7 @@ pub(super) fn plan(source: &Path, versions: &[PathBuf], options: &Options) -> Re
     sweeps.check(source)?;
     rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
     let name = format!("{} ({})", choice.name, Kind::Nuscenes.title());
-    let mut plan = Plan::of_sweeps(Kind::Nuscenes, &name, lidar(options, body_from_lidar.into()), &sweeps);
+    let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, body_from_lidar.into()));
     plan.report.push("the body frame is the ego frame: at the rear axle, on the ground".into());
 
     let mut found = Vec::new();
@@ -181,7 +181,7 @@ fn frames(
         let nanos = data.timestamp.checked_mul(1000);
         let stamp = Stamp(nanos.ok_or_else(|| format!("timestamp {} must be in microseconds", data.timestamp))?);
         n_files += 1;
-        match file_inside(source, &data.filename)?.canonicalize() {
+        match table::file_inside(source, &data.filename)?.canonicalize() {
             Ok(path) => frames.entry(channel.clone()).or_default().push(Frame { data, stamp, path }),
             Err(_) => absent.push(data.filename),
         }
@@ -201,12 +201,6 @@ fn frames(
         frames.sort_by(|a, b| (a.stamp, &a.data.token).cmp(&(b.stamp, &b.data.token)));
     }
     Ok(frames)
-}
-
-/// A path of a table, which must stay inside the folder.
-pub(super) fn file_inside(source: &Path, name: &str) -> Result<PathBuf, String> {
-    let stays = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
-    if stays && !name.is_empty() { Ok(source.join(name)) } else { Err(format!("filename {name:?} leaves the folder")) }
 }
 
 /// Poses of the files by the tokens of the poses.

@@ -41,7 +41,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     sweeps.check(source)?;
     rows::check(&sweeps.files, Rows::OF_NUSCENES)?;
     let name = crate::drive_name(source, Kind::Nuscenes);
-    let mut plan = Plan::of_sweeps(Kind::Nuscenes, &name, lidar(options, nuscenes::BODY_FROM_LIDAR), &sweeps);
+    let mut plan = sweeps.plan(Kind::Nuscenes, &name, lidar(options, nuscenes::BODY_FROM_LIDAR));
     plan.report.push("the body frame is at the LiDAR, with x forward; its height above the ground is not known".into());
     if n_gaps > 0 {
         plan.report.push(format!("{n_gaps} gaps of more than 1 s between sweeps: odometry cannot bridge them"));

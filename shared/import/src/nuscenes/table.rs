@@ -7,7 +7,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
 use std::marker::PhantomData;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 /// Largest deviation of a quaternion's norm from 1.
 const NORM_TOLERANCE: f64 = 1e-3;
@@ -21,6 +21,12 @@ pub(super) fn each_row<T: DeserializeOwned>(
     let mut json = serde_json::Deserializer::from_reader(BufReader::new(file));
     json.deserialize_seq(Rows { take, row: PhantomData }).at(path)?;
     json.end().at(path)
+}
+
+/// A path of a table, which must stay inside the folder.
+pub(super) fn file_inside(source: &Path, name: &str) -> Result<PathBuf, String> {
+    let stays = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+    if stays && !name.is_empty() { Ok(source.join(name)) } else { Err(format!("filename {name:?} leaves the folder")) }
 }
 
 /// All rows of a small table.

@@ -3,6 +3,7 @@
 use super::Picture;
 use crate::check::Report;
 use crate::survey::Survey;
+use chart::escaped;
 use formats::drive::Drive;
 use std::fmt::Write;
 
@@ -51,8 +52,4 @@ pub(super) fn html(drive: &Drive, survey: &Survey, report: &Report, pictures: &[
     }
     page.push('\n');
     page
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

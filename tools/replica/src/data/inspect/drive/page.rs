@@ -4,6 +4,7 @@ use super::DriveReport;
 use super::pictures::timeline;
 use super::stream::{Stream, seconds_between};
 use super::text::{HEADINGS, gap_lines, row};
+use chart::escaped;
 use chart::{Axis, COLORS, Chart, Series};
 use geometry::Stamp;
 use std::fmt::Write;
@@ -93,9 +94,4 @@ fn rates(streams: &[Stream], origin: Stamp) -> String {
         charts.push(Chart { size: [760.0, 150.0], ..Chart::new("", x, y, series) });
     }
     if charts.is_empty() { String::new() } else { chart::sheet(&charts, 1) }
-}
-
-/// Text inside an element or an attribute.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -119,7 +119,7 @@ pub fn timeline(streams: &[Stream], origin: Stamp) -> String {
     );
     for (row, (stream, [first, last])) in spans.iter().enumerate() {
         let y = ROW * row as f64;
-        let name = super::page::escaped(&stream.name);
+        let name = chart::escaped(&stream.name);
         // Writing to a string cannot fail.
         let _ = writeln!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{name}</text>", LEFT - 10.0, y + 17.0);
         let width = (x(*last) - x(*first)).max(1.0);
