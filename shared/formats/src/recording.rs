@@ -21,6 +21,7 @@ mod reader;
 mod table;
 mod texts;
 mod ticks;
+mod topic;
 mod writer;
 
 pub use error::{ForeignFile, RecordFault, RecordingError};

@@ -68,7 +68,8 @@ impl Headers<'_> {
         let header = self.bytes[at..].first_chunk::<16>()?;
         let [seconds, fraction, captured, wire] = [0, 4, 8, 12].map(|k| self.u32_at(header, k));
         let fraction = i64::from(fraction) * self.fraction_nanos;
-        if captured == 0 || captured > MAX_FRAME.min(wire) || fraction >= 1_000_000_000 {
+        // Four bytes later stands the same length twice, too, but then the begin of the frame, which is no length.
+        if captured == 0 || captured > wire || wire > MAX_FRAME || fraction >= 1_000_000_000 {
             return None;
         }
         let stamp = Stamp(i64::from(seconds) * 1_000_000_000 + fraction);

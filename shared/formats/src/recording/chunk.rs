@@ -1,6 +1,6 @@
 //! The records of a chunk. The library would read a record beyond the end of its chunk.
 
-use super::error::RecordFault;
+use super::error::{RecordFault, mcap_fault};
 use super::texts;
 use mcap::McapError;
 use mcap::records::{Record, op};

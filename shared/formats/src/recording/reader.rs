@@ -1,14 +1,15 @@
 //! Reading a recording sequentially, one message at a time.
 
+use super::MAX_RECORD;
 use super::chunk::Chunk;
-use super::contents::Contents;
-use super::error::{ForeignFile, RecordFault, RecordingError};
-use super::{MAX_RECORD, TICKS};
+use super::contents::{Contents, envelope_of};
+use super::error::{ForeignFile, RecordFault, RecordingError, mcap_fault};
+use super::topic::RecordedTopic;
 use mcap::McapError;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use messages::pod::rows_from_bytes;
-use messages::{ByteTable, Envelope, Message, TickRow, TickTopic};
+use messages::{Envelope, TickRow};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read};

@@ -141,7 +141,7 @@ fn bytes(
         };
         let is_of_box = |found: &&SweepBox| class.is_none_or(|class| class == found.class) && found.contains(&position);
         let found = boxes.iter().find(is_of_box);
-        let class = class.or(found.map(|found| found.class)).unwrap_or(Unlabeled);
+        let class = class.or(found.map(|found| found.class)).unwrap_or(ClassId::Unlabeled);
         labels.push(Label { class: class as u16, instance: found.map_or(0, |found| found.instance) });
     }
     Ok(bytes_from_labels(&labels))

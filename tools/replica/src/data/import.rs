@@ -36,14 +36,14 @@ pub struct Args {
     /// Import the sweeps and their times alone, for example without calibration files
     #[arg(long)]
     lidar_only: bool,
-    /// ROS bag: topic of a role: lidar, camera.0, camera_info.0, imu, gnss, nmea or metadata (of an Ouster); `none` leaves out camera
+    /// ROS bag: topic of a role: lidar, camera.0, `camera_info.0`, imu, gnss, nmea or metadata (of an Ouster); `none` leaves out camera
     /// (all), imu, gnss or nmea. Other roles are chosen by type
     #[arg(long = "topic", value_name = "ROLE=NAME", value_parser = topic)]
     topics: Vec<(String, String)>,
-    /// ROS bag: frame of the body; default base_link, else the frame above all others
+    /// ROS bag: frame of the body; default `base_link`, else the frame above all others
     #[arg(long, value_name = "NAME")]
     body_frame: Option<String>,
-    /// ROS bag: pose of a frame in the body frame, in place of that of tf_static: m and unit quaternion
+    /// ROS bag: pose of a frame in the body frame, in place of that of `tf_static`: m and unit quaternion
     #[arg(long = "transform", value_name = "FRAME=X,Y,Z,QX,QY,QZ,QW", value_parser = transform)]
     transforms: Vec<(String, [f64; 7])>,
     /// ROS bag: calibration file of the LiDAR, as lidar.calibration in drive.toml

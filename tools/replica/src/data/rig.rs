@@ -20,7 +20,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    New(new::Args),
+    New(Box<new::Args>),
     Check(check::Args),
     Calibrate(calibrate::Args),
 }

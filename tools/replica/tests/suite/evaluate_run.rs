@@ -5,6 +5,7 @@ use crate::support::{printed, replica, succeeded, text};
 use formats::drive::Drive;
 use messages::ClassId;
 use serde_json::Value;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -141,8 +142,8 @@ fn rewritten_without_times(timed: &Path, untimed: &Path) -> usize {
         std::fs::write(path, bytes).expect("writes");
     };
     let mut manifest = drive.manifest().clone();
-    manifest.lidar.format = "bin".to_owned();
-    manifest.lidar.folder = "lidar".to_owned();
+    "bin".clone_into(&mut manifest.lidar.format);
+    "lidar".clone_into(&mut manifest.lidar.folder);
     manifest.imu = None;
     let mut source = drive.sweeps().expect("opens");
     let (mut times, mut n_sweeps) = (String::new(), 0);
@@ -158,7 +159,7 @@ fn rewritten_without_times(timed: &Path, untimed: &Path) -> usize {
         write(&format!("lidar/{n_sweeps:06}.bin"), &bytes);
         let labels = timed.join(format!("truth/labels/{:06}.label", sweep.seq));
         write(&format!("truth/labels/{n_sweeps:06}.label"), &std::fs::read(labels).expect("reads"));
-        times += &format!("{}\n", sweep.stamp.0);
+        writeln!(times, "{}", sweep.stamp.0).expect("a text grows");
         n_sweeps += 1;
     }
     write("lidar/times.txt", times.as_bytes());
@@ -212,7 +213,7 @@ fn points_without_truth_are_counted_and_few_of_them_change_the_exit_code() {
     let said = printed(&output);
     assert_eq!(output.status.code(), Some(3), "{said}");
     assert!(
-        said.contains("points without a true label: ") && said.contains(": outside the sweeps of the drive"),
+        said.contains("points without a true label: ") && said.contains(": outside the labeled sweeps of the drive"),
         "{said}"
     );
     assert!(said.contains("less than --min-joined 99 %"), "{said}");
@@ -245,7 +246,7 @@ fn wrong_arguments_and_folders_are_reported() {
     assert!(said.contains("None: the run was not moved to its final frame."), "{said}");
     assert!(said.contains("The run states none."), "{said}");
     std::fs::remove_file(drive.join("truth/labels/000002.label")).expect("removed");
-    refused(&[text(&run), "--truth", text(&drive)], 1, "000002.label: cannot read the file");
+    refused(&[text(&run), "--truth", text(&drive)], 3, "outside the labeled sweeps of the drive");
     let manifest = std::fs::read_to_string(drive.join("drive.toml")).expect("reads");
     std::fs::write(drive.join("drive.toml"), manifest.replace("labels = \"truth/labels\"", "")).expect("writes");
     let said = succeeded(&evaluate(&run, &drive, &[]));

@@ -1,6 +1,6 @@
 //! `replica rig new`: makes a drive.toml.
 
-use super::questions::{Answers, ask};
+use super::questions::{Answers, ask, position};
 use anyhow::{Context, bail, ensure};
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Model;
@@ -15,8 +15,8 @@ use std::process::ExitCode;
 
 /// Make a drive.toml by questions, or from a calibration of another program.
 ///
-/// A source is a tf tree (`ros2 topic echo /tf_static > tf.yaml`), a folder of KITTI calibrations, calibrated_sensor.json of nuScenes,
-/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a camera_info. On a terminal, what is missing is asked.
+/// A source is a tf tree (`ros2 topic echo /tf_static > tf.yaml`), a folder of KITTI calibrations, `calibrated_sensor.json` of nuScenes,
+/// the .cal of a Ladybug, a camchain of Kalibr, or the YAML of OpenCV or of a `camera_info`. On a terminal, what is missing is asked.
 #[derive(clap::Args, Debug)]
 #[command(after_help = format!("Rotations: {}\n\nExit codes: 0 done, 1 failed, 2 wrong usage", rotation::FORMS))]
 pub struct Args {
@@ -46,7 +46,7 @@ pub struct Args {
     /// Rotation of the frame of the sources in the body; without --from, of the LiDAR
     #[arg(long, value_name = "ROTATION", value_parser = rotation::parse)]
     rotation: Option<UnitQuaternion<f64>>,
-    /// Body frame of a tf tree; default base_link, or the root
+    /// Body frame of a tf tree; default `base_link`, or the root
     #[arg(long, value_name = "FRAME")]
     body: Option<String>,
     /// Size of the images, for sources that do not have it, px
@@ -74,12 +74,6 @@ pub struct Args {
 
 fn model(name: &str) -> Result<Model, String> {
     Model::from_name(name).ok_or_else(|| format!("must be one of {}", Model::names()))
-}
-
-pub(super) fn position(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Option<Vec<f64>> =
-        text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
-    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| "must be three numbers X,Y,Z".to_owned())
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {

@@ -1,6 +1,5 @@
 //! Questions on a terminal for what the arguments of `replica rig new` leave open.
 
-use super::new::position;
 use formats::lidar::Model;
 use geometry::{Pose, Translation3, UnitQuaternion};
 use rig::rotation;
@@ -89,6 +88,13 @@ impl<I: BufRead, O: Write> Terminal<'_, I, O> {
         let rotation = self.question(&text, rotation)?.unwrap_or_else(UnitQuaternion::identity);
         Ok(Some(Pose::from_parts(Translation3::from(place), rotation)))
     }
+}
+
+/// A position from the command line or an answer.
+pub(super) fn position(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|number| number.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| "must be three numbers X,Y,Z".to_owned())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod deviations;
 mod errors;
 mod place;
 mod point_scores;
+mod pose_error;
 mod report;
 
 use crate::argument::percent;

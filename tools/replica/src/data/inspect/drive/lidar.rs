@@ -172,7 +172,9 @@ fn add_streams(
         let n_bytes = files.iter().map(|file| file.metadata().map_or(0, |metadata| metadata.len())).sum();
         let stamps = drive.sweep_stamps().iter().map(|stamp| stamp.0).collect();
         let kind = format!("{model}, {}", drive.manifest().lidar.format);
-        report.streams.push(Stream::new("lidar sweeps", kind, stamps).with_files(files.len(), n_bytes).as_reference());
+        report
+            .streams
+            .push(Stream::new("lidar sweeps", kind, stamps).with_files(files.len(), n_bytes).into_reference());
         return None;
     };
     report
@@ -186,7 +188,7 @@ fn add_streams(
         .with_files(files.len(), packets.n_bytes)
         .with_min_gap(MIN_PACKET_GAP_NANOS)
         .with_end(packets.end.as_ref().map(shifted))
-        .as_reference();
+        .into_reference();
     if packets.n_foreign > 0 {
         let lines = vec![format!("packets that are not data of this LiDAR: {}", packets.n_foreign)];
         report.section("Captures", lines);

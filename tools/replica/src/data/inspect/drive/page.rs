@@ -60,13 +60,13 @@ fn doubts(doubts: &[String]) -> String {
 }
 
 fn list(lines: impl Iterator<Item = String>) -> String {
-    let items: String = lines.map(|line| format!("<li>{}</li>\n", escaped(&line))).collect();
-    if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
+    let items: Vec<String> = lines.map(|line| format!("<li>{}</li>\n", escaped(&line))).collect();
+    if items.is_empty() { String::new() } else { format!("<ul>\n{}</ul>\n", items.concat()) }
 }
 
 fn table(streams: &[Stream]) -> String {
     let cells = |tag: &str, cells: &[String]| -> String {
-        cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect()
+        cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect::<Vec<_>>().concat()
     };
     let mut text = format!("<h2>Sensors</h2>\n<table><tr>{}</tr>\n", cells("th", &HEADINGS.map(str::to_owned)));
     for stream in streams {

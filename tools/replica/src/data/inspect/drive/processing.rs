@@ -25,7 +25,7 @@ pub fn add(drive: &Drive, path: &Path, lidar: &LidarSurvey, report: &mut DriveRe
     if manifest.cameras.is_empty() && manifest.mosaics.is_empty() {
         without.push("colorize");
     }
-    let options: String = without.iter().map(|stage| format!(" --without {stage}")).collect();
+    let options = without.iter().map(|stage| format!(" --without {stage}")).collect::<Vec<_>>().concat();
     lines.push(format!("run: replica-launch launch.toml --set run.drive={}{options}", path.display()));
     let n_points = lidar.n_sweeps.saturating_mul(lidar.n_returns);
     let color = if manifest.cameras.is_empty() { 0 } else { COLOR_BYTES };

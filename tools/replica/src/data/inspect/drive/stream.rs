@@ -76,7 +76,7 @@ impl Stream {
         Self { end, ..self }
     }
     /// The same, as the stream with which the others are compared.
-    pub fn as_reference(self) -> Self {
+    pub fn into_reference(self) -> Self {
         Self { is_reference: true, ..self }
     }
     /// Messages that were read.

@@ -1,7 +1,7 @@
 //! Whether a run knows how wrong it is: the standard deviations that it states for its submaps against their real errors.
 
-use super::errors::PoseError;
 use super::place::RunPlace;
+use super::pose_error::PoseError;
 use anyhow::Context;
 use delivery::CloudEntry;
 use formats::manifest::PoseEntry;

@@ -2,12 +2,13 @@
 
 use super::deviations::SubmapErrors;
 use super::place::RunPlace;
+use super::pose_error::PoseError;
 use crate::lab::evaluate::trajectory::{RUN_TRAJECTORY, Report, report_of_run, true_trajectory};
 use anyhow::Context;
 use delivery::{INDEX, Index};
 use formats::drive::Drive;
 use formats::trajectory::TrajectoryFile;
-use geometry::{Pose, Trajectory, heading};
+use geometry::{Pose, Trajectory};
 use scores::Statistics;
 use scores::trajectory::{PosePair, associate};
 use std::path::Path;
@@ -81,26 +82,6 @@ impl AbsoluteErrors {
             height: of(|error| error.height_m),
             heading: of(|error| error.heading_deg),
         }
-    }
-}
-
-/// Error of a pose in a world whose z axis is vertical. All values are 0 or above.
-#[derive(Clone, Copy, Debug)]
-pub struct PoseError {
-    /// m.
-    pub horizontal_m: f64,
-    /// m.
-    pub height_m: f64,
-    /// Degrees.
-    pub heading_deg: f64,
-}
-
-impl PoseError {
-    /// The error of an estimate.
-    pub fn between(truth: &Pose, estimate: &Pose) -> Self {
-        let off = estimate.translation.vector - truth.translation.vector;
-        let turn = heading(&estimate.rotation).angle_to(&heading(&truth.rotation));
-        Self { horizontal_m: off.x.hypot(off.y), height_m: off.z.abs(), heading_deg: turn.to_degrees() }
     }
 }
 

@@ -52,11 +52,12 @@ impl RunPlace {
     }
 }
 
+/// Long axes, so that rounding of positions on the Earth turns them by less than 1e-12 rad.
+const AXIS_M: f64 = 10_000.0;
+
 /// The rigid transform between two local frames, which are both Cartesian.
 fn between(to: &LocalFrame, from: &LocalFrame) -> Pose {
     let moved = |p: Vector3<f64>| to.world_from_geodetic(&from.geodetic_from_world(&Point3::from(p))).coords;
-    // Long axes, so that rounding of positions on the Earth turns them by less than 1e-12 rad.
-    const AXIS_M: f64 = 10_000.0;
     let origin = moved(Vector3::zeros());
     let [x, y] = [Vector3::x(), Vector3::y()].map(|axis| (moved(axis * AXIS_M) - origin) / AXIS_M);
     let rotation = UnitQuaternion::face_towards(&x.cross(&y), &y);

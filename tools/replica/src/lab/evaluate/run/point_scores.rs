@@ -34,7 +34,7 @@ pub struct PointScores {
 
 /// Texts of [`PointScores::n_apart`].
 pub const REASONS: [&str; 3] = [
-    "outside the sweeps of the drive",
+    "outside the labeled sweeps of the drive",
     "no return of the ring at this time",
     "the return at this time has another angle or range",
 ];
@@ -64,7 +64,9 @@ impl PointScores {
             (*first, *last) = (first.min(time_s), last.max(time_s));
         }
         self.n_points += truth.len() as u64;
-        truth.iter().for_each(|label| self.count(label));
+        for label in &truth {
+            self.count(*label);
+        }
         let has = |name: &str| cloud.has(name);
         let missing = [!has("semantic"), !has("semantic") || !has("instance"), !has("camera")];
         for (n, _) in self.n_without.iter_mut().zip(missing).filter(|(_, is_missing)| *is_missing) {
@@ -81,11 +83,11 @@ impl PointScores {
         Ok(())
     }
 
-    fn count(&mut self, label: &Labelled) {
+    fn count(&mut self, label: Labelled) {
         match label {
             Ok(label) => {
                 self.n_joined += 1;
-                self.n_unlabeled += u64::from(class_of(*label) == ClassId::Unlabeled as u8);
+                self.n_unlabeled += u64::from(class_of(label) == ClassId::Unlabeled as u8);
             }
             Err(NoLabel::NoSweep) => self.n_apart[0] += 1,
             Err(NoLabel::NoReturn) => self.n_apart[1] += 1,
