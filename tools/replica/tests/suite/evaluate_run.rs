@@ -194,8 +194,11 @@ fn run_of_another_drive_is_refused_with_numbers() {
     let output = evaluate(&late, &drive, &[]);
     let said = printed(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    let numbers =
-        format!("only 0 of {0} points are returns of {1} ({0} outside the sweeps", written.n_points, drive.display());
+    let numbers = format!(
+        "only 0 of {0} points are returns of {1} ({0} outside the labeled sweeps",
+        written.n_points,
+        drive.display()
+    );
     assert!(said.contains(&numbers), "{said}");
 }
 
