@@ -6,10 +6,13 @@ use super::stream::Stream;
 use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
 use formats::drive::{Drive, Frame};
 use formats::manifest::{CameraEntry, MosaicEntry};
+use std::ops::RangeInclusive;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 
 /// Mean brightness, share of white, outside of which an image is black or white.
-const BRIGHTNESS: std::ops::RangeInclusive<f64> = 0.03..=0.97;
+const BRIGHTNESS: RangeInclusive<f64> = 0.03..=0.97;
+/// The same for the linear samples of a mosaic: a street has a few percent at short exposures, the dark level of the sensor included.
+const MOSAIC_BRIGHTNESS: RangeInclusive<f64> = 0.005..=0.97;
 /// Damaged images of a camera that are reported one by one.
 const MAX_REPORTED: usize = 5;
 
@@ -24,14 +27,14 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) {
     for (index, entry) in manifest.cameras.iter().enumerate() {
         let name = format!("camera {index} ({})", entry.name);
         let (width, height) = entry.model.size();
-        let camera = Camera { name, kind: format!("{width} x {height}"), folder: &entry.folder };
+        let camera = Camera { name, kind: format!("{width} x {height}"), folder: &entry.folder, sound: BRIGHTNESS };
         let load = |frame: &Frame| color(frame, entry);
         lines.extend(camera.add(&of_camera(drive.camera_frames(), index), is_full, load, report));
     }
     for (index, entry) in manifest.mosaics.iter().enumerate() {
         let name = format!("mosaic {index} ({})", entry.name);
         let kind = format!("{0} x {0} bands", entry.pattern);
-        let camera = Camera { name, kind, folder: &entry.folder };
+        let camera = Camera { name, kind, folder: &entry.folder, sound: MOSAIC_BRIGHTNESS };
         let load = |frame: &Frame| mosaic(frame, entry);
         lines.extend(camera.add(&of_camera(drive.mosaic_frames(), index), is_full, load, report));
         for reference in ["dark", "white"] {
@@ -62,6 +65,8 @@ struct Camera<'a> {
     name: String,
     kind: String,
     folder: &'a str,
+    /// Mean brightness of a sound image.
+    sound: RangeInclusive<f64>,
 }
 
 impl Camera<'_> {
@@ -86,7 +91,7 @@ impl Camera<'_> {
         for index in &chosen {
             match load(frames[*index]) {
                 Ok(decoded) => {
-                    if !BRIGHTNESS.contains(&decoded.brightness) && brightness.iter().all(|b| BRIGHTNESS.contains(b)) {
+                    if !self.sound.contains(&decoded.brightness) && brightness.iter().all(|b| self.sound.contains(b)) {
                         let share = 100.0 * decoded.brightness;
                         let path = frames[*index].path.display();
                         report.doubt(format!("{}: {path} has a mean brightness of {share:.1} %", self.name));
