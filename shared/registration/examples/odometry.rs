@@ -1,7 +1,9 @@
 //! Runs the odometry on a folder of sweeps (layout: `folder/mod.rs`), for comparison with other implementations:
-//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--verbose]`.
+//! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--untimed none] [--verbose]`.
 //!
-//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--verbose` also prints pose, standard deviations and match of each sweep.
+//! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` takes sweeps
+//! without point times as rigid; else it is found out how the sensor turned, in 0.1 s. `--verbose` also prints pose, standard
+//! deviations and match of each sweep.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.
@@ -11,15 +13,19 @@ mod folder;
 use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
 use registration::{
-    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights,
+    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights, set_times_from_azimuth,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
+
+/// Time of a revolution of sensors without point times, s.
+const UNTIMED_TURN_S: f64 = 0.1;
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
     let (mut n_sweeps, mut verbose, mut motion) = (usize::MAX, false, String::new());
+    settings.untimed_turn_s = Some(UNTIMED_TURN_S);
     let (mut imls, mut algorithm) = (ImlsSettings::default(), String::from("scan_to_map"));
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| anyhow::anyhow!("{argument} needs a value"));
@@ -27,6 +33,7 @@ fn main() -> anyhow::Result<()> {
             "--sweeps" => n_sweeps = value()?.parse()?,
             "--set" => set(&mut settings, &mut imls, &value()?)?,
             "--algorithm" => algorithm = value()?,
+            "--untimed" if value()? == "none" => settings.untimed_turn_s = None,
             "--motion" => motion = value()?,
             "--verbose" => verbose = true,
             _ => paths.push(argument),
@@ -45,12 +52,18 @@ fn main() -> anyhow::Result<()> {
     let samples = if uses("imu") { folder.inertial()? } else { Vec::new() };
     let velocities = if uses("gnss") { folder.velocities()? } else { Vec::new() };
     let (mut samples, mut velocities) = (samples.into_iter().peekable(), velocities.into_iter().peekable());
-    let (mut ms, mut text, mut n_points) = (Vec::new(), String::new(), 0);
+    let (mut ms, mut text, mut n_points, mut n_timed) = (Vec::new(), String::new(), 0, 0);
     let mut scores = MovingScores::default();
     let mut consistency = Consistency::new(&folder);
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
-        let (points, n_rings) = folder.points(number)?;
+        let (mut points, n_rings) = folder.points(number)?;
+        if let Some(spin) = odometry.turning()
+            && points.iter().all(|point| point.offset_nanos == 0)
+        {
+            set_times_from_azimuth(&mut points, spin, (UNTIMED_TURN_S * 1e9) as u32);
+            n_timed += 1;
+        }
         n_points += points.len();
         let start = cpu_ms();
         let sweep = Sweep::new(folder.stamp(number), points, n_rings);
@@ -91,6 +104,9 @@ fn main() -> anyhow::Result<()> {
         counted[counted.len() - 1],
         odometry.map().len()
     );
+    if let Some(spin) = odometry.turning() {
+        println!("the sensor turns {spin:?}: {n_timed} sweeps got point times");
+    }
     scores.print();
     consistency.print();
     Ok(())

@@ -9,11 +9,11 @@ pub(crate) const SAME_SURFACE: f32 = 0.8;
 /// Coordinate of unused lanes, m: outside of every search radius.
 const UNUSED: f32 = 1e6;
 
-/// Position relative to the cell's lower corner (m) and unit normal.
-pub(crate) type Oriented = ([f32; 3], [f32; 3], f32);
+/// Position relative to the cell's lower corner (m), unit normal, and levers.
+pub(crate) type Oriented = ([f32; 3], [f32; 3], [f32; 2]);
 
-/// Lanes by coordinate: x y z, then the normal, then the lever.
-type Block = [[f32; LANES]; 7];
+/// Lanes by coordinate: x y z, then the normal, then the levers.
+type Block = [[f32; LANES]; 8];
 
 /// Points in the order of their insertion.
 #[derive(Clone, Debug, Default)]
@@ -22,9 +22,9 @@ pub(crate) struct Cell {
     blocks: Vec<Block>,
 }
 
-/// Sums over points around a position, by lane: weights, weighted distances from their planes, weighted normals.
+/// Sums over points around a position, by lane: weights, weighted distances from their planes, weighted normals, weighted levers.
 #[derive(Clone, Copy)]
-pub(crate) struct SurfaceSums([[f32; LANES]; 6]);
+pub(crate) struct SurfaceSums([[f32; LANES]; 7]);
 
 impl Cell {
     pub fn n(&self) -> usize {
@@ -32,11 +32,11 @@ impl Cell {
     }
     pub fn get(&self, at: usize) -> Oriented {
         let value = |part: usize| self.blocks[at / LANES][part][at % LANES];
-        ([0, 1, 2].map(value), [3, 4, 5].map(value), value(6))
+        ([0, 1, 2].map(value), [3, 4, 5].map(value), [6, 7].map(value))
     }
-    pub fn set(&mut self, at: usize, (position, normal, lever): Oriented) {
+    pub fn set(&mut self, at: usize, (position, normal, levers): Oriented) {
         let block = &mut self.blocks[at / LANES];
-        for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal).chain([lever])) {
+        for (part, value) in block.iter_mut().zip(position.into_iter().chain(normal).chain(levers)) {
             part[at % LANES] = value;
         }
     }
@@ -52,6 +52,7 @@ impl Cell {
                 [0.0; LANES],
                 [0.0; LANES],
                 [0.0; LANES],
+                [0.0; LANES],
             ]);
         }
         self.n += 1;
@@ -63,7 +64,7 @@ impl Cell {
             self.set(at - 1, self.get(at));
         }
         self.n -= 1;
-        self.set(self.n, ([UNUSED; 3], [0.0; 3], 0.0));
+        self.set(self.n, ([UNUSED; 3], [0.0; 3], [0.0; 2]));
         self.blocks.truncate(self.n.div_ceil(LANES));
     }
     /// The first point in `cube`, where `per_side` cubes fill the cell's side.
@@ -84,7 +85,7 @@ impl Cell {
     pub fn add_surface(&self, position: [f32; 3], normal: [f32; 3], kernel: &Kernel, sums: &mut SurfaceSums) {
         let limit = (kernel.radius_m * kernel.radius_m) as f32;
         let per_limit = 1.0 / limit;
-        for [x, y, z, nx, ny, nz, lever] in &self.blocks {
+        for [x, y, z, nx, ny, nz, elevation, turn] in &self.blocks {
             let (mut squares, mut weights, mut heights) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
                 let d = [position[0] - x[lane], position[1] - y[lane], position[2] - z[lane]];
@@ -100,7 +101,7 @@ impl Cell {
                     *weight = (-squared / (h_m * h_m) as f32).exp();
                 }
             }
-            let [sum_w, sum_h, sum_x, sum_y, sum_z, sum_lever] = &mut sums.0;
+            let [sum_w, sum_h, sum_x, sum_y, sum_z, sum_elevation, sum_turn] = &mut sums.0;
             for lane in 0..LANES {
                 let w = weights[lane];
                 sum_w[lane] += w;
@@ -108,7 +109,8 @@ impl Cell {
                 sum_x[lane] += w * nx[lane];
                 sum_y[lane] += w * ny[lane];
                 sum_z[lane] += w * nz[lane];
-                sum_lever[lane] += w * lever[lane];
+                sum_elevation[lane] += w * elevation[lane];
+                sum_turn[lane] += w * turn[lane];
             }
         }
     }
@@ -116,11 +118,11 @@ impl Cell {
 
 impl SurfaceSums {
     pub fn zero() -> Self {
-        Self([[0.0; LANES]; 6])
+        Self([[0.0; LANES]; 7])
     }
-    /// Weight, weighted distance, weighted normal, weighted lever.
+    /// Weight, weighted distance, weighted normal, weighted levers.
     #[inline(always)]
-    pub fn totals(&self) -> [f64; 6] {
+    pub fn totals(&self) -> [f64; 7] {
         self.0.map(|lanes| lanes.iter().fold(0.0, |sum, value| sum + f64::from(*value)))
     }
 }

@@ -56,6 +56,7 @@ mod stretches;
 mod submap;
 mod sweep;
 mod sweep_features;
+mod untimed_turn;
 mod voxel;
 
 pub use features::{Feature, FeatureSettings, planar_features};

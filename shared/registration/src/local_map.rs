@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, VecDeque};
 
-/// A point of a surface, 44 bytes.
+/// A point of a surface, 48 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapPoint {
     /// x y z, m, odom frame. f64: the odom frame may be kilometres away from its origin.
@@ -17,6 +17,9 @@ pub struct MapPoint {
     pub normal: [f32; 3],
     /// See [`crate::Feature::lever`].
     pub lever: f32,
+    /// How far the motion during a revolution moves the point along the normal, m, for a sensor that turns clockwise; 0 with point
+    /// times.
+    pub turn_lever: f32,
     /// Number of the insertion.
     pub batch: u32,
 }
@@ -37,7 +40,7 @@ pub struct MapSettings {
 
 impl Default for MapSettings {
     /// 0.2 m is ten times the range noise, so normals by neighbors are accurate. 60 sweeps are 6 s, and 60 m at 10 m/s: the range
-    /// of dense returns. A refinement of 0.1 averages about ten sweeps. 80 000 points are 3.2 MB of state; a street fills about half.
+    /// of dense returns. A refinement of 0.1 averages about ten sweeps. 80 000 points are 3.8 MB of state; a street fills about half.
     fn default() -> Self {
         Self { spacing_m: 0.2, batches: 60, refinement: 0.1, max_points: 80_000 }
     }
@@ -77,11 +80,11 @@ impl LocalMap {
         let mut met: HashMap<u64, usize, SpreadKeys> = HashMap::default();
         let point = |&(key, batch): &(u64, u32)| {
             let at = met.entry(key).or_default();
-            let (position, normal, lever) = self.cells[&key].get(*at);
+            let (position, normal, [lever, turn_lever]) = self.cells[&key].get(*at);
             *at += 1;
             let corner = VoxelIndex::of_key(key).0;
             let position = std::array::from_fn(|axis| f64::from(corner[axis]) * CELL_M + f64::from(position[axis]));
-            MapPoint { position, normal, lever, batch }
+            MapPoint { position, normal, lever, turn_lever, batch }
         };
         self.order.iter().map(point).collect()
     }
@@ -170,11 +173,12 @@ impl LocalMap {
                 cell.add_surface(offset, (*normal).into(), &kernel, &mut sums);
             }
         }
-        let [weight, distance, x, y, z, lever] = sums.totals();
+        let [weight, distance, x, y, z, lever, turn_lever] = sums.totals();
         (weight > 1e-6).then(|| Surface {
             distance_m: distance / weight,
             normal: Vector3::new(x, y, z).normalize(),
             lever: lever / weight,
+            turn_lever: turn_lever / weight,
         })
     }
 }
@@ -185,21 +189,21 @@ fn placed(point: &MapPoint) -> (u64, Oriented) {
     let position = point.position.map(|v| (v / UNIT_M).round() * UNIT_M);
     let cell = VoxelIndex::containing(position, 1.0 / CELL_M);
     let in_cell = std::array::from_fn(|axis| (position[axis] - f64::from(cell.0[axis]) * CELL_M) as f32);
-    (cell.key(), (in_cell, point.normal, point.lever))
+    (cell.key(), (in_cell, point.normal, [point.lever, point.turn_lever]))
 }
 
 /// A point, moved along its normal by `share` of its distance to the plane through a new point of the same surface. It does not
 /// move sideways, so thinning is not affected.
 #[inline(always)]
-fn refined((position, normal, lever): Oriented, new: &Oriented, share: f32) -> Oriented {
+fn refined((position, normal, levers): Oriented, new: &Oriented, share: f32) -> Oriented {
     let axis = Vector3::from(normal);
     let height = axis.dot(&(Vector3::from(new.0) - Vector3::from(position)));
     if axis.dot(&Vector3::from(new.1)) <= SAME_SURFACE || height.abs() >= REFINEMENT_GATE_M {
-        return (position, normal, lever);
+        return (position, normal, levers);
     }
     let unit = UNIT_M as f32;
     let moved = (Vector3::from(position) + axis * (share * height)).map(|v| (v / unit).round() * unit);
-    (moved.into(), normal, lever + share * (new.2 - lever))
+    (moved.into(), normal, std::array::from_fn(|at| levers[at] + share * (new.2[at] - levers[at])))
 }
 
 /// Result of [`LocalMap::surface`].
@@ -211,6 +215,8 @@ pub struct Surface {
     pub normal: Vector3<f64>,
     /// Mean lever, m, see [`crate::Feature::lever`].
     pub lever: f64,
+    /// Mean of [`MapPoint::turn_lever`], m.
+    pub turn_lever: f64,
 }
 
 #[cfg(test)]
@@ -221,7 +227,7 @@ mod tests {
     const KERNEL: Kernel = Kernel { radius_m: 0.5, weights: Weights::Compact };
 
     fn point(x: f64, y: f64, z: f64) -> MapPoint {
-        MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], lever: 0.0, batch: 0 }
+        MapPoint { position: [x, y, z], normal: [0.0, 0.0, 1.0], lever: 0.0, turn_lever: 0.0, batch: 0 }
     }
 
     /// Quasi-random positions some metres around the origin.

@@ -1,5 +1,6 @@
 //! The maps to which features are matched: one of smooth and one of rough surfaces.
 
+use crate::untimed_turn::TurnLever;
 use crate::{Feature, LocalMap, MapPoint, MapSettings, SweepMotion};
 use serde::{Deserialize, Serialize};
 
@@ -23,12 +24,20 @@ impl Maps {
         if feature.is_rough { &self.rough } else { &self.smooth }
     }
     /// Adds the features of a sweep, see [`LocalMap::insert`].
-    pub fn insert(&mut self, batch: u32, features: &[Feature], motion: &SweepMotion, settings: &MapSettings) {
-        self.smooth.insert(batch, &map_points(features, false, motion, batch), settings);
-        self.rough.insert(batch, &map_points(features, true, motion, batch), settings);
+    pub fn insert(
+        &mut self,
+        batch: u32,
+        features: &[Feature],
+        (motion, turn): (&SweepMotion, &TurnLever),
+        settings: &MapSettings,
+    ) {
+        let points = |is_rough| map_points(features, is_rough, (motion, turn), batch);
+        self.smooth.insert(batch, &points(false), settings);
+        self.rough.insert(batch, &points(true), settings);
     }
     /// Maps with one sweep.
     pub fn of_sweep(features: &[Feature], motion: &SweepMotion) -> Self {
+        let motion = (motion, &TurnLever::NONE);
         let [smooth, rough] =
             [false, true].map(|is_rough| LocalMap::from_points(&map_points(features, is_rough, motion, 0)));
         Self { smooth, rough }
@@ -42,14 +51,21 @@ impl Maps {
 }
 
 /// Smooth or rough features in the odom frame.
-fn map_points(features: &[Feature], is_rough: bool, motion: &SweepMotion, batch: u32) -> Vec<MapPoint> {
+fn map_points(
+    features: &[Feature],
+    is_rough: bool,
+    (motion, turn): (&SweepMotion, &TurnLever),
+    batch: u32,
+) -> Vec<MapPoint> {
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let in_odom = |feature: &Feature| {
         let share = f64::from(feature.share);
         let arm = motion.rotated(&mid, &feature.position, share);
         let position = arm + motion.mid.translation.vector + motion.translation * share;
         let normal = motion.rotated(&mid, &feature.normal, share).normalize();
-        MapPoint { position: position.into(), normal: normal.cast::<f32>().into(), lever: feature.lever, batch }
+        let turn_lever = turn.at(&feature.position, &arm, &normal) as f32;
+        let normal = normal.cast::<f32>().into();
+        MapPoint { position: position.into(), normal, lever: feature.lever, turn_lever, batch }
     };
     features.iter().filter(|feature| feature.is_rough == is_rough).map(in_odom).collect()
 }

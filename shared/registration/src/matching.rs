@@ -5,6 +5,7 @@ use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::{NormalEquations, Solution};
 use crate::ring_errors::RingSums;
+use crate::untimed_turn::{TurnLever, TurnShare};
 use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -103,6 +104,8 @@ pub(crate) struct Match {
     pub matched: Matched,
     /// The ground's tilt after the match.
     pub ground_tilt: GroundTilt,
+    /// The displacement of points without times after the match.
+    pub turn: TurnShare,
     /// Sums by row of the range image.
     pub rings: Vec<RingSums>,
 }
@@ -120,6 +123,8 @@ pub(crate) struct Prediction {
     pub information: Matrix6<f64>,
     /// The ground's tilt before the match.
     pub ground_tilt: GroundTilt,
+    /// The displacement of points without times, and its lever.
+    pub turn: (TurnShare, TurnLever),
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
@@ -143,13 +148,13 @@ pub(crate) fn match_features(
 ) -> Option<Match> {
     let mut motion = prediction.motion;
     let way = prediction.motion.mid.translation.vector - prediction.previous.0.translation.vector;
-    let ground = GroundLever::of(&way);
+    let levers = (&GroundLever::of(&way), &prediction.turn.1);
     let mut coarse_rounds = settings.coarse_rounds;
     for round in 0..settings.max_rounds {
         let coarse = round < coarse_rounds;
         let (radius_m, scale_m) = if coarse { settings.coarse } else { settings.fine };
         let kernel = Kernel { radius_m, weights: settings.weights };
-        let equations = linearize(features, maps, &motion, &ground, (&kernel, scale_m));
+        let equations = linearize(features, maps, &motion, levers, (&kernel, scale_m));
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
@@ -185,9 +190,11 @@ pub(crate) fn match_features(
                 step_information: degenerate.determined / settings.drift_residual_m.powi(2),
                 converged: step_is_below(CONVERGED.0, CONVERGED.1),
             };
-            let variance = solution.tilt_cofactor * settings.residual_m.powi(2);
-            let ground_tilt = GroundTilt { mean: solution.tilt, variance };
-            return Some(Match { matched, ground_tilt, rings: equations.rings });
+            let square = settings.residual_m.powi(2);
+            let [(tilt, tilt_cofactor), (turn, turn_cofactor)] = solution.nuisances;
+            let ground_tilt = GroundTilt { mean: tilt, variance: tilt_cofactor * square };
+            let turn = TurnShare::measured(turn, turn_cofactor * square);
+            return Some(Match { matched, ground_tilt, turn, rings: equations.rings });
         }
     }
     None
@@ -197,13 +204,13 @@ fn linearize(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    ground: &GroundLever,
+    (ground, turn): (&GroundLever, &TurnLever),
     (kernel, scale_m): (&Kernel, f64),
 ) -> NormalEquations {
     let part = |chunk: &[Feature]| {
         wide_loops::run(
             #[inline(always)]
-            || linearize_chunk(chunk, maps, motion, ground, (kernel, scale_m)),
+            || linearize_chunk(chunk, maps, motion, (ground, turn), (kernel, scale_m)),
         )
     };
     let parts: Vec<NormalEquations> = features.par_chunks(CHUNK).map(part).collect();
@@ -219,7 +226,7 @@ fn linearize_chunk(
     features: &[Feature],
     maps: &Maps,
     motion: &SweepMotion,
-    ground: &GroundLever,
+    (ground, turn): (&GroundLever, &TurnLever),
     (kernel, scale_m): (&Kernel, f64),
 ) -> NormalEquations {
     let mut sum = NormalEquations::zero();
@@ -237,7 +244,8 @@ fn linearize_chunk(
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
         let weight = feature.weight() / (1.0 + squared);
-        sum.add(&arm, &surface.normal, r, ground.at(&arm, &surface.normal), weight, share);
+        let turn_lever = surface.turn_lever - turn.at(&feature.position, &arm, &surface.normal);
+        sum.add(&arm, &surface.normal, r, [ground.at(&arm, &surface.normal), turn_lever], weight, share);
         sum.add_to_ring(usize::from(feature.row), f64::from(feature.lever), surface.lever, r, weight);
     }
     sum
@@ -275,7 +283,7 @@ impl DegenerateDirections {
     }
 }
 
-/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes, and the ground's tilt.
+/// Steps of pose and motion, both as translation (m) and rotation vector (rad) in odom axes, and the nuisances.
 fn solve(
     equations: &NormalEquations,
     degenerate: &DegenerateDirections,
@@ -285,10 +293,11 @@ fn solve(
 ) -> Option<Solution> {
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
     let pose_prior = degenerate.prior + prediction.information * settings.residual_m.powi(2);
-    let GroundTilt { mean, variance } = prediction.ground_tilt;
-    let tilt = (settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)), mean);
+    let prior = |mean: f64, variance: f64| (settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)), mean);
+    let (GroundTilt { mean, variance }, (turn, _)) = (prediction.ground_tilt, prediction.turn);
+    let nuisances = [prior(mean, variance), prior(turn.mean, turn.variance)];
     if !settings.continuous_time {
-        return equations.solve((&pose_prior, &to_predicted), None, tilt);
+        return equations.solve((&pose_prior, &to_predicted), None, nuisances);
     }
     let (previous, seconds) = &prediction.previous;
     let expected = Velocity::between(previous, &motion.mid, *seconds).motion_at(motion.mid, prediction.duration_s);
@@ -302,7 +311,7 @@ fn solve(
     let information = |acceleration: f64| (settings.residual_m / (acceleration * drift_s2)).powi(2);
     let (a, w) = (information(settings.acceleration.0), information(settings.acceleration.1));
     let motion_prior = Matrix6::from_diagonal(&Vector6::new(a, a, a, w, w, w)) + degenerate.prior;
-    equations.solve((&pose_prior, &to_predicted), Some((&motion_prior, &to_expected)), tilt)
+    equations.solve((&pose_prior, &to_predicted), Some((&motion_prior, &to_expected)), nuisances)
 }
 
 /// Translation and rotation vector (odom axes) from one pose to the other.

@@ -18,6 +18,9 @@ const TRIANGLE: [(usize, usize); 21] = {
     places
 };
 
+/// Unknowns beside pose and motion: the ground's tilt, and the sense of turning of a sensor without point times.
+pub(crate) const NUISANCES: usize = 2;
+
 /// Sums over residuals r with Jacobian J for the pose (translation, then rotation, both in odom axes about the LiDAR's
 /// position) and `s J` for the motion over the sweep, s being the share of the point.
 #[derive(Clone)]
@@ -26,10 +29,12 @@ pub(crate) struct NormalEquations {
     squares: [[f64; 21]; 3],
     /// Sums of w J r and w s J r.
     gradients: [[f64; 6]; 2],
-    /// Sums of w J l and w s J l, l being the derivative by the ground's tilt.
-    tilts: [[f64; 6]; 2],
-    /// Sums of w l^2 and w l r.
-    tilt: [f64; 2],
+    /// Sums of w J l and w s J l for each derivative l by a nuisance.
+    crosses: [[[f64; 6]; 2]; NUISANCES],
+    /// Sums of w l m for each two nuisances.
+    nuisances: [[f64; NUISANCES]; NUISANCES],
+    /// Sums of w l r.
+    products: [f64; NUISANCES],
     /// By row of the range image.
     pub rings: Vec<RingSums>,
     /// Sum of w.
@@ -47,8 +52,9 @@ impl NormalEquations {
         Self {
             squares: [[0.0; 21]; 3],
             gradients: [[0.0; 6]; 2],
-            tilts: [[0.0; 6]; 2],
-            tilt: [0.0; 2],
+            crosses: [[[0.0; 6]; 2]; NUISANCES],
+            nuisances: [[0.0; NUISANCES]; NUISANCES],
+            products: [0.0; NUISANCES],
             rings: Vec::new(),
             weight: 0.0,
             weighted_squares: 0.0,
@@ -56,10 +62,10 @@ impl NormalEquations {
             n_matches: 0,
         }
     }
-    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes. `lever` is its derivative by the
-    /// ground's tilt, m.
+    /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes. `levers` are its
+    /// derivatives by the nuisances, m.
     #[inline(always)]
-    pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, lever: f64, weight: f64, share: f64) {
+    pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, levers: [f64; NUISANCES], weight: f64, share: f64) {
         let torque = arm.cross(normal);
         let j = [normal.x, normal.y, normal.z, torque.x, torque.y, torque.z];
         let wj = j.map(|value| weight * value);
@@ -78,13 +84,17 @@ impl NormalEquations {
             pose[at] += value * r;
             motion[at] += share * value * r;
         }
-        let [pose, motion] = &mut self.tilts;
-        for (at, value) in wj.into_iter().enumerate() {
-            pose[at] += value * lever;
-            motion[at] += share * value * lever;
+        for (k, lever) in levers.into_iter().enumerate() {
+            let [pose, motion] = &mut self.crosses[k];
+            for (at, value) in wj.into_iter().enumerate() {
+                pose[at] += value * lever;
+                motion[at] += share * value * lever;
+            }
+            for (other, sum) in levers.into_iter().zip(&mut self.nuisances[k]) {
+                *sum += weight * lever * other;
+            }
+            self.products[k] += weight * lever * r;
         }
-        self.tilt[0] += weight * lever * lever;
-        self.tilt[1] += weight * lever * r;
         self.weight += weight;
         self.weighted_squares += weight * r * r;
         self.n_matches += 1;
@@ -100,9 +110,11 @@ impl NormalEquations {
     /// Adds the sums of another part.
     pub fn merge(&mut self, part: &Self) {
         let sums = self.squares.as_flattened_mut().iter_mut().chain(self.gradients.as_flattened_mut());
-        let sums = sums.chain(self.tilts.as_flattened_mut()).chain(&mut self.tilt);
+        let sums = sums.chain(self.crosses.as_flattened_mut().as_flattened_mut());
+        let sums = sums.chain(self.nuisances.as_flattened_mut()).chain(&mut self.products);
         let values = part.squares.as_flattened().iter().chain(part.gradients.as_flattened());
-        for (sum, value) in sums.zip(values.chain(part.tilts.as_flattened()).chain(&part.tilt)) {
+        let values = values.chain(part.crosses.as_flattened().as_flattened());
+        for (sum, value) in sums.zip(values.chain(part.nuisances.as_flattened()).chain(&part.products)) {
             *sum += value;
         }
         self.rings.resize(self.rings.len().max(part.rings.len()), RingSums::default());
@@ -116,20 +128,20 @@ impl NormalEquations {
     pub fn pose(&self) -> Matrix6<f64> {
         symmetric(&self.squares[0])
     }
-    /// Steps of pose and motion, and the ground's tilt, that minimize the cost under a prior on each: `pose_prior` is an information
+    /// Steps of pose and motion, and the nuisances, that minimize the cost under a prior on each: `pose_prior` is an information
     /// matrix and `pose_offset` the step that the prior expects; alike for the motion (`None`: the motion is no unknown) and the
-    /// tilt. `None` if the system is singular.
+    /// nuisances (information, expected value). `None` if the system is singular.
     pub fn solve(
         &self,
         (pose_prior, pose_offset): (&Matrix6<f64>, &Vector6<f64>),
         motion: Option<(&Matrix6<f64>, &Vector6<f64>)>,
-        (tilt_prior, expected_tilt): (f64, f64),
+        priors: [(f64, f64); NUISANCES],
     ) -> Option<Solution> {
-        /// Row of the tilt.
-        const TILT: usize = 12;
-        let mut h = SMatrix::<f64, 13, 13>::identity();
-        let mut g = SVector::<f64, 13>::zeros();
-        let (n, blocks) = if motion.is_some() { (TILT, 2) } else { (6, 1) };
+        /// First row of the nuisances.
+        const FIRST: usize = 12;
+        let mut h = SMatrix::<f64, { FIRST + NUISANCES }, { FIRST + NUISANCES }>::identity();
+        let mut g = SVector::<f64, { FIRST + NUISANCES }>::zeros();
+        let (n, blocks) = if motion.is_some() { (FIRST, 2) } else { (6, 1) };
         h.fixed_view_mut::<6, 6>(0, 0).copy_from(&(self.pose() + pose_prior));
         g.fixed_rows_mut::<6>(0).copy_from(&(pose_prior * pose_offset - Vector6::from(self.gradients[0])));
         if let Some((motion_prior, motion_offset)) = motion {
@@ -139,21 +151,28 @@ impl NormalEquations {
             h.fixed_view_mut::<6, 6>(6, 6).copy_from(&(symmetric(&self.squares[2]) + motion_prior));
             g.fixed_rows_mut::<6>(6).copy_from(&(motion_prior * motion_offset - Vector6::from(self.gradients[1])));
         }
-        for (row, value) in self.tilts[..blocks].as_flattened().iter().enumerate().take(n) {
-            h[(row, TILT)] = -value;
-            h[(TILT, row)] = -value;
+        for (k, (information, expected)) in priors.into_iter().enumerate() {
+            for (row, value) in self.crosses[k][..blocks].as_flattened().iter().enumerate().take(n) {
+                h[(row, FIRST + k)] = -value;
+                h[(FIRST + k, row)] = -value;
+            }
+            for other in 0..NUISANCES {
+                h[(FIRST + k, FIRST + other)] = self.nuisances[k][other];
+            }
+            h[(FIRST + k, FIRST + k)] += information;
+            g[FIRST + k] = self.products[k] + information * expected;
         }
-        h[(TILT, TILT)] = self.tilt[0] + tilt_prior;
-        g[TILT] = self.tilt[1] + tilt_prior * expected_tilt;
         let cholesky = h.cholesky()?;
         let step = cholesky.solve(&g);
-        let mut unit = SVector::<f64, 13>::zeros();
-        unit[TILT] = 1.0;
+        let nuisances = std::array::from_fn(|k| {
+            let mut unit = SVector::<f64, { FIRST + NUISANCES }>::zeros();
+            unit[FIRST + k] = 1.0;
+            (step[FIRST + k], cholesky.solve(&unit)[FIRST + k])
+        });
         Some(Solution {
             pose: step.fixed_rows::<6>(0).into_owned(),
             motion: step.fixed_rows::<6>(6).into_owned(),
-            tilt: step[TILT],
-            tilt_cofactor: cholesky.solve(&unit)[TILT],
+            nuisances,
         })
     }
 }
@@ -164,10 +183,8 @@ pub(crate) struct Solution {
     pub pose: Vector6<f64>,
     /// Step of the motion; zero if it is no unknown.
     pub motion: Vector6<f64>,
-    /// The ground's tilt, rad.
-    pub tilt: f64,
-    /// Its variance in units of the squared error of a residual, 1/m^2.
-    pub tilt_cofactor: f64,
+    /// The nuisances, and their variances in units of the squared error of a residual.
+    pub nuisances: [(f64, f64); NUISANCES],
 }
 
 fn symmetric(triangle: &[f64; 21]) -> Matrix6<f64> {

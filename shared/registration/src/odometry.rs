@@ -12,9 +12,10 @@ use crate::sampling::sampled;
 use crate::sensors::SensorLog;
 use crate::start::{InitialMotion, find_start};
 use crate::sweep_features::SweepFeatures;
+use crate::untimed_turn::{TurnLever, TurnShare};
 use crate::{
     Feature, FeatureSettings, GroundVelocity, InertialSample, Kernel, LocalMap, MapSettings, MatchSettings, Matched,
-    Sampling, SensorMounting, Sweep, SweepMotion, Weights,
+    Sampling, SensorMounting, SpinDirection, Sweep, SweepMotion, Weights,
 };
 use geometry::{Pose, Stamp, Vector3};
 use nalgebra::{Matrix6, Point3};
@@ -31,6 +32,9 @@ pub struct OdometrySettings {
     pub matching: MatchSettings,
     /// Where the sensors are mounted.
     pub mounting: SensorMounting,
+    /// Time of a revolution, s, if it is to be found out how a sensor turns whose sweeps have no point times, see
+    /// [`Odometry::turning`]. `None`: such sweeps are rigid.
+    pub untimed_turn_s: Option<f64>,
 }
 
 impl OdometrySettings {
@@ -136,6 +140,8 @@ pub enum RegistrationError {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Last {
     mid_stamp: Stamp,
+    /// 0 without point times.
+    duration_nanos: u32,
     mid: Pose,
     velocity: Velocity,
 }
@@ -162,6 +168,7 @@ pub struct OdometryState {
     log: SensorLog,
     rings: RingErrors,
     ground_tilt: GroundTilt,
+    turn: TurnShare,
     moving: MovingDetector,
     maps: SavedMaps,
 }
@@ -191,6 +198,7 @@ impl Odometry {
             log: SensorLog::default(),
             rings: RingErrors::default(),
             ground_tilt: GroundTilt::default(),
+            turn: TurnShare::default(),
             moving: MovingDetector::default(),
             maps: SavedMaps::default(),
         };
@@ -226,7 +234,11 @@ impl Odometry {
         {
             return Err(RegistrationError::Order { last, got: features.mid_stamp });
         }
-        if let Some(last) = self.state.last.take() {
+        if let Some(mut last) = self.state.last.take() {
+            if last.duration_nanos == 0 {
+                // Without times its pose was that of the direction ahead, half a revolution after its stamp.
+                last.mid_stamp = last.mid_stamp.plus_nanos(i64::from(features.duration_nanos / 2));
+            }
             return Ok(vec![self.follow(&features, sweep, &last)]);
         }
         if let Some(first) = self.state.first.take() {
@@ -250,6 +262,12 @@ impl Odometry {
     /// Errors of the sensor's rings by row of the range image, the lowest ring first; empty if the points have no rings.
     pub fn ring_errors(&self) -> Vec<RingError> {
         self.state.rings.by_row().to_vec()
+    }
+
+    /// How the sensor turns, once the sweeps without point times have told it. The next sweeps should then have times, with the same
+    /// stamps as begin: [`crate::set_times_from_azimuth`].
+    pub fn turning(&self) -> Option<SpinDirection> {
+        self.state.turn.direction().filter(|_| self.settings.untimed_turn_s.is_some())
     }
 
     /// The state on which the following sweeps depend.
@@ -288,9 +306,15 @@ impl Odometry {
             self.state.first = Some(second);
             return vec![at_rest];
         };
-        self.grow(&first.features, &start.first);
+        let turn = self.turn_lever(first, (&start.first.mid, &start.second.motion.mid), seconds);
+        self.grow(&first.features, (&start.first, &turn));
         let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
-        let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity };
+        let last = Last {
+            mid_stamp: first.mid_stamp,
+            duration_nanos: first.duration_nanos,
+            mid: start.first.mid,
+            velocity,
+        };
         let velocity_in_body = self.settings.mounting.body_from_lidar.rotation * velocity.linear;
         let stamps = [first.mid_stamp, second.mid_stamp];
         let navigation = Navigation::begin(&velocity_in_body, initial.speed.is_some(), &self.state.log, stamps);
@@ -331,6 +355,7 @@ impl Odometry {
             duration_s: features.duration_s,
             information: predicted.information,
             ground_tilt: self.state.ground_tilt.advanced(way_m, self.state.rings.significant_rad()),
+            turn: (self.state.turn, self.turn_lever(features, (&last.mid, &predicted.mid), seconds)),
         };
         let gated = match self.settings.matching.sampling {
             Sampling::NineLists { .. } => Some(self.near_map(features, &prediction.motion)),
@@ -364,8 +389,14 @@ impl Odometry {
         if let Some(found) = &found {
             self.state.ground_tilt = found.ground_tilt;
             // At rest each sweep repeats the same measurement.
-            if self.has_moved(&motion) && sweep.image().has_rings() {
-                self.state.rings.update(&found.rings);
+            if self.has_moved(&motion) {
+                if features.duration_nanos == 0 {
+                    self.state.turn = found.turn;
+                    eprintln!("turn {:?}", found.turn);
+                }
+                if sweep.image().has_rings() {
+                    self.state.rings.update(&found.rings);
+                }
             }
         }
         let matched = (motion, found.map(|found| found.matched));
@@ -414,7 +445,12 @@ impl Odometry {
             Some(_) if features.duration_nanos > 0 => Velocity::during(&motion, features.duration_s),
             _ => Velocity::between(&last.mid, &motion.mid, seconds),
         };
-        self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity });
+        self.state.last = Some(Last {
+            mid_stamp: features.mid_stamp,
+            duration_nanos: features.duration_nanos,
+            mid: motion.mid,
+            velocity,
+        });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !features.features.is_empty();
         if map_restarted {
@@ -428,7 +464,8 @@ impl Odometry {
         if map_restarted || matched.is_some() {
             let is_static = |feature: &&Feature| moving.points.binary_search(&feature.point_idx).is_err();
             let standing: Vec<Feature> = features.features.iter().filter(is_static).copied().collect();
-            self.grow(&standing, &motion);
+            let turn = self.turn_lever(features, (&last.mid, &motion.mid), seconds);
+            self.grow(&standing, (&motion, &turn));
         }
         if matched.is_some() {
             self.state.moving.add_sweep(sweep, &motion, &moving);
@@ -449,10 +486,16 @@ impl Odometry {
         })
     }
 
-    fn grow(&mut self, features: &[Feature], motion: &SweepMotion) {
+    /// The lever of a sweep without point times, for a motion between poses `seconds` apart.
+    fn turn_lever(&self, features: &SweepFeatures, (from, to): (&Pose, &Pose), seconds: f64) -> TurnLever {
+        let turn_s = self.settings.untimed_turn_s.filter(|_| features.duration_nanos == 0);
+        turn_s.map_or(TurnLever::NONE, |turn_s| TurnLever::between(from, to, seconds, turn_s))
+    }
+
+    fn grow(&mut self, features: &[Feature], (motion, turn): (&SweepMotion, &TurnLever)) {
         if self.has_moved(motion) {
             let batch = self.state.next_batch;
-            self.maps.insert(batch, features, motion, &self.settings.map);
+            self.maps.insert(batch, features, (motion, turn), &self.settings.map);
             self.state.next_batch += 1;
             self.state.grown_at = Some(motion.mid);
         }

@@ -2,7 +2,7 @@
 
 use crate::{
     GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap, Odometry, OdometrySettings,
-    OdometryState, Registered, RegistrationError, Sweep,
+    OdometryState, Registered, RegistrationError, SpinDirection, Sweep,
 };
 use geometry::Pose;
 use serde::{Deserialize, Serialize};
@@ -72,6 +72,13 @@ impl SelectedOdometry {
         match self {
             Self::ScanToMap(odometry) => odometry.register(sweep),
             Self::Imls(odometry) => odometry.register(sweep),
+        }
+    }
+    /// How a sensor turns without point times, see [`Odometry::turning`].
+    pub fn turning(&self) -> Option<SpinDirection> {
+        match self {
+            Self::ScanToMap(odometry) => odometry.turning(),
+            Self::Imls(_) => None,
         }
     }
     /// The first sweep, if there was no second one.

@@ -9,6 +9,7 @@ use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::sensors::SensorLog;
 use crate::sweep_features::SweepFeatures;
+use crate::untimed_turn::{TurnLever, TurnShare};
 use crate::{SensorMounting, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, UnitQuaternion, Vector3};
 use nalgebra::Matrix6;
@@ -71,6 +72,7 @@ pub(crate) fn find_start(
             duration_s: second.duration_s,
             information: Matrix6::zeros(),
             ground_tilt: GroundTilt::default(),
+            turn: (TurnShare::default(), TurnLever::NONE),
         };
         let second = match_features(&second.matching, &maps, &prediction, settings)?.matched;
         Some(Start { first: motion, second })

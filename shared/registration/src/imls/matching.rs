@@ -2,7 +2,7 @@
 
 use super::ImlsSettings;
 use super::model::Model;
-use crate::normal_equations::NormalEquations;
+use crate::normal_equations::{NUISANCES, NormalEquations};
 use crate::{Feature, Matched, SweepMotion};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion, Vector3};
 use nalgebra::{Matrix6, Vector6};
@@ -39,7 +39,7 @@ pub(super) fn match_samples(
         if equations.n_matches < MIN_MATCHES {
             return None;
         }
-        let step = equations.solve((&Matrix6::zeros(), &Vector6::zeros()), None, (1.0, 0.0))?.pose;
+        let step = equations.solve((&Matrix6::zeros(), &Vector6::zeros()), None, [(1.0, 0.0); NUISANCES])?.pose;
         let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3).into_owned());
         let mut rotation = turn * pose.rotation;
         // Products of unit quaternions drift from unit length.
@@ -76,7 +76,7 @@ fn linearize(samples: &[Feature], model: &Model, pose: &Pose, settings: &ImlsSet
                 continue;
             };
             sum.cost += (surface.distance_m / settings.radius_m).powi(2).min(1.0);
-            sum.add(&arm, &surface.normal, surface.distance_m, 0.0, 1.0, 0.0);
+            sum.add(&arm, &surface.normal, surface.distance_m, [0.0; NUISANCES], 1.0, 0.0);
         }
         sum
     };

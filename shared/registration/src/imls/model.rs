@@ -153,6 +153,7 @@ impl Model {
             distance_m: heights / weights,
             normal: normal.cast::<f64>().normalize(),
             lever: 0.0,
+            turn_lever: 0.0,
         })
     }
 

@@ -4,6 +4,7 @@ use super::ImlsSettings;
 use super::matching::{Reported, match_samples};
 use super::model::{Model, SavedModel};
 use super::sweep_points::SweepPoints;
+use crate::untimed_turn::TurnLever;
 use crate::maps::{Maps, SavedMaps};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
@@ -283,7 +284,7 @@ impl ImlsOdometry {
                 || at.rotation.angle_to(&motion.mid.rotation) > MIN_MOTION.1
         });
         if moved {
-            self.maps.insert(self.state.n_grown, features, motion, &self.settings.map);
+            self.maps.insert(self.state.n_grown, features, (motion, &TurnLever::NONE), &self.settings.map);
             self.state.n_grown += 1;
             self.state.grown_at = Some(motion.mid);
         }
