@@ -36,9 +36,10 @@ stage::settings! {
         /// Spacing of the local map's points, m: ten times the range noise. The search radius is 1.5 times as large and at most
         /// 0.5 m, hence the upper limit.
         pub map_spacing_m: f64 = 0.2 => stage::within(0.05, 0.33);
-        /// Point times of sweeps that have none. "none": the sweeps are rigid, for recordings that are already deskewed.
-        /// "clockwise" and "counterclockwise" (seen from above): times of a sensor that spins evenly from rear to rear.
-        pub untimed_turn: String = "none".to_owned() => stage::one_of(&["none", "clockwise", "counterclockwise"]);
+        /// Point times of sweeps that have none. "clockwise" and "counterclockwise" (seen from above): times of a sensor that spins evenly
+        /// from rear to rear. "none": the sweeps are rigid, as they are after deskewing. "auto": rigid until the sweeps show which of
+        /// the three it is.
+        pub untimed_turn: String = "auto".to_owned() => stage::one_of(&["auto", "none", "clockwise", "counterclockwise"]);
         /// Time of one revolution of such a sensor, s.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
@@ -99,11 +100,12 @@ impl Settings {
         KeptPoints::of(sweep, self.min_range_m, self.thin_m)
     }
 
-    /// How a sensor without point times spins, and the time of its revolution, ns.
-    pub(crate) fn untimed_turn(&self) -> Option<(SpinDirection, u32)> {
+    /// How a sensor without point times spins, and the time of its revolution, ns. `found`: by the odometry.
+    pub(crate) fn untimed_turn(&self, found: Option<SpinDirection>) -> Option<(SpinDirection, u32)> {
         let spin = match self.untimed_turn.as_str() {
             "clockwise" => SpinDirection::Clockwise,
             "counterclockwise" => SpinDirection::Counterclockwise,
+            "auto" => found?,
             _ => return None,
         };
         Some((spin, (self.untimed_turn_s * 1e9) as u32))
@@ -127,6 +129,7 @@ impl Settings {
         let mut odometry = odometry.with_map_spacing(self.map_spacing_m);
         odometry.features.min_range_m = odometry.features.min_range_m.max(self.min_range_m as f32);
         odometry.features.max_range_m = self.max_range_m as f32;
+        odometry.untimed_turn_s = (self.untimed_turn == "auto").then_some(self.untimed_turn_s);
         odometry.map.batches = self.map_sweeps;
         odometry.map.max_points = self.map_points_max as usize;
         if let Sampling::Even { max_features, .. } = &mut odometry.matching.sampling {

@@ -13,7 +13,8 @@ mod folder;
 use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
 use registration::{
-    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights, set_times_from_azimuth,
+    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights,
+    set_times_from_azimuth,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;

@@ -4,7 +4,7 @@ use crate::ground_tilt::{GroundLever, GroundTilt};
 use crate::maps::Maps;
 use crate::motion::Velocity;
 use crate::normal_equations::{NormalEquations, Solution};
-use crate::ring_errors::RingSums;
+use crate::ring_errors::{RingError, RingSums};
 use crate::untimed_turn::{TurnLever, TurnShare};
 use crate::{Feature, Kernel, Sampling, SweepMotion, Weights};
 use geometry::{Isometry3, Pose, Translation3, UnitQuaternion};
@@ -104,6 +104,8 @@ pub(crate) struct Match {
     pub matched: Matched,
     /// The ground's tilt after the match.
     pub ground_tilt: GroundTilt,
+    /// What is left of the elevation error of all rings.
+    pub elevation: RingError,
     /// The displacement of points without times after the match.
     pub turn: TurnShare,
     /// Sums by row of the range image.
@@ -123,6 +125,8 @@ pub(crate) struct Prediction {
     pub information: Matrix6<f64>,
     /// The ground's tilt before the match.
     pub ground_tilt: GroundTilt,
+    /// What is left of the elevation error of all rings.
+    pub elevation: RingError,
     /// The displacement of points without times, and its lever.
     pub turn: (TurnShare, TurnLever),
 }
@@ -191,10 +195,14 @@ pub(crate) fn match_features(
                 converged: step_is_below(CONVERGED.0, CONVERGED.1),
             };
             let square = settings.residual_m.powi(2);
-            let [(tilt, tilt_cofactor), (turn, turn_cofactor)] = solution.nuisances;
-            let ground_tilt = GroundTilt { mean: tilt, variance: tilt_cofactor * square };
-            let turn = TurnShare::measured(turn, turn_cofactor * square);
-            return Some(Match { matched, ground_tilt, turn, rings: equations.rings });
+            let [tilt, elevation, turn] = solution.nuisances.map(|(mean, cofactor)| (mean, cofactor * square));
+            return Some(Match {
+                matched,
+                ground_tilt: GroundTilt { mean: tilt.0, variance: tilt.1 },
+                elevation: RingError { mean: elevation.0, variance: elevation.1 },
+                turn: TurnShare::measured(turn.0, turn.1),
+                rings: equations.rings,
+            });
         }
     }
     None
@@ -244,8 +252,12 @@ fn linearize_chunk(
         let squared = (r / scale_m).powi(2);
         sum.cost += squared.min(1.0);
         let weight = feature.weight() / (1.0 + squared);
-        let turn_lever = surface.turn_lever - turn.at(&feature.position, &arm, &surface.normal);
-        sum.add(&arm, &surface.normal, r, [ground.at(&arm, &surface.normal), turn_lever], weight, share);
+        let levers = [
+            ground.at(&arm, &surface.normal),
+            f64::from(feature.lever) - surface.lever,
+            surface.turn_lever - turn.at(&feature.position, &arm, &surface.normal),
+        ];
+        sum.add(&arm, &surface.normal, r, levers, weight, share);
         sum.add_to_ring(usize::from(feature.row), f64::from(feature.lever), surface.lever, r, weight);
     }
     sum
@@ -294,8 +306,12 @@ fn solve(
     let to_predicted = step_between(&motion.mid, &prediction.motion.mid);
     let pose_prior = degenerate.prior + prediction.information * settings.residual_m.powi(2);
     let prior = |mean: f64, variance: f64| (settings.residual_m.powi(2) / variance.max(MIN_TILT_RAD.powi(2)), mean);
-    let (GroundTilt { mean, variance }, (turn, _)) = (prediction.ground_tilt, prediction.turn);
-    let nuisances = [prior(mean, variance), prior(turn.mean, turn.variance)];
+    let Prediction { ground_tilt, elevation, turn: (turn, _), .. } = prediction;
+    let nuisances = [
+        prior(ground_tilt.mean, ground_tilt.variance),
+        prior(elevation.mean, elevation.variance),
+        prior(turn.mean, turn.variance),
+    ];
     if !settings.continuous_time {
         return equations.solve((&pose_prior, &to_predicted), None, nuisances);
     }

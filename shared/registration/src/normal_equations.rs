@@ -18,8 +18,9 @@ const TRIANGLE: [(usize, usize); 21] = {
     places
 };
 
-/// Unknowns beside pose and motion: the ground's tilt, and the sense of turning of a sensor without point times.
-pub(crate) const NUISANCES: usize = 2;
+/// Unknowns beside pose and motion: the ground's tilt, the elevation error of all rings, and the sense of turning of a sensor
+/// without point times.
+pub(crate) const NUISANCES: usize = 3;
 
 /// Sums over residuals r with Jacobian J for the pose (translation, then rotation, both in odom axes about the LiDAR's
 /// position) and `s J` for the motion over the sweep, s being the share of the point.
@@ -65,7 +66,15 @@ impl NormalEquations {
     /// Adds the residual `r` (m, along `normal`) of a point at `arm` from the LiDAR, odom axes. `levers` are its
     /// derivatives by the nuisances, m.
     #[inline(always)]
-    pub fn add(&mut self, arm: &Vector3<f64>, normal: &Vector3<f64>, r: f64, levers: [f64; NUISANCES], weight: f64, share: f64) {
+    pub fn add(
+        &mut self,
+        arm: &Vector3<f64>,
+        normal: &Vector3<f64>,
+        r: f64,
+        levers: [f64; NUISANCES],
+        weight: f64,
+        share: f64,
+    ) {
         let torque = arm.cross(normal);
         let j = [normal.x, normal.y, normal.z, torque.x, torque.y, torque.z];
         let wj = j.map(|value| weight * value);

@@ -235,7 +235,7 @@ impl Odometry {
             return Err(RegistrationError::Order { last, got: features.mid_stamp });
         }
         if let Some(mut last) = self.state.last.take() {
-            if last.duration_nanos == 0 {
+            if last.duration_nanos == 0 && self.turning().is_some() {
                 // Without times its pose was that of the direction ahead, half a revolution after its stamp.
                 last.mid_stamp = last.mid_stamp.plus_nanos(i64::from(features.duration_nanos / 2));
             }
@@ -309,12 +309,8 @@ impl Odometry {
         let turn = self.turn_lever(first, (&start.first.mid, &start.second.motion.mid), seconds);
         self.grow(&first.features, (&start.first, &turn));
         let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
-        let last = Last {
-            mid_stamp: first.mid_stamp,
-            duration_nanos: first.duration_nanos,
-            mid: start.first.mid,
-            velocity,
-        };
+        let last =
+            Last { mid_stamp: first.mid_stamp, duration_nanos: first.duration_nanos, mid: start.first.mid, velocity };
         let velocity_in_body = self.settings.mounting.body_from_lidar.rotation * velocity.linear;
         let stamps = [first.mid_stamp, second.mid_stamp];
         let navigation = Navigation::begin(&velocity_in_body, initial.speed.is_some(), &self.state.log, stamps);
@@ -355,6 +351,7 @@ impl Odometry {
             duration_s: features.duration_s,
             information: predicted.information,
             ground_tilt: self.state.ground_tilt.advanced(way_m, self.state.rings.significant_rad()),
+            elevation: self.state.rings.rest(),
             turn: (self.state.turn, self.turn_lever(features, (&last.mid, &predicted.mid), seconds)),
         };
         let gated = match self.settings.matching.sampling {
@@ -392,9 +389,9 @@ impl Odometry {
             if self.has_moved(&motion) {
                 if features.duration_nanos == 0 {
                     self.state.turn = found.turn;
-                    eprintln!("turn {:?}", found.turn);
                 }
                 if sweep.image().has_rings() {
+                    self.state.rings.update_common(&found.elevation);
                     self.state.rings.update(&found.rings);
                 }
             }

@@ -1,8 +1,11 @@
 //! Errors of the elevation angles of a LiDAR's rings, estimated while it drives.
 //!
 //! Elevations of real units err by a tenth of a degree from ring to ring and stay so: rings that see one patch of road put it at
-//! different heights. The mean distance of a ring's features from the map, which other rings have made, tells its error. What all
-//! rings share, or what grows evenly from ring to ring, is not seen in this way: see [`crate::ground_tilt`].
+//! different heights. The mean distance of a ring's features from the map, which other rings have made, tells its error.
+//!
+//! An error of all rings makes the ground a shallow bowl: the map ahead was made from afar, the map behind from nearby, and both pitch
+//! the vehicle. It is an unknown of each match, whose lever is the difference between that of the feature and that of the map. A
+//! bend of the road looks alike, so it is sought only in units whose single rings err; see also [`crate::ground_tilt`].
 
 use crate::Feature;
 use nalgebra::Vector3;
@@ -14,6 +17,10 @@ const INITIAL_RAD: f64 = 3.5e-3;
 const RESIDUAL_M: f64 = 0.1;
 /// Map points whose lever differs by less, m, were seen by the same ring from nearby: they show the same error.
 const OTHER_RING_M: f64 = 2.0;
+/// Size of the error of all rings over those of single rings.
+const PER_RING_ERROR: f64 = 2.0;
+/// Least deviation of the error of all rings, rad: 0.01 degrees. Errors of the map are alike from sweep to sweep.
+const MIN_COMMON_RAD: f64 = 1.75e-4;
 /// A ring is measured when its deviation is below this share of the initial one.
 const MEASURED: f64 = 0.5;
 
@@ -55,6 +62,8 @@ pub struct RingError {
 impl RingError {
     /// Before the ring is measured.
     pub const UNKNOWN: Self = Self { mean: 0.0, variance: INITIAL_RAD * INITIAL_RAD };
+    /// For units without errors.
+    pub(crate) const NONE: Self = Self { mean: 0.0, variance: 0.0 };
 
     /// Whether the ring was measured.
     pub fn is_measured(&self) -> bool {
@@ -62,18 +71,27 @@ impl RingError {
     }
 }
 
-/// Errors by row of the range image.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct RingErrors(Vec<RingError>);
+/// Errors by row of the range image, and the error of all rings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RingErrors {
+    rows: Vec<RingError>,
+    common: RingError,
+}
+
+impl Default for RingErrors {
+    fn default() -> Self {
+        Self { rows: Vec::new(), common: RingError::UNKNOWN }
+    }
+}
 
 impl RingErrors {
     /// The errors by row.
     pub fn by_row(&self) -> &[RingError] {
-        &self.0
+        &self.rows
     }
     /// Root mean square of the errors beyond what their deviations explain, rad; 0 for a unit without significant errors.
     pub fn significant_rad(&self) -> f64 {
-        let measured: Vec<&RingError> = self.0.iter().filter(|ring| ring.is_measured()).collect();
+        let measured: Vec<&RingError> = self.rows.iter().filter(|ring| ring.is_measured()).collect();
         let sum: f64 = measured.iter().map(|ring| ring.mean * ring.mean - ring.variance).sum();
         (sum / measured.len().max(1) as f64).max(0.0).sqrt()
     }
@@ -83,9 +101,10 @@ impl RingErrors {
         if significant == 0.0 {
             return;
         }
+        let common = self.common_correction(significant);
         for feature in features {
             let [x, y, z] = feature.position;
-            let error = self.correction(usize::from(feature.row), significant) as f32;
+            let error = (self.correction(usize::from(feature.row), significant) + common) as f32;
             let horizontal = (x * x + y * y).sqrt().max(1e-3);
             let along = error * z / horizontal;
             feature.position = [x + along * x, y + along * y, z - error * horizontal];
@@ -94,12 +113,12 @@ impl RingErrors {
     /// Takes in the sums of a match of corrected features.
     pub fn update(&mut self, sums: &[RingSums]) {
         let significant = self.significant_rad();
-        if self.0.len() < sums.len() {
-            self.0.resize(sums.len(), RingError::UNKNOWN);
+        if self.rows.len() < sums.len() {
+            self.rows.resize(sums.len(), RingError::UNKNOWN);
         }
         for (row, RingSums([squares, products])) in sums.iter().enumerate().filter(|(_, sums)| sums.0[0] > 0.0) {
             let measured = self.correction(row, significant) + products / squares;
-            let ring = &mut self.0[row];
+            let ring = &mut self.rows[row];
             let gain = ring.variance / (ring.variance + RESIDUAL_M * RESIDUAL_M / squares);
             ring.mean += gain * (measured - ring.mean);
             ring.variance *= 1.0 - gain;
@@ -108,7 +127,28 @@ impl RingErrors {
     /// The error of a row, reduced by the share that noise may have in it.
     fn correction(&self, row: usize, significant: f64) -> f64 {
         let signal = significant * significant;
-        self.0.get(row).map_or(0.0, |ring| ring.mean * signal / (signal + ring.variance).max(f64::MIN_POSITIVE))
+        self.rows.get(row).map_or(0.0, |ring| ring.mean * signal / (signal + ring.variance).max(f64::MIN_POSITIVE))
+    }
+    /// The error of all rings, reduced likewise.
+    fn common_correction(&self, significant: f64) -> f64 {
+        let signal = (PER_RING_ERROR * significant).powi(2);
+        self.common.mean * signal / (signal + self.common.variance).max(f64::MIN_POSITIVE)
+    }
+    /// What the correction leaves of the error of all rings. For a unit without errors it is no unknown.
+    pub fn rest(&self) -> RingError {
+        let significant = self.significant_rad();
+        if significant == 0.0 {
+            return RingError::NONE;
+        }
+        RingError { mean: self.common.mean - self.common_correction(significant), ..self.common }
+    }
+    /// Takes in what a match of corrected features has left of the error of all rings.
+    pub fn update_common(&mut self, rest: &RingError) {
+        let significant = self.significant_rad();
+        if significant > 0.0 {
+            let mean = self.common_correction(significant) + rest.mean;
+            self.common = RingError { mean, variance: rest.variance.max(MIN_COMMON_RAD * MIN_COMMON_RAD) };
+        }
     }
 }
 
@@ -155,7 +195,7 @@ mod tests {
     fn errors_of_two_rings_are_found_and_corrected() {
         let errors = [2e-3, -3e-3];
         let found = after(60, errors);
-        for (ring, error) in found.0.iter().zip(errors) {
+        for (ring, error) in found.rows.iter().zip(errors) {
             assert!((ring.mean - error).abs() < 2e-4, "{ring:?} for {error}");
         }
         assert!((found.significant_rad() - 2.5e-3).abs() < 2e-4, "{}", found.significant_rad());

@@ -81,6 +81,14 @@ impl SelectedOdometry {
             Self::Imls(_) => None,
         }
     }
+    /// What [`SelectedOdometry::turning`] has found, for the user.
+    pub fn turning_note(&self) -> Option<String> {
+        let turning = match self.turning()? {
+            SpinDirection::Clockwise => "clockwise",
+            SpinDirection::Counterclockwise => "counterclockwise",
+        };
+        Some(format!("the sweeps have no point times; surfaces that pass by show that the LiDAR turned {turning}"))
+    }
     /// The first sweep, if there was no second one.
     pub fn finish(&mut self) -> Option<Registered> {
         match self {

@@ -7,6 +7,7 @@ use crate::ground_tilt::GroundTilt;
 use crate::maps::Maps;
 use crate::matching::{MatchSettings, Matched, Prediction, match_features};
 use crate::motion::Velocity;
+use crate::ring_errors::RingError;
 use crate::sensors::SensorLog;
 use crate::sweep_features::SweepFeatures;
 use crate::untimed_turn::{TurnLever, TurnShare};
@@ -72,6 +73,7 @@ pub(crate) fn find_start(
             duration_s: second.duration_s,
             information: Matrix6::zeros(),
             ground_tilt: GroundTilt::default(),
+            elevation: RingError::NONE,
             turn: (TurnShare::default(), TurnLever::NONE),
         };
         let second = match_features(&second.matching, &maps, &prediction, settings)?.matched;

@@ -4,7 +4,6 @@ use super::ImlsSettings;
 use super::matching::{Reported, match_samples};
 use super::model::{Model, SavedModel};
 use super::sweep_points::SweepPoints;
-use crate::untimed_turn::TurnLever;
 use crate::maps::{Maps, SavedMaps};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
@@ -13,6 +12,7 @@ use crate::sampling::sampled;
 use crate::sensors::SensorLog;
 use crate::start::{InitialMotion, find_start};
 use crate::sweep_features::SweepFeatures;
+use crate::untimed_turn::TurnLever;
 use crate::{
     Feature, LocalMap, Matched, OdometrySettings, Registered, RegistrationError, Sampling, Sweep, SweepMotion,
 };

@@ -1,8 +1,10 @@
 //! A synthetic drive with ground truth: 32 beams tilted by 30 degrees, moving from the first shot on.
 
 use crate::support::world::{Drive, body_from_lidar};
-use geometry::{Pose, Stamp};
-use registration::{MatchSettings, Odometry, OdometrySettings, Registered, RegistrationError, Sweep, TimedPoint};
+use geometry::{Isometry3, Pose, Stamp};
+use registration::{
+    MatchSettings, Odometry, OdometrySettings, Registered, RegistrationError, SpinDirection, Sweep, TimedPoint,
+};
 
 const STREET: Drive = Drive { speed: 10.0, noise_m: 0.02, ground_only: false };
 
@@ -68,6 +70,56 @@ fn sweeps_without_point_times_have_three_times_the_error() {
     let (with, without) = (error(&deskewed), error(&skewed));
     println!("with point times {with:.3} m, without {without:.3} m");
     assert!(without > 3.0 * with, "with point times {with} m, without {without} m");
+}
+
+/// Revolutions from rear to rear, with their points' times.
+fn from_rear_to_rear(sweeps: &[Sweep]) -> Vec<Sweep> {
+    let join = |pair: &[Sweep]| {
+        let begin = i64::from(pair[0].duration_nanos()) / 2;
+        let shift = pair[1].stamp().0 - pair[0].stamp().0 - begin;
+        let moved = |sweep: &Sweep, by: i64, is_in: fn(&TimedPoint) -> bool| -> Vec<TimedPoint> {
+            let moved =
+                |point: &TimedPoint| TimedPoint { offset_nanos: (i64::from(point.offset_nanos) + by) as u32, ..*point };
+            sweep.points().iter().filter(|point| is_in(point)).map(moved).collect()
+        };
+        // Sensors turn clockwise from ahead: to the right, then to the left.
+        let mut points = moved(&pair[0], -begin, |point| point.position[1] > 0.0);
+        points.extend(moved(&pair[1], shift, |point| point.position[1] <= 0.0));
+        points.retain(|point| point.offset_nanos < 110_000_000);
+        Sweep::new(pair[0].stamp().plus_nanos(begin), points, 32)
+    };
+    sweeps.windows(2).map(join).collect()
+}
+
+/// The LiDAR is upright: the sense of turning is sought about the vertical.
+#[test]
+fn sense_of_turning_is_found_in_sweeps_without_times_and_not_in_deskewed_ones() {
+    let world_from_lidar = |t: f64| STREET.world_from_body(t) * Isometry3::translation(0.3, 0.0, 2.1);
+    let sweeps: Vec<Sweep> = (0..41).map(|number| STREET.sweep_at(&world_from_lidar, number)).collect();
+    let timed = from_rear_to_rear(&sweeps);
+    let settings = OdometrySettings { untimed_turn_s: Some(0.1), ..OdometrySettings::default() };
+    let found = |rigid: &dyn Fn(&Sweep, &TimedPoint) -> [f32; 3]| {
+        let mut odometry = Odometry::new(settings.clone(), world_from_lidar(0.05));
+        for sweep in &timed {
+            let points = sweep.points().iter();
+            let points = points.map(|p| TimedPoint { position: rigid(sweep, p), offset_nanos: 0, ..*p }).collect();
+            odometry.register(&Sweep::new(sweep.stamp(), points, 32)).unwrap();
+            if odometry.turning().is_some() {
+                break;
+            }
+        }
+        odometry.turning()
+    };
+    let deskewed = |sweep: &Sweep, point: &TimedPoint| {
+        let at = |nanos: u32| world_from_lidar((sweep.stamp().0 + i64::from(nanos)) as f64 * 1e-9);
+        let middle = at(sweep.duration_nanos() / 2);
+        let position = middle.inverse() * at(point.offset_nanos) * geometry::Point3::from(point.position).cast::<f64>();
+        position.coords.cast::<f32>().into()
+    };
+    let mirrored = |[x, y, z]: [f32; 3]| [x, -y, z];
+    assert_eq!(found(&|_, point| point.position), Some(SpinDirection::Clockwise));
+    assert_eq!(found(&|_, point| mirrored(point.position)), Some(SpinDirection::Counterclockwise));
+    assert_eq!(found(&deskewed), None);
 }
 
 #[test]
