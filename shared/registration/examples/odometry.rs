@@ -5,7 +5,7 @@
 //! without point times as rigid; else it is found out how the sensor turned, in 0.1 s. `--verbose` also prints pose, standard
 //! deviations and match of each sweep.
 //!
-//! Writes `world_from_lidar` at the last shot of each sweep in KITTI format. Prints the CPU time of all threads per sweep for range
+//! Writes `world_from_lidar` at the last shot of each sweep, or without point times in its middle, in KITTI format. Prints the CPU time of all threads per sweep for range
 //! image, features, registration and deskewed cloud, without reading.
 
 mod folder;
@@ -80,7 +80,9 @@ fn main() -> anyhow::Result<()> {
         ms.push(cpu_ms() - start);
         for (number, registered) in (first..).zip(&registered) {
             scores.add(&registered.moving, folder.moving(number)?.as_deref());
-            text.push_str(&kitti_line(&registered.end()));
+            // Without point times of its own, a sweep has the pose of the direction ahead.
+            let pose = if n_timed > 0 { registered.motion.mid } else { registered.end() };
+            text.push_str(&kitti_line(&pose));
             consistency.add(number, registered);
             if verbose {
                 report(registered, ms[ms.len() - 1]);

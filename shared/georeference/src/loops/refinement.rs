@@ -37,6 +37,7 @@ pub struct Fit {
 pub fn map_of(surfaces: &[SurfacePoint]) -> LocalMap {
     let point = |surface: &SurfacePoint| MapPoint {
         lever: 0.0,
+        turn_lever: 0.0,
         position: surface.position.coords.into(),
         normal: surface.normal.cast::<f32>().into(),
         batch: 0,

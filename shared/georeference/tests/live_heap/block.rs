@@ -36,7 +36,7 @@ pub fn local_map(number: usize) -> LocalMap {
     let mut add = |position: Vector3<f64>, normal: Vector3<f64>| {
         if (position - here).norm() < REACH_M {
             let normal = normal.cast::<f32>().into();
-            points.push(MapPoint { position: position.into(), normal, lever: 0.0, batch: 0 });
+            points.push(MapPoint { position: position.into(), normal, lever: 0.0, turn_lever: 0.0, batch: 0 });
         }
     };
     let n_along = (SIDE_M / SPACING_M) as usize;

@@ -36,7 +36,13 @@ fn map(seconds: f64, side: &Pose) -> Vec<MapPoint> {
             let ray = Ray { origin: pose.translation.vector.cast(), direction: direction.cast(), seed };
             let Some(hit) = TOWN.scene.cast(&snapshot, &ray, 60.0) else { continue };
             let position = pose.translation.vector + direction * (f64::from(hit.range_m) + noise_m(seed));
-            points.push(MapPoint { position: position.into(), normal: hit.normal.into(), lever: 0.0, batch: 0 });
+            points.push(MapPoint {
+                position: position.into(),
+                normal: hit.normal.into(),
+                lever: 0.0,
+                turn_lever: 0.0,
+                batch: 0,
+            });
         }
     }
     let kept = thinned(points.iter().map(|p| p.position.map(|v| v as f32)), 0.2);
@@ -52,6 +58,7 @@ fn keyframe(number: usize, seconds: f64, side: &Pose, drift: &Pose) -> (Keyframe
         position: (drift * geometry::Point3::from(point.position)).coords.into(),
         normal: (drift.rotation.cast::<f32>() * Vector3::from(point.normal)).into(),
         lever: 0.0,
+        turn_lever: 0.0,
         batch: 0,
     };
     let points: Vec<MapPoint> = map(seconds, side).iter().map(moved).collect();
