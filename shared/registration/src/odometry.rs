@@ -140,8 +140,6 @@ pub enum RegistrationError {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Last {
     mid_stamp: Stamp,
-    /// 0 without point times.
-    duration_nanos: u32,
     mid: Pose,
     velocity: Velocity,
 }
@@ -234,11 +232,7 @@ impl Odometry {
         {
             return Err(RegistrationError::Order { last, got: features.mid_stamp });
         }
-        if let Some(mut last) = self.state.last.take() {
-            if last.duration_nanos == 0 && self.turning().is_some() {
-                // Without times its pose was that of the direction ahead, half a revolution after its stamp.
-                last.mid_stamp = last.mid_stamp.plus_nanos(i64::from(features.duration_nanos / 2));
-            }
+        if let Some(last) = self.state.last.take() {
             return Ok(vec![self.follow(&features, sweep, &last)]);
         }
         if let Some(first) = self.state.first.take() {
@@ -264,8 +258,8 @@ impl Odometry {
         self.state.rings.by_row().to_vec()
     }
 
-    /// How the sensor turns, once the sweeps without point times have told it. The next sweeps should then have times, with the same
-    /// stamps as begin: [`crate::set_times_from_azimuth`].
+    /// How the sensor turns, once the sweeps without point times have told it. The next sweeps should then have times:
+    /// [`Sweep::spinning`].
     pub fn turning(&self) -> Option<SpinDirection> {
         self.state.turn.direction().filter(|_| self.settings.untimed_turn_s.is_some())
     }
@@ -309,8 +303,7 @@ impl Odometry {
         let turn = self.turn_lever(first, (&start.first.mid, &start.second.motion.mid), seconds);
         self.grow(&first.features, (&start.first, &turn));
         let velocity = Velocity::between(&start.first.mid, &start.second.motion.mid, seconds);
-        let last =
-            Last { mid_stamp: first.mid_stamp, duration_nanos: first.duration_nanos, mid: start.first.mid, velocity };
+        let last = Last { mid_stamp: first.mid_stamp, mid: start.first.mid, velocity };
         let velocity_in_body = self.settings.mounting.body_from_lidar.rotation * velocity.linear;
         let stamps = [first.mid_stamp, second.mid_stamp];
         let navigation = Navigation::begin(&velocity_in_body, initial.speed.is_some(), &self.state.log, stamps);
@@ -442,12 +435,7 @@ impl Odometry {
             Some(_) if features.duration_nanos > 0 => Velocity::during(&motion, features.duration_s),
             _ => Velocity::between(&last.mid, &motion.mid, seconds),
         };
-        self.state.last = Some(Last {
-            mid_stamp: features.mid_stamp,
-            duration_nanos: features.duration_nanos,
-            mid: motion.mid,
-            velocity,
-        });
+        self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !features.features.is_empty();
         if map_restarted {

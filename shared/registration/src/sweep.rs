@@ -40,15 +40,26 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// `stamp` is the time of the first shot. `n_rings` is the sensor's number of rings. If it is 0 or 1, or if all points have the
+    /// `stamp` is the time of the first shot, or without point times that of the direction ahead. `n_rings` is the sensor's number of rings. If it is 0 or 1, or if all points have the
     /// same ring, the rows of the range image are bins of elevation. Points that are not finite are never neighbors or features.
     pub fn new(stamp: Stamp, points: Vec<TimedPoint>, n_rings: u32) -> Self {
         let duration_nanos = points.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
         let image = RangeImage::new(&points, n_rings);
         Self { stamp, points, duration_nanos, image }
     }
+    /// From points without times of a sensor that spins evenly once in `duration_nanos`, from rear to rear. `stamp` is the time at which
+    /// it faces ahead, as for a rigid sweep.
+    pub fn spinning(
+        stamp: Stamp,
+        mut points: Vec<TimedPoint>,
+        n_rings: u32,
+        (spin, duration_nanos): (SpinDirection, u32),
+    ) -> Self {
+        set_times_from_azimuth(&mut points, spin, duration_nanos);
+        Self::new(stamp.plus_nanos(-i64::from(duration_nanos / 2)), points, n_rings)
+    }
     /// From the rows of topic `sweep`. `untimed`: how a sensor spins whose recording has no point times, and the time of a revolution,
-    /// ns; `None` leaves the sweep rigid.
+    /// ns, see [`Sweep::spinning`]; `None` leaves the sweep rigid.
     pub fn of_rows(
         stamp: Stamp,
         header: &SweepHeader,
@@ -60,11 +71,11 @@ impl Sweep {
             offset_nanos: if header.has_times == 0 { 0 } else { point.offset_nanos },
             ring: point.ring,
         };
-        let mut points: Vec<TimedPoint> = rows.iter().map(timed).collect();
-        if let Some((spin, duration_nanos)) = untimed.filter(|_| header.has_times == 0) {
-            set_times_from_azimuth(&mut points, spin, duration_nanos);
+        let points = rows.iter().map(timed).collect();
+        match untimed.filter(|_| header.has_times == 0) {
+            Some(untimed) => Self::spinning(stamp, points, header.n_rings, untimed),
+            None => Self::new(stamp, points, header.n_rings),
         }
-        Self::new(stamp, points, header.n_rings)
     }
     /// Time of the first shot.
     pub fn stamp(&self) -> Stamp {
