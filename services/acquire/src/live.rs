@@ -1,15 +1,18 @@
-//! Publishes the sweeps of a sensor on the network. A restarted process begins the next capture and decodes that one, so its saved
+//! Publishes the sweeps of a sensor on the network, and what the other sensors of the vehicle send. A restarted process begins the next capture and decodes that one, so its saved
 //! state is empty.
 
 use crate::Settings;
-use crate::publish::{count_all, no_doubts, publish_fixes, publish_sweep, report_doubts};
+use crate::publish::{
+    count_all, no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report_doubts,
+};
 use crate::sweep;
-use acquisition::counters::ReportedCounts;
 use acquisition::error::LiveError;
 use acquisition::live::{
-    Discarded, LiveLimits, LivePoll, LiveSensor, Mounting, address, bind, captures, folder_inside,
+    Discarded, DueFrame, LiveLimits, LivePoll, LiveSensor, Mounting, OtherLimits, OtherSensors, OtherSources, address,
+    bind, captures, folder_inside,
 };
-use messages::{Message, SweepTopic};
+use acquisition::recorded::Trigger;
+use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::time::{Duration, Instant};
 
@@ -24,12 +27,10 @@ const RECOMMENDED_BUFFER: usize = 4 << 20;
 pub(crate) struct Live {
     settings: Settings,
     sensor: LiveSensor,
+    others: OtherSensors,
     /// Points of the current sweep, once it has some.
     loan: Option<Loan<SweepTopic>>,
-    reported: ReportedCounts,
     n_packets: u64,
-    gnss_rows: u64,
-    n_fixes: u64,
 }
 
 /// Result of [`Live::advance`].
@@ -58,6 +59,15 @@ impl Live {
             }
         }
         problems.extend(Mounting::find(&context.drive, &settings.model).err().as_ref().map(problem));
+        let sources = sources(settings, context).map(|sources| sources.check());
+        problems.extend(
+            sources
+                .unwrap_or_else(|errors| errors)
+                .iter()
+                .map(problem)
+                .filter(|other| !problems.contains(other))
+                .collect::<Vec<_>>(),
+        );
         let folder = match folder_inside(&context.output, &settings.recording) {
             Ok(folder) => folder,
             Err(error) => {
@@ -77,23 +87,24 @@ impl Live {
     pub(crate) fn open(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, .. } = *settings;
         let limits = LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind };
-        let start = || {
+        let other_limits =
+            OtherLimits { max_late_s: settings.max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 };
+        let start = || -> Result<(LiveSensor, OtherSensors), LiveError> {
             let addresses = [address(&settings.listen)?, address(&settings.position_listen)?];
             let mounting = Mounting::find(&context.drive, &settings.model)?;
-            LiveSensor::start(addresses, folder_inside(&context.output, &settings.recording)?, mounting, limits)
+            let folder = folder_inside(&context.output, &settings.recording)?;
+            let sources = sources(settings, context).map_err(|mut errors| errors.swap_remove(0))?;
+            let trigger = Trigger::new(settings.trigger_hz, settings.trigger_m);
+            let others = OtherSensors::start(&sources, folder.clone(), other_limits, trigger)?;
+            let mounting = mounting.with_others(others.entries());
+            Ok((LiveSensor::start(addresses, folder, mounting, limits)?, others))
         };
-        Ok(Self {
-            settings: settings.clone(),
-            sensor: start().map_err(step_error)?,
-            loan: None,
-            reported: ReportedCounts::default(),
-            n_packets: 0,
-            gnss_rows: 0,
-            n_fixes: 0,
-        })
+        let (sensor, others) = start().map_err(step_error)?;
+        Ok(Self { settings: settings.clone(), sensor, others, loan: None, n_packets: 0 })
     }
 
-    /// Publishes the next sweep, or nothing if none is complete within [`STEP_TIMEOUT`].
+    /// Publishes the next sweep and one image that is due; nothing if there is none within [`STEP_TIMEOUT`]. One image at a time, so that
+    /// the LiDAR never waits for more than one.
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let until = Instant::now() + STEP_TIMEOUT;
         let flow = loop {
@@ -102,28 +113,61 @@ impl Live {
             if matches!(advance, Advance::Waiting) {
                 self.sensor.check_decoded().map_err(step_error)?;
             }
+            let has_published = self.publish_rows(outputs)? | self.publish_frame(outputs)?;
             match advance {
-                Advance::Waiting if self.sensor.wait(until) => {}
-                Advance::Published | Advance::Waiting => break Flow::Continue,
-                Advance::Ended => break Flow::End,
+                Advance::Waiting if !has_published && self.sensor.wait(until) => {}
+                Advance::Ended if !has_published => break Flow::End,
+                Advance::Published | Advance::Waiting | Advance::Ended => break Flow::Continue,
             }
         };
+        self.others.write_clocks(false).map_err(step_error)?;
         self.report_counts(outputs);
         Ok(flow)
+    }
+
+    /// Publishes fixes and inertial samples of the time up to the last sweep. `false` if there are none.
+    fn publish_rows(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
+        let due = self.others.take_rows().map_err(step_error)?;
+        let n_rows = publish_fixes(&due.fixes, outputs)?;
+        self.others.add_fixes(due.fixes.len() as u64, n_rows);
+        publish_rows::<ImuTopic>(&due.samples, due.samples.first().map(|row| row.stamp), outputs)?;
+        Ok(n_rows > 0 || !due.samples.is_empty())
+    }
+
+    /// Publishes the oldest image of the time up to the last sweep. `false` if there is none.
+    fn publish_frame(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
+        let Some(due) = self.others.next_frame() else { return Ok(false) };
+        let (cameras, mosaics) = self.others.cameras();
+        let error = match &due {
+            DueFrame::Color(frame) => publish_image(frame, &cameras[frame.camera], outputs)?,
+            DueFrame::Mosaic(frame) => publish_mosaic(frame, &mosaics[frame.camera], outputs)?,
+        };
+        self.others.add_published(&due, error);
+        Ok(true)
     }
 
     /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.sensor.close();
-        // The tick may already have one sweep.
+        self.others.close();
+        // The tick may already have one sweep, and one image of any kind.
         for _ in 1..SweepTopic::QUEUE {
             if !matches!(self.advance(outputs)?, Advance::Published) {
                 break;
             }
         }
+        self.publish_rows(outputs)?;
+        for _ in 1..ImageTopic::QUEUE.min(MosaicTopic::QUEUE) {
+            if !self.publish_frame(outputs)? {
+                break;
+            }
+        }
         self.loan = None;
         self.sensor.discard_rest().map_err(step_error)?;
+        self.others.discard_rest();
+        self.others.write_clocks(true).map_err(step_error)?;
         self.report_counts(outputs);
+        self.others.clock_notes().into_iter().for_each(|text| outputs.note(text));
         self.report_doubts(outputs);
         Ok(())
     }
@@ -136,7 +180,7 @@ impl Live {
         if let Some((lidar, log)) = self.sensor.stats() {
             let mut doubts = no_doubts(&self.settings);
             doubts.captures(&lidar, self.sensor.recorded_bytes());
-            doubts.log(&log, self.gnss_rows, self.n_fixes);
+            self.others.doubt(log, &mut doubts);
             report_doubts(doubts, outputs);
         }
     }
@@ -159,8 +203,12 @@ impl Live {
             match sweep::fill(&mut loan, |sink| self.sensor.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
-                    self.n_fixes += fixes.len() as u64;
-                    self.gnss_rows += publish_fixes(&fixes, outputs)?;
+                    self.others.add_sweep(&info, self.sensor.take_arrival());
+                    if !self.others.has_receiver() {
+                        self.others.add_packet_fixes(&fixes);
+                        let n_rows = publish_fixes(&fixes, outputs)?;
+                        self.others.add_fixes(fixes.len() as u64, n_rows);
+                    }
                     outputs.set_drive_time(info.stamp.0);
                     return Ok(Advance::Published);
                 }
@@ -192,8 +240,10 @@ impl Live {
         ];
         count_all(counters, outputs);
         self.n_packets = n_packets;
-        if let Some((lidar, log)) = self.sensor.stats() {
-            count_all(self.reported.take_new(lidar, log), outputs);
+        let (counters, notes) = self.others.take_news(self.sensor.stats());
+        count_all(counters, outputs);
+        for text in notes {
+            outputs.note(text);
         }
     }
 
@@ -208,6 +258,13 @@ impl Live {
             ));
         }
     }
+}
+
+/// The sensors beside the LiDAR.
+fn sources(settings: &Settings, context: &Context) -> Result<OtherSources, Vec<LiveError>> {
+    let Settings { cameras, gnss, imu, .. } = settings;
+    let cameras = (!cameras.is_empty()).then(|| context.launch_folder.join(cameras));
+    OtherSources::find(cameras, gnss, imu, &context.drive)
 }
 
 fn step_error(error: LiveError) -> StepError {

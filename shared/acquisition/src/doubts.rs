@@ -155,6 +155,39 @@ impl Doubts {
         }
     }
 
+    /// Live: exposures that came more than `max_late_s` after the sweep of their time.
+    pub fn late(&mut self, n_late: u64, n_frames: u64, max_late_s: f64) {
+        let (share, limit) = (share(n_late, n_frames), self.limits.max_outside_share);
+        if share > limit {
+            let text = format!(
+                "{} of the {n_frames} exposures came more than max_late_s = {max_late_s} after the sweep of their time and colored \
+                 nothing, more than max_outside_share = {limit}; they are recorded; check the grabber and its clock",
+                percent(share)
+            );
+            self.add("late_exposures", share, text);
+        }
+    }
+
+    /// Live: the clock of a sensor is behind that of the LiDAR by this time, up to `delay_s` of which may be the way of its data.
+    pub fn clock_offset(&mut self, sensor: &str, behind_s: f64, limit_s: f64, delay_s: f64) {
+        let delay = if delay_s > 0.0 { format!(" and more than max_late_s = {delay_s}") } else { String::new() };
+        let text = if behind_s < 0.0 {
+            format!(
+                "stamps of {sensor} are {:.1} ms ahead of those of the LiDAR, more than max_clock_offset_ms = {}",
+                -behind_s * 1e3,
+                limit_s * 1e3
+            )
+        } else {
+            format!(
+                "stamps of {sensor} are {:.1} ms behind those of the LiDAR, more than max_clock_offset_ms = {}{delay}",
+                behind_s * 1e3,
+                limit_s * 1e3
+            )
+        };
+        let text = format!("{text}; synchronize the clocks by PTP or by GNSS with PPS");
+        self.add("clock_offset", behind_s.abs(), text);
+    }
+
     /// Sensors of the manifest that gave nothing.
     pub fn silent(&mut self, sensors: &[String]) {
         if sensors.is_empty() {

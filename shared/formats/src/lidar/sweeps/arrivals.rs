@@ -6,6 +6,7 @@ use crate::lidar::capture::Arrival;
 use crate::lidar::clock::Step;
 use crate::lidar::reorder::{Held, Place, n_lost};
 use crate::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PositionPacket};
+use geometry::Stamp;
 
 impl SweepReader {
     /// The next data packet by the clock of the sensor. Returns the number of packets lost before it. `None` at the end, or if no
@@ -106,6 +107,10 @@ impl SweepReader {
                 stamp
             }
         };
+        let delay = |(stamp, captured): (Stamp, Stamp)| captured.0.saturating_sub(stamp.0);
+        if self.arrival.is_none_or(|least| delay((stamp, held.captured)) < delay(least)) {
+            self.arrival = Some((stamp, held.captured));
+        }
         std::mem::swap(&mut self.bytes, &mut held.bytes);
         self.spare.push(held.bytes);
         self.blocks = self.decoder.blocks(&self.bytes);
