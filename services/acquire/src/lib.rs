@@ -41,6 +41,10 @@ stage::settings! {
         /// Largest share of exposures before the first or after the last sweep, 0 to 1. A larger share is a doubt: cameras begin and
         /// end a few exposures apart from the LiDAR, but a wrong clock places all exposures outside.
         pub max_outside_share: f64 = 0.1 => stage::within(0.0, 1.0);
+        /// Largest share of packets in which the LiDAR reports that its clock follows neither the pulse of a GNSS receiver (PPS) nor PTP, 0
+        /// to 1. A larger share is a doubt if there are other sensors: their stamps may be those of another clock. Below bridges the
+        /// pulse is absent for a while, in which the clock drifts by less than a millisecond.
+        pub max_unlocked_share: f64 = 0.5 => stage::within(0.0, 1.0);
         /// Least share of GNSS epochs with position and height, 0 to 1. A smaller share is a doubt: a log of RMC without GGA
         /// sentences has no heights, and a receiver without sky has no positions.
         pub min_fix_share: f64 = 0.5 => stage::within(0.0, 1.0);

@@ -180,7 +180,7 @@ impl Live {
         if let Some((lidar, log)) = self.sensor.stats() {
             let mut doubts = no_doubts(&self.settings);
             doubts.captures(&lidar, self.sensor.recorded_bytes());
-            self.others.doubt(log, &mut doubts);
+            self.others.doubt(&lidar, log, &mut doubts);
             report_doubts(doubts, outputs);
         }
     }

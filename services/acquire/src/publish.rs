@@ -92,8 +92,15 @@ pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>,
 
 /// No doubts yet, with the limits of the settings.
 pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
-    let Settings { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share, .. } = *settings;
-    Doubts::new(DoubtLimits { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share })
+    let Settings { max_damaged_share, max_foreign_share, max_outside_share, max_unlocked_share, min_fix_share, .. } =
+        *settings;
+    Doubts::new(DoubtLimits {
+        max_damaged_share,
+        max_foreign_share,
+        max_outside_share,
+        max_unlocked_share,
+        min_fix_share,
+    })
 }
 
 /// Reports doubts at the end of the run.

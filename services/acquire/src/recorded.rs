@@ -12,7 +12,7 @@ use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 5;
+const STATE_VERSION: u32 = 6;
 
 /// A drive, and what has been published and reported of it.
 pub(crate) struct Recorded {

@@ -49,6 +49,8 @@ pub struct DoubtLimits {
     pub max_foreign_share: f64,
     /// Largest share of exposures before the first or after the last sweep.
     pub max_outside_share: f64,
+    /// Largest share of packets by which the clock of the LiDAR has no reference.
+    pub max_unlocked_share: f64,
     /// Least share of GNSS epochs with position and height.
     pub min_fix_share: f64,
 }
@@ -109,6 +111,20 @@ impl Doubts {
                 stats.cut_captures
             );
             self.add("cut_captures", stats.cut_captures as f64, text);
+        }
+    }
+
+    /// The clock of the LiDAR. `others`: whether measurements of other sensors were matched to sweeps by their stamps.
+    pub fn clock(&mut self, stats: &LidarStats, others: bool) {
+        let n_states = stats.clock_locked + stats.clock_unlocked;
+        let (share, limit) = (share(stats.clock_unlocked, n_states), self.limits.max_unlocked_share);
+        if others && share > limit {
+            let text = format!(
+                "in {} of the {n_states} packets that tell it, the clock of the LiDAR follows neither PPS nor PTP, more than \
+                 max_unlocked_share = {limit}; stamps of the other sensors may be those of another clock",
+                percent(share)
+            );
+            self.add("pps_not_locked", share, text);
         }
     }
 

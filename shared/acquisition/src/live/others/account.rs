@@ -4,6 +4,7 @@ use super::{LIDAR, OtherSensors};
 use crate::doubts::Doubts;
 use crate::live::clocks::ClockEstimate;
 use crate::live::images::CameraKind;
+use formats::lidar::LidarStats;
 use formats::nmea::LogStats;
 
 /// A shorter run may lie between two fixes.
@@ -23,8 +24,10 @@ impl OtherSensors {
         estimates.into_iter().map(|(name, estimate)| format!("clock of {name}: {estimate}")).collect()
     }
 
-    /// Collects the doubts. `of_packets`: counters of the sentences in position packets.
-    pub fn doubt(&self, of_packets: LogStats, doubts: &mut Doubts) {
+    /// Collects the doubts. `lidar`: counters of packets; `of_packets`: counters of the sentences in position packets.
+    pub fn doubt(&self, lidar: &LidarStats, of_packets: LogStats, doubts: &mut Doubts) {
+        let has_others = self.frames.is_some() || self.samples.is_some() || self.tally.fixes > 0;
+        doubts.clock(lidar, has_others);
         doubts.files(&self.tally, 0, 0);
         doubts.log(&self.log_stats(of_packets), self.tally.gnss_rows, self.tally.fixes);
         if let Some(frames) = &self.frames {
