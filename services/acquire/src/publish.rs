@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
-use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
+use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
@@ -88,6 +88,12 @@ pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>,
     for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
         outputs.count(name, n);
     }
+}
+
+/// Adds news to the run summary.
+pub(crate) fn report(news: News, outputs: &mut Outputs) {
+    count_all(news.counts, outputs);
+    news.notes.into_iter().for_each(|text| outputs.note(text));
 }
 
 /// No doubts yet, with the limits of the settings.

@@ -171,6 +171,12 @@ impl Doubts {
         }
     }
 
+    /// Live: packets of which none gave a sweep.
+    pub fn no_sweep(&mut self, n_packets: u64) {
+        let text = format!("{n_packets} packets were received and recorded, none of them gave a sweep");
+        self.add("no_sweep", n_packets as f64, text);
+    }
+
     /// Live: exposures that came more than `max_late_s` after the sweep of their time.
     pub fn late(&mut self, n_late: u64, n_frames: u64, max_late_s: f64) {
         let (share, limit) = (share(n_late, n_frames), self.limits.max_outside_share);

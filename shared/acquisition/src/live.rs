@@ -22,6 +22,7 @@ mod receiver;
 mod record_file;
 mod recording;
 mod sensor;
+mod vehicle;
 
 pub use clocks::{ClockEstimate, Clocks};
 pub use images::CameraKind;
@@ -31,6 +32,7 @@ pub use others::{DueFrame, DueRows, OtherLimits, OtherSensors, OtherSources};
 pub use receiver::{address, bind};
 pub use recording::{RecordedEntries, captures, folder_inside};
 pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
+pub use vehicle::{LivePlan, LiveVehicle};
 
 use geometry::Stamp;
 use std::time::SystemTime;

@@ -244,8 +244,9 @@ impl Player<'_> {
         let lead = if self.args.start > 0.0 { 0 } else { AROUND.as_nanos() as i64 };
         others.skip_before(Stamp(begin.0.saturating_sub(lead)))?;
         if self.args.restamp {
-            let due = self.due(Duration::ZERO);
-            let now = SystemTime::now() + due.saturating_duration_since(Instant::now());
+            let (due, clock) = (self.due(Duration::ZERO), Instant::now());
+            // The begin of this repetition is due a little later, or was a little earlier.
+            let now = SystemTime::now() + due.saturating_duration_since(clock) - clock.saturating_duration_since(due);
             let now = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64;
             // Sentences have milliseconds.
             self.shift = (now - begin.0).div_euclid(1_000_000) * 1_000_000;
