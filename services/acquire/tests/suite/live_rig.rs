@@ -11,9 +11,7 @@ use stage::{Context, Flow, Stage};
 use std::fs;
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime};
-
-const HOUR_NANOS: i64 = 3_600_000_000_000;
+use std::time::Instant;
 
 /// Rows of all topics beside the sweeps: stamp, camera or 0, and bytes.
 #[derive(Debug, Default, PartialEq)]
@@ -44,12 +42,10 @@ impl Published {
     }
 }
 
-/// A vehicle that drives now: its rig, its grabber's folder and its ports.
+/// A vehicle whose LiDAR has the clock of its receiver, as all its sensors: its rig, its grabber's folder and its ports.
 struct Vehicle {
     folder: tempfile::TempDir,
     settings: Settings,
-    /// Added to the stamps of the drive made by hand, so that they are those of the LiDAR, whose packets tell no hour.
-    shift: i64,
 }
 
 impl Vehicle {
@@ -66,9 +62,7 @@ impl Vehicle {
             max_late_s: 60.0,
             ..settings()
         };
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).expect("after 1970").as_nanos() as i64;
-        let shift = (now - BEGIN.0 + HOUR_NANOS / 2).div_euclid(HOUR_NANOS) * HOUR_NANOS;
-        Self { folder, settings, shift }
+        Self { folder, settings }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -103,8 +97,7 @@ impl Vehicle {
                 if !wanted(stamp) {
                     continue;
                 }
-                let extension = path.extension().expect("has one").to_str().expect("text");
-                let name = format!("{camera}/{}.{extension}", stamp + self.shift);
+                let name = format!("{camera}/{}", path.file_name().and_then(|name| name.to_str()).expect("text"));
                 let target = self.path("grabber").join(&name);
                 let partial = target.with_extension("partial");
                 fs::copy(&path, &partial).and_then(|_| fs::rename(&partial, &target)).expect("writes");
@@ -124,21 +117,11 @@ impl Vehicle {
 
     /// Sentences and samples of the drive, and damaged lines.
     fn send_logs(&self) {
-        let mut sentences: Vec<String> = (0..5)
-            .map(|second| {
-                let fix = fix(second);
-                formats::nmea::Fix { stamp: fix.stamp.plus_nanos(self.shift), ..fix }
-            })
-            .flat_map(|fix| [gga_from_fix(&fix, 44.6), rmc_from_fix(&fix)])
-            .collect();
+        let mut sentences: Vec<String> =
+            (0..5).map(fix).flat_map(|fix| [gga_from_fix(&fix, 44.6), rmc_from_fix(&fix)]).collect();
         sentences.insert(3, "$GPGGA,damaged*00".into());
         self.send_lines(&self.settings.gnss, &sentences);
-        let samples: Vec<_> = (-50..450)
-            .map(|number| {
-                let sample = sample(number);
-                formats::imu::ImuSample { stamp: sample.stamp.plus_nanos(self.shift), ..sample }
-            })
-            .collect();
+        let samples: Vec<_> = (-50..450).map(sample).collect();
         let mut lines: Vec<String> = csv_from_samples(&samples).lines().map(str::to_owned).collect();
         lines.insert(100, "1,2,three".into());
         self.send_lines(&self.settings.imu, &lines);

@@ -1,5 +1,6 @@
 //! `replica send`: sends a drive as its sensors did, at the speed at which it was recorded.
 
+mod images;
 mod lines;
 mod others;
 
@@ -11,7 +12,8 @@ use formats::lidar::Model;
 use formats::pcap::PacketReader;
 use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT, restamp};
 use geometry::Stamp;
-use others::{Others, Targets, prepare_folders};
+use images::{ImageWriter, prepare_folders};
+use others::{Others, Targets};
 use run::exit;
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -21,6 +23,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Ctrl-C takes effect within this time.
 const MAX_SLEEP: Duration = Duration::from_millis(100);
+/// Stamps are moved by less than this, ns: a century.
+const MAX_SHIFT_NANOS: i64 = 100 * 366 * 86_400 * 1_000_000_000;
 /// What other sensors measured within this time before the first and after the last packet is sent, too.
 const AROUND: Duration = Duration::from_secs(1);
 
@@ -125,9 +129,20 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     socket.set_broadcast(true).context("cannot enable broadcasts")?;
     let begin = Instant::now();
     let (drive, targets) = (drive.as_ref(), &targets);
-    let mut player =
-        Player { args, drive, targets, socket, stop, begin, played: Duration::ZERO, shift: 0, sent: Sent::default() };
+    let mut player = Player {
+        args,
+        drive,
+        targets,
+        socket,
+        stop,
+        begin,
+        played: Duration::ZERO,
+        shift: 0,
+        images: ImageWriter::default(),
+        sent: Sent::default(),
+    };
     let result = player.play_all(&files);
+    let result = result.and(player.images.finish());
     player.report();
     result.map(|()| ExitCode::SUCCESS)
 }
@@ -171,6 +186,7 @@ struct Player<'a> {
     played: Duration,
     /// Added to all stamps of this repetition, ns.
     shift: i64,
+    images: ImageWriter,
     sent: Sent,
 }
 
@@ -249,7 +265,8 @@ impl Player<'_> {
             let now = SystemTime::now() + due.saturating_duration_since(clock) - clock.saturating_duration_since(due);
             let now = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64;
             // Sentences have milliseconds.
-            self.shift = (now - begin.0).div_euclid(1_000_000) * 1_000_000;
+            self.shift = now.saturating_sub(begin.0).div_euclid(1_000_000) * 1_000_000;
+            ensure!(self.shift.abs() < MAX_SHIFT_NANOS, "--restamp: the drive begins at {begin} s, which is no date");
         }
         Ok(())
     }
@@ -265,7 +282,7 @@ impl Player<'_> {
             if !self.wait_for(at) {
                 return Ok(false);
             }
-            others.send_next(self.shift, &self.socket, &mut self.sent)?;
+            others.send_next(self.shift, &self.socket, &mut self.images, &mut self.sent)?;
         }
         Ok(true)
     }
@@ -393,6 +410,10 @@ mod tests {
         let text = path.to_str().expect("UTF-8");
         for words in [["--speed", "0"], ["--speed", "fast"], ["--to", "127.0.0.1"]] {
             assert!(Cli::<Args>::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
+        }
+        for (option, value) in [("--images", "x"), ("--nmea", "127.0.0.1:9"), ("--imu", "127.0.0.1:9")] {
+            let error = run(&Cli::parse_from(["", text, option, value]).args).expect_err("is no drive").to_string();
+            assert!(error.starts_with(option) && error.contains("a.pcap has no"), "{error}");
         }
         let late = Cli::parse_from(["", text, "--start", "7"]);
         assert!(run(&late.args).expect_err("no packets").to_string().contains("no LiDAR packet"));

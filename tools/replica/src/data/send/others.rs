@@ -1,13 +1,13 @@
 //! What the sensors beside the LiDAR sent: images, NMEA sentences and IMU samples of a drive, in the order of time.
 
 use super::Sent;
+use super::images::ImageWriter;
 use super::lines::{LineKind, Lines};
 use anyhow::Context;
 use formats::drive::{Drive, Frame};
 use geometry::Stamp;
-use std::fs;
 use std::net::{SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Where they go; `None`: nowhere.
 #[derive(Clone, Debug, Default)]
@@ -74,7 +74,13 @@ impl<'a> Others<'a> {
     }
 
     /// Sends the next measurement, with its stamp moved by `shift` ns.
-    pub(super) fn send_next(&mut self, shift: i64, socket: &UdpSocket, sent: &mut Sent) -> anyhow::Result<()> {
+    pub(super) fn send_next(
+        &mut self,
+        shift: i64,
+        socket: &UdpSocket,
+        images: &mut ImageWriter,
+        sent: &mut Sent,
+    ) -> anyhow::Result<()> {
         let Some((_, due)) = self.next() else { return Ok(()) };
         let send = |lines: &Option<Lines>, target: Option<SocketAddr>| -> anyhow::Result<u64> {
             let Some((target, line)) = target.zip(lines.as_ref().and_then(|lines| lines.moved(shift))) else {
@@ -87,7 +93,7 @@ impl<'a> Others<'a> {
             Due::Frame => {
                 let (frame, folder) = self.frames[self.next_frame];
                 if let Some(root) = &self.targets.images {
-                    write_image(frame, &root.join(folder), shift)?;
+                    images.write(frame, &root.join(folder), shift)?;
                     sent.n_images += 1;
                 }
             }
@@ -115,42 +121,4 @@ impl<'a> Others<'a> {
             Due::Imu => self.imu.as_mut().map_or(Ok(()), Lines::advance),
         }
     }
-}
-
-/// Makes the folders of the drive's cameras in `root`, and copies dark and white frames.
-pub(super) fn prepare_folders(drive: &Drive, root: &Path) -> anyhow::Result<()> {
-    let manifest = drive.manifest();
-    let cameras = manifest.cameras.iter().map(|entry| &entry.folder);
-    for folder in cameras.chain(manifest.mosaics.iter().map(|entry| &entry.folder)) {
-        let path = root.join(folder);
-        fs::create_dir_all(&path).with_context(|| path.display().to_string())?;
-        for name in ["dark", "white"] {
-            copy_folder(&drive.folder().join(folder).join(name), &path.join(name))?;
-        }
-    }
-    Ok(())
-}
-
-/// Writes an image as a grabber does: complete under another name, then renamed.
-fn write_image(frame: &Frame, folder: &Path, shift: i64) -> anyhow::Result<()> {
-    let extension = frame.path.extension().unwrap_or_default().to_string_lossy();
-    let name = format!("{}.{extension}", frame.stamp.0.saturating_add(shift));
-    let (partial, path) = (folder.join(format!(".{name}.partial")), folder.join(&name));
-    fs::copy(&frame.path, &partial).with_context(|| format!("{} to {}", frame.path.display(), partial.display()))?;
-    fs::rename(&partial, &path).with_context(|| path.display().to_string())
-}
-
-/// Copies the files of a folder and of its subfolders; none if it is absent.
-fn copy_folder(source: &Path, target: &Path) -> anyhow::Result<()> {
-    let Ok(entries) = fs::read_dir(source) else { return Ok(()) };
-    fs::create_dir_all(target).with_context(|| target.display().to_string())?;
-    for path in entries.flatten().map(|entry| entry.path()) {
-        let to = target.join(path.file_name().unwrap_or_default());
-        if path.is_dir() {
-            copy_folder(&path, &to)?;
-        } else {
-            fs::copy(&path, &to).with_context(|| to.display().to_string())?;
-        }
-    }
-    Ok(())
 }
