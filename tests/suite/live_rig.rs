@@ -10,12 +10,13 @@ use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// All stages. A busy machine delays images and lines, which is counted and no fault of the run.
+/// All stages, with submaps so long that a busy machine has time for their columns: live, a full queue drops the oldest. Delayed images
+/// and lines are counted and no fault of the run.
 fn launch(run: &str, acquire: &str) -> Launch {
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/ground.safetensors");
     Launch::new(&format!(
         "[run]\noutput = 'out'\nbarrier_s = 0.5\nrestart_delay_s = 0.0\n{PATIENT}\n{run}\n[acquire]\ntrigger_hz = 0.0\n{acquire}\n\
-         [calibrate]\n[slam_aggregate]\nsubmap_m = 3.0\n{ANY_FIXES}\n[colorize]\n[infer]\nmodel = '{}'\n[instance]\n\
+         [calibrate]\n[slam_aggregate]\n{ANY_FIXES}\n[colorize]\n[infer]\nmodel = '{}'\n[instance]\n\
          things = [{{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }}]\n[export]\n{ANY_DEVIATION}\n",
         model.display()
     ))
@@ -124,12 +125,13 @@ fn doubts(launch: &Launch, stage: &str) -> Vec<String> {
 fn points(output: &Path) -> [usize; 3] {
     let mut found = [0; 3];
     let files = result_files(output);
-    for name in files.keys().filter(|name| name.starts_with("submap_") && name.ends_with(".ply")) {
+    for name in files.keys().filter(|name| name.starts_with("submap_")) {
         let cloud = Vertices::load(&output.join("clouds").join(name)).expect("a PLY file");
         if name.contains("spectra") {
             found[1] += cloud.len();
         } else {
-            let cameras = cloud.f64s("camera").expect("has cameras");
+            // A cloud whose colors were dropped has no such column.
+            let cameras = cloud.f64s("camera").unwrap_or_default();
             found[0] += cameras.iter().filter(|camera| **camera != 255.0).count();
             found[2] += cloud.len();
         }
@@ -250,5 +252,5 @@ fn killed_acquire_loses_no_complete_image() {
     let recording = Drive::open(&launch.output().join("recording")).expect("a drive");
     assert_eq!(recording.sweep_files().len(), 3);
     assert!(recording.fixes().expect("reads").1.sentences > 0);
-    assert!(recording.imu().expect("reads").expect("has an IMU").filter(Result::is_ok).count() > 100);
+    assert!(recording.imu().expect("reads").expect("has an IMU").flatten().count() > 100);
 }

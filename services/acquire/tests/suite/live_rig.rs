@@ -107,24 +107,24 @@ impl Vehicle {
         recorded
     }
 
-    fn send_lines(&self, address: &str, lines: &[String]) {
-        let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
-        let target = address.strip_prefix("udp://").expect("is UDP");
-        for chunk in lines.chunks(8) {
-            socket.send_to(format!("{}\r\n", chunk.join("\r\n")).as_bytes(), target).expect("sends");
-        }
-    }
-
     /// Sentences and samples of the drive, and damaged lines.
     fn send_logs(&self) {
         let mut sentences: Vec<String> =
             (0..5).map(fix).flat_map(|fix| [gga_from_fix(&fix, 44.6), rmc_from_fix(&fix)]).collect();
         sentences.insert(3, "$GPGGA,damaged*00".into());
-        self.send_lines(&self.settings.gnss, &sentences);
+        send_lines(&self.settings.gnss, &sentences);
         let samples: Vec<_> = (-50..450).map(sample).collect();
         let mut lines: Vec<String> = csv_from_samples(&samples).lines().map(str::to_owned).collect();
         lines.insert(100, "1,2,three".into());
-        self.send_lines(&self.settings.imu, &lines);
+        send_lines(&self.settings.imu, &lines);
+    }
+}
+
+fn send_lines(address: &str, lines: &[String]) {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
+    let target = address.strip_prefix("udp://").expect("is UDP");
+    for chunk in lines.chunks(8) {
+        socket.send_to(format!("{}\r\n", chunk.join("\r\n")).as_bytes(), target).expect("sends");
     }
 }
 

@@ -62,13 +62,12 @@ impl LivePlan<'_> {
                 Err(error) => problems.push((key, error.to_string())),
             }
         }
-        match self.mounting() {
-            Err(error) => problems.push(problem(&error)),
-            Ok(_) => {
-                let others = self.others().map(|sources| sources.check()).unwrap_or_else(|errors| errors);
-                problems.extend(others.iter().map(problem));
-            }
-        }
+        // A rig that cannot be read is one problem, not one of each sensor.
+        let others = match self.mounting() {
+            Err(error) => vec![error],
+            Ok(_) => self.others().map_or_else(|errors| errors, |sources| sources.check()),
+        };
+        problems.extend(others.iter().map(problem));
         match folder_inside(self.output, self.recording) {
             Err(error) => problems.push(problem(&error)),
             Ok(folder) => match captures(&folder) {

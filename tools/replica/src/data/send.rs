@@ -52,7 +52,7 @@ pub struct Args {
     /// Host and port of the receiver of IMU samples
     #[arg(long, value_name = "HOST:PORT", value_parser = address)]
     imu: Option<SocketAddr>,
-    /// Move all stamps to now. LiDARs of Velodyne only: packets of other makers are not changed
+    /// Move all stamps to now. Only for a LiDAR of Velodyne: packets of other makers are not changed
     #[arg(long)]
     restamp: bool,
     /// Speed: a factor of the original speed (0.001 to 1000), or max: as fast as possible
