@@ -213,7 +213,7 @@ impl OtherSensors {
         if let Some(frames) = &mut self.frames {
             self.counts.extend(frames.take_counts());
         }
-        self.counts.extend(self.fixes.as_mut().map(FixLog::take_interruptions));
+        self.counts.extend(self.fixes.as_mut().into_iter().flat_map(FixLog::take_counts));
         self.counts.extend(self.samples.as_mut().into_iter().flat_map(SampleLog::take_counts));
         (std::mem::take(&mut self.counts), std::mem::take(&mut self.notes))
     }

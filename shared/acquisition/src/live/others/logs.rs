@@ -27,6 +27,7 @@ pub(super) struct FixLog {
     joiner: FixJoiner,
     waiting: VecDeque<Fix>,
     is_closed: bool,
+    n_left_out: u64,
     n_interruptions: u64,
 }
 
@@ -38,7 +39,8 @@ pub(super) struct TakenFixes {
 
 impl FixLog {
     pub(super) fn new(path: PathBuf, log: LineLog) -> Self {
-        Self { path, log, joiner: FixJoiner::default(), waiting: VecDeque::new(), is_closed: false, n_interruptions: 0 }
+        let (joiner, waiting) = (FixJoiner::default(), VecDeque::new());
+        Self { path, log, joiner, waiting, is_closed: false, n_left_out: 0, n_interruptions: 0 }
     }
 
     pub(super) fn take_due(&mut self, span: Option<[i64; 2]>, clocks: &mut Clocks) -> Result<TakenFixes, LiveError> {
@@ -57,6 +59,9 @@ impl FixLog {
             new.extend(self.joiner.finish());
         }
         self.waiting.extend(&new);
+        let n_excess = self.waiting.len().saturating_sub(MAX_WAITING);
+        self.waiting.drain(..n_excess);
+        self.n_left_out += n_excess as u64;
         let due = take_due(&mut self.waiting, |fix| fix.stamp.0, span, MAX_FIXES);
         Ok(TakenFixes { new, due })
     }
@@ -65,8 +70,11 @@ impl FixLog {
         self.joiner.stats()
     }
 
-    pub(super) fn take_interruptions(&mut self) -> (&'static str, u64) {
-        ("gnss_interruptions", take_new(self.log.n_interruptions(), &mut self.n_interruptions))
+    pub(super) fn take_counts(&mut self) -> [(&'static str, u64); 2] {
+        [
+            ("gnss_interruptions", take_new(self.log.n_interruptions(), &mut self.n_interruptions)),
+            ("gnss_left_out", std::mem::take(&mut self.n_left_out)),
+        ]
     }
 
     pub(super) fn close(&mut self) {
