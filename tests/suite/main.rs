@@ -10,6 +10,7 @@ mod documentation;
 mod isolation;
 mod launch_file;
 mod live_mode;
+mod live_rig;
 mod live_sensor;
 mod misbehaving_stages;
 mod observers;

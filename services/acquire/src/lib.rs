@@ -4,8 +4,8 @@
 //! the other sensors up to its end: camera images, raw mosaics, position fixes, inertial samples, each kind in the order of its
 //! stamps. The recording is read as needed; only lists of file names and position fixes are kept in memory.
 //!
-//! In live mode the packets of a LiDAR on the network are first recorded, then decoded from the growing recording
-//! (`docs/guide/live.md`).
+//! In live mode the packets of a LiDAR on the network, the images of a grabber and the lines of a GNSS receiver and of an IMU are first
+//! recorded, then decoded from the growing recording (`docs/guide/live.md`).
 //!
 //! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data. If too large a
 //! share of a sensor's data is damaged or missing, the run ends with a doubt; without any sweep it fails.
@@ -41,6 +41,10 @@ stage::settings! {
         /// Largest share of exposures before the first or after the last sweep, 0 to 1. A larger share is a doubt: cameras begin and
         /// end a few exposures apart from the LiDAR, but a wrong clock places all exposures outside.
         pub max_outside_share: f64 = 0.1 => stage::within(0.0, 1.0);
+        /// Largest share of packets in which the LiDAR reports that its clock follows neither the pulse of a GNSS receiver (PPS) nor PTP, 0
+        /// to 1. A larger share is a doubt if there are other sensors: their stamps may be those of another clock. Below bridges the
+        /// pulse is absent for a while, in which the clock drifts by less than a millisecond.
+        pub max_unlocked_share: f64 = 0.5 => stage::within(0.0, 1.0);
         /// Least share of GNSS epochs with position and height, 0 to 1. A smaller share is a doubt: a log of RMC without GGA
         /// sentences has no heights, and a receiver without sky has no positions.
         pub min_fix_share: f64 = 0.5 => stage::within(0.0, 1.0);
@@ -55,6 +59,22 @@ stage::settings! {
             "", "hdl32e", "vlp16", "vlp32c", "hdl64e", "pandar40p", "pandarxt32", "pandarqt64", "ouster", "rs16", "rs32", "mid360",
             "avia",
         ]);
+        /// Live: folder that a grabber fills with images, in the layout of a drive folder: `camera/<k>/<stamp in ns>.jpg`, `hs02/<stamp>.pgm`,
+        /// `hs02/dark`, `hs02/white`; the folders are those of the rig, and are made where they are absent. Empty = no cameras. A relative
+        /// path is relative to the folder of launch.toml.
+        pub cameras: String = String::new() => stage::any();
+        /// Live: source of the GNSS receiver's NMEA sentences: `udp://0.0.0.0:10110` or `serial:///dev/ttyUSB0?baud=115200`. Empty = the
+        /// sentences in the LiDAR's position packets.
+        pub gnss: String = String::new() => stage::any();
+        /// Live: source of IMU samples, lines as in `imu.csv`: `udp://0.0.0.0:10120` or `serial:///dev/ttyUSB1?baud=921600`. Empty = no IMU.
+        pub imu: String = String::new() => stage::any();
+        /// Live: largest time after the end of a sweep at which an image of its time is still published, s. `colorize` waits
+        /// `colorize.max_age_s` for images. Later ones are recorded and counted; more than `max_outside_share` of them are a doubt.
+        pub max_late_s: f64 = 1.0 => stage::within(0.0, 60.0);
+        /// Live: largest offset between the clocks of the LiDAR and of another sensor, ms. A larger one is a doubt: in 20 ms a vehicle at
+        /// 36 km/h drives 0.2 m, as much as odometry and colors may be wrong. Images and sentences may be `max_late_s` later, because
+        /// the way to the host takes time.
+        pub max_clock_offset_ms: f64 = 20.0 => stage::within(0.1, 1e6);
         /// Live: folder of the raw recording inside the output folder; it must not contain an earlier recording.
         pub recording: String = "recording".to_owned() => stage::any();
         /// Live: time without packets after which the run ends, s; 0 = never.

@@ -1,15 +1,15 @@
-//! Publishes the sweeps of a sensor on the network. A restarted process begins the next capture and decodes that one, so its saved
-//! state is empty.
+//! Publishes the sweeps of a LiDAR on the network, and what the other sensors of the vehicle send. A restarted process begins the next
+//! capture and decodes that one, so its saved state is empty.
 
 use crate::Settings;
-use crate::publish::{count_all, no_doubts, publish_fixes, publish_sweep, report_doubts};
-use crate::sweep;
-use acquisition::counters::ReportedCounts;
-use acquisition::error::LiveError;
-use acquisition::live::{
-    Discarded, LiveLimits, LivePoll, LiveSensor, Mounting, address, bind, captures, folder_inside,
+use crate::publish::{
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report, report_doubts,
 };
-use messages::{Message, SweepTopic};
+use crate::sweep;
+use acquisition::error::LiveError;
+use acquisition::live::{DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle, OtherLimits};
+use acquisition::recorded::Trigger;
+use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::time::{Duration, Instant};
 
@@ -17,19 +17,13 @@ use std::time::{Duration, Instant};
 const STATE_VERSION: u32 = 1001;
 /// Longest time of a step without packets, so that commands are handled.
 const STEP_TIMEOUT: Duration = Duration::from_millis(50);
-/// With a smaller buffer a stall of the disk soon drops packets: an HDL-32E fills 4 MiB per second, with bookkeeping.
-const RECOMMENDED_BUFFER: usize = 4 << 20;
 
-/// The sensor, and what has been published and reported of it.
+/// The vehicle, and what has been published of it.
 pub(crate) struct Live {
     settings: Settings,
-    sensor: LiveSensor,
+    vehicle: LiveVehicle,
     /// Points of the current sweep, once it has some.
     loan: Option<Loan<SweepTopic>>,
-    reported: ReportedCounts,
-    n_packets: u64,
-    gnss_rows: u64,
-    n_fixes: u64,
 }
 
 /// Result of [`Live::advance`].
@@ -42,7 +36,6 @@ enum Advance {
 impl Live {
     /// Settings that prevent receiving or recording.
     pub(crate) fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
-        let problem = |error: &LiveError| Problem::of_key(error.key(), error.to_string());
         let mut problems = Vec::new();
         for (key, value) in [("start_s", settings.start_s), ("end_s", settings.end_s)] {
             if value != 0.0 {
@@ -50,95 +43,84 @@ impl Live {
                 problems.push(Problem::of_key(key, text));
             }
         }
-        let mut bound = Vec::new();
-        for (key, value) in [("listen", &settings.listen), ("position_listen", &settings.position_listen)] {
-            match address(value).and_then(bind) {
-                Ok(socket) => bound.push(socket),
-                Err(error) => problems.push(Problem::of_key(key, error.to_string())),
-            }
-        }
-        problems.extend(Mounting::find(&context.drive, &settings.model).err().as_ref().map(problem));
-        let folder = match folder_inside(&context.output, &settings.recording) {
-            Ok(folder) => folder,
-            Err(error) => {
-                problems.push(problem(&error));
-                return problems;
-            }
-        };
-        match captures(&folder) {
-            Ok(captures) if captures.is_empty() => {}
-            Ok(captures) => problems.push(problem(&LiveError::Used { n: captures.len(), folder })),
-            Err(error) => problems.push(Problem::of_key("recording", format!("{}: {error}", folder.display()))),
-        }
+        problems.extend(plan(settings, context).problems().into_iter().map(|(key, text)| Problem::of_key(key, text)));
         problems
     }
 
     /// Starts the recording.
     pub(crate) fn open(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, .. } = *settings;
-        let limits = LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind };
-        let start = || {
-            let addresses = [address(&settings.listen)?, address(&settings.position_listen)?];
-            let mounting = Mounting::find(&context.drive, &settings.model)?;
-            LiveSensor::start(addresses, folder_inside(&context.output, &settings.recording)?, mounting, limits)
-        };
-        Ok(Self {
-            settings: settings.clone(),
-            sensor: start().map_err(step_error)?,
-            loan: None,
-            reported: ReportedCounts::default(),
-            n_packets: 0,
-            gnss_rows: 0,
-            n_fixes: 0,
-        })
+        let vehicle = plan(settings, context).start().map_err(step_error)?;
+        Ok(Self { settings: settings.clone(), vehicle, loan: None })
     }
 
-    /// Publishes the next sweep, or nothing if none is complete within [`STEP_TIMEOUT`].
+    /// Publishes the next sweep and one image that is due; nothing if there is none within [`STEP_TIMEOUT`]. One image at a time, so that
+    /// the LiDAR never waits for more than one.
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let until = Instant::now() + STEP_TIMEOUT;
         let flow = loop {
-            self.sensor.check_receiver().map_err(step_error)?;
+            self.vehicle.lidar.check_receiver().map_err(step_error)?;
             let advance = self.advance(outputs)?;
             if matches!(advance, Advance::Waiting) {
-                self.sensor.check_decoded().map_err(step_error)?;
+                self.vehicle.lidar.check_decoded().map_err(step_error)?;
             }
+            let has_published = self.publish_rows(outputs)? | self.publish_frame(outputs)?;
             match advance {
-                Advance::Waiting if self.sensor.wait(until) => {}
-                Advance::Published | Advance::Waiting => break Flow::Continue,
-                Advance::Ended => break Flow::End,
+                Advance::Waiting if !has_published && self.vehicle.lidar.wait(until) => {}
+                Advance::Ended if !has_published => break Flow::End,
+                Advance::Published | Advance::Waiting | Advance::Ended => break Flow::Continue,
             }
         };
-        self.report_counts(outputs);
+        self.vehicle.others.write_clocks(false).map_err(step_error)?;
+        report(self.vehicle.take_news(), outputs);
         Ok(flow)
+    }
+
+    /// Publishes fixes and inertial samples of the time up to the last sweep. `false` if there are none.
+    fn publish_rows(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
+        let others = &mut self.vehicle.others;
+        let due = others.take_rows().map_err(step_error)?;
+        let n_rows = publish_fixes(&due.fixes, outputs)?;
+        others.add_fixes(due.fixes.len() as u64, n_rows);
+        publish_rows::<ImuTopic>(&due.samples, due.samples.first().map(|row| row.stamp), outputs)?;
+        Ok(n_rows > 0 || !due.samples.is_empty())
+    }
+
+    /// Publishes the oldest image of the time up to the last sweep. `false` if there is none.
+    fn publish_frame(&mut self, outputs: &mut Outputs) -> Result<bool, StepError> {
+        let others = &mut self.vehicle.others;
+        let Some(due) = others.next_frame() else { return Ok(false) };
+        let (cameras, mosaics) = others.cameras();
+        let error = match &due {
+            DueFrame::Color(frame) => publish_image(frame, &cameras[frame.camera], outputs)?,
+            DueFrame::Mosaic(frame) => publish_mosaic(frame, &mosaics[frame.camera], outputs)?,
+        };
+        others.add_published(&due, error);
+        Ok(true)
     }
 
     /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
-        self.sensor.close();
-        // The tick may already have one sweep.
+        self.vehicle.close();
+        // The tick may already have one sweep, and one image of any kind.
         for _ in 1..SweepTopic::QUEUE {
             if !matches!(self.advance(outputs)?, Advance::Published) {
                 break;
             }
         }
+        self.publish_rows(outputs)?;
+        for _ in 1..ImageTopic::QUEUE.min(MosaicTopic::QUEUE) {
+            if !self.publish_frame(outputs)? {
+                break;
+            }
+        }
         self.loan = None;
-        self.sensor.discard_rest().map_err(step_error)?;
-        self.report_counts(outputs);
-        self.report_doubts(outputs);
+        self.vehicle.discard_rest().map_err(step_error)?;
+        report(self.vehicle.take_news(), outputs);
+        self.vehicle.others.clock_notes().into_iter().for_each(|text| outputs.note(text));
+        let mut doubts = no_doubts(&self.settings);
+        self.vehicle.doubt(&mut doubts);
+        report_doubts(doubts, outputs);
         Ok(())
-    }
-
-    fn report_doubts(&self, outputs: &mut Outputs) {
-        if self.sensor.n_sweeps() == 0 && self.n_packets > 0 {
-            let text = format!("{} packets were received and recorded, none of them gave a sweep", self.n_packets);
-            outputs.doubt("no_sweep", self.n_packets as f64, text);
-        }
-        if let Some((lidar, log)) = self.sensor.stats() {
-            let mut doubts = no_doubts(&self.settings);
-            doubts.captures(&lidar, self.sensor.recorded_bytes());
-            doubts.log(&log, self.gnss_rows, self.n_fixes);
-            report_doubts(doubts, outputs);
-        }
     }
 
     pub(crate) fn save() -> Result<Vec<u8>, StepError> {
@@ -151,16 +133,21 @@ impl Live {
 
     /// Reads the capture until a sweep is complete or the capture ends.
     fn advance(&mut self, outputs: &mut Outputs) -> Result<Advance, StepError> {
+        let LiveVehicle { lidar, others, .. } = &mut self.vehicle;
         loop {
             let mut loan = match self.loan.take() {
                 Some(loan) => loan,
                 None => sweep::loan(outputs)?,
             };
-            match sweep::fill(&mut loan, |sink| self.sensor.poll(sink).map_err(step_error))? {
+            match sweep::fill(&mut loan, |sink| lidar.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
-                    self.n_fixes += fixes.len() as u64;
-                    self.gnss_rows += publish_fixes(&fixes, outputs)?;
+                    others.add_sweep(&info, lidar.take_arrival());
+                    if !others.has_receiver() {
+                        others.add_packet_fixes(&fixes);
+                        let n_rows = publish_fixes(&fixes, outputs)?;
+                        others.add_fixes(fixes.len() as u64, n_rows);
+                    }
                     outputs.set_drive_time(info.stamp.0);
                     return Ok(Advance::Published);
                 }
@@ -176,37 +163,29 @@ impl Live {
             }
         }
     }
+}
 
-    /// Updates the counters of the run summary.
-    fn report_counts(&mut self, outputs: &mut Outputs) {
-        let n_packets = self.sensor.n_packets();
-        if self.n_packets == 0 && n_packets > 0 {
-            self.note_begin(outputs);
-        }
-        let Discarded { skipped, partial } = self.sensor.take_discarded();
-        let counters = [
-            ("udp_packets", n_packets - self.n_packets),
-            ("udp_packets_dropped", self.sensor.take_dropped()),
-            ("sweeps_skipped", skipped),
-            ("partial_sweeps", partial),
-        ];
-        count_all(counters, outputs);
-        self.n_packets = n_packets;
-        if let Some((lidar, log)) = self.sensor.stats() {
-            count_all(self.reported.take_new(lidar, log), outputs);
-        }
-    }
-
-    fn note_begin(&self, outputs: &mut Outputs) {
-        outputs.note(format!("recording to {}", self.sensor.capture().display()));
-        outputs.note(self.sensor.rig().to_string());
-        let n_bytes = self.sensor.buffer_bytes();
-        if n_bytes < RECOMMENDED_BUFFER {
-            outputs.note(format!(
-                "the kernel's receive buffer has {n_bytes} bytes; set net.core.rmem_max to {RECOMMENDED_BUFFER} to avoid dropped packets \
-                 when the disk stalls"
-            ));
-        }
+/// What the settings say about the sensors.
+fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
+    let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, max_late_s, cameras, .. } = settings;
+    LivePlan {
+        drive: &context.drive,
+        output: &context.output,
+        recording: &settings.recording,
+        listen: &settings.listen,
+        position_listen: &settings.position_listen,
+        model: &settings.model,
+        cameras: (!cameras.is_empty()).then(|| context.launch_folder.join(cameras)),
+        gnss: &settings.gnss,
+        imu: &settings.imu,
+        limits: LiveLimits {
+            min_turn: *min_turn,
+            quiet_s: *quiet_s,
+            max_undecoded_s: *max_undecoded_s,
+            max_behind: *max_behind,
+        },
+        other_limits: OtherLimits { max_late_s: *max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
+        trigger: Trigger::new(settings.trigger_hz, settings.trigger_m),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::Settings;
 use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
-use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
+use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
@@ -90,10 +90,23 @@ pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>,
     }
 }
 
+/// Adds news to the run summary.
+pub(crate) fn report(news: News, outputs: &mut Outputs) {
+    count_all(news.counts, outputs);
+    news.notes.into_iter().for_each(|text| outputs.note(text));
+}
+
 /// No doubts yet, with the limits of the settings.
 pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
-    let Settings { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share, .. } = *settings;
-    Doubts::new(DoubtLimits { max_damaged_share, max_foreign_share, max_outside_share, min_fix_share })
+    let Settings { max_damaged_share, max_foreign_share, max_outside_share, max_unlocked_share, min_fix_share, .. } =
+        *settings;
+    Doubts::new(DoubtLimits {
+        max_damaged_share,
+        max_foreign_share,
+        max_outside_share,
+        max_unlocked_share,
+        min_fix_share,
+    })
 }
 
 /// Reports doubts at the end of the run.

@@ -2,7 +2,8 @@
 
 use crate::Settings;
 use crate::publish::{
-    count_all, no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report_doubts,
+    count_all, no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report,
+    report_doubts,
 };
 use crate::sweep;
 use acquisition::error::DriveError;
@@ -12,7 +13,7 @@ use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 5;
+const STATE_VERSION: u32 = 6;
 
 /// A drive, and what has been published and reported of it.
 pub(crate) struct Recorded {
@@ -129,10 +130,4 @@ impl Recorded {
 
 fn step_error(error: DriveError) -> StepError {
     if let DriveError::Log(_) = error { StepError::io(error) } else { StepError::data(error) }
-}
-
-/// Adds news to the run summary.
-fn report(news: News, outputs: &mut Outputs) {
-    count_all(news.counts, outputs);
-    news.notes.into_iter().for_each(|text| outputs.note(text));
 }

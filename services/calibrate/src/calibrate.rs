@@ -2,13 +2,15 @@
 
 use crate::Settings;
 use crate::references::{CubeCamera, CubeCameraError};
-use formats::drive::Drive;
+use formats::drive::CameraRig;
 use formats::manifest::MosaicEntry;
+use formats::problems::FileError;
 use formats::sensor_calibration::SensorCalibration;
 use messages::{CubeTopic, MosaicHeader, MosaicTopic, pod::cast_slice_mut};
 use rayon::prelude::*;
 use spectral::{Demosaicing, median_3x3};
-use stage::{Context, Flow, Inputs, Outputs, Port, Received, Stage, StepError};
+use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StepError};
+use std::path::PathBuf;
 
 /// The stage; see the crate's page.
 pub struct Calibrate {
@@ -64,6 +66,19 @@ impl Calibrate {
     }
 }
 
+/// The cameras of the recorded drive or of the live vehicle.
+fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
+    match context.mode {
+        Mode::Offline => CameraRig::of_drive(&context.drive),
+        Mode::Live => CameraRig::of_live(&context.drive),
+    }
+}
+
+/// The folder that the setting names.
+fn references(settings: &Settings, context: &Context) -> Option<PathBuf> {
+    (!settings.references.is_empty()).then(|| context.launch_folder.join(&settings.references))
+}
+
 /// The camera of a frame.
 fn camera<'a>(
     cameras: &'a mut [Result<CubeCamera, CubeCameraError>],
@@ -100,13 +115,29 @@ impl Stage for Calibrate {
         vec![Port::of::<CubeTopic>()]
     }
 
+    fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
+        let problem = |key: &str, text: String| vec![Problem::of_key(key, text)];
+        match (context.mode, references(settings, context)) {
+            (Mode::Offline, Some(_)) => {
+                problem("references", "is for live runs; a recorded drive has its own dark and white frames".to_owned())
+            }
+            (Mode::Live, Some(folder)) if !folder.is_dir() => {
+                problem("references", format!("{} is not a folder", folder.display()))
+            }
+            // Other problems of a recorded drive are reported by its source.
+            (Mode::Live, _) => camera_rig(context).err().map_or(Vec::new(), |error| problem("", error.to_string())),
+            (Mode::Offline, None) => Vec::new(),
+        }
+    }
+
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
+        let rig = camera_rig(context).map_err(StepError::io)?;
+        let folder = references(settings, context).unwrap_or_else(|| rig.folder().to_owned());
         // In parallel, because the run begins when all stages are ready.
-        let cameras = drive.manifest().mosaics.par_iter().zip(drive.sensors()).enumerate();
+        let cameras = rig.mosaics().par_iter().zip(rig.sensors()).enumerate();
         let read = |(index, (entry, sensor)): (usize, (&MosaicEntry, &Option<SensorCalibration>))| {
             let sensor = sensor.as_ref().filter(|_| settings.correction);
-            CubeCamera::read(drive.folder(), index, entry, sensor, Demosaicing::named(&settings.demosaic))
+            CubeCamera::read(&folder, index, entry, sensor, Demosaicing::named(&settings.demosaic))
         };
         Ok(Self { cameras: cameras.map(read).collect(), median: settings.median })
     }

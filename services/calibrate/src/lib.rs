@@ -38,5 +38,8 @@ stage::settings! {
         pub demosaic: String = "bin".to_owned() => stage::one_of(&["bin", "wb", "id", "iid", "ppid"]);
         /// Replace every value by the median of the valid values in its 3x3 neighborhood.
         pub median: bool = false => stage::any();
+        /// Live: folder with the dark and white frames of the mosaic cameras, in the layout of a drive folder (`hs02/dark`, `hs02/white`);
+        /// empty = the folder of the rig. A relative path is relative to the folder of launch.toml.
+        pub references: String = String::new() => stage::any();
     }
 }

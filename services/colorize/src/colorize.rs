@@ -8,10 +8,11 @@ use crate::Settings;
 use crate::saved::{self, Held};
 use camera_alignment::report;
 use coloring::{AgeLimits, Bands, DoubtLimits, KnownBands, PointBuffers, ProjectionCamera};
-use formats::drive::Drive;
+use formats::drive::CameraRig;
+use formats::problems::FileError;
 use geometry::{Stamp, Trajectory};
 use messages::{ColorTopic, CubeTopic, ImageTopic, Message, SpectraTopic, SubmapTopic, TrajectoryTopic, UNSEEN};
-use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
+use stage::{Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError};
 
 /// Submaps held between two ticks; see the documentation of the crate.
 const MAX_HELD: usize = 1;
@@ -46,8 +47,8 @@ pub struct Colorize {
 }
 
 impl Colorize {
-    fn with_drive(settings: &Settings, drive: &Drive, context: &Context) -> Result<Self, StepError> {
-        let (rig, manifest) = (drive.rig(), drive.manifest());
+    fn with_rig(settings: &Settings, vehicle: &CameraRig, context: &Context) -> Result<Self, StepError> {
+        let rig = vehicle.rig();
         let (n_cameras, n_mosaics) = (rig.cameras.len(), rig.mosaics.len());
         if n_cameras.max(n_mosaics) > usize::from(UNSEEN) {
             let text = format!(
@@ -55,7 +56,7 @@ impl Colorize {
             );
             return Err(StepError::data(text));
         }
-        let bands = KnownBands::new(drive.expected_bands()).map_err(StepError::data)?;
+        let bands = KnownBands::new(vehicle.expected_bands()).map_err(StepError::data)?;
         let (images, cubes) = (context.is_connected::<ImageTopic>(), context.is_connected::<CubeTopic>());
         Ok(Self {
             max_age_nanos: (settings.max_age_s * 1e9).round() as i64,
@@ -65,7 +66,7 @@ impl Colorize {
             },
             cameras: rig.cameras.iter().map(ProjectionCamera::from).collect(),
             mosaics: rig.mosaics.iter().map(ProjectionCamera::from).collect(),
-            patterns: manifest.mosaics.iter().map(|entry| entry.pattern).collect(),
+            patterns: vehicle.mosaics().iter().map(|entry| entry.pattern).collect(),
             bands,
             has_images: images && n_cameras > 0,
             has_cubes: cubes && n_mosaics > 0,
@@ -74,8 +75,8 @@ impl Colorize {
                 (_, false) => Some("no stage publishes images: points stay without color"),
                 _ => None,
             },
-            names: manifest.cameras.iter().map(|entry| entry.name.clone()).collect(),
-            mosaic_names: manifest.mosaics.iter().map(|entry| entry.name.clone()).collect(),
+            names: vehicle.cameras().iter().map(|entry| entry.name.clone()).collect(),
+            mosaic_names: vehicle.mosaics().iter().map(|entry| entry.name.clone()).collect(),
             level_exposures: settings.level_exposures,
             max_offset_rad: (settings.max_offset_mrad * 1e-3) as f32,
             max_delay_s: (settings.max_delay_ms * 1e-3) as f32,
@@ -147,6 +148,14 @@ impl Colorize {
     }
 }
 
+/// The cameras of the recorded drive or of the live vehicle.
+fn camera_rig(context: &Context) -> Result<CameraRig, FileError> {
+    match context.mode {
+        Mode::Offline => CameraRig::of_drive(&context.drive),
+        Mode::Live => CameraRig::of_live(&context.drive),
+    }
+}
+
 fn has_pose(trajectory: &Trajectory, stamp: i64) -> bool {
     trajectory.at(Stamp(stamp)).is_some()
 }
@@ -169,9 +178,9 @@ impl Stage for Colorize {
     }
 
     fn check(_settings: &Settings, context: &Context) -> Vec<Problem> {
-        // Other problems of the drive are reported by its source.
-        let Ok(drive) = Drive::open(&context.drive) else { return Vec::new() };
-        Bands::new(&drive.expected_bands())
+        // Other problems of a recorded drive are reported by its source, those of a live rig by calibrate.
+        let Ok(vehicle) = camera_rig(context) else { return Vec::new() };
+        Bands::new(&vehicle.expected_bands())
             .err()
             .map(|error| Problem::of_key("", error.to_string()))
             .into_iter()
@@ -179,8 +188,7 @@ impl Stage for Colorize {
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
-        let drive = Drive::open(&context.drive).map_err(StepError::io)?;
-        Self::with_drive(settings, &drive, context)
+        Self::with_rig(settings, &camera_rig(context).map_err(StepError::io)?, context)
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {

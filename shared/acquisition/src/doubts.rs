@@ -49,6 +49,8 @@ pub struct DoubtLimits {
     pub max_foreign_share: f64,
     /// Largest share of exposures before the first or after the last sweep.
     pub max_outside_share: f64,
+    /// Largest share of packets by which the clock of the LiDAR has no reference.
+    pub max_unlocked_share: f64,
     /// Least share of GNSS epochs with position and height.
     pub min_fix_share: f64,
 }
@@ -112,6 +114,20 @@ impl Doubts {
         }
     }
 
+    /// The clock of the LiDAR. `others`: whether measurements of other sensors were matched to sweeps by their stamps.
+    pub fn clock(&mut self, stats: &LidarStats, others: bool) {
+        let n_states = stats.clock_locked + stats.clock_unlocked;
+        let (share, limit) = (share(stats.clock_unlocked, n_states), self.limits.max_unlocked_share);
+        if others && share > limit {
+            let text = format!(
+                "in {} of the {n_states} packets that tell it, the clock of the LiDAR follows neither PPS nor PTP, more than \
+                 max_unlocked_share = {limit}; stamps of the other sensors may be those of another clock",
+                percent(share)
+            );
+            self.add("pps_not_locked", share, text);
+        }
+    }
+
     /// Sentences of a GNSS receiver. `n_used` of `n_fixes` have a height.
     pub fn log(&mut self, log: &LogStats, n_used: u64, n_fixes: u64) {
         let n_lines = log.sentences + log.other_sentences + log.bad_lines;
@@ -153,6 +169,45 @@ impl Doubts {
             );
             self.add("exposures_outside", share, text);
         }
+    }
+
+    /// Live: packets of which none gave a sweep.
+    pub fn no_sweep(&mut self, n_packets: u64) {
+        let text = format!("{n_packets} packets were received and recorded, none of them gave a sweep");
+        self.add("no_sweep", n_packets as f64, text);
+    }
+
+    /// Live: exposures that came more than `max_late_s` after the sweep of their time.
+    pub fn late(&mut self, n_late: u64, n_frames: u64, max_late_s: f64) {
+        let (share, limit) = (share(n_late, n_frames), self.limits.max_outside_share);
+        if share > limit {
+            let text = format!(
+                "{} of the {n_frames} exposures came more than max_late_s = {max_late_s} after the sweep of their time and colored \
+                 nothing, more than max_outside_share = {limit}; they are recorded; check the grabber and its clock",
+                percent(share)
+            );
+            self.add("late_exposures", share, text);
+        }
+    }
+
+    /// Live: the clock of a sensor is behind that of the LiDAR by this time, up to `delay_s` of which may be the way of its data.
+    pub fn clock_offset(&mut self, sensor: &str, behind_s: f64, limit_s: f64, delay_s: f64) {
+        let delay = if delay_s > 0.0 { format!(" and more than max_late_s = {delay_s}") } else { String::new() };
+        let text = if behind_s < 0.0 {
+            format!(
+                "stamps of {sensor} are {:.1} ms ahead of those of the LiDAR, more than max_clock_offset_ms = {}",
+                -behind_s * 1e3,
+                limit_s * 1e3
+            )
+        } else {
+            format!(
+                "stamps of {sensor} are {:.1} ms behind those of the LiDAR, more than max_clock_offset_ms = {}{delay}",
+                behind_s * 1e3,
+                limit_s * 1e3
+            )
+        };
+        let text = format!("{text}; synchronize the clocks by PTP or by GNSS with PPS");
+        self.add("clock_offset", behind_s.abs(), text);
     }
 
     /// Sensors of the manifest that gave nothing.

@@ -1,5 +1,6 @@
 //! Why a drive or a live sensor cannot be read, and what has no sweeps.
 
+use crate::live::{LineAddress, LineAddressError};
 use formats::lidar::SweepError;
 use formats::problems::FileError;
 use std::io;
@@ -35,6 +36,45 @@ pub enum LiveError {
         folder: PathBuf,
         /// Most captures of a folder.
         max: u32,
+    },
+    /// A folder of images that cannot be watched.
+    #[error("{}: the folder cannot be watched: {source}", path.display())]
+    Watch {
+        /// The folder.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: io::Error,
+    },
+    /// A folder of images that is none.
+    #[error("{} is not a folder", .0.display())]
+    NoFolder(PathBuf),
+    /// A sensor that the rig does not have.
+    #[error("is set, but {rig} has no {what}")]
+    NotInRig {
+        /// The setting.
+        key: &'static str,
+        /// Entries of the manifest.
+        what: &'static str,
+        /// The rig.
+        rig: String,
+    },
+    /// Text that is no address of lines.
+    #[error("{source}")]
+    Line {
+        /// The setting.
+        key: &'static str,
+        /// What is wrong.
+        source: LineAddressError,
+    },
+    /// An address of lines that cannot be opened.
+    #[error("{address} cannot be opened: {source}")]
+    Open {
+        /// The setting.
+        key: &'static str,
+        /// The address.
+        address: LineAddress,
+        /// The error of the operating system.
+        source: io::Error,
     },
     /// The manifest of the recording.
     #[error("{}: the manifest cannot be written: {source}", path.display())]
@@ -144,6 +184,8 @@ impl LiveError {
             Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
                 "recording"
             }
+            Self::Watch { .. } | Self::NoFolder(_) => "cameras",
+            Self::NotInRig { key, .. } | Self::Line { key, .. } | Self::Open { key, .. } => key,
             Self::Model { .. } | Self::Calibration { .. } => "model",
             // `run.rig` is no setting of the stage.
             Self::Rig(_) | Self::Thread(_) | Self::Sweep(_) | Self::NoSweep(_) => "",
@@ -154,7 +196,13 @@ impl LiveError {
     pub fn is_of_files(&self) -> bool {
         matches!(
             self,
-            Self::Bind { .. } | Self::File { .. } | Self::Full { .. } | Self::Manifest { .. } | Self::Thread(_)
+            Self::Bind { .. }
+                | Self::Open { .. }
+                | Self::Watch { .. }
+                | Self::File { .. }
+                | Self::Full { .. }
+                | Self::Manifest { .. }
+                | Self::Thread(_)
         )
     }
 }

@@ -1,15 +1,44 @@
-//! A LiDAR on the network: its packets are first recorded, then decoded from the recording.
+//! A live vehicle: what its sensors send is first recorded, then decoded from the recording.
+//!
+//! | sensor | module |
+//! |---|---|
+//! | LiDAR: UDP packets | `sensor`, `receiver` |
+//! | cameras: folders that fill | `images` |
+//! | GNSS receiver and IMU: lines by UDP or a serial port | `lines` |
+//! | which of them belongs to which sweep | `others` |
+//! | offset of their clocks | `clocks` |
 //!
 //! The receiving thread writes a capture. The decoder reads the growing capture with the code that reads recorded drives. So the
 //! recording contains all received packets even if decoding fails, and a run on the recording gives the same sweeps.
 
+mod clocks;
 mod drops;
+mod images;
+mod line_address;
+mod lines;
 mod mounting;
+mod others;
 mod receiver;
+mod record_file;
 mod recording;
 mod sensor;
+mod vehicle;
 
+pub use clocks::{ClockEstimate, Clocks};
+pub use images::CameraKind;
+pub use line_address::{LineAddress, LineAddressError};
 pub use mounting::Mounting;
+pub use others::{DueFrame, DueRows, OtherLimits, OtherSensors, OtherSources};
 pub use receiver::{address, bind};
-pub use recording::{captures, folder_inside};
+pub use recording::{RecordedEntries, captures, folder_inside};
 pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
+pub use vehicle::{LivePlan, LiveVehicle};
+
+use geometry::Stamp;
+use std::time::SystemTime;
+
+/// The wall clock: the stamps of captures contain the date and hour, which the packets of some sensors do not.
+fn now() -> Stamp {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    Stamp(since.as_nanos() as i64)
+}

@@ -3,6 +3,7 @@
 //! `drive.toml` describes the folder. A folder of `*.pcd`, `*.bin` or `*.pcap` files without it is read as a LiDAR recording, see
 //! [`Drive::open`].
 
+mod camera_rig;
 mod check;
 mod clouds;
 mod infer;
@@ -15,17 +16,18 @@ mod read;
 mod sweeps;
 
 pub use crate::lidar::SweepInfo;
+pub use camera_rig::CameraRig;
 pub use clouds::{is_return, returns_from_cloud};
 pub use labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 pub use labels::{LabelReader, TrueLabels, find_label};
 pub use lidar_file::lidar_of;
-pub use listing::Frame;
+pub use listing::{Frame, frame_stamp, is_image_name, is_mosaic_name};
 pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
 
 use crate::imu::ImuReader;
 use crate::lidar::{Lidar, Model, SweepError};
-use crate::manifest::{ImuEntry, Manifest, MosaicEntry};
+use crate::manifest::{ImuEntry, Manifest};
 use crate::nmea::{self, Fix, LogStats};
 use crate::problems::{FileError, FileProblem};
 use crate::sensor_calibration::SensorCalibration;
@@ -129,14 +131,7 @@ impl Drive {
     /// Band centers of the cubes of each mosaic camera, nm: the virtual bands of its calibration if there is one, because `calibrate`
     /// corrects by default; otherwise those of its filters.
     pub fn expected_bands(&self) -> Vec<Vec<f32>> {
-        let bands = |(entry, sensor): (&MosaicEntry, &Option<SensorCalibration>)| match sensor
-            .as_ref()
-            .and_then(SensorCalibration::reflectance_matrix)
-        {
-            Some(matrix) => matrix.virtual_bands.iter().map(|band| band.wavelength_nm as f32).collect(),
-            None => entry.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
-        };
-        self.manifest.mosaics.iter().zip(&self.sensors).map(bands).collect()
+        camera_rig::expected_bands(&self.manifest.mosaics, &self.sensors)
     }
     /// Files in camera folders whose names are not stamps.
     pub fn strange_files(&self) -> &[PathBuf] {

@@ -11,6 +11,9 @@
 //!
 //! Under two echoes, a shot has two blocks of equal angle. A packet may end with a number, four bytes.
 //!
+//! A packet of the receiver at the sensor has 512 bytes: flag `ff ee`, date and time, sentence, and at 507 whether the clock follows the
+//! pulse per second (1) or not (0).
+//!
 //! **Frame.** As in [`crate::lidar`]. Hesai's own frame has x to the right and y forward.
 
 mod decode;
@@ -21,4 +24,4 @@ mod tables;
 pub use decode::Decoder;
 pub use model::Model;
 
-pub(crate) use packet::is_gps;
+pub(crate) use packet::{is_gps, is_pulse_locked};

@@ -83,39 +83,29 @@ pub enum ImuFault {
     },
 }
 
-/// Reads a file line by line.
-#[derive(Debug)]
-pub struct ImuReader<R> {
-    lines: R,
+/// Parses a log line by line.
+#[derive(Debug, Default)]
+pub struct ImuParser {
     line: u64,
     last: Option<Stamp>,
-    failed: bool,
     body_from_unit: Option<UnitQuaternion<f64>>,
 }
 
-impl<R: BufRead> ImuReader<R> {
-    /// A reader at the beginning of a file.
-    pub fn new(lines: R) -> Self {
-        Self { lines, line: 0, last: None, failed: false, body_from_unit: None }
-    }
-
-    /// The same for a unit whose axes are not those of the body: samples are in the body frame.
+impl ImuParser {
+    /// For a unit whose axes are not those of the body: samples are in the body frame.
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { body_from_unit: Some(body_from_unit), ..self }
     }
 
-    /// The next line; `None` at the end of the file.
-    fn next_line(&mut self) -> io::Result<Option<Vec<u8>>> {
-        let mut line = Vec::new();
-        if self.lines.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
-            return Ok(None);
-        }
+    /// The sample of the next line; `None` for an empty line and for the header in the first line.
+    pub fn take(&mut self, line: &[u8]) -> Option<Result<ImuSample, ImuError>> {
         self.line += 1;
-        if line.len() as u64 == MAX_LINE && line.last() != Some(&b'\n') {
-            skip_line(&mut self.lines)?;
+        let is_header = self.line == 1 && line.starts_with(b"stamp");
+        if is_header || line.trim_ascii().is_empty() {
+            return None;
         }
-        Ok(Some(line))
+        Some(self.sample(line).map_err(|fault| ImuError::Line { line: self.line, fault }))
     }
 
     fn sample(&mut self, line: &[u8]) -> Result<ImuSample, ImuFault> {
@@ -145,6 +135,39 @@ impl<R: BufRead> ImuReader<R> {
     }
 }
 
+/// Reads a file line by line.
+#[derive(Debug)]
+pub struct ImuReader<R> {
+    lines: R,
+    parser: ImuParser,
+    failed: bool,
+}
+
+impl<R: BufRead> ImuReader<R> {
+    /// A reader at the beginning of a file.
+    pub fn new(lines: R) -> Self {
+        Self { lines, parser: ImuParser::default(), failed: false }
+    }
+
+    /// As [`ImuParser::rotated`].
+    #[must_use]
+    pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
+        Self { parser: self.parser.rotated(body_from_unit), ..self }
+    }
+
+    /// The next line; `None` at the end of the file.
+    fn next_line(&mut self) -> io::Result<Option<Vec<u8>>> {
+        let mut line = Vec::new();
+        if self.lines.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)? == 0 {
+            return Ok(None);
+        }
+        if line.len() as u64 == MAX_LINE && line.last() != Some(&b'\n') {
+            skip_line(&mut self.lines)?;
+        }
+        Ok(Some(line))
+    }
+}
+
 impl<R: BufRead> Iterator for ImuReader<R> {
     type Item = Result<ImuSample, ImuError>;
 
@@ -157,12 +180,9 @@ impl<R: BufRead> Iterator for ImuReader<R> {
                     return Some(Err(error.into()));
                 }
             };
-            let is_header = self.line == 1 && line.starts_with(b"stamp");
-            if is_header || line.trim_ascii().is_empty() {
-                continue;
+            if let Some(sample) = self.parser.take(&line) {
+                return Some(sample);
             }
-            let number = self.line;
-            return Some(self.sample(&line).map_err(|fault| ImuError::Line { line: number, fault }));
         }
         None
     }

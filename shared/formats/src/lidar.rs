@@ -10,6 +10,7 @@ mod blocks;
 mod calibration;
 mod capture;
 mod clock;
+mod clock_reference;
 mod decoder;
 mod detect;
 mod model;
@@ -23,6 +24,7 @@ mod sweeps;
 mod turn_table;
 
 pub use calibration::{CalibrationError, Lidar};
+pub use clock_reference::ClockReference;
 pub use decoder::PacketDecoder;
 pub use messages::SweepPoint;
 pub use model::Model;

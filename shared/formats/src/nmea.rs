@@ -9,7 +9,7 @@ mod encode;
 mod log;
 mod sentence;
 
-pub use encode::{gga_from_fix, gga_without_fix, rmc_from_fix, rmc_without_fix};
+pub use encode::{gga_from_fix, gga_without_fix, restamped, rmc_from_fix, rmc_without_fix};
 pub use log::{Fix, FixJoiner, LogStats, fixes};
 pub use sentence::{Gga, NmeaError, Rmc, Sentence, parse};
 

@@ -28,7 +28,7 @@ mod tables;
 
 pub use calibration::{LaserFileError, lasers_from_file};
 pub use decode::Decoder;
-pub use encode::{PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet};
+pub use encode::{PulseStatus, RawBlock, RawReturn, encode_data_packet, encode_position_packet, restamp};
 pub use model::{Laser, Model};
 pub use packet::{
     BLOCKS_PER_PACKET, DATA_PACKET_BYTES, DATA_PORT, DataPacket, LASERS_PER_BLOCK, MAX_RETURNS_PER_PACKET,

@@ -15,26 +15,26 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Payloads in the order in which they are sent.
-type Packets = Vec<Vec<u8>>;
+pub(crate) type Packets = Vec<Vec<u8>>;
 
 /// Sweep and fixes of a tick, as bytes.
 type Tick = Vec<Vec<u8>>;
 
 /// Far longer than any wait on a busy machine.
-const TIMEOUT: Duration = Duration::from_mins(3);
+pub(crate) const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// More revolutions than any test sends.
 const UNLIMITED_BACKLOG: u32 = 10_000;
 
 /// Settings with two free ports. The kernel does not assign the same ports again soon.
-fn settings() -> Settings {
+pub(crate) fn settings() -> Settings {
     let sockets = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").expect("binds"));
     let [listen, position_listen] = sockets.map(|socket| socket.local_addr().expect("is bound").to_string());
     // A busy machine may need any time for the first sweep.
     Settings { listen, position_listen, max_behind: UNLIMITED_BACKLOG, max_undecoded_s: 0.0, ..Settings::default() }
 }
 
-fn live(folder: &Path) -> Context {
+pub(crate) fn live(folder: &Path) -> Context {
     Context { mode: Mode::Live, drive: folder.join("nothing"), ..context(folder) }
 }
 
@@ -49,7 +49,7 @@ fn packets_of(path: &Path) -> Packets {
 }
 
 /// Four seconds of a sensor with a GNSS receiver: alternating sentences, each sent three times.
-fn simulated(folder: &Path) -> Packets {
+pub(crate) fn simulated(folder: &Path) -> Packets {
     write_lidar(folder, |_| true);
     let mut packets = Vec::new();
     for (number, packet) in packets_of(&folder.join("lidar/0.pcap")).into_iter().enumerate() {
@@ -66,7 +66,7 @@ fn simulated(folder: &Path) -> Packets {
 }
 
 /// The sender. It waits until each burst has arrived in the file, so that no packet is lost.
-struct Sensor {
+pub(crate) struct Sensor {
     socket: UdpSocket,
     data: SocketAddr,
     position: SocketAddr,
@@ -76,7 +76,7 @@ struct Sensor {
 }
 
 impl Sensor {
-    fn new(settings: &Settings, capture: PathBuf) -> Self {
+    pub(crate) fn new(settings: &Settings, capture: PathBuf) -> Self {
         let address = |text: &String| text.parse().expect("an address");
         let (data, position) = (address(&settings.listen), address(&settings.position_listen));
         Self { socket: UdpSocket::bind("127.0.0.1:0").expect("binds"), data, position, capture, n_bytes: 24 }
@@ -87,7 +87,7 @@ impl Sensor {
         Self { capture, n_bytes: 24, ..self }
     }
 
-    fn send(&mut self, packets: &[Vec<u8>]) {
+    pub(crate) fn send(&mut self, packets: &[Vec<u8>]) {
         for burst in packets.chunks(32) {
             for packet in burst {
                 // Packets to different sockets have no order, so position packets are sent alone.

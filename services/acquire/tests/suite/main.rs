@@ -2,5 +2,6 @@
 
 mod doubts;
 mod live;
+mod live_rig;
 mod step;
 mod support;

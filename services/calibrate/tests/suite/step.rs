@@ -7,7 +7,7 @@ use formats::sensor_calibration::{CorrectionMatrix, Curve, FilterBand, SensorCal
 use geometry::{CameraModel, Pinhole};
 use messages::{CubeTopic, CubeView, MosaicHeader, MosaicTopic};
 use stage::testing::{Bench, context};
-use stage::{Received, Stage};
+use stage::{Context, Mode, Received, Stage};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -142,6 +142,36 @@ fn frame_becomes_a_cube_of_its_reflectances() {
     }
     assert_eq!(bench.counter("masked"), 0);
     assert_eq!(bench.counter("samples"), 8 * 5 * 25 + 10 * 7 * 16);
+}
+
+#[test]
+fn live_vehicle_has_its_rig_and_its_references_in_other_folders() {
+    let (manifest, folder) = (manifest(), tempfile::tempdir().expect("a folder"));
+    let rig = folder.path().join("vehicle.toml");
+    std::fs::write(&rig, stage::toml::to_string(&manifest).expect("encodes")).expect("written");
+    let context =
+        Context { mode: Mode::Live, drive: rig, launch_folder: folder.path().into(), ..context(folder.path()) };
+    let settings = Settings { references: "grabber".into(), ..Settings::default() };
+    let problems = Calibrate::check(&settings, &context);
+    assert!(problems.len() == 1 && problems[0].text.ends_with("grabber is not a folder"), "{problems:?}");
+    for entry in &manifest.mosaics {
+        write_references(&folder.path().join("grabber"), &entry.folder);
+    }
+    assert_eq!(Calibrate::check(&settings, &context), []);
+    let mut bench = Bench::<Calibrate>::new(&settings, &context).expect("starts");
+    for (index, entry) in manifest.mosaics.iter().enumerate() {
+        bench.send::<MosaicTopic>(STAMP + index as i64, header(index as u32), scene(index, entry));
+    }
+    bench.tick().expect("a tick");
+    let cubes = bench.take::<CubeTopic>();
+    assert_eq!(cubes.len(), 2);
+    cubes.iter().for_each(assert_is_truth);
+    let offline = Context { mode: Mode::Offline, ..context };
+    let problems = Calibrate::check(&settings, &offline);
+    assert!(problems.len() == 1 && problems[0].key == "references", "{problems:?}");
+    // Without a rig the vehicle has no cameras.
+    let context = Context { mode: Mode::Live, drive: std::path::PathBuf::new(), ..offline };
+    assert!(Bench::<Calibrate>::new(&Settings::default(), &context).is_ok());
 }
 
 fn bench_with_references(folder: &Path) -> Bench<Calibrate> {

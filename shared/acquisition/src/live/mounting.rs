@@ -1,5 +1,6 @@
 //! The sensor's model and rig.
 
+use super::recording::RecordedEntries;
 use crate::error::LiveError;
 use formats::drive::{LiveRig, lidar_of};
 use formats::lidar::{Lidar, Model};
@@ -12,6 +13,8 @@ pub struct Mounting {
     /// `None`: the model is detected from the packets.
     pub(super) lidar: Option<Lidar>,
     pub(super) rig: LiveRig,
+    /// Entries of the recording's manifest for the sensors beside the LiDAR.
+    pub(super) others: RecordedEntries,
 }
 
 impl Mounting {
@@ -21,7 +24,7 @@ impl Mounting {
         let wanted = Model::from_name(model);
         let LiveRig::File(path, manifest) = &rig else {
             let lidar = wanted.map(Lidar::from);
-            return needs_no_file(lidar.as_ref()).map(|()| Self { lidar, rig });
+            return needs_no_file(lidar.as_ref()).map(|()| Self { lidar, rig, others: RecordedEntries::default() });
         };
         let of_rig = Model::from_name(&manifest.lidar.model);
         if wanted.is_some() && wanted != of_rig {
@@ -30,7 +33,13 @@ impl Mounting {
         let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), &manifest.lidar);
         let lidar = lidar.map_err(|problem| FileError { problems: vec![problem] })?;
         needs_no_file(Some(&lidar))?;
-        Ok(Self { lidar: Some(lidar), rig })
+        Ok(Self { lidar: Some(lidar), rig, others: RecordedEntries::default() })
+    }
+
+    /// With entries of other sensors, which are recorded beside the LiDAR.
+    #[must_use]
+    pub fn with_others(self, others: &RecordedEntries) -> Self {
+        Self { others: others.clone(), ..self }
     }
 
     pub(super) fn body_from_lidar(&self) -> PoseEntry {

@@ -3,9 +3,9 @@
 //! It waits only for the sensor and the disk. The decoder reads the capture.
 
 use super::drops::dropped;
+use super::now;
 use crate::error::LiveError;
 use formats::pcap::{Frontier, Recorder};
-use geometry::Stamp;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::sockopt::{set_socket_recv_buffer_size, set_socket_recv_buffer_size_force, socket_recv_buffer_size};
 use std::io;
@@ -13,7 +13,7 @@ use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 /// Requested size of the kernel's receive buffer, for stalls of the disk: about four seconds of an HDL-32E.
 const BUFFER: usize = 8 << 20;
@@ -245,10 +245,4 @@ fn take_burst(
         }
     }
     Ok(limit as u64)
-}
-
-/// The wall clock: the stamps of captures contain the date and hour, which the sensor's packets do not.
-fn now() -> Stamp {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    Stamp(since.as_nanos() as i64)
 }

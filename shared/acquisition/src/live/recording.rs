@@ -4,7 +4,7 @@ use crate::error::LiveError;
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Lidar;
-use formats::manifest::{LidarEntry, Manifest, PoseEntry};
+use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
 use formats::pcap::Recorder;
 use std::fs;
 use std::io;
@@ -20,6 +20,19 @@ const MAX_CAPTURES: u32 = 1000;
 pub(crate) struct Recording {
     folder: PathBuf,
     captures: Vec<PathBuf>,
+}
+
+/// Entries of the manifest for the sensors beside the LiDAR.
+#[derive(Clone, Debug, Default)]
+pub struct RecordedEntries {
+    /// Color cameras.
+    pub cameras: Vec<CameraEntry>,
+    /// Mosaic cameras.
+    pub mosaics: Vec<MosaicEntry>,
+    /// GNSS receiver.
+    pub gnss: Option<GnssEntry>,
+    /// IMU.
+    pub imu: Option<ImuEntry>,
 }
 
 /// Captures in a recording's folder, sorted by name; none without the folder.
@@ -75,7 +88,12 @@ impl Recording {
     }
 
     /// Writes the manifest and the calibration of the unit if they are absent, so that the recording is a drive.
-    pub(crate) fn describe(&self, lidar: &Lidar, body_from_lidar: PoseEntry) -> Result<(), LiveError> {
+    pub(crate) fn describe(
+        &self,
+        lidar: &Lidar,
+        body_from_lidar: PoseEntry,
+        others: &RecordedEntries,
+    ) -> Result<(), LiveError> {
         let path = self.folder.join(MANIFEST_FILE);
         if path.exists() {
             return Ok(());
@@ -88,7 +106,8 @@ impl Recording {
             write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })?;
             entry.calibration = Some(name);
         }
-        let manifest = Manifest::of_lidar("live recording", entry);
+        let RecordedEntries { cameras, mosaics, gnss, imu } = others.clone();
+        let manifest = Manifest { cameras, mosaics, gnss, imu, ..Manifest::of_lidar("live recording", entry) };
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
     }

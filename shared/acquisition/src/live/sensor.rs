@@ -7,6 +7,7 @@ use crate::error::{LiveError, NoSweepError};
 use formats::drive::LiveRig;
 use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
 use formats::nmea::{Fix, LogStats};
+use geometry::Stamp;
 use std::net::SocketAddrV4;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -94,7 +95,7 @@ impl LiveSensor {
         let (recording, recorder) = Recording::begin(folder)?;
         let receiver = Receiver::start(sockets, recorder).map_err(LiveError::Thread)?;
         if let Some(lidar) = &mounting.lidar {
-            recording.describe(lidar, mounting.body_from_lidar())?;
+            recording.describe(lidar, mounting.body_from_lidar(), &mounting.others)?;
         }
         // The previous process ended within a sweep. A run on the recording does not publish the rest of it either.
         let current = if recording.is_continued() { CurrentSweep::Discarded } else { CurrentSweep::None };
@@ -210,7 +211,7 @@ impl LiveSensor {
         match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.lidar.as_ref()) {
             Ok(None) => Ok(Some(unchanged)),
             Ok(Some(reader)) => {
-                self.recording.describe(reader.lidar(), self.mounting.body_from_lidar())?;
+                self.recording.describe(reader.lidar(), self.mounting.body_from_lidar(), &self.mounting.others)?;
                 let (n_bytes, nanos) = reader.typical_packet();
                 self.revolution_bytes = TURN_NANOS / nanos * (HEADER_BYTES + n_bytes);
                 self.reader = Some(reader);
@@ -288,6 +289,11 @@ impl LiveSensor {
     /// Packet and sentence counters; `None` until the sensor is found.
     pub fn stats(&self) -> Option<(LidarStats, LogStats)> {
         self.reader.as_ref().map(|reader| (reader.stats(), reader.log_stats()))
+    }
+
+    /// Stamp and capture time of the packet with the least delay since the last call.
+    pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
+        self.reader.as_mut().and_then(SweepReader::take_arrival)
     }
 
     /// Size of the capture that is being written.

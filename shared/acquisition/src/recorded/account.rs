@@ -126,6 +126,9 @@ impl DriveAccount {
     pub fn doubt(&self, reader: &DriveReader, doubts: &mut Doubts) {
         let (source, initial, tally) = (reader.source(), reader.initial_counts(), &self.tally);
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
+        let manifest = reader.drive().manifest();
+        let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();
+        doubts.clock(&source.lidar_stats(), has_cameras || manifest.imu.is_some() || tally.fixes > 0);
         let n_bad_clouds = source.n_bad_clouds();
         doubts.files(tally, reader.n_sweeps() + n_bad_clouds, n_bad_clouds);
         if reader.drive().manifest().gnss.is_some() {

@@ -43,7 +43,8 @@ impl Trigger {
         (kept, n_skipped)
     }
 
-    fn is_due(&self, last: Stamp, stamp: Stamp, odometer: &Odometer) -> bool {
+    /// Whether an exposure passes the rule after the last one that did.
+    pub(crate) fn is_due(&self, last: Stamp, stamp: Stamp, odometer: &Odometer) -> bool {
         let in_time = stamp.seconds_since(last) >= PERIOD_SHARE * self.period_s;
         // Without a fix the vehicle may have moved.
         in_time && odometer.between(last, stamp).is_none_or(|distance_m| distance_m >= DISTANCE_SHARE * self.distance_m)

@@ -1,5 +1,6 @@
 //! Lists the files of a drive.
 
+use super::check::{IMAGES, MOSAICS};
 use geometry::Stamp;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -15,15 +16,34 @@ pub struct Frame {
     pub path: PathBuf,
 }
 
+/// Whether a file is an exposure of a color camera by its name: not hidden, extension `jpg`, `jpeg` or `png`.
+pub fn is_image_name(path: &Path) -> bool {
+    has_extension(path, IMAGES)
+}
+
+/// Whether a file is an exposure of a mosaic camera by its name: not hidden, extension `pgm`.
+pub fn is_mosaic_name(path: &Path) -> bool {
+    has_extension(path, MOSAICS)
+}
+
+/// Stamp in the name of an exposure.
+pub fn frame_stamp(path: &Path) -> Option<Stamp> {
+    path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok()).map(Stamp)
+}
+
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    !hidden && extension.is_some_and(|extension| extensions.contains(&extension.as_str()))
+}
+
 /// Files in a folder with one of the extensions (in any case), sorted by name. Hidden files are skipped.
 pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in folder.read_dir()? {
         let path = entry?.path();
-        let hidden = path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         // Links are followed: importers link instead of copying.
-        if !hidden && extension.is_some_and(|extension| extensions.contains(&extension.as_str())) && path.is_file() {
+        if has_extension(&path, extensions) && path.is_file() {
             files.push(path);
         }
     }
@@ -35,9 +55,8 @@ pub(super) fn files_with_extension(folder: &Path, extensions: &[&str]) -> io::Re
 pub(super) fn frames(folder: &Path, camera: usize, extensions: &[&str]) -> io::Result<(Vec<Frame>, Vec<PathBuf>)> {
     let (mut frames, mut unnamed) = (Vec::new(), Vec::new());
     for path in files_with_extension(folder, extensions)? {
-        let stamp = path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
-        match stamp {
-            Some(nanos) => frames.push(Frame { stamp: Stamp(nanos), camera, path }),
+        match frame_stamp(&path) {
+            Some(stamp) => frames.push(Frame { stamp, camera, path }),
             None => unnamed.push(path),
         }
     }

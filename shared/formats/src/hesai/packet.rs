@@ -118,6 +118,18 @@ pub(super) fn nanos(layout: &Layout, payload: &[u8]) -> i64 {
     seconds * 1_000_000_000 + i64::from(micros) * 1000
 }
 
+/// Byte of a packet of the receiver: whether the clock follows the pulse per second.
+const PULSE_LOCK_AT: usize = 507;
+
+/// Whether the clock follows the pulse per second, by a packet of the receiver at the sensor; `None` if the packet does not tell.
+pub(crate) fn is_pulse_locked(payload: &[u8]) -> Option<bool> {
+    match payload.get(PULSE_LOCK_AT).filter(|_| is_gps(payload))? {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    }
+}
+
 /// Whether a payload is a packet of the receiver at the sensor.
 pub(crate) fn is_gps(payload: &[u8]) -> bool {
     payload.len() == 512 && payload.starts_with(&[0xff, 0xee])

@@ -9,6 +9,10 @@ pub struct LidarStats {
     pub data_packets: u64,
     /// Position packets; of other makers than Velodyne, packets of IMU, receiver and state, which are not read.
     pub position_packets: u64,
+    /// Packets that report the reference of the sensor's clock, and that it follows it.
+    pub clock_locked: u64,
+    /// Packets that report that the clock does not follow a reference: no pulse, not yet, an error, or free-running.
+    pub clock_unlocked: u64,
     /// Lost data packets, by gaps of the sensor clock.
     pub lost_packets: u64,
     /// Duplicated data packets; the second copy is skipped.
@@ -42,10 +46,11 @@ impl LidarStats {
     }
 
     /// All counters by name.
-    pub fn counts(&self) -> [(&'static str, u64); 14] {
+    pub fn counts(&self) -> [(&'static str, u64); 15] {
         [
             ("data_packets", self.data_packets),
             ("position_packets", self.position_packets),
+            ("pps_not_locked", self.clock_unlocked),
             ("lost_packets", self.lost_packets),
             ("duplicated_packets", self.duplicated_packets),
             ("reordered_packets", self.reordered_packets),

@@ -120,6 +120,8 @@ pub struct SweepReader {
     /// Packets lost inside that sweep so far.
     lost_packets: u64,
     fixes: Vec<Fix>,
+    /// Stamp and capture time of the packet with the least delay.
+    arrival: Option<(Stamp, Stamp)>,
 }
 
 impl SweepReader {
@@ -187,6 +189,7 @@ impl SweepReader {
             revolution: None,
             lost_packets: 0,
             fixes: Vec::new(),
+            arrival: None,
         }
     }
 
@@ -279,6 +282,12 @@ impl SweepReader {
     /// recording was read.
     pub fn take_fixes(&mut self) -> Vec<Fix> {
         std::mem::take(&mut self.fixes)
+    }
+
+    /// Stamp and capture time of the data packet whose capture followed its stamp soonest, among those read since the last call. The
+    /// difference is the offset of the clocks of sensor and host, and the delay of the network.
+    pub fn take_arrival(&mut self) -> Option<(Stamp, Stamp)> {
+        self.arrival.take()
     }
 
     /// Sentence counters of the position packets since the start of the recording.

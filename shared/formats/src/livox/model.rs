@@ -96,6 +96,11 @@ impl Model {
         }
     }
 
+    /// Type of the time of a data packet.
+    pub(crate) fn time_type(self, payload: &[u8]) -> Option<u8> {
+        payload.get(if self == Model::Mid360 { 11 } else { 8 }).copied()
+    }
+
     /// Time of a data packet: ns since 1970, or since the start of the sensor.
     pub(crate) fn packet_nanos(self, payload: &[u8]) -> i64 {
         let (time_at, has_date) = match self {

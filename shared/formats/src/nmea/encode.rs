@@ -1,6 +1,6 @@
 //! Encoding of fixes as sentences, for simulated receivers.
 
-use super::{Fix, KNOT_MPS, checksum};
+use super::{Fix, Gga, KNOT_MPS, Rmc, Sentence, checksum, parse};
 use crate::calendar::{DAY_NANOS, date_from_days};
 use geometry::Stamp;
 
@@ -33,6 +33,34 @@ pub fn rmc_without_fix(stamp: Stamp) -> String {
     sealed(&format!("GPRMC,{},V,,,,,,,{},,,N", time(stamp), date(stamp)))
 }
 
+/// A GGA or RMC sentence with its time, and the date of an RMC, moved by `nanos`, to milliseconds; other fields as they are. Any other
+/// line is returned unchanged.
+pub fn restamped(line: &str, nanos: i64) -> String {
+    let parsed = parse(line);
+    let text = line.trim();
+    let (Some((body, _)), true) = (
+        text.strip_prefix('$').and_then(|rest| rest.rsplit_once('*')),
+        matches!(parsed, Ok(Sentence::Gga(_) | Sentence::Rmc(_))),
+    ) else {
+        return line.to_owned();
+    };
+    let mut fields: Vec<String> = body.split(',').map(str::to_owned).collect();
+    let moved = match parsed {
+        Ok(Sentence::Gga(Gga { time_nanos: Some(nanos_of_day), .. })) => Some((Stamp(nanos_of_day + nanos), false)),
+        Ok(Sentence::Rmc(Rmc { stamp: Some(stamp), .. })) => Some((stamp.plus_nanos(nanos), true)),
+        _ => None,
+    };
+    let Some((stamp, has_date)) = moved else { return line.to_owned() };
+    if let Some(field) = fields.get_mut(1) {
+        *field = time(stamp);
+    }
+    if let Some(field) = fields.get_mut(9).filter(|_| has_date) {
+        *field = date(stamp);
+    }
+    let end = &line[line.trim_end().len()..];
+    sealed(&fields.join(",")) + end
+}
+
 /// Day, month and year, two digits each.
 fn date(stamp: Stamp) -> String {
     let (year, month, day) = date_from_days(stamp.0.div_euclid(DAY_NANOS));
@@ -61,4 +89,31 @@ fn angle(value: f64, digits: usize, [positive, negative]: [char; 2]) -> String {
 
 fn sealed(body: &str) -> String {
     format!("${body}*{:02X}", checksum(body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn restamped_sentences_move_over_midnight_and_keep_their_other_fields() {
+        // From a VLP-16's position packet.
+        let rmc = "$GPRMC,214106,A,3707.8178,N,12139.2690,W,010.3,188.2,230715,013.8,E,D*05\r\n";
+        let moved = restamped(rmc, (2 * 3600 + 20 * 60) * 1_000_000_000 + 250_000_000);
+        assert!(
+            moved.starts_with("$GPRMC,000106.250,A,3707.8178,N,12139.2690,W,010.3,188.2,240715,013.8,E,D*"),
+            "{moved}"
+        );
+        assert!(moved.ends_with("\r\n") && matches!(parse(&moved), Ok(Sentence::Rmc(_))), "{moved}");
+        let gga = sealed("GNGGA,235959.5,4800.0,N,00200.0,E,4,08,0.9,60.0,M,44.6,M,1.0,0042");
+        let moved = restamped(&gga, 1_000_000_000);
+        assert!(moved.starts_with("$GNGGA,000000.500,4800.0,N,00200.0,E,4,08,0.9,60.0,M,44.6,M,1.0,0042*"), "{moved}");
+        assert_eq!(
+            restamped(&gga, -86_400_000_000_000),
+            sealed(&gga[1..gga.len() - 3].replace("235959.5", "235959.500"))
+        );
+        for line in ["$GPGSV,1,1,00*79\n", "noise", "$GPGGA,,,,,,0,,,,,,,,*66", ""] {
+            assert_eq!(restamped(line, 5), line);
+        }
+    }
 }

@@ -48,6 +48,8 @@ pub struct Metadata {
     /// Rotation by columns, and translation in m.
     pub(super) sensor_from_lidar: ([[f64; 3]; 3], [f64; 3]),
     pub(super) turns_per_second: f64,
+    /// Where the times come from, if the file says it: `TIME_FROM_INTERNAL_OSC`, `TIME_FROM_SYNC_PULSE_IN` or `TIME_FROM_PTP_1588`.
+    pub(crate) timestamp_mode: Option<String>,
     serial_number: Option<u64>,
 }
 
@@ -102,6 +104,7 @@ impl Metadata {
                 [m[3], m[7], m[11]].map(to_m),
             ),
             turns_per_second,
+            timestamp_mode: find(&root, "timestamp_mode").and_then(Value::as_str).map(str::to_owned),
             serial_number: serial.and_then(|found| found.as_u64().or_else(|| found.as_str()?.parse().ok())),
         })
     }

@@ -5,7 +5,12 @@ use super::packet::{
     BLOCK_BYTES, BLOCKS_PER_PACKET, DATA_PACKET_BYTES, FACTORY_AT, LASERS_PER_BLOCK, LOWER_BLOCK, MICROS_AT,
     POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES, POSITION_PULSE_AT, ReturnMode, UPPER_BLOCK,
 };
+use super::position::PositionPacket;
+use crate::nmea;
 use geometry::Stamp;
+
+/// µs of an hour.
+const HOUR_MICROS: i64 = 3_600_000_000;
 
 /// One return as the sensor sends it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +43,8 @@ pub enum PulseStatus {
     Synchronizing = 1,
     /// The clock is synchronized.
     Locked = 2,
+    /// The sensor reports an error of the pulse.
+    Error = 3,
 }
 
 /// Payload of a data packet with strongest returns, whose first laser fires at `stamp` (truncated to µs). The last two bytes of an
@@ -79,6 +86,63 @@ pub fn encode_position_packet(stamp: Stamp, pulse: PulseStatus, nmea: &str) -> [
     bytes
 }
 
+/// Moves the time in a data or position packet by `nanos`, to microseconds, and the sentence of a position packet with it. Other
+/// payloads are unchanged.
+pub fn restamp(payload: &mut [u8], nanos: i64) {
+    let is_position = payload.len() == POSITION_PACKET_BYTES;
+    let at = match payload.len() {
+        DATA_PACKET_BYTES => MICROS_AT,
+        POSITION_PACKET_BYTES => POSITION_MICROS_AT,
+        _ => return,
+    };
+    if let Some(field) = payload.get_mut(at..at + 4) {
+        let micros = i64::from(u32::from_le_bytes([field[0], field[1], field[2], field[3]]));
+        // A time that is none, of a sensor that was never set, stays.
+        if micros < HOUR_MICROS {
+            field.copy_from_slice(&((micros + nanos / 1000).rem_euclid(HOUR_MICROS) as u32).to_le_bytes());
+        }
+    }
+    let Some(sentence) = PositionPacket::new(payload).filter(|_| is_position).map(|packet| packet.nmea.to_owned())
+    else {
+        return;
+    };
+    let moved = nmea::restamped(&sentence, nanos);
+    let room = &mut payload[POSITION_NMEA_AT..];
+    if moved != sentence && moved.len() + 2 <= room.len() {
+        room[..moved.len()].copy_from_slice(moved.as_bytes());
+        room[moved.len()..].fill(0);
+        room[moved.len()..moved.len() + 2].copy_from_slice(b"\r\n");
+    }
+}
+
 fn micros_past_hour(stamp: Stamp) -> u32 {
-    (stamp.0.rem_euclid(3_600_000_000_000) / 1000) as u32
+    (stamp.0 / 1000).rem_euclid(HOUR_MICROS) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn restamped_packets_are_those_of_the_later_time() {
+        let stamp = Stamp(1_600_000_000_123_456_000);
+        let nanos = 3_000_000_000_000 + 5_000_000;
+        let later = stamp.plus_nanos(nanos);
+        let blocks = [RawBlock { azimuth: 7, ..RawBlock::default() }; BLOCKS_PER_PACKET];
+        let mut data = encode_data_packet(Model::Hdl32e, stamp, &blocks);
+        restamp(&mut data, nanos);
+        assert_eq!(data, encode_data_packet(Model::Hdl32e, later, &blocks));
+        let sentence = |stamp| nmea::rmc_without_fix(stamp);
+        let mut position = encode_position_packet(stamp, PulseStatus::Locked, &sentence(stamp));
+        restamp(&mut position, nanos);
+        assert_eq!(position[..], encode_position_packet(later, PulseStatus::Locked, &sentence(later))[..]);
+        restamp(&mut position, -nanos);
+        assert_eq!(position[..], encode_position_packet(stamp, PulseStatus::Locked, &sentence(stamp))[..]);
+        let mut unset = data;
+        unset[MICROS_AT..FACTORY_AT].fill(0xff);
+        let before = unset;
+        restamp(&mut unset, nanos);
+        assert_eq!(unset, before);
+        restamp(&mut [0; 100], nanos);
+    }
 }

@@ -1,12 +1,14 @@
 //! Position packets: data of the GNSS receiver at the sensor.
 
-use super::packet::{POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES};
+use super::packet::{POSITION_MICROS_AT, POSITION_NMEA_AT, POSITION_PACKET_BYTES, POSITION_PULSE_AT};
 
 /// Payload of a position packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PositionPacket<'a> {
     /// µs past the hour by the clock of the sensor.
     pub micros: u32,
+    /// State of the pulse per second: a [`super::PulseStatus`], or what old firmware has at its place.
+    pub pulse: u8,
     /// Last sentence of the receiver without line end; empty without receiver.
     pub nmea: &'a str,
 }
@@ -20,6 +22,6 @@ impl<'a> PositionPacket<'a> {
         let end = text.iter().position(|byte| !(b' '..=b'~').contains(byte)).unwrap_or(text.len());
         // Printable ASCII is UTF-8.
         let nmea = std::str::from_utf8(&text[..end]).unwrap_or_default();
-        Some(Self { micros, nmea })
+        Some(Self { micros, pulse: bytes[POSITION_PULSE_AT], nmea })
     }
 }

@@ -1,5 +1,6 @@
 //! All tests of the crate's public interface in one program.
 
+mod clock_reference;
 mod damaged_input;
 mod driver_clouds;
 mod drives;

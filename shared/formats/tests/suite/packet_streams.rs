@@ -92,6 +92,7 @@ fn lost_duplicated_late_short_and_foreign_packets_are_counted_and_affect_no_othe
     let expected = LidarStats {
         data_packets: N_PACKETS as u64 - 6,
         position_packets: 1,
+        clock_locked: 1,
         lost_packets: 6,
         duplicated_packets: 1,
         reordered_packets: 8,

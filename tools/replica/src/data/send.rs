@@ -1,4 +1,8 @@
-//! `replica send`: sends the packets of a capture over UDP, at the speed at which they were captured.
+//! `replica send`: sends a drive as its sensors did, at the speed at which it was recorded.
+
+mod images;
+mod lines;
+mod others;
 
 use crate::argument::InvalidValue;
 use crate::terminal::StopFlag;
@@ -6,20 +10,28 @@ use anyhow::{Context, ensure};
 use formats::drive::Drive;
 use formats::lidar::Model;
 use formats::pcap::PacketReader;
-use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT};
+use formats::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, POSITION_PORT, restamp};
+use geometry::Stamp;
+use images::{ImageWriter, prepare_folders};
+use others::{Others, Targets};
 use run::exit;
 use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Ctrl-C takes effect within this time.
 const MAX_SLEEP: Duration = Duration::from_millis(100);
+/// Stamps are moved by less than this, ns: a century.
+const MAX_SHIFT_NANOS: i64 = 100 * 366 * 86_400 * 1_000_000_000;
+/// What other sensors measured within this time before the first and after the last packet is sent, too.
+const AROUND: Duration = Duration::from_secs(1);
 
-/// Send the packets of a capture over UDP, as the sensor did.
+/// Send a drive as its sensors did: packets of the LiDAR over UDP, images as files, NMEA sentences and IMU samples over UDP.
 ///
-/// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted.
+/// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted. All sensors
+/// follow one clock. What was measured up to one second before the first packet is sent with it.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done or Ctrl-C, 1 failed, 2 wrong usage")]
 pub struct Args {
@@ -31,6 +43,18 @@ pub struct Args {
     /// Port of the receiver of position packets, on the same host
     #[arg(long, default_value_t = POSITION_PORT)]
     position_port: u16,
+    /// Folder into which the images of the drive are written at their time, as a grabber does: under a temporary name, then renamed
+    #[arg(long, value_name = "FOLDER")]
+    images: Option<PathBuf>,
+    /// Host and port of the receiver of NMEA sentences
+    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
+    nmea: Option<SocketAddr>,
+    /// Host and port of the receiver of IMU samples
+    #[arg(long, value_name = "HOST:PORT", value_parser = address)]
+    imu: Option<SocketAddr>,
+    /// Move all stamps to now. Only for a LiDAR of Velodyne: packets of other makers are not changed
+    #[arg(long)]
+    restamp: bool,
     /// Speed: a factor of the original speed (0.001 to 1000), or max: as fast as possible
     #[arg(long, default_value = "1.0")]
     speed: Speed,
@@ -82,6 +106,9 @@ struct Sent {
     n_position: u64,
     n_bytes: u64,
     n_skipped: u64,
+    n_images: u64,
+    n_nmea: u64,
+    n_imu: u64,
     /// The largest delay behind the schedule.
     max_delay: Duration,
 }
@@ -90,35 +117,76 @@ struct Sent {
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     ensure!(args.start >= 0.0 && args.start.is_finite(), "--start {}: must be 0 or above", args.start);
     ensure!(args.seconds.is_none_or(|s| s > 0.0), "--seconds {:?}: must be above 0", args.seconds.unwrap_or_default());
-    let files = captures(&args.capture)?;
+    let drive = args.capture.is_dir().then(|| Drive::open(&args.capture)).transpose()?;
+    let files = captures(&args.capture, drive.as_ref())?;
+    let targets = Targets { images: args.images.clone(), nmea: args.nmea, imu: args.imu };
+    check(args, drive.as_ref())?;
+    if let (Some(drive), Some(root)) = (&drive, &args.images) {
+        prepare_folders(drive, root)?;
+    }
     let stop = StopFlag::register(exit::DONE).context("cannot register signal handlers")?;
     let socket = UdpSocket::bind("0.0.0.0:0").context("cannot open a UDP socket")?;
     socket.set_broadcast(true).context("cannot enable broadcasts")?;
     let begin = Instant::now();
-    let mut player = Player { args, socket, stop, begin, played: Duration::ZERO, sent: Sent::default() };
+    let (drive, targets) = (drive.as_ref(), &targets);
+    let mut player = Player {
+        args,
+        drive,
+        targets,
+        socket,
+        stop,
+        begin,
+        played: Duration::ZERO,
+        shift: 0,
+        images: ImageWriter::default(),
+        sent: Sent::default(),
+    };
     let result = player.play_all(&files);
+    let result = result.and(player.images.finish());
     player.report();
     result.map(|()| ExitCode::SUCCESS)
 }
 
 /// The capture, or the captures of the drive.
-fn captures(path: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
-    }
-    let drive = Drive::open(path)?;
+fn captures(path: &Path, drive: Option<&Drive>) -> anyhow::Result<Vec<PathBuf>> {
+    let Some(drive) = drive else { return Ok(vec![path.to_owned()]) };
     let format = &drive.manifest().lidar.format;
     ensure!(format == "pcap", "{}: the sweeps are {format} files, only captures (pcap) can be sent", path.display());
     Ok(drive.sweep_files().to_vec())
 }
 
+/// Options that the drive cannot follow.
+fn check(args: &Args, drive: Option<&Drive>) -> anyhow::Result<()> {
+    let path = args.capture.display();
+    let manifest = drive.map(Drive::manifest);
+    let has_cameras = manifest.is_some_and(|manifest| !manifest.cameras.is_empty() || !manifest.mosaics.is_empty());
+    for (option, is_set, is_there, what) in [
+        ("--images", args.images.is_some(), has_cameras, "cameras"),
+        ("--nmea", args.nmea.is_some(), manifest.is_some_and(|manifest| manifest.gnss.is_some()), "GNSS receiver"),
+        ("--imu", args.imu.is_some(), manifest.is_some_and(|manifest| manifest.imu.is_some()), "IMU"),
+    ] {
+        ensure!(!is_set || is_there, "{option}: {path} has no {what}; name the folder of a drive that has");
+    }
+    let is_other = drive.is_some_and(|drive| !matches!(drive.model(), Model::Velodyne(_)));
+    ensure!(
+        !args.restamp || !is_other,
+        "--restamp: {path} has a LiDAR whose packets cannot be moved in time; only Velodyne's can"
+    );
+    Ok(())
+}
+
 struct Player<'a> {
     args: &'a Args,
+    drive: Option<&'a Drive>,
+    targets: &'a Targets,
     socket: UdpSocket,
     stop: StopFlag,
     begin: Instant,
     /// Duration of the earlier repetitions, in time of the capture.
     played: Duration,
+    /// Added to all stamps of this repetition, ns.
+    shift: i64,
+    images: ImageWriter,
     sent: Sent,
 }
 
@@ -137,6 +205,7 @@ impl Player<'_> {
     }
 
     fn play_round(&mut self, files: &[PathBuf]) -> anyhow::Result<()> {
+        let mut others = Others::of(self.drive, self.targets)?;
         let mut first = None;
         let mut at = Duration::ZERO;
         let mut last_gap = Duration::ZERO;
@@ -145,6 +214,9 @@ impl Player<'_> {
             while let Some(packet) = reader.next()? {
                 if self.is_stopped() {
                     break 'files;
+                }
+                if first.is_none() {
+                    self.begin_round(packet.stamp, &mut others)?;
                 }
                 let since = packet.stamp.seconds_since(*first.get_or_insert(packet.stamp)) - self.args.start;
                 if since < 0.0 {
@@ -165,7 +237,7 @@ impl Player<'_> {
                 // A clock of the capture that was set back must not cause a wait.
                 let due = Duration::try_from_secs_f64(since).unwrap_or_default().max(at);
                 (last_gap, at) = (due.saturating_sub(at), due);
-                if !self.wait_for(at) {
+                if !self.send_others(&mut others, first, at)? || !self.wait_for(at) {
                     break 'files;
                 }
                 self.send(port, packet.payload)?;
@@ -176,15 +248,60 @@ impl Player<'_> {
                 eprintln!("warning: {}: ends within a packet, which is skipped", path.display());
             }
         }
+        let end = self.args.seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        self.send_others(&mut others, first, end.unwrap_or(at + AROUND).min(at + AROUND))?;
         self.played += at + last_gap;
         Ok(())
+    }
+
+    /// Skips what the other sensors measured before the part to send, and determines the shift of the stamps.
+    fn begin_round(&mut self, first: Stamp, others: &mut Others<'_>) -> anyhow::Result<()> {
+        let begin = Stamp(first.0.saturating_add((self.args.start * 1e9) as i64));
+        let lead = if self.args.start > 0.0 { 0 } else { AROUND.as_nanos() as i64 };
+        others.skip_before(Stamp(begin.0.saturating_sub(lead)))?;
+        if self.args.restamp {
+            let (due, clock) = (self.due(Duration::ZERO), Instant::now());
+            // The begin of this repetition is due a little later, or was a little earlier.
+            let now = SystemTime::now() + due.saturating_duration_since(clock) - clock.saturating_duration_since(due);
+            let now = now.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos() as i64;
+            // Sentences have milliseconds.
+            self.shift = now.saturating_sub(begin.0).div_euclid(1_000_000) * 1_000_000;
+            ensure!(self.shift.abs() < MAX_SHIFT_NANOS, "--restamp: the drive begins at {begin} s, which is no date");
+        }
+        Ok(())
+    }
+
+    /// Sends what the other sensors measured up to a time of this repetition. `false` if stopped.
+    fn send_others(&mut self, others: &mut Others<'_>, first: Option<Stamp>, until: Duration) -> anyhow::Result<bool> {
+        let Some(first) = first else { return Ok(true) };
+        while let Some(stamp) = others.next_stamp() {
+            let at = Duration::try_from_secs_f64(stamp.seconds_since(first) - self.args.start).unwrap_or_default();
+            if at > until {
+                break;
+            }
+            if !self.wait_for(at) {
+                return Ok(false);
+            }
+            others.send_next(self.shift, &self.socket, &mut self.images, &mut self.sent)?;
+        }
+        Ok(true)
+    }
+
+    /// When a time of this repetition is due.
+    fn due(&self, at: Duration) -> Instant {
+        match self.args.speed {
+            Speed::Times(times) => self.begin + (self.played + at).div_f64(times),
+            Speed::Max => Instant::now(),
+        }
     }
 
     /// Sleeps until a time of this repetition is due. The schedule is absolute: earlier delays do not add up. `false` if
     /// stopped.
     fn wait_for(&mut self, at: Duration) -> bool {
-        let Speed::Times(times) = self.args.speed else { return !self.is_stopped() };
-        let due = self.begin + (self.played + at).div_f64(times);
+        if self.args.speed == Speed::Max {
+            return !self.is_stopped();
+        }
+        let due = self.due(at);
         loop {
             let left = due.saturating_duration_since(Instant::now());
             if self.is_stopped() || left.is_zero() {
@@ -198,6 +315,14 @@ impl Player<'_> {
 
     fn send(&mut self, port: u16, payload: &[u8]) -> anyhow::Result<()> {
         let target = SocketAddr::new(self.args.to.ip(), port);
+        let mut moved;
+        let payload = if self.shift == 0 {
+            payload
+        } else {
+            moved = payload.to_vec();
+            restamp(&mut moved, self.shift);
+            &moved
+        };
         self.socket.send_to(payload, target).with_context(|| format!("cannot send to {target}"))?;
         let is_data = payload.len() != POSITION_PACKET_BYTES;
         *(if is_data { &mut self.sent.n_data } else { &mut self.sent.n_position }) += 1;
@@ -210,13 +335,16 @@ impl Player<'_> {
     }
 
     fn report(&self) {
-        let Sent { n_data, n_position, n_bytes, n_skipped, max_delay } = self.sent;
+        let Sent { n_data, n_position, n_bytes, n_skipped, n_images, n_nmea, n_imu, max_delay } = self.sent;
         let seconds = self.begin.elapsed().as_secs_f64();
         let n_packets = n_data + n_position;
         println!(
             "sent {n_packets} packets ({n_data} data, {n_position} position), {n_bytes} bytes in {seconds:.3} s, {:.0} packets/s",
             n_packets as f64 / seconds.max(1e-9)
         );
+        if n_images + n_nmea + n_imu > 0 {
+            println!("sent {n_images} images, {n_nmea} NMEA lines, {n_imu} IMU lines");
+        }
         if self.args.speed != Speed::Max {
             println!("largest delay {:.3} ms", max_delay.as_secs_f64() * 1e3);
         }
@@ -232,7 +360,6 @@ mod tests {
     use crate::argument::Cli;
     use clap::Parser;
     use formats::pcap::Writer;
-    use geometry::Stamp;
 
     /// Ten packets, 1 ms apart. The first byte is their number; every fourth is neither a data nor a position packet.
     fn capture(folder: &Path) -> PathBuf {
@@ -283,6 +410,10 @@ mod tests {
         let text = path.to_str().expect("UTF-8");
         for words in [["--speed", "0"], ["--speed", "fast"], ["--to", "127.0.0.1"]] {
             assert!(Cli::<Args>::try_parse_from(["", text].into_iter().chain(words)).is_err(), "{words:?}");
+        }
+        for (option, value) in [("--images", "x"), ("--nmea", "127.0.0.1:9"), ("--imu", "127.0.0.1:9")] {
+            let error = run(&Cli::parse_from(["", text, option, value]).args).expect_err("is no drive").to_string();
+            assert!(error.starts_with(option) && error.contains("a.pcap has no"), "{error}");
         }
         let late = Cli::parse_from(["", text, "--start", "7"]);
         assert!(run(&late.args).expect_err("no packets").to_string().contains("no LiDAR packet"));

@@ -1,11 +1,12 @@
 //! The packets of the sensor, sorted out from all packets of the captures and put in order.
 
 use super::{PacketPosition, SweepError, SweepReader};
-use crate::lidar::Model;
 use crate::lidar::capture::Arrival;
 use crate::lidar::clock::Step;
 use crate::lidar::reorder::{Held, Place, n_lost};
+use crate::lidar::{ClockReference, Model};
 use crate::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PositionPacket};
+use geometry::Stamp;
 
 impl SweepReader {
     /// The next data packet by the clock of the sensor. Returns the number of packets lost before it. `None` at the end, or if no
@@ -52,17 +53,27 @@ impl SweepReader {
             stats.short_packets += 1;
             return;
         }
-        if let Some(packet) = PositionPacket::new(payload).filter(|_| is_velodyne) {
+        let is_of_sensor = arrival.port == self.port && arrival.source == self.sensor;
+        let is_data = is_of_sensor && lidar.may_have_sent(payload);
+        let is_auxiliary = lidar.is_auxiliary(payload);
+        let position = PositionPacket::new(payload).filter(|_| is_velodyne);
+        if is_data || is_auxiliary || position.is_some() {
+            match lidar.clock_reference(payload).map(ClockReference::is_locked) {
+                Some(true) => stats.clock_locked += 1,
+                Some(false) => stats.clock_unlocked += 1,
+                None => {}
+            }
+        }
+        if let Some(packet) = position {
             stats.position_packets += 1;
             self.fixes.extend(self.at.receiver.take(packet.nmea));
             return;
         }
-        if lidar.is_auxiliary(payload) {
+        if is_auxiliary {
             stats.position_packets += 1;
             return;
         }
-        let is_of_sensor = arrival.port == self.port && arrival.source == self.sensor;
-        if is_of_sensor && lidar.may_have_sent(payload) {
+        if is_data {
             let nanos = lidar.packet_nanos(payload);
             let mut bytes = self.spare.pop().unwrap_or_default();
             bytes.clear();
@@ -106,6 +117,10 @@ impl SweepReader {
                 stamp
             }
         };
+        let delay = |(stamp, captured): (Stamp, Stamp)| captured.0.saturating_sub(stamp.0);
+        if self.arrival.is_none_or(|least| delay((stamp, held.captured)) < delay(least)) {
+            self.arrival = Some((stamp, held.captured));
+        }
         std::mem::swap(&mut self.bytes, &mut held.bytes);
         self.spare.push(held.bytes);
         self.blocks = self.decoder.blocks(&self.bytes);

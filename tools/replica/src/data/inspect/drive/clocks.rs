@@ -3,7 +3,9 @@
 use super::DriveReport;
 use super::lidar::LidarSurvey;
 use super::stream::seconds_between;
+use formats::lidar::ClockReference;
 use geometry::Stamp;
+use std::collections::BTreeMap;
 
 /// Another sensor that begins later or ends earlier than the LiDAR by more than this, s, misses a part of the drive.
 const MAX_MISSING_S: f64 = 2.0;
@@ -15,12 +17,19 @@ const ZONE_S: f64 = 1800.0;
 const LEAP_SECONDS: [(f64, &str); 2] = [(18.0, "GPS time"), (37.0, "TAI")];
 /// Offset that is told from the difference of two leap second counts, s.
 const LEAP_TOLERANCE_S: f64 = 0.6;
+/// Largest share of packets in which the clock of the LiDAR has no reference, as `acquire.max_unlocked_share` by default.
+const MAX_UNLOCKED_SHARE: f64 = 0.5;
 /// Largest difference of the clocks of LiDAR and capturing machine that is usual, s.
 const MAX_CAPTURE_OFFSET_S: f64 = 1.0;
 
 /// Adds facts and doubts.
 pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
     let mut lines = Vec::new();
+    let (line, doubt) = referenced(&lidar.clock_references);
+    lines.extend(line);
+    // A LiDAR alone needs no other clock.
+    let has_others = report.streams.iter().any(|stream| !stream.is_reference && stream.name != "lidar sweeps");
+    report.doubts.extend(doubt.filter(|_| has_others));
     if let Some(ahead_s) = lidar.ahead_of_capture_s {
         lines.push(format!("LiDAR minus capturing machine: {ahead_s:+.3} s"));
         if ahead_s.abs() > MAX_CAPTURE_OFFSET_S && lidar.capture_ahead_of_gnss_s.is_none() {
@@ -55,6 +64,26 @@ pub fn add(lidar: &LidarSurvey, report: &mut DriveReport) {
         report.doubts.extend(doubt);
     }
     report.section("Clocks", lines);
+}
+
+/// What the LiDAR reports about the reference of its clock.
+fn referenced(references: &BTreeMap<ClockReference, u64>) -> (Option<String>, Option<String>) {
+    let n_all = references.values().sum::<u64>();
+    if n_all == 0 {
+        return (None, None);
+    }
+    let percent = |n: u64| format!("{:.1} %", n as f64 / n_all as f64 * 100.0);
+    let parts: Vec<String> = references.iter().map(|(reference, n)| format!("{reference} {}", percent(*n))).collect();
+    let n_unlocked: u64 = references.iter().filter(|(reference, _)| !reference.is_locked()).map(|(_, n)| n).sum();
+    let doubt = (n_unlocked as f64 > MAX_UNLOCKED_SHARE * n_all as f64).then(|| {
+        format!(
+            "clocks: the LiDAR reports that its clock follows neither PPS nor PTP in {} of its packets ({}): stamps of other \
+             sensors may be those of another clock",
+            percent(n_unlocked),
+            parts.join(", ")
+        )
+    });
+    (Some(format!("reference of the LiDAR's clock: {}", parts.join(", "))), doubt)
 }
 
 /// Compares begin and end of a sensor with those of the LiDAR.
@@ -113,6 +142,17 @@ mod tests {
 
     fn span(begin_s: f64, end_s: f64) -> [Stamp; 2] {
         [begin_s, end_s].map(|seconds| Stamp::from_seconds(1_700_000_000.0 + seconds))
+    }
+
+    #[test]
+    fn reference_of_the_clock_is_told_and_doubted_where_it_is_absent() {
+        let of = |counts: &[(ClockReference, u64)]| referenced(&counts.iter().copied().collect());
+        assert_eq!(of(&[]), (None, None));
+        let (line, doubt) = of(&[(ClockReference::Pulse, 3), (ClockReference::PulseAbsent, 1)]);
+        assert_eq!(line.as_deref(), Some("reference of the LiDAR's clock: PPS locked 75.0 %, PPS absent 25.0 %"));
+        assert_eq!(doubt, None);
+        let (_, doubt) = of(&[(ClockReference::FreeRunning, 3), (ClockReference::Ptp, 1)]);
+        assert!(doubt.is_some_and(|text| text.contains("75.0 % of its packets (PTP 25.0 %, free-running 75.0 %)")));
     }
 
     #[test]

@@ -5,9 +5,10 @@ use super::packets::{PacketSurvey, survey};
 use super::pictures;
 use super::stream::{Stream, seconds_between};
 use formats::drive::{Drive, SourcePosition, SweepSource};
-use formats::lidar::{SweepError, SweepInfo, SweepPoint};
+use formats::lidar::{ClockReference, SweepError, SweepInfo, SweepPoint};
 use formats::nmea::{Fix, LogStats};
 use geometry::Stamp;
+use std::collections::BTreeMap;
 
 /// Sweeps that are decoded, unless all are.
 const QUICK_SWEEPS: usize = 12;
@@ -31,6 +32,8 @@ pub struct LidarSurvey {
     /// Fixes and sentences of position packets.
     pub fixes: Vec<Fix>,
     pub log: LogStats,
+    /// Packets by what they report of the reference of the LiDAR's clock.
+    pub clock_references: BTreeMap<ClockReference, u64>,
     /// LiDAR time minus capture time, s.
     pub ahead_of_capture_s: Option<f64>,
     /// Capture time minus GNSS time of the position packets, s.
@@ -127,6 +130,7 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) -> anyhow::Re
         n_returns: median_returns,
         fixes: packets.fixes,
         log: packets.log,
+        clock_references: packets.clock_references,
         ahead_of_capture_s,
         capture_ahead_of_gnss_s: packets.capture_ahead_s,
     })

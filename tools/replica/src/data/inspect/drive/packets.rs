@@ -1,6 +1,7 @@
 //! The packets of the captures of a drive: their times, without decoding them.
 
 use formats::drive::Drive;
+use formats::lidar::ClockReference;
 use formats::nmea::{Fix, FixJoiner, LogStats, Sentence, parse};
 use formats::pcap::{PacketReader, PcapError, UdpPacket, last_stamp};
 use formats::velodyne::PositionPacket;
@@ -27,6 +28,8 @@ pub struct PacketSurvey {
     pub n_foreign: u64,
     /// Capture clock minus GNSS time, s, where a receiver at the sensor sent both.
     pub capture_ahead_s: Option<f64>,
+    /// Packets by what they report of the reference of the LiDAR's clock.
+    pub clock_references: BTreeMap<ClockReference, u64>,
     /// Fixes in the position packets that were read.
     pub fixes: Vec<Fix>,
     pub log: LogStats,
@@ -100,6 +103,9 @@ impl Walk {
     }
 
     fn take(&mut self, drive: &Drive, packet: &UdpPacket<'_>) {
+        if let Some(reference) = drive.lidar().clock_reference(packet.payload) {
+            *self.found.clock_references.entry(reference).or_default() += 1;
+        }
         let is_known = self.senders.len() < MAX_SENDERS || self.senders.contains_key(&packet.source);
         if let Some(position) = PositionPacket::new(packet.payload) {
             self.take_sentence(position.nmea, packet.stamp);

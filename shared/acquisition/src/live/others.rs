@@ -1,0 +1,253 @@
+//! The sensors beside the LiDAR: received, recorded, and matched to sweeps by their stamps, as in a recorded drive.
+
+mod account;
+mod frames;
+mod logs;
+mod sources;
+
+pub use frames::DueFrame;
+pub use sources::OtherSources;
+
+use super::clocks::Clocks;
+use super::recording::RecordedEntries;
+use crate::counters::ReportedCounts;
+use crate::doubts::Tally;
+use crate::error::LiveError;
+use crate::recorded::{CameraFileError, Trigger};
+use formats::atomic_file::AtomicFile;
+use formats::drive::SweepInfo;
+use formats::lidar::LidarStats;
+use formats::manifest::{CameraEntry, MosaicEntry};
+use formats::nmea::{Fix, LogStats};
+use frames::Frames;
+use geometry::Stamp;
+use logs::{FixLog, SampleLog};
+use messages::ImuRow;
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Table of the clocks in the recording.
+const CLOCKS_FILE: &str = "clocks.csv";
+/// Interval at which it is written, for a run that is killed.
+const CLOCKS_INTERVAL: Duration = Duration::from_secs(10);
+/// Name of the LiDAR among the clocks.
+const LIDAR: &str = "lidar";
+/// Damaged files that are reported one by one; the counters include all of them.
+const MAX_REPORTED: u64 = 10;
+
+/// Limits of what comes too late or by another clock.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherLimits {
+    /// Largest time after the end of a sweep at which an image of its time is still published, s.
+    pub max_late_s: f64,
+    /// Largest offset between the clocks of two sensors, s.
+    pub max_clock_offset_s: f64,
+}
+
+/// Cameras, GNSS receiver and IMU of a live vehicle.
+pub struct OtherSensors {
+    folder: PathBuf,
+    entries: RecordedEntries,
+    limits: OtherLimits,
+    frames: Option<Frames>,
+    fixes: Option<FixLog>,
+    samples: Option<SampleLog>,
+    clocks: Clocks,
+    clocks_written: Instant,
+    /// Begin of the first and end of the last sweep that was published.
+    span: Option<[i64; 2]>,
+    tally: Tally,
+    reported: ReportedCounts,
+    counts: Vec<(&'static str, u64)>,
+    notes: Vec<String>,
+    n_damaged: u64,
+}
+
+/// Measurements of logs that belong to the sweeps up to the last one.
+#[derive(Debug, Default)]
+pub struct DueRows {
+    /// Fixes of the receiver's log.
+    pub fixes: Vec<Fix>,
+    /// Samples of the IMU.
+    pub samples: Vec<ImuRow>,
+}
+
+impl OtherSensors {
+    /// Starts to receive and to record in the folder of the recording. The trigger rule thins out the images that are published.
+    pub fn start(
+        sources: &OtherSources,
+        folder: PathBuf,
+        limits: OtherLimits,
+        trigger: Trigger,
+    ) -> Result<Self, LiveError> {
+        let entries = sources.entries();
+        fs::create_dir_all(&folder).map_err(|source| LiveError::File { path: folder.clone(), source })?;
+        Ok(Self {
+            frames: sources.start_frames(&folder, &entries, trigger)?,
+            fixes: sources.start_fixes(&folder)?,
+            samples: sources.start_samples(&folder, entries.imu.as_ref())?,
+            folder,
+            entries,
+            limits,
+            clocks: Clocks::default(),
+            clocks_written: Instant::now(),
+            span: None,
+            tally: Tally::default(),
+            reported: ReportedCounts::default(),
+            counts: Vec::new(),
+            notes: Vec::new(),
+            n_damaged: 0,
+        })
+    }
+
+    /// Entries of the recording's manifest.
+    pub fn entries(&self) -> &RecordedEntries {
+        &self.entries
+    }
+
+    /// Entries of the color cameras and of the mosaic cameras.
+    pub fn cameras(&self) -> (&[CameraEntry], &[MosaicEntry]) {
+        (&self.entries.cameras, &self.entries.mosaics)
+    }
+
+    /// Whether the fixes come from the receiver's own log, and those of the LiDAR's position packets are not used.
+    pub fn has_receiver(&self) -> bool {
+        self.fixes.is_some()
+    }
+
+    /// Adds a sweep that was published, and the arrival of one of its packets.
+    pub fn add_sweep(&mut self, info: &SweepInfo, arrival: Option<(Stamp, Stamp)>) {
+        let end = info.stamp.0.saturating_add(i64::from(info.duration_nanos));
+        let [begin, last] = self.span.unwrap_or([info.stamp.0, end]);
+        self.span = Some([begin, last.max(end)]);
+        if let Some((stamp, arrived)) = arrival {
+            self.clocks.add(LIDAR, stamp, arrived);
+        }
+    }
+
+    /// Adds fixes of the LiDAR's position packets, for the trigger rule.
+    pub fn add_packet_fixes(&mut self, fixes: &[Fix]) {
+        if let Some(frames) = &mut self.frames {
+            for fix in fixes {
+                frames.add_fix(fix);
+            }
+        }
+    }
+
+    /// Reads what has arrived. Returns the rows of the time up to the end of the last sweep.
+    pub fn take_rows(&mut self) -> Result<DueRows, LiveError> {
+        let mut due = DueRows::default();
+        if let Some(log) = &mut self.fixes {
+            let fixes = log.take_due(self.span, &mut self.clocks)?;
+            if let Some(frames) = &mut self.frames {
+                for fix in &fixes.new {
+                    frames.add_fix(fix);
+                }
+            }
+            due.fixes = fixes.due;
+        }
+        if let Some(log) = &mut self.samples {
+            let (samples, bad) = log.take_due(self.span, &mut self.clocks)?;
+            due.samples = samples;
+            let n_bad = bad.len() as u64;
+            self.tally.imu_samples += due.samples.len() as u64;
+            self.tally.bad_imu_lines += n_bad;
+            self.count("bad_imu_lines", n_bad);
+            for error in bad {
+                self.note_damage(format!("imu: {error}"));
+            }
+        }
+        if let Some(frames) = &mut self.frames {
+            frames.take_arrived(&mut self.clocks)?;
+        }
+        Ok(due)
+    }
+
+    /// The next image of the time up to the end of the last sweep, oldest first.
+    pub fn next_frame(&mut self) -> Option<DueFrame> {
+        let max_late = (self.limits.max_late_s * 1e9) as i64;
+        self.frames.as_mut()?.next_due(self.span?, max_late)
+    }
+
+    /// Adds an image that was published, or whose file is damaged.
+    pub fn add_published(&mut self, frame: &DueFrame, error: Option<CameraFileError>) {
+        let (tally, counter) = match frame {
+            DueFrame::Color(_) => (&mut self.tally.images, "bad_images"),
+            DueFrame::Mosaic(_) => (&mut self.tally.mosaics, "bad_mosaics"),
+        };
+        tally.add(error.is_some());
+        if let Some(error) = error {
+            self.count(counter, 1);
+            self.note_damage(error.to_string());
+        }
+    }
+
+    /// Adds fixes that were published, those with a height.
+    pub fn add_fixes(&mut self, n_fixes: u64, n_with_height: u64) {
+        self.tally.fixes += n_fixes;
+        self.tally.gnss_rows += n_with_height;
+    }
+
+    /// Ends the reception; what waits is recorded first.
+    pub fn close(&mut self) {
+        if let Some(frames) = &mut self.frames {
+            frames.close();
+        }
+        if let Some(log) = &mut self.fixes {
+            log.close();
+        }
+        if let Some(log) = &mut self.samples {
+            log.close();
+        }
+    }
+
+    /// Counters and notes since the last call. `packets`: counters of the LiDAR's packets and of the sentences in them.
+    pub fn take_news(&mut self, packets: Option<(LidarStats, LogStats)>) -> (Vec<(&'static str, u64)>, Vec<String>) {
+        if let Some((lidar, log)) = packets {
+            let log = self.log_stats(log);
+            let new = self.reported.take_new(lidar, log);
+            self.counts.extend(new);
+        }
+        if let Some(frames) = &mut self.frames {
+            self.counts.extend(frames.take_counts());
+        }
+        self.counts.extend(self.fixes.as_mut().into_iter().flat_map(FixLog::take_counts));
+        self.counts.extend(self.samples.as_mut().into_iter().flat_map(SampleLog::take_counts));
+        (std::mem::take(&mut self.counts), std::mem::take(&mut self.notes))
+    }
+
+    /// Writes the table of clocks into the recording, if it is time.
+    pub fn write_clocks(&mut self, is_last: bool) -> Result<(), LiveError> {
+        if !is_last && self.clocks_written.elapsed() < CLOCKS_INTERVAL || self.span.is_none() {
+            return Ok(());
+        }
+        self.clocks_written = Instant::now();
+        let path = self.folder.join(CLOCKS_FILE);
+        let write = || {
+            let file = AtomicFile::create(&path)?;
+            file.file().write_all(self.clocks.table().as_bytes())?;
+            file.commit_unsynced()
+        };
+        write().map_err(|source| LiveError::File { path: path.clone(), source })
+    }
+
+    /// Counters of the sentences that are used: of the receiver's log, else of the position packets.
+    fn log_stats(&self, of_packets: LogStats) -> LogStats {
+        self.fixes.as_ref().map_or(of_packets, FixLog::stats)
+    }
+
+    fn count(&mut self, name: &'static str, n: u64) {
+        self.counts.push((name, n));
+    }
+
+    fn note_damage(&mut self, text: String) {
+        match self.n_damaged {
+            n if n < MAX_REPORTED => self.notes.push(text),
+            MAX_REPORTED => self.notes.push("more files are damaged; see the counters".to_owned()),
+            _ => {}
+        }
+        self.n_damaged += 1;
+    }
+}

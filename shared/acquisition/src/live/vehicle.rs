@@ -1,0 +1,160 @@
+//! All sensors of a live vehicle: what their settings mean, and what is reported of them.
+
+use super::mounting::Mounting;
+use super::others::{OtherLimits, OtherSensors, OtherSources};
+use super::receiver::{address, bind};
+use super::recording::{captures, folder_inside};
+use super::sensor::{Discarded, LiveLimits, LiveSensor};
+use crate::doubts::Doubts;
+use crate::error::LiveError;
+use crate::recorded::{News, Trigger};
+use std::path::{Path, PathBuf};
+
+/// With a smaller buffer a stall of the disk soon drops packets: an HDL-32E fills 4 MiB per second, with bookkeeping.
+const RECOMMENDED_BUFFER: usize = 4 << 20;
+
+/// Where the sensors send to, and how they are read.
+#[derive(Clone, Debug)]
+pub struct LivePlan<'a> {
+    /// Drive folder or manifest with the rig.
+    pub drive: &'a Path,
+    /// Folder of the output.
+    pub output: &'a Path,
+    /// Folder of the recording, inside the output.
+    pub recording: &'a str,
+    /// Address of data packets.
+    pub listen: &'a str,
+    /// Address of position packets.
+    pub position_listen: &'a str,
+    /// Model of the LiDAR; empty = that of the rig or of the packets.
+    pub model: &'a str,
+    /// Folder of the grabber.
+    pub cameras: Option<PathBuf>,
+    /// Source of NMEA sentences; empty = the position packets.
+    pub gnss: &'a str,
+    /// Source of IMU samples; empty = none.
+    pub imu: &'a str,
+    /// Limits of the LiDAR.
+    pub limits: LiveLimits,
+    /// Limits of the other sensors.
+    pub other_limits: OtherLimits,
+    /// Which images are published.
+    pub trigger: Trigger,
+}
+
+/// The LiDAR and the other sensors.
+pub struct LiveVehicle {
+    /// The LiDAR.
+    pub lidar: LiveSensor,
+    /// The others.
+    pub others: OtherSensors,
+    n_packets: u64,
+}
+
+impl LivePlan<'_> {
+    /// What prevents receiving or recording: settings and texts.
+    pub fn problems(&self) -> Vec<(&'static str, String)> {
+        let problem = |error: &LiveError| (error.key(), error.to_string());
+        let (mut problems, mut bound) = (Vec::new(), Vec::new());
+        for (key, value) in [("listen", self.listen), ("position_listen", self.position_listen)] {
+            match address(value).and_then(bind) {
+                Ok(socket) => bound.push(socket),
+                Err(error) => problems.push((key, error.to_string())),
+            }
+        }
+        // A rig that cannot be read is one problem, not one of each sensor.
+        let others = match self.mounting() {
+            Err(error) => vec![error],
+            Ok(_) => self.others().map_or_else(|errors| errors, |sources| sources.check()),
+        };
+        problems.extend(others.iter().map(problem));
+        match folder_inside(self.output, self.recording) {
+            Err(error) => problems.push(problem(&error)),
+            Ok(folder) => match captures(&folder) {
+                Ok(captures) if captures.is_empty() => {}
+                Ok(captures) => problems.push(problem(&LiveError::Used { n: captures.len(), folder })),
+                Err(error) => problems.push(("recording", format!("{}: {error}", folder.display()))),
+            },
+        }
+        problems
+    }
+
+    /// Starts to receive and to record.
+    pub fn start(&self) -> Result<LiveVehicle, LiveError> {
+        let addresses = [address(self.listen)?, address(self.position_listen)?];
+        let mounting = self.mounting()?;
+        let folder = folder_inside(self.output, self.recording)?;
+        let sources = self.others().map_err(|mut errors| errors.swap_remove(0))?;
+        let others = OtherSensors::start(&sources, folder.clone(), self.other_limits, self.trigger)?;
+        let lidar = LiveSensor::start(addresses, folder, mounting.with_others(others.entries()), self.limits)?;
+        Ok(LiveVehicle { lidar, others, n_packets: 0 })
+    }
+
+    fn mounting(&self) -> Result<Mounting, LiveError> {
+        Mounting::find(self.drive, self.model)
+    }
+
+    /// The error has at least one problem.
+    fn others(&self) -> Result<OtherSources, Vec<LiveError>> {
+        OtherSources::find(self.cameras.clone(), self.gnss, self.imu, self.drive)
+    }
+}
+
+impl LiveVehicle {
+    /// Ends the reception; what waits is recorded first.
+    pub fn close(&mut self) {
+        self.lidar.close();
+        self.others.close();
+    }
+
+    /// Reads the rest of the recording, discards it, and writes the last table of clocks.
+    pub fn discard_rest(&mut self) -> Result<(), LiveError> {
+        self.lidar.discard_rest()?;
+        self.others.discard_rest();
+        self.others.write_clocks(true)
+    }
+
+    /// Counters and notes since the last call.
+    pub fn take_news(&mut self) -> News {
+        let mut news = News::default();
+        let n_packets = self.lidar.n_packets();
+        if self.n_packets == 0 && n_packets > 0 {
+            news.notes = self.notes_of_begin();
+        }
+        let Discarded { skipped, partial } = self.lidar.take_discarded();
+        news.counts = vec![
+            ("udp_packets", n_packets - self.n_packets),
+            ("udp_packets_dropped", self.lidar.take_dropped()),
+            ("sweeps_skipped", skipped),
+            ("partial_sweeps", partial),
+        ];
+        self.n_packets = n_packets;
+        let (counts, notes) = self.others.take_news(self.lidar.stats());
+        news.counts.extend(counts);
+        news.notes.extend(notes);
+        news
+    }
+
+    /// Collects the doubts.
+    pub fn doubt(&self, doubts: &mut Doubts) {
+        if self.lidar.n_sweeps() == 0 && self.n_packets > 0 {
+            doubts.no_sweep(self.n_packets);
+        }
+        if let Some((lidar, log)) = self.lidar.stats() {
+            doubts.captures(&lidar, self.lidar.recorded_bytes());
+            self.others.doubt(&lidar, log, doubts);
+        }
+    }
+
+    fn notes_of_begin(&self) -> Vec<String> {
+        let mut notes = vec![format!("recording to {}", self.lidar.capture().display()), self.lidar.rig().to_string()];
+        let n_bytes = self.lidar.buffer_bytes();
+        if n_bytes < RECOMMENDED_BUFFER {
+            notes.push(format!(
+                "the kernel's receive buffer has {n_bytes} bytes; set net.core.rmem_max to {RECOMMENDED_BUFFER} to avoid dropped packets \
+                 when the disk stalls"
+            ));
+        }
+        notes
+    }
+}

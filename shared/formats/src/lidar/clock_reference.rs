@@ -1,0 +1,125 @@
+//! What a LiDAR reports about the reference of its clock.
+
+use super::calibration::Beams;
+use super::{Lidar, Model};
+use crate::{hesai, velodyne};
+use std::fmt;
+
+/// Reference of the clock of a LiDAR.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ClockReference {
+    /// The pulse per second of a GNSS receiver, or of another clock at the same input.
+    Pulse,
+    /// The clock is being set by the pulse.
+    PulseSynchronizing,
+    /// No pulse at the input.
+    PulseAbsent,
+    /// The sensor reports an error of the pulse.
+    PulseError,
+    /// A clock on the network (IEEE 1588 or 802.1AS).
+    Ptp,
+    /// None: the time since the start of the sensor.
+    FreeRunning,
+}
+
+impl ClockReference {
+    /// Whether the clock follows its reference.
+    pub fn is_locked(self) -> bool {
+        matches!(self, Self::Pulse | Self::Ptp)
+    }
+}
+
+impl fmt::Display for ClockReference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Pulse => "PPS locked",
+            Self::PulseSynchronizing => "PPS synchronizing",
+            Self::PulseAbsent => "PPS absent",
+            Self::PulseError => "PPS error",
+            Self::Ptp => "PTP",
+            Self::FreeRunning => "free-running",
+        })
+    }
+}
+
+impl Lidar {
+    /// The reference that a packet of the sensor reports, or its metadata for all data packets. `None` if it reports none.
+    pub fn clock_reference(&self, payload: &[u8]) -> Option<ClockReference> {
+        match (self.model(), &self.beams) {
+            (Model::Velodyne(_), _) => match velodyne::PositionPacket::new(payload)?.pulse {
+                0 => Some(ClockReference::PulseAbsent),
+                1 => Some(ClockReference::PulseSynchronizing),
+                2 => Some(ClockReference::Pulse),
+                3 => Some(ClockReference::PulseError),
+                _ => None,
+            },
+            (Model::Hesai(_), _) => {
+                let is_locked = hesai::is_pulse_locked(payload)?;
+                Some(if is_locked { ClockReference::Pulse } else { ClockReference::PulseAbsent })
+            }
+            (Model::Ouster, Beams::Ouster(metadata)) if metadata.is_data(payload) => {
+                match metadata.timestamp_mode.as_deref()? {
+                    "TIME_FROM_INTERNAL_OSC" => Some(ClockReference::FreeRunning),
+                    "TIME_FROM_SYNC_PULSE_IN" => Some(ClockReference::Pulse),
+                    "TIME_FROM_PTP_1588" => Some(ClockReference::Ptp),
+                    _ => None,
+                }
+            }
+            (Model::Livox(model), _) if model.is_data(payload) => match model.time_type(payload)? {
+                0 => Some(ClockReference::FreeRunning),
+                1 => Some(ClockReference::Ptp),
+                // Mid-360: 2 GPS. Avia: 3 pulse and date, 4 pulse.
+                2..=4 => Some(ClockReference::Pulse),
+                _ => None,
+            },
+            (Model::Ouster | Model::Livox(_) | Model::Robosense(_), _) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::velodyne::{PulseStatus, encode_position_packet};
+    use geometry::Stamp;
+
+    #[test]
+    fn states_of_the_pulse_are_told_apart() {
+        let velodyne = Lidar::from(Model::Velodyne(velodyne::Model::Hdl32e));
+        let of = |pulse| velodyne.clock_reference(&encode_position_packet(Stamp(0), pulse, ""));
+        assert_eq!(of(PulseStatus::Absent), Some(ClockReference::PulseAbsent));
+        assert_eq!(of(PulseStatus::Synchronizing), Some(ClockReference::PulseSynchronizing));
+        assert_eq!(of(PulseStatus::Locked), Some(ClockReference::Pulse));
+        assert_eq!(of(PulseStatus::Error), Some(ClockReference::PulseError));
+        let mut unknown = encode_position_packet(Stamp(0), PulseStatus::Locked, "");
+        unknown[202] = 77;
+        assert_eq!(velodyne.clock_reference(&unknown), None);
+        assert_eq!(velodyne.clock_reference(&[0; 1206]), None);
+        let hesai = Lidar::from(Model::Hesai(hesai::Model::Pandar40p));
+        let mut packet = [0xdf; 512];
+        packet[..2].copy_from_slice(&[0xff, 0xee]);
+        for (flag, expected) in [(1, Some(ClockReference::Pulse)), (0, Some(ClockReference::PulseAbsent)), (9, None)] {
+            packet[507] = flag;
+            assert_eq!(hesai.clock_reference(&packet), expected);
+        }
+        assert_eq!(hesai.clock_reference(&packet[..511]), None);
+        assert!(ClockReference::Ptp.is_locked() && !ClockReference::FreeRunning.is_locked());
+    }
+
+    #[test]
+    fn type_of_the_time_in_livox_packets_is_the_reference() {
+        let lidar = Lidar::from(Model::Livox(crate::livox::Model::Mid360));
+        // One point in mm.
+        let mut payload = [0_u8; 36 + 14];
+        (payload[1], payload[5], payload[10]) = (50, 1, 1);
+        for (kind, expected) in [
+            (0, Some(ClockReference::FreeRunning)),
+            (1, Some(ClockReference::Ptp)),
+            (2, Some(ClockReference::Pulse)),
+            (200, None),
+        ] {
+            payload[11] = kind;
+            assert_eq!(lidar.clock_reference(&payload), expected);
+        }
+    }
+}
