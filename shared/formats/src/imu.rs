@@ -91,18 +91,25 @@ pub struct ImuReader<R> {
     last: Option<Stamp>,
     failed: bool,
     body_from_unit: Option<UnitQuaternion<f64>>,
+    delay_nanos: i64,
 }
 
 impl<R: BufRead> ImuReader<R> {
     /// A reader at the beginning of a file.
     pub fn new(lines: R) -> Self {
-        Self { lines, line: 0, last: None, failed: false, body_from_unit: None }
+        Self { lines, line: 0, last: None, failed: false, body_from_unit: None, delay_nanos: 0 }
     }
 
     /// The same for a unit whose axes are not those of the body: samples are in the body frame.
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { body_from_unit: Some(body_from_unit), ..self }
+    }
+
+    /// The same for a unit whose stamps are late: samples have the time of the measurement.
+    #[must_use]
+    pub fn delayed(self, delay_nanos: i64) -> Self {
+        Self { delay_nanos, ..self }
     }
 
     /// The next line; `None` at the end of the file.
@@ -141,6 +148,7 @@ impl<R: BufRead> ImuReader<R> {
         let in_body = |of_unit: [f64; 3]| {
             self.body_from_unit.map_or(of_unit, |body_from_unit| (body_from_unit * Vector3::from(of_unit)).into())
         };
+        let stamp = stamp.plus_nanos(self.delay_nanos.saturating_neg());
         Ok(ImuSample { stamp, acceleration: in_body([ax, ay, az]), angular_rate: in_body([wx, wy, wz]) })
     }
 }

@@ -191,7 +191,12 @@ impl Check<'_> {
         let (width, height) = entry.model.size();
         let n_values = u64::from(width) * u64::from(height) * COLORS;
         self.fits::<ImageTopic>(&key("model"), n_values, &format!("{width} x {height} pixels of {COLORS} colors"));
-        self.frames(&key("folder"), &entry.folder, index, &["jpg", "jpeg", "png"])
+        rules::delay(&mut self.file, &key("delay_nanos"), entry.delay_nanos);
+        let mut frames = self.frames(&key("folder"), &entry.folder, index, &["jpg", "jpeg", "png"]);
+        for frame in &mut frames {
+            frame.stamp = frame.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
+        }
+        frames
     }
 
     fn mosaic(&mut self, index: usize, entry: &MosaicEntry) -> Vec<Frame> {
@@ -295,11 +300,13 @@ impl Check<'_> {
             format!("value {:?} must be latitude -90 to 90, longitude -180 to 180 and height in m", entry.origin)
         });
         rules::position(&mut self.file, "gnss.antenna_in_body", &entry.antenna_in_body);
+        rules::delay(&mut self.file, "gnss.delay_nanos", entry.delay_nanos);
         self.file("gnss.file", &entry.file);
     }
 
     fn imu(&mut self, entry: &ImuEntry) {
         self.imu_mounting(entry);
+        rules::delay(&mut self.file, "imu.delay_nanos", entry.delay_nanos);
         self.file("imu.file", &entry.file);
     }
 
