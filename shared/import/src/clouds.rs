@@ -33,6 +33,8 @@ pub(crate) const EXTENSION: &str = "mcap";
 const MAX_COORDINATE_M: f64 = 8_000.0;
 /// Reduced coordinates have an origin at a multiple of this, m.
 const ORIGIN_STEP_M: f64 = 1_000.0;
+/// Unknown classes that are counted one by one: a damaged file may have any number.
+const MAX_UNKNOWN: usize = 1024;
 /// Unknown classes that are named in the report.
 const MAX_NAMED: usize = 8;
 
@@ -81,7 +83,8 @@ pub(crate) fn import(layout: Layout, source: &Path, out: &Path) -> Result<Vec<St
     let n_submaps = recording.finish()?;
     std::fs::rename(&path, out).at(out)?;
     let name = layout.title();
-    let mut report = vec![format!("{}: {n_submaps} submaps ({name})", out.display())];
+    let plural = if n_submaps == 1 { "" } else { "s" };
+    let mut report = vec![format!("{}: {n_submaps} submap{plural} ({name})", out.display())];
     report.extend(account.report(name, has_positions, origin));
     if !first.left.is_empty() {
         report.push(format!("not imported: columns {}", first.left.join(", ")));
@@ -108,10 +111,7 @@ fn sort(
         bins.sweeps(next_stamp)
     } else {
         let mut ground = invented::GroundCells::default();
-        each_point(file, columns, |point| {
-            ground.add(&local(point));
-            Ok(())
-        })?;
+        each_point(file, columns, |point| ground.add(&local(point)).map_err(|rule| ImportError::at(file, rule)))?;
         ground.sweeps(next_stamp)
     };
     if sweeps.is_empty() {
@@ -142,7 +142,9 @@ impl Account {
             Some(_) => {}
             None => {
                 self.n_unlabeled += 1;
-                *self.unknown.entry(point.label).or_default() += 1;
+                if self.unknown.len() < MAX_UNKNOWN || self.unknown.contains_key(&point.label) {
+                    *self.unknown.entry(point.label).or_default() += 1;
+                }
             }
         }
     }

@@ -27,6 +27,9 @@ const STEP_NANOS: i64 = 100_000_000;
 /// Tiles whose order is a path from neighbor to neighbor; more are in the order of their places.
 const MAX_CHAINED: usize = 4096;
 
+/// Cells of a cloud at most, 400 MB: 8 square kilometers.
+const MAX_CELLS: usize = 1 << 23;
+
 type Key = (i32, i32);
 
 #[derive(Clone, Copy)]
@@ -62,9 +65,10 @@ fn divided((x, y): Key, by: i32) -> Key {
 }
 
 impl GroundCells {
-    pub fn add(&mut self, point: &CloudPoint) {
+    /// Adds a point. An error if the points are too far apart.
+    pub fn add(&mut self, point: &CloudPoint) -> Result<(), String> {
         if !point.is_valid() {
-            return;
+            return Ok(());
         }
         let z = point.position[2];
         let cell = self.cells.entry(key_of(point.position)).or_insert(Cell { lowest_m: z, n_ground: 0 });
@@ -75,6 +79,10 @@ impl GroundCells {
         if z <= cell.lowest_m + GROUND_M {
             cell.n_ground = cell.n_ground.saturating_add(1);
         }
+        if self.cells.len() > MAX_CELLS {
+            return Err(format!("its points lie on more than {MAX_CELLS} square meters; are the coordinates in m?"));
+        }
+        Ok(())
     }
 
     /// The sweeps, from `next_stamp` on.
@@ -101,7 +109,7 @@ impl GroundCells {
             let first = all.len();
             for (block, position) in by_tile.remove(&tile).unwrap_or_default() {
                 by_block.insert(block, all.len());
-                let stamp = next_stamp + all.len() as i64 * STEP_NANOS;
+                let stamp = next_stamp.saturating_add(all.len() as i64 * STEP_NANOS);
                 all.push(Sweep { stamp, duration_nanos: 0, begin: position, end: position });
             }
             tiles.push(first..all.len());

@@ -58,7 +58,7 @@ impl SubmapRecording {
 
     /// Earliest stamp of the next file, ns.
     pub fn next_stamp(&self) -> i64 {
-        self.end + PAUSE_NANOS
+        self.end.saturating_add(PAUSE_NANOS)
     }
 
     /// Adds points of a tile as a submap. Points are sorted by sweep.
@@ -118,7 +118,7 @@ impl SubmapRecording {
         let last = sweeps.all[of_tile.end - 1];
         let mut header = SubmapHeader {
             stamp_begin: sweeps.all[of_tile.start].stamp,
-            stamp_end: last.stamp + i64::from(last.duration_nanos),
+            stamp_end: last.stamp.saturating_add(i64::from(last.duration_nanos)),
             world_from_submap: PoseRow { translation: origin, rotation: [0.0, 0.0, 0.0, 1.0] },
             min: [f32::INFINITY; 3],
             max: [f32::NEG_INFINITY; 3],
@@ -184,5 +184,5 @@ fn poses_of(sweeps: &Sweeps, sweep: usize) -> [StampedPose; 2] {
         stamp,
         world_from_body: PoseRow { translation, rotation: [0.0, 0.0, 0.0, 1.0] },
     };
-    [pose(sweep.stamp, sweep.begin), pose(sweep.stamp + i64::from(sweep.duration_nanos), sweep.end)]
+    [pose(sweep.stamp, sweep.begin), pose(sweep.stamp.saturating_add(i64::from(sweep.duration_nanos)), sweep.end)]
 }

@@ -90,8 +90,8 @@ impl Finder {
         let (sweep, offset_nanos) = match &sweeps.rule {
             Rule::Time { bins, shift_nanos } => {
                 let sweep = bins.binary_search(&true_path::bin(point.time_s)).ok()?;
-                let stamp = true_path::nanos(point.time_s) + shift_nanos;
-                (sweep, u32::try_from(stamp - sweeps.all[sweep].stamp).ok()?)
+                let stamp = true_path::nanos(point.time_s).saturating_add(*shift_nanos);
+                (sweep, u32::try_from(stamp.saturating_sub(sweeps.all[sweep].stamp)).ok()?)
             }
             Rule::Nearest(nearest) => (nearest.sweep(point.position, &sweeps.all, &mut self.nearest)?, 0),
         };

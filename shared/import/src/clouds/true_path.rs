@@ -65,12 +65,13 @@ impl Bins {
     /// The sweeps. Times that begin before `next_stamp` are shifted: files of a data set may begin at the same time.
     pub fn sweeps(&self, next_stamp: i64) -> Sweeps {
         let begin = self.by_number.values().next().map_or(0, |bin| nanos(bin.first.time_s));
-        let shift_nanos = (next_stamp - begin).max(0);
+        // Saturates for times of damaged files, whose points are then invalid.
+        let shift_nanos = next_stamp.saturating_sub(begin).max(0);
         let (mut all, mut tiles) = (Vec::new(), Vec::new());
         let (mut tile, mut length_m, mut n_points) = (0..0, 0.0, 0);
         for bin in self.by_number.values() {
-            let stamp = nanos(bin.first.time_s) + shift_nanos;
-            let duration_nanos = (nanos(bin.last.time_s) + shift_nanos - stamp) as u32;
+            let stamp = nanos(bin.first.time_s).saturating_add(shift_nanos);
+            let duration_nanos = (nanos(bin.last.time_s) - nanos(bin.first.time_s)) as u32;
             let sweep = Sweep { stamp, duration_nanos, begin: bin.first.position, end: bin.last.position };
             let step_m = all.last().map_or(0.0, |before: &Sweep| norm(difference(sweep.begin, before.begin)));
             length_m += step_m;

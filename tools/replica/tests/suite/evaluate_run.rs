@@ -261,7 +261,8 @@ fn points_of_unlabeled_sweeps_are_counted_apart_and_only_others_change_the_exit_
     let output = evaluate(&run, &drive, &[]);
     let said = printed(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("contains no label file of a sweep"), "{said}");
+    // Which one depends on whether the run reaches the end of the drive.
+    assert!(said.contains("contains no label file of a sweep") || said.contains("have no labels"), "{said}");
 }
 
 #[test]

@@ -122,7 +122,7 @@ fn scored(args: &Args, truth: TrueLabels) -> anyhow::Result<PointScores> {
         args.run.display(),
         args.truth.display()
     );
-    if scores.share_joined() < MIN_SHARE_OF_DRIVE {
+    if scores.share_of_drive() < MIN_SHARE_OF_DRIVE {
         bail!(
             "{}: {}\nhint: --truth must be the drive of the run: {}",
             args.run.display(),

@@ -129,6 +129,11 @@ impl PointScores {
         Ok(())
     }
 
+    /// Share of the points that are returns of the drive, also of its unlabeled sweeps.
+    pub fn share_of_drive(&self) -> f64 {
+        (self.n_joined + self.n_in_unlabeled) as f64 / self.n_points.max(1) as f64
+    }
+
     /// Share of the points outside of unlabeled sweeps that are returns of the drive.
     pub fn share_joined(&self) -> f64 {
         self.n_joined as f64 / (self.n_points - self.n_in_unlabeled).max(1) as f64
@@ -156,7 +161,7 @@ impl PointScores {
         let sweeps = sweeps.map(|stamps| stamps.map(|stamp| stamp as f64 * 1e-9));
         format!(
             "only {} of {} points are returns of {} ({}); times of the points: {}, of its sweeps so far: {}",
-            self.n_joined,
+            self.n_joined + self.n_in_unlabeled,
             self.n_points,
             truth.display(),
             reasons.join(", "),
