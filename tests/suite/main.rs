@@ -8,6 +8,7 @@ mod crash_recovery;
 mod damaged_states;
 mod documentation;
 mod isolation;
+mod labeled_clouds;
 mod launch_file;
 mod live_mode;
 mod live_rig;

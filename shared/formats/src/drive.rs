@@ -143,18 +143,25 @@ impl Drive {
         SweepSource::open(self)
     }
 
-    /// All position fixes; empty if the drive has no GNSS receiver.
+    /// All position fixes, without the delay of their stamps; empty if the drive has no GNSS receiver.
     pub fn fixes(&self) -> io::Result<(Vec<Fix>, LogStats)> {
         match &self.manifest.gnss {
-            Some(entry) => Ok(nmea::fixes(&fs::read(self.folder.join(&entry.file))?)),
+            Some(entry) => {
+                let (mut fixes, stats) = nmea::fixes(&fs::read(self.folder.join(&entry.file))?);
+                for fix in &mut fixes {
+                    fix.stamp = fix.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
+                }
+                Ok((fixes, stats))
+            }
             None => Ok((Vec::new(), LogStats::default())),
         }
     }
 
-    /// A reader of the IMU samples, if the drive has an IMU.
+    /// A reader of the IMU samples, without the delay of their stamps, if the drive has an IMU.
     pub fn imu(&self) -> io::Result<Option<ImuReader<BufReader<File>>>> {
         let open = |entry: &ImuEntry| {
             let reader = ImuReader::new(BufReader::new(File::open(self.folder.join(&entry.file))?));
+            let reader = reader.delayed(entry.delay_nanos);
             Ok(if entry.body_from_imu.is_some() { reader.rotated(entry.mounting().rotation) } else { reader })
         };
         self.manifest.imu.as_ref().map(open).transpose()

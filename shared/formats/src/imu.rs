@@ -89,6 +89,7 @@ pub struct ImuParser {
     line: u64,
     last: Option<Stamp>,
     body_from_unit: Option<UnitQuaternion<f64>>,
+    delay_nanos: i64,
 }
 
 impl ImuParser {
@@ -96,6 +97,12 @@ impl ImuParser {
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { body_from_unit: Some(body_from_unit), ..self }
+    }
+
+    /// For a unit whose stamps are late: samples have the time of the measurement.
+    #[must_use]
+    pub fn delayed(self, delay_nanos: i64) -> Self {
+        Self { delay_nanos, ..self }
     }
 
     /// The sample of the next line; `None` for an empty line and for the header in the first line.
@@ -131,6 +138,7 @@ impl ImuParser {
         let in_body = |of_unit: [f64; 3]| {
             self.body_from_unit.map_or(of_unit, |body_from_unit| (body_from_unit * Vector3::from(of_unit)).into())
         };
+        let stamp = stamp.plus_nanos(self.delay_nanos.saturating_neg());
         Ok(ImuSample { stamp, acceleration: in_body([ax, ay, az]), angular_rate: in_body([wx, wy, wz]) })
     }
 }
@@ -153,6 +161,12 @@ impl<R: BufRead> ImuReader<R> {
     #[must_use]
     pub fn rotated(self, body_from_unit: UnitQuaternion<f64>) -> Self {
         Self { parser: self.parser.rotated(body_from_unit), ..self }
+    }
+
+    /// As [`ImuParser::delayed`].
+    #[must_use]
+    pub fn delayed(self, delay_nanos: i64) -> Self {
+        Self { parser: self.parser.delayed(delay_nanos), ..self }
     }
 
     /// The next line; `None` at the end of the file.

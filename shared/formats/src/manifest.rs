@@ -73,6 +73,9 @@ pub struct CameraEntry {
     pub folder: String,
     /// Exposure time, ns.
     pub exposure_nanos: u64,
+    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub delay_nanos: i64,
     /// Mounting.
     pub body_from_camera: PoseEntry,
     /// Lens.
@@ -135,6 +138,9 @@ pub struct GnssEntry {
     pub file: String,
     /// Latitude (deg), longitude (deg) and height (m) of the world frame's origin, WGS84.
     pub origin: [f64; 3],
+    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub delay_nanos: i64,
     /// Position of the antenna in the body frame, m.
     pub antenna_in_body: [f64; 3],
 }
@@ -145,6 +151,9 @@ pub struct GnssEntry {
 pub struct ImuEntry {
     /// Name of the log file.
     pub file: String,
+    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub delay_nanos: i64,
     /// Position of the accelerometer in the body frame, m. Its axes are the axes of the body frame, unless `body_from_imu` is there.
     #[serde(default)]
     pub position_in_body: [f64; 3],
@@ -170,6 +179,12 @@ pub struct TruthEntry {
     /// CSV with the satellites in view and the error of the fix, one line per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gnss: Option<String>,
+}
+
+/// A value that is not written.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+fn is_zero(value: &i64) -> bool {
+    *value == 0
 }
 
 impl PoseEntry {

@@ -41,6 +41,7 @@ pub(crate) fn add(plan: &mut Plan, cameras: Vec<Camera>) -> Result<(), ImportErr
             Link { place: Path::new(&folder).join(format!("{stamp}.{extension}")), original }
         }));
         plan.manifest.cameras.push(CameraEntry {
+            delay_nanos: 0,
             name: camera.name,
             folder,
             exposure_nanos: camera.exposure_nanos,

@@ -1,5 +1,6 @@
 //! The layouts that are recognized.
 
+use crate::clouds::Layout;
 use crate::error::{At, ImportError};
 use crate::files::files;
 use crate::{mandeye, nuscenes, ros};
@@ -20,6 +21,14 @@ pub enum Kind {
     Mandeye,
     /// Rows of x y z intensity as f32.
     Bin,
+    /// Labeled clouds with positions of the scanner, of Paris-CARLA-3D.
+    ParisCarla,
+    /// Labeled clouds of Paris-Lille-3D.
+    ParisLille,
+    /// Labeled clouds of Toronto-3D.
+    Toronto,
+    /// Labeled clouds of `Street3D` as text.
+    Street3d,
     /// Point clouds of PCL.
     Pcd,
     /// Point clouds of the Stanford format.
@@ -30,16 +39,20 @@ pub enum Kind {
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 13] = [
         Self::Ros,
         Self::KittiRaw,
         Self::KittiOdometry,
         Self::Nuscenes,
         Self::Mandeye,
+        Self::ParisCarla,
+        Self::ParisLille,
+        Self::Toronto,
         Self::Bin,
         Self::Pcd,
         Self::Ply,
         Self::Las,
+        Self::Street3d,
     ];
 
     /// Value of `--kind`.
@@ -54,6 +67,10 @@ impl Kind {
             Self::Ply => "ply",
             Self::Las => "las",
             Self::Mandeye => "mandeye",
+            Self::ParisCarla => "paris-carla-3d",
+            Self::ParisLille => "paris-lille-3d",
+            Self::Toronto => "toronto-3d",
+            Self::Street3d => "street3d",
         }
     }
 
@@ -71,6 +88,21 @@ impl Kind {
             Self::Nuscenes => "nuScenes",
             Self::Mandeye => "MandEye",
             Self::Bin | Self::Pcd | Self::Ply | Self::Las => "bare sweeps",
+            Self::ParisCarla => Layout::ParisCarla.title(),
+            Self::ParisLille => Layout::ParisLille.title(),
+            Self::Toronto => Layout::Toronto.title(),
+            Self::Street3d => Layout::Street3d.title(),
+        }
+    }
+
+    /// The layout of labeled clouds, which become a recording.
+    pub(crate) fn clouds(self) -> Option<Layout> {
+        match self {
+            Self::ParisCarla => Some(Layout::ParisCarla),
+            Self::ParisLille => Some(Layout::ParisLille),
+            Self::Toronto => Some(Layout::Toronto),
+            Self::Street3d => Some(Layout::Street3d),
+            _ => None,
         }
     }
 
@@ -86,6 +118,10 @@ impl Kind {
             Self::Ply => "*.ply",
             Self::Las => "*.las or *.laz",
             Self::Mandeye => "lidar*.laz",
+            Self::ParisCarla => "*.ply with x_lidar_position and semantic",
+            Self::ParisLille => "*.ply with reflectance and class",
+            Self::Toronto => "*.ply with scalar_Label",
+            Self::Street3d => "*.txt with points and classes",
         }
     }
 
@@ -101,6 +137,9 @@ impl Kind {
             Self::Ply => has(".ply")?,
             Self::Las => has(".las")? || has(".laz")?,
             Self::Mandeye => !mandeye::lidar_files(source)?.is_empty(),
+            Self::ParisCarla | Self::ParisLille | Self::Toronto | Self::Street3d => {
+                self.clouds().map_or(Ok(false), |layout| layout.fits(source))?
+            }
         })
     }
 

@@ -1,8 +1,10 @@
-//! Imports recordings and data sets of others as drive folders (`docs/guide/import_data_sets.md`).
+//! Imports recordings and data sets of others as drive folders, and labeled clouds as recordings
+//! (`docs/guide/import_data_sets.md`).
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
 
 mod cameras;
+mod clouds;
 mod error;
 mod files;
 mod imu_units;
@@ -15,6 +17,8 @@ mod numbered;
 mod nuscenes;
 mod plain;
 mod plan;
+mod point_times;
+mod rings;
 mod ros;
 mod rows;
 mod sweeps;
@@ -48,7 +52,7 @@ pub struct Options {
     pub ros: RosOptions,
 }
 
-/// Imports `source` as the drive folder `out`, which must not exist, and returns lines for the operator: what was taken and what was
+/// Imports `source` as the drive folder `out`, or labeled clouds as the recording `out`, which must not exist, and returns lines for the operator: what was taken and what was
 /// left. A failed import leaves no folder.
 pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String>, ImportError> {
     if out.exists() {
@@ -66,13 +70,25 @@ pub fn import(source: &Path, out: &Path, options: &Options) -> Result<Vec<String
         let rule = format!("{} has no topics, frames or calibration to choose", kind.title());
         return Err(ImportError::of_option("--topic, --body-frame, --transform and --calibration", rule));
     }
+    if let Some(layout) = kind.clouds() {
+        if options.model.is_some() || options.lidar_only {
+            let rule = format!("{} has no sweeps of a LiDAR", kind.title());
+            return Err(ImportError::of_option("--model and --lidar-only", rule));
+        }
+        return clouds::import(layout, source, out);
+    }
+    if out.extension().is_some_and(|extension| extension == clouds::EXTENSION) {
+        let rule = format!("{} becomes a drive folder; only labeled clouds become a recording", kind.title());
+        return Err(ImportError::at(out, rule));
+    }
     let partial = Partial::create(out)?;
     let plan = plan(kind, source, &partial.folder, options)?;
     plan.write(&partial.folder)?;
     let drive = Drive::open(&partial.folder).at(out)?;
     let (n_sweeps, model) = (drive.sweep_files().len(), drive.model().name());
-    let files = if drive.manifest().lidar.format == "pcap" { "captures" } else { "sweeps" };
-    let mut report = vec![format!("{}: {n_sweeps} {files} of {model} ({})", out.display(), kind.title())];
+    let file = if drive.manifest().lidar.format == "pcap" { "capture" } else { "sweep" };
+    let plural = if n_sweeps == 1 { "" } else { "s" };
+    let mut report = vec![format!("{}: {n_sweeps} {file}{plural} of {model} ({})", out.display(), kind.title())];
     report.extend(plan.report.iter().cloned());
     report.extend(left_out::list(source, &plan)?);
     partial.rename(out)?;
@@ -87,7 +103,7 @@ fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan
         Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),
         Kind::Mandeye => mandeye::plan(source, options),
-        Kind::Bin | Kind::Pcd | Kind::Ply | Kind::Las => plain::plan(kind, source, options),
+        _ => plain::plan(kind, source, options),
     }
 }
 

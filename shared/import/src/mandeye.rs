@@ -67,7 +67,8 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
             plan.report.push(format!("imported: {} IMU samples{}", log.samples.len(), log.note));
             plan.texts.push(TextFile { place: "imu.csv".into(), text: csv_from_samples(&log.samples) });
             let position_in_body = if model == livox::Model::Mid360.into() { IMU_OF_MID_360 } else { [0.0; 3] };
-            plan.manifest.imu = Some(ImuEntry { file: "imu.csv".into(), position_in_body, body_from_imu: None });
+            plan.manifest.imu =
+                Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body, body_from_imu: None });
             plan.read.extend(inputs);
         }
     }

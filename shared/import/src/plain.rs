@@ -1,21 +1,19 @@
 //! Folders of sweeps, with stamps, poses and IMU samples if files beside them have some. The body frame is that of the LiDAR.
 
+mod cloud_sweep;
 mod imu_table;
 mod stamp_table;
 mod stamp_text;
 
 use crate::error::{At, ImportError};
 use crate::files::files;
-use crate::las::each_block;
 use crate::plan::{Conversion, Plan, TextFile};
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
-use formats::cloud::CloudPoint;
+use cloud_sweep::{CloudSweep, SweepForm};
 use formats::lidar::Model;
 use formats::manifest::{ImuEntry, LidarEntry, PoseEntry};
-use formats::pcd::pcd_from_points;
-use formats::ply::Vertices;
 use formats::trajectory::TrajectoryFile;
 use formats::velodyne;
 use geometry::Trajectory;
@@ -25,10 +23,6 @@ use std::path::{Path, PathBuf};
 /// Names of trajectories. `registered_poses.csv` is that of Newer College.
 const TRAJECTORIES: [&str; 5] =
     ["trajectory.txt", "groundtruth.txt", "ground_truth.txt", "registered_poses.csv", "poses.txt"];
-/// Coordinates beyond this are those of a map, m: no LiDAR measures so far.
-const MAX_COORDINATE_M: f32 = 10_000.0;
-/// Names of the column of intensities of a PLY file.
-const INTENSITIES: [&str; 5] = ["intensity", "scalar_intensity", "scalar_Intensity", "reflectance", "reflectivity"];
 
 /// The drive of a folder of `*.bin`, `*.pcd` or `*.ply`.
 pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan, ImportError> {
@@ -53,9 +47,10 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
     };
     let mut plan = numbered(&originals).plan(kind, &crate::drive_name(source, kind), lidar);
     plan.read.extend(found.table);
+    let interval_s = interval_s(&originals);
     match kind {
-        Kind::Ply => convert(&mut plan, pcd_of_ply),
-        Kind::Las => convert(&mut plan, pcd_of_las),
+        Kind::Ply => convert(&mut plan, model, interval_s, CloudSweep::of_ply)?,
+        Kind::Las => convert(&mut plan, model, interval_s, CloudSweep::of_las)?,
         _ => {}
     }
     if options.model.is_none() {
@@ -90,46 +85,36 @@ fn beside(source: &Path, names: &[&str]) -> Result<Option<PathBuf>, ImportError>
     Ok(folders.flat_map(|folder| names.iter().map(|name| folder.join(name))).find(|path| path.is_file()))
 }
 
+/// Shortest time from one stamp to the next, s; `None` for a single sweep. Without stamps a drive has 10 sweeps per second.
+fn interval_s(sweeps: &Sweeps) -> Option<f64> {
+    let intervals = sweeps.times.as_ref().map(|times| times.windows(2).map(|pair| (pair[1] - pair[0]) as f64 * 1e-9));
+    match intervals {
+        Some(intervals) => intervals.reduce(f64::min),
+        None => (sweeps.files.len() > 1).then_some(0.1),
+    }
+}
+
 /// The files become PCD files: the drive format has no others.
-fn convert(plan: &mut Plan, pcd: fn(&Path) -> Result<Vec<u8>, ImportError>) {
-    for link in std::mem::take(&mut plan.links) {
-        let original = link.original.clone();
+fn convert(
+    plan: &mut Plan,
+    model: Model,
+    interval_s: Option<f64>,
+    read: fn(&Path) -> Result<CloudSweep, ImportError>,
+) -> Result<(), ImportError> {
+    let links = std::mem::take(&mut plan.links);
+    let originals: Vec<&Path> = links.iter().map(|link| link.original.as_path()).collect();
+    let form = SweepForm::of(&originals, interval_s, model, read)?;
+    plan.report.push("the files are converted to PCD".into());
+    plan.report.extend(form.report());
+    for link in links {
+        let (original, form) = (link.original.clone(), form.clone());
         plan.conversions.push(Conversion {
             place: link.place.with_extension("pcd"),
             originals: vec![link.original],
-            bytes: Box::new(move || pcd(&original)),
+            bytes: Box::new(move || form.pcd(&read(&original)?).map_err(|rule| ImportError::at(&original, rule))),
         });
     }
-    plan.report.push("the files are converted to PCD, without rings and times of points".into());
-}
-
-fn pcd_of_ply(path: &Path) -> Result<Vec<u8>, ImportError> {
-    let file = std::fs::read(path).at(path)?;
-    // The errors of the reader name the file.
-    let cloud = Vertices::decode(file, Path::new("PLY")).at(path)?;
-    let [xs, ys, zs] = ["x", "y", "z"].map(|name| cloud.f32s(name));
-    let (xs, ys, zs) = (xs.at(path)?, ys.at(path)?, zs.at(path)?);
-    let column = INTENSITIES.iter().find(|name| cloud.has(name));
-    let intensities = column.map(|name| cloud.f32s(name)).transpose().at(path)?.unwrap_or_else(|| vec![0.0; xs.len()]);
-    let rows = xs.into_iter().zip(ys).zip(zs).zip(intensities);
-    let points: Vec<CloudPoint> = rows.map(|(((x, y), z), intensity)| CloudPoint { x, y, z, intensity }).collect();
-    Ok(pcd_from_points(&points))
-}
-
-fn pcd_of_las(path: &Path) -> Result<Vec<u8>, ImportError> {
-    let mut points = Vec::new();
-    each_block(path, |block| {
-        points.extend(block.iter().map(|found| found.point));
-        Ok(())
-    })?;
-    if let Some(far) = points.iter().find(|p| [p.x, p.y, p.z].iter().any(|value| value.abs() > MAX_COORDINATE_M)) {
-        let (x, y, z) = (far.x, far.y, far.z);
-        return Err(ImportError::at(
-            path,
-            format!("a point is at {x} {y} {z} m; sweeps must be in the frame of the LiDAR"),
-        ));
-    }
-    Ok(pcd_from_points(&points))
+    Ok(())
 }
 
 /// Poses with stamps are the truth, those of the LiDAR. Poses without stamps are often those of a camera, and not taken.
@@ -204,7 +189,8 @@ fn add_imu(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     plan.report
         .push("axes and place of the IMU are taken as those of the LiDAR; [imu] body_from_imu sets others".into());
     plan.texts.push(TextFile { place: "imu.csv".into(), text: table.text });
-    plan.manifest.imu = Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
+    plan.manifest.imu =
+        Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
     plan.read.push(path);
     Ok(())
 }

@@ -12,9 +12,7 @@ mod lens;
 mod lidar;
 mod messages;
 mod packets;
-mod point_times;
 mod rig;
-mod rings;
 mod roles;
 mod writers;
 
@@ -41,17 +39,26 @@ pub struct RosOptions {
     pub transforms: Vec<(String, [f64; 7])>,
     /// Calibration file of the LiDAR.
     pub calibration: Option<PathBuf>,
+    /// Further files of a recording that was split.
+    pub parts: Vec<PathBuf>,
 }
+
+/// Folder of decompressed files, in the folder of the drive while the bag is read.
+const SCRATCH: &str = ".bag";
 
 /// The drive of a bag, whose files are written to the folder `out`.
 pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan, ImportError> {
-    let mut bag = Bag::open(source)?;
+    let scratch = out.join(SCRATCH);
+    let mut bag = Bag::open(source, &options.ros.parts, &scratch)?;
     let topics: Vec<Topic> = bag.topics().to_vec();
     let roles = Roles::choose(source, &topics, &options.ros.topics)?;
     let mut writers = Writers::create(source, out, &topics, &roles, options)?;
     let wanted = writers.wanted();
     bag.read(&wanted, |path, message| writers.add(path, message))?;
     let mut parts = writers.finish()?;
+    if scratch.exists() {
+        std::fs::remove_dir_all(&scratch).at(&scratch)?;
+    }
     if let Some(path) = &options.ros.calibration {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let place = Path::new(LIDAR_FOLDER).join(name);

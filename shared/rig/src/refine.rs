@@ -1,4 +1,4 @@
-//! Refines a rig by its drive: rotations of cameras and inertial unit, and elevations of the LiDAR's rings.
+//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, and elevations of the LiDAR's rings.
 //!
 //! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
 
@@ -9,6 +9,7 @@ mod rings;
 use crate::survey::Survey;
 use formats::drive::Drive;
 use formats::manifest::Manifest;
+use formats::manifest::rules::MAX_DELAY_NANOS;
 use std::fmt;
 
 /// Deviations by which a value must differ.
@@ -52,8 +53,8 @@ impl fmt::Display for Change {
         let word = match outcome {
             Outcome::Replaced => "new",
             Outcome::Kept => "kept",
-            Outcome::NotObservable => return write!(f, "{:<14} {subject} {quantity}: {text}", "not observable"),
             Outcome::ToDo => "by hand",
+            Outcome::NotObservable => return write!(f, "{:<14} {subject} {quantity}: {text}", "not observable"),
         };
         write!(f, "{word:<14} {subject} {quantity}: {difference:+.3} +- {sigma:.3} {unit}")?;
         if text.is_empty() { Ok(()) } else { write!(f, "; {text}") }
@@ -85,6 +86,12 @@ impl Refined {
     pub fn has_changes(&self) -> bool {
         self.changes.iter().any(|change| change.outcome == Outcome::Replaced)
     }
+}
+
+/// The delay of a sensor whose stamps are later than stated by `late_s`; `None` beyond the limit of `drive.toml`.
+pub(crate) fn delayed(stated_nanos: i64, late_s: f64) -> Option<i64> {
+    let new = stated_nanos.saturating_add((late_s * 1e9).round() as i64);
+    (new.unsigned_abs() <= MAX_DELAY_NANOS).then_some(new)
 }
 
 /// Whether a difference is significant.

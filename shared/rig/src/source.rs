@@ -180,6 +180,7 @@ impl RigParts {
                 )
             })?;
             manifest.cameras.push(CameraEntry {
+                delay_nanos: 0,
                 name: camera.name.clone(),
                 folder: format!("camera/{index}"),
                 exposure_nanos: UNKNOWN_EXPOSURE_NANOS,
@@ -188,12 +189,13 @@ impl RigParts {
             });
         }
         manifest.imu = self.body_from_imu.map(|pose| ImuEntry {
+            delay_nanos: 0,
             file: "imu.csv".to_owned(),
             position_in_body: [0.0; 3],
             body_from_imu: Some(PoseEntry::from(pose)),
         });
         if let (Some(antenna_in_body), Some(origin)) = (self.antenna_in_body, origin) {
-            manifest.gnss = Some(GnssEntry { file: "gnss.nmea".to_owned(), origin, antenna_in_body });
+            manifest.gnss = Some(GnssEntry { delay_nanos: 0, file: "gnss.nmea".to_owned(), origin, antenna_in_body });
         }
         Ok(manifest)
     }

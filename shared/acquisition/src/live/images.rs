@@ -47,6 +47,8 @@ pub(super) struct WatchedCamera {
     pub(super) kind: CameraKind,
     /// Index among the cameras of its kind.
     pub(super) index: usize,
+    /// How late its stamps are, ns.
+    pub(super) delay_nanos: i64,
     /// Where the grabber writes.
     pub(super) source: PathBuf,
     /// Where the images are recorded.
@@ -260,7 +262,7 @@ impl WatchedCamera {
 /// Records a complete file and queues it.
 fn record(camera: &WatchedCamera, path: &Path, arrived: Option<Stamp>, shared: &Shared) -> Result<(), LiveError> {
     let Some(name) = path.file_name().filter(|_| camera.has(path)) else { return Ok(()) };
-    let Some(stamp) = frame_stamp(path) else {
+    let Some(stamp) = frame_stamp(path).map(|stamp| stamp.plus_nanos(camera.delay_nanos.saturating_neg())) else {
         shared.state().counts.strange += 1;
         return Ok(());
     };
@@ -307,7 +309,7 @@ mod tests {
 
         fn start(&self, begin: Stamp) -> ImageWatch {
             let (source, recorded) = (self.source(""), self.folder.path().join("recording"));
-            let camera = WatchedCamera { kind: CameraKind::Color, index: 3, source, recorded };
+            let camera = WatchedCamera { kind: CameraKind::Color, index: 3, delay_nanos: 0, source, recorded };
             ImageWatch::start(vec![camera], begin).expect("starts")
         }
 

@@ -86,7 +86,7 @@ impl OtherSensors {
         fs::create_dir_all(&folder).map_err(|source| LiveError::File { path: folder.clone(), source })?;
         Ok(Self {
             frames: sources.start_frames(&folder, &entries, trigger)?,
-            fixes: sources.start_fixes(&folder)?,
+            fixes: sources.start_fixes(&folder, entries.gnss.as_ref())?,
             samples: sources.start_samples(&folder, entries.imu.as_ref())?,
             folder,
             entries,

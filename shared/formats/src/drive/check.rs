@@ -33,7 +33,11 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     let mut camera_frames = Vec::new();
     for (index, entry) in numbered(&read.cameras) {
         check.camera(index, entry);
-        camera_frames.extend(check.frames(&format!("camera[{index}].folder"), &entry.folder, index, IMAGES));
+        let mut frames = check.frames(&format!("camera[{index}].folder"), &entry.folder, index, IMAGES);
+        for frame in &mut frames {
+            frame.stamp = frame.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
+        }
+        camera_frames.extend(frames);
     }
     let (mut mosaic_frames, mut sensors) = (Vec::new(), Vec::new());
     for (index, entry) in numbered(&read.mosaics) {
@@ -211,11 +215,13 @@ impl Check<'_> {
             format!("value {:?} must be latitude -90 to 90, longitude -180 to 180 and height in m", entry.origin)
         });
         rules::position(&mut self.file, "gnss.antenna_in_body", &entry.antenna_in_body);
+        rules::delay(&mut self.file, "gnss.delay_nanos", entry.delay_nanos);
         self.file("gnss.file", &entry.file);
     }
 
     fn imu(&mut self, entry: &ImuEntry) {
         self.imu_mounting(entry);
+        rules::delay(&mut self.file, "imu.delay_nanos", entry.delay_nanos);
         self.file("imu.file", &entry.file);
     }
 

@@ -40,14 +40,17 @@ pub enum NoLabel {
     NoReturn,
     /// The return of this shot has another angle or range: the point is of another drive.
     OtherReturn,
+    /// The point is a return of a sweep without labels.
+    UnlabeledSweep,
 }
 
-/// Labels of the returns of one sweep. Memory: 12 bytes per return.
+/// Returns of one sweep and their labels, if it has any. Memory: 12 bytes per return.
 #[derive(Clone, Debug)]
 pub struct LabelledSweep {
     stamp: i64,
     duration_nanos: i64,
     has_times: bool,
+    has_labels: bool,
     /// Sorted by ring, then time, then azimuth.
     returns: Vec<Labelled>,
 }
@@ -90,7 +93,18 @@ impl LabelledSweep {
             points.iter().zip(labels).map(|(point, label)| Labelled::new(point, label)).collect();
         returns.sort_by_key(|r| (r.ring, r.offset_nanos, r.azimuth));
         let SweepInfo { stamp, duration_nanos, has_times, .. } = *sweep;
-        Self { stamp: stamp.0, duration_nanos: i64::from(duration_nanos), has_times, returns }
+        Self { stamp: stamp.0, duration_nanos: i64::from(duration_nanos), has_times, has_labels: true, returns }
+    }
+
+    /// The returns of a sweep that has no labels.
+    pub(super) fn unlabeled(sweep: &SweepInfo, points: &[SweepPoint]) -> Self {
+        let none = std::iter::repeat(TrueLabel { class: 0, instance: 0 });
+        Self { has_labels: false, ..Self::new(sweep, points, none) }
+    }
+
+    /// Whether the sweep has labels.
+    pub fn has_labels(&self) -> bool {
+        self.has_labels
     }
 
     /// Time of the first shot, ns since the Unix epoch.
@@ -126,7 +140,8 @@ impl LabelledSweep {
         let found = candidates.iter().filter(is_of_shot).filter_map(|r| Some((r.range_error(shot)?, r)));
         // Of two echoes with equal range errors the first.
         let nearest = found.min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map(|(_, found)| found.label()).ok_or(NoLabel::OtherReturn)
+        let (_, found) = nearest.ok_or(NoLabel::OtherReturn)?;
+        if self.has_labels { Ok(found.label()) } else { Err(NoLabel::UnlabeledSweep) }
     }
 
     /// The returns of the ring at the time of the shot.

@@ -37,30 +37,33 @@ impl Drive {
         Ok(LabelReader { drive: self.folder.clone(), folder, source, points: Vec::new(), n_files: 0 })
     }
 
-    /// The labels of all returns of the sweeps that have a label file: some data sets label key frames only. An error if the drive has
+    /// The labels of all returns of the sweeps that have a label file. Points of other sweeps have no sweep: some data sets label key frames only. An error if the drive has
     /// no labels, or the labels of a sweep are not as many as its returns.
     pub fn true_labels(&self) -> Result<TrueLabels, FileProblem> {
         let mut reader = self.label_reader()?;
         let mut sweeps = Vec::new();
         while let Some(sweep) = reader.next_sweep()? {
-            sweeps.push(sweep);
+            if sweep.has_labels() {
+                sweeps.push(sweep);
+            }
         }
         Ok(TrueLabels { sweeps })
     }
 }
 
 impl LabelReader {
-    /// The labels of the next sweep that has a label file; `None` at the end of the drive. An error if they are not as many as its
+    /// The next sweep, with its labels if it has a label file; `None` at the end of the drive. An error if they are not as many as its
     /// returns, or if no sweep has a file.
     pub fn next_sweep(&mut self) -> Result<Option<LabelledSweep>, FileProblem> {
         let fault = |file: &Path, rule: String| FileProblem::of_file(file, rule);
-        loop {
-            self.points.clear();
-            let next = self.source.next_sweep(|found| self.points.extend_from_slice(found));
-            let Some(sweep) = next.map_err(|error| fault(&self.drive, error.to_string()))? else { break };
+        self.points.clear();
+        let next = self.source.next_sweep(|found| self.points.extend_from_slice(found));
+        if let Some(sweep) = next.map_err(|error| fault(&self.drive, error.to_string()))? {
             let path = self.folder.join(format!("{:06}.label", sweep.seq));
             let bytes = match std::fs::read(&path) {
-                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                Err(error) if error.kind() == ErrorKind::NotFound => {
+                    return Ok(Some(LabelledSweep::unlabeled(&sweep, &self.points)));
+                }
                 read => read.map_err(|error| fault(&path, format!("cannot read the file: {error}")))?,
             };
             self.n_files += 1;

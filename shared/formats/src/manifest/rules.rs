@@ -8,6 +8,8 @@ use geometry::CameraModel;
 const MAX_SIDE: u32 = 32_768;
 /// Limit of sensor positions, m: longer than any vehicle.
 const MAX_OFFSET_M: f64 = 100.0;
+/// Limit of delays, ns: 10 s. A larger one is another clock, not a delay.
+pub const MAX_DELAY_NANOS: u64 = 10_000_000_000;
 
 /// A rigid transform.
 pub fn pose(file: &mut TomlFile, key: &str, entry: &PoseEntry) {
@@ -20,6 +22,11 @@ pub fn pose(file: &mut TomlFile, key: &str, entry: &PoseEntry) {
 pub fn position(file: &mut TomlFile, key: &str, position: &[f64; 3]) {
     let near = position.iter().all(|v| v.abs() < MAX_OFFSET_M);
     file.rule(key, near, || format!("value {position:?} must be three lengths below {MAX_OFFSET_M} m"));
+}
+
+/// A delay of the stamps of a sensor.
+pub fn delay(file: &mut TomlFile, key: &str, nanos: i64) {
+    file.rule(key, nanos.unsigned_abs() <= MAX_DELAY_NANOS, || format!("value {nanos} must be -10 s to 10 s in ns"));
 }
 
 /// An exposure time.

@@ -46,6 +46,20 @@ impl Kind {
             Kind::Double => 8,
         }
     }
+    /// The value at the begin of little-endian bytes; NaN if they are too few.
+    pub fn value(self, bytes: &[u8]) -> f64 {
+        let found = match self {
+            Kind::Char => bytes.first_chunk().map(|b| f64::from(i8::from_le_bytes(*b))),
+            Kind::UChar => bytes.first_chunk().map(|b| f64::from(u8::from_le_bytes(*b))),
+            Kind::Short => bytes.first_chunk().map(|b| f64::from(i16::from_le_bytes(*b))),
+            Kind::UShort => bytes.first_chunk().map(|b| f64::from(u16::from_le_bytes(*b))),
+            Kind::Int => bytes.first_chunk().map(|b| f64::from(i32::from_le_bytes(*b))),
+            Kind::UInt => bytes.first_chunk().map(|b| f64::from(u32::from_le_bytes(*b))),
+            Kind::Float => bytes.first_chunk().map(|b| f64::from(f32::from_le_bytes(*b))),
+            Kind::Double => bytes.first_chunk().map(|b| f64::from_le_bytes(*b)),
+        };
+        found.unwrap_or(f64::NAN)
+    }
     /// Whether common readers support it: `Open3D` skips the others.
     pub(super) const fn is_widely_supported(self) -> bool {
         matches!(self, Kind::UChar | Kind::Int | Kind::Float | Kind::Double)

@@ -317,3 +317,43 @@ fn mounting_of_inertial_unit_rotates_its_samples_and_excludes_a_second_position(
     let texts: Vec<String> = problems(folder.path()).iter().map(ToString::to_string).collect();
     assert!(texts.len() == 2 && texts.iter().all(|text| text.contains("imu.body_from_imu")), "{texts:?}");
 }
+
+#[test]
+fn delays_are_subtracted_from_all_stamps_of_their_sensor() {
+    let samples = "stamp,ax,ay,az,wx,wy,wz\n1000,0,0,9.81,0,0,0\n2000,0,0,9.81,0,0,0\n";
+    let nmea = "$GPRMC,120000.000,A,4851.0,N,00221.0,E,3.0,90.0,141123,,,A*5A\n$GPGGA,120000.000,4851.0,N,00221.0,E,4,12,0.9,60.0,M,44.5,M,,*6A\n";
+    let opened = |delays: [&str; 3]| {
+        let [camera, gnss, imu] = delays;
+        let text = GOOD
+            .replace("exposure_nanos = 5000000", &format!("exposure_nanos = 5000000\n{camera}"))
+            .replace("antenna_in_body = [0, 0, 2]", &format!("antenna_in_body = [0, 0, 2]\n{gnss}"));
+        let folder = drive(&format!("{text}\n[imu]\nfile = \"imu.csv\"\n{imu}\n"));
+        fs::write(folder.path().join("imu.csv"), samples).expect("writes");
+        fs::write(folder.path().join("gnss.nmea"), nmea).expect("writes");
+        folder
+    };
+    let stamps = |folder: &tempfile::TempDir| {
+        let drive = Drive::open(folder.path()).expect("is valid");
+        let frames: Vec<i64> = drive.camera_frames().iter().map(|frame| frame.stamp.0).collect();
+        let imu = drive.imu().expect("opens").expect("has one");
+        let samples: Vec<i64> = imu.map(|sample| sample.expect("is valid").stamp.0).collect();
+        let fixes: Vec<i64> = drive.fixes().expect("reads").0.iter().map(|fix| fix.stamp.0).collect();
+        (frames, samples, fixes)
+    };
+    let (frames, samples, fixes) = stamps(&opened([""; 3]));
+    assert_eq!((frames.as_slice(), samples.as_slice(), fixes.len()), (&[100, 200, 300][..], &[1000, 2000][..], 1));
+    // Late images and samples; fixes that are ahead.
+    let found = stamps(&opened(["delay_nanos = 50", "delay_nanos = -7000000000", "delay_nanos = 900"]));
+    assert_eq!(found, (vec![50, 150, 250], vec![100, 1100], vec![fixes[0] + 7_000_000_000]));
+
+    let folder = opened(["delay_nanos = 10_000_000_001", "delay_nanos = 1.5", "delay_nanos = -20_000_000_000"]);
+    let found: Vec<String> = problems(folder.path()).iter().map(ToString::to_string).collect();
+    for words in ["camera[0].delay_nanos", "gnss", "imu.delay_nanos", "must be -10 s to 10 s"] {
+        assert!(found.iter().any(|problem| problem.contains(words)), "{words:?} is not in {found:?}");
+    }
+
+    // A manifest without delays is written without them.
+    let folder = opened([""; 3]);
+    let manifest = Drive::open(folder.path()).expect("is valid").manifest().clone();
+    assert!(!toml::to_string(&manifest).expect("encodes").contains("delay_nanos"));
+}

@@ -77,11 +77,13 @@ impl UnitLog {
         plan.texts.push(TextFile { place: "gnss.nmea".into(), text: self.sentences() });
         plan.texts.push(TextFile { place: "imu.csv".into(), text: csv_from_samples(&samples) });
         plan.manifest.gnss = Some(GnssEntry {
+            delay_nanos: 0,
             file: "gnss.nmea".into(),
             origin: [origin.latitude_deg, origin.longitude_deg, origin.altitude_m],
             antenna_in_body: [0.0; 3],
         });
-        plan.manifest.imu = Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
+        plan.manifest.imu =
+            Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
         let n = self.records.len();
         plan.report.push(format!("imported: {n} records of {name} as GNSS fixes, IMU samples and true poses"));
         if self.n_not_rising > 0 {

@@ -3,6 +3,7 @@
 mod decompress;
 mod folder;
 mod mcap;
+mod message_zstd;
 mod record;
 mod ros1;
 mod sqlite;
@@ -12,6 +13,7 @@ pub(crate) use folder::METADATA;
 pub(crate) use topics::{Encoding, Topic};
 
 use crate::error::ImportError;
+use folder::FolderFiles;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -36,6 +38,10 @@ type Each<'a> = dyn FnMut(Message<'_>) -> Result<(), ImportError> + 'a;
 /// A file of a bag.
 trait Container {
     fn topics(&self) -> &Topics;
+    /// When the recording began, ns since the Unix epoch, if the file says so before it is read.
+    fn begin(&self) -> Option<i64> {
+        None
+    }
     /// Passes all messages of the topics that are `wanted`, by their index.
     fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError>;
 }
@@ -47,6 +53,8 @@ pub(crate) struct Bag {
     /// By part and topic of the part, the topic of the bag.
     topic_of_part: Vec<Vec<usize>>,
     files: Vec<PathBuf>,
+    /// Whether each message is compressed.
+    is_zstd: bool,
 }
 
 /// Kind of a file by its first bytes.
@@ -72,15 +80,33 @@ pub(crate) fn is_bag(source: &Path) -> bool {
 }
 
 impl Bag {
-    pub fn open(source: &Path) -> Result<Self, ImportError> {
-        let files = if source.is_dir() { folder::files(source)? } else { vec![source.to_owned()] };
-        let (mut parts, mut topics, mut topic_of_part) = (Vec::new(), Topics::default(), Vec::new());
+    /// Opens a bag and the further files of a recording that was split. Compressed files are decompressed to the folder `scratch`.
+    pub fn open(source: &Path, more: &[PathBuf], scratch: &Path) -> Result<Self, ImportError> {
+        let FolderFiles { mut files, is_zstd, in_order } = if source.is_dir() {
+            folder::files(source)?
+        } else {
+            FolderFiles { files: vec![source.to_owned()], is_zstd: false, in_order: false }
+        };
+        files.extend(more.iter().cloned());
+        let mut opened = Vec::new();
         for path in &files {
-            let part = open(path)?;
-            topic_of_part.push(part.topics().list().iter().map(|topic| topics.merge(topic)).collect());
-            parts.push(part);
+            let plain = folder::decompressed(path, scratch)?;
+            opened.push((open(&plain)?, path.clone()));
         }
-        Ok(Self { parts, topics, topic_of_part, files })
+        // Split recordings: their names need not be in the order of time.
+        if !in_order || !more.is_empty() {
+            opened.sort_by_key(|(part, _)| part.begin());
+        }
+        let (mut parts, mut topics, mut topic_of_part) = (Vec::new(), Topics::default(), Vec::new());
+        for (part, _) in &opened {
+            topic_of_part.push(part.topics().list().iter().map(|topic| topics.merge(topic)).collect());
+        }
+        let mut files = Vec::new();
+        for (part, path) in opened {
+            parts.push(part);
+            files.push(path);
+        }
+        Ok(Self { parts, topics, topic_of_part, files, is_zstd })
     }
 
     /// All topics, by name.
@@ -101,7 +127,17 @@ impl Bag {
     ) -> Result<(), ImportError> {
         for ((part, topics), path) in self.parts.iter_mut().zip(&self.topic_of_part).zip(&self.files) {
             let wanted: Vec<bool> = topics.iter().map(|topic| wanted[*topic]).collect();
-            part.read(&wanted, &mut |message| each(path, Message { topic: topics[message.topic], ..message }))?;
+            let is_zstd = self.is_zstd;
+            part.read(&wanted, &mut |message| {
+                let message = Message { topic: topics[message.topic], ..message };
+                if !is_zstd {
+                    return each(path, message);
+                }
+                let data = message_zstd::decompressed(message.data).map_err(|rule| {
+                    ImportError::at_part(path, &format!("message received at {}", message.received), rule)
+                })?;
+                each(path, Message { data: &data, ..message })
+            })?;
         }
         Ok(())
     }

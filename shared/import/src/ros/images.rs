@@ -16,6 +16,8 @@ pub(crate) struct Images {
     pub n_written: u64,
     /// Images with the stamp of another.
     pub n_same_stamp: u64,
+    /// Whether images lost bits.
+    pub is_reduced: bool,
     /// Size of all images, if the messages state it.
     pub size: Option<[u32; 2]>,
 }
@@ -23,7 +25,7 @@ pub(crate) struct Images {
 impl Images {
     /// `folder` exists.
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder, n_written: 0, n_same_stamp: 0, size: None }
+        Self { folder, n_written: 0, n_same_stamp: 0, is_reduced: false, size: None }
     }
 
     /// Writes a PNG without loss.
@@ -35,6 +37,7 @@ impl Images {
             }
             _ => self.size = Some(size),
         }
+        self.is_reduced |= pixels::is_reduced(&image.encoding);
         let (pixels, color) = match pixels::of_image(image)? {
             Pixels::Gray(pixels) => (pixels, ExtendedColorType::L8),
             Pixels::Rgb(pixels) => (pixels, ExtendedColorType::Rgb8),

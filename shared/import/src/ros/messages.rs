@@ -78,6 +78,8 @@ pub(crate) struct Image<'a> {
     pub height: u32,
     pub width: u32,
     pub encoding: String,
+    /// Byte order of values of more than 8 bits.
+    pub is_big: bool,
     /// Bytes of a row.
     pub step: u32,
     pub data: &'a [u8],
@@ -88,8 +90,8 @@ impl<'a> Image<'a> {
         let header = Header::read(c)?;
         let (height, width) = (c.u32("height")?, c.u32("width")?);
         let encoding = c.text("encoding")?;
-        c.u8("is_bigendian")?;
-        Ok(Self { header, height, width, encoding, step: c.u32("step")?, data: c.blob("data")? })
+        let is_big = c.u8("is_bigendian")? != 0;
+        Ok(Self { header, height, width, encoding, is_big, step: c.u32("step")?, data: c.blob("data")? })
     }
 }
 

@@ -56,6 +56,9 @@ impl<'a> Mountings<'a> {
     pub fn body_from(&self, frame: &str) -> Result<Pose, String> {
         let body = &self.body;
         self.given.get(frame).copied().or_else(|| self.frames.pose(body, frame)).ok_or_else(|| {
+            if let Some(motion) = self.frames.motion_above(frame).filter(|_| self.frames.root_of(frame) != Some(body)) {
+                return format!("{motion}: a sensor must be fixed; --transform \"{frame}=x,y,z,qx,qy,qz,qw\" sets its pose");
+            }
             format!(
                 "no transform from {body:?} to {frame:?} in tf_static; --transform \"{frame}=x,y,z,qx,qy,qz,qw\" gives one"
             )

@@ -27,7 +27,10 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Use {
     Role(Role),
+    /// Of `tf_static`.
     Transforms,
+    /// Of `tf`.
+    Motions,
 }
 
 /// The LiDAR's data.
@@ -74,8 +77,11 @@ impl<'a> Writers<'a> {
         }
         for (topic, of_topic) in topics.iter().zip(&mut uses) {
             let is_transform = matches!(topic.kind.as_str(), "tf2_msgs/TFMessage" | "tf/tfMessage");
-            if is_transform && topic.encoding.is_some() && topic.name.trim_start_matches('/').ends_with("tf_static") {
-                of_topic.push(Use::Transforms);
+            let name = topic.name.rsplit('/').next();
+            match name.filter(|_| is_transform && topic.encoding.is_some()) {
+                Some(name) if name.ends_with("tf_static") => of_topic.push(Use::Transforms),
+                Some("tf") => of_topic.push(Use::Motions),
+                _ => {}
             }
         }
         let folder = |name: &str| {
@@ -151,6 +157,11 @@ impl<'a> Writers<'a> {
             Use::Transforms => {
                 for transform in transforms(&mut c).map_err(fault)? {
                     self.frames.add(transform)?;
+                }
+            }
+            Use::Motions => {
+                for transform in transforms(&mut c).map_err(fault)? {
+                    self.frames.observe(transform)?;
                 }
             }
             Use::Role(Role::Lidar) => return self.add_lidar(&mut c, message),

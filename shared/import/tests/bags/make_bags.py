@@ -219,11 +219,15 @@ def fix(m, number):
     )
 
 
-def tf_static(m):
-    make = lambda parent, child, xyz, q: m.make(
-        "geometry_msgs/msg/TransformStamped", header=m.header(BEGIN, parent), child_frame_id=child,
+def transform(m, parent, child, xyz, q, stamp=BEGIN):
+    return m.make(
+        "geometry_msgs/msg/TransformStamped", header=m.header(stamp, parent), child_frame_id=child,
         transform=m.make("geometry_msgs/msg/Transform", translation=m.vector(*xyz), rotation=m.quaternion(*q)),
     )
+
+
+def tf_static(m):
+    make = lambda *values: transform(m, *values)
     upright = (0.0, 0.0, 0.0, 1.0)
     return m.make("tf2_msgs/msg/TFMessage", transforms=[
         make("base_link", "mast", (0.5, 0.0, 1.0), upright),
@@ -249,6 +253,39 @@ def street(m):
     for number in range(4):
         yield "/fix", "sensor_msgs/msg/NavSatFix", BEGIN + number * 50_000_000 + 900, fix(m, number)
     yield "/chatter", "std_msgs/msg/String", BEGIN, m.make("std_msgs/msg/String", data="hello")
+
+
+def split(is_late):
+    """The messages of `street` before or after the second revolution."""
+    return lambda m: (one for one in street(m) if (one[2] >= BEGIN + 2 * TURN) == is_late)
+
+
+def moving(m):
+    """All transforms on /tf: the vehicle drives, the LiDAR is fixed but for rounding, a turret with a camera turns. A second camera
+    beside the LiDAR has images of 16 bits."""
+    for sweep in range(SWEEPS):
+        at = BEGIN + (sweep + 1) * TURN
+        yaw = lambda angle: (0.0, 0.0, sin(angle / 2), cos(angle / 2))
+        upright = (0.0, 0.0, 0.0, 1.0)
+        yield "/tf", "tf2_msgs/msg/TFMessage", at, m.make("tf2_msgs/msg/TFMessage", transforms=[
+            transform(m, "odom", "base_link", (1.0 * sweep, 0.0, 0.0), yaw(0.1 * sweep), at),
+            transform(m, "base_link", "velodyne", (0.5, 2e-4 * sweep, 1.9), yaw(2e-4 * sweep), at),
+            transform(m, "base_link", "camera_optical", (0.7, 0.0, 1.0), (-0.5, 0.5, -0.5, 0.5), at),
+            transform(m, "base_link", "turret", (0.0, 0.0, 2.0), yaw(0.5 * sweep), at),
+            transform(m, "turret", "turret_optical", (0.0, 0.0, 0.1), upright, at),
+        ])
+        yield "/velodyne_points", "sensor_msgs/msg/PointCloud2", at, velodyne(m, sweep)
+        for name, frame, encoding, value in [
+            ("gray", "camera_optical", "mono16", struct.pack("<H", 25_700)),
+            ("turret", "turret_optical", "yuv422_yuy2", bytes([81, 90])),
+        ]:
+            info = camera_info(m, at, 8, 6)
+            image = m.make(
+                "sensor_msgs/msg/Image", header=m.header(at, frame), height=6, width=8, encoding=encoding, is_bigendian=0, step=16,
+                data=np.frombuffer(value * 48, dtype=np.uint8),
+            )
+            yield f"/{name}/camera_info", "sensor_msgs/msg/CameraInfo", at, info
+            yield f"/{name}/image_raw", "sensor_msgs/msg/Image", at, image
 
 
 def cameras(m):
@@ -288,11 +325,11 @@ def write1(path, content, compression=None):
             writer.write(connections[topic], nanos, m.types.serialize_ros1(message, kind))
 
 
-def write2(path, content, plugin, compressed=False, little=True):
+def write2(path, content, plugin, compressed=False, little=True, mode=CompressionMode.STORAGE):
     m = Messages(Stores.ROS2_HUMBLE)
     writer = Writer2(path, version=9, storage_plugin=plugin)
     if compressed:
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
         connections = {}
         for topic, kind, nanos, message in content(m):
@@ -309,6 +346,13 @@ def main(out):
     write2(out / "street_sqlite", street, StoragePlugin.SQLITE3)
     write2(out / "street_mcap", street, StoragePlugin.MCAP)
     write2(out / "street_zstd", street, StoragePlugin.MCAP, compressed=True)
+    write2(out / "street_file", street, StoragePlugin.SQLITE3, compressed=True, mode=CompressionMode.FILE)
+    write2(out / "street_message", street, StoragePlugin.SQLITE3, compressed=True, mode=CompressionMode.MESSAGE)
+    # The names are not in the order of time.
+    (out / "street_split").mkdir(exist_ok=True)
+    write1(out / "street_split" / "a.bag", split(True), Writer1.CompressionFormat.BZ2)
+    write1(out / "street_split" / "b.bag", split(False), Writer1.CompressionFormat.BZ2)
+    write1(out / "moving.bag", moving, Writer1.CompressionFormat.BZ2)
     write2(out / "ouster", clouds(ouster), StoragePlugin.MCAP, compressed=True)
     write2(out / "hesai", clouds(hesai), StoragePlugin.MCAP, compressed=True, little=False)
     write2(out / "livox_cloud", clouds(livox_cloud), StoragePlugin.MCAP, compressed=True)

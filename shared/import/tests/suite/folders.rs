@@ -37,6 +37,7 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
         report[1..],
         [
             "imported: 3 sweeps and their times",
+            "stamps are those of the begin of each revolution: set slam_aggregate.untimed_turn",
             "not imported: 1 file in image_02 (camera images)",
             "not imported: 3 files in image_02/data (camera images)",
             "not imported: 1 file in oxts/data (GNSS and IMU)",
@@ -123,7 +124,7 @@ fn kind_and_model_of_the_command_line_are_used() {
     assert!(error(&import).contains("intensity 200 must be 0 to 1"));
     (import.options.kind, import.options.model) = (Some(Kind::Bin), Some(formats::velodyne::Model::Vlp16.into()));
     let report = import.run().expect("imports");
-    assert!(report[0].contains("1 sweeps of vlp16"), "{report:?}");
+    assert!(report[0].contains("1 sweep of vlp16"), "{report:?}");
     assert!(report[1].contains("no times"), "{report:?}");
 }
 
@@ -139,7 +140,7 @@ fn bare_sweeps_report_the_assumed_model() {
 #[real_data::test("nuscenes", "kitti00", "kitti_raw_0048")]
 fn real_folders_are_recognized() {
     for (name, kind, n) in [
-        ("nuscenes", "1 sweeps of hdl32e (nuScenes)", 1),
+        ("nuscenes", "1 sweep of hdl32e (nuScenes)", 1),
         ("kitti00", "2 sweeps of hdl64e (bare sweeps)", 2),
         ("kitti_raw_0048", "22 sweeps of hdl64e (bare sweeps)", 22),
     ] {

@@ -1,5 +1,6 @@
 //! All tests of the crate's public interface in one program.
 
+mod clouds;
 mod folders;
 mod kitti_odometry;
 mod kitti_raw;

@@ -1,5 +1,6 @@
 //! Imports of folders of sweeps with stamps, poses and IMU samples beside them.
 
+use super::las_file;
 use super::support::{Import, error, folder, of, write_file};
 use formats::cloud::CloudPoint;
 use formats::drive::Drive;
@@ -125,6 +126,93 @@ fn ply_sweeps_are_converted_with_their_intensities() {
         .next_sweep(|found| intensities.extend(found.iter().map(|r| r.intensity)))
         .expect("reads");
     assert_eq!(intensities, [7, 200]);
+}
+
+/// Returns of a sensor with 32 beams in firing order: elevation of the beam, azimuth of the column, time in s.
+fn fired() -> Vec<([f32; 3], u8, f64)> {
+    let mut returns = Vec::new();
+    for column in 0..100 {
+        for beam in 0..32_u8 {
+            let elevation = (-30.67 + 4.0 / 3.0 * f64::from(beam)).to_radians();
+            let azimuth = -f64::from(column) * 0.0628;
+            let range_m = 10.0 + 0.1 * f64::from(column);
+            let p = [azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin()];
+            returns.push((
+                p.map(|value| (value * range_m) as f32),
+                beam,
+                f64::from(column) * 1e-3 + f64::from(beam) * 1e-6,
+            ));
+        }
+    }
+    returns
+}
+
+/// Rings and times of the returns of the first sweep, as the file of the drive has them.
+fn first_sweep(drive: &Drive) -> (formats::lidar::SweepInfo, Vec<(u8, u32)>) {
+    let mut found = Vec::new();
+    let mut source = drive.sweeps().expect("opens");
+    let info = source.next_sweep(|some| found.extend(some.iter().map(|r| (r.ring, r.offset_nanos)))).expect("reads");
+    (info.expect("has one"), found)
+}
+
+#[test]
+fn times_and_rings_of_ply_and_las_sweeps_are_carried_over() {
+    let folder = folder();
+    let expected: Vec<u32> = fired().iter().map(|(_, _, time_s)| (time_s * 1e9).round() as u32).collect();
+    // Beams counted from the highest, times in us of a clock of its own.
+    for (name, kind, unit, begin) in
+        [("t", "double", 1e6, 5e9), ("timestamp", "double", 1.0, 1.7e9), ("time", "float", 1.0, 0.0)]
+    {
+        let source = folder.path().join(name);
+        let head = format!(
+            "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+             property uchar ring\nproperty {kind} {name}\nend_header\n",
+            fired().len()
+        );
+        let row = |([x, y, z], beam, time_s): ([f32; 3], u8, f64)| {
+            format!("{x} {y} {z} {} {:.9}\n", 31 - beam, time_s * unit + begin)
+        };
+        let rows: Vec<String> = fired().into_iter().map(row).collect();
+        write_file(&source.join("1583836591182590976.ply"), head + &rows.concat());
+        let mut import = of(&source, &folder);
+        import.out = folder.path().join(format!("{name}.drive"));
+        import.options.model = formats::lidar::Model::from_name("hdl32e");
+        let (report, drive) = imported(&import);
+        assert!(report.iter().any(|line| line == "rings: ring, 32 beams counted from the highest"), "{report:?}");
+        assert!(report.iter().any(|line| line.starts_with(&format!("point times: {name}, in "))), "{report:?}");
+        let (info, found) = first_sweep(&drive);
+        assert!(info.has_times && found.len() == expected.len(), "{info:?}");
+        for ((ring, nanos), ((_, beam, _), expected)) in found.iter().zip(fired().iter().zip(&expected)) {
+            assert_eq!(ring, beam);
+            // Seconds since 1970 as f64 and tenths of a second as f32.
+            assert!(nanos.abs_diff(*expected) < 300, "{name}: {nanos} {expected}");
+        }
+    }
+
+    let row = |([x, y, z], _, time_s): ([f32; 3], u8, f64)| ([x, y, z].map(f64::from), 100, time_s + 300_000.0);
+    let rows: Vec<las_file::Row> = fired().into_iter().map(row).collect();
+    for (end, is_compressed) in [("las", false), ("laz", true)] {
+        let source = folder.path().join(end);
+        write_file(&source.join(format!("1583836591182590976.{end}")), las_file::las(&rows, is_compressed));
+        let mut import = of(&source, &folder);
+        import.options.kind = import::Kind::from_name("las");
+        import.out = folder.path().join(format!("{end}.drive"));
+        let (report, drive) = imported(&import);
+        assert!(report.iter().any(|line| line.starts_with("point times: GPS time, in s")), "{report:?}");
+        let (info, found) = first_sweep(&drive);
+        assert!(info.has_times && found.len() == expected.len(), "{info:?}");
+        assert!(found.iter().zip(&expected).all(|((_, nanos), expected)| nanos.abs_diff(*expected) < 300));
+    }
+
+    // Times of a whole drive are not those of a sweep.
+    let slow: Vec<las_file::Row> = rows.iter().map(|(p, i, time_s)| (*p, *i, (time_s - 300_000.0) * 100.0)).collect();
+    let source = folder.path().join("slow");
+    write_file(&source.join("1583836591182590976.las"), las_file::las(&slow, false));
+    let mut import = of(&source, &folder);
+    import.out = folder.path().join("slow.drive");
+    let (report, drive) = imported(&import);
+    assert!(report.iter().any(|line| line.contains("no point times: GPS time does not span")), "{report:?}");
+    assert!(!first_sweep(&drive).0.has_times);
 }
 
 #[test]

@@ -102,7 +102,8 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn bags_of_all_containers_become_the_same_drive() {
     let folder = folder();
     let mut first = None;
-    for name in STREETS {
+    // Files or messages compressed as a whole; two files that follow each other against the order of their names.
+    for name in STREETS.into_iter().chain(["street_file", "street_message", "street_split"]) {
         let mut import = of(bag(name), &folder);
         import.out = folder.path().join(format!("{name}.drive"));
         let report = import.run().unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -193,6 +194,59 @@ fn clouds_of_all_drivers_give_the_same_sweeps() {
         assert_eq!(drive.model().name(), if has_rings { "vlp16" } else { "mid360" }, "{name}");
         check_sweeps(&drive, off_nanos, has_rings, name != "untimed", missing);
     }
+}
+
+#[test]
+fn parts_of_a_split_recording_are_named_one_by_one() {
+    let folder = folder();
+    let mut import = of(bag("street_split/a.bag"), &folder);
+    import.run().expect("imports the end alone");
+    assert_eq!(Drive::open(&import.out).expect("opens").sweep_files().len(), 2);
+    import.out = folder.path().join("street_split.drive");
+    import.options.ros.parts = vec![bag("street_split/b.bag")];
+    import.run().expect("imports both");
+    let drive = Drive::open(&import.out).expect("opens");
+    check_sweeps(&drive, Some(8), true, true, &[]);
+    assert_eq!(drive.imu().expect("opens").expect("has one").count(), 6);
+}
+
+#[test]
+fn frames_of_tf_that_never_move_are_taken_and_others_are_refused_by_name() {
+    let folder = folder();
+    let (mut import, report, drive) = imported("moving.bag", &folder);
+    let has = |report: &[String], words: &str| assert!(report.iter().any(|line| line.contains(words)), "{report:?}");
+    has(&report, "frames of tf that never move are taken: camera_optical, turret_optical, velodyne");
+    has(&report, "the body frame is \"base_link\"");
+    has(&report, "images of /gray/image_raw have 16 bits; they become 8 bits: 65535 becomes 255");
+    has(
+        &report,
+        "of /turret/image_raw (sensor_msgs/Image): frame \"turret\" moves in \"base_link\" on tf, by 0 mm and 57.3 degrees",
+    );
+    assert!((drive.rig().body_from_lidar.translation.vector - Vector3::new(0.5, 0.0, 1.9)).norm() < 1e-12);
+    assert_eq!(drive.rig().cameras.len(), 1);
+    for frame in drive.camera_frames() {
+        let image = image::open(&frame.path).expect("is an image").to_luma8();
+        assert!(image.pixels().all(|pixel| pixel.0 == [100]), "{:?}", frame.path);
+    }
+    // A pose that is given replaces the moving one; the images are those of ITU-R BT.601.
+    import.out = folder.path().join("given");
+    import.options.ros.transforms = vec![("turret_optical".into(), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0])];
+    import.run().expect("imports");
+    let drive = Drive::open(&import.out).expect("opens");
+    assert_eq!(drive.rig().cameras.len(), 2);
+    let frame = drive.camera_frames().iter().find(|frame| frame.camera == 1).expect("has one");
+    let image = image::open(&frame.path).expect("is an image").to_rgb8();
+    assert!(image.pixels().all(|pixel| pixel.0[2] < 5 || pixel.0[1] > 0), "{image:?}");
+    // The LiDAR must be fixed, too.
+    import.out = folder.path().join("odom");
+    import.options.ros.body_frame = Some("odom".into());
+    let error = import.run().expect_err("is refused").to_string();
+    assert!(
+        error.contains(
+            "frame \"base_link\" moves in \"odom\" on tf, by 2000 mm and 11.5 degrees: a sensor must be fixed"
+        ),
+        "{error}"
+    );
 }
 
 #[test]

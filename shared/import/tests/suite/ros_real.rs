@@ -39,7 +39,7 @@ fn packets_of_real_ros2_bags_are_those_that_rosbags_reads() {
         let folder = folder();
         let import = of(real_data::path(&format!("lidars/nebula/{name}")), &folder);
         let report = import.run().unwrap_or_else(|error| panic!("{name}: {error}"));
-        assert!(report[0].ends_with(&format!("1 captures of {model} (ROS bag)")), "{report:?}");
+        assert!(report[0].ends_with(&format!("1 capture of {model} (ROS bag)")), "{report:?}");
         assert!(report[1].starts_with(&format!("imported: {n} packets from /")), "{report:?}");
         assert_eq!(sum(&import.out.join("lidar/packets.pcap")), (n, crc), "{name}");
         // The file alone is a bag, too.
@@ -96,7 +96,7 @@ fn real_ros1_bag_of_an_ouster_is_decoded_with_its_metadata() {
     let folder = folder();
     let import = of(real_data::path("lidars/ouster/512x10_raw.bag"), &folder);
     let report = import.run().expect("imports");
-    assert!(report[0].ends_with("1 captures of ouster (ROS bag)"), "{report:?}");
+    assert!(report[0].ends_with("1 capture of ouster (ROS bag)"), "{report:?}");
     assert!(report[1].starts_with("imported: 32 packets from /os_node0/lidar_packets"), "{report:?}");
     assert!(
         report.iter().any(|line| line.starts_with("not imported: 10 messages of /os_node0/imu_packets")),

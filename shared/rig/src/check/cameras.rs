@@ -6,6 +6,7 @@ use crate::survey::{PixelBuffer, Survey, decoded};
 use camera_alignment::{AlignmentExposure, Offset, OffsetMonitor, Profile, fit_rotation};
 use coloring::{PointBuffers, ProjectionCamera, SubmapPoints, VisibilityMap};
 use formats::drive::{Drive, Frame};
+use formats::manifest::rules::MAX_DELAY_NANOS;
 use geometry::Stamp;
 use rayon::prelude::*;
 
@@ -181,7 +182,11 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey, on_time: &[bool]) -> Vec<
 
 fn delay(late_s: f64, height: f32) -> Verdict {
     let value = format!("exposures {:+.1} s after their stamps (peak {height:.0})", -late_s);
-    let advice = format!("add {:+.1} s to the names of all images", -late_s);
+    let advice = if late_s.abs() * 1e9 <= MAX_DELAY_NANOS as f64 {
+        format!("add {late_s:+.1} s to delay_nanos of all cameras")
+    } else {
+        format!("add {:+.1} s to the names of all images", -late_s)
+    };
     Verdict::of("delay", "cameras", false, [value, format!("{:.0} ms", MAX_DELAY_S * 1e3), advice])
 }
 
@@ -190,7 +195,7 @@ fn common_delay(offset: &Offset) -> Verdict {
     match offset.delay_s.map(|values| values.map(f64::from)) {
         Some([delay_s, sigma_s]) => {
             let value = format!("exposures {:.1} +- {:.1} ms after their stamps", delay_s * 1e3, sigma_s * 1e3);
-            let advice = format!("add {:+.0} ms to the names of all images", delay_s * 1e3);
+            let advice = format!("add {:+.0} ms to delay_nanos of all cameras", -delay_s * 1e3);
             let is_within = delay_s.abs() - 3.0 * sigma_s <= f64::from(MAX_DELAY_S);
             Verdict::of("delay", "cameras", is_within, [value, limit, advice])
         }

@@ -34,7 +34,7 @@ pub(super) fn verdicts(drive: &Drive, survey: &Survey) -> Vec<Verdict> {
     };
     let value = format!("stamps {:.1} +- {:.1} ms late", found.late_s * 1e3, found.late_sigma_s * 1e3);
     let is_on_time = found.late_s.abs() - 3.0 * found.late_sigma_s <= MAX_LATE_S;
-    let advice = format!("subtract {:.0} ms from the stamps of imu.csv", found.late_s * 1e3);
+    let advice = format!("add {:.0} ms to imu.delay_nanos", found.late_s * 1e3);
     verdicts.push(Verdict::of("delay", "imu", is_on_time, [value, format!("{:.0} ms", MAX_LATE_S * 1e3), advice]));
     if found.rotation_sigma.max() < 1.0 {
         let list =

@@ -1,11 +1,11 @@
-//! Rotations of the cameras, by the outlines of objects.
+//! Rotations and the common delay of the cameras, by the outlines of objects.
 
-use super::{Change, Outcome, Refined, outcome};
+use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::CameraScores;
 use crate::check::turned;
 use crate::survey::Survey;
 use formats::drive::Drive;
-use formats::manifest::PoseEntry;
+use formats::manifest::{CameraEntry, PoseEntry};
 use geometry::{Pose, UnitQuaternion, Vector3};
 
 const NAMES: [&str; 3] = ["rotation about x", "rotation about y", "rotation about z"];
@@ -71,12 +71,25 @@ pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     };
     refined.changes.push(match scores.offset.delay_s.map(|values| values.map(|value| f64::from(value) * 1e3)) {
         Some([difference, sigma]) => {
-            let text = "exposures after their stamps: add it to the names of all images".to_owned();
-            Change { difference, sigma, outcome: Outcome::ToDo, text, ..delay }
+            let outcome = delay_all(&mut refined.manifest.cameras, difference, sigma);
+            let text = "exposures after their stamps: subtracted from delay_nanos of all cameras".to_owned();
+            Change { difference, sigma, outcome, text, ..delay }
         }
         None if scores.offset.is_delay_observable => {
             Change { outcome: Outcome::Kept, sigma: 3.0, text: "none found".to_owned(), ..delay }
         }
         None => delay,
     });
+}
+
+/// Changes the delay of all cameras if their exposures are significantly after their stamps: such stamps are early.
+fn delay_all(cameras: &mut [CameraEntry], after_ms: f64, sigma_ms: f64) -> Outcome {
+    let new: Option<Vec<i64>> = cameras.iter().map(|entry| delayed(entry.delay_nanos, -after_ms * 1e-3)).collect();
+    match (outcome(after_ms, sigma_ms), new) {
+        (Outcome::Replaced, Some(new)) => {
+            cameras.iter_mut().zip(new).for_each(|(entry, delay_nanos)| entry.delay_nanos = delay_nanos);
+            Outcome::Replaced
+        }
+        _ => Outcome::Kept,
+    }
 }

@@ -1,6 +1,6 @@
 //! Rotation and time offset of the inertial unit, by its angular rates and those of the LiDAR.
 
-use super::{Change, Outcome, Refined, outcome};
+use super::{Change, Outcome, Refined, delayed, outcome};
 use crate::check::{quaternion, rotation_of};
 use crate::survey::Survey;
 use formats::manifest::PoseEntry;
@@ -74,9 +74,13 @@ pub(super) fn refine(survey: &Survey, refined: &mut Refined) {
         let text = format!("deviation {sigma_ms:.0} ms: the vehicle turned too little");
         Change { unit: "ms", ..unknown("delay", &text) }
     } else {
-        let is_clear = outcome(late_ms, sigma_ms) == Outcome::Replaced;
-        let text = if is_clear { "stamps late: subtract it from those of imu.csv" } else { "" };
-        let outcome = if is_clear { Outcome::ToDo } else { Outcome::Kept };
-        Change { difference: late_ms, sigma: sigma_ms, unit: "ms", outcome, ..unknown("delay", text) }
+        let new = delayed(entry.delay_nanos, found.late_s);
+        let new = new.filter(|_| outcome(late_ms, sigma_ms) == Outcome::Replaced);
+        let (outcome, text) = match new {
+            Some(new) => (Outcome::Replaced, format!("delay_nanos {new} instead of {}", entry.delay_nanos)),
+            None => (Outcome::Kept, String::new()),
+        };
+        entry.delay_nanos = new.unwrap_or(entry.delay_nanos);
+        Change { difference: late_ms, sigma: sigma_ms, unit: "ms", outcome, ..unknown("delay", &text) }
     });
 }

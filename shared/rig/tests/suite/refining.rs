@@ -53,11 +53,15 @@ fn right_cameras_stay_within_their_deviations() {
 }
 
 #[test]
-fn late_images_are_reported_with_their_delay() {
+fn late_images_get_their_delay() {
     let found = refined(&Copied::of(with_cameras()).with_images_late(-40_000_000));
     let change = of(&found, "cameras", "delay");
-    assert_eq!(change.outcome, Outcome::ToDo);
+    assert_eq!(change.outcome, Outcome::Replaced);
     assert!((change.difference - 40.0).abs() < 3.0 * change.sigma, "{change}");
+    // The exposures are after their stamps: the stamps are early.
+    for camera in &found.manifest.cameras {
+        assert!((camera.delay_nanos as f64 * 1e-6 + change.difference).abs() < 1e-5, "{camera:?}");
+    }
 }
 
 #[test]
@@ -77,8 +81,13 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
     // Turns about the vertical alone do not tell the heading of the unit.
     assert_eq!(of(&found, "imu", "rotation about z").outcome, Outcome::NotObservable);
     let change = of(&found, "imu", "delay");
-    assert!(change.outcome == Outcome::ToDo && (change.difference - late_ms).abs() < 3.0 * change.sigma, "{change}");
-    let new = found.manifest.imu.expect("a unit").mounting();
+    assert!(
+        change.outcome == Outcome::Replaced && (change.difference - late_ms).abs() < 3.0 * change.sigma,
+        "{change}"
+    );
+    let new = found.manifest.imu.as_ref().expect("a unit");
+    assert!((new.delay_nanos as f64 * 1e-6 - change.difference).abs() < 1e-5, "{new:?}");
+    let new = new.mounting();
     let (given, remaining) = (body_from_unit.angle(), new.rotation.angle_to(&body_from_unit));
     assert!(remaining < 0.4 * given, "{remaining} of {given} rad");
 }

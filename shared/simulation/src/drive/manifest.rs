@@ -16,6 +16,7 @@ pub const GNSS_TRUTH_FILE: &str = "truth/gnss.csv";
 pub fn manifest(spec: &DriveSpec) -> Manifest {
     let rig = &spec.rig;
     let gnss = rig.gnss.map(|gnss| GnssEntry {
+        delay_nanos: 0,
         file: GNSS_FILE.into(),
         origin: [ORIGIN.latitude_deg, ORIGIN.longitude_deg, ORIGIN.altitude_m],
         antenna_in_body: gnss.antenna_in_body,
@@ -37,6 +38,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         }),
         gnss,
         imu: rig.imu.map(|imu| ImuEntry {
+            delay_nanos: 0,
             file: IMU_FILE.into(),
             position_in_body: imu.position_in_body,
             body_from_imu: None,
@@ -47,6 +49,7 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
 
 fn camera((index, camera): (usize, &CameraSpec)) -> CameraEntry {
     CameraEntry {
+        delay_nanos: 0,
         name: camera.name.clone(),
         folder: format!("camera/{index}"),
         exposure_nanos: camera.exposure_nanos,

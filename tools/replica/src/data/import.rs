@@ -9,17 +9,18 @@ use import::{Kind, Options, RosOptions};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Import a ROS bag, a data set or a camera calibration.
+/// Import a ROS bag, a data set, labeled clouds or a camera calibration.
 ///
-/// The drive folder links to the original files instead of copying them where it can. What is imported and what is not is listed.
+/// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where it can. What is imported and what is not is listed.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// ROS bag (*.bag, *.mcap, *.db3, or the folder of a ROS 2 bag); folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
+    /// ROS bag (*.bag, *.mcap, *.db3, the folder of a ROS 2 bag, or a folder of *.bag); labeled cloud or folder of clouds of
+    /// Paris-CARLA-3D, Paris-Lille-3D, Toronto-3D or `Street3D`; folder of KITTI raw (with `velodyne_points/data`), of a KITTI odometry sequence (with `velodyne`), of nuScenes (with
     /// `sweeps/LIDAR_TOP`, or *.pcd.bin), of `MandEye` (with `lidar*.laz`), or of *.bin, *.pcd, *.ply, *.las or *.laz sweeps; or
     /// the calibration file of a Ladybug (.cal)
     source: PathBuf,
-    /// Drive folder to create; for a calibration, the file to write its `[[camera]]` entries of a drive.toml to
+    /// Drive folder to create; for labeled clouds the recording (.mcap); for a calibration, the file to write its `[[camera]]` entries of a drive.toml to
     out: PathBuf,
     /// Layout of the source; without it the layout is recognized, and files that do not fit it are refused
     #[arg(long, value_parser = kind)]
@@ -46,6 +47,9 @@ pub struct Args {
     /// ROS bag: pose of a frame in the body frame, in place of that of `tf_static`: m and unit quaternion
     #[arg(long = "transform", value_name = "FRAME=X,Y,Z,QX,QY,QZ,QW", value_parser = transform)]
     transforms: Vec<(String, [f64; 7])>,
+    /// ROS bag: a further file of a recording that was split (may be repeated); a folder of *.bag files is read as one recording
+    #[arg(long = "part", value_name = "FILE")]
+    parts: Vec<PathBuf>,
     /// ROS bag: calibration file of the LiDAR, as lidar.calibration in drive.toml
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -88,6 +92,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         body_frame: args.body_frame.clone(),
         transforms: args.transforms.clone(),
         calibration: args.calibration.clone(),
+        parts: args.parts.clone(),
     };
     let options = Options {
         kind: args.kind,

@@ -4,6 +4,7 @@ mod classes;
 mod instances;
 mod map;
 mod projections;
+mod recorded_truth;
 mod run;
 mod trajectory;
 mod true_points;

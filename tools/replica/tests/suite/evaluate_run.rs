@@ -224,6 +224,48 @@ fn points_without_truth_are_counted_and_few_of_them_change_the_exit_code() {
 }
 
 #[test]
+fn points_of_unlabeled_sweeps_are_counted_apart_and_only_others_change_the_exit_code() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
+    let written = write_run(&drive, &run, &RunOptions::default());
+    let late = folder.path().join("late");
+    write_run(&drive, &late, &RunOptions { late_nanos: 3_600_000_000_000, ..RunOptions::default() });
+    // Labels of two key frames.
+    let labels = drive.join("truth/labels");
+    let n_sweeps = std::fs::read_dir(&labels).expect("lists").count();
+    for seq in (0..n_sweeps).filter(|seq| ![1, 4].contains(seq)) {
+        std::fs::remove_file(labels.join(format!("{seq:06}.label"))).expect("removed");
+    }
+    let out = run.join("evaluation");
+    let said = succeeded(&evaluate(&run, &drive, &["--out", text(&out)]));
+    assert!(said.contains(&format!("- unlabeled sweeps: {} of {n_sweeps}\n", n_sweeps - 2)), "{said}");
+    let scores: Value =
+        serde_json::from_slice(&std::fs::read(out.join("scores.json")).expect("was written")).expect("is JSON");
+    let points = &scores["points"];
+    let count = |name: &str| points[name].as_u64().expect("a count");
+    assert_eq!(count("joined") + count("in_unlabeled_sweeps"), written.n_points);
+    assert!(count("joined") * 2 < written.n_points && count("joined") > 0, "{points}");
+    assert_eq!(points["share_joined"], 1.0);
+
+    // Points that are returns of no sweep are doubted: one of the clouds is an hour late.
+    let cloud = "clouds/submap_0001.ply";
+    std::fs::copy(late.join(cloud), run.join(cloud)).expect("copies");
+    let output = evaluate(&run, &drive, &["--min-joined", "99"]);
+    let said = printed(&output);
+    assert!(said.contains("of the points have a true label, less than --min-joined 99 %"), "{said}");
+    assert_eq!(output.status.code(), Some(3), "{said}");
+
+    // Without labels in the sweeps of the run there is nothing to score.
+    std::fs::rename(labels.join("000001.label"), labels.join("000999.label")).expect("renamed");
+    std::fs::remove_file(labels.join("000004.label")).expect("removed");
+    let output = evaluate(&run, &drive, &[]);
+    let said = printed(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    // Which one depends on whether the run reaches the end of the drive.
+    assert!(said.contains("contains no label file of a sweep") || said.contains("have no labels"), "{said}");
+}
+
+#[test]
 fn wrong_arguments_and_folders_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let (drive, run) = (simulated(folder.path(), "urban"), folder.path().join("run"));
@@ -249,7 +291,8 @@ fn wrong_arguments_and_folders_are_reported() {
     assert!(said.contains("None: the run was not moved to its final frame."), "{said}");
     assert!(said.contains("The run states none."), "{said}");
     std::fs::remove_file(drive.join("truth/labels/000002.label")).expect("removed");
-    refused(&[text(&run), "--truth", text(&drive)], 3, "outside the labeled sweeps of the drive");
+    let said = succeeded(&evaluate(&run, &drive, &[]));
+    assert!(said.contains("- unlabeled sweeps: 1 of 7\n"), "{said}");
     let manifest = std::fs::read_to_string(drive.join("drive.toml")).expect("reads");
     std::fs::write(drive.join("drive.toml"), manifest.replace("labels = \"truth/labels\"", "")).expect("writes");
     let said = succeeded(&evaluate(&run, &drive, &[]));

@@ -100,6 +100,7 @@ fn manifest() -> Manifest {
     let model =
         CameraModel::Pinhole(Pinhole { width, height, fx: 10.0, fy: 10.0, cx: 9.5, cy: 4.5, distortion: [0.0; 5] });
     let camera = |index: usize| CameraEntry {
+        delay_nanos: 0,
         name: format!("camera {index}"),
         folder: format!("camera/{index}"),
         exposure_nanos: 2_000_000,
@@ -125,8 +126,13 @@ fn manifest() -> Manifest {
             body_from_camera: PoseEntry::IDENTITY,
             model: model.clone(),
         }],
-        gnss: Some(GnssEntry { file: "gnss.nmea".into(), origin: [48.8, 2.3, 100.0], antenna_in_body: [0.0; 3] }),
-        imu: Some(ImuEntry { file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
+        gnss: Some(GnssEntry {
+            delay_nanos: 0,
+            file: "gnss.nmea".into(),
+            origin: [48.8, 2.3, 100.0],
+            antenna_in_body: [0.0; 3],
+        }),
+        imu: Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None }),
         ..Manifest::of_lidar("made by hand", lidar)
     }
 }

@@ -14,6 +14,7 @@ pub fn bare_manifest() -> Manifest {
 
 pub fn camera(name: &str, body_from_camera: Pose, model: CameraModel) -> CameraEntry {
     CameraEntry {
+        delay_nanos: 0,
         name: name.to_owned(),
         folder: format!("camera/{name}"),
         exposure_nanos: 1_000_000,

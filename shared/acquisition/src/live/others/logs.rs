@@ -25,6 +25,8 @@ pub(super) struct FixLog {
     path: PathBuf,
     log: LineLog,
     joiner: FixJoiner,
+    /// How late the stamps are.
+    delay_nanos: i64,
     waiting: VecDeque<Fix>,
     is_closed: bool,
     n_left_out: u64,
@@ -38,9 +40,9 @@ pub(super) struct TakenFixes {
 }
 
 impl FixLog {
-    pub(super) fn new(path: PathBuf, log: LineLog) -> Self {
+    pub(super) fn new(path: PathBuf, log: LineLog, delay_nanos: i64) -> Self {
         let (joiner, waiting) = (FixJoiner::default(), VecDeque::new());
-        Self { path, log, joiner, waiting, is_closed: false, n_left_out: 0, n_interruptions: 0 }
+        Self { path, log, joiner, delay_nanos, waiting, is_closed: false, n_left_out: 0, n_interruptions: 0 }
     }
 
     pub(super) fn take_due(&mut self, span: Option<[i64; 2]>, clocks: &mut Clocks) -> Result<TakenFixes, LiveError> {
@@ -51,12 +53,15 @@ impl FixLog {
             if let (Some(Sentence::Rmc(rmc)), Some(arrived)) = (sentence, line.arrived)
                 && let Some(stamp) = rmc.stamp
             {
-                clocks.add(GNSS, stamp, arrived);
+                clocks.add(GNSS, stamp.plus_nanos(self.delay_nanos.saturating_neg()), arrived);
             }
             new.extend(self.joiner.take(&line.text));
         }
         if self.is_closed {
             new.extend(self.joiner.finish());
+        }
+        for fix in &mut new {
+            fix.stamp = fix.stamp.plus_nanos(self.delay_nanos.saturating_neg());
         }
         self.waiting.extend(&new);
         let n_excess = self.waiting.len().saturating_sub(MAX_WAITING);

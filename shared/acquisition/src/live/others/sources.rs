@@ -111,17 +111,14 @@ impl OtherSources {
         let (Some(root), Some((rig, _))) = (&self.cameras, &self.rig) else { return Ok(None) };
         let fault = |path: &Path, source: io::Error| LiveError::File { path: path.to_owned(), source };
         let (mut watched, mut names) = (Vec::new(), BTreeMap::new());
-        let color = entries
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(index, entry)| (CameraKind::Color, index, &entry.folder, format!("camera {}", entry.name)));
-        let mosaic = entries
-            .mosaics
-            .iter()
-            .enumerate()
-            .map(|(index, entry)| (CameraKind::Mosaic, index, &entry.folder, format!("mosaic {}", entry.name)));
-        for (kind, index, folder, name) in color.chain(mosaic) {
+        let color = entries.cameras.iter().enumerate().map(|(index, entry)| {
+            ((CameraKind::Color, index, entry.delay_nanos), &entry.folder, format!("camera {}", entry.name))
+        });
+        let mosaic =
+            entries.mosaics.iter().enumerate().map(|(index, entry)| {
+                ((CameraKind::Mosaic, index, 0), &entry.folder, format!("mosaic {}", entry.name))
+            });
+        for ((kind, index, delay_nanos), folder, name) in color.chain(mosaic) {
             let (source, recorded) = (root.join(folder), recording.join(folder));
             for path in [&source, &recorded] {
                 fs::create_dir_all(path).map_err(|error| fault(path, error))?;
@@ -130,7 +127,7 @@ impl OtherSources {
                 record_references(&source, &rig.join(folder), &recorded).map_err(|error| fault(&recorded, error))?;
             }
             names.insert((kind, index), name);
-            watched.push(WatchedCamera { kind, index, source, recorded });
+            watched.push(WatchedCamera { kind, index, delay_nanos, source, recorded });
         }
         for name in entries.mosaics.iter().filter_map(|entry| entry.sensor.as_ref()) {
             let target = recording.join(name);
@@ -141,11 +138,11 @@ impl OtherSources {
         Ok(Some(Frames::new(watch, names, trigger)))
     }
 
-    pub(super) fn start_fixes(&self, recording: &Path) -> Result<Option<FixLog>, LiveError> {
+    pub(super) fn start_fixes(&self, recording: &Path, entry: Option<&GnssEntry>) -> Result<Option<FixLog>, LiveError> {
         let Some(address) = &self.gnss else { return Ok(None) };
         let path = recording.join(GNSS_FILE);
         let log = start_log("gnss", address, &path)?;
-        Ok(Some(FixLog::new(path, log)))
+        Ok(Some(FixLog::new(path, log, entry.map_or(0, |entry| entry.delay_nanos))))
     }
 
     pub(super) fn start_samples(
@@ -157,7 +154,11 @@ impl OtherSources {
         let path = recording.join(IMU_FILE);
         let log = start_log("imu", address, &path)?;
         let mounting = entry.filter(|entry| entry.body_from_imu.is_some()).map(|entry| entry.mounting().rotation);
-        let parser = mounting.map_or_else(ImuParser::default, |rotation| ImuParser::default().rotated(rotation));
+        let parser = ImuParser::default().delayed(entry.map_or(0, |entry| entry.delay_nanos));
+        let parser = match mounting {
+            Some(rotation) => parser.rotated(rotation),
+            None => parser,
+        };
         Ok(Some(SampleLog::new(path, log, parser)))
     }
 }

@@ -19,6 +19,7 @@ impl Check<'_> {
         let (width, height) = entry.model.size();
         let n_values = u64::from(width) * u64::from(height) * COLORS;
         self.fits::<ImageTopic>(&key("model"), n_values, &format!("{width} x {height} pixels of {COLORS} colors"));
+        rules::delay(&mut self.file, &key("delay_nanos"), entry.delay_nanos);
     }
 
     /// Checks an entry of a mosaic camera without its images. Returns the manufacturer's calibration, if it names one.

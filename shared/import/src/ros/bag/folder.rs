@@ -1,6 +1,11 @@
-//! ROS 2 bags that are folders: `metadata.yaml` and one file or more.
+//! Bags that are folders: ROS 2 with `metadata.yaml` and one file or more, and split recordings of ROS 1.
 
+use super::Kind;
+use super::decompress::decompressed as stream;
 use crate::error::{At, ImportError};
+use crate::files::files as files_of;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Describes the files of a ROS 2 bag.
@@ -8,32 +13,90 @@ pub(crate) const METADATA: &str = "metadata.yaml";
 /// Longest description, bytes. A bag of a thousand files has a tenth of it.
 const MAX_METADATA: u64 = 1 << 24;
 
-pub(super) fn is_bag(folder: &Path) -> bool {
-    let has_title = |text: String| text.starts_with("rosbag2_bagfile_information:");
-    std::fs::read_to_string(folder.join(METADATA)).is_ok_and(has_title)
+/// Extension of compressed files.
+const ZSTD: &str = "zstd";
+/// Bytes of a file per compressed byte at most. Real recordings have up to 20.
+const MAX_RATIO: u64 = 256;
+
+/// The files of a folder.
+pub(super) struct FolderFiles {
+    pub files: Vec<PathBuf>,
+    /// Whether each message is compressed.
+    pub is_zstd: bool,
+    /// Whether the files are in the order of their recording.
+    pub in_order: bool,
 }
 
-/// The files of a bag in the order of their recording.
-pub(super) fn files(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+pub(super) fn is_bag(folder: &Path) -> bool {
+    let has_title = |text: String| text.starts_with("rosbag2_bagfile_information:");
+    std::fs::read_to_string(folder.join(METADATA)).is_ok_and(has_title) || !ros1_files(folder).is_empty()
+}
+
+/// Bags of ROS 1 in a folder, by name.
+fn ros1_files(folder: &Path) -> Vec<PathBuf> {
+    let found = files_of(folder, ".bag").unwrap_or_default().into_iter().map(|(_, path)| path);
+    found.filter(|path| matches!(Kind::of_file(path), Ok(Some(Kind::Ros1)))).collect()
+}
+
+/// The files of a bag.
+pub(super) fn files(folder: &Path) -> Result<FolderFiles, ImportError> {
     let path = folder.join(METADATA);
+    if !path.is_file() {
+        return Ok(FolderFiles { files: ros1_files(folder), is_zstd: false, in_order: false });
+    }
     if path.metadata().at(&path)?.len() > MAX_METADATA {
         return Err(ImportError::at(&path, format!("has more than {MAX_METADATA} bytes")));
     }
     let text = std::fs::read_to_string(&path).at(&path)?;
-    let mode = value(&text, "compression_mode:");
-    if let Some(mode) = mode.filter(|mode| !matches!(*mode, "" | "NONE" | "none")) {
-        let rule = format!(
-            "compression_mode {mode}: files or messages are compressed outside of their container; convert the bag: \
-             `ros2 bag convert -i {} -o out.yaml` with compression_mode \"\"",
-            folder.display()
-        );
-        return Err(ImportError::at(&path, rule));
-    }
-    let files = file_names(&text).map(|name| folder.join(name)).collect::<Vec<_>>();
+    let mode = value(&text, "compression_mode:").unwrap_or_default().to_uppercase();
+    let format = value(&text, "compression_format:").unwrap_or_default();
+    let is_zstd = match (mode.as_str(), format) {
+        ("" | "NONE" | "STORAGE", _) | ("FILE", ZSTD) => false,
+        ("MESSAGE", ZSTD) => true,
+        _ => {
+            let rule = format!(
+                "compression_mode {mode}, compression_format {format:?}: must be files or messages compressed by zstd; convert \
+                 the bag: `ros2 bag convert -i {} -o out.yaml` with compression_mode \"\"",
+                folder.display()
+            );
+            return Err(ImportError::at(&path, rule));
+        }
+    };
+    let files = file_names(&text).map(|name| existing(&folder.join(name))).collect::<Vec<_>>();
     if files.is_empty() {
         return Err(ImportError::at(&path, "names no files under relative_file_paths"));
     }
-    Ok(files)
+    Ok(FolderFiles { files, is_zstd, in_order: true })
+}
+
+/// The file, or its compressed form: some recorders list names without the extension.
+fn existing(path: &Path) -> PathBuf {
+    let mut compressed = path.as_os_str().to_owned();
+    compressed.push(".");
+    compressed.push(ZSTD);
+    let compressed = PathBuf::from(compressed);
+    if !path.exists() && compressed.exists() { compressed } else { path.to_owned() }
+}
+
+/// The file itself, or its content in the folder `scratch` if it is compressed as a whole.
+pub(super) fn decompressed(path: &Path, scratch: &Path) -> Result<PathBuf, ImportError> {
+    if path.extension().is_none_or(|extension| extension != ZSTD) {
+        return Ok(path.to_owned());
+    }
+    std::fs::create_dir_all(scratch).at(scratch)?;
+    let plain = scratch.join(path.file_stem().unwrap_or_default());
+    let file = File::open(path).at(path)?;
+    let limit = file.metadata().at(path)?.len().saturating_mul(MAX_RATIO);
+    let content = stream(ZSTD, BufReader::new(file)).at(path)?;
+    let mut out = File::create(&plain).at(&plain)?;
+    let n_bytes = io::copy(&mut content.take(limit + 1), &mut out).at(path)?;
+    if n_bytes > limit {
+        return Err(ImportError::at(
+            path,
+            format!("has more than {MAX_RATIO} bytes per compressed byte: it is damaged"),
+        ));
+    }
+    Ok(plain)
 }
 
 /// The value behind a key, on any level.

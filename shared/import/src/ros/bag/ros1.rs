@@ -32,6 +32,8 @@ pub(super) struct Ros1 {
     connections: BTreeMap<u32, usize>,
     /// Where the chunks begin, in the order of the file.
     chunks: Vec<u64>,
+    /// Time of the first message, ns.
+    begin: Option<i64>,
 }
 
 impl Ros1 {
@@ -62,8 +64,13 @@ impl Ros1 {
         if index >= n_bytes {
             return Err(fault(format!("the index is at byte {index}, the file has {n_bytes} bytes: it is cut")));
         }
-        let mut bag =
-            Self { path: path.to_owned(), topics: Topics::default(), connections: BTreeMap::new(), chunks: Vec::new() };
+        let mut bag = Self {
+            path: path.to_owned(),
+            topics: Topics::default(),
+            connections: BTreeMap::new(),
+            chunks: Vec::new(),
+            begin: None,
+        };
         bag.read_index(&mut file, index, n_bytes)?;
         Ok(bag)
     }
@@ -87,6 +94,8 @@ impl Ros1 {
                 }
                 Some(CHUNK_INFO) => {
                     self.chunks.push(header.u64("chunk_pos").at_byte(&path, at)?);
+                    let begin = nanos(header.u64("start_time").at_byte(&path, at)?);
+                    self.begin = Some(self.begin.map_or(begin, |first| first.min(begin)));
                     let (entries, _) = data.as_chunks::<8>();
                     let u32_of = |bytes: &[u8]| bytes.iter().rev().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
                     counts.extend(entries.iter().map(|entry| (u32_of(&entry[..4]), u32_of(&entry[4..]))));
@@ -145,12 +154,16 @@ impl Ros1 {
                 continue;
             }
             let time = header.u64("time").at_byte(path, at)?;
-            let (seconds, nanos) = (time & 0xffff_ffff, time >> 32);
             read_bytes(&mut content, n_data, data).at_byte(path, at)?;
-            each(Message { topic, received: seconds as i64 * 1_000_000_000 + nanos as i64, data })?;
+            each(Message { topic, received: nanos(time), data })?;
         }
         Ok(())
     }
+}
+
+/// A time: seconds in the low half, ns in the high one.
+fn nanos(time: u64) -> i64 {
+    (time & 0xffff_ffff) as i64 * 1_000_000_000 + (time >> 32) as i64
 }
 
 /// Length of the data of a record.
@@ -161,6 +174,10 @@ fn length(reader: &mut impl Read) -> io::Result<u64> {
 impl Container for Ros1 {
     fn topics(&self) -> &Topics {
         &self.topics
+    }
+
+    fn begin(&self) -> Option<i64> {
+        self.begin
     }
 
     fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {

@@ -21,9 +21,9 @@ impl std::ops::Deref for Pixels<'_> {
     }
 }
 
-/// Encodings of 8 bits.
-const ENCODINGS: &str =
-    "rgb8, rgba8, bgr8, bgra8, 8UC3, mono8, 8UC1, bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8";
+/// Encodings that are read.
+const ENCODINGS: &str = "rgb8, rgba8, bgr8, bgra8, 8UC3, mono8, 8UC1, mono16, yuv422, uyvy, yuv422_yuy2, yuyv, bayer_rggb8, \
+                         bayer_bggr8, bayer_gbrg8, bayer_grbg8";
 
 pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
     // Places of red, green and blue in a pixel.
@@ -39,12 +39,45 @@ pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
         "bgr8" | "8UC3" => color(3, [2, 1, 0]),
         "bgra8" => color(4, [2, 1, 0]),
         "mono8" | "8UC1" => Ok(Pixels::Gray(rows(image, 1)?)),
+        "mono16" => Ok(Pixels::Gray(reduced(&rows(image, 2)?, image.is_big).into())),
+        // Brightness of two pixels, and the colors that they share.
+        "yuv422" | "uyvy" => yuv422(image, [1, 3], [0, 2]),
+        "yuv422_yuy2" | "yuyv" => yuv422(image, [0, 2], [1, 3]),
         "bayer_rggb8" => bayer(image, [0, 1, 1, 2]),
         "bayer_bggr8" => bayer(image, [2, 1, 1, 0]),
         "bayer_gbrg8" => bayer(image, [1, 2, 0, 1]),
         "bayer_grbg8" => bayer(image, [1, 0, 2, 1]),
         other => Err(format!("encoding {other:?} must be one of {ENCODINGS}")),
     }
+}
+
+/// Whether the pixels of an encoding lose bits.
+pub(super) fn is_reduced(encoding: &str) -> bool {
+    encoding == "mono16"
+}
+
+/// Values of 16 bits as 8 bits: full scale stays full scale.
+fn reduced(values: &[u8], is_big: bool) -> Vec<u8> {
+    let value = |bytes: &[u8; 2]| if is_big { u16::from_be_bytes(*bytes) } else { u16::from_le_bytes(*bytes) };
+    values.as_chunks::<2>().0.iter().map(|bytes| ((u32::from(value(bytes)) + 128) / 257) as u8).collect()
+}
+
+/// Pairs of pixels: the places of their brightness and of their blue and red differences in four bytes (BT.601, 16 to 235).
+fn yuv422<'a>(image: &Image<'a>, brightness: [usize; 2], colors: [usize; 2]) -> Result<Pixels<'a>, String> {
+    if image.width % 2 == 1 {
+        return Err(format!("{} pixels in a row; {} has pairs of pixels", image.width, image.encoding));
+    }
+    let rows = rows(image, 2)?;
+    let mut pixels = Vec::with_capacity(rows.len() / 2 * 3);
+    for pair in rows.chunks_exact(4) {
+        let [u, v] = colors.map(|place| f32::from(pair[place]) - 128.0);
+        for place in brightness {
+            let y = 1.164 * (f32::from(pair[place]) - 16.0);
+            let rgb = [y + 1.596 * v, y - 0.392 * u - 0.813 * v, y + 2.017 * u];
+            pixels.extend(rgb.map(|value| value.round().clamp(0.0, 255.0) as u8));
+        }
+    }
+    Ok(Pixels::Rgb(Cow::Owned(pixels)))
 }
 
 /// The rows without the gaps between them.
@@ -92,7 +125,7 @@ mod tests {
 
     fn image<'a>(encoding: &str, [width, height, step]: [u32; 3], data: &'a [u8]) -> Image<'a> {
         let header = Header { stamp: 0, frame: String::new() };
-        Image { header, height, width, encoding: encoding.into(), step, data }
+        Image { header, height, width, encoding: encoding.into(), is_big: false, step, data }
     }
 
     #[test]
@@ -109,6 +142,31 @@ mod tests {
         }
         let gray = of_image(&image("mono8", [2, 2, 3], &[1, 2, 0, 3, 4])).expect("converts");
         assert_eq!(gray, Pixels::Gray(vec![1, 2, 3, 4].into()));
+    }
+
+    #[test]
+    fn values_of_16_bits_keep_their_full_scale() {
+        let data = [0, 0, 0xff, 0xff, 0x00, 0x80, 0x01, 0x01];
+        let gray = |is_big| of_image(&Image { is_big, ..image("mono16", [2, 2, 4], &data) });
+        assert_eq!(gray(false), Ok(Pixels::Gray(vec![0, 255, 128, 1].into())));
+        assert_eq!(gray(true), Ok(Pixels::Gray(vec![0, 255, 0, 1].into())));
+        assert!(is_reduced("mono16") && !is_reduced("mono8"));
+    }
+
+    #[test]
+    fn pairs_of_pixels_with_shared_colors_become_rgb() {
+        // Black, white; then red of BT.601 twice.
+        let expected = Ok(Pixels::Rgb(vec![0, 0, 0, 255, 255, 255, 254, 0, 0, 254, 0, 0].into()));
+        let uyvy = [128, 16, 128, 235, 90, 81, 240, 81];
+        let yuyv = [16, 128, 235, 128, 81, 90, 81, 240];
+        for encoding in ["yuv422", "uyvy"] {
+            assert_eq!(of_image(&image(encoding, [4, 1, 8], &uyvy)), expected, "{encoding}");
+        }
+        for encoding in ["yuv422_yuy2", "yuyv"] {
+            assert_eq!(of_image(&image(encoding, [2, 2, 4], &yuyv)), expected, "{encoding}");
+        }
+        let error = of_image(&image("yuyv", [3, 1, 6], &[0; 6])).expect_err("has no pairs");
+        assert!(error.contains("3 pixels in a row"), "{error}");
     }
 
     #[test]

@@ -3,9 +3,9 @@
 use super::of_beams;
 use crate::error::ImportError;
 use crate::plan::TextFile;
+use crate::point_times::TimeForm;
+use crate::rings::{Elevations, Rings};
 use crate::ros::cloud::RawPoint;
-use crate::ros::point_times::TimeForm;
-use crate::ros::rings::{Elevations, Rings};
 use crate::sweeps::LIDAR_FOLDER;
 use formats::cloud::{CloudPoint, FiredPoint};
 use formats::drive::TIMES_FILE;
@@ -92,7 +92,11 @@ impl Sweeps {
             .iter()
             .find_map(|cloud| time_range(cloud).and_then(|[a, b]| TimeForm::of_range(a, b, cloud.stamp)));
         let mut elevations = Elevations::default();
-        self.waiting.iter().flat_map(|cloud| &cloud.points).for_each(|point| elevations.add(point));
+        for point in self.waiting.iter().flat_map(|cloud| &cloud.points) {
+            if let Some(ring) = point.ring {
+                elevations.add(ring, point.position);
+            }
+        }
         let of_model = self.model.map(|model| Lidar::from(model).n_rings()).filter(|n| *n > 0);
         let rings = elevations.rings(of_model.and_then(|n| u16::try_from(n).ok()), n_rows);
         let model = self.model.unwrap_or_else(|| of_beams(rings.as_ref().map_or(0, Rings::n_rings)));

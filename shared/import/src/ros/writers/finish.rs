@@ -63,9 +63,10 @@ impl Writers<'_> {
             imu,
             gnss,
             metadata,
-            frames,
+            mut frames,
             ..
         } = self;
+        let fixed = frames.take_fixed();
         let topic_of = |role: Role| roles.topics.get(&role).map_or("", |topic| topics[*topic].name.as_str());
         let lidar = finish_lidar(source, topic_of(Role::Lidar), lidar, &fields, options.model, metadata)?;
         let lidar_frame = frame_of.get(&Role::Lidar).cloned().unwrap_or_else(|| OUSTER_FRAME.to_owned());
@@ -89,6 +90,9 @@ impl Writers<'_> {
         if frames.is_empty() {
             parts.report.push("the bag has no tf_static".into());
         }
+        if !fixed.is_empty() {
+            parts.report.push(format!("frames of tf that never move are taken: {}", fixed.join(", ")));
+        }
         parts.report.append(&mut rig.report);
         // Leaves a sensor out, or fails if the user asked for it.
         let leave_out = |parts: &mut Parts, role: Role, topic: usize, reason: String| {
@@ -105,6 +109,7 @@ impl Writers<'_> {
                 Ok((body_from_camera, model)) => {
                     parts.report.extend(camera_report(&camera, &topics[camera.topic].name));
                     parts.manifest.cameras.push(CameraEntry {
+                        delay_nanos: 0,
                         name: camera.name,
                         folder: camera.folder,
                         exposure_nanos: EXPOSURE_NANOS,
@@ -135,7 +140,8 @@ impl Writers<'_> {
                     parts.report.extend(imu_report(&log, &topics[topic].name, was_in_g));
                     let body_from_imu = Some(body_from_imu.into());
                     let file = imu::FILE.to_owned();
-                    parts.manifest.imu = Some(ImuEntry { file, position_in_body: [0.0; 3], body_from_imu });
+                    parts.manifest.imu =
+                        Some(ImuEntry { delay_nanos: 0, file, position_in_body: [0.0; 3], body_from_imu });
                 }
                 Err(reason) => {
                     fs::remove_file(&path).at(&path)?;
@@ -153,7 +159,8 @@ impl Writers<'_> {
                 Ok((origin, body_from_antenna)) => {
                     parts.report.extend(gnss_report(&topics[topic].name, role, counts));
                     let antenna_in_body = body_from_antenna.translation.vector.into();
-                    parts.manifest.gnss = Some(GnssEntry { file: gnss::FILE.into(), origin, antenna_in_body });
+                    parts.manifest.gnss =
+                        Some(GnssEntry { delay_nanos: 0, file: gnss::FILE.into(), origin, antenna_in_body });
                 }
                 Err(reason) => {
                     fs::remove_file(&path).at(&path)?;
@@ -207,6 +214,9 @@ fn camera_report(camera: &Camera, topic: &str) -> Vec<String> {
     let mut lines = vec![format!("imported: {} images from {topic}", camera.images.n_written)];
     if camera.images.n_same_stamp > 0 {
         lines.push(format!("{} images of {topic} with the stamp of another are left out", camera.images.n_same_stamp));
+    }
+    if camera.images.is_reduced {
+        lines.push(format!("images of {topic} have 16 bits; they become 8 bits: 65535 becomes 255"));
     }
     let turned_deg = camera.rectification_deg();
     if turned_deg > MAX_TURN_DEG {

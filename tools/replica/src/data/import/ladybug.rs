@@ -18,6 +18,7 @@ pub fn import(source: &Path, out: &Path, [x, y, z]: [f64; 3]) -> anyhow::Result<
     let options = SourceOptions { body_from_source: Some(Pose::translation(x, y, z)), ..SourceOptions::default() };
     let parts = read(source, &options, &mut FrameTree::default())?;
     let entry = |camera: rig::source::CameraPart| CameraEntry {
+        delay_nanos: 0,
         folder: format!("camera/{}", camera.name),
         exposure_nanos: UNKNOWN_EXPOSURE_NANOS,
         body_from_camera: camera.body_from_camera.unwrap_or_else(Pose::identity).into(),

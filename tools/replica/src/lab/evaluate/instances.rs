@@ -5,7 +5,7 @@ use super::true_points::TruePoints;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use anyhow::{Context, bail, ensure};
-use formats::drive::{Drive, MANIFEST_FILE};
+use formats::drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
 use messages::ClassId;
 use scores::{InstanceScores, Overlaps, PointLabel};
@@ -57,8 +57,9 @@ fn overlaps(truth: &Path, prediction: &Path) -> anyhow::Result<(Overlaps, u64)> 
             for (predicted, truth) in point_labels(&cloud, file)?.into_iter().zip(truth) {
                 match truth {
                     Ok(truth) => {
-                        overlaps.add(PointLabel { class: truth.class, instance: truth.instance.into() }, predicted);
+                        overlaps.add(truth, predicted);
                     }
+                    Err(NoLabel::UnlabeledSweep) => {}
                     Err(_) => n_unknown += 1,
                 }
             }

@@ -1,5 +1,5 @@
 //! `replica evaluate OUT --truth DRIVE`: scores the finished clouds and the trajectory of a run against the recorded truth of its
-//! drive.
+//! drive, or its clouds against the labels of an imported recording.
 
 mod deviations;
 mod errors;
@@ -8,6 +8,7 @@ mod point_scores;
 mod pose_error;
 mod report;
 
+use super::recorded_truth::RecordedTruth;
 use crate::argument::percent;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
@@ -15,7 +16,7 @@ use anyhow::{Context, bail, ensure};
 use formats::drive::{Drive, MANIFEST_FILE};
 use formats::ply::Vertices;
 use messages::ClassId;
-use point_scores::PointScores;
+use point_scores::{PointScores, TrueLabels};
 use report::RunReport;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -31,7 +32,7 @@ pub struct Args {
     /// Output folder of a run that has ended
     #[arg(value_name = "OUT")]
     run: PathBuf,
-    /// Drive folder of this run, with ground truth: labels, a trajectory or both
+    /// Drive folder of this run, with ground truth: labels, a trajectory or both; or the imported recording (.mcap) that was replayed
     #[arg(long, value_name = "DRIVE")]
     truth: PathBuf,
     /// Classes whose instances are scored
@@ -43,7 +44,8 @@ pub struct Args {
     /// Score ground (road, road line, sidewalk, ground, rail track, terrain) against all other classes
     #[arg(long)]
     ground: bool,
-    /// Exit code 3 if a smaller share of the points is found among the returns of the drive, %
+    /// Exit code 3 if a smaller share of the points is found among the returns of the drive, %. Points of sweeps without a label file
+    /// do not count
     #[arg(long, value_name = "PERCENT", default_value_t = 99.0, value_parser = percent)]
     min_joined: f64,
     /// Folder for scores.md and scores.json
@@ -56,19 +58,33 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let class =
         |name: &String| ClassId::from_name(name).with_context(|| format!("--instances: unknown class {name:?}"));
     let things: Vec<ClassId> = args.instances.iter().map(class).collect::<anyhow::Result<_>>()?;
+    ensure!(args.run.is_dir(), "{}: not the output folder of a run", args.run.display());
+    if args.truth.extension().is_some_and(|extension| extension == "mcap") {
+        let truth = TrueLabels::Recording(Box::new(RecordedTruth::open(&args.truth)?));
+        return finish(args, Some(scored(args, truth)?), None, &things);
+    }
     ensure!(
         args.truth.join(MANIFEST_FILE).is_file(),
         "{}: no {MANIFEST_FILE}; --truth must be a drive folder with ground truth",
         args.truth.display()
     );
-    ensure!(args.run.is_dir(), "{}: not the output folder of a run", args.run.display());
     let drive = Drive::open(&args.truth)?;
     let Some(truth) = &drive.manifest().truth else {
         bail!("{}: the drive has no ground truth: {MANIFEST_FILE} has no [truth]", args.truth.display())
     };
-    let points = if truth.labels.is_some() { Some(scored(args, &drive)?) } else { None };
+    let points = if truth.labels.is_some() { Some(scored(args, TrueLabels::of_drive(drive.clone())?)?) } else { None };
     let poses = errors::PoseScores::of(&drive, &args.run)?;
-    let report = RunReport::new(&args.run, &args.truth, points, poses, &things, args.min_points, args.ground);
+    finish(args, points, poses, &things)
+}
+
+/// Prints the report and writes its files.
+fn finish(
+    args: &Args,
+    points: Option<PointScores>,
+    poses: Option<errors::PoseScores>,
+    things: &[ClassId],
+) -> anyhow::Result<ExitCode> {
+    let report = RunReport::new(&args.run, &args.truth, points, poses, things, args.min_points, args.ground);
     // A reader that closes the pipe early has seen enough.
     let _ = std::io::stdout().write_all(report.markdown().as_bytes());
     if let Some(out) = &args.out {
@@ -92,15 +108,21 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 /// Scores of the points of all clouds, one cloud in memory at a time. An error if the run is of another drive.
-fn scored(args: &Args, drive: &Drive) -> anyhow::Result<PointScores> {
-    let mut scores = PointScores::new(drive.clone())?;
+fn scored(args: &Args, truth: TrueLabels) -> anyhow::Result<PointScores> {
+    let mut scores = PointScores::new(truth);
     for file in in_order(cloud_files(&args.run)?) {
         let cloud = Vertices::load(&file)?;
         scores.add(&cloud).with_context(|| file.display().to_string())?;
     }
     let n_points = scores.n_points;
     ensure!(n_points > 0, "{}: the clouds have no points", args.run.display());
-    if scores.share_joined() < MIN_SHARE_OF_DRIVE {
+    ensure!(
+        scores.n_in_unlabeled < n_points,
+        "{}: all points are of sweeps of {} that have no labels",
+        args.run.display(),
+        args.truth.display()
+    );
+    if scores.share_of_drive() < MIN_SHARE_OF_DRIVE {
         bail!(
             "{}: {}\nhint: --truth must be the drive of the run: {}",
             args.run.display(),

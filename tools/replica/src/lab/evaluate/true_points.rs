@@ -1,12 +1,13 @@
 //! Finds the true label of each point of a cloud.
 
 use anyhow::ensure;
-use formats::drive::{Drive, LabelReader, LabelledSweep, NoLabel, Shot, TrueLabel, find_label};
+use formats::drive::{Drive, LabelReader, LabelledSweep, NoLabel, Shot, find_label};
 use formats::ply::Vertices;
 use rayon::prelude::*;
+use scores::PointLabel;
 
 /// A point: its label, or why it has none.
-pub type Labelled = Result<TrueLabel, NoLabel>;
+pub type Labelled = Result<PointLabel, NoLabel>;
 
 /// The labels of the sweeps around a cloud. Memory: the labels of the sweeps of one cloud.
 pub struct TruePoints {
@@ -18,13 +19,17 @@ pub struct TruePoints {
     forgotten: Option<i64>,
     /// Stamps of the first and of the latest sweep that were read, ns.
     read: Option<[i64; 2]>,
+    /// Sweeps that were read, and those of them without labels.
+    n_sweeps: u64,
+    n_unlabeled: u64,
 }
 
 impl TruePoints {
     /// An error if the drive has no labels.
     pub fn open(drive: Drive) -> anyhow::Result<Self> {
         let reader = reader(&drive)?;
-        let mut points = Self { drive, reader, sweeps: Vec::new(), forgotten: None, read: None };
+        let mut points =
+            Self { drive, reader, sweeps: Vec::new(), forgotten: None, read: None, n_sweeps: 0, n_unlabeled: 0 };
         points.read_sweep()?;
         Ok(points)
     }
@@ -37,7 +42,16 @@ impl TruePoints {
         if let (Some(first), Some(last)) = (stamps().min(), stamps().max()) {
             self.cover(first, last)?;
         }
-        Ok(shots.par_iter().map(|shot| find_label(&self.sweeps, shot)).collect())
+        let label = |shot: &Shot| {
+            let found = find_label(&self.sweeps, shot)?;
+            Ok(PointLabel { class: found.class, instance: found.instance.into() })
+        };
+        Ok(shots.par_iter().map(label).collect())
+    }
+
+    /// Numbers of the sweeps without labels and of all sweeps that were read.
+    pub fn unlabeled_sweeps(&self) -> [u64; 2] {
+        [self.n_unlabeled, self.n_sweeps]
     }
 
     /// Stamps of the first and of the latest sweep that were read, ns.
@@ -70,6 +84,9 @@ impl TruePoints {
         let Some(sweep) = self.reader.next_sweep().map_err(|problem| anyhow::anyhow!("{problem}"))? else {
             return Ok(false);
         };
+        let is_new = self.read.is_none_or(|[_, latest]| sweep.stamp() > latest);
+        self.n_sweeps += u64::from(is_new);
+        self.n_unlabeled += u64::from(is_new && !sweep.has_labels());
         let [_, latest] = self.read.get_or_insert([sweep.stamp(); 2]);
         *latest = sweep.stamp().max(*latest);
         self.sweeps.push(sweep);

@@ -1,19 +1,30 @@
 //! Counts of the points of all clouds by true and predicted label.
 
+use crate::lab::evaluate::recorded_truth::RecordedTruth;
 use crate::lab::evaluate::true_points::{Labelled, TruePoints};
 use anyhow::{Context, bail};
-use formats::drive::{Drive, NoLabel, TrueLabel};
+use formats::drive::{Drive, NoLabel};
 use formats::ply::Vertices;
 use messages::{ClassId, UNSEEN};
 use scores::{Confusion, Overlaps, PointLabel};
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Where true labels are.
+pub enum TrueLabels {
+    /// In the sweeps of a drive.
+    Drive(Box<TruePoints>),
+    /// In the submaps of an imported recording.
+    Recording(Box<RecordedTruth>),
+}
+
 /// What is counted, cloud by cloud.
 pub struct PointScores {
-    truth: TruePoints,
+    truth: TrueLabels,
     /// Points of all clouds.
     pub n_points: u64,
+    /// Points that are returns of sweeps without labels; they are not scored, and not missed.
+    pub n_in_unlabeled: u64,
     /// Points that are returns of the drive.
     pub n_joined: u64,
     /// Points without such a return, by reason: no sweep, no return, another return.
@@ -41,10 +52,11 @@ pub const REASONS: [&str; 3] = [
 
 impl PointScores {
     /// No points yet.
-    pub fn new(drive: Drive) -> anyhow::Result<Self> {
-        Ok(Self {
-            truth: TruePoints::open(drive)?,
+    pub fn new(truth: TrueLabels) -> Self {
+        Self {
+            truth,
             n_points: 0,
+            n_in_unlabeled: 0,
             n_joined: 0,
             n_apart: [0; 3],
             n_unlabeled: 0,
@@ -53,7 +65,7 @@ impl PointScores {
             overlaps: Overlaps::default(),
             colored_by: BTreeMap::new(),
             times_s: None,
-        })
+        }
     }
 
     /// Adds the points of a cloud.
@@ -92,6 +104,7 @@ impl PointScores {
             Err(NoLabel::NoSweep) => self.n_apart[0] += 1,
             Err(NoLabel::NoReturn) => self.n_apart[1] += 1,
             Err(NoLabel::OtherReturn) => self.n_apart[2] += 1,
+            Err(NoLabel::UnlabeledSweep) => self.n_in_unlabeled += 1,
         }
     }
 
@@ -110,15 +123,28 @@ impl PointScores {
             let Some(instances) = &instances else { continue };
             let instance = u32::try_from(instances[i])
                 .with_context(|| format!("instance of point {i} is {}; must be 0 to 2^32 - 1", instances[i]))?;
-            let truth = PointLabel { class: true_class, instance: label.instance.into() };
+            let truth = PointLabel { class: true_class, instance: label.instance };
             self.overlaps.add(truth, PointLabel { class, instance });
         }
         Ok(())
     }
 
-    /// Share of the points that are returns of the drive.
+    /// Share of the points that are returns of the drive, also of its unlabeled sweeps.
+    pub fn share_of_drive(&self) -> f64 {
+        (self.n_joined + self.n_in_unlabeled) as f64 / self.n_points.max(1) as f64
+    }
+
+    /// Share of the points outside of unlabeled sweeps that are returns of the drive.
     pub fn share_joined(&self) -> f64 {
-        self.n_joined as f64 / self.n_points.max(1) as f64
+        self.n_joined as f64 / (self.n_points - self.n_in_unlabeled).max(1) as f64
+    }
+
+    /// Numbers of the sweeps without labels and of all sweeps of the run.
+    pub fn unlabeled_sweeps(&self) -> [u64; 2] {
+        match &self.truth {
+            TrueLabels::Drive(points) => points.unlabeled_sweeps(),
+            TrueLabels::Recording(_) => [0; 2],
+        }
     }
 
     /// Why the run is of another drive.
@@ -128,10 +154,14 @@ impl PointScores {
         let span = |stamps: Option<[f64; 2]>| {
             stamps.map_or_else(|| "none".to_owned(), |[first, last]| format!("{first:.3} to {last:.3} s"))
         };
-        let sweeps = self.truth.stamps_read().map(|stamps| stamps.map(|stamp| stamp as f64 * 1e-9));
+        let sweeps = match &self.truth {
+            TrueLabels::Drive(points) => points.stamps_read(),
+            TrueLabels::Recording(_) => None,
+        };
+        let sweeps = sweeps.map(|stamps| stamps.map(|stamp| stamp as f64 * 1e-9));
         format!(
             "only {} of {} points are returns of {} ({}); times of the points: {}, of its sweeps so far: {}",
-            self.n_joined,
+            self.n_joined + self.n_in_unlabeled,
             self.n_points,
             truth.display(),
             reasons.join(", "),
@@ -141,7 +171,21 @@ impl PointScores {
     }
 }
 
+impl TrueLabels {
+    /// The labels of a drive.
+    pub fn of_drive(drive: Drive) -> anyhow::Result<Self> {
+        Ok(Self::Drive(Box::new(TruePoints::open(drive)?)))
+    }
+
+    fn labels_of(&mut self, cloud: &Vertices) -> anyhow::Result<Vec<Labelled>> {
+        match self {
+            Self::Drive(points) => points.labels_of(cloud),
+            Self::Recording(recording) => recording.labels_of(cloud),
+        }
+    }
+}
+
 /// The class of a label; ids beyond the class table are unlabeled.
-fn class_of(label: TrueLabel) -> u8 {
+fn class_of(label: PointLabel) -> u8 {
     ClassId::from_id(label.class).unwrap_or(ClassId::Unlabeled) as u8
 }

@@ -44,7 +44,7 @@ impl RunReport {
         Self { run, truth, points, confusion, instances, poses }
     }
 
-    /// Share of the points with a true label; `None` if the drive has none.
+    /// Share of the points with a true label, without those of unlabeled sweeps; `None` if the drive has none.
     pub fn share_joined(&self) -> Option<f64> {
         self.points.as_ref().map(PointScores::share_joined)
     }
@@ -67,6 +67,11 @@ impl RunReport {
         // Writing to a string cannot fail.
         let share = 100.0 * points.share_joined();
         let _ = writeln!(text, "- points: {}, with a true label: {} ({share:.2} %)", points.n_points, points.n_joined);
+        let [n_unlabeled, n_sweeps] = points.unlabeled_sweeps();
+        if n_unlabeled > 0 {
+            let _ = writeln!(text, "- unlabeled sweeps: {n_unlabeled} of {n_sweeps}");
+            let _ = writeln!(text, "- points of unlabeled sweeps, not scored: {}", points.n_in_unlabeled);
+        }
         for (reason, n) in REASONS.iter().zip(points.n_apart).filter(|(_, n)| *n > 0) {
             let _ = writeln!(text, "- points without a true label: {n}: {reason}");
         }
@@ -204,10 +209,12 @@ impl AbsoluteErrors {
 fn points_json(points: &PointScores) -> Value {
     let [outside, no_return, other] = points.n_apart;
     let [no_class, no_instance, no_color] = points.n_without;
+    let [n_unlabeled, n_sweeps] = points.unlabeled_sweeps();
     json!({
         "n": points.n_points, "joined": points.n_joined, "share_joined": points.share_joined(),
         "outside_the_sweeps": outside, "without_return": no_return, "other_return": other,
         "unlabeled_in_truth": points.n_unlabeled,
+        "in_unlabeled_sweeps": points.n_in_unlabeled, "unlabeled_sweeps": n_unlabeled, "sweeps": n_sweeps,
         "without_class": no_class, "without_instance": no_instance, "without_color": no_color,
     })
 }

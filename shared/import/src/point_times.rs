@@ -72,6 +72,16 @@ impl TimeForm {
         is_in_range.then(|| time.trunc() as i64 * self.unit_nanos as i64 + rest.round() as i64)
     }
 
+    /// Name of the unit.
+    pub fn unit(self) -> &'static str {
+        self.unit
+    }
+
+    /// A time in s.
+    pub fn seconds(self, time: f64) -> f64 {
+        time * self.unit_nanos * 1e-9
+    }
+
     /// For the operator.
     pub fn text(self) -> String {
         let begin = match self.begin {

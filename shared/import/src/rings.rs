@@ -1,6 +1,5 @@
 //! Rings: drivers count the beams from the lowest or the highest, or in firing order; a drive counts from the lowest.
 
-use super::cloud::RawPoint;
 use std::collections::BTreeMap;
 
 /// Fewest points that show the elevation of a beam.
@@ -47,9 +46,9 @@ impl Rings {
 }
 
 impl Elevations {
-    pub fn add(&mut self, point: &RawPoint) {
-        let Some(ring) = point.ring else { return };
-        let [x, y, z] = point.position.map(f64::from);
+    /// Adds a point of a beam.
+    pub fn add(&mut self, ring: u16, position: [f32; 3]) {
+        let [x, y, z] = position.map(f64::from);
         let elevation = z.atan2(x.hypot(y));
         let beam = self.beams.entry(ring).or_default();
         beam.n += 1;
@@ -130,7 +129,7 @@ mod tests {
                 let range_m = 5.0 + f64::from(i);
                 let z = (range_m * degrees.to_radians().tan()) as f32;
                 let position = [range_m as f32, 0.0, z];
-                elevations.add(&RawPoint { position, intensity: 0.0, ring: Some(beam as u16), time: None });
+                elevations.add(beam as u16, position);
             }
         }
         elevations
@@ -165,7 +164,7 @@ mod tests {
         let mut elevations = of_beams(&[-5.0, 0.0, 5.0]);
         for i in 0..1000_u16 {
             let position = [5.0, 0.0, f32::from(i % 100) * 0.1 - 5.0];
-            elevations.add(&RawPoint { position, intensity: 0.0, ring: Some(i % 3), time: None });
+            elevations.add(i % 3, position);
         }
         assert_eq!(elevations.rings(None, 1), None);
         assert_eq!(of_beams(&[1.0; 300]).rings(None, 1), None);

@@ -1,0 +1,119 @@
+//! The classes of labeled data sets in those of this project. `None`: the id is not one of the data set.
+//!
+//! Classes without a counterpart are [`Unlabeled`]: they are not scored.
+
+use super::Layout;
+use messages::ClassId::Ground;
+use messages::ClassId::{
+    self, Building, Dynamic, Fence, GuardRail, Other, Pedestrian, Pole, Road, RoadLine, Sidewalk, Static, Terrain,
+    TrafficLight, TrafficSign, Unlabeled, Vegetation, Vehicles, Wall,
+};
+
+/// The class of an id.
+pub(super) fn class_of(layout: Layout, id: i64) -> Option<ClassId> {
+    let found = match layout {
+        // Its classes are those of this project.
+        Layout::ParisCarla => return ClassId::from_id(u8::try_from(id).ok()?),
+        Layout::ParisLille if id >= 100_000_000 => return paris_lille(id),
+        Layout::ParisLille => PARIS_LILLE_10.get(usize::try_from(id).ok()?),
+        Layout::Toronto => TORONTO.get(usize::try_from(id).ok()?),
+        Layout::Street3d => STREET3D.get(usize::try_from(id).ok()?),
+    };
+    found.copied()
+}
+
+/// The ten classes of the benchmark of Paris-Lille-3D: unclassified, ground, building, pole with its sign and light, bollard,
+/// trash can, barrier, pedestrian, car, natural.
+const PARIS_LILLE_10: [ClassId; 10] =
+    [Unlabeled, Ground, Building, Pole, Pole, Dynamic, Fence, Pedestrian, Vehicles, Vegetation];
+
+/// Toronto-3D: unclassified, road, road marking, natural, building, utility line, pole, car, fence.
+const TORONTO: [ClassId; 9] = [Unlabeled, Road, RoadLine, Vegetation, Building, Unlabeled, Pole, Vehicles, Fence];
+
+/// `Street3D`: undefined, building, car, ground, pole, vegetation.
+const STREET3D: [ClassId; 6] = [Unlabeled, Building, Vehicles, Ground, Pole, Vegetation];
+
+/// The tree of classes of Paris-Lille-3D: two digits a level.
+const PARIS_LILLE: [(i64, ClassId); 42] = [
+    (100_000_000, Other),
+    (200_000_000, Unlabeled), // surface
+    (202_000_000, Ground),
+    (202_020_000, Road),
+    (202_030_000, Sidewalk),
+    (202_040_000, Sidewalk), // curb
+    (202_050_000, Sidewalk), // island
+    (202_060_000, Terrain),  // vegetation on the ground
+    (203_000_000, Building),
+    (300_000_000, Unlabeled), // object
+    (302_000_000, Static),
+    (302_020_200, Pole),
+    (302_020_300, Pole), // bollard
+    (302_020_400, Pole), // floor lamp
+    (302_020_500, TrafficLight),
+    (302_020_600, TrafficSign),
+    (302_020_700, TrafficSign), // signboard
+    (302_020_900, Dynamic),     // trash can
+    (302_030_000, Unlabeled),   // linear
+    (302_030_200, GuardRail),   // barrier
+    (302_030_300, Fence),       // railing
+    (302_030_400, Fence),       // grid
+    (302_030_500, Fence),       // chain
+    (302_030_700, Wall),
+    (302_040_000, Static),
+    (303_000_000, Dynamic),
+    (303_020_000, Pedestrian),
+    (303_030_000, Vehicles), // two wheels
+    (303_040_000, Vehicles),
+    (303_050_000, Dynamic), // furniture
+    (304_000_000, Vegetation),
+    // Other of a level: no class.
+    (201_000_000, Unlabeled),
+    (202_010_000, Ground),
+    (301_000_000, Unlabeled),
+    (302_010_000, Static),
+    (302_020_100, Static),
+    (302_030_100, Unlabeled),
+    (302_040_100, Static),
+    (303_010_000, Dynamic),
+    (304_010_000, Vegetation),
+    (302_030_600, Unlabeled), // wire
+    (304_040_000, Vegetation),
+];
+
+/// The class of the id, or of the nearest level above it.
+fn paris_lille(id: i64) -> Option<ClassId> {
+    let levels = [1, 100, 10_000, 1_000_000, 100_000_000];
+    levels.into_iter().find_map(|level| {
+        let above = id / level * level;
+        PARIS_LILLE.iter().find(|(known, _)| *known == above).map(|(_, class)| *class)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn class_of_each_layout_is_that_of_its_documentation() {
+        for (layout, id, class) in [
+            (Layout::ParisCarla, 22, Some(Terrain)),
+            (Layout::ParisCarla, 23, None),
+            (Layout::ParisCarla, -1, None),
+            (Layout::ParisLille, 8, Some(Vehicles)),
+            (Layout::ParisLille, 10, None),
+            (Layout::ParisLille, 202_020_000, Some(Road)),
+            // A parked car and a parked bicycle have no entry of their own.
+            (Layout::ParisLille, 303_040_204, Some(Vehicles)),
+            (Layout::ParisLille, 303_030_204, Some(Vehicles)),
+            (Layout::ParisLille, 304_020_000, Some(Vegetation)),
+            (Layout::ParisLille, 302_020_300, Some(Pole)),
+            (Layout::ParisLille, 400_000_000, None),
+            (Layout::Toronto, 2, Some(RoadLine)),
+            (Layout::Toronto, 5, Some(Unlabeled)),
+            (Layout::Street3d, 3, Some(Ground)),
+            (Layout::Street3d, 6, None),
+        ] {
+            assert_eq!(class_of(layout, id), class, "{layout:?} {id}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Sweeps of a cloud without positions of the scanner. A mobile scanner leaves the most points on the ground near its own path:
+//! positions are invented above the densest ground of each block.
+
+use super::points::CloudPoint;
+use super::scanner;
+use super::sweeps::{Rule, Sweep, Sweeps, difference};
+use std::collections::BTreeMap;
+
+/// Side of a cell of ground, m.
+const CELL_M: f64 = 1.0;
+/// Cells of a block in one direction. A block has one position.
+const BLOCK_CELLS: i32 = 10;
+/// Blocks of a tile in one direction.
+const TILE_BLOCKS: i32 = 2;
+/// Points up to this above the lowest of a cell are ground, m.
+const GROUND_M: f64 = 0.3;
+/// Height of a scanner on a vehicle above the ground, m.
+const SCANNER_M: f64 = 2.0;
+/// A block has a position if its densest cell has this share of the points of a cell near the path.
+const DENSE_SHARE: f64 = 0.25;
+/// Rank of a cell near the path among the densest cells of all blocks.
+const NEAR_PATH: f64 = 0.95;
+/// Positions up to so many blocks away may see a point.
+const REACH_BLOCKS: i32 = 3;
+/// Time between two positions, ns.
+const STEP_NANOS: i64 = 100_000_000;
+/// Tiles whose order is a path from neighbor to neighbor; more are in the order of their places.
+const MAX_CHAINED: usize = 4096;
+
+/// Cells of a cloud at most, 400 MB: 8 square kilometers.
+const MAX_CELLS: usize = 1 << 23;
+
+type Key = (i32, i32);
+
+#[derive(Clone, Copy)]
+struct Cell {
+    lowest_m: f64,
+    n_ground: u32,
+}
+
+/// Ground points by cell. Memory: 50 bytes per square meter.
+#[derive(Default)]
+pub(super) struct GroundCells {
+    cells: BTreeMap<Key, Cell>,
+}
+
+/// Sweeps by block.
+pub(super) struct Nearest {
+    by_block: BTreeMap<Key, usize>,
+}
+
+/// Sweeps that may see the points of a block.
+#[derive(Default)]
+pub(super) struct Memory {
+    by_block: BTreeMap<Key, Vec<usize>>,
+}
+
+fn key_of(position: [f64; 3]) -> Key {
+    // Valid coordinates are far below the largest i32.
+    ((position[0] / CELL_M).floor() as i32, (position[1] / CELL_M).floor() as i32)
+}
+
+fn divided((x, y): Key, by: i32) -> Key {
+    (x.div_euclid(by), y.div_euclid(by))
+}
+
+impl GroundCells {
+    /// Adds a point. An error if the points are too far apart.
+    pub fn add(&mut self, point: &CloudPoint) -> Result<(), String> {
+        if !point.is_valid() {
+            return Ok(());
+        }
+        let z = point.position[2];
+        let cell = self.cells.entry(key_of(point.position)).or_insert(Cell { lowest_m: z, n_ground: 0 });
+        if z < cell.lowest_m - GROUND_M {
+            cell.n_ground = 0;
+        }
+        cell.lowest_m = cell.lowest_m.min(z);
+        if z <= cell.lowest_m + GROUND_M {
+            cell.n_ground = cell.n_ground.saturating_add(1);
+        }
+        if self.cells.len() > MAX_CELLS {
+            return Err(format!("its points lie on more than {MAX_CELLS} square meters; are the coordinates in m?"));
+        }
+        Ok(())
+    }
+
+    /// The sweeps, from `next_stamp` on.
+    pub fn sweeps(&self, next_stamp: i64) -> Sweeps {
+        let mut densest: BTreeMap<Key, (Key, Cell)> = BTreeMap::new();
+        for (key, cell) in &self.cells {
+            let best = densest.entry(divided(*key, BLOCK_CELLS)).or_insert((*key, *cell));
+            if cell.n_ground > best.1.n_ground {
+                *best = (*key, *cell);
+            }
+        }
+        let mut counts: Vec<u32> = densest.values().map(|(_, cell)| cell.n_ground).collect();
+        counts.sort_unstable();
+        let near_path = counts.get((counts.len() as f64 * NEAR_PATH) as usize).or(counts.last()).copied().unwrap_or(0);
+        let is_dense = |cell: &Cell| f64::from(cell.n_ground) >= DENSE_SHARE * f64::from(near_path);
+        let mut by_tile: BTreeMap<Key, Vec<(Key, [f64; 3])>> = BTreeMap::new();
+        for (block, ((x, y), cell)) in densest.into_iter().filter(|(_, (_, cell))| is_dense(cell)) {
+            let center = |key: i32| (f64::from(key) + 0.5) * CELL_M;
+            let position = [center(x), center(y), cell.lowest_m + SCANNER_M];
+            by_tile.entry(divided(block, TILE_BLOCKS)).or_default().push((block, position));
+        }
+        let (mut all, mut tiles, mut by_block) = (Vec::new(), Vec::new(), BTreeMap::new());
+        for tile in chained(by_tile.keys().copied().collect()) {
+            let first = all.len();
+            for (block, position) in by_tile.remove(&tile).unwrap_or_default() {
+                by_block.insert(block, all.len());
+                let stamp = next_stamp.saturating_add(all.len() as i64 * STEP_NANOS);
+                all.push(Sweep { stamp, duration_nanos: 0, begin: position, end: position });
+            }
+            tiles.push(first..all.len());
+        }
+        Sweeps { all, tiles, rule: Rule::Nearest(Nearest { by_block }) }
+    }
+}
+
+/// Tiles from neighbor to neighbor: each is the nearest of those that are left. Objects at the border of two tiles keep their number
+/// if the tiles follow each other.
+fn chained(mut left: Vec<Key>) -> Vec<Key> {
+    if left.len() > MAX_CHAINED {
+        return left;
+    }
+    let mut chain = Vec::with_capacity(left.len());
+    let mut at = left.first().copied().unwrap_or_default();
+    let distance = |a: Key, b: Key| {
+        let (dx, dy) = (i64::from(a.0) - i64::from(b.0), i64::from(a.1) - i64::from(b.1));
+        dx * dx + dy * dy
+    };
+    while let Some(next) = (0..left.len()).min_by_key(|&k| (distance(left[k], at), left[k])) {
+        at = left.remove(next);
+        chain.push(at);
+    }
+    chain
+}
+
+impl Nearest {
+    /// The nearest position that sees the point with its fine rings, else the nearest.
+    pub fn sweep(&self, position: [f64; 3], sweeps: &[Sweep], memory: &mut Memory) -> Option<usize> {
+        let block = divided(key_of(position), BLOCK_CELLS);
+        let near = memory.by_block.entry(block).or_insert_with(|| self.near(block, sweeps));
+        let rank = |&sweep: &usize| {
+            let ray = difference(position, sweeps[sweep].begin);
+            (!scanner::is_fine(ray), ray[0] * ray[0] + ray[1] * ray[1])
+        };
+        let best = near.iter().map(|sweep| (rank(sweep), *sweep));
+        best.min_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, sweep)| sweep)
+    }
+
+    /// Sweeps of the blocks around a block; without any, the nearest of all.
+    fn near(&self, block: Key, sweeps: &[Sweep]) -> Vec<usize> {
+        let reach = -REACH_BLOCKS..=REACH_BLOCKS;
+        let around = reach.clone().flat_map(|dx| reach.clone().map(move |dy| (block.0 + dx, block.1 + dy)));
+        let found: Vec<usize> = around.filter_map(|key| self.by_block.get(&key).copied()).collect();
+        if !found.is_empty() {
+            return found;
+        }
+        let side_m = f64::from(BLOCK_CELLS) * CELL_M;
+        let center = [block.0, block.1].map(|key| (f64::from(key) + 0.5) * side_m);
+        let distance = |sweep: &Sweep| (sweep.begin[0] - center[0]).hypot(sweep.begin[1] - center[1]);
+        let nearest = (0..sweeps.len()).min_by(|&a, &b| distance(&sweeps[a]).total_cmp(&distance(&sweeps[b])));
+        nearest.into_iter().collect()
+    }
+}

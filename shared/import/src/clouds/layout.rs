@@ -1,0 +1,199 @@
+//! The layouts of labeled clouds, as published.
+
+use super::classes::class_of;
+use crate::error::{At, ImportError};
+use crate::files::files;
+use formats::ply::{Header, PlyRows};
+use messages::ClassId;
+use std::path::{Path, PathBuf};
+
+/// A layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layout {
+    /// Paris-CARLA-3D: PLY with positions of the scanner, times, classes and instances.
+    ParisCarla,
+    /// Paris-Lille-3D: PLY, the whole data set with positions and times, the benchmark without.
+    ParisLille,
+    /// Toronto-3D: PLY of `CloudCompare`.
+    Toronto,
+    /// `Street3D` of SHREC 2020: text, x y z first and the class last.
+    Street3d,
+}
+
+/// Names of the columns of a PLY file.
+struct Names {
+    scanner: [&'static str; 3],
+    time: &'static str,
+    class: &'static str,
+    instance: &'static str,
+    intensity: &'static str,
+    cosine: &'static str,
+}
+
+/// A column that the layout does not have.
+const NONE: &str = "";
+
+impl Layout {
+    /// Name of the data set.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::ParisCarla => "Paris-CARLA-3D",
+            Self::ParisLille => "Paris-Lille-3D",
+            Self::Toronto => "Toronto-3D",
+            Self::Street3d => "Street3D",
+        }
+    }
+
+    fn names(self) -> Names {
+        match self {
+            Self::ParisCarla => Names {
+                scanner: ["x_lidar_position", "y_lidar_position", "z_lidar_position"],
+                time: "timestamp",
+                class: "semantic",
+                instance: "instance",
+                intensity: "intensity",
+                cosine: "cos_angle_lidar_surface",
+            },
+            Self::ParisLille => Names {
+                scanner: ["x_origin", "y_origin", "z_origin"],
+                time: "GPS_time",
+                class: "class",
+                instance: "label",
+                intensity: "reflectance",
+                cosine: NONE,
+            },
+            // Its times are rounded to 0.03 s, and it has no positions that they could belong to.
+            Self::Toronto => Names {
+                scanner: [NONE; 3],
+                time: NONE,
+                class: "scalar_Label",
+                instance: NONE,
+                intensity: "scalar_Intensity",
+                cosine: NONE,
+            },
+            Self::Street3d => {
+                Names { scanner: [NONE; 3], time: NONE, class: NONE, instance: NONE, intensity: NONE, cosine: NONE }
+            }
+        }
+    }
+
+    /// The clouds of a source: the file itself, or those of a folder by name.
+    pub fn files(self, source: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        if source.is_file() {
+            return Ok(vec![source.to_owned()]);
+        }
+        let end = if self == Self::Street3d { ".txt" } else { ".ply" };
+        let is_cloud = |(_, path): &(String, PathBuf)| self != Self::Street3d || is_street3d(path);
+        Ok(files(source, end)?.into_iter().filter(is_cloud).map(|(_, path)| path).collect())
+    }
+
+    /// Whether the first cloud of the source has the columns of this layout.
+    pub fn fits(self, source: &Path) -> Result<bool, ImportError> {
+        let is_text = source.extension().is_some_and(|extension| extension == "txt");
+        let wants_text = self == Self::Street3d;
+        if source.is_file() && is_text != wants_text {
+            return Ok(false);
+        }
+        let Some(first) = self.files(source)?.into_iter().next() else { return Ok(false) };
+        if wants_text {
+            return Ok(is_street3d(&first));
+        }
+        // Any other file is not a cloud of this layout; sweeps that are not readable are reported as such.
+        let Ok(rows) = PlyRows::open(&first) else { return Ok(false) };
+        let names = self.names();
+        let has = |name: &str| column(rows.header(), name).is_some();
+        let mark = match self {
+            Self::ParisCarla => names.scanner[0],
+            _ => names.intensity,
+        };
+        Ok(has(names.class) && has(mark))
+    }
+}
+
+/// Whether a text begins as a cloud of `Street3D`: two lines of numbers, at least x y z and a class from 0 to 5.
+fn is_street3d(path: &Path) -> bool {
+    super::text_points::begins_as_cloud(path)
+}
+
+/// Where the values of a point are in a file.
+#[derive(Clone, Debug)]
+pub(super) struct Columns {
+    pub layout: Layout,
+    pub position: [usize; 3],
+    pub scanner: Option<[usize; 3]>,
+    pub time: Option<usize>,
+    pub class: usize,
+    pub instance: Option<usize>,
+    pub intensity: Option<usize>,
+    pub cosine: Option<usize>,
+    /// Names of the columns that are not taken.
+    pub left: Vec<String>,
+}
+
+impl Columns {
+    /// Those of a file.
+    pub fn of(layout: Layout, file: &Path) -> Result<Self, ImportError> {
+        if layout == Layout::Street3d {
+            let (position, scanner) = ([0, 1, 2], None);
+            // The class is the last column.
+            return Ok(Self {
+                layout,
+                position,
+                scanner,
+                time: None,
+                class: usize::MAX,
+                instance: None,
+                intensity: None,
+                cosine: None,
+                left: Vec::new(),
+            });
+        }
+        let rows = PlyRows::open(file).at(file)?;
+        let names = layout.names();
+        let needed = |name: &str| {
+            let found = column(rows.header(), name);
+            found.ok_or_else(|| ImportError::at(file, format!("has no column {name}, which {} has", layout.title())))
+        };
+        let optional = |name: &str| column(rows.header(), name);
+        let scanner: Vec<usize> = names.scanner.iter().filter_map(|name| optional(name)).collect();
+        let scanner: Option<[usize; 3]> = scanner.try_into().ok();
+        let time = optional(names.time).filter(|_| scanner.is_some());
+        let mut columns = Self {
+            layout,
+            position: [needed("x")?, needed("y")?, needed("z")?],
+            scanner: scanner.filter(|_| time.is_some()),
+            time,
+            class: needed(names.class)?,
+            instance: optional(names.instance),
+            intensity: optional(names.intensity),
+            cosine: optional(names.cosine),
+            left: Vec::new(),
+        };
+        let single = [columns.time, columns.instance, columns.intensity, columns.cosine].into_iter().flatten();
+        let triples = columns.position.into_iter().chain(columns.scanner.into_iter().flatten());
+        let taken: Vec<usize> = single.chain(triples).chain([columns.class]).collect();
+        let properties = rows.header().properties.iter().enumerate();
+        columns.left =
+            properties.filter(|(at, _)| !taken.contains(at)).map(|(_, property)| property.name.clone()).collect();
+        Ok(columns)
+    }
+
+    /// Whether positions of the scanner and times are known.
+    pub fn has_positions(&self) -> bool {
+        self.scanner.is_some()
+    }
+
+    pub fn has_instances(&self) -> bool {
+        self.instance.is_some()
+    }
+
+    /// The class of an id of the file; `None` if it is not one of the data set.
+    pub fn class_of(&self, id: i64) -> Option<ClassId> {
+        class_of(self.layout, id)
+    }
+}
+
+/// Number of a column.
+fn column(header: &Header, name: &str) -> Option<usize> {
+    header.properties.iter().position(|property| property.name == name)
+}

@@ -1,0 +1,78 @@
+//! Clouds as text: one point per line, numbers between spaces, tabs, commas or semicolons.
+
+use crate::error::{At, ImportError};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+/// Longest line, bytes: twenty numbers of twenty digits.
+const MAX_LINE: usize = 1 << 10;
+/// Numbers of a line at least: x y z and a class.
+const MIN_NUMBERS: usize = 4;
+/// Lines with a title or a count before the points at most.
+const MAX_TITLE_LINES: usize = 2;
+/// Largest class of `Street3D`.
+const MAX_CLASS: f64 = 5.0;
+
+/// Passes the numbers of each line of a file to `take`. Lines have as many numbers as the first one with at least four; lines before
+/// it are titles.
+pub(super) fn each_row(
+    file: &Path,
+    mut take: impl FnMut(&[f64]) -> Result<(), ImportError>,
+) -> Result<(), ImportError> {
+    let mut reader = BufReader::with_capacity(1 << 20, File::open(file).at(file)?);
+    let (mut line, mut values, mut n_values, mut number) = (Vec::new(), Vec::new(), 0, 0);
+    loop {
+        line.clear();
+        number += 1;
+        if (&mut reader).take(MAX_LINE as u64 + 1).read_until(b'\n', &mut line).at(file)? == 0 {
+            return Ok(());
+        }
+        if line.len() > MAX_LINE {
+            return Err(ImportError::at_line(file, number, format!("has more than {MAX_LINE} bytes")));
+        }
+        values.clear();
+        let is_read = read_numbers(&line, &mut values);
+        if line.trim_ascii().is_empty() || (n_values == 0 && number <= MAX_TITLE_LINES && values.len() < MIN_NUMBERS) {
+            continue;
+        }
+        let is_first = n_values == 0;
+        if !is_read || values.len() < MIN_NUMBERS || (!is_first && values.len() != n_values) {
+            let found = String::from_utf8_lossy(line.trim_ascii()).into_owned();
+            let rule = match n_values {
+                0 => "at least four numbers, x y z first and the class last".to_owned(),
+                n => format!("{n} numbers, as in the lines before"),
+            };
+            return Err(ImportError::at_line(file, number, format!("{found:?} must be {rule}")));
+        }
+        n_values = values.len();
+        take(&values)?;
+    }
+}
+
+/// Reads up to the first word that is not a number. `false` if there is one.
+fn read_numbers(line: &[u8], values: &mut Vec<f64>) -> bool {
+    let Ok(text) = std::str::from_utf8(line) else { return false };
+    let words = text.split(|c: char| c.is_ascii_whitespace() || c == ',' || c == ';').filter(|word| !word.is_empty());
+    for word in words {
+        let Ok(value) = word.parse() else { return false };
+        values.push(value);
+    }
+    true
+}
+
+/// Whether the first lines of a file are points with a class.
+pub(super) fn begins_as_cloud(file: &Path) -> bool {
+    let mut n = 0;
+    // Stops at the third point.
+    let _ = each_row(file, |values| {
+        let class = values[values.len() - 1];
+        let is_class = class.fract() == 0.0 && (0.0..=MAX_CLASS).contains(&class);
+        if !is_class || n == 2 {
+            return Err(ImportError::at(file, "enough is read"));
+        }
+        n += 1;
+        Ok(())
+    });
+    n >= 2
+}
