@@ -112,6 +112,7 @@ fn imported_cloud_is_classified_exported_and_scored_by_its_labels() {
     succeeded(&replica(&["import", text(folder.path()), text(&other), "--kind", "paris-carla-3d"]));
     let arguments = ["evaluate", text(&recording), "--truth", text(&other)];
     assert_eq!(replica(&arguments).status.code(), Some(1), "a recording is not the output of a run");
-    let arguments = ["evaluate", text(&folder.path().join("found")), "--truth", text(&cloud)];
+    let found = folder.path().join("found");
+    let arguments = ["evaluate", text(&found), "--truth", text(&cloud)];
     assert_eq!(replica(&arguments).status.code(), Some(1), "a cloud is no recording");
 }
