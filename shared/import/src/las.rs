@@ -51,7 +51,7 @@ pub(crate) fn each_block(
     let mut file = BufReader::new(file);
     let layout = Layout::read(&mut file, n_bytes).map_err(|rule| ImportError::at(path, rule))?;
     // A record has less than 2^16 bytes.
-    let block_points = BLOCK_BYTES / layout.record_bytes;
+    let block_points = ((BLOCK_BYTES / layout.record_bytes) as u64).min(layout.n_points) as usize;
     let mut bytes = vec![0; block_points * layout.record_bytes];
     let mut decompressor = match &layout.laszip {
         None => {
