@@ -20,6 +20,9 @@ use topics::Topics;
 /// Longest message, bytes. A cloud of 600000 points has about 30 MB, an image of 8192 x 8192 pixels 201 MB.
 const MAX_MESSAGE: u64 = 1 << 28;
 
+/// Most topics of a bag. Large robots have some hundreds; each is compared with all.
+const MAX_TOPICS: usize = 4096;
+
 /// A message of a bag.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Message<'a> {
@@ -79,6 +82,10 @@ impl Bag {
             let part = open(path)?;
             topic_of_part.push(part.topics().list().iter().map(|topic| topics.merge(topic)).collect());
             parts.push(part);
+        }
+        let n_topics = topics.list().len();
+        if n_topics > MAX_TOPICS {
+            return Err(ImportError::at(source, format!("{n_topics} topics; at most {MAX_TOPICS} are read")));
         }
         Ok(Self { parts, topics, topic_of_part, files })
     }
