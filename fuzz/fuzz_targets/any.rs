@@ -3,24 +3,29 @@
 #![no_main]
 
 use cap::Cap;
+use fuzz_targets::{memory_limit, processor_time, time_limit};
 use std::alloc::System;
-use std::sync::LazyLock;
+use std::sync::Once;
 
-/// The function to fuzz.
-static TARGET: LazyLock<fn(&[u8])> = LazyLock::new(|| {
-    // The hook of libfuzzer-sys aborts at any panic. A panic that the target catches is no finding; others abort without the hook, too.
-    drop(std::panic::take_hook());
-    fuzz_targets::target(env!("CARGO_BIN_NAME")).expect("a target has the name of its binary")
-});
+/// The function to fuzz. A constant, so that the binary has no other: libFuzzer looks at the counters of the whole binary after each call.
+const TARGET: fn(&[u8]) = match fuzz_targets::target(env!("CARGO_BIN_NAME")) {
+    Some(target) => target,
+    None => panic!("a target has the name of its binary"),
+};
 
 /// libFuzzer's own limits see memory only with a sanitizer, or once it is written.
 #[global_allocator]
 static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    let target = *TARGET;
+    static HOOK: Once = Once::new();
+    // The hook of libfuzzer-sys aborts at any panic. A panic that the target catches is no finding; others abort without the hook, too.
+    HOOK.call_once(|| drop(std::panic::take_hook()));
     // An allocation beyond the limit fails, which aborts the process unless the reader handles it.
-    let _ = MEMORY.set_limit(MEMORY.allocated() + fuzz_targets::memory_limit(data));
-    target(data);
+    let _ = MEMORY.set_limit(MEMORY.allocated() + memory_limit(data));
+    let begin = processor_time();
+    TARGET(data);
+    let (used, limit) = (processor_time().saturating_sub(begin), time_limit(data));
     let _ = MEMORY.set_limit(usize::MAX);
+    assert!(used <= limit, "{used:?} of processor time for {} bytes; at most {limit:?}", data.len());
 });

@@ -3,9 +3,12 @@
 /// Nanoseconds of a day.
 pub const DAY_NANOS: i64 = 86_400_000_000_000;
 
-/// Days since 1970-01-01; `None` for dates that do not exist.
+/// Largest year of a date: what texts with four digits have.
+const MAX_YEAR: i64 = 9999;
+
+/// Days since 1970-01-01; `None` for dates that do not exist and for years other than 0 to 9999.
 pub fn days_from_date(year: i64, month: i64, day: i64) -> Option<i64> {
-    if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+    if !(0..=MAX_YEAR).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
         return None;
     }
     let y = if month <= 2 { year - 1 } else { year };
@@ -48,7 +51,16 @@ mod tests {
                 (true, true) => (year + 1, 1, 1),
             };
         }
-        for (year, month, day) in [(2021, 2, 29), (2020, 4, 31), (2020, 0, 1), (2020, 13, 1), (2020, 1, 0)] {
+        for (year, month, day) in [
+            (2021, 2, 29),
+            (2020, 4, 31),
+            (2020, 0, 1),
+            (2020, 13, 1),
+            (2020, 1, 0),
+            (10_000, 1, 1),
+            (i64::MAX, 1, 1),
+            (i64::MIN, 1, 1),
+        ] {
             assert_eq!(days_from_date(year, month, day), None);
         }
     }

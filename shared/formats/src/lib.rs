@@ -32,5 +32,6 @@ pub mod sqlite;
 pub mod text_file;
 pub mod tiff;
 pub mod toml_file;
+pub mod toml_nesting;
 pub mod trajectory;
 pub mod velodyne;

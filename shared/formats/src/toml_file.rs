@@ -1,6 +1,7 @@
 //! Parser of hand-written TOML files. Every entry is read separately, so that all problems are reported at once.
 
 use crate::problems::{FileError, FileProblem};
+use crate::toml_nesting::check_nesting;
 use serde::de::{DeserializeOwned, IntoDeserializer};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -26,6 +27,11 @@ impl TomlFile {
         let mut file =
             Self { path: path.to_owned(), text: text.into(), is_toml: true, problems: Vec::new(), n_left_out: 0 };
         let text = std::mem::take(&mut file.text);
+        if let Err(error) = check_nesting(&text) {
+            file.is_toml = false;
+            file.problem(Some(line_of(&text, error.at)), "", error.to_string());
+            return file;
+        }
         match DeTable::parse(&text) {
             Ok(table) => {
                 for (key, _) in table.get_ref().iter().filter(|(key, _)| !known.contains(&key.get_ref().as_ref())) {

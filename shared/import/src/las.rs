@@ -16,6 +16,10 @@ const HEADER_BYTES: usize = 227;
 const BLOCK_BYTES: usize = 1 << 21;
 /// Most points per byte of a compressed file. Real files have less than one.
 const MAX_POINTS_PER_BYTE: u64 = 8;
+/// Most bytes of points per byte of a compressed file. Real files have less than 100.
+const MAX_BYTES_PER_BYTE: u64 = 512;
+/// Longest compressed record, bytes: the decoder keeps 2.3 kB for each byte behind the point.
+const MAX_LAZ_RECORD: usize = 1024;
 /// Bytes of a record before the time, by point format; `None` without time.
 const TIME_AT: [Option<usize>; 11] =
     [None, Some(20), None, Some(20), Some(20), Some(20), Some(22), Some(22), Some(22), Some(22), Some(22)];
@@ -51,7 +55,7 @@ pub(crate) fn each_block(
     let mut file = BufReader::new(file);
     let layout = Layout::read(&mut file, n_bytes).map_err(|rule| ImportError::at(path, rule))?;
     // A record has less than 2^16 bytes.
-    let block_points = BLOCK_BYTES / layout.record_bytes;
+    let block_points = ((BLOCK_BYTES / layout.record_bytes) as u64).min(layout.n_points) as usize;
     let mut bytes = vec![0; block_points * layout.record_bytes];
     let mut decompressor = match &layout.laszip {
         None => {
@@ -127,8 +131,12 @@ impl Layout {
                 "LAZ of point format {format} is not read; decompress it to LAS, for example with laszip"
             ));
         }
+        if is_compressed && record_bytes > MAX_LAZ_RECORD {
+            return Err(format!("compressed records of {record_bytes} bytes; at most {MAX_LAZ_RECORD} are read"));
+        }
         let room = if is_compressed {
-            n_bytes.saturating_mul(MAX_POINTS_PER_BYTE)
+            let by_bytes = MAX_BYTES_PER_BYTE / record_bytes as u64;
+            n_bytes.saturating_mul(by_bytes.clamp(1, MAX_POINTS_PER_BYTE))
         } else {
             n_bytes.saturating_sub(data_at) / record_bytes as u64
         };

@@ -18,9 +18,9 @@ pub(crate) fn nanos_of_date(text: &str) -> Option<i64> {
         return None;
     }
     let nanos: i64 = format!("{decimals:0<9.9}").parse().ok()?;
-    Some(
-        days_from_date(year, month, day)? * DAY_NANOS + ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos,
-    )
+    let nanos_of_day = ((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos;
+    // A stamp holds the years 1678 to 2261.
+    days_from_date(year, month, day)?.checked_mul(DAY_NANOS)?.checked_add(nanos_of_day)
 }
 
 fn numbers(text: &str, separator: char) -> Option<[i64; 3]> {
@@ -36,6 +36,9 @@ mod tests {
     fn times_of_both_kitti_layouts_are_parsed() {
         assert_eq!(nanos_of_date("2011-09-26 13:02:25.951199337"), Some(1_317_042_145_951_199_337));
         assert_eq!(nanos_of_date("2011-02-30 13:02:25"), None);
+        for year in ["011", "1676", "2263", "9223372036854775807"] {
+            assert_eq!(nanos_of_date(&format!("{year}-09-26 13:02:25")), None, "{year}");
+        }
         assert_eq!(nanos_of_seconds("1.037875e-01"), Some(103_787_500));
         assert_eq!(nanos_of_seconds("-1"), None);
     }

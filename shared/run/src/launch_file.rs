@@ -2,6 +2,7 @@
 
 use crate::Problem;
 use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
+use formats::toml_nesting::check_nesting;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -34,6 +35,10 @@ impl LaunchFile {
 
     /// [`LaunchFile::load`] of a text.
     pub fn parse(path: &Path, text: String, overrides: &[String]) -> Result<Self, Vec<Problem>> {
+        if let Err(error) = check_nesting(&text) {
+            let problem = Problem { key: String::new(), span: Some(error.at..error.at + 1), text: error.to_string() };
+            return Err(vec![problem]);
+        }
         // A process reads its launch file once and needs it to its end: parsed values borrow from the text.
         let text: &'static str = text.leak();
         let (parsed, errors) = DeTable::parse_recoverable(text);
@@ -184,9 +189,11 @@ fn apply(root: &mut DeTable<'static>, text: &str) -> Result<String, OverrideErro
 
 /// The text as a TOML value if it is one, else as a string: `--set run.drive=drives/a` needs no quotes.
 fn toml_value(text: &str) -> Spanned<DeValue<'static>> {
-    let wrapped: &'static str = format!("v = {text}").leak();
-    let parsed = DeTable::parse(wrapped).ok().and_then(|table| table.into_inner().into_iter().next());
-    match parsed {
+    let parsed = check_nesting(text).is_ok().then(|| {
+        let wrapped: &'static str = format!("v = {text}").leak();
+        DeTable::parse(wrapped).ok().and_then(|table| table.into_inner().into_iter().next())
+    });
+    match parsed.flatten() {
         Some((_, value)) => value,
         None => Spanned::new(0..0, DeValue::String(std::borrow::Cow::Owned(text.to_owned()))),
     }
@@ -206,6 +213,20 @@ mod tests {
         let problem = Problem { key: "modell".into(), span: Some(key.span()), text: "unknown key".into() };
         let shown = file.render(&file.located("infer", problem));
         assert_eq!(shown, "launch.toml:5:1: infer.modell: unknown key\n    modell = 3\n    ^^^^^^");
+    }
+
+    #[test]
+    fn brackets_that_overflow_the_stack_of_the_parser_are_refused() {
+        let text = format!("a = 1\nx = {}", "{[]x=".repeat(100_000));
+        let problems = LaunchFile::parse(Path::new("launch.toml"), text.clone(), &[]).expect_err("refused");
+        let shown = render(Path::new("launch.toml"), &text, &problems[0]);
+        assert!(
+            shown.starts_with("launch.toml:2:501: more than 100 arrays and inline tables are open"),
+            "{shown:.200}"
+        );
+        let value = format!("run.drive={}", "{[]x=".repeat(100_000));
+        let file = LaunchFile::parse(Path::new("launch.toml"), TEXT.to_owned(), &[value]).expect("is a text");
+        assert!(file.table("run").is_ok());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Captures, packets and the logs of receivers.
 
-use crate::with_file;
+use crate::accepted::accepted;
+use crate::scratch::with_file;
 use formats::imu::ImuReader;
 use formats::lidar::SweepReader;
 use formats::pcap::PacketReader;
@@ -8,13 +9,15 @@ use formats::velodyne::{DATA_PACKET_BYTES, DataPacket, Decoder, Model, PositionP
 
 /// All packets and all sweeps of a capture.
 pub(crate) fn capture(bytes: &[u8]) {
-    with_file(".pcap", bytes, |path| {
+    with_file("a.pcap", bytes, |path| {
         if let Ok(mut reader) = PacketReader::open(path) {
             while let Ok(Some(packet)) = reader.next() {
                 assert!(packet.payload.len() <= bytes.len());
             }
         }
-        let Ok(mut reader) = SweepReader::open(vec![path.to_owned()], None) else { return };
+        let opened = SweepReader::open(vec![path.to_owned()], None);
+        accepted(&opened);
+        let Ok(mut reader) = opened else { return };
         let mut n_sweeps = 0;
         while let Ok(Some(sweep)) = reader.next_sweep(|_| {}) {
             assert!(sweep.n_returns <= SweepReader::MAX_RETURNS);
@@ -56,6 +59,10 @@ pub(crate) fn hdl32e(bytes: &[u8]) {
 
 pub(crate) fn vlp16(bytes: &[u8]) {
     packets(Model::Vlp16, bytes);
+}
+
+pub(crate) fn vlp32c(bytes: &[u8]) {
+    packets(Model::Vlp32c, bytes);
 }
 
 pub(crate) fn hdl64e(bytes: &[u8]) {

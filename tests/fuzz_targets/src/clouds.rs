@@ -1,5 +1,6 @@
 //! Point clouds.
 
+use crate::accepted::accepted;
 use formats::cloud::check_points;
 use formats::drive::returns_from_cloud;
 use formats::ply::Vertices;
@@ -7,7 +8,9 @@ use formats::velodyne::Model;
 use std::path::Path;
 
 pub(crate) fn ply(bytes: &[u8]) {
-    let Ok(vertices) = Vertices::decode(bytes.to_vec(), Path::new("fuzz.ply")) else { return };
+    let decoded = Vertices::decode(bytes.to_vec(), Path::new("fuzz.ply"));
+    accepted(&decoded);
+    let Ok(vertices) = decoded else { return };
     for property in vertices.properties() {
         if let Ok(values) = vertices.f64s(&property.name) {
             assert_eq!(values.len(), vertices.len());
@@ -17,7 +20,9 @@ pub(crate) fn ply(bytes: &[u8]) {
 }
 
 pub(crate) fn pcd(bytes: &[u8]) {
-    if let Ok(points) = formats::pcd::points_from_pcd(bytes) {
+    let read = formats::pcd::points_from_pcd(bytes);
+    accepted(&read);
+    if let Ok(points) = read {
         let returns = returns_from_cloud(&points, &Model::Hdl64e.into());
         assert!(returns.iter().all(|one| one.azimuth < 36_000 && one.ring < 64 && one.x.is_finite()));
     }
@@ -28,7 +33,9 @@ pub(crate) fn pcd(bytes: &[u8]) {
 }
 
 pub(crate) fn kitti(bytes: &[u8]) {
-    if let Ok(points) = formats::kitti::points_from_bin(bytes) {
+    let read = formats::kitti::points_from_bin(bytes);
+    accepted(&read);
+    if let Ok(points) = read {
         let _ = check_points(&points, 1.0);
         let _ = returns_from_cloud(&points, &Model::Hdl32e.into());
     }
@@ -36,14 +43,18 @@ pub(crate) fn kitti(bytes: &[u8]) {
 }
 
 pub(crate) fn nuscenes(bytes: &[u8]) {
-    if let Ok(points) = formats::nuscenes::points_from_bin(bytes) {
+    let read = formats::nuscenes::points_from_bin(bytes);
+    accepted(&read);
+    if let Ok(points) = read {
         assert!(points.iter().all(|(_, ring)| *ring < 32));
     }
 }
 
 /// As `replica evaluate` reads `SemanticKITTI`.
 pub(crate) fn npy(bytes: &[u8]) {
-    if formats::npy::check_header(bytes).is_ok()
+    let checked = formats::npy::check_header(bytes);
+    accepted(&checked);
+    if checked.is_ok()
         && let Ok(file) = npyz::NpyFile::new(bytes)
     {
         let _ = file.into_vec::<f32>();

@@ -1,5 +1,6 @@
 //! Images of cameras.
 
+use crate::accepted::accepted;
 use formats::jpeg;
 use formats::pgm::Pgm;
 use formats::raw_mosaic::RawMosaic;
@@ -14,7 +15,7 @@ const SIZE: (u32, u32) = (24, 16);
 /// PNG and JPEG. Like `acquire`, the target survives a panic of the decoder.
 pub(crate) fn color(bytes: &[u8]) {
     if jpeg::is_jpeg(bytes) {
-        let _ = jpeg::check(bytes);
+        accepted(&jpeg::check(bytes));
     }
     let Ok(reader) = ImageReader::new(Cursor::new(bytes)).with_guessed_format() else { return };
     let Ok(decoder) = reader.into_decoder() else { return };
@@ -26,14 +27,18 @@ pub(crate) fn color(bytes: &[u8]) {
 }
 
 pub(crate) fn pgm(bytes: &[u8]) {
-    if let Ok(image) = Pgm::parse(bytes) {
+    let parsed = Pgm::parse(bytes);
+    accepted(&parsed);
+    if let Ok(image) = parsed {
         let samples = image.samples();
         assert_eq!(samples.len(), image.n_samples());
     }
 }
 
 pub(crate) fn tiff(bytes: &[u8]) {
-    if let Ok(image) = Tiff::parse(bytes) {
+    let parsed = Tiff::parse(bytes);
+    accepted(&parsed);
+    if let Ok(image) = parsed {
         assert_eq!(
             image.samples.len() as u64,
             u64::from(image.width) * u64::from(image.height) * u64::from(image.n_bands)
@@ -42,5 +47,5 @@ pub(crate) fn tiff(bytes: &[u8]) {
 }
 
 pub(crate) fn raw_mosaic(bytes: &[u8]) {
-    let _ = RawMosaic::parse(bytes);
+    accepted(&RawMosaic::parse(bytes));
 }

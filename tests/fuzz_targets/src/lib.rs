@@ -1,27 +1,32 @@
 //! Every reader of files, packets and requests as a function of bytes.
 //!
-//! A target must return for any bytes: no panic, no endless loop, and no more memory than [`memory_limit`] allows. `fuzz/` runs the
-//! targets with libFuzzer. The binary `attack` runs them with seeded mutations of the corpus, without a nightly compiler.
+//! A target must return for any bytes: no panic, no more memory than [`memory_limit`] allows, and no more time than [`time_limit`].
+//! `fuzz/` runs the targets with libFuzzer. The binary `attack` runs them with seeded mutations of the corpus, without a nightly
+//! compiler.
 
+mod accepted;
+mod bags;
 mod captures;
 mod clouds;
+mod data_sets;
 mod images;
 mod lidars;
 mod mutation;
 mod programs;
+mod scratch;
 mod spectra;
 mod texts;
 
 pub use mutation::{corpus, input};
 
-use std::io::Write;
-use std::path::Path;
+use rustix::time::{ClockId, clock_gettime};
+use std::time::Duration;
 
 /// A target: its name, which is that of its corpus, and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 36] = [
+pub const TARGETS: [Target; 62] = [
     ("pcap", captures::capture),
     ("pcapng", captures::capture),
     ("hdl32e", captures::hdl32e),
@@ -31,7 +36,11 @@ pub const TARGETS: [Target; 36] = [
     ("ouster", lidars::ouster),
     ("robosense", lidars::robosense),
     ("livox", lidars::livox),
-    ("lidar_calibration", lidars::calibration),
+    ("vlp32c", captures::vlp32c),
+    ("ouster_metadata", lidars::ouster_metadata),
+    ("hesai_angles", lidars::hesai_angles),
+    ("robosense_angles", lidars::robosense_angles),
+    ("velodyne_calibration", lidars::velodyne_calibration),
     ("nmea", captures::nmea),
     ("imu", captures::imu),
     ("png", images::color),
@@ -58,6 +67,28 @@ pub const TARGETS: [Target; 36] = [
     ("model", programs::model),
     ("state", programs::state),
     ("control", programs::control),
+    ("ros1_bag", bags::bag),
+    ("ros2_sqlite", bags::bag),
+    ("ros2_mcap", bags::bag),
+    ("sqlite", bags::sqlite),
+    ("ros2_metadata", bags::metadata),
+    ("ros_messages", bags::ros_messages),
+    ("las", data_sets::las),
+    ("laz", data_sets::laz),
+    ("mandeye_imu", data_sets::mandeye_imu),
+    ("nuscenes_tables", data_sets::nuscenes_tables),
+    ("kitti_raw", data_sets::kitti_raw),
+    ("plain_tables", data_sets::plain_tables),
+    ("rig_yaml", data_sets::rig_yaml),
+    ("rig_ladybug", data_sets::rig_ladybug),
+    ("rig_kitti", data_sets::rig_kitti),
+    ("rig_nuscenes", data_sets::rig_nuscenes),
+    ("run_texts", programs::run_texts),
+    ("summary", programs::summary),
+    ("wiring", programs::wiring),
+    ("state_head", programs::state_head),
+    ("saved_message", programs::saved_message),
+    ("spherical_model", programs::spherical_model),
 ];
 
 /// Memory that a target may hold at a time, bytes: a fixed part for tables and buffers, and a multiple of the input, because text
@@ -66,15 +97,37 @@ pub fn memory_limit(input: &[u8]) -> usize {
     (64 << 20) + 100 * input.len()
 }
 
-/// The function of a target.
-pub fn target(name: &str) -> Option<fn(&[u8])> {
-    TARGETS.iter().find(|(known, _)| *known == name).map(|(_, function)| *function)
+/// Processor time that a call may take in the long forms: a fixed part for what does not depend on the input (clearing the memory of
+/// [`memory_limit`], files), and one that grows with the input.
+pub fn time_limit(input: &[u8]) -> Duration {
+    Duration::from_millis(200) + Duration::from_micros(20) * input.len() as u32
 }
 
-/// Calls `read` with a file of these bytes.
-fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
-    let file = tempfile::Builder::new().suffix(name).tempfile();
-    let mut file = file.expect("a temporary file");
-    file.write_all(bytes).expect("writes");
-    read(file.path());
+/// Processor time of this thread. Time in which other programs run does not count.
+pub fn processor_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+}
+
+/// The function of a target; `None` for other names. A constant name leaves the other targets out of a program.
+pub const fn target(name: &str) -> Option<fn(&[u8])> {
+    let mut index = 0;
+    while index < TARGETS.len() {
+        let (known, function) = TARGETS[index];
+        if is_same(known.as_bytes(), name.as_bytes()) {
+            return Some(function);
+        }
+        index += 1;
+    }
+    None
+}
+
+const fn is_same(mut a: &[u8], mut b: &[u8]) -> bool {
+    while let ([first, rest_a @ ..], [second, rest_b @ ..]) = (a, b) {
+        if *first != *second {
+            return false;
+        }
+        (a, b) = (rest_a, rest_b);
+    }
+    a.is_empty() && b.is_empty()
 }

@@ -39,10 +39,20 @@ const WORDS: [&str; 12] = [
 
 /// The files of a target's corpus in the order of their names.
 pub fn corpus(target: &str) -> io::Result<Vec<Vec<u8>>> {
+    Ok(corpus_files(target)?.into_iter().map(|(_, bytes)| bytes).collect())
+}
+
+/// The same with their names.
+pub(crate) fn corpus_files(target: &str) -> io::Result<Vec<(String, Vec<u8>)>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
-    let mut paths = folder.read_dir()?.map(|entry| Ok(entry?.path())).collect::<io::Result<Vec<_>>>()?;
-    paths.sort();
-    paths.iter().map(std::fs::read).collect()
+    let file = |entry: io::Result<std::fs::DirEntry>| {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok((name, std::fs::read(path)?))
+    };
+    let mut files = folder.read_dir()?.map(file).collect::<io::Result<Vec<_>>>()?;
+    files.sort();
+    Ok(files)
 }
 
 /// Input `number` of a seed: first the corpus itself, then mutations of its files.

@@ -1,13 +1,20 @@
 //! Launch files, manifests, recordings, models, saved states and requests.
 
-use crate::with_file;
+use crate::accepted::accepted;
+use crate::scratch::{with_file, with_files};
 use formats::drive::{SourcePosition, read_manifest};
 use formats::recording::{RecordingReader, TickReader};
+use messages::{
+    ClassTopic, ColorTopic, CubeTopic, GnssTopic, ImuTopic, InstanceTopic, Message, PlacementTopic, SpectraTopic,
+    SubmapTopic, SweepTopic, TickTopic, TrajectoryTopic,
+};
 use run::control::{Answer, MAX_REQUEST, Request};
 use run::launch_file::LaunchFile;
 use run::state_file::{load_state, verify_state};
+use run::summary::Summary;
+use run::wiring::Wiring;
 use segmentation::Options;
-use stage::decode_state;
+use stage::{Received, decode_head, decode_state, next_message};
 use std::path::Path;
 
 pub(crate) fn launch_file(bytes: &[u8]) {
@@ -24,15 +31,21 @@ pub(crate) fn launch_file(bytes: &[u8]) {
 }
 
 pub(crate) fn drive_manifest(bytes: &[u8]) {
-    with_file(".toml", bytes, |path| match read_manifest(path) {
-        Ok(manifest) => assert!(manifest.rig().is_ok()),
-        Err(error) => assert!(!error.problems.is_empty() && !error.to_string().is_empty()),
+    with_file("drive.toml", bytes, |path| {
+        let read = read_manifest(path);
+        accepted(&read);
+        match read {
+            Ok(manifest) => assert!(manifest.rig().is_ok()),
+            Err(error) => assert!(!error.problems.is_empty() && !error.to_string().is_empty()),
+        }
     });
 }
 
 pub(crate) fn mcap(bytes: &[u8]) {
-    with_file(".mcap", bytes, |path| {
-        if let Ok(mut reader) = RecordingReader::open(path) {
+    with_file("a.mcap", bytes, |path| {
+        let opened = RecordingReader::open(path);
+        accepted(&opened);
+        if let Ok(mut reader) = opened {
             while let Ok(Some(message)) = reader.next() {
                 let _ = (message.header(), message.rows(), message.tick_row());
             }
@@ -48,14 +61,14 @@ pub(crate) fn mcap(bytes: &[u8]) {
 }
 
 pub(crate) fn model(bytes: &[u8]) {
-    with_file(".safetensors", bytes, |path| {
-        let _ = segmentation::load(path, &Options::default());
+    with_file("a.safetensors", bytes, |path| {
+        accepted(&segmentation::load(path, &Options::default()));
     });
 }
 
 /// A state file, and its content as it is behind the checksum.
 pub(crate) fn state(bytes: &[u8]) {
-    with_file(".state", bytes, |path| {
+    with_file("a.state", bytes, |path| {
         assert_eq!(load_state(path).is_ok(), verify_state(path).is_ok(), "both read the same file");
     });
     let _ = decode_state::<SourcePosition>(2, bytes);
@@ -69,4 +82,88 @@ pub(crate) fn control(bytes: &[u8]) {
         let _ = serde_json::from_slice::<Request>(bytes);
         let _ = serde_json::from_slice::<Answer>(bytes);
     }
+}
+
+/// Texts of the processes of a run to each other; requests of users are in [`control`].
+pub(crate) fn run_texts(bytes: &[u8]) {
+    let _ = serde_json::from_slice::<run::assignment::Assignment>(bytes);
+    let _ = serde_json::from_slice::<run::assignment::Description>(bytes);
+    let _ = serde_json::from_slice::<run::assignment::Command>(bytes);
+    if let Ok(health) = serde_json::from_slice::<run::health::Health>(bytes) {
+        let _ = health.activity.to_string();
+    }
+}
+
+pub(crate) fn summary(bytes: &[u8]) {
+    with_files(&[("summary.json", bytes)], |folder| {
+        let loaded = Summary::load(folder);
+        accepted(&loaded);
+        if let Ok(summary) = loaded {
+            assert!(summary.doubts().count() <= bytes.len());
+            let _ = summary.processed();
+        }
+    });
+}
+
+pub(crate) fn wiring(bytes: &[u8]) {
+    with_files(&[("run/wiring.json", bytes)], |folder| {
+        let read = Wiring::read(folder);
+        accepted(&read);
+        let Ok(wiring) = read else { return };
+        let n_topics = wiring.topics().filter(|(_, topic)| wiring.topic(&topic.channels.topic).is_ok()).count();
+        assert!(n_topics == wiring.topics().count() && n_topics <= bytes.len());
+    });
+}
+
+/// The state of a stage: a head, then messages.
+pub(crate) fn state_head(bytes: &[u8]) {
+    let decoded = decode_head::<SourcePosition>(2, bytes);
+    accepted(&decoded);
+    let Ok((_, mut messages)) = decoded else { return };
+    while let Ok(message) = next_message::<GnssTopic>(&mut messages) {
+        assert!(size_of_val(message.rows()) <= bytes.len());
+    }
+    let _ = next_message::<PlacementTopic>(&mut messages).is_ok();
+    let _ = next_message::<TrajectoryTopic>(&mut messages).is_ok();
+}
+
+/// The first byte chooses the topic.
+pub(crate) fn saved_message(bytes: &[u8]) {
+    fn check<T: Message>(bytes: &[u8]) {
+        let read = Received::<T>::from_bytes(bytes);
+        accepted(&read);
+        if let Ok(message) = read {
+            assert!(size_of_val(message.rows()) <= bytes.len());
+            assert_eq!(message.to_bytes().len(), bytes.len());
+            let _ = (messages::check_header::<T>(message.header()), messages::check_rows::<T>(message.rows()));
+        }
+    }
+    let Some((topic, bytes)) = bytes.split_first() else { return };
+    match topic % 12 {
+        0 => check::<SweepTopic>(bytes),
+        1 => check::<TickTopic>(bytes),
+        2 => check::<TrajectoryTopic>(bytes),
+        3 => check::<PlacementTopic>(bytes),
+        4 => check::<SubmapTopic>(bytes),
+        5 => check::<ColorTopic>(bytes),
+        6 => check::<SpectraTopic>(bytes),
+        7 => check::<ClassTopic>(bytes),
+        8 => check::<InstanceTopic>(bytes),
+        9 => check::<CubeTopic>(bytes),
+        10 => check::<GnssTopic>(bytes),
+        _ => check::<ImuTopic>(bytes),
+    }
+}
+
+/// Largest tensors of [`spherical_model`], bytes.
+const MAX_TENSORS: u64 = 1 << 20;
+
+/// The header of a model on range images; its tensors are zeros.
+pub(crate) fn spherical_model(bytes: &[u8]) {
+    // The container must end with its last tensor.
+    let header: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
+    let ends = header.as_object().into_iter().flatten().filter_map(|(_, tensor)| tensor["data_offsets"][1].as_u64());
+    let n_bytes = ends.max().unwrap_or(0).min(MAX_TENSORS);
+    let file = [&(bytes.len() as u64).to_le_bytes()[..], bytes, &vec![0; n_bytes as usize]].concat();
+    with_file("a.safetensors", &file, |path| accepted(&segmentation::load(path, &Options::default())));
 }

@@ -1,5 +1,6 @@
 //! Trajectories and lens calibrations.
 
+use crate::accepted::accepted;
 use formats::ladybug::LadybugCalibration;
 use formats::trajectory::{
     TrajectoryError, poses_from_kitti, times_from_kitti, trajectory_from_csv, trajectory_from_tum,
@@ -11,6 +12,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 fn check(read: Result<Trajectory, TrajectoryError>) {
+    accepted(&read);
     if let Ok(trajectory) = read {
         assert!(trajectory.poses().is_sorted_by_key(|(stamp, _)| *stamp));
     }
@@ -25,12 +27,14 @@ pub(crate) fn trajectory_csv(bytes: &[u8]) {
 }
 
 pub(crate) fn kitti_poses(bytes: &[u8]) {
-    if let Ok(poses) = poses_from_kitti(&text(bytes)) {
+    let read = poses_from_kitti(&text(bytes));
+    accepted(&read);
+    if let Ok(poses) = read {
         assert!(poses.iter().all(|pose| (pose.rotation.norm() - 1.0).abs() < 1e-9));
     }
     let _ = times_from_kitti(&text(bytes));
 }
 
 pub(crate) fn ladybug(bytes: &[u8]) {
-    let _ = text(bytes).parse::<LadybugCalibration>();
+    accepted(&text(bytes).parse::<LadybugCalibration>());
 }

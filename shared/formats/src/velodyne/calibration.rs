@@ -169,10 +169,11 @@ impl Keys {
     }
 }
 
-fn number(key: &str, text: &str, line: usize) -> Result<f64, LaserFileError> {
+/// The number of a text. `line` is called for an error alone.
+fn number(key: &str, text: &str, line: impl FnOnce() -> usize) -> Result<f64, LaserFileError> {
     let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
     found.ok_or_else(|| LaserFileError::Number {
-        line,
+        line: line(),
         key: key.to_owned(),
         value: text.trim().chars().take(40).collect(),
     })
@@ -184,7 +185,8 @@ fn xml_content(text: &str) -> Result<Content<'static>, LaserFileError> {
     let text = text.replacen("<!DOCTYPE boost_serialization>", "", 1);
     let document = roxmltree::Document::parse(&text).map_err(|error| LaserFileError::Xml(error.to_string()))?;
     let read = |node: roxmltree::Node<'_, '_>| {
-        let line = document.text_pos_at(node.range().start).row as usize;
+        // Counts the lines from the begin of the text.
+        let line = || document.text_pos_at(node.range().start).row as usize;
         number(node.tag_name().name(), node.text().unwrap_or_default(), line)
     };
     let mut content = Content::default();
@@ -221,7 +223,7 @@ fn yaml_content(text: &str) -> Result<Content<'_>, LaserFileError> {
             }
             let Some((key, value)) = entry.split_once(':') else { continue };
             let key = key.trim();
-            let read = || number(key, value, index + 1);
+            let read = || number(key, value, || index + 1);
             match key {
                 "num_lasers" => content.n_lasers = Some(read()?),
                 "distance_resolution" => content.range_unit_m = Some(read()?),

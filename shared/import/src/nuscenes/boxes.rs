@@ -74,7 +74,7 @@ pub(super) fn read(tables: &Path, samples: &BTreeSet<&str>) -> Result<BTreeMap<S
         Ok(())
     })?;
     let objects: BTreeSet<&str> = annotations.iter().map(|row| row.instance_token.as_str()).collect();
-    let numbers: BTreeMap<&str, u16> = objects.iter().copied().zip(1..).collect();
+    let numbers = numbers(&objects);
     let categories: Vec<Category> = table::rows(&tables.join("category.json"))?;
     let names: BTreeMap<String, String> = categories.into_iter().map(|row| (row.token, row.name)).collect();
     let mut classes = BTreeMap::new();
@@ -101,4 +101,22 @@ pub(super) fn read(tables: &Path, samples: &BTreeSet<&str>) -> Result<BTreeMap<S
         });
     }
     Ok(boxes)
+}
+
+/// Numbers of objects from 1. Objects beyond the last number have none.
+fn numbers<'a>(objects: &BTreeSet<&'a str>) -> BTreeMap<&'a str, u16> {
+    objects.iter().copied().zip(1..=u16::MAX).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_beyond_the_last_number_have_none() {
+        let names: Vec<String> = (0..70_000).map(|name| format!("{name:05}")).collect();
+        let found = numbers(&names.iter().map(String::as_str).collect());
+        assert_eq!((found.len(), found["00000"], found["65534"]), (65_535, 1, 65_535));
+        assert!(!found.contains_key("65535"));
+    }
 }

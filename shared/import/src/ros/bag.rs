@@ -22,6 +22,9 @@ use topics::Topics;
 /// Longest message, bytes. A cloud of 600000 points has about 30 MB, an image of 8192 x 8192 pixels 201 MB.
 const MAX_MESSAGE: u64 = 1 << 28;
 
+/// Most topics of a bag. Large robots have some hundreds; each is compared with all.
+const MAX_TOPICS: usize = 4096;
+
 /// A message of a bag.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Message<'a> {
@@ -105,6 +108,10 @@ impl Bag {
         for (part, path) in opened {
             parts.push(part);
             files.push(path);
+        }
+        let n_topics = topics.list().len();
+        if n_topics > MAX_TOPICS {
+            return Err(ImportError::at(source, format!("{n_topics} topics; at most {MAX_TOPICS} are read")));
         }
         Ok(Self { parts, topics, topic_of_part, files, is_zstd })
     }

@@ -10,5 +10,6 @@ mod nuscenes_scene;
 mod plain_folders;
 mod ros;
 mod ros_damage;
+mod ros_limits;
 mod ros_real;
 mod support;

@@ -135,6 +135,25 @@ fn damaged_las_files_are_refused_at_each_length_and_byte() {
 }
 
 #[test]
+fn compressed_records_that_need_more_memory_or_time_than_the_file_explains_are_refused() {
+    let folder = folder();
+    let path = folder.path().join("recording/0.laz");
+    let import = of(folder.path().join("recording"), &folder);
+    let whole = las(&rows()[..300], true);
+    for (record_bytes, n_points, rule) in [
+        (2000_u16, 300, "compressed records of 2000 bytes; at most 1024 are read".to_owned()),
+        (1000, 2 * whole.len() as u32, format!("{} points of 1000 bytes; {} bytes", 2 * whole.len(), whole.len())),
+    ] {
+        let mut bytes = whole.clone();
+        bytes[105..107].copy_from_slice(&record_bytes.to_le_bytes());
+        bytes[107..111].copy_from_slice(&n_points.to_le_bytes());
+        write_file(&path, bytes);
+        let text = error(&import);
+        assert!(text.contains(&rule), "{rule}: {text}");
+    }
+}
+
+#[test]
 fn damaged_mandeye_folders_are_refused_with_file_and_rule() {
     type Fault = (&'static str, Vec<u8>, &'static str);
     let mut late = rows();

@@ -3,7 +3,7 @@
 use super::{RigParts, SourceOptions, pose_of};
 use crate::yaml::{Node, Value, YamlError};
 use geometry::Pose;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Frames from the body to a sensor at most.
 const MAX_DEPTH: usize = 64;
@@ -124,10 +124,10 @@ impl FrameTree {
         };
         let mut one = |names: &[&str], kind: &str| -> Result<Option<Pose>, String> {
             let is_named = |frame: &&String| names.iter().any(|name| frame.to_lowercase().contains(name));
-            let found: Vec<&String> = self.frames.keys().filter(is_named).collect();
+            let found: BTreeSet<&String> = self.frames.keys().filter(is_named).collect();
             // Of a sensor with frames of its parts, the one nearest to the body.
             let nearest: Vec<&&String> =
-                found.iter().filter(|frame| !found.contains(&&self.frames[**frame].0)).collect();
+                found.iter().filter(|frame| !found.contains(&self.frames[**frame].0)).collect();
             match nearest[..] {
                 [frame] => {
                     parts.notes.push(format!("{kind}: frame {frame}"));

@@ -3,6 +3,9 @@
 //! `cargo run --release -p fuzz_targets --example write_corpus`. Files whose names do not begin with `seed` are findings of earlier
 //! fuzzing; they are left alone.
 
+mod data_sets;
+mod ros;
+mod runs;
 mod seeds;
 
 use std::fs;

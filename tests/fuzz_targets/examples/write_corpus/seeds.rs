@@ -1,5 +1,6 @@
 //! The seeds.
 
+use crate::{data_sets, ros, runs};
 use formats::cloud::CloudPoint;
 use formats::imu::{ImuSample, csv_from_samples};
 use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
@@ -38,7 +39,11 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("ouster", vec![ouster(16, 12, 4, 0), ouster(12, 4, 0, 32), ouster(12, 12, 0, 32), ouster(12, 16, 0, 32)]),
         ("robosense", vec![robosense(1), robosense(2)]),
         ("livox", vec![mid360(1, 14), mid360(3, 10), avia(2, 96 * 14), avia(4, 48 * 28)]),
-        ("lidar_calibration", vec![LASERS_XML.into(), lasers_yaml(), angles_csv(), METADATA.into()]),
+        ("vlp32c", vec![packet(Model::Vlp32c, 0), position()]),
+        ("ouster_metadata", vec![METADATA.into()]),
+        ("hesai_angles", vec![angles_csv(40)]),
+        ("robosense_angles", vec![angles_csv(16), beam_angles(32)]),
+        ("velodyne_calibration", vec![lasers_xml(), lasers_yaml()]),
         ("nmea", vec![log().into_bytes()]),
         ("imu", vec![imu().into_bytes()]),
         ("png", vec![picture(ImageFormat::Png)]),
@@ -65,13 +70,32 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("model", vec![segmentation::ground::Parameters::default().to_bytes().expect("encodes")]),
         ("state", states()),
         ("control", CONTROL.map(|text| text.as_bytes().to_vec()).to_vec()),
+        ("ros1_bag", vec![ros::ros1_bag("none"), ros::ros1_bag("bz2"), ros::ros1_bag("lz4")]),
+        ("ros2_sqlite", vec![ros::database()]),
+        ("ros2_mcap", vec![ros::mcap(""), ros::mcap("lz4"), ros::mcap("zstd")]),
+        ("sqlite", vec![ros::database()]),
+        ("ros2_metadata", vec![ros::BAG.into()]),
+        ("ros_messages", ros::messages()),
+        ("las", vec![data_sets::las(false)]),
+        ("laz", vec![data_sets::las(true)]),
+        ("mandeye_imu", vec![data_sets::MANDEYE_IMU.into()]),
+        ("nuscenes_tables", vec![data_sets::nuscenes_tables()]),
+        ("kitti_raw", vec![data_sets::kitti_raw()]),
+        ("plain_tables", vec![data_sets::plain_tables()]),
+        ("rig_yaml", [data_sets::KALIBR, data_sets::OPENCV, data_sets::FRAMES].map(Vec::from).to_vec()),
+        ("rig_ladybug", vec![LENS.into()]),
+        ("rig_kitti", data_sets::rig_kitti()),
+        ("rig_nuscenes", vec![data_sets::rig_nuscenes()]),
+        ("run_texts", runs::run_texts()),
+        ("summary", vec![runs::summary()]),
+        ("wiring", vec![runs::wiring()]),
+        ("state_head", vec![runs::state_head()]),
+        ("saved_message", runs::saved_messages()),
+        ("spherical_model", runs::spherical_models()),
     ]
 }
 
-const LASERS_XML: &str = "<!DOCTYPE boost_serialization>\n<DB><distLSB_>0.2</distLSB_><points_><item><px><id_>0</id_>\
-    <rotCorrection_>-5.3</rotCorrection_><vertCorrection_>-7.2</vertCorrection_><distCorrection_>111</distCorrection_></px></item>\
-    </points_></DB>";
-const METADATA: &str = r#"{"beam_intrinsics": {"beam_altitude_angles": [10, -10], "beam_azimuth_angles": [2, -2],
+pub const METADATA: &str = r#"{"beam_intrinsics": {"beam_altitude_angles": [10, -10], "beam_azimuth_angles": [2, -2],
     "beam_to_lidar_transform": [1, 0, 0, 20, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1]}, "config_params": {"lidar_mode": "512x10"},
     "lidar_data_format": {"columns_per_frame": 512, "columns_per_packet": 16, "pixels_per_column": 2, "column_window": [0, 511],
     "udp_profile_lidar": "LEGACY"}, "sensor_info": {"prod_sn": "5"},
@@ -81,7 +105,9 @@ const PCD_TEXT: &[u8] =
     b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 3\nDATA ascii\n1 2 3\n4 5 6\n7 8 9\n";
 const SPECTRUM: &str =
     "Name: Concrete\nX Units: Wavelength (micrometers)\nY Units: Reflectance (percent)\n\n0.4 10\n0.5 12.5\n0.6 13\n";
-const LENS: &str = "SerialNumber 1\nResolution 20 10\nBeginCamera\nId 0\nfocalLength 0.5 1\nEndCamera\nBeginWarp\nId 0\n\
+const LENS: &str = "SerialNumber 1\nResolution 20 10\nBeginCamera\nId 0\nfocalLength 0.5 1\n\
+    CamToLadybugEulerZYX 0.1 0.2 0.3 0.04 0.05 0.06\nRectifiedSpline 0 0\nCenter 0 0 1 0.5 0.5\nTopLeft -1 -1 1 0 0\n\
+    BottomLeft -1 1 1 0 1\nTopRight 1 -1 1 1 0\nBottomRight 1 1 1 1 1\nEndCamera\nBeginWarp\nId 0\n\
     KnotsX 0 0 0 0 1 1 1 1\nKnotsY 0 0 0 0 1 1 1 1\nNumberCoefs 4 4\nCoefs\n1 2 3 4\n5 6 7 8\n9 8 7 6\n5 4 3 2\nEndWarp\n";
 const LAUNCH: &str = "# A comment\n[run]\ndrive = \"drives/sample\"\noutput = 'out'\nbarrier_s = 5.0\n\n[acquire]\nstart_s = 1\n\n\
     [instance]\nthings = [{ class = 'vehicles', max_height_m = 4.0, min_points = 200 }]\n[export]\nformats = [\"ply\"]\n";
@@ -98,7 +124,7 @@ const CONTROL: [&str; 4] = [
     r#"{"refused":["a reason","another"]}"#,
 ];
 
-fn packet(model: Model, number: i64) -> Vec<u8> {
+pub fn packet(model: Model, number: i64) -> Vec<u8> {
     let blocks = std::array::from_fn(|index| {
         let azimuth = ((number * 12 + index as i64) * 17 % 36_000) as u16;
         let one = |k: usize| RawReturn { range_2mm: 1000 + 700 * k as u16, intensity: 8 * k as u8 };
@@ -135,7 +161,7 @@ fn hesai(major: u8, n_beams: u8, n_blocks: u8, tail: usize) -> Vec<u8> {
 }
 
 /// A packet of an Ouster with two beams: sizes of the headers of columns, pixels, footers of columns, and header of the packet.
-fn ouster(column_header: usize, pixel: usize, column_footer: usize, header: usize) -> Vec<u8> {
+pub fn ouster(column_header: usize, pixel: usize, column_footer: usize, header: usize) -> Vec<u8> {
     let mut bytes = vec![1, 0];
     bytes.resize(header, 0);
     for column in 0..16_u16 {
@@ -181,15 +207,34 @@ fn avia(kind: u8, n_bytes: usize) -> Vec<u8> {
     bytes
 }
 
+/// All lasers of an HDL-64E.
+fn lasers_xml() -> Vec<u8> {
+    let laser = |id: usize| {
+        format!(
+            "<item><px><id_>{id}</id_><rotCorrection_>-5.3</rotCorrection_><vertCorrection_>-7.{id}</vertCorrection_>\
+             <distCorrection_>111</distCorrection_></px></item>\n"
+        )
+    };
+    let lasers: String = (0..64).map(laser).collect();
+    let head = "<!DOCTYPE boost_serialization>\n<DB><distLSB_>0.2</distLSB_><points_>";
+    format!("{head}{lasers}</points_></DB>").into_bytes()
+}
+
 fn lasers_yaml() -> Vec<u8> {
     let laser = |id: usize| format!("- {{laser_id: {id}, rot_correction: 0.02, vert_correction: -0.{id}}}\n");
     let lasers: String = (0..16).map(laser).collect();
     format!("lasers:\n{lasers}num_lasers: 16\ndistance_resolution: 0.002\n").into_bytes()
 }
 
-fn angles_csv() -> Vec<u8> {
-    let line = |beam: usize| format!("{},{}.5,-1.042\n", beam + 1, 15 - beam as i32);
-    format!("Laser id,Elevation,Azimuth\n{}", (0..40).map(line).collect::<String>()).into_bytes()
+fn angles_csv(n_beams: i32) -> Vec<u8> {
+    let line = |beam: i32| format!("{},{}.5,-1.042\n", beam + 1, 15 - beam);
+    format!("Laser id,Elevation,Azimuth\n{}", (0..n_beams).map(line).collect::<String>()).into_bytes()
+}
+
+/// Elevation and azimuth of each beam.
+fn beam_angles(n_beams: i32) -> Vec<u8> {
+    let line = |beam: i32| format!("{},0.5\n", 15 - beam);
+    (0..n_beams).map(line).collect::<String>().into_bytes()
 }
 
 /// A data packet in three fragments.
@@ -275,7 +320,7 @@ fn imu() -> String {
     csv_from_samples(&(0..12).map(sample).collect::<Vec<_>>())
 }
 
-fn picture(format: ImageFormat) -> Vec<u8> {
+pub fn picture(format: ImageFormat) -> Vec<u8> {
     let image = RgbImage::from_fn(24, 16, |x, y| image::Rgb([x as u8 * 9, y as u8 * 13, (x * y) as u8]));
     let mut bytes = Vec::new();
     image.write_to(&mut Cursor::new(&mut bytes), format).expect("encodes");

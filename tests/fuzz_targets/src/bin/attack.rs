@@ -1,11 +1,11 @@
-//! `attack`: runs a target on seeded mutations of its corpus with a limit on memory.
+//! `attack`: runs a target on seeded mutations of its corpus with a limit on memory and, on request, on time.
 //!
 //! A panic, an abort or a stack overflow ends the process. `--progress` names a file that then contains the number of the input;
 //! `--save` writes that input to a file.
 
 use cap::Cap;
 use clap::Parser;
-use fuzz_targets::{TARGETS, corpus, input, memory_limit, target};
+use fuzz_targets::{TARGETS, corpus, input, memory_limit, processor_time, target, time_limit};
 use std::alloc::System;
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
@@ -32,6 +32,9 @@ struct Args {
     /// Time for each target, s; ends before `count`
     #[arg(long, default_value_t = f64::INFINITY)]
     seconds: f64,
+    /// Fail at an input that takes more processor time than the target may
+    #[arg(long)]
+    limit_time: bool,
     /// File that contains the number of the current input
     #[arg(long)]
     progress: Option<PathBuf>,
@@ -70,12 +73,17 @@ fn attack(name: &str, args: &Args) -> std::io::Result<()> {
         if let Some(file) = &progress {
             file.write_all_at(&number.to_le_bytes(), 0)?;
         }
-        let called = Instant::now();
+        let called = processor_time();
         // An allocation beyond the limit fails, which aborts the process unless the reader handles it.
         let _ = MEMORY.set_limit(MEMORY.allocated() + memory_limit(&bytes));
         run(&bytes);
         let _ = MEMORY.set_limit(usize::MAX);
-        slowest = slowest.max((called.elapsed(), number));
+        let (used, limit) = (processor_time().saturating_sub(called), time_limit(&bytes));
+        if args.limit_time && used > limit {
+            let problem = format!("input {number}, {} bytes, took {used:?}; at most {limit:?}", bytes.len());
+            return Err(std::io::Error::other(problem));
+        }
+        slowest = slowest.max((used, number));
         n += 1;
     }
     let ((slowest, number), seconds) = (slowest, begin.elapsed().as_secs_f64());

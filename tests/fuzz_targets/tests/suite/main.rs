@@ -37,3 +37,11 @@ fn every_target_has_a_small_corpus() {
     }
     assert!(n_bytes < MAX_CORPUS, "{n_bytes} bytes");
 }
+
+#[test]
+fn every_target_is_a_program_of_cargo_fuzz() {
+    let manifest = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/Cargo.toml");
+    let text = std::fs::read_to_string(manifest).expect("is there");
+    let programs: Vec<&str> = text.split("[[bin]]").skip(1).filter_map(|program| program.split('"').nth(1)).collect();
+    assert_eq!(programs, TARGETS.map(|(name, _)| name));
+}

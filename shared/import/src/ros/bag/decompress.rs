@@ -1,6 +1,37 @@
-//! Decompression of chunks.
+//! Decompression of chunks, within a limit on their content.
 
 use std::io::{self, Read};
+
+/// Content of all chunks of a small file at most, bytes.
+const MIN_CONTENT: u64 = 16 << 20;
+/// Content of all chunks at most, in lengths of their file. Recordings have a tenth of it; bzip2 and zstd reach a million.
+const MAX_RATIO: u64 = 256;
+
+/// Bytes of content that the chunks of a file may still have: the time to read a file must not exceed what its length explains.
+pub(super) struct ContentLimit {
+    limit: u64,
+    left: u64,
+}
+
+impl ContentLimit {
+    pub fn of_file(n_bytes: u64) -> Self {
+        let limit = n_bytes.saturating_mul(MAX_RATIO).saturating_add(MIN_CONTENT);
+        Self { limit, left: limit }
+    }
+
+    /// Takes the content of a chunk.
+    pub fn take(&mut self, n_bytes: u64) -> io::Result<()> {
+        let limit = self.limit;
+        let left = self.left.checked_sub(n_bytes).ok_or_else(|| {
+            let rule = format!(
+                "the chunks up to here contain more than {limit} bytes, {MAX_RATIO} times the file: it is damaged"
+            );
+            io::Error::new(io::ErrorKind::InvalidData, rule)
+        })?;
+        self.left = left;
+        Ok(())
+    }
+}
 
 /// The content of a chunk.
 pub(super) fn decompressed<'a>(compression: &str, chunk: impl Read + 'a) -> io::Result<Box<dyn Read + 'a>> {

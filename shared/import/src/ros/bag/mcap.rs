@@ -7,7 +7,7 @@
 
 mod body;
 
-use super::decompress::decompressed;
+use super::decompress::{ContentLimit, decompressed};
 use super::record::{AtByte, Checked, Skip, array, array_or_end, read_bytes};
 use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
@@ -122,7 +122,8 @@ impl Mcap {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
-        let mut pass = Pass { path: &self.path, at, index, wanted, each, bytes: Vec::new() };
+        let content_limit = ContentLimit::of_file(self.end);
+        let mut pass = Pass { path: &self.path, at, index, wanted, each, content_limit, bytes: Vec::new() };
         while at < self.end {
             let (kind, length) = self.head(&mut file, at)?;
             pass.at = at;
@@ -181,6 +182,7 @@ struct Pass<'a, 'b> {
     index: &'a mut Index,
     wanted: &'a [bool],
     each: &'a mut Each<'b>,
+    content_limit: ContentLimit,
     bytes: Vec<u8>,
 }
 
@@ -189,6 +191,7 @@ impl Pass<'_, '_> {
         let (path, at) = (self.path, self.at);
         let mut part = file.by_ref().take(length);
         let head = body::ChunkHead::read(&mut part).at_byte(path, at)?;
+        self.content_limit.take(head.content_bytes).at_byte(path, at)?;
         let data = part.by_ref().take(head.data_bytes);
         let content = decompressed(&head.compression, data).at_byte(path, at)?;
         let mut content: Box<dyn Read + '_> = Box::new(Checked::new(content, head.content_bytes, head.crc));

@@ -6,7 +6,7 @@
 
 mod header;
 
-use super::decompress::decompressed;
+use super::decompress::{ContentLimit, decompressed};
 use super::record::{AtByte, Checked, Skip, array, array_or_end, read_bytes};
 use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
@@ -118,14 +118,15 @@ impl Ros1 {
         Ok(())
     }
 
+    /// Passes the messages of the chunk at byte `at`. Returns where it ends.
     fn chunk(
         &self,
         file: &mut BufReader<File>,
         at: u64,
         wanted: &[bool],
         each: &mut Each<'_>,
-        data: &mut Vec<u8>,
-    ) -> Result<(), ImportError> {
+        content_limit: &mut ContentLimit,
+    ) -> Result<u64, ImportError> {
         let path = &self.path;
         let fault = |rule: String| ImportError::at_part(path, &format!("byte {at}"), rule);
         file.seek(SeekFrom::Start(at)).at(path)?;
@@ -134,7 +135,10 @@ impl Ros1 {
             return Err(fault("the index says that a chunk begins here, but there is another record".into()));
         }
         let n_data = length(file).at_byte(path, at)?;
+        let end = file.stream_position().at(path)?.saturating_add(n_data);
         let content_bytes = u64::from(header.u32("size").at_byte(path, at)?);
+        content_limit.take(content_bytes).at_byte(path, at)?;
+        let mut data = Vec::new();
         let compression = header.text("compression").unwrap_or_default();
         let content = decompressed(&compression, file.by_ref().take(n_data)).at_byte(path, at)?;
         let mut content: Box<dyn Read + '_> = Box::new(Checked::new(content, content_bytes, 0));
@@ -154,10 +158,10 @@ impl Ros1 {
                 continue;
             }
             let time = header.u64("time").at_byte(path, at)?;
-            read_bytes(&mut content, n_data, data).at_byte(path, at)?;
-            each(Message { topic, received: nanos(time), data })?;
+            read_bytes(&mut content, n_data, &mut data).at_byte(path, at)?;
+            each(Message { topic, received: nanos(time), data: &data })?;
         }
-        Ok(())
+        Ok(end)
     }
 }
 
@@ -182,9 +186,15 @@ impl Container for Ros1 {
 
     fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
-        let mut data = Vec::new();
+        let mut content_limit = ContentLimit::of_file(file.get_ref().metadata().at(&self.path)?.len());
+        let mut end = 0;
         for at in &self.chunks {
-            self.chunk(&mut file, *at, wanted, each, &mut data)?;
+            // Chunks within chunks would make the time grow with the square of the file.
+            if *at < end {
+                let rule = format!("the index says that a chunk begins here, but the one before ends at byte {end}");
+                return Err(ImportError::at_part(&self.path, &format!("byte {at}"), rule));
+            }
+            end = self.chunk(&mut file, *at, wanted, each, &mut content_limit)?;
         }
         Ok(())
     }
