@@ -27,7 +27,7 @@ impl Mounting {
         if wanted.is_some() && wanted != of_rig {
             return Err(LiveError::Model { setting: model.to_owned(), rig: manifest.lidar.model.clone() });
         }
-        let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), &manifest.lidar);
+        let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), "lidar", &manifest.lidar);
         let lidar = lidar.map_err(|problem| FileError { problems: vec![problem] })?;
         needs_no_file(Some(&lidar))?;
         Ok(Self { lidar: Some(lidar), rig })
