@@ -2,7 +2,7 @@
 //! state is empty.
 
 use crate::Settings;
-use crate::publish::{count_all, no_doubts, publish_fixes, publish_sweep, report_doubts};
+use crate::publish::{no_doubts, publish_fixes, publish_sweep, report_doubts};
 use crate::sweep;
 use acquisition::counters::ReportedCounts;
 use acquisition::error::LiveError;
@@ -190,10 +190,10 @@ impl Live {
             ("sweeps_skipped", skipped),
             ("partial_sweeps", partial),
         ];
-        count_all(counters, outputs);
+        outputs.count_all(counters);
         self.n_packets = n_packets;
         if let Some((lidar, log)) = self.sensor.stats() {
-            count_all(self.reported.take_new(lidar, log), outputs);
+            outputs.count_all(self.reported.take_new(lidar, log));
         }
     }
 

@@ -2,10 +2,11 @@
 
 use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
-use georeference::GeoreferenceSettings;
+use georeference::{GeoreferenceSettings, InertialUnit};
 use messages::{Message, SubmapTopic};
 use registration::{
-    Algorithm, ImlsSettings, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection, Sweep,
+    Algorithm, ImlsSettings, InertialCheck, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection,
+    Sweep,
 };
 
 stage::settings! {
@@ -92,6 +93,11 @@ impl Settings {
     /// Whether a sensor predicts the motion.
     pub(crate) fn predicts_by(&self, name: &str) -> bool {
         self.motion.iter().any(|sensor| sensor == name)
+    }
+
+    pub(crate) fn inertial_unit(&self, mounting: &SensorMounting) -> InertialUnit {
+        let check = self.check_imu.then(|| InertialCheck::new(mounting.imu_in_body, self.imu_probation));
+        InertialUnit::new(check, self.predicts_by("imu"))
     }
 
     /// The points of a sweep that go into the submap.

@@ -5,7 +5,7 @@ mod lidars;
 pub mod rules;
 
 pub use calibration::{Calibration, LidarMountingEntry, MountingEntry};
-pub use lidars::{LidarEntry, MAX_LIDARS};
+pub use lidars::LidarEntry;
 
 use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};

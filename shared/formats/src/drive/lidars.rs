@@ -5,9 +5,10 @@ use super::check::{Check, numbered};
 use super::lidar_file::lidar_of;
 use super::listing::files_with_extension;
 use crate::lidar::Lidar;
-use crate::manifest::{LidarEntry, MAX_LIDARS, rules};
+use crate::manifest::{LidarEntry, rules};
 use crate::text_file::read_text;
 use geometry::Stamp;
+use messages::MAX_LIDARS;
 use std::path::{Path, PathBuf};
 
 /// Time between cloud files without `times.txt`: 10 Hz.
@@ -33,7 +34,8 @@ impl Check<'_> {
         let mut found = Vec::new();
         for (index, entry) in numbered(entries) {
             let lidar = self.lidar(&keys[index], entry);
-            let (files, stamps) = self.sweeps(&keys[index], entry);
+            // Without data of another LiDAR the drive still has ticks.
+            let (files, stamps) = self.sweeps(&keys[index], entry, index == 0);
             found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps }));
         }
         let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
@@ -57,8 +59,11 @@ impl Check<'_> {
         self.file.rule("lidar", n <= MAX_LIDARS, || format!("{n} LiDARs; at most {MAX_LIDARS} are supported"));
         for (index, entry) in numbered(entries) {
             let key = |name: &str| format!("lidar[{index}].{name}");
-            self.file.rule(&key("name"), entry.name.is_some(), || {
-                "is missing; several LiDARs need different names, which counters and doubts use".into()
+            let is_word = |name: &String| {
+                !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
+            };
+            self.file.rule(&key("name"), entry.name.as_ref().is_some_and(is_word), || {
+                "must be a word of letters, digits and _: counters and doubts of several LiDARs have their names".into()
             });
             for (other, earlier) in numbered(entries).take_while(|(other, _)| *other < index) {
                 self.file.rule(&key("name"), entry.name.is_none() || entry.name != earlier.name, || {
@@ -96,7 +101,7 @@ impl Check<'_> {
     }
 
     /// Files of the sweeps and, for clouds, their stamps.
-    fn sweeps(&mut self, key: &str, entry: &LidarEntry) -> (Vec<PathBuf>, Vec<Stamp>) {
+    fn sweeps(&mut self, key: &str, entry: &LidarEntry, is_first: bool) -> (Vec<PathBuf>, Vec<Stamp>) {
         let none = (Vec::new(), Vec::new());
         let key_of = |name: &str| format!("{key}.{name}");
         let extensions: &[&str] = match entry.format.as_str() {
@@ -110,7 +115,7 @@ impl Check<'_> {
         };
         let Some(folder) = self.folder(&key_of("folder"), &entry.folder) else { return none };
         let files = self.listed(&key_of("folder"), files_with_extension(&folder, extensions)).unwrap_or_default();
-        self.file.rule(&key_of("folder"), !files.is_empty(), || {
+        self.file.rule(&key_of("folder"), !files.is_empty() || !is_first, || {
             format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
         });
         let is_nuscenes = |path: &PathBuf| path.to_string_lossy().ends_with(".pcd.bin");

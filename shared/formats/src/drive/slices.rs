@@ -24,8 +24,9 @@ impl SweepSource {
     }
 
     /// Tells the readers of captures which packets are those of the other LiDARs of the drive.
-    pub fn separate(sources: &mut [Self]) {
-        let origin = |source: &Self| match source {
+    pub fn separate<'a>(sources: impl IntoIterator<Item = &'a mut Self>) {
+        let mut sources: Vec<&mut Self> = sources.into_iter().collect();
+        let origin = |source: &&mut Self| match source {
             Self::Packets { reader, .. } => Some(reader.origin()),
             Self::Clouds(_) => None,
         };

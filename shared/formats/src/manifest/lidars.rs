@@ -5,9 +5,6 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::net::Ipv4Addr;
 
-/// Most LiDARs of a vehicle: a tick publishes one message of each, and that many fit into the queue of topic `sweep`.
-pub const MAX_LIDARS: usize = <messages::SweepTopic as messages::Message>::QUEUE;
-
 /// A LiDAR's recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
