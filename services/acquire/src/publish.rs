@@ -7,7 +7,7 @@ use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
-use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepTopic};
+use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
 /// Publishes a color image. A damaged file is skipped; its error is returned.
@@ -58,6 +58,17 @@ pub(crate) fn publish_sweep(
 ) -> Result<(), StepError> {
     *loan.header_mut() = sweep_header(sweep, n_rings);
     outputs.publish(loan, sweep.stamp.0)
+}
+
+/// Publishes the points of another LiDAR, with header and stamp, if there are any.
+pub(crate) fn publish_other(
+    mut loan: Loan<SweepTopic>,
+    found: Option<(SweepHeader, i64)>,
+    outputs: &mut Outputs,
+) -> Result<(), StepError> {
+    let Some((header, stamp)) = found else { return Ok(()) };
+    *loan.header_mut() = header;
+    outputs.publish(loan, stamp)
 }
 
 /// Publishes the fixes that have a height. Returns their number.

@@ -1,7 +1,9 @@
 //! Publishes a recorded drive sweep by sweep.
 
 use crate::Settings;
-use crate::publish::{no_doubts, publish_fixes, publish_image, publish_mosaic, publish_sweep, report_doubts};
+use crate::publish::{
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_other, publish_sweep, report_doubts,
+};
 use crate::sweep;
 use acquisition::error::DriveError;
 use acquisition::recorded::{DriveAccount, DriveReader, News, NextSweep, Part, SavedDrive, Trigger, drive_problems};
@@ -82,10 +84,8 @@ impl Recorded {
         for index in 0..self.reader.n_other_lidars() {
             let mut loan = sweep::loan(outputs)?;
             let mut read = |sink: &mut dyn FnMut(&[SweepPoint])| self.reader.next_sweep_of_other(index, sweep, sink);
-            if let Some((header, stamp)) = sweep::fill(&mut loan, |sink| read(sink).map_err(StepError::data))? {
-                *loan.header_mut() = header;
-                outputs.publish(loan, stamp)?;
-            }
+            let found = sweep::fill(&mut loan, |sink| read(sink).map_err(StepError::data))?;
+            publish_other(loan, found, outputs)?;
         }
         Ok(())
     }

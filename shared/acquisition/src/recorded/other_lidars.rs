@@ -3,7 +3,7 @@
 use crate::counters::ReportedCounts;
 use crate::doubts::Doubts;
 use crate::error::DriveError;
-use crate::rows::slice_header;
+use crate::other_tally::{OtherTally, named};
 use formats::drive::{Drive, SourcePosition, SweepInfo, SweepSource};
 use formats::lidar::{SweepError, SweepPoint};
 use formats::nmea::LogStats;
@@ -19,8 +19,8 @@ struct OtherLidar {
     n_rings: usize,
     source: Source,
     reported: ReportedCounts,
-    tally: Tally,
-    reported_tally: Tally,
+    tally: OtherTally,
+    reported_tally: OtherTally,
     n_damage_reported: usize,
 }
 
@@ -30,24 +30,11 @@ enum Source {
     Absent(String),
 }
 
-/// What was published of a LiDAR.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Tally {
-    /// Sweeps of the first LiDAR.
-    ticks: u64,
-    /// Those with returns of this LiDAR.
-    sweeps: u64,
-    /// Returns between two sweeps of the first LiDAR, or too many in one.
-    points_skipped: u64,
-    /// Cloud files that cannot be read.
-    bad_sweeps: u64,
-}
-
 /// Position of a LiDAR after the first; `None` without data.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct OtherPosition {
     source: Option<SourcePosition>,
-    tally: Tally,
+    tally: OtherTally,
 }
 
 impl OtherLidars {
@@ -68,8 +55,8 @@ impl OtherLidars {
                     n_rings: of_drive.lidar.n_rings(),
                     source,
                     reported: ReportedCounts::default(),
-                    tally: Tally::default(),
-                    reported_tally: Tally::default(),
+                    tally: OtherTally::default(),
+                    reported_tally: OtherTally::default(),
                     n_damage_reported: 0,
                 })
             })
@@ -90,18 +77,11 @@ impl OtherLidars {
         sink: impl FnMut(&[SweepPoint]),
     ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
         let Some(lidar) = self.0.get_mut(index) else { return Ok(None) };
-        let end = first.stamp.0 + i64::from(first.duration_nanos);
         let Source::Sweeps(source) = &mut lidar.source else { return Ok(None) };
+        let end = first.stamp.0 + i64::from(first.duration_nanos);
         let slice = source.next_slice((first.stamp.0, end), sink)?;
-        let tally = &mut lidar.tally;
-        // What was recorded before the first tick is no loss.
-        tally.points_skipped += slice.filter(|_| tally.ticks > 0).map_or(0, |slice| slice.n_skipped);
-        tally.bad_sweeps = source.n_bad_clouds();
-        tally.ticks += 1;
-        let found = slice.filter(|slice| slice.n_returns > 0);
-        let found = found.and_then(|slice| Some((slice, slice.stamp?)));
-        tally.sweeps += u64::from(found.is_some());
-        Ok(found.map(|(slice, stamp)| (slice_header(&slice, stamp, end, index + 1, lidar.n_rings), stamp.0)))
+        lidar.tally.bad_sweeps = source.n_bad_clouds();
+        Ok(lidar.tally.add(slice, first, (index + 1, lidar.n_rings)))
     }
 
     /// Names and numbers of packets and sweeps since the last call, and the errors of damaged files.
@@ -109,16 +89,9 @@ impl OtherLidars {
         let (mut counts, mut damage) = (Vec::new(), Vec::new());
         for lidar in &mut self.0 {
             let Source::Sweeps(source) = &lidar.source else { continue };
-            let (now, before) = (lidar.tally, std::mem::replace(&mut lidar.reported_tally, lidar.tally));
-            let of_tally = [
-                ("sweeps", now.sweeps - before.sweeps),
-                ("sweeps_missing", (now.ticks - now.sweeps) - (before.ticks - before.sweeps)),
-                ("points_skipped", now.points_skipped - before.points_skipped),
-                ("bad_sweeps", now.bad_sweeps - before.bad_sweeps),
-            ];
+            let before = std::mem::replace(&mut lidar.reported_tally, lidar.tally);
             let of_packets = lidar.reported.take_new(source.lidar_stats(), LogStats::default());
-            let all = of_tally.into_iter().chain(of_packets).filter(|(_, n)| *n > 0);
-            counts.extend(all.map(|(counter, n)| (format!("lidar_{}_{counter}", lidar.name), n)));
+            counts.extend(named(&lidar.name, lidar.tally.since(&before).into_iter().chain(of_packets)));
             damage.extend(source.damage().iter().skip(lidar.n_damage_reported).cloned());
             lidar.n_damage_reported = source.damage().len();
         }
@@ -138,15 +111,7 @@ impl OtherLidars {
     pub fn doubt(&self, doubts: &mut Doubts) {
         for lidar in &self.0 {
             let Source::Sweeps(source) = &lidar.source else { continue };
-            let mut of_lidar = doubts.of_lidar(&lidar.name);
-            of_lidar.captures(&source.lidar_stats(), source.capture_bytes());
-            let Tally { ticks, sweeps, bad_sweeps, .. } = lidar.tally;
-            of_lidar.sweeps(bad_sweeps, sweeps + bad_sweeps);
-            // A LiDAR without any returns is silent.
-            if sweeps > 0 {
-                of_lidar.missing_sweeps(ticks - sweeps, ticks);
-            }
-            doubts.add_all(of_lidar);
+            lidar.tally.doubt(&lidar.name, &source.lidar_stats(), source.capture_bytes(), doubts);
         }
     }
 

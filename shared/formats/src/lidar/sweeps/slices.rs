@@ -69,9 +69,11 @@ impl SweepReader {
     }
 
     /// Packets that this sender (address and port) sends to this port are of another LiDAR of the drive. They are neither read nor
-    /// counted.
+    /// counted. Nothing changes if this LiDAR has the same addresses: in captures of their own, LiDARs often have.
     pub fn leave_to_other(&mut self, sender: SocketAddrV4, port: u16) {
-        self.others.push((sender, port));
+        if (sender, port) != self.origin() {
+            self.others.push((sender, port));
+        }
     }
 
     /// Address and port from which the sensor sends its data packets, and the port to which it sends them.
