@@ -13,8 +13,8 @@ pub(crate) struct LoanedSubmap {
 
 impl LoanedSubmap {
     /// Begins at the position and heading of the body.
-    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose) -> Self {
-        Self { loan, submap: OpenSubmap::new(world_from_body) }
+    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose, n_lidars: usize) -> Self {
+        Self { loan, submap: OpenSubmap::new(world_from_body, n_lidars as u32) }
     }
     /// Whether `n_sweeps` with `n_points` fit.
     pub fn fits(&self, n_sweeps: usize, n_points: usize) -> bool {

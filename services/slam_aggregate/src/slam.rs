@@ -93,7 +93,7 @@ impl SlamAggregate {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(LoanedSubmap::new(loan, &begin));
+                let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.other_lidars.len()));
                 self.georeferencer.begin_submap(open.submap.frame.world_from_submap, registered.stamp.0);
                 open
             }

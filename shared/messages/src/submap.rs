@@ -97,8 +97,8 @@ pod! {
         pub n_rings: u32,
         /// Rings of the other LiDARs; 0 for those without points.
         pub n_rings_of_others: [u32; MAX_LIDARS - 1],
-        /// Zero.
-        pub reserved: u32,
+        /// LiDARs of the vehicle; 0 counts as one.
+        pub n_lidars: u32,
         /// The sweeps that it was made of.
         pub sweeps: [SubmapSweep; MAX_SWEEPS_PER_SUBMAP],
     }

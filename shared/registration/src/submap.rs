@@ -46,11 +46,12 @@ pub struct SweepRows<'a> {
 }
 
 impl OpenSubmap {
-    /// Begins at the position and heading of the body.
-    pub fn new(world_from_body: &Pose) -> Self {
+    /// Begins at the position and heading of the body of a vehicle with `n_lidars`.
+    pub fn new(world_from_body: &Pose, n_lidars: u32) -> Self {
         let world_from_submap = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
         let mut header = Box::new(SubmapHeader::default());
         header.world_from_submap = world_from_submap.into();
+        header.n_lidars = n_lidars;
         let body = world_from_body.translation.vector;
         Self { frame: SubmapFrame { world_from_submap, path_m: 0.0, body }, header }
     }
