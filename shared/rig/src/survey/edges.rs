@@ -61,7 +61,7 @@ pub(super) fn deskewed(
 ) -> (OneSweep, Vec<SubmapPoint>) {
     let kept = KeptPoints::of(sweep, MIN_RANGE_M, 0.0);
     let mut rows = vec![SubmapPoint::default(); kept.indices.len()];
-    let mut submap = OpenSubmap::new(begin);
+    let mut submap = OpenSubmap::new(begin, 1);
     let body = begin.translation.vector;
     submap.append(&mut rows, 0, SweepRows { raw: raw.view(), sweep, kept: &kept }, registered, body);
     (OneSweep { frame: submap.frame, sweep: submap.header.sweeps[0] }, rows)
