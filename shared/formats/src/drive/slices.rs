@@ -55,17 +55,19 @@ impl Clouds {
             is_over = false;
             slice.has_times = cloud.has_times;
             // By time, or all at the stamp.
-            let index_of =
-                |nanos: i64| cloud.returns.partition_point(|point| stamp.0 + i64::from(point.offset_nanos) < nanos);
-            let first = self.taken.max(index_of(begin));
+            let time_of = |point: &SweepPoint| stamp.0.saturating_add(i64::from(point.offset_nanos));
+            let index_of = |nanos: i64| cloud.returns.partition_point(|point| time_of(point) < nanos);
+            // A saved position may be of a file that has changed.
+            let taken = self.taken.min(cloud.returns.len());
+            let first = taken.max(index_of(begin));
             let last = first.max(index_of(end));
-            slice.n_skipped += (first - self.taken) as u64;
+            slice.n_skipped += (first - taken) as u64;
             let is_whole = last == cloud.returns.len();
             let mut points = cloud.returns[first..last].to_vec();
             if let Some(point) = points.first() {
-                let at = slice.stamp.get_or_insert(Stamp(stamp.0 + i64::from(point.offset_nanos))).0;
+                let at = slice.stamp.get_or_insert(Stamp(time_of(point))).0;
                 for point in &mut points {
-                    point.offset_nanos = (stamp.0 + i64::from(point.offset_nanos) - at).max(0) as u32;
+                    point.offset_nanos = time_of(point).saturating_sub(at).max(0) as u32;
                 }
             }
             let room = SweepReader::MAX_RETURNS - slice.n_returns;
