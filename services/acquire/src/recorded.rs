@@ -86,7 +86,10 @@ impl Recorded {
             let mut read = |sink: &mut dyn FnMut(&[SweepPoint])| self.reader.next_sweep_of_other(index, sweep, sink);
             let found = sweep::fill(&mut loan, |sink| read(sink).map_err(StepError::data))?;
             publish_other(loan, found, outputs)?;
+            // Counted before the state is saved, which has the counts.
+            self.account.add_losses(&mut self.reader);
         }
+        report(self.account.take_news(), outputs);
         Ok(())
     }
 

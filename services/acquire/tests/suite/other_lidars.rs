@@ -107,10 +107,11 @@ fn returns_of_second_lidar_are_published_in_the_tick_of_their_time() {
             assert!(last.is_none_or(|last| (0..2 * BLOCK_NANOS).contains(&(at - last))), "a gap or an overlap");
             last = Some(at);
             let round = (at - BEGIN.0 + EARLY_NANOS) / BLOCK_NANOS;
+            // The lasers are some millimetres off the axis.
             let range_m = point.x.hypot(point.y).hypot(point.z);
-            let expected = [round, round - 1].map(|round| f32::from(range_2mm(round)) * 0.002);
+            let expected = [round - 1, round, round + 1].map(|round| f32::from(range_2mm(round)) * 0.002);
             assert!(
-                expected.iter().any(|expected| (range_m - expected).abs() < 1e-3),
+                expected.iter().any(|expected| (range_m - expected).abs() < 4e-3),
                 "{tick}: {range_m} {expected:?}"
             );
         }
