@@ -2,13 +2,12 @@
 //! state is empty.
 
 use crate::Settings;
-use crate::publish::{count_all, no_doubts, publish_fixes, publish_sweep, report_doubts};
+use crate::publish::{no_doubts, publish_fixes, publish_other, publish_sweep, report_doubts};
 use crate::sweep;
 use acquisition::counters::ReportedCounts;
 use acquisition::error::LiveError;
-use acquisition::live::{
-    Discarded, LiveLimits, LivePoll, LiveSensor, Mounting, address, bind, captures, folder_inside,
-};
+use acquisition::live::{Discarded, LiveLimits, LiveOther, LivePoll, LiveSensor, LiveSetup};
+use formats::drive::SweepInfo;
 use messages::{Message, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::time::{Duration, Instant};
@@ -24,6 +23,8 @@ const RECOMMENDED_BUFFER: usize = 4 << 20;
 pub(crate) struct Live {
     settings: Settings,
     sensor: LiveSensor,
+    /// The LiDARs after the first.
+    others: Vec<LiveOther>,
     /// Points of the current sweep, once it has some.
     loan: Option<Loan<SweepTopic>>,
     reported: ReportedCounts,
@@ -42,7 +43,6 @@ enum Advance {
 impl Live {
     /// Settings that prevent receiving or recording.
     pub(crate) fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
-        let problem = |error: &LiveError| Problem::of_key(error.key(), error.to_string());
         let mut problems = Vec::new();
         for (key, value) in [("start_s", settings.start_s), ("end_s", settings.end_s)] {
             if value != 0.0 {
@@ -50,26 +50,7 @@ impl Live {
                 problems.push(Problem::of_key(key, text));
             }
         }
-        let mut bound = Vec::new();
-        for (key, value) in [("listen", &settings.listen), ("position_listen", &settings.position_listen)] {
-            match address(value).and_then(bind) {
-                Ok(socket) => bound.push(socket),
-                Err(error) => problems.push(Problem::of_key(key, error.to_string())),
-            }
-        }
-        problems.extend(Mounting::find(&context.drive, &settings.model).err().as_ref().map(problem));
-        let folder = match folder_inside(&context.output, &settings.recording) {
-            Ok(folder) => folder,
-            Err(error) => {
-                problems.push(problem(&error));
-                return problems;
-            }
-        };
-        match captures(&folder) {
-            Ok(captures) if captures.is_empty() => {}
-            Ok(captures) => problems.push(problem(&LiveError::Used { n: captures.len(), folder })),
-            Err(error) => problems.push(Problem::of_key("recording", format!("{}: {error}", folder.display()))),
-        }
+        problems.extend(setup(settings, context).problems().into_iter().map(|(key, text)| Problem::of_key(key, text)));
         problems
     }
 
@@ -77,14 +58,11 @@ impl Live {
     pub(crate) fn open(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, .. } = *settings;
         let limits = LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind };
-        let start = || {
-            let addresses = [address(&settings.listen)?, address(&settings.position_listen)?];
-            let mounting = Mounting::find(&context.drive, &settings.model)?;
-            LiveSensor::start(addresses, folder_inside(&context.output, &settings.recording)?, mounting, limits)
-        };
+        let (sensor, others) = setup(settings, context).start(limits).map_err(step_error)?;
         Ok(Self {
             settings: settings.clone(),
-            sensor: start().map_err(step_error)?,
+            sensor,
+            others,
             loan: None,
             reported: ReportedCounts::default(),
             n_packets: 0,
@@ -115,8 +93,9 @@ impl Live {
     /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.sensor.close();
-        // The tick may already have one sweep.
-        for _ in 1..SweepTopic::QUEUE {
+        self.others.iter_mut().for_each(LiveOther::close);
+        // The tick may already have one sweep of each LiDAR.
+        for _ in 1..SweepTopic::QUEUE / (1 + self.others.len()) {
             if !matches!(self.advance(outputs)?, Advance::Published) {
                 break;
             }
@@ -137,6 +116,7 @@ impl Live {
             let mut doubts = no_doubts(&self.settings);
             doubts.captures(&lidar, self.sensor.recorded_bytes());
             doubts.log(&log, self.gnss_rows, self.n_fixes);
+            self.others.iter().for_each(|other| other.doubt(&mut doubts));
             report_doubts(doubts, outputs);
         }
     }
@@ -159,6 +139,7 @@ impl Live {
             match sweep::fill(&mut loan, |sink| self.sensor.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
+                    self.publish_others(&info, outputs)?;
                     self.n_fixes += fixes.len() as u64;
                     self.gnss_rows += publish_fixes(&fixes, outputs)?;
                     outputs.set_drive_time(info.stamp.0);
@@ -177,6 +158,16 @@ impl Live {
         }
     }
 
+    /// Publishes the points of the other LiDARs during the sweep.
+    fn publish_others(&mut self, info: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
+        for other in &mut self.others {
+            let mut loan = sweep::loan(outputs)?;
+            let found = sweep::fill(&mut loan, |sink| other.next_sweep(info, sink).map_err(step_error))?;
+            publish_other(loan, found, outputs)?;
+        }
+        Ok(())
+    }
+
     /// Updates the counters of the run summary.
     fn report_counts(&mut self, outputs: &mut Outputs) {
         let n_packets = self.sensor.n_packets();
@@ -190,10 +181,11 @@ impl Live {
             ("sweeps_skipped", skipped),
             ("partial_sweeps", partial),
         ];
-        count_all(counters, outputs);
+        outputs.count_all(counters);
+        self.others.iter_mut().for_each(|other| outputs.count_all(other.take_counts()));
         self.n_packets = n_packets;
         if let Some((lidar, log)) = self.sensor.stats() {
-            count_all(self.reported.take_new(lidar, log), outputs);
+            outputs.count_all(self.reported.take_new(lidar, log));
         }
     }
 
@@ -208,6 +200,11 @@ impl Live {
             ));
         }
     }
+}
+
+fn setup<'a>(settings: &'a Settings, context: &'a Context) -> LiveSetup<'a> {
+    let Settings { listen, position_listen, model, recording, .. } = settings;
+    LiveSetup { listen, position_listen, model, recording, drive: &context.drive, output: &context.output }
 }
 
 fn step_error(error: LiveError) -> StepError {

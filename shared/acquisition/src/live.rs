@@ -5,11 +5,14 @@
 
 mod drops;
 mod mounting;
+mod other;
 mod receiver;
 mod recording;
 mod sensor;
+mod setup;
 
 pub use mounting::Mounting;
-pub use receiver::{address, bind};
-pub use recording::{captures, folder_inside};
+pub use other::LiveOther;
+pub use recording::captures;
 pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
+pub use setup::LiveSetup;

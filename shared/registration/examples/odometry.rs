@@ -14,7 +14,6 @@ use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
 use registration::{
     Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights,
-    set_times_from_azimuth,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
@@ -58,16 +57,15 @@ fn main() -> anyhow::Result<()> {
     let mut consistency = Consistency::new(&folder);
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
-        let (mut points, n_rings) = folder.points(number)?;
-        if let Some(spin) = odometry.turning()
-            && points.iter().all(|point| point.offset_nanos == 0)
-        {
-            set_times_from_azimuth(&mut points, spin, (UNTIMED_TURN_S * 1e9) as u32);
-            n_timed += 1;
-        }
+        let (points, n_rings) = folder.points(number)?;
+        let turning = odometry.turning().filter(|_| points.iter().all(|point| point.offset_nanos == 0));
         n_points += points.len();
         let start = cpu_ms();
-        let sweep = Sweep::new(folder.stamp(number), points, n_rings);
+        let sweep = match turning {
+            Some(spin) => Sweep::spinning(folder.stamp(number), points, n_rings, (spin, (UNTIMED_TURN_S * 1e9) as u32)),
+            None => Sweep::new(folder.stamp(number), points, n_rings),
+        };
+        n_timed += usize::from(turning.is_some());
         let end = sweep.stamp().plus_nanos(i64::from(sweep.duration_nanos()));
         std::iter::from_fn(|| samples.next_if(|s| s.stamp <= end)).for_each(|sample| odometry.add_imu(sample));
         std::iter::from_fn(|| velocities.next_if(|v| v.stamp <= end)).for_each(|velocity| odometry.add_gnss(velocity));

@@ -2,5 +2,7 @@
 
 mod doubts;
 mod live;
+mod live_two_lidars;
+mod other_lidars;
 mod step;
 mod support;

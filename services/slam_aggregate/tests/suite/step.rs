@@ -372,11 +372,13 @@ fn real_sweeps_without_point_times_follow_the_references() {
     assert_eq!(submaps[0].rows().len() + n_dropped, raws.iter().map(|raw| raw.rows.len()).sum::<usize>());
     let poses: Vec<_> = bench.take::<TrajectoryTopic>().iter().flat_map(|message| message.rows().to_vec()).collect();
     assert_eq!(poses.len(), 44);
-    let at = |idx: usize| poses[idx].world_from_body.to_pose().unwrap().translation.vector;
-    let path: f64 = (1..44).map(|idx| (at(idx) - at(idx - 1)).norm()).sum();
+    // The sense of turning is found after 15 sweeps. The references take all as rigid: their poses are those in the middle.
+    let end_of = |idx: usize| poses[idx].world_from_body.to_pose().unwrap().translation.vector;
+    let at = |number: usize| (end_of(2 * number) + end_of(2 * number + 1)) / 2.0;
+    let path: f64 = (1..22).map(|number| (at(number) - at(number - 1)).norm()).sum();
     // The references end at (16.90, 0.09, 0.13) after 16.9 m.
     assert!((path / 16.905 - 1.0).abs() < 0.02, "{path} m");
-    assert!((at(43) - geometry::Vector3::new(16.903, 0.091, 0.125)).norm() < 0.3, "{}", at(43));
+    assert!((at(21) - geometry::Vector3::new(16.903, 0.091, 0.125)).norm() < 0.3, "{}", at(21));
 }
 
 fn read_pcd(folder: &Path, number: usize) -> RawSweep {
@@ -390,7 +392,7 @@ fn read_pcd(folder: &Path, number: usize) -> RawSweep {
     };
     RawSweep {
         stamp: number as i64 * 100_000_000,
-        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 0, has_times: 0 },
+        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 0, has_times: 0, lidar: 0 },
         rows: formats::pcd::points_from_pcd(&bytes).unwrap().iter().map(row).collect(),
     }
 }

@@ -188,11 +188,11 @@ fn sense_of_turning_is_found_and_keeps_the_heading() {
     );
     let mut poses: Vec<Pose> = Vec::new();
     for rigid in range_images("muehlburger", 150..341) {
-        let mut points = rigid.points().to_vec();
-        if let Some(spin) = odometry.turning() {
-            set_times_from_azimuth(&mut points, spin, 100_000_000);
-        }
-        let registered = odometry.register(&Sweep::new(rigid.stamp(), points, 0)).unwrap();
+        let sweep = match odometry.turning() {
+            Some(spin) => Sweep::spinning(rigid.stamp(), rigid.points().to_vec(), 0, (spin, 100_000_000)),
+            None => rigid.clone(),
+        };
+        let registered = odometry.register(&sweep).unwrap();
         poses.extend(registered.iter().map(|sweep| sweep.motion.mid));
     }
     assert_eq!(odometry.turning(), Some(SpinDirection::Clockwise));

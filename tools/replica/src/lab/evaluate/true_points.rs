@@ -37,7 +37,14 @@ impl TruePoints {
         if let (Some(first), Some(last)) = (stamps().min(), stamps().max()) {
             self.cover(first, last)?;
         }
-        Ok(shots.par_iter().map(|shot| find_label(&self.sweeps, shot)).collect())
+        let lidars = cloud.has("lidar").then(|| cloud.u8s("lidar")).transpose()?;
+        ensure!(lidars.as_ref().is_none_or(|lidars| lidars.len() == shots.len()), "a column of the cloud is too short");
+        let label = |(i, shot): (usize, &Shot)| match &lidars {
+            // The labels are those of the first LiDAR.
+            Some(lidars) if lidars[i] != 0 => Err(NoLabel::NoSweep),
+            _ => find_label(&self.sweeps, shot),
+        };
+        Ok(shots.par_iter().enumerate().map(label).collect())
     }
 
     /// Stamps of the first and of the latest sweep that were read, ns.
