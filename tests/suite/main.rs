@@ -26,4 +26,5 @@ mod supervision;
 mod swap;
 mod swap_segmenter;
 mod transports;
+mod two_lidars;
 mod zero_copy;

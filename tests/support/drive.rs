@@ -20,6 +20,13 @@ pub fn long_drive() -> PathBuf {
     made_once("long_drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), &arguments)).join("drive")
 }
 
+/// Four seconds of a vehicle with two LiDARs, without cameras.
+pub fn two_lidar_drive() -> PathBuf {
+    let arguments = ["--seed", "5", "--seconds", "4", "--rig", "twin"];
+    made_once("two_lidar_drive", &["replica"], |folder| simulated_drive(&folder.join("drive"), &arguments))
+        .join("drive")
+}
+
 /// Simulates a drive in `folder`; `arguments` of `replica simulate`.
 pub fn simulated_drive(folder: &Path, arguments: &[&str]) {
     let status = Command::new(binary("replica"))

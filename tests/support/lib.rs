@@ -12,7 +12,9 @@ mod running;
 mod shared;
 pub mod swaps;
 
-pub use drive::{ANY_DEVIATION, ANY_FIXES, drive, lidar_pipeline, long_drive, pipeline, simulated_drive};
+pub use drive::{
+    ANY_DEVIATION, ANY_FIXES, drive, lidar_pipeline, long_drive, pipeline, simulated_drive, two_lidar_drive,
+};
 pub use kills::{Kills, run_under_kills};
 pub use launch::{Launch, PATIENT, digest, gate, output_text, reported_seconds, result_files};
 pub use namespace::{mount_tmpfs, resize_tmpfs, run_in_own_namespace, runs_in_own_namespace};

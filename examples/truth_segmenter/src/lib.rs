@@ -27,7 +27,8 @@ impl TruthSegmenter {
         let header = submap.header();
         let mut n_unknown = 0;
         for (row, point) in rows.iter_mut().zip(submap.rows()) {
-            let sweep = header.sweeps.get(usize::from(point.sweep_idx));
+            // The labels are those of the first LiDAR.
+            let sweep = header.sweeps.get(usize::from(point.sweep_idx)).filter(|sweep| sweep.lidar == 0);
             let label = sweep
                 .and_then(|sweep| {
                     let stamp = sweep.stamp + i64::from(point.offset_nanos);

@@ -48,7 +48,8 @@ stage::settings! {
         /// Least share of GNSS epochs with position and height, 0 to 1. A smaller share is a doubt: a log of RMC without GGA
         /// sentences has no heights, and a receiver without sky has no positions.
         pub min_fix_share: f64 = 0.5 => stage::within(0.0, 1.0);
-        /// Live: IPv4 address and UDP port of the LiDAR's data packets; 0.0.0.0:2368 for a Velodyne or Hesai that broadcasts. Other makers use
+        /// Live: IPv4 address and UDP port of the LiDAR's data packets; with several LiDARs, one address for each, in the order of the rig,
+        /// separated by commas. 0.0.0.0:2368 for a Velodyne or Hesai that broadcasts. Other makers use
         /// other ports: Ouster 7502, Robosense 6699, Livox Mid-360 56301.
         pub listen: String = "127.0.0.1:2368".to_owned() => stage::any();
         /// Live: IPv4 address and UDP port of the LiDAR's position packets.

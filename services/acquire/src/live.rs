@@ -1,14 +1,15 @@
-//! Publishes the sweeps of a LiDAR on the network, and what the other sensors of the vehicle send. A restarted process begins the next
+//! Publishes the sweeps of the LiDARs on the network, and what the other sensors of the vehicle send. A restarted process begins the next
 //! capture and decodes that one, so its saved state is empty.
 
 use crate::Settings;
 use crate::publish::{
-    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report, report_doubts,
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_other, publish_sweep, report, report_doubts,
 };
 use crate::sweep;
 use acquisition::error::LiveError;
 use acquisition::live::{DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle, OtherLimits};
 use acquisition::recorded::Trigger;
+use formats::drive::SweepInfo;
 use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::time::{Duration, Instant};
@@ -81,7 +82,7 @@ impl Live {
         let due = others.take_rows().map_err(step_error)?;
         let n_rows = publish_fixes(&due.fixes, outputs)?;
         others.add_fixes(due.fixes.len() as u64, n_rows);
-        publish_rows::<ImuTopic>(&due.samples, due.samples.first().map(|row| row.stamp), outputs)?;
+        outputs.publish_rows::<ImuTopic>(&due.samples, |row| row.stamp)?;
         Ok(n_rows > 0 || !due.samples.is_empty())
     }
 
@@ -101,8 +102,8 @@ impl Live {
     /// Ends the recording and publishes its last sweeps, as many as fit into a tick; the others are counted.
     pub(crate) fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.vehicle.close();
-        // The tick may already have one sweep, and one image of any kind.
-        for _ in 1..SweepTopic::QUEUE {
+        // The tick may already have one sweep of each LiDAR, and one image of any kind.
+        for _ in 1..SweepTopic::QUEUE / self.vehicle.n_lidars() {
             if !matches!(self.advance(outputs)?, Advance::Published) {
                 break;
             }
@@ -133,16 +134,18 @@ impl Live {
 
     /// Reads the capture until a sweep is complete or the capture ends.
     fn advance(&mut self, outputs: &mut Outputs) -> Result<Advance, StepError> {
-        let LiveVehicle { lidar, others, .. } = &mut self.vehicle;
+        let vehicle = &mut self.vehicle;
         loop {
             let mut loan = match self.loan.take() {
                 Some(loan) => loan,
                 None => sweep::loan(outputs)?,
             };
-            match sweep::fill(&mut loan, |sink| lidar.poll(sink).map_err(step_error))? {
+            match sweep::fill(&mut loan, |sink| vehicle.lidar.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
-                    others.add_sweep(&info, lidar.take_arrival());
+                    vehicle.others.add_sweep(&info, vehicle.lidar.take_arrival());
+                    publish_other_lidars(vehicle, &info, outputs)?;
+                    let others = &mut vehicle.others;
                     if !others.has_receiver() {
                         others.add_packet_fixes(&fixes);
                         let n_rows = publish_fixes(&fixes, outputs)?;
@@ -163,6 +166,17 @@ impl Live {
             }
         }
     }
+}
+
+/// Publishes the points of the other LiDARs during the sweep.
+fn publish_other_lidars(vehicle: &mut LiveVehicle, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
+    for lidar in &mut vehicle.other_lidars {
+        let mut loan = sweep::loan(outputs)?;
+        let found = sweep::fill(&mut loan, |sink| lidar.next_sweep(sweep, sink).map_err(step_error))?;
+        publish_other(loan, found, outputs)?;
+        vehicle.others.add_arrival_of_lidar(lidar.name(), lidar.take_arrival());
+    }
+    Ok(())
 }
 
 /// What the settings say about the sensors.

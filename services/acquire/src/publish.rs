@@ -7,7 +7,7 @@ use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
-use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, Message, MosaicHeader, MosaicTopic, SweepTopic};
+use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepTopic};
 use stage::{Loan, Outputs, StepError};
 
 /// Publishes a color image. A damaged file is skipped; its error is returned.
@@ -60,6 +60,17 @@ pub(crate) fn publish_sweep(
     outputs.publish(loan, sweep.stamp.0)
 }
 
+/// Publishes the points of another LiDAR, with header and stamp, if there are any.
+pub(crate) fn publish_other(
+    mut loan: Loan<SweepTopic>,
+    found: Option<(SweepHeader, i64)>,
+    outputs: &mut Outputs,
+) -> Result<(), StepError> {
+    let Some((header, stamp)) = found else { return Ok(()) };
+    *loan.header_mut() = header;
+    outputs.publish(loan, stamp)
+}
+
 /// Publishes the fixes that have a height. Returns their number.
 pub(crate) fn publish_fixes(fixes: &[Fix], outputs: &mut Outputs) -> Result<u64, StepError> {
     let rows: Vec<GnssRow> = fixes.iter().filter_map(gnss_row).collect();
@@ -67,32 +78,13 @@ pub(crate) fn publish_fixes(fixes: &[Fix], outputs: &mut Outputs) -> Result<u64,
     if n_without_height > 0 {
         outputs.count("gnss_without_height", n_without_height as u64);
     }
-    publish_rows::<GnssTopic>(&rows, rows.first().map(|row| row.stamp), outputs)?;
+    outputs.publish_rows::<GnssTopic>(&rows, |row| row.stamp)?;
     Ok(rows.len() as u64)
-}
-
-/// Publishes one message with the rows of a tick; none without rows.
-pub(crate) fn publish_rows<T: Message>(
-    rows: &[T::Row],
-    stamp: Option<i64>,
-    outputs: &mut Outputs,
-) -> Result<(), StepError> {
-    let Some(stamp) = stamp else { return Ok(()) };
-    let mut loan = outputs.loan::<T>(rows.len())?;
-    loan.grow_unset(rows.len())?.copy_from_slice(rows);
-    outputs.publish(loan, stamp)
-}
-
-/// Adds counters to the run summary; those of 0 are left out.
-pub(crate) fn count_all(counters: impl IntoIterator<Item = (&'static str, u64)>, outputs: &mut Outputs) {
-    for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
-        outputs.count(name, n);
-    }
 }
 
 /// Adds news to the run summary.
 pub(crate) fn report(news: News, outputs: &mut Outputs) {
-    count_all(news.counts, outputs);
+    outputs.count_all(news.counts);
     news.notes.into_iter().for_each(|text| outputs.note(text));
 }
 
@@ -112,6 +104,6 @@ pub(crate) fn no_doubts(settings: &Settings) -> Doubts {
 /// Reports doubts at the end of the run.
 pub(crate) fn report_doubts(doubts: Doubts, outputs: &mut Outputs) {
     for Doubt { name, size, text } in doubts.found() {
-        outputs.doubt(name, size, text);
+        outputs.doubt(&name, size, text);
     }
 }

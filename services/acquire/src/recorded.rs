@@ -2,18 +2,17 @@
 
 use crate::Settings;
 use crate::publish::{
-    count_all, no_doubts, publish_fixes, publish_image, publish_mosaic, publish_rows, publish_sweep, report,
-    report_doubts,
+    no_doubts, publish_fixes, publish_image, publish_mosaic, publish_other, publish_sweep, report, report_doubts,
 };
 use crate::sweep;
 use acquisition::error::DriveError;
 use acquisition::recorded::{DriveAccount, DriveReader, News, NextSweep, Part, SavedDrive, Trigger, drive_problems};
 use formats::drive::SweepInfo;
-use messages::{ImuTopic, SweepTopic};
+use messages::{ImuTopic, SweepPoint, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
-const STATE_VERSION: u32 = 6;
+const STATE_VERSION: u32 = 7;
 
 /// A drive, and what has been published and reported of it.
 pub(crate) struct Recorded {
@@ -44,14 +43,14 @@ impl Recorded {
     /// Publishes the next tick.
     pub(crate) fn step(&mut self, outputs: &mut Outputs) -> Result<Flow, StepError> {
         let next = self.next_sweep(outputs)?;
-        self.account.add_losses(&self.reader);
+        self.account.add_losses(&mut self.reader);
         report(self.account.take_news(), outputs);
         let Some((loan, sweep)) = next else {
             if !self.reader.has_begun() {
                 // A restart reads the same drive with the same settings.
                 return Err(StepError::configuration(self.reader.no_sweep()));
             }
-            count_all([("frames_after_sweeps", self.reader.n_frames_left())], outputs);
+            outputs.count_all([("frames_after_sweeps", self.reader.n_frames_left())]);
             outputs.set_progress(1.0);
             return Ok(Flow::End);
         };
@@ -59,6 +58,7 @@ impl Recorded {
             self.begin(sweep.stamp.0, outputs);
         }
         publish_sweep(loan, &sweep, self.reader.drive().lidar().n_rings(), outputs)?;
+        self.publish_other_lidars(&sweep, outputs)?;
         let end = sweep.stamp.0 + i64::from(sweep.duration_nanos);
         self.publish_others(end, outputs)?;
         outputs.set_drive_time(sweep.stamp.0);
@@ -79,6 +79,20 @@ impl Recorded {
         }
     }
 
+    /// Publishes the points of the other LiDARs during the sweep.
+    fn publish_other_lidars(&mut self, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
+        for index in 0..self.reader.n_other_lidars() {
+            let mut loan = sweep::loan(outputs)?;
+            let mut read = |sink: &mut dyn FnMut(&[SweepPoint])| self.reader.next_sweep_of_other(index, sweep, sink);
+            let found = sweep::fill(&mut loan, |sink| read(sink).map_err(StepError::data))?;
+            publish_other(loan, found, outputs)?;
+            // Counted before the state is saved, which has the counts.
+            self.account.add_losses(&mut self.reader);
+        }
+        report(self.account.take_news(), outputs);
+        Ok(())
+    }
+
     /// Publishes the measurements of the other sensors up to the end of the sweep.
     fn publish_others(&mut self, end: i64, outputs: &mut Outputs) -> Result<(), StepError> {
         let due = self.reader.take_before(end);
@@ -96,7 +110,7 @@ impl Recorded {
             damaged.extend(error.map(|error| ("bad_mosaics", error)));
         }
         let n_gnss_rows = publish_fixes(&due.fixes, outputs)?;
-        publish_rows::<ImuTopic>(&due.samples, due.samples.first().map(|row| row.stamp), outputs)?;
+        outputs.publish_rows::<ImuTopic>(&due.samples, |row| row.stamp)?;
         self.account.add_published(&due, n_gnss_rows, damaged);
         report(self.account.take_news(), outputs);
         Ok(())
@@ -106,7 +120,7 @@ impl Recorded {
     fn begin(&mut self, begin: i64, outputs: &mut Outputs) {
         report(News::initial(&self.reader), outputs);
         let skipped = self.reader.begin(begin);
-        count_all([("frames_before_sweeps", skipped.frames)], outputs);
+        outputs.count_all([("frames_before_sweeps", skipped.frames)]);
         self.account.add_bad_imu_lines(skipped.bad_imu_lines);
     }
 

@@ -86,7 +86,7 @@ fn add(sums: &mut Sums, stops: f64, drive: &Drive, recorded: &Recorded) -> Resul
         }
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
         let mut buffers = PointBuffers::default();
-        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut buffers);
+        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let mut rows = vec![ColorRow::default(); submap.rows().len()];
         for (is_leveled, seconds) in [false, true].into_iter().zip(&mut sums.seconds) {

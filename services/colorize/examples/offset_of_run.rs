@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let mut buffers = PointBuffers::default();
         let sweeps = &header.sweeps[..header.n_sweeps as usize];
-        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut buffers);
+        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let visibility = visibility_maps(&points, &exposures);
         let monitored: Vec<(usize, AlignmentExposure<'_>)> = (0..exposures.len())
             .map(|i| {

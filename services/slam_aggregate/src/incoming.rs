@@ -3,23 +3,34 @@
 use crate::Settings;
 use geometry::Stamp;
 use messages::SweepTopic;
-use registration::{KeptPoints, SpinDirection, Sweep, SweepRows};
+use registration::{PreparedSweep, RawSweep};
 use stage::Received;
 
-/// A received sweep and its points for the odometry.
-pub(crate) struct IncomingSweep {
-    pub received: Received<SweepTopic>,
-    pub sweep: Sweep,
+/// A sweep of the first LiDAR, and those of the other LiDARs of its time.
+pub(crate) type Tick = Vec<Received<SweepTopic>>;
+
+pub(crate) fn raw(received: &Received<SweepTopic>) -> RawSweep<'_> {
+    let stamp = Stamp(received.stamp());
+    RawSweep { seq: received.seq(), stamp, header: received.header(), rows: received.rows() }
 }
 
-impl IncomingSweep {
-    /// `found`: how the sensor turns, if the earlier sweeps have told it.
-    pub fn new(received: Received<SweepTopic>, settings: &Settings, found: Option<SpinDirection>) -> Self {
-        let stamp = Stamp(received.stamp());
-        let sweep = Sweep::of_rows(stamp, received.header(), received.rows(), settings.untimed_turn(found));
-        Self { received, sweep }
+/// A sweep whose sense of turning the odometry has not found: the first one, and those of other LiDARs.
+pub(crate) fn prepared(raw: &RawSweep<'_>, settings: &Settings) -> PreparedSweep {
+    let sweep = raw.sweep(settings.untimed_turn(None));
+    PreparedSweep { kept: settings.kept_points(&sweep), sweep }
+}
+
+/// The sweeps of a tick and their prepared points, in the order of the LiDARs.
+pub(crate) struct PreparedTick {
+    pub tick: Tick,
+    pub sweeps: Vec<PreparedSweep>,
+}
+
+impl PreparedTick {
+    pub fn new(tick: Tick, settings: &Settings) -> Self {
+        Self { sweeps: tick.iter().map(|received| prepared(&raw(received), settings)).collect(), tick }
     }
-    pub fn rows<'a>(&'a self, kept: &'a KeptPoints) -> SweepRows<'a> {
-        SweepRows { seq: self.received.seq(), raw: self.received.rows(), sweep: &self.sweep, kept }
+    pub fn n_kept(&self) -> usize {
+        self.sweeps.iter().map(|sweep| sweep.kept.indices.len()).sum()
     }
 }

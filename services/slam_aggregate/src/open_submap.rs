@@ -13,12 +13,12 @@ pub(crate) struct LoanedSubmap {
 
 impl LoanedSubmap {
     /// Begins at the position and heading of the body.
-    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose, n_rings: u32) -> Self {
-        Self { loan, submap: OpenSubmap::new(world_from_body, n_rings) }
+    pub fn new(loan: Loan<SubmapTopic>, world_from_body: &Pose, n_lidars: usize) -> Self {
+        Self { loan, submap: OpenSubmap::new(world_from_body, n_lidars as u32) }
     }
-    /// Whether a sweep of `n_points` fits.
-    pub fn fits(&self, n_points: usize) -> bool {
-        self.submap.has_room() && n_points <= self.loan.capacity() - self.loan.rows().len()
+    /// Whether `n_sweeps` with `n_points` fit.
+    pub fn fits(&self, n_sweeps: usize, n_points: usize) -> bool {
+        self.submap.has_room(n_sweeps) && n_points <= self.loan.capacity() - self.loan.rows().len()
     }
     /// Appends the kept points of a sweep in order. `body` is the position of the body at the last shot, world. The caller has
     /// checked [`LoanedSubmap::fits`].
@@ -29,7 +29,7 @@ impl LoanedSubmap {
         body: Vector3<f64>,
     ) -> Result<(), StepError> {
         let first_point = self.loan.rows().len() as u32;
-        let (capacity, n_kept, seq) = (self.loan.capacity(), points.kept.indices.len(), points.seq);
+        let (capacity, n_kept, seq) = (self.loan.capacity(), points.kept.indices.len(), points.raw.seq);
         let rows = self.loan.grow(n_kept).map_err(|_full| {
             StepError::data(format!(
                 "sweep {seq}: {n_kept} points exceed a submap of {capacity}; increase submap_points_max"

@@ -1,29 +1,30 @@
 //! The saved state of the stage.
 
 use crate::open_submap::LoanedSubmap;
-use georeference::Georeferencer;
+use georeference::{Georeferencer, InertialUnit};
 use messages::{SubmapHeader, SubmapPoint, SubmapTopic, pod};
-use registration::{InertialCheck, OpenSubmap, SelectedState, Stretches, SubmapFrame};
+use registration::{BodyPoses, OpenSubmap, OtherLidar, SelectedState, Stretches, SubmapFrame};
 use serde::{Deserialize, Serialize};
 use stage::{Bytes, Outputs, StepError};
 use std::borrow::Cow;
 
 /// Incremented when the layout of [`Saved`] or the meaning of a field changes.
-pub(crate) const STATE_VERSION: u32 = 10;
+pub(crate) const STATE_VERSION: u32 = 11;
 
 /// The state on which the next tick depends: that of the odometry (at most 4.3 MB with default settings and 32 rings; 72 MB more with `odometry = "imls"`) and up to
-/// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the first sweep while it waits for the second (about 1.3 MB), and the
+/// 80 kB for each place that is kept for loop closures. Two parts follow it without a copy: the sweeps of the first tick while they wait for the second (about 1.3 MB), and the
 /// rows of the open submap (28 bytes a point).
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Saved<'a> {
     pub odometry: SelectedState,
-    /// Whether the first sweep is waiting for the second.
-    pub is_waiting: bool,
+    /// Sweeps of the first tick, while it is waiting for the second.
+    pub n_waiting: u32,
     pub submap: Option<SubmapHead>,
-    pub last_pose_stamp: Option<i64>,
+    pub poses: BodyPoses,
+    pub other_lidars: Cow<'a, [OtherLidar]>,
     // Borrowed while saving: they grow with the drive.
     pub stretches: Cow<'a, Stretches>,
-    pub inertial: Cow<'a, InertialCheck>,
+    pub inertial: Cow<'a, InertialUnit>,
     pub georeferencer: Cow<'a, Georeferencer>,
 }
 

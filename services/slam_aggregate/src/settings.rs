@@ -2,10 +2,11 @@
 
 use formats::manifest::Manifest;
 use geometry::{Geodetic, Point3};
-use georeference::GeoreferenceSettings;
+use georeference::{GeoreferenceSettings, InertialUnit};
 use messages::{Message, SubmapTopic};
 use registration::{
-    Algorithm, ImlsSettings, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection, Sweep,
+    Algorithm, ImlsSettings, InertialCheck, KeptPoints, OdometrySettings, Sampling, SensorMounting, SpinDirection,
+    Sweep,
 };
 
 stage::settings! {
@@ -38,7 +39,7 @@ stage::settings! {
         pub map_spacing_m: f64 = 0.2 => stage::within(0.05, 0.33);
         /// Point times of sweeps that have none. "clockwise" and "counterclockwise" (seen from above): times of a sensor that spins evenly
         /// from rear to rear. "none": the sweeps are rigid, as they are after deskewing. "auto": rigid until the sweeps show which of
-        /// the three it is.
+        /// the three it is. The stamp of such a sweep is the middle of its revolution, when the sensor faces ahead.
         pub untimed_turn: String = "auto".to_owned() => stage::one_of(&["auto", "none", "clockwise", "counterclockwise"]);
         /// Time of one revolution of such a sensor, s.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
@@ -93,6 +94,11 @@ impl Settings {
     /// Whether a sensor predicts the motion.
     pub(crate) fn predicts_by(&self, name: &str) -> bool {
         self.motion.iter().any(|sensor| sensor == name)
+    }
+
+    pub(crate) fn inertial_unit(&self, mounting: &SensorMounting) -> InertialUnit {
+        let check = self.check_imu.then(|| InertialCheck::new(mounting.imu_in_body, self.imu_probation));
+        InertialUnit::new(check, self.predicts_by("imu"))
     }
 
     /// The points of a sweep that go into the submap.

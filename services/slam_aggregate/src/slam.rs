@@ -1,21 +1,20 @@
 //! The stage.
 
 use crate::Settings;
-use crate::incoming::IncomingSweep;
+use crate::incoming::{PreparedTick, Tick, prepared, raw};
 use crate::open_submap::LoanedSubmap;
 use crate::saved::{STATE_VERSION, Saved, SavedSubmap, SubmapHead};
 use formats::drive::{Drive, LiveRig};
+use formats::manifest::Manifest;
 use geometry::{Isometry3, Pose};
-use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, Placed};
-use messages::{
-    GnssTopic, ImuRow, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod,
-};
+use georeference::{FixDoubt, GeoreferenceSettings, Georeferencer, InertialUnit, Placed};
+use messages::{GnssTopic, ImuTopic, PlacementTopic, StampedPose, SubmapTopic, SweepTopic, TrajectoryTopic, pod};
 use registration::{
-    GroundVelocity, InertialCheck, InertialSample, KeptPoints, Registered, SelectedOdometry, SensorMounting, Stretches,
+    BodyPoses, GroundVelocity, OtherLidar, PreparedSweep, RawSweep, Registered, SelectedOdometry, SensorMounting,
+    Stretches, SweepRows, sweeps_by_tick,
 };
 use stage::{
-    Context, Flow, Inputs, Mode, Outputs, Port, Problem, Received, Stage, StateBytes, StepError, decode_head,
-    next_message,
+    Context, Flow, Inputs, Mode, Outputs, Port, Problem, Stage, StateBytes, StepError, decode_head, next_message,
 };
 use std::borrow::Cow;
 
@@ -25,14 +24,16 @@ pub struct SlamAggregate {
     mounting: SensorMounting,
     georeference: GeoreferenceSettings,
     odometry: SelectedOdometry,
-    /// The first sweep, until the second arrives.
-    waiting: Option<Received<SweepTopic>>,
+    /// The LiDARs after the first.
+    other_lidars: Vec<OtherLidar>,
+    /// The first tick, until the second arrives.
+    waiting: Option<Tick>,
     open: Option<LoanedSubmap>,
     /// From a loaded state, until the next tick has a loan for it.
     saved_submap: Option<SavedSubmap>,
-    last_pose_stamp: Option<i64>,
+    poses: BodyPoses,
     stretches: Stretches,
-    inertial: InertialCheck,
+    inertial: InertialUnit,
     georeferencer: Georeferencer,
     /// The drive has a GNSS receiver whose fixes should place the result.
     expects_fixes: bool,
@@ -57,101 +58,66 @@ impl SlamAggregate {
             georeference,
             // The body frame at the first shot is the world.
             odometry: SelectedOdometry::new(settings.odometry(mounting), settings.algorithm(), body_from_lidar),
+            other_lidars: Vec::new(),
             waiting: None,
             open: None,
             saved_submap: None,
-            last_pose_stamp: None,
+            poses: BodyPoses::default(),
             stretches: Stretches::default(),
-            inertial: InertialCheck::new(mounting.imu_in_body, settings.imu_probation),
+            inertial: settings.inertial_unit(&mounting),
             expects_fixes: false,
         }
     }
 
-    /// Adds a registered sweep to the open submap, publishes the submap if it is full, and appends the poses.
-    fn add_sweep(
+    /// Adds a registered sweep and those of the other LiDARs to the open submap, publishes the submap if it is full, and appends the
+    /// poses.
+    fn add_tick(
         &mut self,
-        (incoming, kept): (&IncomingSweep, &KeptPoints),
+        prepared: &PreparedTick,
         registered: &Registered,
         poses: &mut Vec<StampedPose>,
         outputs: &mut Outputs,
     ) -> Result<(), StepError> {
         registered.counts().into_iter().for_each(|(name, n)| outputs.count(name, n));
-        self.compare_inertial(registered);
+        let body_from_lidar = &self.mounting.body_from_lidar;
+        self.inertial.compare(registered, body_from_lidar, &mut self.odometry, &mut self.georeferencer);
         self.stretches.add(registered).into_iter().for_each(|text| outputs.note(text));
-        outputs.count("points_out_of_range", kept.n_dropped as u64);
-        let body_from_lidar = self.mounting.body_from_lidar;
-        let world_from_body = |world_from_lidar: Pose| world_from_lidar * body_from_lidar.inverse();
-        let (begin, end) = (world_from_body(registered.begin()), world_from_body(registered.end()));
-        for (stamp, pose) in [(registered.stamp.0, begin), (registered.end_stamp().0, end)] {
-            // Stamps on the topic never decrease, even if those of the recording do.
-            if self.last_pose_stamp.is_none_or(|last| last <= stamp) {
-                poses.push(StampedPose { stamp, world_from_body: pose.into() });
-                self.last_pose_stamp = Some(stamp);
-            } else {
-                outputs.count("poses_out_of_order", 1);
-            }
-        }
-        if self.open.as_ref().is_some_and(|open| !open.fits(kept.indices.len())) {
+        let n_dropped = prepared.sweeps.iter().map(|sweep| sweep.kept.n_dropped as u64).sum();
+        outputs.count("points_out_of_range", n_dropped);
+        let ([begin, end], n_left_out) = self.poses.add(registered, body_from_lidar, poses);
+        outputs.count_all([("poses_out_of_order", n_left_out)]);
+        if self.open.as_ref().is_some_and(|open| !open.fits(prepared.tick.len(), prepared.n_kept())) {
             self.close_submap(outputs)?;
         }
         let open = match &mut self.open {
             Some(open) => open,
             empty => {
                 let loan = outputs.loan::<SubmapTopic>(self.settings.submap_points_max as usize)?;
-                let open = empty.insert(LoanedSubmap::new(loan, &begin, incoming.received.header().n_rings));
+                let open = empty.insert(LoanedSubmap::new(loan, &begin, 1 + self.other_lidars.len()));
                 self.georeferencer.begin_submap(open.submap.frame.world_from_submap, registered.stamp.0);
                 open
             }
         };
         self.georeferencer.add_sweep(registered, &begin, &end);
-        open.append(incoming.rows(kept), registered, end.translation.vector)?;
+        let body = end.translation.vector;
+        for (received, PreparedSweep { sweep, kept }) in prepared.tick.iter().zip(&prepared.sweeps) {
+            let rows = SweepRows { raw: raw(received), sweep, kept };
+            match received.header().lidar {
+                0 => open.append(rows, registered, body)?,
+                lidar => {
+                    let lidar = self.other_lidars.get_mut(lidar as usize - 1).ok_or_else(|| {
+                        StepError::data(format!("sweep {}: LiDAR {lidar} is not in drive.toml", received.seq()))
+                    })?;
+                    let followed = lidar.follow(sweep, registered);
+                    outputs.count("points_moving", followed.moving.len() as u64);
+                    open.append(rows, &followed, body)?;
+                }
+            }
+        }
         if open.submap.frame.path_m >= self.settings.submap_m || open.submap.seconds() >= self.settings.submap_s {
             self.close_submap(outputs)?;
         }
         Ok(())
-    }
-
-    /// Adds inertial samples that are not withheld.
-    fn add_inertial(&mut self, rows: &[ImuRow]) {
-        let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
-        if self.settings.check_imu {
-            samples = self.inertial.add_samples(&samples);
-            self.forget_wrong_samples();
-        }
-        let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
-        self.georeferencer.add_imu(&rows, &self.georeference);
-        if self.settings.predicts_by("imu") {
-            for sample in samples {
-                self.odometry.add_imu(sample);
-            }
-        }
-    }
-
-    fn compare_inertial(&mut self, registered: &Registered) {
-        if self.settings.check_imu {
-            self.inertial.add_registered(registered, &self.mounting.body_from_lidar);
-            self.forget_wrong_samples();
-        }
-    }
-
-    fn forget_wrong_samples(&mut self) {
-        if self.inertial.take_change() {
-            self.odometry.forget_imu();
-            self.georeferencer.forget_imu();
-        }
-    }
-
-    fn report_inertial(&self, outputs: &mut Outputs) {
-        self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
-        if let Some(text) = self.inertial.doubt() {
-            outputs.doubt("imu_not_used", 1.0, text);
-        }
-    }
-
-    fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
-        let incoming = IncomingSweep::new(received, &self.settings, self.odometry.turning());
-        let kept = self.settings.kept_points(&incoming.sweep);
-        (incoming, kept)
     }
 
     fn close_submap(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
@@ -194,21 +160,22 @@ impl Stage for SlamAggregate {
             // The recording has only begun. Without a rig, body and LiDAR frame are the same.
             Mode::Live => LiveRig::find(&context.drive).map_err(StepError::io)?.manifest().cloned(),
         };
-        let body_from_lidar = match &manifest {
-            Some(manifest) => manifest.rig().map_err(StepError::data)?.body_from_lidar,
-            None => Isometry3::identity(),
-        };
+        let rig = manifest.as_ref().map(Manifest::rig).transpose().map_err(StepError::data)?;
+        let body_from_lidar = rig.as_ref().map_or_else(Isometry3::identity, |rig| rig.body_from_lidar);
+        let other = |body_from_other: &Pose| OtherLidar::new(&body_from_lidar, body_from_other);
+        let other_lidars = rig.iter().flat_map(|rig| &rig.body_from_other_lidars).map(other).collect();
         let georeference = settings.georeference(manifest.as_ref());
         let has_receiver =
             manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
         let expects_fixes = has_receiver && georeference.gnss;
-        Ok(Self { expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
+        Ok(Self { expects_fixes, other_lidars, ..Self::with_sensors(settings, body_from_lidar, georeference) })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
         self.reopen_submap(outputs)?;
         for message in inputs.take::<ImuTopic>() {
-            self.add_inertial(message.rows());
+            let pose_graph = (&mut self.georeferencer, &self.georeference);
+            self.inertial.add(message.rows(), &mut self.odometry, pose_graph);
         }
         for message in inputs.take::<GnssTopic>() {
             let n_valid = self.georeferencer.add_gnss(message.rows(), &self.georeference);
@@ -220,35 +187,43 @@ impl Stage for SlamAggregate {
             }
         }
         let mut poses = Vec::new();
-        for received in inputs.take::<SweepTopic>() {
-            let incoming = IncomingSweep::new(received, &self.settings, self.odometry.turning());
-            let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
-            let (registered, kept) = rayon::join(|| odometry.register(sweep), || settings.kept_points(sweep));
+        let (ticks, n_dropped) = sweeps_by_tick(inputs.take::<SweepTopic>(), raw);
+        outputs.count_all([("sweeps_without_first_lidar", n_dropped)]);
+        for tick in ticks {
+            let raws: Vec<RawSweep<'_>> = tick.iter().map(raw).collect();
+            let (odometry, settings) = (&mut self.odometry, &self.settings);
+            let sweep = raws[0].sweep(settings.untimed_turn(odometry.turning()));
+            let others = || raws[1..].iter().map(|raw| prepared(raw, settings)).collect::<Vec<_>>();
+            let (registered, (kept, others)) =
+                rayon::join(|| odometry.register(&sweep), || (settings.kept_points(&sweep), others()));
             let registered = registered.map_err(StepError::data)?;
-            let waiting = self.waiting.take().map(|received| self.prepare(received));
-            let mut prepared = waiting.into_iter().chain([(incoming, kept)]);
-            for (registered, (incoming, kept)) in registered.iter().zip(prepared.by_ref()) {
-                self.add_sweep((&incoming, &kept), registered, &mut poses, outputs)?;
+            let sweeps = std::iter::once(PreparedSweep { sweep, kept }).chain(others).collect();
+            let waiting = self.waiting.take().map(|tick| PreparedTick::new(tick, &self.settings));
+            let mut prepared = waiting.into_iter().chain([PreparedTick { tick, sweeps }]);
+            for (registered, tick) in registered.iter().zip(prepared.by_ref()) {
+                self.add_tick(&tick, registered, &mut poses, outputs)?;
             }
-            self.waiting = prepared.next().map(|(incoming, _)| incoming.received);
+            self.waiting = prepared.next().map(|prepared| prepared.tick);
         }
         self.georeferencer.update(&self.georeference);
-        publish_poses(&poses, outputs)?;
+        outputs.publish_rows::<TrajectoryTopic>(&poses, |pose| pose.stamp)?;
         Ok(Flow::Continue)
     }
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
         self.reopen_submap(outputs)?;
         let mut poses = Vec::new();
-        if let (Some(registered), Some(received)) = (self.odometry.finish(), self.waiting.take()) {
-            let (incoming, kept) = self.prepare(received);
-            self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
+        if let (Some(registered), Some(tick)) = (self.odometry.finish(), self.waiting.take()) {
+            let prepared = PreparedTick::new(tick, &self.settings);
+            self.add_tick(&prepared, &registered, &mut poses, outputs)?;
         }
-        publish_poses(&poses, outputs)?;
+        outputs.publish_rows::<TrajectoryTopic>(&poses, |pose| pose.stamp)?;
         self.odometry.turning_note().into_iter().for_each(|text| outputs.note(text));
         self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
-        self.report_inertial(outputs);
+        let (summary, doubt) = self.inertial.report();
+        summary.into_iter().for_each(|line| outputs.note(line));
+        doubt.into_iter().for_each(|text| outputs.doubt("imu_not_used", 1.0, text));
         if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
             outputs.doubt("motion_contested", seconds, text);
         }
@@ -272,17 +247,16 @@ impl Stage for SlamAggregate {
         };
         let saving = Saved {
             odometry: self.odometry.save(),
-            is_waiting: self.waiting.is_some(),
+            n_waiting: self.waiting.as_ref().map_or(0, |tick| tick.len() as u32),
             submap,
-            last_pose_stamp: self.last_pose_stamp,
+            poses: self.poses,
+            other_lidars: Cow::Borrowed(&self.other_lidars),
             stretches: Cow::Borrowed(&self.stretches),
             inertial: Cow::Borrowed(&self.inertial),
             georeferencer: Cow::Borrowed(&self.georeferencer),
         };
         let mut state = StateBytes::with_head(STATE_VERSION, &saving)?;
-        if let Some(waiting) = &self.waiting {
-            state.push(waiting);
-        }
+        self.waiting.iter().flatten().for_each(|waiting| state.push(waiting));
         state.push_bytes(rows);
         Ok(state)
     }
@@ -291,22 +265,16 @@ impl Stage for SlamAggregate {
         let (saved, mut rest): (Saved<'_>, _) = decode_head(STATE_VERSION, state)?;
         let (settings, algorithm) = (self.settings.odometry(self.mounting), self.settings.algorithm());
         self.odometry = SelectedOdometry::load(settings, algorithm, saved.odometry).map_err(StepError::data)?;
-        self.waiting = saved.is_waiting.then(|| next_message(&mut rest)).transpose()?;
+        let waiting = (0..saved.n_waiting).map(|_| next_message(&mut rest)).collect::<Result<Tick, _>>()?;
+        self.waiting = Some(waiting).filter(|tick| !tick.is_empty());
         self.open = None;
         self.saved_submap = SavedSubmap::load(saved.submap, rest)?;
-        self.last_pose_stamp = saved.last_pose_stamp;
+        (self.poses, self.other_lidars) = (saved.poses, saved.other_lidars.into_owned());
         self.stretches = saved.stretches.into_owned();
         self.inertial = saved.inertial.into_owned();
         self.georeferencer = saved.georeferencer.into_owned();
         Ok(())
     }
-}
-
-fn publish_poses(poses: &[StampedPose], outputs: &mut Outputs) -> Result<(), StepError> {
-    let Some(first) = poses.first() else { return Ok(()) };
-    let mut loan = outputs.loan::<TrajectoryTopic>(poses.len())?;
-    loan.extend_from_slice(poses)?;
-    outputs.publish(loan, first.stamp)
 }
 
 fn publish_placement(placed: &Placed, outputs: &mut Outputs) -> Result<(), StepError> {

@@ -58,8 +58,8 @@ pub struct DoubtLimits {
 /// One reason not to rely on the data.
 #[derive(Clone, Debug)]
 pub struct Doubt {
-    /// Name of the doubt.
-    pub name: &'static str,
+    /// Name of the doubt; of a LiDAR after the first, with the name of the LiDAR at its end.
+    pub name: String,
     /// The value that exceeds its limit.
     pub size: f64,
     /// Explanation for the operator.
@@ -69,13 +69,26 @@ pub struct Doubt {
 /// Collects doubts.
 pub struct Doubts {
     limits: DoubtLimits,
+    /// The LiDAR that they are about, if it is not the first.
+    lidar: Option<String>,
     found: Vec<Doubt>,
 }
 
 impl Doubts {
     /// None yet.
     pub fn new(limits: DoubtLimits) -> Self {
-        Self { limits, found: Vec::new() }
+        Self { limits, lidar: None, found: Vec::new() }
+    }
+
+    /// None yet, about a LiDAR after the first.
+    #[must_use]
+    pub fn of_lidar(&self, name: &str) -> Self {
+        Self { limits: self.limits, lidar: Some(name.to_owned()), found: Vec::new() }
+    }
+
+    /// Adds the doubts of others.
+    pub fn add_all(&mut self, others: Self) {
+        self.found.extend(others.found);
     }
 
     /// The doubts so far.
@@ -84,7 +97,11 @@ impl Doubts {
     }
 
     fn add(&mut self, name: &'static str, size: f64, text: String) {
-        self.found.push(Doubt { name, size, text });
+        let doubt = match &self.lidar {
+            None => Doubt { name: name.to_owned(), size, text },
+            Some(lidar) => Doubt { name: format!("{name}_{lidar}"), size, text: format!("LiDAR {lidar}: {text}") },
+        };
+        self.found.push(doubt);
     }
 
     /// Packets and captures. `n_bytes`: size of all captures.
@@ -155,7 +172,18 @@ impl Doubts {
             share(tally.bad_imu_lines, n_lines),
             "of the IMU lines are damaged or impossible",
         );
-        self.damaged("bad_sweeps", share(n_bad_sweeps, n_sweeps), "of the sweep files cannot be read");
+        self.sweeps(n_bad_sweeps, n_sweeps);
+    }
+
+    /// Cloud files that cannot be read.
+    pub fn sweeps(&mut self, n_bad: u64, n_sweeps: u64) {
+        self.damaged("bad_sweeps", share(n_bad, n_sweeps), "of the sweep files cannot be read");
+    }
+
+    /// Sweeps of the first LiDAR during which another LiDAR has no returns.
+    pub fn missing_sweeps(&mut self, n_missing: u64, n_sweeps: u64) {
+        let share = share(n_missing, n_sweeps);
+        self.damaged("missing_sweeps", share, "of the sweeps of the first LiDAR have no returns of this LiDAR");
     }
 
     /// Exposures before the first or after the last sweep.

@@ -13,6 +13,17 @@ pub enum LiveError {
     /// Text that is no address.
     #[error("value {0:?} must be an IPv4 address and a port, for example 127.0.0.1:2368")]
     Address(String),
+    /// More or fewer addresses than LiDARs.
+    #[error(
+        "{n_addresses} address(es) for {n_lidars} LiDAR(s); give one address for each LiDAR of the rig, in its order, separated by \
+         commas"
+    )]
+    Listen {
+        /// Addresses of the setting.
+        n_addresses: usize,
+        /// LiDARs of the rig.
+        n_lidars: usize,
+    },
     /// An address that cannot be listened on.
     #[error("{address} cannot be bound: {source}")]
     Bind {
@@ -180,7 +191,7 @@ impl LiveError {
     /// The setting of the stage that causes it, where one does.
     pub fn key(&self) -> &'static str {
         match self {
-            Self::Address(_) | Self::Bind { .. } => "listen",
+            Self::Address(_) | Self::Bind { .. } | Self::Listen { .. } => "listen",
             Self::Outside(_) | Self::File { .. } | Self::Full { .. } | Self::Used { .. } | Self::Manifest { .. } => {
                 "recording"
             }

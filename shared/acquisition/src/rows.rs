@@ -1,7 +1,9 @@
 //! Rows and headers of messages from decoded data.
 
 use formats::drive::SweepInfo;
+use formats::lidar::SliceInfo;
 use formats::nmea::Fix;
+use geometry::Stamp;
 use messages::{GnssRow, SweepHeader};
 
 /// The header of a sweep of a LiDAR with this number of rings, 0 without rings.
@@ -11,6 +13,18 @@ pub fn sweep_header(sweep: &SweepInfo, n_rings: usize) -> SweepHeader {
         lost_packets: sweep.lost_packets.min(u64::from(u32::MAX)) as u32,
         n_rings: n_rings as u32,
         has_times: u32::from(sweep.has_times),
+        lidar: 0,
+    }
+}
+
+/// The header of a sweep of another LiDAR than the first, from its first shot to `end`, ns since the epoch.
+pub fn slice_header(slice: &SliceInfo, stamp: Stamp, end: i64, lidar: usize, n_rings: usize) -> SweepHeader {
+    SweepHeader {
+        duration_nanos: (end - stamp.0).clamp(0, i64::from(u32::MAX)) as u32,
+        lost_packets: slice.lost_packets.min(u64::from(u32::MAX)) as u32,
+        n_rings: n_rings as u32,
+        has_times: u32::from(slice.has_times),
+        lidar: lidar as u32,
     }
 }
 

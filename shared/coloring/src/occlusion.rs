@@ -51,7 +51,7 @@ const MAX_RISE_SHARE: f32 = 2.5;
 /// on moving objects).
 pub fn visibility_maps(points: &SubmapPoints<'_>, exposures: &[PosedExposure<'_>]) -> Vec<VisibilityMap> {
     let [begin, end] = points.time_span();
-    let gap_across = (RINGS_RAD / points.n_rings.max(1) as f32 / CELL_RAD).ceil().max(1.0) as usize;
+    let gap_across = (RINGS_RAD / points.fewest_rings().max(1) as f32 / CELL_RAD).ceil().max(1.0) as usize;
     let of_task = |scratch: &mut Scratch, exposures: &[PosedExposure<'_>]| -> Vec<VisibilityMap> {
         let mut buffers: Vec<DepthBuffer> = exposures.iter().map(DepthBuffer::new).collect();
         for chunk in points.occluders() {

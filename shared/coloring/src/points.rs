@@ -1,7 +1,7 @@
 //! The points of a submap, split into chunks.
 
 use crate::chunk::{CHUNK, Chunk};
-use messages::{SubmapPoint, SubmapSweep};
+use messages::{RingCounts, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
 /// Only one of so many points occludes: a cell has several points, and gaps between cells are closed. The number has no
@@ -24,8 +24,8 @@ pub struct SubmapPoints<'a> {
     pub sweeps: &'a [SubmapSweep],
     /// First shot, the origin of times, ns since the Unix epoch.
     pub origin: i64,
-    /// Rings of the LiDAR.
-    pub n_rings: u32,
+    /// Rings of the LiDARs.
+    pub rings: RingCounts,
     buffers: &'a PointBuffers,
     time_span: [f32; 2],
 }
@@ -36,7 +36,7 @@ impl<'a> SubmapPoints<'a> {
         rows: &'a [SubmapPoint],
         sweeps: &'a [SubmapSweep],
         origin: i64,
-        n_rings: u32,
+        rings: impl Into<RingCounts>,
         buffers: &'a mut PointBuffers,
     ) -> Self {
         let PointBuffers { chunks, occluders } = buffers;
@@ -49,7 +49,13 @@ impl<'a> SubmapPoints<'a> {
         let time_span = chunks.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[first, last], chunk| {
             [first.min(chunk.time_span[0]), last.max(chunk.time_span[1])]
         });
-        Self { rows, sweeps, origin, n_rings, buffers, time_span }
+        Self { rows, sweeps, origin, rings: rings.into(), buffers, time_span }
+    }
+
+    /// Rings of the LiDAR with the fewest: its points are the farthest apart.
+    pub fn fewest_rings(&self) -> u32 {
+        let of_sweeps = self.sweeps.iter().map(|sweep| self.rings.of(sweep.lidar)).min();
+        of_sweeps.unwrap_or_else(|| self.rings.of(0))
     }
 
     /// First and last shot, s after the submap's first. Infinite if there are no points.

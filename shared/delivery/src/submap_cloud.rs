@@ -40,6 +40,8 @@ pub(crate) struct SubmapColumns<'a> {
     pub(crate) instance: Option<&'a [u32]>,
     /// Type of coordinates in files.
     pub(crate) coordinates: Kind,
+    /// Whether the points are those of several LiDARs.
+    has_lidars: bool,
 }
 
 impl<'a> SubmapColumns<'a> {
@@ -50,7 +52,8 @@ impl<'a> SubmapColumns<'a> {
         if let Some(id) = instance.and_then(|ids| ids.iter().copied().max()).filter(|id| i32::try_from(*id).is_err()) {
             return Err(DeliveryError::ExceedsInt { what: format!("instance of submap {seq}: id {id}") });
         }
-        Ok(Self { seq, points, geometry, color, class, instance, coordinates })
+        let has_lidars = header.n_lidars > 1;
+        Ok(Self { seq, points, geometry, color, class, instance, coordinates, has_lidars })
     }
 
     pub(crate) fn header(&self) -> Header {
@@ -78,6 +81,9 @@ impl<'a> SubmapColumns<'a> {
             header.properties.extend(Header::new(fields.iter().copied()).properties);
             header.infos.push(info);
         };
+        if self.has_lidars {
+            add(&[("lidar", Kind::UChar)], "lidar index in drive.toml".to_owned());
+        }
         if self.instance.is_some() {
             add(&[("instance", Kind::Int)], "instance 0 where none".to_owned());
         }
@@ -108,6 +114,9 @@ impl<'a> SubmapColumns<'a> {
         row.u8(point.intensity).u8(point.ring);
         row.f32(f32::from(point.azimuth) / 100.0).f32(f32::from(point.elevation) / 100.0);
         row.u8(u8::from(point.flags & POINT_DYNAMIC != 0));
+        if self.has_lidars {
+            row.u8(sweep.lidar);
+        }
         if let Some(instance) = self.instance {
             row.i32(instance[i] as i32);
         }

@@ -18,6 +18,8 @@ pub(crate) struct SweepPath {
     stamp: i64,
     /// Number of the sweep in the drive.
     pub(crate) seq: i32,
+    /// Index of the lidar.
+    pub(crate) lidar: u8,
 }
 
 impl SubmapGeometry {
@@ -58,7 +60,7 @@ impl SweepPath {
         let moved = position(&sweep.submap_from_lidar_end) - begin;
         // A sweep of one shot has no duration and no movement.
         let velocity = moved / f64::from(sweep.duration_nanos.max(1));
-        Self { begin, velocity, stamp: sweep.stamp, seq }
+        Self { begin, velocity, stamp: sweep.stamp, seq, lidar: sweep.lidar as u8 }
     }
 
     /// Position of the lidar at a time after the stamp of the sweep.

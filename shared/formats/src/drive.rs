@@ -10,9 +10,11 @@ mod infer;
 mod labelled_sweep;
 mod labels;
 mod lidar_file;
+mod lidars;
 mod listing;
 mod live_rig;
 mod read;
+mod slices;
 mod sweeps;
 
 pub use crate::lidar::SweepInfo;
@@ -21,6 +23,7 @@ pub use clouds::{is_return, returns_from_cloud};
 pub use labelled_sweep::{LabelledSweep, NoLabel, Shot, TrueLabel};
 pub use labels::{LabelReader, TrueLabels, find_label};
 pub use lidar_file::lidar_of;
+pub use lidars::DriveLidar;
 pub use listing::{Frame, frame_stamp, is_image_name, is_mosaic_name};
 pub use live_rig::LiveRig;
 pub use sweeps::{SourcePosition, SweepSource};
@@ -49,11 +52,9 @@ pub struct Drive {
     folder: PathBuf,
     manifest: Manifest,
     rig: Rig,
-    lidar: Lidar,
+    first_lidar: DriveLidar,
+    other_lidars: Vec<DriveLidar>,
     is_inferred: bool,
-    sweep_files: Vec<PathBuf>,
-    /// Stamps of cloud files; empty for captures.
-    sweep_stamps: Vec<Stamp>,
     camera_frames: Vec<Frame>,
     mosaic_frames: Vec<Frame>,
     sensors: Vec<Option<SensorCalibration>>,
@@ -96,25 +97,29 @@ impl Drive {
     pub fn rig(&self) -> &Rig {
         &self.rig
     }
-    /// The LiDAR, with the calibration of its unit.
+    /// The first LiDAR, with the calibration of its unit.
     pub fn lidar(&self) -> &Lidar {
-        &self.lidar
+        &self.first_lidar.lidar
     }
-    /// Model of the LiDAR.
+    /// Model of the first LiDAR.
     pub fn model(&self) -> Model {
-        self.lidar.model()
+        self.lidar().model()
+    }
+    /// All LiDARs, the first one first.
+    pub fn lidars(&self) -> impl Iterator<Item = &DriveLidar> {
+        std::iter::once(&self.first_lidar).chain(&self.other_lidars)
     }
     /// Whether the folder has no `drive.toml` and the manifest was inferred.
     pub fn is_inferred(&self) -> bool {
         self.is_inferred
     }
-    /// Captures or clouds in the order of their names.
+    /// Captures or clouds of the first LiDAR, in the order of their names.
     pub fn sweep_files(&self) -> &[PathBuf] {
-        &self.sweep_files
+        &self.first_lidar.files
     }
     /// Stamps of clouds, one per file of [`Drive::sweep_files`]; empty for captures.
     pub fn sweep_stamps(&self) -> &[Stamp] {
-        &self.sweep_stamps
+        &self.first_lidar.stamps
     }
     /// Exposures of all color cameras, by stamp, then camera.
     pub fn camera_frames(&self) -> &[Frame] {
@@ -138,9 +143,9 @@ impl Drive {
         &self.unnamed_files
     }
 
-    /// A reader of the sweeps, at the first.
+    /// A reader of the sweeps of the first LiDAR, at the first.
     pub fn sweeps(&self) -> Result<SweepSource, SweepError> {
-        SweepSource::open(self)
+        SweepSource::open(&self.first_lidar)
     }
 
     /// All position fixes, without the delay of their stamps; empty if the drive has no GNSS receiver.

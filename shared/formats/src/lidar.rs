@@ -23,14 +23,14 @@ mod stats;
 mod sweeps;
 mod turn_table;
 
-pub use calibration::{CalibrationError, Lidar};
+pub use calibration::{CalibrationError, Lidar, Origin};
 pub use clock_reference::ClockReference;
 pub use decoder::PacketDecoder;
 pub use messages::SweepPoint;
 pub use model::Model;
 pub use other_model::OtherModel;
 pub use stats::LidarStats;
-pub use sweeps::{SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};
+pub use sweeps::{SliceInfo, SlicePoll, SweepError, SweepInfo, SweepPoll, SweepPosition, SweepReader};
 
 pub(crate) use blocks::{Blocks, MAX_BLOCKS};
 pub(crate) use calibration::BeamAngles;

@@ -1,9 +1,11 @@
 //! `drive.toml`: contents of a drive folder and mounting of its sensors (`docs/reference/drive_folder.md`).
 
 mod calibration;
+mod lidars;
 pub mod rules;
 
-pub use calibration::{Calibration, MountingEntry};
+pub use calibration::{Calibration, LidarMountingEntry, MountingEntry};
+pub use lidars::LidarEntry;
 
 use geometry::{CameraModel, Isometry3, Pose, Quaternion, Rig, RigCamera, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
@@ -13,19 +15,19 @@ pub(crate) const MANIFEST_VERSION: u32 = 1;
 
 /// Content of the file. Paths are relative to the drive folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "lidars::ManifestFile", into = "lidars::ManifestFile")]
 pub struct Manifest {
     /// Version of the format.
     pub version: u32,
     /// Name of the drive, for people.
     pub name: String,
-    /// The LiDAR.
+    /// The first LiDAR, whose revolutions are the ticks of the drive.
     pub lidar: LidarEntry,
+    /// The other LiDARs; in the file, all are tables `[[lidar]]`.
+    pub other_lidars: Vec<LidarEntry>,
     /// Color cameras.
-    #[serde(default, rename = "camera")]
     pub cameras: Vec<CameraEntry>,
     /// Mosaic cameras.
-    #[serde(default, rename = "mosaic")]
     pub mosaics: Vec<MosaicEntry>,
     /// GNSS receiver.
     pub gnss: Option<GnssEntry>,
@@ -43,24 +45,6 @@ pub struct PoseEntry {
     pub translation: [f64; 3],
     /// x y z w.
     pub rotation: [f64; 4],
-}
-
-/// The LiDAR's recording.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LidarEntry {
-    /// Name of a [`crate::lidar::Model`].
-    pub model: String,
-    /// `pcap`: packet captures. `pcd`, `bin` (KITTI) or `nuscenes`: one file per sweep, 10 sweeps per second unless the folder has a
-    /// `times.txt`.
-    pub format: String,
-    /// Folder of the files, which are read in the order of their names.
-    pub folder: String,
-    /// Calibration file of the unit ([`crate::lidar::Lidar::with_calibration`]). Without it the beams are those of the model.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub calibration: Option<String>,
-    /// Mounting.
-    pub body_from_lidar: PoseEntry,
 }
 
 /// A color camera's recording: `<folder>/<stamp in ns>.jpg` or `.png`. The stamp is the middle of the exposure.
@@ -228,19 +212,6 @@ pub struct RigError {
     pub pose: PoseEntry,
 }
 
-impl LidarEntry {
-    /// Packet captures of a model in the folder `lidar`.
-    pub fn of_captures(model: &str, body_from_lidar: PoseEntry) -> Self {
-        Self {
-            model: model.to_owned(),
-            format: "pcap".to_owned(),
-            folder: "lidar".to_owned(),
-            calibration: None,
-            body_from_lidar,
-        }
-    }
-}
-
 impl Manifest {
     /// The manifest of a drive with a LiDAR only.
     pub fn of_lidar(name: &str, lidar: LidarEntry) -> Self {
@@ -248,6 +219,7 @@ impl Manifest {
             version: MANIFEST_VERSION,
             name: name.to_owned(),
             lidar,
+            other_lidars: Vec::new(),
             cameras: Vec::new(),
             mosaics: Vec::new(),
             gnss: None,
@@ -265,6 +237,10 @@ impl Manifest {
         };
         Ok(Rig {
             body_from_lidar: pose("lidar.body_from_lidar", &self.lidar.body_from_lidar)?,
+            body_from_other_lidars: (1..)
+                .zip(&self.other_lidars)
+                .map(|(index, entry)| pose(&format!("lidar[{index}].body_from_lidar"), &entry.body_from_lidar))
+                .collect::<Result<_, _>>()?,
             cameras: self
                 .cameras
                 .iter()

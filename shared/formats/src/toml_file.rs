@@ -89,6 +89,19 @@ impl TomlFile {
         }
     }
 
+    /// A required entry that is one table `[key]` or several `[[key]]`, which must have the keys `members`; `None` for those that
+    /// cannot be read.
+    pub fn one_or_more<T: DeserializeOwned>(&mut self, key: &str, members: &[&str]) -> Vec<Option<T>> {
+        let n_items = self.with_table(|_, table| match table.get(key).map(Spanned::get_ref) {
+            Some(DeValue::Array(items)) => Some(items.len()),
+            _ => None,
+        });
+        if n_items == Some(0) {
+            self.problem(None, key, "is empty; expected at least one table");
+        }
+        if n_items.is_some() { self.list(key, members) } else { vec![self.required(key, members)] }
+    }
+
     fn value_or_problems<T>(&mut self, key: &str, read: Result<T, Vec<(usize, String)>>) -> Option<T> {
         let faults = match read {
             Ok(value) => return Some(value),

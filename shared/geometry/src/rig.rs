@@ -6,8 +6,10 @@ use crate::{CameraModel, Pose};
 /// `camera_from_lidar` is derived, never stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// Lidar mounting.
+    /// Mounting of the first lidar.
     pub body_from_lidar: Pose,
+    /// Mountings of the other lidars.
+    pub body_from_other_lidars: Vec<Pose>,
     /// Color cameras.
     pub cameras: Vec<RigCamera>,
     /// Mosaic cameras. Their model describes the raw image.

@@ -31,13 +31,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let originals = lidar_files(source)?;
     let chunks = Rc::new(Chunks::scan(originals.clone())?);
     let model = options.model.unwrap_or(livox::Model::Mid360.into());
-    let lidar = LidarEntry {
-        model: model.name().into(),
-        format: "pcd".into(),
-        folder: LIDAR_FOLDER.into(),
-        calibration: None,
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
+    let lidar = LidarEntry::new(model.name(), "pcd", LIDAR_FOLDER, PoseEntry::IDENTITY);
     let times: Vec<i64> = chunks.sweeps().iter().map(|sweep| sweep.stamp).collect();
     let name = |seq: usize| format!("{seq:06}.pcd");
     let named = Sweeps { files: (0..times.len()).map(|seq| (name(seq), PathBuf::new())).collect(), times: Some(times) };

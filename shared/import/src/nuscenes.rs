@@ -53,11 +53,6 @@ fn table_folders(source: &Path) -> Result<Vec<PathBuf>, ImportError> {
 
 /// The LiDAR.
 fn lidar(options: &Options, body_from_lidar: PoseEntry) -> LidarEntry {
-    LidarEntry {
-        model: options.model.unwrap_or(velodyne::Model::Hdl32e.into()).name().into(),
-        format: "nuscenes".into(),
-        folder: LIDAR_FOLDER.into(),
-        calibration: None,
-        body_from_lidar,
-    }
+    let model = options.model.unwrap_or(velodyne::Model::Hdl32e.into());
+    LidarEntry::new(model.name(), "nuscenes", LIDAR_FOLDER, body_from_lidar)
 }

@@ -38,13 +38,8 @@ pub(crate) fn plan(kind: Kind, source: &Path, options: &Options) -> Result<Plan,
         rows::check(&originals.files, Rows::of_kitti(options.kind.is_some()))?;
     }
     let model = options.model.unwrap_or(velodyne::Model::Hdl64e.into());
-    let lidar = LidarEntry {
-        model: model.name().into(),
-        format: if kind == Kind::Bin { "bin" } else { "pcd" }.into(),
-        folder: LIDAR_FOLDER.into(),
-        calibration: None,
-        body_from_lidar: PoseEntry::IDENTITY,
-    };
+    let format = if kind == Kind::Bin { "bin" } else { "pcd" };
+    let lidar = LidarEntry::new(model.name(), format, LIDAR_FOLDER, PoseEntry::IDENTITY);
     let mut plan = numbered(&originals).plan(kind, &crate::drive_name(source, kind), lidar);
     plan.read.extend(found.table);
     let interval_s = interval_s(&originals);

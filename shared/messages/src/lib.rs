@@ -14,6 +14,7 @@ mod finite;
 mod placement;
 pub mod pod;
 mod raw;
+mod ring_counts;
 mod submap;
 mod sweep;
 mod tick;
@@ -32,10 +33,11 @@ pub use placement::{FRAME_EAST_NORTH_UP, FRAME_LOCAL, PlacementHeader, Placement
 pub use pod::Pod;
 pub(crate) use pod::pod;
 pub use raw::{GnssRow, GnssTopic, ImageHeader, ImageTopic, ImuRow, ImuTopic, MosaicHeader, MosaicTopic, NoHeader};
+pub use ring_counts::RingCounts;
 pub use submap::{
     CheckedSubmap, MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapError, SubmapHeader,
     SubmapPoint, SubmapSweep, SubmapTopic, pose_numbers,
 };
-pub use sweep::{SweepHeader, SweepPoint, SweepTopic};
+pub use sweep::{MAX_LIDARS, SweepHeader, SweepPoint, SweepTopic};
 pub use tick::{NO_DRIVE_TIME, TickRow, TickTopic};
 pub use trajectory::{PoseError, PoseRow, StampedPose, TrajectoryTopic};

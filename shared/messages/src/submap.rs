@@ -1,7 +1,7 @@
 //! Topic `submap`: the registered, deskewed points of the next stretch of street. Written once; later stages publish
 //! columns for it.
 
-use crate::{Message, PoseError, PoseRow, pod};
+use crate::{MAX_LIDARS, Message, PoseError, PoseRow, RingCounts, pod};
 use geometry::Pose;
 
 /// Sweeps of one submap at most: 5 s at 20 Hz is 100; the table below is in every header, so it stays short.
@@ -57,11 +57,11 @@ pod! {
 }
 
 pod! {
-    /// One sweep inside a submap, 88 bytes. Its points are `first_point .. first_point + n_points`.
+    /// One sweep of one LiDAR inside a submap, 88 bytes. Its points are `first_point .. first_point + n_points`.
     pub struct SubmapSweep {
         /// ns since the Unix epoch, first shot.
         pub stamp: i64,
-        /// Number of the sweep in the drive.
+        /// Number of the sweep in the drive; with several LiDARs, among the sweeps of all.
         pub seq: u64,
         /// ns from first to last shot.
         pub duration_nanos: u32,
@@ -69,8 +69,8 @@ pod! {
         pub first_point: u32,
         /// How many points.
         pub n_points: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// Index of the LiDAR, as in topic `sweep`.
+        pub lidar: u32,
         /// Lidar position and rotation (x y z, qx qy qz qw) in the submap frame at the first shot.
         pub submap_from_lidar_begin: [f32; 7],
         /// The same at the last shot; in between, positions are interpolated linearly and rotations by slerp.
@@ -93,8 +93,12 @@ pod! {
         pub max: [f32; 3],
         /// Rows of `sweeps` in use.
         pub n_sweeps: u32,
-        /// Rings of the sensor.
+        /// Rings of the first LiDAR.
         pub n_rings: u32,
+        /// Rings of the other LiDARs; 0 for those without points.
+        pub n_rings_of_others: [u32; MAX_LIDARS - 1],
+        /// LiDARs of the vehicle; 0 counts as one.
+        pub n_lidars: u32,
         /// The sweeps that it was made of.
         pub sweeps: [SubmapSweep; MAX_SWEEPS_PER_SUBMAP],
     }
@@ -151,6 +155,10 @@ pub struct CheckedSubmap<'a> {
 }
 
 impl SubmapHeader {
+    /// Rings of all LiDARs.
+    pub fn ring_counts(&self) -> RingCounts {
+        RingCounts::new(self.n_rings, self.n_rings_of_others)
+    }
     /// Checks pose and number of sweeps. `seq` is the submap's number, for the error.
     pub fn checked(&self, seq: u64) -> Result<CheckedSubmap<'_>, SubmapError> {
         let world_from_submap = self.world_from_submap.checked().map_err(|source| SubmapError::Pose { seq, source })?;
@@ -175,7 +183,7 @@ impl CheckedSubmap<'_> {
 pub struct SubmapTopic;
 impl Message for SubmapTopic {
     const TOPIC: &'static str = "submap";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     // One in work at the consumer and one waiting keep both sides busy; each is tens of MB.
     const QUEUE: usize = 2;
     // One in work and the one before it, for consumers that match across the border.

@@ -1,4 +1,7 @@
 //! Topic `sweep`: the points of one LiDAR revolution, in the moving lidar frame.
+//!
+//! The revolutions of the first LiDAR of a vehicle are the ticks. The points of its other LiDARs between the begin and the end of that
+//! revolution follow in the same tick, a message for each LiDAR, in the order of the LiDARs.
 
 use crate::{Message, pod};
 
@@ -41,14 +44,19 @@ pod! {
         pub n_rings: u32,
         /// 1 if `offset_nanos` of the points is measured, 0 if the recording has none.
         pub has_times: u32,
+        /// Index of the LiDAR in the drive, below [`MAX_LIDARS`]; 0 = the first, which gives the ticks.
+        pub lidar: u32,
     }
 }
+
+/// Most LiDARs of a vehicle: the sweeps of one tick fit into the queue.
+pub const MAX_LIDARS: usize = SweepTopic::QUEUE;
 
 /// One revolution. Its stamp is that of its first shot.
 pub struct SweepTopic;
 impl Message for SweepTopic {
     const TOPIC: &'static str = "sweep";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const QUEUE: usize = 4;
     const BORROWED: usize = 4;
     // A decoder closes a sweep at some 600 000 returns at the latest: an HDL-64E in dual mode at 5 Hz and a margin.

@@ -20,6 +20,7 @@
 #![allow(clippy::needless_bitwise_bool, reason = "branch-free loops vectorize")]
 
 mod arc_tangent;
+mod body_poses;
 mod cell;
 mod contested_stretches;
 mod contrast;
@@ -42,9 +43,11 @@ mod navigation;
 mod neighborhood;
 mod normal_equations;
 mod odometry;
+mod other_lidar;
 mod past_ranges;
 mod point;
 mod range_image;
+mod raw_sweep;
 mod ring_errors;
 mod ring_order;
 mod sampling;
@@ -59,6 +62,7 @@ mod sweep_features;
 mod untimed_turn;
 mod voxel;
 
+pub use body_poses::BodyPoses;
 pub use features::{Feature, FeatureSettings, planar_features};
 pub use imls::{ImlsOdometry, ImlsSettings, ImlsState};
 pub use inertial_check::{Axes, Fit, InertialCheck, InertialCorrection, InertialMounting};
@@ -69,8 +73,10 @@ pub use matching::{MatchSettings, Matched};
 pub use motion::{DeskewTable, SweepMotion, Velocity};
 pub use navigation::PredictionSources;
 pub use odometry::{Odometry, OdometrySettings, OdometryState, Registered, RegistrationError};
+pub use other_lidar::OtherLidar;
 pub use point::TimedPoint;
 pub use range_image::RangeImage;
+pub use raw_sweep::{PreparedSweep, RawSweep, sweeps_by_tick};
 pub use ring_errors::RingError;
 pub use sampling::Sampling;
 pub use selected::{Algorithm, OtherAlgorithmError, SelectedOdometry, SelectedState};

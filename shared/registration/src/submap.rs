@@ -1,6 +1,6 @@
 //! Registered sweeps as rows of a submap.
 
-use crate::{DeskewTable, KeptPoints, Registered, Sweep};
+use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep};
 use geometry::{Pose, Vector3, heading};
 use messages::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapHeader, SubmapPoint, SubmapSweep, SweepPoint,
@@ -37,10 +37,8 @@ pub struct OpenSubmap {
 /// The points that a sweep adds to a submap.
 #[derive(Clone, Copy, Debug)]
 pub struct SweepRows<'a> {
-    /// Number of the sweep in the drive.
-    pub seq: u64,
     /// All points as they were received.
-    pub raw: &'a [SweepPoint],
+    pub raw: RawSweep<'a>,
     /// The same points.
     pub sweep: &'a Sweep,
     /// Those to add.
@@ -48,18 +46,18 @@ pub struct SweepRows<'a> {
 }
 
 impl OpenSubmap {
-    /// Begins at the position and heading of the body.
-    pub fn new(world_from_body: &Pose, n_rings: u32) -> Self {
+    /// Begins at the position and heading of the body of a vehicle with `n_lidars`.
+    pub fn new(world_from_body: &Pose, n_lidars: u32) -> Self {
         let world_from_submap = Pose::from_parts(world_from_body.translation, heading(&world_from_body.rotation));
         let mut header = Box::new(SubmapHeader::default());
         header.world_from_submap = world_from_submap.into();
-        header.n_rings = n_rings;
+        header.n_lidars = n_lidars;
         let body = world_from_body.translation.vector;
         Self { frame: SubmapFrame { world_from_submap, path_m: 0.0, body }, header }
     }
-    /// Whether the sweep table has room for another sweep.
-    pub fn has_room(&self) -> bool {
-        (self.header.n_sweeps as usize) < MAX_SWEEPS_PER_SUBMAP
+    /// Whether the sweep table has room for more sweeps.
+    pub fn has_room(&self, n_more: usize) -> bool {
+        self.header.n_sweeps as usize + n_more <= MAX_SWEEPS_PER_SUBMAP
     }
     /// From the first to the last shot, s.
     pub fn seconds(&self) -> f64 {
@@ -79,7 +77,8 @@ impl OpenSubmap {
         let (begin, end) = (submap_from_world * registered.begin(), submap_from_world * registered.end());
         let table = DeskewTable::new(&begin, &end, registered.duration_nanos);
         let sweep_idx = self.header.n_sweeps as u16;
-        let SweepRows { raw, sweep, kept, seq } = points;
+        let SweepRows { raw: RawSweep { seq, header, rows: raw, .. }, sweep, kept } = points;
+        let (lidar, n_rings) = (header.lidar, header.n_rings);
         let (moving, n_points) = (&registered.moving, rows.len() as u32);
         let fill = |(rows, indices): (&mut [SubmapPoint], &[usize])| {
             let mut bounds = NO_BOUNDS;
@@ -105,14 +104,20 @@ impl OpenSubmap {
             duration_nanos: registered.duration_nanos,
             first_point,
             n_points,
-            reserved: 0,
+            lidar,
             submap_from_lidar_begin: pose_numbers(&begin),
             submap_from_lidar_end: pose_numbers(&end),
         };
         if sweep_idx == 0 {
             self.header.stamp_begin = registered.stamp.0;
         }
-        self.header.stamp_end = registered.end_stamp().0;
+        let end = registered.end_stamp().0;
+        match (lidar as usize).checked_sub(1).and_then(|other| self.header.n_rings_of_others.get_mut(other)) {
+            Some(of_lidar) => *of_lidar = n_rings,
+            None => self.header.n_rings = n_rings,
+        }
+        // The last shot of another LiDAR may be earlier or later than that of the first.
+        self.header.stamp_end = if lidar == 0 { end } else { end.max(self.header.stamp_end) };
         self.header.n_sweeps += 1;
         self.frame.path_m += (body - self.frame.body).norm();
         self.frame.body = body;

@@ -7,6 +7,7 @@ mod gnss;
 mod hypotheses;
 mod imu;
 mod level;
+mod other_lidars;
 mod spin;
 mod travel;
 mod verdict;
@@ -19,7 +20,8 @@ pub use spin::SpinCosts;
 pub use travel::{Travel, travel};
 pub use verdict::{Answer, Verdict};
 
-use crate::survey::Survey;
+use crate::error::RigError;
+use crate::survey::{Survey, SurveySettings};
 use formats::drive::Drive;
 use registration::SpinDirection;
 
@@ -30,15 +32,21 @@ pub struct Report {
 }
 
 impl Report {
-    /// Checks a drive. `untimed_turn` is the setting with which it was surveyed.
-    pub fn of(drive: &Drive, survey: &Survey, untimed_turn: Option<SpinDirection>) -> Self {
+    /// Checks a drive. `settings` are those with which it was surveyed.
+    pub fn of(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut verdicts = clocks::verdicts(survey);
         let is_late = |verdicts: &[Verdict], name: &str| {
             verdicts.iter().any(|verdict| verdict.is_doubt() && verdict.subject == name)
         };
-        let of_lidar = lidar_verdicts(drive, survey, untimed_turn);
+        let of_lidar = lidar_verdicts(drive, survey, settings.untimed_turn);
         let blames_lidar = of_lidar.iter().any(Verdict::is_doubt) || is_late(&verdicts, clocks::LIDAR);
         verdicts.extend(of_lidar);
+        if blames_lidar {
+            let others = 1..drive.lidars().count();
+            verdicts.extend(others.map(|index| Verdict::after_lidar(&drive.manifest().lidar_name(index))));
+        } else {
+            verdicts.extend(other_lidars::verdicts(drive, survey, settings)?);
+        }
         if drive.manifest().imu.is_some() {
             verdicts.extend(match (blames_lidar, is_late(&verdicts, "imu")) {
                 (true, _) => vec![Verdict::after_lidar("imu")],
@@ -59,7 +67,7 @@ impl Report {
         } else {
             verdicts.extend(cameras::verdicts(drive, survey, &on_time));
         }
-        Self { verdicts }
+        Ok(Self { verdicts })
     }
 
     /// The verdicts that are doubts.

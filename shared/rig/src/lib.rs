@@ -6,12 +6,14 @@
 //! | whether the rig fits the data, and what does not | [`check`] |
 //! | pictures of points over images and of sweeps over each other | [`picture`] |
 //! | rotations and elevations that fit the drive better | [`refine`] |
+//! | mounting of one LiDAR against another | `other_lidar` |
 //! | rotations as people write them | [`rotation`] |
 //! | calibrations of others | [`source`] |
 //! | errors | [`error`] |
 
 pub mod check;
 pub mod error;
+mod other_lidar;
 pub mod picture;
 pub mod refine;
 pub mod rotation;

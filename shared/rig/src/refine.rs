@@ -1,12 +1,15 @@
-//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, and elevations of the LiDAR's rings.
+//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, elevations of the LiDAR's rings, and mountings of the
+//! LiDARs after the first.
 //!
 //! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
 
 mod cameras;
 mod imu;
+mod other_lidars;
 mod rings;
 
-use crate::survey::Survey;
+use crate::error::RigError;
+use crate::survey::{Survey, SurveySettings};
 use formats::drive::Drive;
 use formats::manifest::Manifest;
 use formats::manifest::rules::MAX_DELAY_NANOS;
@@ -73,13 +76,14 @@ pub struct Refined {
 }
 
 impl Refined {
-    /// Refines the rig of a drive.
-    pub fn of(drive: &Drive, survey: &Survey) -> Self {
+    /// Refines the rig of a drive, which was surveyed with `settings`.
+    pub fn of(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Self, RigError> {
         let mut refined = Self { manifest: drive.manifest().clone(), lidar_file: None, changes: Vec::new() };
         cameras::refine(drive, survey, &mut refined);
         imu::refine(survey, &mut refined);
         rings::refine(drive, survey, &mut refined);
-        refined
+        other_lidars::refine(drive, survey, settings, &mut refined)?;
+        Ok(refined)
     }
 
     /// Whether any value is replaced.

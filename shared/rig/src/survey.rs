@@ -81,6 +81,13 @@ pub struct RawSweep {
     pub rows: Vec<SweepPoint>,
 }
 
+impl RawSweep {
+    /// As a message of topic `sweep`.
+    pub(crate) fn view(&self) -> registration::RawSweep<'_> {
+        registration::RawSweep { seq: 0, stamp: self.stamp, header: &self.header, rows: &self.rows }
+    }
+}
+
 /// What one pass over a drive has measured.
 pub struct Survey {
     /// First shot and last shot.

@@ -321,7 +321,10 @@ mod tests {
         let error = settings.set("town", text("citty")).expect("a key").expect_err("refused");
         assert_eq!(error.to_string(), "town: value \"citty\" must be one of urban, suburban, rural, field, tunnel");
         let error = DriveSettings { rig: "none.toml".into(), ..settings }.spec().expect_err("no file");
-        assert!(error.to_string().contains("must be one of l3d2, survey, nuscenes, kitti, or the path"), "{error}");
+        assert!(
+            error.to_string().contains("must be one of l3d2, survey, nuscenes, kitti, twin, or the path"),
+            "{error}"
+        );
     }
 
     #[test]

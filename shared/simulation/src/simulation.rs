@@ -2,12 +2,12 @@
 
 use crate::error::SimulationError;
 use crate::motion::Motion;
-use crate::rig::RigSpec;
+use crate::rig::{LidarSpec, RigSpec};
 use crate::sensors::camera::ColorCamera;
 use crate::sensors::exposure::Exposure;
 use crate::sensors::gnss::{self, Epoch};
 use crate::sensors::imu;
-use crate::sensors::lidar::{Lidar, LidarModel};
+use crate::sensors::lidar::{Lidar, LidarErrors, LidarModel};
 use crate::sensors::mosaic::MosaicCamera;
 use crate::sensors::trigger;
 use crate::spec::DriveSpec;
@@ -51,7 +51,16 @@ impl Simulation {
         let rig = spec.rig.with_true_mountings(spec.calibration_error, hash(spec.seed, CALIBRATION_STREAM));
         Ok(Self { spec: spec.clone(), scene, motion, rig })
     }
-    /// The lidar of the rig.
+    /// A lidar of the rig after the first, and the parameters of its unit.
+    pub fn other_lidar(&self, index: usize, spec: &LidarSpec) -> Lidar<'_> {
+        let number = index as u64 + 1;
+        let errors = &self.spec.lidar_errors;
+        let errors = LidarErrors { unit_seed: errors.unit_seed.wrapping_add(number), ..*errors };
+        let seed = hash(hash(self.spec.seed, LIDAR_STREAM), number);
+        let (model, step) = (LidarModel::of(spec.model), self.spec.lidar_step);
+        Lidar::new(&self.scene, &self.motion, model, &errors, spec.body_from_lidar, seed, step)
+    }
+    /// The first lidar of the rig.
     pub fn lidar(&self) -> Lidar<'_> {
         let seed = hash(self.spec.seed, LIDAR_STREAM);
         self.lidar_of(self.spec.lidar_model(), self.rig.lidar.body_from_lidar, seed)

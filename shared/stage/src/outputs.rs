@@ -50,6 +50,19 @@ impl Outputs {
         self.publish_as(loan, stamp, None)
     }
 
+    /// Publishes one message with these rows and an empty header; none without rows.
+    pub fn publish_rows<T: Message>(
+        &mut self,
+        rows: &[T::Row],
+        stamp: impl Fn(&T::Row) -> i64,
+    ) -> Result<(), StepError> {
+        let Some(first) = rows.first() else { return Ok(()) };
+        let stamp = stamp(first);
+        let mut loan = self.loan::<T>(rows.len())?;
+        loan.grow_unset(rows.len())?.copy_from_slice(rows);
+        self.publish(loan, stamp)
+    }
+
     /// Publishes a column of submap `seq`. Columns are published in the order of submaps, one for each; live, one for each
     /// submap that has arrived.
     pub fn publish_column<T: Message>(&mut self, loan: Loan<T>, stamp: i64, seq: u64) -> Result<(), StepError> {
@@ -85,10 +98,17 @@ impl Outputs {
     }
 
     /// Adds to a named counter of the run summary: what was skipped, lost, masked, unseen.
-    pub fn count(&mut self, name: &'static str, n: u64) {
+    pub fn count(&mut self, name: &str, n: u64) {
         match self.counters.get_mut(name) {
             Some(count) => *count += n,
             None => drop(self.counters.insert(name.to_owned(), n)),
+        }
+    }
+
+    /// Adds to several counters; those of 0 are left out.
+    pub fn count_all<N: AsRef<str>>(&mut self, counters: impl IntoIterator<Item = (N, u64)>) {
+        for (name, n) in counters.into_iter().filter(|(_, n)| *n > 0) {
+            self.count(name.as_ref(), n);
         }
     }
 
@@ -116,7 +136,7 @@ impl Outputs {
     /// says what is doubtful, its size, the limit that it exceeds and what to do. The run ends with exit code 3.
     ///
     /// The first 16 doubts are kept, with up to 300 characters each.
-    pub fn doubt(&mut self, name: &'static str, size: f64, text: impl Into<String>) {
+    pub fn doubt(&mut self, name: &str, size: f64, text: impl Into<String>) {
         let text = text.into().chars().take(MAX_NOTE_CHARS).collect();
         let doubt = Doubt { name: name.to_owned(), size, text };
         match self.doubts.iter().position(|known| known.name == name) {

@@ -94,7 +94,7 @@ impl TownDrive {
                 duration_nanos,
                 first_point: first_point as u32,
                 n_points: (submap.points.len() - first_point) as u32,
-                reserved: 0,
+                lidar: 0,
                 submap_from_lidar_begin: pose_numbers(&pose_at(since_begin)),
                 submap_from_lidar_end: pose_numbers(&pose_at(since_begin + i64::from(duration_nanos))),
             };

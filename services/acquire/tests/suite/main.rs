@@ -3,5 +3,7 @@
 mod doubts;
 mod live;
 mod live_rig;
+mod live_two_lidars;
+mod other_lidars;
 mod step;
 mod support;

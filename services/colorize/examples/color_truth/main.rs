@@ -110,7 +110,8 @@ impl Part<'_> {
     ) -> Table {
         let sweeps = &self.header.sweeps[..self.header.n_sweeps as usize];
         let mut buffers = PointBuffers::default();
-        let points = SubmapPoints::new(points, sweeps, self.header.stamp_begin, self.header.n_rings, &mut buffers);
+        let points =
+            SubmapPoints::new(points, sweeps, self.header.stamp_begin, self.header.ring_counts(), &mut buffers);
         let visibility = &visibility_maps(&points, exposures);
         let candidates = Candidates { points: &points, exposures, visibility, limits: LIMITS };
         let of_chunk = |(chunk, truth): (&Chunk, &[Option<TruePoint>])| {

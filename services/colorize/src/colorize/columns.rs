@@ -25,7 +25,7 @@ impl Colorize {
         let header = submap.header();
         let CheckedSubmap { world_from_submap, sweeps, .. } = header.checked(submap.seq())?;
         let mut buffers = std::mem::take(&mut self.buffers);
-        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.n_rings, &mut buffers);
+        let points = SubmapPoints::new(submap.rows(), sweeps, header.stamp_begin, header.ring_counts(), &mut buffers);
         let profiles = self.publish_color(submap, &points, &world_from_submap, outputs)?;
         self.held.monitor.add(profiles);
         self.publish_spectra(submap, &points, &world_from_submap, outputs)?;

@@ -4,6 +4,7 @@
 #[path = "../../../../shared/georeference/tests/suite/gnss_row.rs"]
 mod gnss_row;
 mod imu_faults;
+mod other_lidars;
 mod placement;
 mod step;
 mod street;

@@ -27,7 +27,7 @@ pub fn raw(number: u32) -> RawSweep {
     };
     RawSweep {
         stamp: sweep.stamp().0,
-        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 },
+        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1, lidar: 0 },
         rows: sweep.points().iter().enumerate().map(row).collect(),
     }
 }

@@ -25,7 +25,7 @@ fn driven(traffic: &str) -> (Bench<SlamAggregate>, [f64; 2]) {
     let mut sweeps = drive.sweeps().unwrap();
     let mut rows = Vec::new();
     while let Some(sweep) = sweeps.next_sweep(|piece| rows.extend(piece.iter().map(row))).unwrap() {
-        let header = SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1 };
+        let header = SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 32, has_times: 1, lidar: 0 };
         if sweep.turn > 0.95 {
             bench.send::<SweepTopic>(sweep.stamp.0, header, std::mem::take(&mut rows));
             bench.tick().unwrap();

@@ -3,8 +3,8 @@
 use super::recording::RecordedEntries;
 use crate::error::LiveError;
 use formats::drive::{LiveRig, lidar_of};
-use formats::lidar::{Lidar, Model};
-use formats::manifest::PoseEntry;
+use formats::lidar::{Lidar, Model, Origin};
+use formats::manifest::{LidarEntry, PoseEntry};
 use formats::problems::FileError;
 use std::path::Path;
 
@@ -13,8 +13,23 @@ pub struct Mounting {
     /// `None`: the model is detected from the packets.
     pub(super) lidar: Option<Lidar>,
     pub(super) rig: LiveRig,
-    /// Entries of the recording's manifest for the sensors beside the LiDAR.
+    /// The LiDARs of the rig after the first.
+    pub(super) other_lidars: Vec<OtherMounting>,
+    /// Entries of the recording's manifest for the sensors beside the LiDARs.
     pub(super) others: RecordedEntries,
+}
+
+/// A LiDAR of the rig after the first.
+pub(super) struct OtherMounting {
+    pub(super) lidar: Lidar,
+    pub(super) entry: LidarEntry,
+}
+
+impl OtherMounting {
+    /// Its name, which [`formats::drive::read_manifest`] has checked.
+    pub(super) fn name(&self) -> &str {
+        self.entry.name.as_deref().unwrap_or_default()
+    }
 }
 
 impl Mounting {
@@ -24,22 +39,43 @@ impl Mounting {
         let wanted = Model::from_name(model);
         let LiveRig::File(path, manifest) = &rig else {
             let lidar = wanted.map(Lidar::from);
-            return needs_no_file(lidar.as_ref()).map(|()| Self { lidar, rig, others: RecordedEntries::default() });
+            needs_no_file(lidar.as_ref())?;
+            return Ok(Self { lidar, rig, other_lidars: Vec::new(), others: RecordedEntries::default() });
         };
         let of_rig = Model::from_name(&manifest.lidar.model);
         if wanted.is_some() && wanted != of_rig {
             return Err(LiveError::Model { setting: model.to_owned(), rig: manifest.lidar.model.clone() });
         }
-        let lidar = lidar_of(path.parent().unwrap_or(Path::new("")), &manifest.lidar);
-        let lidar = lidar.map_err(|problem| FileError { problems: vec![problem] })?;
-        needs_no_file(Some(&lidar))?;
-        Ok(Self { lidar: Some(lidar), rig, others: RecordedEntries::default() })
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let lidar_of = |key: &str, entry: &LidarEntry| {
+            let lidar = lidar_of(folder, key, entry).map_err(|problem| FileError { problems: vec![problem] })?;
+            needs_no_file(Some(&lidar))?;
+            // Each LiDAR has its own socket and capture.
+            Ok::<_, LiveError>(lidar.with_origin(Origin::default()))
+        };
+        let lidar = lidar_of("lidar", &manifest.lidar)?;
+        let other = |(index, entry): (usize, &LidarEntry)| {
+            Ok(OtherMounting { lidar: lidar_of(&format!("lidar[{}]", index + 1), entry)?, entry: entry.clone() })
+        };
+        let other_lidars = manifest.other_lidars.iter().enumerate().map(other).collect::<Result<_, LiveError>>()?;
+        Ok(Self { lidar: Some(lidar), rig, other_lidars, others: RecordedEntries::default() })
     }
 
-    /// With entries of other sensors, which are recorded beside the LiDAR.
+    /// With entries of other sensors, which are recorded beside the LiDARs.
     #[must_use]
     pub fn with_others(self, others: &RecordedEntries) -> Self {
         Self { others: others.clone(), ..self }
+    }
+
+    /// Fails unless there are as many addresses as LiDARs.
+    pub(super) fn check_number(&self, n_addresses: usize) -> Result<(), LiveError> {
+        let n_lidars = 1 + self.other_lidars.len();
+        if n_addresses == n_lidars { Ok(()) } else { Err(LiveError::Listen { n_addresses, n_lidars }) }
+    }
+
+    /// Name of the first LiDAR, if there are others.
+    pub(super) fn name(&self) -> Option<String> {
+        self.rig.manifest().and_then(|manifest| manifest.lidar.name.clone()).filter(|_| !self.other_lidars.is_empty())
     }
 
     pub(super) fn body_from_lidar(&self) -> PoseEntry {

@@ -1,4 +1,4 @@
-//! The sensors beside the LiDAR: received, recorded, and matched to sweeps by their stamps, as in a recorded drive.
+//! The sensors beside the LiDARs: received, recorded, and matched to sweeps by their stamps, as in a recorded drive.
 
 mod account;
 mod frames;
@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 const CLOCKS_FILE: &str = "clocks.csv";
 /// Interval at which it is written, for a run that is killed.
 const CLOCKS_INTERVAL: Duration = Duration::from_secs(10);
-/// Name of the LiDAR among the clocks.
+/// Name of the first LiDAR among the clocks, and of the others before their names.
 const LIDAR: &str = "lidar";
 /// Damaged files that are reported one by one; the counters include all of them.
 const MAX_REPORTED: u64 = 10;
@@ -124,6 +124,13 @@ impl OtherSensors {
         self.span = Some([begin, last.max(end)]);
         if let Some((stamp, arrived)) = arrival {
             self.clocks.add(LIDAR, stamp, arrived);
+        }
+    }
+
+    /// Adds the arrival of a packet of a LiDAR after the first.
+    pub fn add_arrival_of_lidar(&mut self, name: &str, arrival: Option<(Stamp, Stamp)>) {
+        if let Some((stamp, arrived)) = arrival {
+            self.clocks.add(&format!("{LIDAR} {name}"), stamp, arrived);
         }
     }
 

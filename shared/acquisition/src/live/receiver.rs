@@ -32,18 +32,17 @@ const MAX_PACKET: usize = 65_536;
 
 /// The bound sockets of a sensor.
 #[derive(Debug)]
-pub(crate) struct Sockets([(UdpSocket, SocketAddrV4); 2]);
+pub(crate) struct Sockets(Vec<(UdpSocket, SocketAddrV4)>);
 
 impl Sockets {
-    /// Binds data and position socket.
-    pub(crate) fn bind(addresses: [SocketAddrV4; 2]) -> Result<Self, LiveError> {
-        let [data, position] = addresses;
-        Ok(Self([bind(data)?, bind(position)?]))
+    /// Binds the sockets; the first is that of data packets.
+    pub(crate) fn bind(addresses: &[SocketAddrV4]) -> Result<Self, LiveError> {
+        Ok(Self(addresses.iter().map(|address| bind(*address)).collect::<Result<_, _>>()?))
     }
 
     /// Size of the kernel's receive buffer of the data socket, with bookkeeping.
     pub(crate) fn buffer_bytes(&self) -> usize {
-        socket_recv_buffer_size(&self.0[0].0).unwrap_or_default()
+        self.0.first().and_then(|(socket, _)| socket_recv_buffer_size(socket).ok()).unwrap_or_default()
     }
 }
 
@@ -215,13 +214,13 @@ fn receive(sockets: &Sockets, mut recorder: Recorder, shared: &Shared) -> io::Re
 }
 
 /// Waits for packets. Returns which sockets have some.
-fn wait_for_packets(sockets: &Sockets, timeout: Duration) -> io::Result<[bool; 2]> {
-    let [(data, _), (position, _)] = &sockets.0;
-    let mut descriptors = [PollFd::new(data, PollFlags::IN), PollFd::new(position, PollFlags::IN)];
+fn wait_for_packets(sockets: &Sockets, timeout: Duration) -> io::Result<Vec<bool>> {
+    let mut descriptors: Vec<PollFd<'_>> =
+        sockets.0.iter().map(|(socket, _)| PollFd::new(socket, PollFlags::IN)).collect();
     let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(timeout.subsec_nanos()) };
     match poll(&mut descriptors, Some(&timeout)) {
-        Ok(_) => Ok(descriptors.map(|descriptor| !descriptor.revents().is_empty())),
-        Err(rustix::io::Errno::INTR) => Ok([false; 2]),
+        Ok(_) => Ok(descriptors.iter().map(|descriptor| !descriptor.revents().is_empty()).collect()),
+        Err(rustix::io::Errno::INTR) => Ok(vec![false; sockets.0.len()]),
         Err(error) => Err(error.into()),
     }
 }

@@ -1,5 +1,6 @@
 //! The raw recording of a live run: a growing drive folder.
 
+use super::mounting::Mounting;
 use crate::error::LiveError;
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
@@ -10,8 +11,8 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// Folder of the captures in the recording, as in [`LidarEntry::of_captures`].
-const LIDAR: &str = "lidar";
+/// Folder of the captures of the first LiDAR in the recording, as in [`LidarEntry::of_captures`].
+pub(crate) const LIDAR: &str = "lidar";
 /// Names have three digits, so that they sort by number.
 const MAX_CAPTURES: u32 = 1000;
 
@@ -22,7 +23,7 @@ pub(crate) struct Recording {
     captures: Vec<PathBuf>,
 }
 
-/// Entries of the manifest for the sensors beside the LiDAR.
+/// Entries of the manifest for the sensors beside the LiDARs.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedEntries {
     /// Color cameras.
@@ -35,9 +36,18 @@ pub struct RecordedEntries {
     pub imu: Option<ImuEntry>,
 }
 
-/// Captures in a recording's folder, sorted by name; none without the folder.
+/// Folder of the captures of another LiDAR in the recording.
+pub(crate) fn folder_of(name: &str) -> String {
+    format!("{LIDAR}_{name}")
+}
+
+/// Captures of the first LiDAR in a recording's folder, sorted by name; none without the folder.
 pub fn captures(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries = match fs::read_dir(folder.join(LIDAR)) {
+    captures_in(&folder.join(LIDAR))
+}
+
+fn captures_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error),
@@ -61,17 +71,17 @@ pub fn folder_inside(output: &Path, name: &str) -> Result<PathBuf, LiveError> {
 
 impl Recording {
     /// Begins the next capture: `000.pcap`, or the number after the existing captures, which are never overwritten.
-    pub(crate) fn begin(folder: PathBuf) -> Result<(Self, Recorder), LiveError> {
+    pub(crate) fn begin(folder: PathBuf, lidar: &str) -> Result<(Self, Recorder), LiveError> {
         let fault = |source: io::Error| LiveError::File { path: folder.clone(), source };
-        fs::create_dir_all(folder.join(LIDAR)).map_err(fault)?;
-        let mut captures = captures(&folder).map_err(fault)?;
+        fs::create_dir_all(folder.join(lidar)).map_err(fault)?;
+        let mut captures = captures_in(&folder.join(lidar)).map_err(fault)?;
         let number =
             |path: &PathBuf| path.file_stem().and_then(|stem| stem.to_str()).and_then(|stem| stem.parse().ok());
         let next = captures.iter().filter_map(number).max().map_or(0, |last: u32| last.saturating_add(1));
         if next >= MAX_CAPTURES {
             return Err(LiveError::Full { folder, max: MAX_CAPTURES });
         }
-        let path = folder.join(LIDAR).join(format!("{next:03}.pcap"));
+        let path = folder.join(lidar).join(format!("{next:03}.pcap"));
         let recorder = Recorder::create(&path).map_err(|source| LiveError::File { path: path.clone(), source })?;
         captures.push(path);
         Ok((Self { folder, captures }, recorder))
@@ -88,28 +98,37 @@ impl Recording {
     }
 
     /// Writes the manifest and the calibration of the unit if they are absent, so that the recording is a drive.
-    pub(crate) fn describe(
-        &self,
-        lidar: &Lidar,
-        body_from_lidar: PoseEntry,
-        others: &RecordedEntries,
-    ) -> Result<(), LiveError> {
+    pub(crate) fn describe(&self, lidar: &Lidar, mounting: &Mounting) -> Result<(), LiveError> {
         let path = self.folder.join(MANIFEST_FILE);
         if path.exists() {
             return Ok(());
         }
-        let mut entry = LidarEntry::of_captures(lidar.model().name(), body_from_lidar);
-        if let Some((name, text)) = lidar.calibration_file() {
-            let extension = Path::new(name).extension().and_then(|extension| extension.to_str()).unwrap_or("txt");
-            let name = format!("lidar_calibration.{extension}");
-            let path = self.folder.join(&name);
-            write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })?;
-            entry.calibration = Some(name);
+        let entry = |lidar: &Lidar, folder: &str, name: Option<String>, body_from_lidar: PoseEntry| {
+            let calibration = self.write_calibration(lidar, folder)?;
+            let entry = LidarEntry::new(lidar.model().name(), "pcap", folder, body_from_lidar);
+            Ok::<_, LiveError>(LidarEntry { name, calibration, ..entry })
+        };
+        let first = entry(lidar, LIDAR, mounting.name(), mounting.body_from_lidar())?;
+        let mut manifest = Manifest::of_lidar("live recording", first);
+        for other in &mounting.other_lidars {
+            let name = other.name();
+            let found = entry(&other.lidar, &folder_of(name), Some(name.to_owned()), other.entry.body_from_lidar)?;
+            manifest.other_lidars.push(found);
         }
-        let RecordedEntries { cameras, mosaics, gnss, imu } = others.clone();
-        let manifest = Manifest { cameras, mosaics, gnss, imu, ..Manifest::of_lidar("live recording", entry) };
+        let RecordedEntries { cameras, mosaics, gnss, imu } = mounting.others.clone();
+        let manifest = Manifest { cameras, mosaics, gnss, imu, ..manifest };
         let text = toml::to_string(&manifest).map_err(|source| LiveError::Manifest { path: path.clone(), source })?;
         write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })
+    }
+
+    /// Writes the calibration of a unit, if it has one, and returns the name of the file.
+    fn write_calibration(&self, lidar: &Lidar, folder: &str) -> Result<Option<String>, LiveError> {
+        let Some((name, text)) = lidar.calibration_file() else { return Ok(None) };
+        let extension = Path::new(name).extension().and_then(|extension| extension.to_str()).unwrap_or("txt");
+        let name = format!("{folder}_calibration.{extension}");
+        let path = self.folder.join(&name);
+        write_atomic(&path, text.as_bytes()).map_err(|source| LiveError::File { path, source })?;
+        Ok(Some(name))
     }
 }
 
@@ -122,12 +141,12 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let recording = folder.path().join("recording");
         for name in ["000.pcap", "001.pcap", "002.pcap"] {
-            let (begun, recorder) = Recording::begin(recording.clone()).expect("begins");
+            let (begun, recorder) = Recording::begin(recording.clone(), LIDAR).expect("begins");
             assert_eq!(begun.captures().last().and_then(|path| path.file_name()), Some(name.as_ref()));
             assert_eq!(begun.is_continued(), name != "000.pcap");
             drop(recorder);
         }
         fs::write(recording.join("lidar/999.pcap"), b"").expect("writes");
-        assert!(Recording::begin(recording).expect_err("is full").to_string().contains("1000 captures"));
+        assert!(Recording::begin(recording, LIDAR).expect_err("is full").to_string().contains("1000 captures"));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::mounting::Mounting;
 use super::receiver::{Receiver, Sockets};
-use super::recording::Recording;
+use super::recording::{LIDAR, Recording};
 use crate::error::{LiveError, NoSweepError};
 use formats::drive::LiveRig;
 use formats::lidar::{LidarStats, SweepError, SweepInfo, SweepPoint, SweepPoll, SweepReader};
@@ -91,11 +91,11 @@ impl LiveSensor {
         mounting: Mounting,
         limits: LiveLimits,
     ) -> Result<Self, LiveError> {
-        let sockets = Sockets::bind(addresses)?;
-        let (recording, recorder) = Recording::begin(folder)?;
+        let sockets = Sockets::bind(&addresses)?;
+        let (recording, recorder) = Recording::begin(folder, LIDAR)?;
         let receiver = Receiver::start(sockets, recorder).map_err(LiveError::Thread)?;
         if let Some(lidar) = &mounting.lidar {
-            recording.describe(lidar, mounting.body_from_lidar(), &mounting.others)?;
+            recording.describe(lidar, &mounting)?;
         }
         // The previous process ended within a sweep. A run on the recording does not publish the rest of it either.
         let current = if recording.is_continued() { CurrentSweep::Discarded } else { CurrentSweep::None };
@@ -211,7 +211,7 @@ impl LiveSensor {
         match SweepReader::follow(self.recording.captures().to_vec(), frontier, self.mounting.lidar.as_ref()) {
             Ok(None) => Ok(Some(unchanged)),
             Ok(Some(reader)) => {
-                self.recording.describe(reader.lidar(), self.mounting.body_from_lidar(), &self.mounting.others)?;
+                self.recording.describe(reader.lidar(), &self.mounting)?;
                 let (n_bytes, nanos) = reader.typical_packet();
                 self.revolution_bytes = TURN_NANOS / nanos * (HEADER_BYTES + n_bytes);
                 self.reader = Some(reader);

@@ -1,6 +1,7 @@
 //! All sensors of a live vehicle: what their settings mean, and what is reported of them.
 
 use super::mounting::Mounting;
+use super::other_lidar::OtherLidar;
 use super::others::{OtherLimits, OtherSensors, OtherSources};
 use super::receiver::{address, bind};
 use super::recording::{captures, folder_inside};
@@ -8,6 +9,7 @@ use super::sensor::{Discarded, LiveLimits, LiveSensor};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
 use crate::recorded::{News, Trigger};
+use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
 
 /// With a smaller buffer a stall of the disk soon drops packets: an HDL-32E fills 4 MiB per second, with bookkeeping.
@@ -22,11 +24,11 @@ pub struct LivePlan<'a> {
     pub output: &'a Path,
     /// Folder of the recording, inside the output.
     pub recording: &'a str,
-    /// Address of data packets.
+    /// Addresses of the data packets of the LiDARs, separated by commas, in the order of the rig.
     pub listen: &'a str,
-    /// Address of position packets.
+    /// Address of the first LiDAR's position packets.
     pub position_listen: &'a str,
-    /// Model of the LiDAR; empty = that of the rig or of the packets.
+    /// Model of the first LiDAR; empty = that of the rig or of the packets.
     pub model: &'a str,
     /// Folder of the grabber.
     pub cameras: Option<PathBuf>,
@@ -42,11 +44,13 @@ pub struct LivePlan<'a> {
     pub trigger: Trigger,
 }
 
-/// The LiDAR and the other sensors.
+/// The LiDARs and the other sensors.
 pub struct LiveVehicle {
-    /// The LiDAR.
+    /// The first LiDAR, whose sweeps are the ticks.
     pub lidar: LiveSensor,
-    /// The others.
+    /// The LiDARs after the first.
+    pub other_lidars: Vec<OtherLidar>,
+    /// The sensors beside the LiDARs.
     pub others: OtherSensors,
     n_packets: u64,
 }
@@ -56,7 +60,8 @@ impl LivePlan<'_> {
     pub fn problems(&self) -> Vec<(&'static str, String)> {
         let problem = |error: &LiveError| (error.key(), error.to_string());
         let (mut problems, mut bound) = (Vec::new(), Vec::new());
-        for (key, value) in [("listen", self.listen), ("position_listen", self.position_listen)] {
+        let listens = self.listens().map(|value| ("listen", value));
+        for (key, value) in listens.chain([("position_listen", self.position_listen)]) {
             match address(value).and_then(bind) {
                 Ok(socket) => bound.push(socket),
                 Err(error) => problems.push((key, error.to_string())),
@@ -81,17 +86,29 @@ impl LivePlan<'_> {
 
     /// Starts to receive and to record.
     pub fn start(&self) -> Result<LiveVehicle, LiveError> {
-        let addresses = [address(self.listen)?, address(self.position_listen)?];
+        let listens = self.listens().map(address).collect::<Result<Vec<SocketAddrV4>, _>>()?;
+        let addresses = [listens[0], address(self.position_listen)?];
         let mounting = self.mounting()?;
         let folder = folder_inside(self.output, self.recording)?;
         let sources = self.others().map_err(|mut errors| errors.swap_remove(0))?;
         let others = OtherSensors::start(&sources, folder.clone(), self.other_limits, self.trigger)?;
+        let other_lidars = mounting.other_lidars.iter().zip(&listens[1..]).enumerate();
+        let other_lidars =
+            other_lidars.map(|(index, (other, address))| OtherLidar::start(*address, &folder, index + 1, other));
+        let other_lidars = other_lidars.collect::<Result<_, _>>()?;
         let lidar = LiveSensor::start(addresses, folder, mounting.with_others(others.entries()), self.limits)?;
-        Ok(LiveVehicle { lidar, others, n_packets: 0 })
+        Ok(LiveVehicle { lidar, other_lidars, others, n_packets: 0 })
+    }
+
+    /// One for each LiDAR; at least one.
+    fn listens(&self) -> impl Iterator<Item = &str> {
+        self.listen.split(',').map(str::trim)
     }
 
     fn mounting(&self) -> Result<Mounting, LiveError> {
-        Mounting::find(self.drive, self.model)
+        let mounting = Mounting::find(self.drive, self.model)?;
+        mounting.check_number(self.listens().count())?;
+        Ok(mounting)
     }
 
     /// The error has at least one problem.
@@ -101,9 +118,15 @@ impl LivePlan<'_> {
 }
 
 impl LiveVehicle {
+    /// Number of LiDARs.
+    pub fn n_lidars(&self) -> usize {
+        1 + self.other_lidars.len()
+    }
+
     /// Ends the reception; what waits is recorded first.
     pub fn close(&mut self) {
         self.lidar.close();
+        self.other_lidars.iter_mut().for_each(OtherLidar::close);
         self.others.close();
     }
 
@@ -122,7 +145,7 @@ impl LiveVehicle {
             news.notes = self.notes_of_begin();
         }
         let Discarded { skipped, partial } = self.lidar.take_discarded();
-        news.counts = vec![
+        let of_lidar = [
             ("udp_packets", n_packets - self.n_packets),
             ("udp_packets_dropped", self.lidar.take_dropped()),
             ("sweeps_skipped", skipped),
@@ -130,7 +153,10 @@ impl LiveVehicle {
         ];
         self.n_packets = n_packets;
         let (counts, notes) = self.others.take_news(self.lidar.stats());
-        news.counts.extend(counts);
+        news.counts.extend(of_lidar.into_iter().chain(counts).map(|(name, n)| (name.into(), n)));
+        for lidar in &mut self.other_lidars {
+            news.counts.extend(lidar.take_counts().into_iter().map(|(name, n)| (name.into(), n)));
+        }
         news.notes.extend(notes);
         news
     }
@@ -142,7 +168,10 @@ impl LiveVehicle {
         }
         if let Some((lidar, log)) = self.lidar.stats() {
             doubts.captures(&lidar, self.lidar.recorded_bytes());
-            self.others.doubt(&lidar, log, doubts);
+            self.others.doubt(&lidar, log, !self.other_lidars.is_empty(), doubts);
+            self.other_lidars.iter().for_each(|lidar| lidar.doubt(doubts));
+            let silent = self.other_lidars.iter().filter_map(OtherLidar::silence);
+            doubts.silent(&silent.chain(self.others.silent_sensors()).collect::<Vec<_>>());
         }
     }
 

@@ -5,6 +5,7 @@ use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Damaged files that are reported one by one; the counters include all of them.
 const MAX_REPORTED: usize = 10;
@@ -13,7 +14,7 @@ const MAX_REPORTED: usize = 10;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct News {
     /// Names and numbers.
-    pub counts: Vec<(&'static str, u64)>,
+    pub counts: Vec<(Cow<'static, str>, u64)>,
     /// Texts for the operator.
     pub notes: Vec<String>,
 }
@@ -42,7 +43,7 @@ impl News {
     /// What is known before the first tick.
     pub fn initial(reader: &DriveReader) -> Self {
         let drive = reader.drive();
-        let mut news = Self { counts: reader.initial_counts().named().into(), notes: Vec::new() };
+        let mut news = Self { counts: named(reader.initial_counts().named()), notes: Vec::new() };
         if drive.is_inferred() {
             let (model, format) = (drive.model().name(), &drive.manifest().lidar.format);
             news.notes.push(format!("no drive.toml: reading {format} sweeps of one {model} without other sensors"));
@@ -75,12 +76,15 @@ impl DriveAccount {
     }
 
     /// Adds packets and files that were lost or damaged since the last call.
-    pub fn add_losses(&mut self, reader: &DriveReader) {
+    pub fn add_losses(&mut self, reader: &mut DriveReader) {
+        let (counts, damage) = reader.take_news_of_others();
+        self.news.counts.extend(counts.into_iter().map(|(name, n)| (name.into(), n)));
+        damage.into_iter().for_each(|text| self.note_damage(text));
         let source = reader.source();
-        self.news.counts.extend(self.reported.take_new(source.lidar_stats(), reader.packet_log_stats()));
+        self.news.counts.extend(named(self.reported.take_new(source.lidar_stats(), reader.packet_log_stats())));
         let n_bad = source.n_bad_clouds();
         if n_bad > self.n_bad_clouds {
-            self.news.counts.push(("bad_sweeps", n_bad - self.n_bad_clouds));
+            self.news.counts.push(("bad_sweeps".into(), n_bad - self.n_bad_clouds));
             self.n_bad_clouds = n_bad;
         }
         let new: Vec<String> = source.damage().iter().skip(self.n_damage_reported).cloned().collect();
@@ -98,7 +102,7 @@ impl DriveAccount {
         let (n_bad, error) = &due.bad_imu_lines;
         self.add_bad_imu_lines(*n_bad);
         for (counter, error) in damaged {
-            self.news.counts.push((counter, 1));
+            self.news.counts.push((counter.into(), 1));
             self.note_damage(error.to_string());
         }
         if let Some(error) = error {
@@ -109,7 +113,7 @@ impl DriveAccount {
     /// Adds damaged lines of the IMU.
     pub fn add_bad_imu_lines(&mut self, n_bad: u64) {
         self.tally.bad_imu_lines += n_bad;
-        self.news.counts.push(("bad_imu_lines", n_bad));
+        self.news.counts.push(("bad_imu_lines".into(), n_bad));
     }
 
     /// Reports a damaged file, unless there were too many.
@@ -128,7 +132,9 @@ impl DriveAccount {
         doubts.captures(&source.lidar_stats(), source.capture_bytes());
         let manifest = reader.drive().manifest();
         let has_cameras = !manifest.cameras.is_empty() || !manifest.mosaics.is_empty();
-        doubts.clock(&source.lidar_stats(), has_cameras || manifest.imu.is_some() || tally.fixes > 0);
+        let has_others = has_cameras || manifest.imu.is_some() || tally.fixes > 0 || reader.n_other_lidars() > 0;
+        doubts.clock(&source.lidar_stats(), has_others);
+        reader.doubt_others(doubts);
         let n_bad_clouds = source.n_bad_clouds();
         doubts.files(tally, reader.n_sweeps() + n_bad_clouds, n_bad_clouds);
         if reader.drive().manifest().gnss.is_some() {
@@ -141,4 +147,8 @@ impl DriveAccount {
         }
         doubts.silent(&reader.silent_sensors(tally.fixes, tally.imu_samples));
     }
+}
+
+fn named(counts: impl IntoIterator<Item = (&'static str, u64)>) -> Vec<(Cow<'static, str>, u64)> {
+    counts.into_iter().map(|(name, n)| (name.into(), n)).collect()
 }

@@ -3,14 +3,16 @@
 use super::events::Events;
 use super::inertial::Inertial;
 use super::odometer::Odometer;
+use super::other_lidars::{OtherLidars, OtherPosition};
 use super::trigger::Trigger;
+use crate::doubts::Doubts;
 use crate::error::{DriveError, NoSweepError};
-use formats::drive::{Drive, Frame, SourcePosition, SweepInfo, SweepSource};
+use formats::drive::{Drive, DriveLidar, Frame, SourcePosition, SweepInfo, SweepSource};
 use formats::imu::ImuError;
 use formats::lidar::{OtherModel, SweepError, SweepPoint};
 use formats::manifest::Manifest;
 use formats::nmea::{Fix, LogStats};
-use messages::{ImageTopic, ImuRow, Message, MosaicTopic};
+use messages::{ImageTopic, ImuRow, Message, MosaicTopic, SweepHeader};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -36,6 +38,7 @@ pub struct DriveReader {
     part: Part,
     drive: Drive,
     source: SweepSource,
+    others: OtherLidars,
     images: Events<Frame>,
     mosaics: Events<Frame>,
     fixes: Events<Fix>,
@@ -63,6 +66,7 @@ struct Progress {
 #[derive(Serialize, Deserialize)]
 pub struct DrivePosition {
     source: SourcePosition,
+    others: Vec<OtherPosition>,
     at: Progress,
     images: u64,
     mosaics: u64,
@@ -130,19 +134,23 @@ pub fn drive_problems(folder: &Path) -> Vec<String> {
         return Vec::new();
     }
     match Drive::open(folder) {
-        Ok(drive) => wrong_captures(&drive).into_iter().collect(),
+        Ok(drive) => drive.lidars().enumerate().filter_map(|(index, lidar)| wrong_captures(lidar, index)).collect(),
         Err(error) => error.problems.iter().map(ToString::to_string).collect(),
     }
 }
 
 /// Why no sweep can be read from the captures of a drive: found from their first packets, before the run starts.
-fn wrong_captures(drive: &Drive) -> Option<String> {
-    if drive.manifest().lidar.format != "pcap" {
+fn wrong_captures(lidar: &DriveLidar, index: usize) -> Option<String> {
+    if lidar.format != "pcap" || lidar.files.is_empty() {
         return None;
     }
-    match OtherModel::find(drive.sweep_files(), drive.lidar()) {
+    match OtherModel::find(&lidar.files, &lidar.lidar) {
         Ok(Some(other)) => Some(other.to_string()),
-        Ok(None) => drive.sweeps().err().map(|error| error.to_string()),
+        Ok(None) => match SweepSource::open(lidar) {
+            // Without another LiDAR than the first, the drive still has ticks.
+            Err(SweepError::NoSensor { .. }) if index > 0 => None,
+            opened => opened.err().map(|error| error.to_string()),
+        },
         Err(error) => Some(error.to_string()),
     }
 }
@@ -166,7 +174,8 @@ impl DriveReader {
     /// Opens a drive. The trigger rule thins out its exposures.
     pub fn open(folder: &Path, part: Part, trigger: Trigger) -> Result<Self, DriveError> {
         let drive = Drive::open(folder)?;
-        let source = drive.sweeps()?;
+        let mut source = drive.sweeps()?;
+        let others = OtherLidars::open(&drive, &mut source)?;
         let (fixes, log) = drive.fixes().map_err(DriveError::Log)?;
         let odometer = Odometer::new(&fixes);
         let (images, skipped_images) = trigger.thin_out(drive.camera_frames(), &odometer);
@@ -178,6 +187,7 @@ impl DriveReader {
         Ok(Self {
             part,
             source,
+            others,
             images: Events::new(images, |frame| frame.stamp.0),
             mosaics: Events::new(mosaics, |frame| frame.stamp.0),
             fixes: Events::new(fixes, |fix| fix.stamp.0),
@@ -210,6 +220,32 @@ impl DriveReader {
         }
         self.at.n_sweeps += 1;
         Ok(NextSweep::Sweep(sweep))
+    }
+
+    /// Number of LiDARs after the first.
+    pub fn n_other_lidars(&self) -> usize {
+        self.others.len()
+    }
+
+    /// Passes the points of another LiDAR during `sweep`, which [`DriveReader::next_sweep`] returned last, to `sink`. Returns header and
+    /// stamp; `None` without points. `index` counts from the LiDAR after the first.
+    pub fn next_sweep_of_other(
+        &mut self,
+        index: usize,
+        sweep: &SweepInfo,
+        sink: impl FnMut(&[SweepPoint]),
+    ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
+        self.others.next_sweep(index, sweep, sink)
+    }
+
+    /// Counters and damaged files of the other LiDARs since the last call.
+    pub(super) fn take_news_of_others(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
+        self.others.take_news()
+    }
+
+    /// Collects the doubts about the other LiDARs.
+    pub(super) fn doubt_others(&self, doubts: &mut Doubts) {
+        self.others.doubt(doubts);
     }
 
     /// Skips measurements of other sensors before the first sweep.
@@ -255,12 +291,12 @@ impl DriveReader {
         Some((frames().filter(is_outside).count() as u64, frames().count() as u64))
     }
 
-    /// Cameras without a file, and other sensors without a message. `n_fixes` and `n_samples` were read.
+    /// LiDARs without points, cameras without a file, and other sensors without a message. `n_fixes` and `n_samples` were read.
     pub fn silent_sensors(&self, n_fixes: u64, n_samples: u64) -> Vec<String> {
         let manifest = self.drive.manifest();
         let has_none = |frames: &[Frame], camera: usize| !frames.iter().any(|frame| frame.camera == camera);
         let named = |kind: &str, name: &str, folder: &str| format!("{kind} {name} (folder {folder} is empty)");
-        let mut sensors = Vec::new();
+        let mut sensors: Vec<String> = self.others.silent().collect();
         for (index, entry) in manifest.cameras.iter().enumerate() {
             if has_none(self.drive.camera_frames(), index) {
                 sensors.push(named("camera", &entry.name, &entry.folder));
@@ -326,6 +362,7 @@ impl DriveReader {
     pub fn position(&self) -> DrivePosition {
         DrivePosition {
             source: self.source.position(),
+            others: self.others.position(),
             at: self.at,
             images: self.images.position(),
             mosaics: self.mosaics.position(),
@@ -343,6 +380,7 @@ impl DriveReader {
         if !in_drive {
             return Err(DriveError::OtherDrive);
         }
+        self.others.resume(position.others)?;
         self.at = position.at;
         self.inertial.skip_before(position.inertial);
         Ok(())

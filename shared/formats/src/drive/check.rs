@@ -2,22 +2,17 @@
 
 mod cameras;
 
-use super::lidar_file::lidar_of;
-use super::listing::{Frame, files_with_extension, frames};
+use super::Drive;
+use super::listing::{Frame, frames};
 use super::read::Read;
-use super::{Drive, TIMES_FILE};
-use crate::lidar::Lidar;
-use crate::manifest::{GnssEntry, ImuEntry, LidarEntry, MANIFEST_VERSION, Manifest, TruthEntry, rules};
+use crate::manifest::{GnssEntry, ImuEntry, MANIFEST_VERSION, Manifest, TruthEntry, rules};
 use crate::problems::FileError;
 use crate::sensor_calibration::SensorCalibration;
 use crate::text_file::read_text;
 use crate::toml_file::TomlFile;
-use geometry::Stamp;
 use messages::Message;
 use std::path::{Component, Path, PathBuf};
 
-/// Time between cloud files without `times.txt`: 10 Hz.
-const SWEEP_NANOS: i64 = 100_000_000;
 /// Extensions of color images.
 pub(super) const IMAGES: &[&str] = &["jpg", "jpeg", "png"];
 /// Extensions of mosaics.
@@ -28,8 +23,7 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     let manifest = read.manifest();
     let mut check = Check { folder, file: read.file, unnamed: Vec::new() };
     check.general(read.version);
-    let lidar = read.lidar.as_ref().and_then(|entry| check.lidar(entry));
-    let (sweep_files, sweep_stamps) = read.lidar.as_ref().map(|entry| check.sweeps(entry)).unwrap_or_default();
+    let lidars = check.lidars(&read.lidars);
     let mut camera_frames = Vec::new();
     for (index, entry) in numbered(&read.cameras) {
         check.camera(index, entry);
@@ -58,15 +52,14 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     }
     let Check { file, unnamed, .. } = check;
     let rig = manifest.as_ref().and_then(|manifest| manifest.rig().ok());
-    match (manifest, rig, lidar) {
-        (Some(manifest), Some(rig), Some(lidar)) if file.is_sound() => Ok(Drive {
+    match (manifest, rig, lidars) {
+        (Some(manifest), Some(rig), Some((first_lidar, other_lidars))) if file.is_sound() => Ok(Drive {
             folder: folder.to_owned(),
             manifest,
             rig,
-            lidar,
+            first_lidar,
+            other_lidars,
             is_inferred,
-            sweep_files,
-            sweep_stamps,
             camera_frames,
             mosaic_frames,
             sensors,
@@ -81,7 +74,7 @@ pub(super) fn manifest(folder: &Path, read: Read) -> Result<Manifest, FileError>
     let manifest = read.manifest();
     let mut check = Check { folder, file: read.file, unnamed: Vec::new() };
     check.general(read.version);
-    read.lidar.as_ref().and_then(|entry| check.lidar(entry));
+    check.models_of_lidars(&read.lidars);
     for (index, entry) in numbered(&read.cameras) {
         rules::pose(&mut check.file, &format!("camera[{index}].body_from_camera"), &entry.body_from_camera);
     }
@@ -114,13 +107,14 @@ pub(super) fn cameras(
 }
 
 /// The entries that could be read, with their index among all.
-fn numbered<T>(entries: &[Option<T>]) -> impl Iterator<Item = (usize, &T)> {
+pub(super) fn numbered<T>(entries: &[Option<T>]) -> impl Iterator<Item = (usize, &T)> {
     entries.iter().enumerate().filter_map(|(index, entry)| Some((index, entry.as_ref()?)))
 }
 
-struct Check<'a> {
-    folder: &'a Path,
-    file: TomlFile,
+/// The manifest, and the problems found so far.
+pub(super) struct Check<'a> {
+    pub(super) folder: &'a Path,
+    pub(super) file: TomlFile,
     /// Files in camera folders whose names are not stamps.
     unnamed: Vec<PathBuf>,
 }
@@ -138,74 +132,6 @@ impl Check<'_> {
         self.file.rule(key, n_values <= limit, || {
             format!("{what}: {n_values} values, a message of topic {} has at most {limit}", T::TOPIC)
         });
-    }
-
-    fn lidar(&mut self, entry: &LidarEntry) -> Option<Lidar> {
-        rules::pose(&mut self.file, "lidar.body_from_lidar", &entry.body_from_lidar);
-        if let Some(name) = &entry.calibration {
-            self.inside("lidar.calibration", name)?;
-        }
-        let lidar = match lidar_of(self.folder, entry) {
-            Ok(lidar) => lidar,
-            Err(problem) => {
-                self.file.fault(&problem.key, problem.rule);
-                return None;
-            }
-        };
-        let missing = lidar.missing_file().filter(|_| entry.format == "pcap");
-        self.file.rule("lidar.calibration", missing.is_none(), || {
-            format!("is absent; packets of {:?} need {}", entry.model, missing.unwrap_or_default())
-        });
-        Some(lidar)
-    }
-
-    /// Files of the sweeps and, for clouds, their stamps.
-    fn sweeps(&mut self, entry: &LidarEntry) -> (Vec<PathBuf>, Vec<Stamp>) {
-        let none = (Vec::new(), Vec::new());
-        let extensions: &[&str] = match entry.format.as_str() {
-            "pcap" => &["pcap", "pcapng"],
-            "pcd" => &["pcd"],
-            "bin" | "nuscenes" => &["bin"],
-            other => {
-                self.file.fault("lidar.format", format!("value {other:?} must be one of pcap, pcd, bin, nuscenes"));
-                return none;
-            }
-        };
-        let Some(folder) = self.folder("lidar.folder", &entry.folder) else { return none };
-        let files = self.listed("lidar.folder", files_with_extension(&folder, extensions)).unwrap_or_default();
-        self.file.rule("lidar.folder", !files.is_empty(), || {
-            format!("{} contains no *.{}", folder.display(), extensions.join(", *."))
-        });
-        let is_nuscenes = |path: &PathBuf| path.to_string_lossy().ends_with(".pcd.bin");
-        self.file.rule("lidar.format", entry.format != "bin" || !files.iter().any(is_nuscenes), || {
-            "value \"bin\" is for sweeps of KITTI; *.pcd.bin are sweeps of nuScenes: set \"nuscenes\"".into()
-        });
-        let stamps = if entry.format == "pcap" { Vec::new() } else { self.times(&folder, files.len()) };
-        (files, stamps)
-    }
-
-    fn times(&mut self, folder: &Path, n_sweeps: usize) -> Vec<Stamp> {
-        let path = folder.join(TIMES_FILE);
-        // A stamp in ns has up to 20 characters.
-        let limit = 64 * (n_sweeps as u64 + 16);
-        let text = match read_text(&path, limit) {
-            Err(error) if !error.is_absent() => {
-                self.file.fault("lidar.folder", format!("{}: {error}", path.display()));
-                return Vec::new();
-            }
-            read => read.ok(),
-        };
-        let Some(text) = text else {
-            return (0..n_sweeps as i64).map(|k| Stamp(k * SWEEP_NANOS)).collect();
-        };
-        let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-        let stamps: Option<Vec<Stamp>> = lines.map(|line| line.parse().ok().map(Stamp)).collect();
-        let rising = |stamps: &Vec<Stamp>| stamps.windows(2).all(|pair| pair[0] < pair[1]);
-        let stamps = stamps.filter(|stamps| stamps.len() == n_sweeps && rising(stamps));
-        self.file.rule("lidar.folder", stamps.is_some(), || {
-            format!("{} must have {n_sweeps} increasing stamps in ns, one per line for each sweep", path.display())
-        });
-        stamps.unwrap_or_default()
     }
 
     fn gnss(&mut self, entry: &GnssEntry) {
@@ -256,11 +182,11 @@ impl Check<'_> {
         frames
     }
 
-    fn listed<T>(&mut self, key: &str, listed: std::io::Result<T>) -> Option<T> {
+    pub(super) fn listed<T>(&mut self, key: &str, listed: std::io::Result<T>) -> Option<T> {
         listed.map_err(|error| self.file.fault(key, format!("cannot list the folder: {error}"))).ok()
     }
 
-    fn folder(&mut self, key: &str, name: &str) -> Option<PathBuf> {
+    pub(super) fn folder(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let path = self.inside(key, name)?;
         let is_there = path.is_dir();
         self.file.rule(key, is_there, || format!("{} is not a folder", path.display()));
@@ -274,7 +200,7 @@ impl Check<'_> {
     }
 
     /// Paths must stay inside the drive folder, so that a drive can be moved. Files elsewhere can be linked.
-    fn inside(&mut self, key: &str, name: &str) -> Option<PathBuf> {
+    pub(super) fn inside(&mut self, key: &str, name: &str) -> Option<PathBuf> {
         let stays = |part| matches!(part, Component::Normal(_) | Component::CurDir);
         let inside = !name.is_empty() && Path::new(name).components().all(stays);
         self.file.rule(key, inside, || format!("value {name:?} must be a path inside the drive folder"));

@@ -2,7 +2,7 @@
 
 use super::listing::files_with_extension;
 use super::read::Read;
-use super::{Drive, MANIFEST_FILE};
+use super::{Drive, DriveLidar, MANIFEST_FILE};
 use crate::cloud::check_points;
 use crate::kitti;
 use crate::lidar::{Lidar, Model, SweepReader};
@@ -62,10 +62,14 @@ pub(super) fn of_capture(file: &Path) -> Result<Drive, FileError> {
         folder: file.parent().unwrap_or(Path::new(".")).to_owned(),
         manifest,
         rig,
-        lidar: Lidar::from(model),
+        first_lidar: DriveLidar {
+            lidar: Lidar::from(model),
+            format: "pcap".to_owned(),
+            files: vec![file.to_owned()],
+            stamps: Vec::new(),
+        },
+        other_lidars: Vec::new(),
         is_inferred: true,
-        sweep_files: vec![file.to_owned()],
-        sweep_stamps: Vec::new(),
         camera_frames: Vec::new(),
         mosaic_frames: Vec::new(),
         sensors: Vec::new(),
@@ -81,14 +85,5 @@ fn model_of(captures: Vec<PathBuf>) -> Result<Model, String> {
 /// The manifest of a LiDAR alone. The body frame is the lidar frame.
 fn manifest(path: &Path, model: Model, format: &str) -> Manifest {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Manifest::of_lidar(
-        &name,
-        LidarEntry {
-            model: model.name().to_owned(),
-            format: format.to_owned(),
-            folder: ".".to_owned(),
-            calibration: None,
-            body_from_lidar: PoseEntry::IDENTITY,
-        },
-    )
+    Manifest::of_lidar(&name, LidarEntry::new(model.name(), format, ".", PoseEntry::IDENTITY))
 }

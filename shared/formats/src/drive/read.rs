@@ -10,7 +10,8 @@ pub(super) struct Read {
     pub(super) file: TomlFile,
     pub(super) version: Option<u32>,
     pub(super) name: Option<String>,
-    pub(super) lidar: Option<LidarEntry>,
+    /// At least one.
+    pub(super) lidars: Vec<Option<LidarEntry>>,
     pub(super) cameras: Vec<Option<CameraEntry>>,
     pub(super) mosaics: Vec<Option<MosaicEntry>>,
     pub(super) gnss: Option<GnssEntry>,
@@ -44,12 +45,12 @@ const TRUTH: [&str; 1] = ["trajectory"];
 impl Read {
     /// A manifest that was inferred, not read.
     pub(super) fn inferred(path: &Path, manifest: Manifest) -> Self {
-        let Manifest { version, name, lidar, cameras, mosaics, gnss, imu, truth } = manifest;
+        let Manifest { version, name, lidar, other_lidars, cameras, mosaics, gnss, imu, truth } = manifest;
         Self {
             file: TomlFile::new(path, "", &KEYS),
             version: Some(version),
             name: Some(name),
-            lidar: Some(lidar),
+            lidars: [vec![lidar], other_lidars].concat().into_iter().map(Some).collect(),
             cameras: cameras.into_iter().map(Some).collect(),
             mosaics: mosaics.into_iter().map(Some).collect(),
             gnss,
@@ -63,7 +64,7 @@ impl Read {
         Self {
             version: file.required("version", &[]),
             name: file.required("name", &[]),
-            lidar: file.required("lidar", &LIDAR),
+            lidars: file.one_or_more("lidar", &LIDAR),
             cameras: file.list("camera", &CAMERA),
             mosaics: file.list("mosaic", &MOSAIC),
             gnss: file.optional("gnss", &GNSS),
@@ -75,10 +76,12 @@ impl Read {
 
     /// The manifest; `None` if an entry could not be read.
     pub(super) fn manifest(&self) -> Option<Manifest> {
+        let mut lidars = self.lidars.iter().cloned();
         Some(Manifest {
             version: self.version?,
             name: self.name.clone()?,
-            lidar: self.lidar.clone()?,
+            lidar: lidars.next()??,
+            other_lidars: lidars.collect::<Option<_>>()?,
             cameras: self.cameras.iter().cloned().collect::<Option<_>>()?,
             mosaics: self.mosaics.iter().cloned().collect::<Option<_>>()?,
             gnss: self.gnss.clone(),

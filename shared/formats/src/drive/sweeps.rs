@@ -1,6 +1,6 @@
 //! The sweeps of a drive, from captures or from cloud files.
 
-use super::Drive;
+use super::DriveLidar;
 use super::clouds::{self, CloudFault, CloudReturns};
 use crate::lidar::{Lidar, LidarStats, SweepError, SweepInfo, SweepPoint, SweepPosition, SweepReader};
 use crate::nmea::{Fix, LogStats};
@@ -31,10 +31,14 @@ pub enum SweepSource {
 #[derive(Debug)]
 pub struct Clouds {
     files: Vec<PathBuf>,
-    stamps: Vec<Stamp>,
+    pub(super) stamps: Vec<Stamp>,
     format: String,
     lidar: Lidar,
-    next: usize,
+    pub(super) next: usize,
+    /// Points of the next file that earlier slices have taken.
+    pub(super) taken: usize,
+    /// The next file, if a slice has taken a part of it.
+    pub(super) current: Option<CloudReturns>,
     n_bad: u64,
     /// Errors of unreadable files.
     damage: Vec<String>,
@@ -49,23 +53,34 @@ pub enum SourcePosition {
     Clouds {
         /// Index of the next file.
         next: u64,
+        /// Points of it that earlier slices have taken.
+        taken: u64,
         /// Unreadable files so far.
         n_bad: u64,
     },
 }
 
 impl SweepSource {
-    pub(super) fn open(drive: &Drive) -> Result<Self, SweepError> {
-        let files = drive.sweep_files().to_vec();
-        let format = drive.manifest().lidar.format.clone();
+    /// A reader of the sweeps of a LiDAR, at the first.
+    pub fn open(of: &DriveLidar) -> Result<Self, SweepError> {
+        let DriveLidar { lidar, format, files, stamps } = of.clone();
         if format == "pcap" {
             let size = |path: &PathBuf| path.metadata().map_or(0, |metadata| metadata.len());
             let sizes = files.iter().map(size).collect();
-            let reader = Box::new(SweepReader::open(files, Some(drive.lidar()))?);
+            let reader = Box::new(SweepReader::open(files, Some(&lidar))?);
             return Ok(Self::Packets { reader, sizes });
         }
-        let (stamps, lidar) = (drive.sweep_stamps.clone(), drive.lidar().clone());
-        Ok(Self::Clouds(Clouds { files, stamps, format, lidar, next: 0, n_bad: 0, damage: Vec::new() }))
+        Ok(Self::Clouds(Clouds {
+            files,
+            stamps,
+            format,
+            lidar,
+            next: 0,
+            taken: 0,
+            current: None,
+            n_bad: 0,
+            damage: Vec::new(),
+        }))
     }
 
     /// Passes the returns of the next sweep to `sink` in firing order, in pieces, at most [`SweepReader::MAX_RETURNS`] in all. `None`
@@ -84,7 +99,9 @@ impl SweepSource {
     pub fn position(&self) -> SourcePosition {
         match self {
             Self::Packets { reader, .. } => SourcePosition::Packets(Box::new(reader.position())),
-            Self::Clouds(clouds) => SourcePosition::Clouds { next: clouds.next as u64, n_bad: clouds.n_bad },
+            Self::Clouds(clouds) => {
+                SourcePosition::Clouds { next: clouds.next as u64, taken: clouds.taken as u64, n_bad: clouds.n_bad }
+            }
         }
     }
 
@@ -94,8 +111,11 @@ impl SweepSource {
             (Self::Packets { reader, .. }, SourcePosition::Packets(position)) => {
                 reader.resume(*position).map(|()| true)
             }
-            (Self::Clouds(clouds), SourcePosition::Clouds { next, n_bad }) if next as usize <= clouds.files.len() => {
-                (clouds.next, clouds.n_bad) = (next as usize, n_bad);
+            (Self::Clouds(clouds), SourcePosition::Clouds { next, taken, n_bad })
+                if next as usize <= clouds.files.len() =>
+            {
+                (clouds.next, clouds.taken, clouds.n_bad) = (next as usize, taken as usize, n_bad);
+                clouds.current = None;
                 Ok(true)
             }
             _ => Ok(false),
@@ -165,19 +185,28 @@ impl SweepSource {
 
 impl Clouds {
     fn next(&mut self) -> Option<(Vec<SweepPoint>, SweepInfo)> {
-        while let Some(path) = self.files.get(self.next) {
-            let index = self.next;
+        while self.next < self.files.len() {
+            let loaded = self.load();
             self.next += 1;
-            let loaded = clouds::load(path, &self.format, &self.lidar);
-            match loaded.and_then(|found| Ok((self.sweep(index, &found)?, found.returns))) {
-                Ok((sweep, returns)) => return Some((returns, sweep)),
-                Err(fault) => {
-                    self.n_bad += 1;
-                    self.damage.push(format!("{}: {fault}", path.display()));
-                }
+            if let Some((found, sweep)) = loaded {
+                return Some((found.returns, sweep));
             }
         }
         None
+    }
+
+    /// The next file; `None` if it cannot be read.
+    pub(super) fn load(&mut self) -> Option<(CloudReturns, SweepInfo)> {
+        let path = self.files.get(self.next)?;
+        let loaded = clouds::load(path, &self.format, &self.lidar);
+        match loaded.and_then(|found| Ok((self.sweep(self.next, &found)?, found))) {
+            Ok((sweep, found)) => Some((found, sweep)),
+            Err(fault) => {
+                self.n_bad += 1;
+                self.damage.push(format!("{}: {fault}", path.display()));
+                None
+            }
+        }
     }
 
     fn sweep(&self, index: usize, cloud: &CloudReturns) -> Result<SweepInfo, CloudFault> {

@@ -4,6 +4,7 @@ use super::{Model, rings};
 use crate::ouster::{Metadata, MetadataError};
 use crate::robosense;
 use crate::velodyne::{Laser, LaserFileError, lasers_from_file};
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
 /// A calibration file that cannot be used.
@@ -66,12 +67,22 @@ pub struct Lidar {
     pub(super) beams: Beams,
     /// Name and content of the calibration file.
     file: Option<Arc<(String, String)>>,
+    origin: Origin,
+}
+
+/// Where the data packets of a LiDAR come from, to tell several LiDARs on one network apart. `None`: anywhere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// Address of the sender.
+    pub sender: Option<Ipv4Addr>,
+    /// UDP port to which the packets are sent.
+    pub port: Option<u16>,
 }
 
 impl<T: Into<Model>> From<T> for Lidar {
     /// A unit with the beams of its model. An Ouster cannot be decoded without its metadata.
     fn from(model: T) -> Self {
-        Self { model: model.into(), beams: Beams::OfModel, file: None }
+        Self { model: model.into(), beams: Beams::OfModel, file: None, origin: Origin::default() }
     }
 }
 
@@ -86,12 +97,23 @@ impl Lidar {
             Model::Ouster => Beams::Ouster(Arc::new(Metadata::from_json(&text)?)),
             Model::Livox(_) => return Err(CalibrationError::NotNeeded(model.title())),
         };
-        Ok(Self { model, beams, file: Some(Arc::new((name.to_owned(), text))) })
+        Ok(Self { model, beams, file: Some(Arc::new((name.to_owned(), text))), origin: Origin::default() })
+    }
+
+    /// The same LiDAR, whose data packets come from `origin` alone.
+    #[must_use]
+    pub fn with_origin(self, origin: Origin) -> Self {
+        Self { origin, ..self }
     }
 
     /// The model.
     pub fn model(&self) -> Model {
         self.model
+    }
+
+    /// Whether data packets of this LiDAR may come from a sender (address and port) to a port.
+    pub(super) fn may_come_from(&self, source: SocketAddrV4, port: u16) -> bool {
+        self.origin.sender.is_none_or(|sender| sender == *source.ip()) && self.origin.port.is_none_or(|own| own == port)
     }
 
     /// Name and content of the calibration file of the unit.

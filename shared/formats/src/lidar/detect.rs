@@ -106,7 +106,8 @@ impl Search {
         }
         let named = Model::of_payload(payload);
         let found = match wanted {
-            Some(lidar) => lidar.may_have_sent(payload).then(|| lidar.clone()),
+            Some(lidar) => (lidar.may_come_from(arrival.source, arrival.port) && lidar.may_have_sent(payload))
+                .then(|| lidar.clone()),
             None => named.map(Lidar::from),
         };
         let Some(lidar) = found else {

@@ -41,6 +41,9 @@ impl OtherModel {
                 if n_packets > MAX_PACKETS || n_data == MAX_DATA_PACKETS {
                     break;
                 }
+                if !lidar.may_come_from(udp.source, udp.port) {
+                    continue;
+                }
                 let (named, velodyne) = (Model::of_payload(udp.payload), DataPacket::new(udp.payload));
                 let is_expected = lidar.may_have_sent(udp.payload);
                 if named == Some(expected) || is_expected && velodyne.is_none() {

@@ -1,6 +1,9 @@
 //! Reads sweeps from captures, one at a time, in bounded memory.
 
 mod arrivals;
+mod slices;
+
+pub use slices::{SliceInfo, SlicePoll};
 
 use super::capture::Captures;
 use super::clock::Clock;
@@ -122,6 +125,10 @@ pub struct SweepReader {
     fixes: Vec<Fix>,
     /// Stamp and capture time of the packet with the least delay.
     arrival: Option<(Stamp, Stamp)>,
+    /// The slice being read.
+    slice: Option<SliceInfo>,
+    /// Senders and ports of the other LiDARs of the drive.
+    others: Vec<(SocketAddrV4, u16)>,
 }
 
 impl SweepReader {
@@ -190,13 +197,15 @@ impl SweepReader {
             lost_packets: 0,
             fixes: Vec::new(),
             arrival: None,
+            slice: None,
+            others: Vec::new(),
         }
     }
 
     /// Continues at a position that [`SweepReader::position`] returned for the same captures.
     pub fn resume(&mut self, position: SweepPosition) -> Result<(), SweepError> {
         self.at = position;
-        (self.revolution, self.lost_packets) = (None, 0);
+        (self.revolution, self.slice, self.lost_packets) = (None, None, 0);
         self.fixes.clear();
         self.reorder.clear();
         let Some(current) = position.packet else { return Ok(()) };

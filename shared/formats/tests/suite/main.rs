@@ -15,5 +15,6 @@ mod raw_mosaic;
 mod real_captures;
 mod recording;
 mod sensor_calibration;
+mod several_lidars;
 mod support;
 mod veloview_reference;

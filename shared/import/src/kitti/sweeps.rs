@@ -56,11 +56,6 @@ pub(crate) fn read(
 
 /// The LiDAR.
 pub(crate) fn lidar(options: &Options, body_from_lidar: Pose) -> LidarEntry {
-    LidarEntry {
-        model: options.model.unwrap_or(velodyne::Model::Hdl64e.into()).name().into(),
-        format: "bin".into(),
-        folder: LIDAR_FOLDER.into(),
-        calibration: None,
-        body_from_lidar: body_from_lidar.into(),
-    }
+    let model = options.model.unwrap_or(velodyne::Model::Hdl64e.into());
+    LidarEntry::new(model.name(), "bin", LIDAR_FOLDER, body_from_lidar.into())
 }

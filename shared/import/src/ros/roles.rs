@@ -10,6 +10,8 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Role {
     Lidar,
+    /// A further LiDAR, from 1 on.
+    OtherLidar(usize),
     /// `std_msgs/String` with the metadata of an Ouster.
     Metadata,
     /// Images of the camera of this index.
@@ -34,6 +36,7 @@ impl Role {
     fn name(self) -> String {
         match self {
             Self::Lidar => "lidar".into(),
+            Self::OtherLidar(index) => format!("lidar.{index}"),
             Self::Metadata => "metadata".into(),
             Self::Camera(index) => format!("camera.{index}"),
             Self::CameraInfo(index) => format!("camera_info.{index}"),
@@ -47,13 +50,17 @@ impl Role {
         let index = |prefix: &str| name.strip_prefix(prefix)?.parse().ok().filter(|index| *index < MAX_CAMERAS);
         let plain = [Self::Lidar, Self::Metadata, Self::Imu, Self::Gnss, Self::Nmea];
         let plain = plain.into_iter().find(|role| role.name() == name);
-        plain.or_else(|| index("camera.").map(Self::Camera)).or_else(|| index("camera_info.").map(Self::CameraInfo))
+        let other = index("lidar.").filter(|index| (1..messages::MAX_LIDARS).contains(index)).map(Self::OtherLidar);
+        plain
+            .or(other)
+            .or_else(|| index("camera.").map(Self::Camera))
+            .or_else(|| index("camera_info.").map(Self::CameraInfo))
     }
 
     /// Whether messages of this type can have the role.
     fn fits(self, kind: &str) -> bool {
         match self {
-            Self::Lidar => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
+            Self::Lidar | Self::OtherLidar(_) => CLOUDS.contains(&kind) || PacketsKind::of_type(kind).is_some(),
             Self::Metadata => kind == "std_msgs/String",
             Self::Camera(_) => IMAGES.contains(&kind),
             Self::CameraInfo(_) => kind == CAMERA_INFO,
@@ -126,7 +133,7 @@ impl Roles {
             }
             let Some(role) = Role::from_name(name) else {
                 return fault(format!(
-                    "role {name:?} must be lidar, camera.0 and so on, camera_info.0, imu, gnss, nmea or metadata"
+                    "role {name:?} must be lidar, camera.0 and so on, camera_info.0, imu, gnss, nmea, metadata or lidar.1 and so on"
                 ));
             };
             let named: Vec<usize> = (0..topics.len()).filter(|index| topics[*index].name == *wish).collect();
@@ -151,6 +158,13 @@ impl Roles {
         if let Some((expected, found)) = cameras.enumerate().find(|(expected, found)| expected != found) {
             return fault(format!(
                 "camera.{found}: cameras are numbered from 0 without gaps; camera.{expected} is missing"
+            ));
+        }
+        let others =
+            self.topics.keys().filter_map(|role| if let Role::OtherLidar(index) = role { Some(*index) } else { None });
+        if let Some((expected, found)) = (1..).zip(others).find(|(expected, found)| expected != found) {
+            return fault(format!(
+                "lidar.{found}: further LiDARs are numbered from 1 without gaps; lidar.{expected} is missing"
             ));
         }
         Ok(left_out)
@@ -234,8 +248,10 @@ fn only(source: &Path, topics: &[Topic], role: Role, candidates: &[usize]) -> Re
                 "imu" | "gnss" | "nmea" => format!(" or --topic {role}={NONE}"),
                 _ => String::new(),
             };
-            let rule =
-                format!("several topics can be the {role}: {names}; choose one with --topic {role}={first}{or_none}");
+            let others = if role == "lidar" { "; further LiDARs are lidar.1 and so on" } else { "" };
+            let rule = format!(
+                "several topics can be the {role}: {names}{others}; choose one with --topic {role}={first}{or_none}"
+            );
             Err(ImportError::at(source, rule))
         }
     }

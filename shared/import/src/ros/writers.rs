@@ -40,6 +40,16 @@ enum LidarWriter {
     Packets(PacketsKind, Capture),
 }
 
+/// A LiDAR's files.
+struct LidarFiles {
+    /// Name, if there are several LiDARs.
+    name: Option<String>,
+    /// Folder in the drive.
+    folder: String,
+    writer: LidarWriter,
+    fields: FieldNames,
+}
+
 /// All files that are being written.
 pub(super) struct Writers<'a> {
     source: &'a Path,
@@ -48,8 +58,8 @@ pub(super) struct Writers<'a> {
     roles: &'a Roles,
     options: &'a Options,
     uses: Vec<Vec<Use>>,
-    lidar: LidarWriter,
-    fields: FieldNames,
+    /// By the role of the LiDAR.
+    lidars: BTreeMap<Role, LidarFiles>,
     /// Frames of the sensors, by the topic's first message.
     frame_of: BTreeMap<Role, String>,
     cameras: BTreeMap<usize, Camera>,
@@ -88,16 +98,34 @@ impl<'a> Writers<'a> {
             let path = out.join(name);
             fs::create_dir_all(&path).at(&path).map(|()| path)
         };
-        let lidar = folder(LIDAR_FOLDER)?;
-        let kind = roles.topics.get(&Role::Lidar).map_or("", |topic| topics[*topic].kind.as_str());
-        let lidar = match PacketsKind::of_type(kind) {
-            Some(kind) => {
-                let port = if kind == PacketsKind::Ouster { ouster::DATA_PORT } else { DATA_PORT };
-                LidarWriter::Packets(kind, Capture::create(&lidar, port)?)
+        let mut lidars: BTreeMap<Role, LidarFiles> = BTreeMap::new();
+        let of_lidars = roles.topics.iter().filter(|(role, _)| matches!(role, Role::Lidar | Role::OtherLidar(_)));
+        let has_others = roles.has(Role::OtherLidar(1));
+        for (role, topic) in of_lidars {
+            let mut name = word(&topics[*topic].name);
+            if lidars.values().any(|other| other.name.as_ref() == Some(&name)) {
+                name = format!("{name}_{}", lidars.len());
             }
-            None if kind == "sensor_msgs/PointCloud2" => LidarWriter::Clouds(Sweeps::new(lidar, options.model)),
-            None => LidarWriter::Livox(Sweeps::new(lidar, options.model)),
-        };
+            let place = if *role == Role::Lidar { LIDAR_FOLDER.to_owned() } else { format!("{LIDAR_FOLDER}_{name}") };
+            // The option names the model of the first LiDAR.
+            let model = options.model.filter(|_| *role == Role::Lidar);
+            let (kind, path) = (topics[*topic].kind.as_str(), folder(&place)?);
+            let writer = match PacketsKind::of_type(kind) {
+                Some(PacketsKind::Ouster) if *role != Role::Lidar => {
+                    let rule =
+                        "packets of an Ouster need their metadata, which only the role lidar has; take its clouds";
+                    return Err(ImportError::at_part(source, &topics[*topic].name, rule));
+                }
+                Some(kind) => {
+                    let port = if kind == PacketsKind::Ouster { ouster::DATA_PORT } else { DATA_PORT };
+                    LidarWriter::Packets(kind, Capture::create(&path, port)?)
+                }
+                None if kind == "sensor_msgs/PointCloud2" => LidarWriter::Clouds(Sweeps::new(path, model)),
+                None => LidarWriter::Livox(Sweeps::new(path, model)),
+            };
+            let (name, fields) = (Some(name).filter(|_| has_others), FieldNames::default());
+            lidars.insert(*role, LidarFiles { name, folder: place, writer, fields });
+        }
         let mut cameras = BTreeMap::new();
         for (role, topic) in &roles.topics {
             if let Role::Camera(index) = role {
@@ -114,8 +142,7 @@ impl<'a> Writers<'a> {
             roles,
             options,
             uses,
-            lidar,
-            fields: FieldNames::default(),
+            lidars,
             frame_of: BTreeMap::new(),
             cameras,
             imu: roles.has(Role::Imu).then(|| ImuLog::create(out)).transpose().at(out)?,
@@ -164,7 +191,7 @@ impl<'a> Writers<'a> {
                     self.frames.observe(transform)?;
                 }
             }
-            Use::Role(Role::Lidar) => return self.add_lidar(&mut c, message),
+            Use::Role(role @ (Role::Lidar | Role::OtherLidar(_))) => return self.add_lidar(role, &mut c, message),
             Use::Role(Role::Metadata) => self.metadata = Some(string(&mut c).map_err(fault)?),
             Use::Role(role @ Role::Camera(index)) => {
                 let Some(camera) = self.cameras.get_mut(&index) else { return Ok(()) };
@@ -212,20 +239,21 @@ impl<'a> Writers<'a> {
         Ok(())
     }
 
-    fn add_lidar(&mut self, c: &mut Cursor<'_>, message: Message<'_>) -> Result<(), String> {
+    fn add_lidar(&mut self, role: Role, c: &mut Cursor<'_>, message: Message<'_>) -> Result<(), String> {
+        let Some(lidar) = self.lidars.get_mut(&role) else { return Ok(()) };
         let fault = |fault: super::cursor::MessageFault| fault.to_string();
-        let frame = match &mut self.lidar {
+        let frame = match &mut lidar.writer {
             LidarWriter::Clouds(sweeps) => {
                 let cloud = Fields::read(c).map_err(fault)?;
                 let stamp = stamp(&mut self.n_unstamped, &cloud.header, message);
-                self.fields = FieldNames { time: cloud.time_name, ring: cloud.ring_name, n_rows: cloud.height };
+                lidar.fields = FieldNames { time: cloud.time_name, ring: cloud.ring_name, n_rows: cloud.height };
                 sweeps.add(stamp, cloud.height, cloud.points())?;
                 Some(cloud.header.frame)
             }
             LidarWriter::Livox(sweeps) => {
                 let (header, points) = livox_points(c).map_err(fault)?;
                 let stamp = stamp(&mut self.n_unstamped, &header, message);
-                self.fields = FieldNames { time: Some("offset_time"), ring: None, n_rows: 1 };
+                lidar.fields = FieldNames { time: Some("offset_time"), ring: None, n_rows: 1 };
                 sweeps.add(stamp, 1, points.into_iter())?;
                 Some(header.frame)
             }
@@ -238,10 +266,15 @@ impl<'a> Writers<'a> {
             }
         };
         if let Some(frame) = frame {
-            self.frame_of.entry(Role::Lidar).or_insert(frame);
+            self.frame_of.entry(role).or_insert(frame);
         }
         Ok(())
     }
+}
+
+/// A name of letters, digits and `_` from that of a topic.
+fn word(topic: &str) -> String {
+    topic.trim_matches('/').chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
 /// Says how to import the rest.

@@ -320,3 +320,23 @@ fn options_that_do_not_fit_are_refused_by_name() {
     assert!(error.contains("no transform from \"odom\" to \"velodyne\" in tf_static"), "{error}");
     assert_eq!(folder.path().read_dir().expect("lists").count(), 0, "nothing is written");
 }
+
+#[test]
+fn second_lidar_of_bag_is_one_of_the_drive() {
+    let folder = folder();
+    let mut import = of(bag("street_mcap"), &folder);
+    let topic = |role: &str| (role.to_owned(), "/velodyne_points".to_owned());
+    import.options.ros.topics = vec![topic("lidar"), topic("lidar.1")];
+    let report = import.run().expect("imports");
+    assert_eq!(report.iter().filter(|line| line.contains("/velodyne_points")).count() % 2, 0, "{report:?}");
+    let drive = Drive::open(&import.out).expect("opens");
+    let lidars: Vec<_> = drive.lidars().collect();
+    assert_eq!((lidars.len(), lidars[0].files.len(), lidars[1].files.len()), (2, 3, 3));
+    assert_eq!(drive.manifest().lidar_name(1), "velodyne_points_1");
+    assert_eq!(lidars[0].stamps, lidars[1].stamps);
+    assert_eq!(drive.rig().body_from_other_lidars, [drive.rig().body_from_lidar]);
+    let mut gap = of(bag("street_mcap"), &folder);
+    gap.options.ros.topics = vec![topic("lidar"), topic("lidar.2")];
+    let error = gap.run().expect_err("has no lidar.1").to_string();
+    assert!(error.contains("lidar.1 is missing"), "{error}");
+}

@@ -61,8 +61,8 @@ pub(super) fn deskewed(
 ) -> (OneSweep, Vec<SubmapPoint>) {
     let kept = KeptPoints::of(sweep, MIN_RANGE_M, 0.0);
     let mut rows = vec![SubmapPoint::default(); kept.indices.len()];
-    let mut submap = OpenSubmap::new(begin, raw.header.n_rings);
+    let mut submap = OpenSubmap::new(begin, 1);
     let body = begin.translation.vector;
-    submap.append(&mut rows, 0, SweepRows { seq: 0, raw: &raw.rows, sweep, kept: &kept }, registered, body);
+    submap.append(&mut rows, 0, SweepRows { raw: raw.view(), sweep, kept: &kept }, registered, body);
     (OneSweep { frame: submap.frame, sweep: submap.header.sweeps[0] }, rows)
 }

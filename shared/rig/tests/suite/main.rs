@@ -2,6 +2,7 @@
 
 mod cameras;
 mod lidar;
+mod other_lidars;
 mod refining;
 mod sources;
 mod support;

@@ -10,7 +10,7 @@ use simulation::{DriveSpec, RigSpec, write_drive};
 fn refined(copied: &Copied) -> Refined {
     let drive = copied.open();
     let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
-    Refined::of(&drive, &survey)
+    Refined::of(&drive, &survey, &SurveySettings::default()).expect("refined")
 }
 
 fn of<'a>(refined: &'a Refined, subject: &str, quantity: &str) -> &'a Change {
@@ -118,7 +118,7 @@ fn ring_angles_of_a_poor_unit_come_nearer_to_the_truth() {
     write_drive(&spec, &path, &mut |_| {}).expect("simulated");
     let drive = formats::drive::Drive::open(&path).expect("a drive");
     let survey = Survey::of(&drive, &SurveySettings::default()).expect("surveyed");
-    let found = Refined::of(&drive, &survey);
+    let found = Refined::of(&drive, &survey, &SurveySettings::default()).expect("refined");
     let truth = std::fs::read_to_string(path.join("truth/lidar_errors.csv")).expect("reads");
     let truth: Vec<f64> = truth
         .lines()

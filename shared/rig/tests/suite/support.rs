@@ -28,6 +28,19 @@ impl Recorded {
     pub fn path(&self) -> PathBuf {
         self.folder.path().join("drive")
     }
+
+    pub fn manifest(&self) -> Manifest {
+        Drive::open(&self.path()).expect("a drive").manifest().clone()
+    }
+}
+
+/// A street with turns, by two LiDARs.
+pub fn with_two_lidars() -> &'static Recorded {
+    static DRIVE: OnceLock<Recorded> = OnceLock::new();
+    DRIVE.get_or_init(|| {
+        let rig = RigSpec::built_in("twin").expect("built in");
+        Recorded::of(&DriveSpec { rig, ..DriveSpec::urban(TURNS_SEED, 9.0).sparse(2) })
+    })
 }
 
 /// A street with three pinhole cameras and an upright LiDAR.
@@ -67,8 +80,7 @@ impl Copied {
         for entry in fs::read_dir(recorded.path()).expect("lists").flatten() {
             symlink(entry.path(), folder.path().join(entry.file_name())).expect("links");
         }
-        let manifest = Drive::open(&recorded.path()).expect("a drive").manifest().clone();
-        Self { folder, manifest }
+        Self { folder, manifest: recorded.manifest() }
     }
 
     pub fn path(&self) -> &Path {
@@ -130,7 +142,7 @@ impl Copied {
 
 pub fn doubts(drive: &Drive, settings: &SurveySettings) -> Vec<String> {
     let survey = Survey::of(drive, settings).expect("surveyed");
-    let report = Report::of(drive, &survey, settings.untimed_turn);
+    let report = Report::of(drive, &survey, settings).expect("checked");
     report.doubts().map(|verdict| format!("{} {}", verdict.subject, verdict.check)).collect()
 }
 

@@ -114,11 +114,14 @@ impl Segmenter for SphericalModel {
         input.check(classes)?;
         let heights_m = ground::heights(input);
         let ranges: Vec<_> = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        let n_pixels = rows_of(input.header) * self.settings.columns;
+        // LiDARs of one vehicle may have different numbers of rings.
+        let n_pixels_of = |sweep: &SubmapSweep| rows_of(input.header, sweep) * self.settings.columns;
+        let n_pixels = ranges.iter().map(|(of, _)| n_pixels_of(of)).max().unwrap_or(1);
         let mut of_pixels = std::mem::take(&mut *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner));
         of_pixels.resize(ranges.len() * n_pixels, [0; MAX_CLASSES]);
         let pixels_of_sweep = |number: usize, (of, points): &(SubmapSweep, Range<usize>), votes: &mut [Vote]| {
             let sweep = range_sweep(input, of, points.clone(), self.settings.columns, &heights_m);
+            let votes = &mut votes[..n_pixels_of(of)];
             self.vote(&sweep.polar, votes)?;
             self.options.refinement.of_image(&sweep.polar, &self.classes, votes);
             let first = (number * n_pixels) as u32;

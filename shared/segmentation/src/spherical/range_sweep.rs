@@ -30,14 +30,17 @@ pub fn point_ranges(input: &ModelInput<'_>) -> Vec<(SubmapSweep, Range<usize>)> 
     input.header.sweeps[..n_sweeps].iter().map(range).filter(|(_, range)| range.end <= input.points.len()).collect()
 }
 
-/// Number of rows of the range images.
-pub fn rows_of(header: &SubmapHeader) -> usize {
-    if has_rings(header) { (header.n_rings as usize).min(256) } else { ROWS_WITHOUT_RINGS }
+/// Number of rows of the range image of a sweep.
+pub fn rows_of(header: &SubmapHeader, sweep: &SubmapSweep) -> usize {
+    match n_rings(header, sweep) {
+        Some(n_rings) => n_rings.min(256),
+        None => ROWS_WITHOUT_RINGS,
+    }
 }
 
-/// Sensors with patterns that do not repeat have no rings.
-fn has_rings(header: &SubmapHeader) -> bool {
-    header.n_rings > 1
+/// Rings of the LiDAR of a sweep. Sensors with patterns that do not repeat have none.
+fn n_rings(header: &SubmapHeader, sweep: &SubmapSweep) -> Option<usize> {
+    Some(header.ring_counts().of(sweep.lidar) as usize).filter(|n_rings| *n_rings > 1)
 }
 
 /// Rows of points without rings: equal steps from the highest to the lowest elevation of a sweep.
@@ -67,7 +70,7 @@ pub fn range_sweep(
     columns: usize,
     heights_m: &[f32],
 ) -> RangeSweep {
-    let rows = rows_of(input.header);
+    let rows = rows_of(input.header, sweep);
     let of_sweep = &input.points[points.clone()];
     let ray = |point: &SubmapPoint| {
         let share = point.offset_nanos as f32 / sweep.duration_nanos.max(1) as f32;
@@ -75,7 +78,7 @@ pub fn range_sweep(
         let origin = |i: usize| begin[i] + share.min(1.0) * (end[i] - begin[i]);
         [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
     };
-    let elevation_rows = (!has_rings(input.header)).then(|| ElevationRows::of(of_sweep));
+    let elevation_rows = n_rings(input.header, sweep).is_none().then(|| ElevationRows::of(of_sweep));
     let placed = of_sweep.iter().map(|point| {
         let [x, y, z] = ray(point);
         let range_m = (x * x + y * y + z * z).sqrt();

@@ -1,7 +1,9 @@
 //! Lidar capture with data and position packets, and the labels of the returns.
 
 use super::files::Folder;
+use super::manifest::lidar_folder;
 use crate::error::SimulationError;
+use crate::rig::OtherLidarSpec;
 use crate::sensors::gnss::Epoch;
 use crate::simulation::Simulation;
 use crate::spec::DriveReport;
@@ -68,6 +70,38 @@ pub fn write(
     capture.finish().map_err(SimulationError::write(&path))?;
     let labels = revolutions.finish();
     write_labels(folder, report, &labels)
+}
+
+/// Writes the captures of the LiDARs after the first. They have no labels.
+pub fn write_others(
+    simulation: &Simulation,
+    folder: &Folder,
+    report: &mut DriveReport,
+    done: &mut dyn FnMut(u64),
+) -> Result<(), SimulationError> {
+    for (index, OtherLidarSpec { name, lidar: spec }) in simulation.rig.other_lidars.iter().enumerate() {
+        let path = folder.path(&format!("{}/000000.pcap", lidar_folder(name)))?;
+        let file = File::create(&path).map_err(SimulationError::write(&path))?;
+        let mut capture = pcap::Writer::new(BufWriter::new(file)).map_err(SimulationError::write(&path))?;
+        let lidar = simulation.other_lidar(index, spec);
+        let n_packets = lidar.model().n_packets(simulation.spec.seconds);
+        for first in (0..n_packets).step_by(BATCH as usize) {
+            let last = (first + BATCH).min(n_packets);
+            for (packet, blocks) in (first..last).zip(&lidar.packets(first..last)) {
+                let payload = lidar.payload(packet, blocks);
+                let stamp = lidar.packet_stamp(packet);
+                capture.write_udp(stamp, DATA_PORT, &payload).map_err(SimulationError::write(&path))?;
+                for found in blocks.iter().flat_map(|block| block.returns.iter().flatten()) {
+                    report.n_returns += 1;
+                    report.returns_by_class[found.class as usize] += 1;
+                }
+            }
+            report.n_packets += last - first;
+            done(last - first);
+        }
+        capture.finish().map_err(SimulationError::write(&path))?;
+    }
+    Ok(())
 }
 
 fn write_labels(folder: &Folder, report: &mut DriveReport, labels: &[u32]) -> Result<(), SimulationError> {

@@ -1,6 +1,6 @@
 //! `drive.toml` of a simulated drive: nominal mountings and file names.
 
-use crate::rig::{CameraSpec, MosaicSpec};
+use crate::rig::{CameraSpec, MosaicSpec, OtherLidarSpec};
 use crate::sensors::gnss::ORIGIN;
 use crate::sensors::mosaic::{BIT_DEPTH, WHITE_EXPOSURE_NANOS, WHITE_REFLECTANCE};
 use crate::spec::DriveSpec;
@@ -22,8 +22,12 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
         antenna_in_body: gnss.antenna_in_body,
     });
     let name = format!("simulated {} drive, seed {}, {} s", spec.town.name(), spec.seed, spec.seconds);
-    let lidar = LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into());
+    let lidar = LidarEntry {
+        name: rig.lidar_name.clone(),
+        ..LidarEntry::of_captures(rig.lidar.model.name(), rig.lidar.body_from_lidar.into())
+    };
     Manifest {
+        other_lidars: rig.other_lidars.iter().map(other_lidar).collect(),
         cameras: if spec.cameras { rig.cameras.iter().enumerate().map(camera).collect() } else { Vec::new() },
         mosaics: if spec.mosaics {
             rig.mosaics.iter().map(|entry| mosaic(entry, spec.mosaic_exposure_nanos)).collect()
@@ -44,6 +48,19 @@ pub fn manifest(spec: &DriveSpec) -> Manifest {
             body_from_imu: None,
         }),
         ..Manifest::of_lidar(&name, lidar)
+    }
+}
+
+/// Folder of a LiDAR after the first.
+pub fn lidar_folder(name: &str) -> String {
+    format!("lidar_{name}")
+}
+
+fn other_lidar(OtherLidarSpec { name, lidar }: &OtherLidarSpec) -> LidarEntry {
+    let folder = lidar_folder(name);
+    LidarEntry {
+        name: Some(name.clone()),
+        ..LidarEntry::new(lidar.model.name(), "pcap", &folder, lidar.body_from_lidar.into())
     }
 }
 

@@ -55,6 +55,7 @@ pub fn write_simulation(
     let epochs = simulation.epochs();
     write_pose_sensors(simulation, &folder, &epochs)?;
     lidar_files::write(simulation, &folder, &epochs, &mut report, &mut |n| progress_meter.add(n as f64 * PACKET_WORK))?;
+    lidar_files::write_others(simulation, &folder, &mut report, &mut |n| progress_meter.add(n as f64 * PACKET_WORK))?;
     if simulation.spec.cameras {
         report.n_images = camera_files::write_images(simulation, &folder, &exposures, &mut progress_meter)?;
     }

@@ -1,5 +1,6 @@
 //! Progress of writing a drive, in measured work.
 
+use crate::sensors::lidar::LidarModel;
 use crate::simulation::Simulation;
 use geometry::CameraModel;
 
@@ -27,7 +28,9 @@ impl<'a> Progress<'a> {
     /// Nothing is done yet. `report` receives the share that is done, 0 to 1.
     pub fn new(simulation: &Simulation, n_exposures: usize, report: &'a mut dyn FnMut(f64)) -> Self {
         let Simulation { spec, rig, .. } = simulation;
-        let packets = spec.lidar_model().n_packets(spec.seconds) as f64 * PACKET_WORK;
+        let models = std::iter::once(rig.lidar.model).chain(rig.other_lidars.iter().map(|other| other.lidar.model));
+        let n_packets: u64 = models.map(|model| LidarModel::of(model).n_packets(spec.seconds)).sum();
+        let packets = n_packets as f64 * PACKET_WORK;
         let images: f64 = rig.cameras.iter().map(|camera| image_work(&camera.lens)).sum();
         let mosaics = rig.mosaics.len() as f64 * MOSAIC_WORK;
         let exposure = if spec.cameras { images } else { 0.0 } + if spec.mosaics { mosaics } else { 0.0 };

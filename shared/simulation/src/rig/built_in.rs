@@ -4,11 +4,12 @@ use super::spec::RigSpec;
 use std::path::Path;
 
 /// Names and texts of the built-in rigs, the default one first.
-const BUILT_IN: [(&str, &str); 4] = [
+const BUILT_IN: [(&str, &str); 5] = [
     ("l3d2", include_str!("../../rigs/l3d2.toml")),
     ("survey", include_str!("../../rigs/survey.toml")),
     ("nuscenes", include_str!("../../rigs/nuscenes.toml")),
     ("kitti", include_str!("../../rigs/kitti.toml")),
+    ("twin", include_str!("../../rigs/twin.toml")),
 ];
 
 impl RigSpec {

@@ -1,7 +1,7 @@
 //! Calibration errors: the true mountings differ from the nominal ones in `drive.toml` by a seeded error.
 
-use super::spec::RigSpec;
-use formats::manifest::{Calibration, MountingEntry};
+use super::spec::{OtherLidarSpec, RigSpec};
+use formats::manifest::{Calibration, LidarMountingEntry, MountingEntry};
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 use random::{gauss, hash};
 
@@ -31,15 +31,23 @@ impl RigSpec {
             let [_, shift] = errors.draw();
             gnss.antenna_in_body = (Vector3::from(gnss.antenna_in_body) + shift).into();
         }
+        for other in &mut rig.other_lidars {
+            errors.mount(&mut other.lidar.body_from_lidar);
+        }
         rig
     }
 
     /// The mountings by sensor, for `truth/calibration.toml`.
     pub fn calibration(&self) -> Calibration {
         let entry = |name: &str, pose: Pose| MountingEntry { name: name.to_owned(), body_from_camera: pose.into() };
+        let other = |OtherLidarSpec { name, lidar }: &OtherLidarSpec| LidarMountingEntry {
+            name: name.clone(),
+            body_from_lidar: lidar.body_from_lidar.into(),
+        };
         Calibration {
             antenna_in_body: self.gnss.map(|gnss| gnss.antenna_in_body),
             body_from_lidar: self.lidar.body_from_lidar.into(),
+            other_lidars: self.other_lidars.iter().map(other).collect(),
             cameras: self.cameras.iter().map(|camera| entry(&camera.name, camera.body_from_camera)).collect(),
             mosaics: self.mosaics.iter().map(|mosaic| entry(&mosaic.name, mosaic.body_from_camera)).collect(),
         }

@@ -1,6 +1,8 @@
 //! Reads rig files.
 
-use super::spec::{CameraSpec, LidarSpec, MosaicSpec, RigSpec};
+mod lidars;
+
+use super::spec::{CameraSpec, MosaicSpec, RigSpec};
 use crate::sensors::gnss::{GnssSpec, Receiver};
 use crate::sensors::imu::{Grade, ImuSpec};
 use crate::sensors::mosaic::{MosaicModel, SIZE};
@@ -8,7 +10,6 @@ use crate::sensors::trigger::TriggerSpec;
 use formats::manifest::rules;
 use formats::problems::FileError;
 use formats::toml_file::TomlFile;
-use formats::velodyne::Model;
 use geometry::{CameraModel, Isometry3, Pose, UnitQuaternion, Vector3};
 use nalgebra::{Matrix3, Rotation3};
 use serde::Deserialize;
@@ -34,6 +35,9 @@ struct RawMounting {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawLidar {
+    /// Required if there are several.
+    #[serde(default)]
+    name: Option<String>,
     model: String,
     mounting: RawMounting,
 }
@@ -91,7 +95,8 @@ fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let name: Option<String> = file.required("name", &[]);
     let body_height_m =
         file.required("body_height_m", &[]).inspect(|h| within(&mut file, "body_height_m", *h, 0.0, 3.0));
-    let lidar = file.required("lidar", &[]).and_then(|raw| lidar(&mut file, &raw));
+    let lidars: Vec<Option<RawLidar>> = file.one_or_more("lidar", &[]);
+    let lidars = lidars::lidars(&mut file, lidars);
     // Those that cannot be read are among the problems.
     let cameras: Vec<RawCamera> = file.list("camera", &[]).into_iter().flatten().collect();
     let mosaics: Vec<RawMosaic> = file.list("mosaic", &[]).into_iter().flatten().collect();
@@ -110,25 +115,25 @@ fn read(path: &Path, text: &str) -> Result<RigSpec, FileError> {
     let gnss = gnss.and_then(|raw| gnss_spec(&mut file, &raw));
     let imu: Option<RawImu> = file.optional("imu", &[]);
     let imu = imu.and_then(|raw| imu_spec(&mut file, &raw));
-    match (name, body_height_m, lidar, mosaics.into_iter().collect()) {
-        (Some(name), Some(body_height_m), Some(lidar), Some(mosaics)) if file.is_sound() => Ok(RigSpec {
-            name,
-            body_height_m,
-            lidar,
-            trigger: TriggerSpec { rate_hz: trigger.rate_hz, way_m: trigger.way_m },
-            cameras,
-            mosaics,
-            gnss,
-            imu,
-        }),
+    match (name, body_height_m, lidars, mosaics.into_iter().collect()) {
+        (Some(name), Some(body_height_m), Some((lidar, lidar_name, other_lidars)), Some(mosaics))
+            if file.is_sound() =>
+        {
+            Ok(RigSpec {
+                name,
+                body_height_m,
+                lidar,
+                lidar_name,
+                other_lidars,
+                trigger: TriggerSpec { rate_hz: trigger.rate_hz, way_m: trigger.way_m },
+                cameras,
+                mosaics,
+                gnss,
+                imu,
+            })
+        }
         _ => Err(file.into_error()),
     }
-}
-
-fn lidar(file: &mut TomlFile, raw: &RawLidar) -> Option<LidarSpec> {
-    let body_from_lidar = pose(file, "lidar.mounting", &raw.mounting);
-    let model = one_of(file, "lidar.model", &raw.model, &Model::ALL.map(|model| (model.name(), model)))?;
-    Some(LidarSpec { model, body_from_lidar })
 }
 
 fn camera(file: &mut TomlFile, index: usize, raw: RawCamera) -> CameraSpec {
@@ -204,6 +209,7 @@ fn camera_pose(file: &mut TomlFile, key: &str, raw: &RawMounting) -> Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use formats::velodyne::Model;
 
     #[test]
     fn rig_file_error_lists_every_problem_with_its_line() {

@@ -12,4 +12,4 @@ pub use crate::sensors::gnss::GnssSpec;
 pub use crate::sensors::imu::ImuSpec;
 pub use crate::sensors::trigger::TriggerSpec;
 pub use calibration::CalibrationError;
-pub use spec::{CameraSpec, LidarSpec, MosaicSpec, RigSpec};
+pub use spec::{CameraSpec, LidarSpec, MosaicSpec, OtherLidarSpec, RigSpec};

@@ -14,8 +14,12 @@ pub struct RigSpec {
     pub name: String,
     /// Height of the body frame above the road, 0 to 3 m.
     pub body_height_m: f64,
-    /// The LiDAR.
+    /// The first LiDAR.
     pub lidar: LidarSpec,
+    /// Name of the first LiDAR, if there are others.
+    pub lidar_name: Option<String>,
+    /// The other LiDARs.
+    pub other_lidars: Vec<OtherLidarSpec>,
     /// Trigger of all cameras.
     pub trigger: TriggerSpec,
     /// Color cameras by index.
@@ -35,6 +39,15 @@ pub struct LidarSpec {
     pub model: Model,
     /// Mounting.
     pub body_from_lidar: Pose,
+}
+
+/// A LiDAR after the first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OtherLidarSpec {
+    /// Name, also of its folder in the drive.
+    pub name: String,
+    /// Model and mounting.
+    pub lidar: LidarSpec,
 }
 
 /// A color camera.

@@ -450,7 +450,7 @@ fn states() -> Vec<Vec<u8>> {
     };
     let stage = [3; 40];
     write_state(&path, &runner, std::iter::once(&stage[..]), &[]).expect("writes").commit().expect("saves");
-    let position = formats::drive::SourcePosition::Clouds { next: 4, n_bad: 1 };
+    let position = formats::drive::SourcePosition::Clouds { next: 4, taken: 2, n_bad: 1 };
     vec![
         fs::read(path).expect("reads"),
         encode_state(2, &runner).expect("encodes"),

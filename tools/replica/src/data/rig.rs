@@ -3,6 +3,7 @@
 mod calibrate;
 mod check;
 mod new;
+mod other_lidar;
 mod questions;
 
 use clap::Subcommand;

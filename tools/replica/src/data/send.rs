@@ -152,6 +152,14 @@ fn captures(path: &Path, drive: Option<&Drive>) -> anyhow::Result<Vec<PathBuf>> 
     let Some(drive) = drive else { return Ok(vec![path.to_owned()]) };
     let format = &drive.manifest().lidar.format;
     ensure!(format == "pcap", "{}: the sweeps are {format} files, only captures (pcap) can be sent", path.display());
+    let names: Vec<_> = (0..drive.lidars().count()).map(|index| drive.manifest().lidar_name(index)).collect();
+    ensure!(
+        names.len() == 1,
+        "{}: has the captures of {} LiDARs ({}); send each of them by its file, to the port of that LiDAR",
+        path.display(),
+        names.len(),
+        names.join(", ")
+    );
     Ok(drive.sweep_files().to_vec())
 }
 

@@ -24,9 +24,10 @@ impl OtherSensors {
         estimates.into_iter().map(|(name, estimate)| format!("clock of {name}: {estimate}")).collect()
     }
 
-    /// Collects the doubts. `lidar`: counters of packets; `of_packets`: counters of the sentences in position packets.
-    pub fn doubt(&self, lidar: &LidarStats, of_packets: LogStats, doubts: &mut Doubts) {
-        let has_others = self.frames.is_some() || self.samples.is_some() || self.tally.fixes > 0;
+    /// Collects the doubts. `lidar`: counters of packets; `of_packets`: counters of the sentences in position packets; `other_lidars`:
+    /// whether there are LiDARs after the first.
+    pub fn doubt(&self, lidar: &LidarStats, of_packets: LogStats, other_lidars: bool, doubts: &mut Doubts) {
+        let has_others = other_lidars || self.frames.is_some() || self.samples.is_some() || self.tally.fixes > 0;
         doubts.clock(lidar, has_others);
         doubts.files(&self.tally, 0, 0);
         doubts.log(&self.log_stats(of_packets), self.tally.gnss_rows, self.tally.fixes);
@@ -35,12 +36,11 @@ impl OtherSensors {
             doubts.outside(counts.before + counts.after, n_frames);
             doubts.late(counts.late, n_frames, self.limits.max_late_s);
         }
-        doubts.silent(&self.silent_sensors());
         self.doubt_clocks(doubts);
     }
 
     /// Cameras without an image, and logs without a measurement.
-    fn silent_sensors(&self) -> Vec<String> {
+    pub fn silent_sensors(&self) -> Vec<String> {
         let mut sensors = Vec::new();
         if self.span.is_none_or(|[begin, end]| end - begin < MIN_SENSOR_NANOS) {
             return sensors;
@@ -65,15 +65,16 @@ impl OtherSensors {
         sensors
     }
 
-    /// Sensors whose clock differs from that of the LiDAR. Images and sentences come later than they were measured, and how much later
-    /// is not known: up to the limit of lateness that is no offset.
+    /// Sensors whose clock differs from that of the first LiDAR. Images and sentences come later than they were measured, and how much
+    /// later is not known: up to the limit of lateness that is no offset.
     fn doubt_clocks(&self, doubts: &mut Doubts) {
         let estimates = self.clocks.estimates();
         let Some((_, lidar)) = estimates.iter().find(|(name, _)| *name == LIDAR) else { return };
         let limit = self.limits.max_clock_offset_s;
         for (name, ClockEstimate { offset_s, .. }) in &estimates {
             let behind_s = offset_s - lidar.offset_s;
-            let delay_s = if *name == "imu" { 0.0 } else { self.limits.max_late_s };
+            let is_soon = *name == "imu" || name.starts_with(LIDAR);
+            let delay_s = if is_soon { 0.0 } else { self.limits.max_late_s };
             if behind_s < -limit || behind_s > limit + delay_s {
                 doubts.clock_offset(name, behind_s, limit, delay_s);
             }

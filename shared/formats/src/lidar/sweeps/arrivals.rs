@@ -7,6 +7,7 @@ use crate::lidar::reorder::{Held, Place, n_lost};
 use crate::lidar::{ClockReference, Model};
 use crate::velodyne::{DATA_PACKET_BYTES, POSITION_PACKET_BYTES, PositionPacket};
 use geometry::Stamp;
+use std::net::SocketAddrV4;
 
 impl SweepReader {
     /// The next data packet by the clock of the sensor. Returns the number of packets lost before it. `None` at the end, or if no
@@ -38,6 +39,14 @@ impl SweepReader {
     fn sort_out(&mut self, arrival: Arrival) {
         let place = Place { file: arrival.file, offset: arrival.offset, begin: arrival.begin };
         self.at.read = Some(place);
+        let is_of_other = |(sender, port): &(SocketAddrV4, u16)| {
+            // Status packets of the other LiDAR go to other ports.
+            (arrival.source, arrival.port) == (*sender, *port)
+                || arrival.source.ip() == sender.ip() && sender.ip() != self.sensor.ip()
+        };
+        if self.others.iter().any(is_of_other) {
+            return;
+        }
         let (payload, stats) = (self.captures.payload(), &mut self.at.stats);
         // The sensor sends other packets from other ports.
         if arrival.source.ip() != self.sensor.ip() {

@@ -6,7 +6,6 @@ use crate::plan::TextFile;
 use crate::point_times::TimeForm;
 use crate::rings::{Elevations, Rings};
 use crate::ros::cloud::RawPoint;
-use crate::sweeps::LIDAR_FOLDER;
 use formats::cloud::{CloudPoint, FiredPoint};
 use formats::drive::TIMES_FILE;
 use formats::lidar::{Lidar, Model, SweepReader};
@@ -163,6 +162,7 @@ impl Sweeps {
         mut self,
         source: &Path,
         topic: &str,
+        place: &str,
         fields: &FieldNames,
     ) -> Result<(Model, TextFile, Vec<String>), ImportError> {
         if self.decision.is_none() {
@@ -214,7 +214,7 @@ impl Sweeps {
                 report.push(format!("{n} {what}"));
             }
         }
-        let file = TextFile { place: Path::new(LIDAR_FOLDER).join(TIMES_FILE), text: times.join("\n") + "\n" };
+        let file = TextFile { place: Path::new(place).join(TIMES_FILE), text: times.join("\n") + "\n" };
         Ok((decision.model, file, report))
     }
 }

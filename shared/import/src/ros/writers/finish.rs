@@ -1,6 +1,6 @@
 //! The manifest and the report when all messages were read.
 
-use super::{LidarWriter, Writers};
+use super::{LidarFiles, LidarWriter, Writers};
 use crate::error::{At, ImportError};
 use crate::plan::{Link, TextFile};
 use crate::ros::camera::Camera;
@@ -8,7 +8,6 @@ use crate::ros::packets::PacketsKind;
 use crate::ros::rig::Mountings;
 use crate::ros::roles::Role;
 use crate::ros::{gnss, imu};
-use crate::sweeps::LIDAR_FOLDER;
 use crate::{Kind, drive_name};
 use formats::lidar::Model;
 use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest};
@@ -56,8 +55,7 @@ impl Writers<'_> {
             topics,
             roles,
             options,
-            lidar,
-            fields,
+            lidars,
             frame_of,
             cameras,
             imu,
@@ -68,25 +66,32 @@ impl Writers<'_> {
         } = self;
         let fixed = frames.take_fixed();
         let topic_of = |role: Role| roles.topics.get(&role).map_or("", |topic| topics[*topic].name.as_str());
-        let lidar = finish_lidar(source, topic_of(Role::Lidar), lidar, &fields, options.model, metadata)?;
-        let lidar_frame = frame_of.get(&Role::Lidar).cloned().unwrap_or_else(|| OUSTER_FRAME.to_owned());
-        let mut rig = Mountings::new(&frames, &lidar_frame, &options.ros)?;
-        let body_from_frame = rig.body_from(&lidar_frame).map_err(|rule| ImportError::at(source, rule))?;
-        let body_from_lidar = body_from_frame * lidar.frame_from_points;
-        let entry = LidarEntry {
-            model: lidar.model.name().into(),
-            format: lidar.format.into(),
-            folder: LIDAR_FOLDER.into(),
-            calibration: lidar.calibration,
-            body_from_lidar: body_from_lidar.into(),
-        };
+        let frame = |role: Role| frame_of.get(&role).cloned().unwrap_or_else(|| OUSTER_FRAME.to_owned());
+        let mut rig = Mountings::new(&frames, &frame(Role::Lidar), &options.ros)?;
+        let (mut entries, mut texts, mut report) = (Vec::new(), Vec::new(), Vec::new());
+        for (role, files) in lidars {
+            let (name, folder) = (files.name.clone(), files.folder.clone());
+            let lidar = match role {
+                Role::Lidar => finish_lidar(source, topic_of(role), files, options.model, metadata.clone())?,
+                _ => finish_lidar(source, topic_of(role), files, None, None)?,
+            };
+            let body_from_frame = rig.body_from(&frame(role)).map_err(|rule| ImportError::at(source, rule))?;
+            let body_from_lidar = body_from_frame * lidar.frame_from_points;
+            let entry = LidarEntry::new(lidar.model.name(), lidar.format, &folder, body_from_lidar.into());
+            entries.push(LidarEntry { name, calibration: lidar.calibration, ..entry });
+            texts.extend(lidar.texts);
+            report.extend(lidar.report);
+        }
+        let mut entries = entries.into_iter();
+        let first = entries.next().ok_or_else(|| ImportError::at(source, "no LiDAR"))?;
         let mut parts = Parts {
-            manifest: Manifest::of_lidar(&drive_name(source, Kind::Ros), entry),
+            manifest: Manifest::of_lidar(&drive_name(source, Kind::Ros), first),
             links: Vec::new(),
-            texts: lidar.texts,
-            report: lidar.report,
+            texts,
+            report,
             reasons: roles.reasons.clone(),
         };
+        parts.manifest.other_lidars = entries.collect();
         if frames.is_empty() {
             parts.report.push("the bag has no tf_static".into());
         }
@@ -181,15 +186,14 @@ impl Writers<'_> {
 fn finish_lidar(
     source: &Path,
     topic: &str,
-    writer: LidarWriter,
-    fields: &crate::ros::lidar::FieldNames,
+    LidarFiles { writer, fields, folder, .. }: LidarFiles,
     model: Option<Model>,
     metadata: Option<String>,
 ) -> Result<LidarPart, ImportError> {
     let same_axes = Pose::identity().rotation;
     match writer {
         LidarWriter::Clouds(sweeps) | LidarWriter::Livox(sweeps) => {
-            let (model, times, report) = sweeps.finish(source, topic, fields)?;
+            let (model, times, report) = sweeps.finish(source, topic, &folder, &fields)?;
             let texts = vec![times];
             Ok(LidarPart { model, format: "pcd", calibration: None, texts, report, frame_from_points: same_axes })
         }
@@ -198,7 +202,7 @@ fn finish_lidar(
             // The packets of an Ouster do not name their model.
             let is_ouster = kind == PacketsKind::Ouster;
             let model = capture.finish(model.or(is_ouster.then_some(Model::Ouster)))?;
-            let place = Path::new(LIDAR_FOLDER).join(METADATA);
+            let place = Path::new(&folder).join(METADATA);
             let metadata = metadata.filter(|_| model == Model::Ouster);
             let calibration = metadata.as_ref().map(|_| place.to_string_lossy().into_owned());
             let texts = metadata.map(|text| TextFile { place, text }).into_iter().collect();

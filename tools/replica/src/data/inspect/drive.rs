@@ -4,6 +4,7 @@ mod cameras;
 mod clocks;
 mod inertial;
 mod lidar;
+mod other_lidars;
 mod packets;
 mod page;
 mod pictures;
@@ -107,6 +108,7 @@ fn report(path: &Path, is_full: bool) -> anyhow::Result<DriveReport> {
         report.section("Drive", lines);
     }
     let lidar = lidar::add(&drive, is_full, &mut report)?;
+    other_lidars::add(&drive, &mut report);
     receiver::add(&drive, &lidar, &mut report)?;
     inertial::add(&drive, &mut report)?;
     cameras::add(&drive, is_full, &mut report);

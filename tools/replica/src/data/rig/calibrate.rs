@@ -8,7 +8,7 @@ use rig::survey::Survey;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Refine rotations of cameras and IMU and ring angles of the LiDAR by a drive.
+/// Refine rotations of cameras and IMU, ring angles of the LiDAR and mountings of further LiDARs by a drive.
 ///
 /// Prints each value with its difference from drive.toml and the standard deviation, and what the drive does not determine. Values
 /// that differ by more than two deviations are replaced. Without --out nothing is written.
@@ -27,8 +27,9 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let drive = Drive::open(&args.part.drive)?;
-    let survey = Survey::of(&drive, &args.part.settings())?;
-    let refined = Refined::of(&drive, &survey);
+    let settings = args.part.settings();
+    let survey = Survey::of(&drive, &settings)?;
+    let refined = Refined::of(&drive, &survey, &settings)?;
     for change in &refined.changes {
         println!("{change}");
     }

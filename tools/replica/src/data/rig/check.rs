@@ -26,7 +26,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let drive = Drive::open(&args.part.drive)?;
     let settings = args.part.settings();
     let survey = Survey::of(&drive, &settings)?;
-    let report = Report::of(&drive, &survey, settings.untimed_turn);
+    let report = Report::of(&drive, &survey, &settings)?;
     println!("{:<16} {:>8} {:>22} {:>22} {:>10} {:>8}", "sensor", "number", "first", "last", "interval s", "gap s");
     for sensor in &survey.stamps {
         let [first, last] =

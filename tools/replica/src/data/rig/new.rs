@@ -1,5 +1,6 @@
 //! `replica rig new`: makes a drive.toml.
 
+use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
 use anyhow::{Context, bail, ensure};
 use formats::drive::MANIFEST_FILE;
@@ -40,6 +41,9 @@ pub struct Args {
     /// Rotation of the LiDAR in the body
     #[arg(long, value_name = "ROTATION", value_parser = rotation::parse)]
     lidar_rotation: Option<UnitQuaternion<f64>>,
+    /// A further LiDAR: name, model, position (m) and rotation in the body. Once for each; the first one is then named `main`
+    #[arg(long, value_name = "NAME=MODEL@X,Y,Z[@ROTATION]", value_parser = other_lidar::parse, allow_hyphen_values = true)]
+    other_lidar: Vec<OtherLidar>,
     /// Position of the frame of the sources in the body, m; without --from, of the LiDAR
     #[arg(long, value_name = "X,Y,Z", value_parser = position, allow_hyphen_values = true)]
     position: Option<[f64; 3]>,
@@ -119,7 +123,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     lidar.format.clone_from(&args.format);
     let name = answers.name.clone().unwrap_or_else(|| default_name(&out));
     let parts = RigParts { body_from_imu: answers.body_from_imu, antenna_in_body: answers.antenna_in_body, ..parts };
-    let manifest = parts.manifest(&name, lidar, answers.origin).map_err(anyhow::Error::msg)?;
+    let mut manifest = parts.manifest(&name, lidar, answers.origin).map_err(anyhow::Error::msg)?;
+    manifest.other_lidars = args.other_lidar.iter().map(|other| other.entry(&args.format)).collect();
+    if !manifest.other_lidars.is_empty() {
+        manifest.lidar.name = Some("main".to_owned());
+    }
     let mut text = String::new();
     for note in &parts.notes {
         // Writing to a string cannot fail.

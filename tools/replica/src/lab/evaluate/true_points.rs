@@ -42,11 +42,17 @@ impl TruePoints {
         if let (Some(first), Some(last)) = (stamps().min(), stamps().max()) {
             self.cover(first, last)?;
         }
-        let label = |shot: &Shot| {
+        let lidars = cloud.has("lidar").then(|| cloud.u8s("lidar")).transpose()?;
+        ensure!(lidars.as_ref().is_none_or(|lidars| lidars.len() == shots.len()), "a column of the cloud is too short");
+        let label = |(i, shot): (usize, &Shot)| {
+            // The labels are those of the first LiDAR.
+            if lidars.as_ref().is_some_and(|lidars| lidars[i] != 0) {
+                return Err(NoLabel::NoSweep);
+            }
             let found = find_label(&self.sweeps, shot)?;
             Ok(PointLabel { class: found.class, instance: found.instance.into() })
         };
-        Ok(shots.par_iter().map(label).collect())
+        Ok(shots.par_iter().enumerate().map(label).collect())
     }
 
     /// Numbers of the sweeps without labels and of all sweeps that were read.

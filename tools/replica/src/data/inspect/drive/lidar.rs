@@ -155,7 +155,7 @@ fn decode(drive: &Drive, source: &mut SweepSource, is_full: bool, samples: &mut 
     } else {
         for k in 0..QUICK_SWEEPS.min(n_files) {
             let next = (k * n_files / QUICK_SWEEPS.min(n_files)) as u64;
-            source.resume(SourcePosition::Clouds { next, n_bad: source.n_bad_clouds() })?;
+            source.resume(SourcePosition::Clouds { next, taken: 0, n_bad: source.n_bad_clouds() })?;
             take(source)?;
         }
     }

@@ -3,7 +3,7 @@
 use crate::cloud_files::cloud_files;
 use crate::lab::evaluate::trajectory::true_trajectory;
 use anyhow::ensure;
-use formats::drive::{Drive, MANIFEST_FILE};
+use formats::drive::{Drive, MANIFEST_FILE, SweepSource};
 use formats::lidar::SweepPoint;
 use formats::ply::Vertices;
 use geometry::{Point3, Pose, Trajectory, Vector3};
@@ -68,8 +68,19 @@ fn place_sweeps(
     truth: &Trajectory,
     mut push: impl FnMut(Point3<f64>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
-    let body_from_lidar = drive.rig().body_from_lidar;
-    let mut source = drive.sweeps()?;
+    let mountings = std::iter::once(&drive.rig().body_from_lidar).chain(&drive.rig().body_from_other_lidars);
+    for (lidar, body_from_lidar) in drive.lidars().zip(mountings).filter(|(lidar, _)| !lidar.files.is_empty()) {
+        place_sweeps_of(SweepSource::open(lidar)?, body_from_lidar, truth, &mut push)?;
+    }
+    Ok(())
+}
+
+fn place_sweeps_of(
+    mut source: SweepSource,
+    body_from_lidar: &Pose,
+    truth: &Trajectory,
+    push: &mut impl FnMut(Point3<f64>) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
     let mut returns: Vec<SweepPoint> = Vec::new();
     while let Some(sweep) = source.next_sweep(|some| returns.extend_from_slice(some))? {
         // Returns of one firing are consecutive and have the same time: 32 of an HDL-32E.

@@ -1,0 +1,75 @@
+//! What was published of a LiDAR after the first.
+
+use crate::doubts::Doubts;
+use crate::rows::slice_header;
+use formats::drive::SweepInfo;
+use formats::lidar::{LidarStats, SliceInfo};
+use messages::SweepHeader;
+use serde::{Deserialize, Serialize};
+
+/// Counts since the begin of the drive.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct OtherTally {
+    /// Sweeps of the first LiDAR.
+    pub ticks: u64,
+    /// Those with returns of this LiDAR.
+    pub sweeps: u64,
+    /// Returns between two sweeps of the first LiDAR, or too many in one.
+    pub points_skipped: u64,
+    /// Cloud files that cannot be read.
+    pub bad_sweeps: u64,
+}
+
+impl OtherTally {
+    /// Counts the returns during a sweep of the first LiDAR. Header and stamp of their message; `None` without returns. `lidar`: index and
+    /// rings of the LiDAR.
+    pub fn add(
+        &mut self,
+        slice: Option<SliceInfo>,
+        first: &SweepInfo,
+        (lidar, n_rings): (usize, usize),
+    ) -> Option<(SweepHeader, i64)> {
+        // What was recorded before the first tick is no loss.
+        self.points_skipped += slice.filter(|_| self.ticks > 0).map_or(0, |slice| slice.n_skipped);
+        self.ticks += 1;
+        let slice = slice.filter(|slice| slice.n_returns > 0)?;
+        let stamp = slice.stamp?;
+        self.sweeps += 1;
+        let end = first.stamp.0 + i64::from(first.duration_nanos);
+        Some((slice_header(&slice, stamp, end, lidar, n_rings), stamp.0))
+    }
+
+    /// Names and numbers since an earlier tally.
+    pub fn since(&self, before: &Self) -> [(&'static str, u64); 4] {
+        let n_missing = |tally: &Self| tally.ticks - tally.sweeps;
+        [
+            ("sweeps", self.sweeps - before.sweeps),
+            ("sweeps_missing", n_missing(self) - n_missing(before)),
+            ("points_skipped", self.points_skipped - before.points_skipped),
+            ("bad_sweeps", self.bad_sweeps - before.bad_sweeps),
+        ]
+    }
+
+    /// Collects the doubts about the LiDAR `name` and its packets.
+    pub fn doubt(&self, name: &str, stats: &LidarStats, n_bytes: u64, doubts: &mut Doubts) {
+        let mut of_lidar = doubts.of_lidar(name);
+        of_lidar.captures(stats, n_bytes);
+        // Its stamps are matched to those of the first LiDAR.
+        of_lidar.clock(stats, true);
+        let Self { ticks, sweeps, bad_sweeps, .. } = *self;
+        of_lidar.sweeps(bad_sweeps, sweeps + bad_sweeps);
+        // A LiDAR without any returns is silent.
+        if sweeps > 0 {
+            of_lidar.missing_sweeps(ticks - sweeps, ticks);
+        }
+        doubts.add_all(of_lidar);
+    }
+}
+
+/// Counters with the name of their LiDAR; those of 0 are left out.
+pub(crate) fn named(
+    name: &str,
+    counts: impl IntoIterator<Item = (&'static str, u64)>,
+) -> impl Iterator<Item = (String, u64)> {
+    counts.into_iter().filter(|(_, n)| *n > 0).map(move |(counter, n)| (format!("lidar_{name}_{counter}"), n))
+}

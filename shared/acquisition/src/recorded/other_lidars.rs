@@ -1,0 +1,160 @@
+//! The LiDARs of a drive after the first: their returns during each of its sweeps.
+
+use crate::counters::ReportedCounts;
+use crate::doubts::Doubts;
+use crate::error::DriveError;
+use crate::other_tally::{OtherTally, named};
+use formats::drive::{Drive, SourcePosition, SweepInfo, SweepSource};
+use formats::lidar::{SweepError, SweepPoint};
+use formats::nmea::LogStats;
+use messages::SweepHeader;
+use serde::{Deserialize, Serialize};
+
+/// All LiDARs after the first.
+#[derive(Default)]
+pub(crate) struct OtherLidars(Vec<OtherLidar>);
+
+struct OtherLidar {
+    name: String,
+    n_rings: usize,
+    source: Source,
+    reported: ReportedCounts,
+    tally: OtherTally,
+    reported_tally: OtherTally,
+    n_damage_reported: usize,
+}
+
+enum Source {
+    Sweeps(SweepSource),
+    /// Why the LiDAR has no data.
+    Absent(String),
+}
+
+/// Position of a LiDAR after the first; `None` without data.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct OtherPosition {
+    source: Option<SourcePosition>,
+    tally: OtherTally,
+}
+
+impl OtherLidars {
+    /// Opens the recordings of all LiDARs after the first. `first` no longer counts their packets.
+    pub fn open(drive: &Drive, first: &mut SweepSource) -> Result<Self, DriveError> {
+        let of_drive = drive.lidars().enumerate().skip(1);
+        let mut lidars = of_drive
+            .map(|(index, of_drive)| {
+                let source = match SweepSource::open(of_drive) {
+                    _ if of_drive.files.is_empty() => Source::Absent("its folder is empty".to_owned()),
+                    Ok(source) => Source::Sweeps(source),
+                    // The drive has ticks without it.
+                    Err(error @ SweepError::NoSensor { .. }) => Source::Absent(error.to_string()),
+                    Err(error) => return Err(error.into()),
+                };
+                Ok(OtherLidar {
+                    name: drive.manifest().lidar_name(index).into_owned(),
+                    n_rings: of_drive.lidar.n_rings(),
+                    source,
+                    reported: ReportedCounts::default(),
+                    tally: OtherTally::default(),
+                    reported_tally: OtherTally::default(),
+                    n_damage_reported: 0,
+                })
+            })
+            .collect::<Result<Vec<_>, DriveError>>()?;
+        SweepSource::separate(std::iter::once(first).chain(lidars.iter_mut().filter_map(OtherLidar::sweeps_mut)));
+        Ok(Self(lidars))
+    }
+
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Passes the returns of a LiDAR during a sweep of the first one to `sink`. Returns header and stamp; `None` without returns.
+    pub fn next_sweep(
+        &mut self,
+        index: usize,
+        first: &SweepInfo,
+        sink: impl FnMut(&[SweepPoint]),
+    ) -> Result<Option<(SweepHeader, i64)>, SweepError> {
+        let Some(lidar) = self.0.get_mut(index) else { return Ok(None) };
+        let Source::Sweeps(source) = &mut lidar.source else { return Ok(None) };
+        let end = first.stamp.0 + i64::from(first.duration_nanos);
+        let slice = source.next_slice((first.stamp.0, end), sink)?;
+        lidar.tally.bad_sweeps = source.n_bad_clouds();
+        Ok(lidar.tally.add(slice, first, (index + 1, lidar.n_rings)))
+    }
+
+    /// Names and numbers of packets and sweeps since the last call, and the errors of damaged files.
+    pub fn take_news(&mut self) -> (Vec<(String, u64)>, Vec<String>) {
+        let (mut counts, mut damage) = (Vec::new(), Vec::new());
+        for lidar in &mut self.0 {
+            let Source::Sweeps(source) = &lidar.source else { continue };
+            let before = std::mem::replace(&mut lidar.reported_tally, lidar.tally);
+            let of_packets = lidar.reported.take_new(source.lidar_stats(), LogStats::default());
+            counts.extend(named(&lidar.name, lidar.tally.since(&before).into_iter().chain(of_packets)));
+            damage.extend(source.damage().iter().skip(lidar.n_damage_reported).cloned());
+            lidar.n_damage_reported = source.damage().len();
+        }
+        (counts, damage)
+    }
+
+    /// Why LiDARs have no data.
+    pub fn silent(&self) -> impl Iterator<Item = String> {
+        self.0.iter().filter_map(|lidar| match &lidar.source {
+            Source::Absent(reason) => Some(format!("lidar {} ({reason})", lidar.name)),
+            Source::Sweeps(_) if lidar.tally.sweeps == 0 => Some(format!("lidar {} (no returns)", lidar.name)),
+            Source::Sweeps(_) => None,
+        })
+    }
+
+    /// Collects the doubts about their data.
+    pub fn doubt(&self, doubts: &mut Doubts) {
+        for lidar in &self.0 {
+            let Source::Sweeps(source) = &lidar.source else { continue };
+            lidar.tally.doubt(&lidar.name, &source.lidar_stats(), source.capture_bytes(), doubts);
+        }
+    }
+
+    pub fn position(&self) -> Vec<OtherPosition> {
+        let position = |lidar: &OtherLidar| OtherPosition {
+            source: match &lidar.source {
+                Source::Sweeps(source) => Some(source.position()),
+                Source::Absent(_) => None,
+            },
+            tally: lidar.tally,
+        };
+        self.0.iter().map(position).collect()
+    }
+
+    /// Continues at a position of the same drive.
+    pub fn resume(&mut self, positions: Vec<OtherPosition>) -> Result<(), DriveError> {
+        if positions.len() != self.0.len() {
+            return Err(DriveError::OtherDrive);
+        }
+        for (lidar, OtherPosition { source: position, tally }) in self.0.iter_mut().zip(positions) {
+            let in_drive = match (&mut lidar.source, position) {
+                (Source::Sweeps(source), Some(position)) => {
+                    let in_drive = source.resume(position)?;
+                    lidar.reported = ReportedCounts::up_to(source.lidar_stats(), LogStats::default());
+                    in_drive
+                }
+                (Source::Absent(_), None) => true,
+                _ => false,
+            };
+            if !in_drive {
+                return Err(DriveError::OtherDrive);
+            }
+            (lidar.tally, lidar.reported_tally) = (tally, tally);
+        }
+        Ok(())
+    }
+}
+
+impl OtherLidar {
+    fn sweeps_mut(&mut self) -> Option<&mut SweepSource> {
+        match &mut self.source {
+            Source::Sweeps(source) => Some(source),
+            Source::Absent(_) => None,
+        }
+    }
+}

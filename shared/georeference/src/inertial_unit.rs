@@ -1,0 +1,68 @@
+//! The samples of the inertial unit: compared with the motion of the LiDAR, and passed on to those that use them.
+
+use crate::{GeoreferenceSettings, Georeferencer};
+use geometry::Pose;
+use messages::ImuRow;
+use registration::{InertialCheck, InertialSample, Registered, SelectedOdometry};
+use serde::{Deserialize, Serialize};
+
+/// An inertial unit that may be wrong.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct InertialUnit {
+    /// Compares the samples with the motion of the LiDAR; `None`: the samples are used as they are.
+    check: Option<InertialCheck>,
+    /// Whether the samples predict the motion.
+    predicts: bool,
+}
+
+impl InertialUnit {
+    /// `predicts`: its samples predict the motion.
+    pub fn new(check: Option<InertialCheck>, predicts: bool) -> Self {
+        Self { check, predicts }
+    }
+
+    /// Adds samples that are not withheld to odometry and pose graph.
+    pub fn add(
+        &mut self,
+        rows: &[ImuRow],
+        odometry: &mut SelectedOdometry,
+        (georeferencer, settings): (&mut Georeferencer, &GeoreferenceSettings),
+    ) {
+        let mut samples: Vec<InertialSample> = rows.iter().map(InertialSample::from).collect();
+        if let Some(check) = &mut self.check {
+            samples = check.add_samples(&samples);
+            forget_wrong(check, odometry, georeferencer);
+        }
+        let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
+        georeferencer.add_imu(&rows, settings);
+        if self.predicts {
+            samples.into_iter().for_each(|sample| odometry.add_imu(sample));
+        }
+    }
+
+    /// Compares the samples with the motion of a registered sweep.
+    pub fn compare(
+        &mut self,
+        registered: &Registered,
+        body_from_lidar: &Pose,
+        odometry: &mut SelectedOdometry,
+        georeferencer: &mut Georeferencer,
+    ) {
+        if let Some(check) = &mut self.check {
+            check.add_registered(registered, body_from_lidar);
+            forget_wrong(check, odometry, georeferencer);
+        }
+    }
+
+    /// What was found out about the unit, and why it was not used, if it was not.
+    pub fn report(&self) -> (Vec<String>, Option<String>) {
+        self.check.as_ref().map(|check| (check.summary(), check.doubt())).unwrap_or_default()
+    }
+}
+
+fn forget_wrong(check: &mut InertialCheck, odometry: &mut SelectedOdometry, georeferencer: &mut Georeferencer) {
+    if check.take_change() {
+        odometry.forget_imu();
+        georeferencer.forget_imu();
+    }
+}

@@ -1,0 +1,112 @@
+//! Sweeps of the other LiDARs of a vehicle: they move with the first one, which alone is matched.
+
+use crate::moving::MovingDetector;
+use crate::{Registered, Sweep, SweepMotion};
+use geometry::{Pose, Stamp};
+use serde::{Deserialize, Serialize};
+
+/// A LiDAR that is rigidly mounted beside the first one.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct OtherLidar {
+    first_from_lidar: Pose,
+    /// Its own: free space is what the rays of this LiDAR have passed, from its own position.
+    moving: MovingDetector,
+}
+
+impl OtherLidar {
+    /// With the mountings of the first and of this LiDAR.
+    pub fn new(body_from_first: &Pose, body_from_lidar: &Pose) -> Self {
+        Self { first_from_lidar: body_from_first.inverse() * body_from_lidar, moving: MovingDetector::default() }
+    }
+
+    /// The motion of this LiDAR during one of its sweeps, by that of the first one during `first`, a sweep of the same time, and its
+    /// points on moving objects. It has no match of its own.
+    pub fn follow(&mut self, sweep: &Sweep, first: &Registered) -> Registered {
+        let motion = self.motion(sweep, first);
+        if first.map_restarted {
+            self.moving = MovingDetector::default();
+        }
+        // As for the first LiDAR: without a match, standing objects would seem to move.
+        let mut moving = Vec::new();
+        if first.matched.is_some() {
+            let found = self.moving.detect(sweep, &motion);
+            self.moving.add_sweep(sweep, &motion, &found);
+            moving = found.points;
+        }
+        Registered {
+            stamp: sweep.stamp(),
+            duration_nanos: sweep.duration_nanos(),
+            motion,
+            matched: None,
+            contrast: None,
+            map_restarted: false,
+            moving,
+            ..first.clone()
+        }
+    }
+
+    fn motion(&self, sweep: &Sweep, first: &Registered) -> SweepMotion {
+        let pose_at = |stamp: Stamp| {
+            let share = match first.duration_nanos {
+                0 => 0.0,
+                duration => (stamp.0 - first.stamp.0) as f64 / f64::from(duration) - 0.5,
+            };
+            first.motion.at(share) * self.first_from_lidar
+        };
+        let begin = pose_at(sweep.stamp());
+        let end = pose_at(sweep.stamp().plus_nanos(i64::from(sweep.duration_nanos())));
+        let translation = end.translation.vector - begin.translation.vector;
+        SweepMotion {
+            mid: pose_at(sweep.mid_stamp()),
+            translation,
+            rotation: (begin.rotation.inverse() * end.rotation).scaled_axis(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TimedPoint;
+    use geometry::{Isometry3, Translation3, UnitQuaternion, Vector3};
+    use nalgebra::Matrix6;
+
+    fn pose(translation: [f64; 3], rotation: [f64; 3]) -> Pose {
+        let rotation = UnitQuaternion::from_scaled_axis(Vector3::from(rotation));
+        Isometry3::from_parts(Translation3::from(translation), rotation)
+    }
+
+    #[test]
+    fn other_lidar_moves_with_the_first_around_the_body() {
+        let (body_from_first, body_from_other) =
+            (pose([0.0, 0.0, 2.0], [0.0; 3]), pose([-1.0, 0.5, 1.8], [0.0, 0.6, 0.3]));
+        // 1 m ahead and 0.1 rad to the left in 100 ms, begun at 2 s.
+        let motion = SweepMotion {
+            mid: pose([5.0, 1.0, 2.0], [0.0, 0.0, 0.4]),
+            translation: Vector3::new(1.0, 0.2, 0.0),
+            rotation: Vector3::new(0.0, 0.0, 0.1),
+        };
+        let first = Registered {
+            stamp: Stamp(2_000_000_000),
+            duration_nanos: 100_000_000,
+            motion,
+            matched: None,
+            contrast: None,
+            predicted_by: crate::PredictionSources::default(),
+            map_restarted: false,
+            covariance: Matrix6::zeros(),
+            moving: Vec::new(),
+        };
+        let point = |offset_nanos| TimedPoint { position: [5.0, 0.0, 0.0], offset_nanos, ring: 0 };
+        let sweep = Sweep::new(Stamp(2_025_000_000), vec![point(0), point(50_000_000)], 16);
+        let found = OtherLidar::new(&body_from_first, &body_from_other).follow(&sweep, &first);
+        for (share, of_first) in [(-0.5, -0.25), (0.0, 0.0), (0.5, 0.25)] {
+            let expected = motion.at(of_first) * body_from_first.inverse() * body_from_other;
+            let error = expected.inverse() * found.motion.at(share);
+            // The path of a lever of 1.1 m is an arc.
+            assert!(error.translation.vector.norm() < 4e-4 && error.rotation.angle() < 1e-6, "{share}: {error}");
+        }
+        assert_eq!((found.stamp, found.duration_nanos), (Stamp(2_025_000_000), 50_000_000));
+        assert!(found.moving.is_empty() && found.matched.is_none());
+    }
+}

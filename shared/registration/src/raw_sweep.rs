@@ -1,0 +1,70 @@
+//! Received sweeps of all LiDARs, and how they belong together.
+
+use crate::{KeptPoints, SpinDirection, Sweep};
+use geometry::Stamp;
+use messages::{SweepHeader, SweepPoint};
+
+/// A message of topic `sweep`.
+#[derive(Clone, Copy, Debug)]
+pub struct RawSweep<'a> {
+    /// Number of the message.
+    pub seq: u64,
+    /// Time of the first shot.
+    pub stamp: Stamp,
+    /// Its header.
+    pub header: &'a SweepHeader,
+    /// Its points.
+    pub rows: &'a [SweepPoint],
+}
+
+/// A sweep for the odometry, and its points for the submap.
+#[derive(Clone, Debug)]
+pub struct PreparedSweep {
+    /// All points.
+    pub sweep: Sweep,
+    /// Those for the submap.
+    pub kept: KeptPoints,
+}
+
+impl RawSweep<'_> {
+    /// The points for the odometry. `untimed` as in [`Sweep::of_rows`].
+    pub fn sweep(&self, untimed: Option<(SpinDirection, u32)>) -> Sweep {
+        Sweep::of_rows(self.stamp, self.header, self.rows, untimed)
+    }
+    /// Whether another sweep begins during this one.
+    fn is_during(&self, other: &Self) -> bool {
+        (0..=i64::from(self.header.duration_nanos)).contains(&other.stamp.0.saturating_sub(self.stamp.0))
+    }
+}
+
+/// Groups messages: a sweep of the first LiDAR, then those of the other LiDARs that begin during it. Also returns the number of messages
+/// of other LiDARs without one of the first, which are dropped: live, either may be lost.
+pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> (Vec<Vec<M>>, u64) {
+    let (mut ticks, mut n_dropped) = (Vec::<Vec<M>>::new(), 0);
+    for message in messages {
+        match ticks.last_mut() {
+            _ if raw(&message).header.lidar == 0 => ticks.push(vec![message]),
+            Some(tick) if tick.first().is_some_and(|first| raw(first).is_during(&raw(&message))) => tick.push(message),
+            _ => n_dropped += 1,
+        }
+    }
+    (ticks, n_dropped)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sweeps_of_other_lidars_without_one_of_the_first_are_dropped() {
+        let header = |lidar| SweepHeader { duration_nanos: 100, lidar, ..SweepHeader::default() };
+        let messages = [(1, 40), (0, 50), (2, 50), (1, 151), (0, 150), (1, 160), (2, 250)];
+        let messages: Vec<(SweepHeader, i64)> = messages.map(|(lidar, stamp)| (header(lidar), stamp)).to_vec();
+        fn of(message: &(SweepHeader, i64)) -> RawSweep<'_> {
+            RawSweep { seq: 0, stamp: Stamp(message.1), header: &message.0, rows: &[] }
+        }
+        let (ticks, n_dropped) = sweeps_by_tick(messages, of);
+        let stamps: Vec<Vec<i64>> = ticks.iter().map(|tick| tick.iter().map(|message| message.1).collect()).collect();
+        assert_eq!((stamps, n_dropped), (vec![vec![50, 50], vec![150, 160, 250]], 2));
+    }
+}
