@@ -9,7 +9,6 @@ use crate::sweep;
 use acquisition::error::LiveError;
 use acquisition::live::{DueFrame, LiveLimits, LivePlan, LivePoll, LiveVehicle, OtherLimits};
 use acquisition::recorded::Trigger;
-use formats::drive::SweepInfo;
 use messages::{ImageTopic, ImuTopic, Message, MosaicTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 use std::time::{Duration, Instant};
@@ -143,8 +142,10 @@ impl Live {
             match sweep::fill(&mut loan, |sink| vehicle.lidar.poll(sink).map_err(step_error))? {
                 LivePoll::Sweep(info, n_rings, fixes) => {
                     publish_sweep(loan, &info, n_rings, outputs)?;
-                    vehicle.others.add_sweep(&info, vehicle.lidar.take_arrival());
-                    publish_other_lidars(vehicle, &info, outputs)?;
+                    for lidar in &mut vehicle.other_lidars {
+                        publish_other(|sink| lidar.next_sweep(&info, sink).map_err(step_error), outputs)?;
+                    }
+                    vehicle.add_sweep(&info);
                     let others = &mut vehicle.others;
                     if !others.has_receiver() {
                         others.add_packet_fixes(&fixes);
@@ -166,17 +167,6 @@ impl Live {
             }
         }
     }
-}
-
-/// Publishes the points of the other LiDARs during the sweep.
-fn publish_other_lidars(vehicle: &mut LiveVehicle, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
-    for lidar in &mut vehicle.other_lidars {
-        let mut loan = sweep::loan(outputs)?;
-        let found = sweep::fill(&mut loan, |sink| lidar.next_sweep(sweep, sink).map_err(step_error))?;
-        publish_other(loan, found, outputs)?;
-        vehicle.others.add_arrival_of_lidar(lidar.name(), lidar.take_arrival());
-    }
-    Ok(())
 }
 
 /// What the settings say about the sensors.

@@ -1,13 +1,16 @@
 //! Publishing shared by recorded drives and live sensors.
 
 use crate::Settings;
+use crate::sweep;
 use acquisition::doubts::{Doubt, DoubtLimits, Doubts};
 use acquisition::recorded::{CameraFileError, News, image_into, mosaic_into};
 use acquisition::rows::{gnss_row, sweep_header};
 use formats::drive::{Frame, SweepInfo};
 use formats::manifest::{CameraEntry, MosaicEntry};
 use formats::nmea::Fix;
-use messages::{GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepTopic};
+use messages::{
+    GnssRow, GnssTopic, ImageHeader, ImageTopic, MosaicHeader, MosaicTopic, SweepHeader, SweepPoint, SweepTopic,
+};
 use stage::{Loan, Outputs, StepError};
 
 /// Publishes a color image. A damaged file is skipped; its error is returned.
@@ -60,13 +63,13 @@ pub(crate) fn publish_sweep(
     outputs.publish(loan, sweep.stamp.0)
 }
 
-/// Publishes the points of another LiDAR, with header and stamp, if there are any.
+/// Publishes the points of another LiDAR that `read` passes on, if there are any. `read` returns header and stamp.
 pub(crate) fn publish_other(
-    mut loan: Loan<SweepTopic>,
-    found: Option<(SweepHeader, i64)>,
+    read: impl FnOnce(&mut dyn FnMut(&[SweepPoint])) -> Result<Option<(SweepHeader, i64)>, StepError>,
     outputs: &mut Outputs,
 ) -> Result<(), StepError> {
-    let Some((header, stamp)) = found else { return Ok(()) };
+    let mut loan = sweep::loan(outputs)?;
+    let Some((header, stamp)) = sweep::fill(&mut loan, read)? else { return Ok(()) };
     *loan.header_mut() = header;
     outputs.publish(loan, stamp)
 }

@@ -8,7 +8,7 @@ use crate::sweep;
 use acquisition::error::DriveError;
 use acquisition::recorded::{DriveAccount, DriveReader, News, NextSweep, Part, SavedDrive, Trigger, drive_problems};
 use formats::drive::SweepInfo;
-use messages::{ImuTopic, SweepPoint, SweepTopic};
+use messages::{ImuTopic, SweepTopic};
 use stage::{Context, Flow, Loan, Outputs, Problem, StepError, decode_state, encode_state};
 
 /// Incremented when the saved state changes its meaning.
@@ -82,10 +82,8 @@ impl Recorded {
     /// Publishes the points of the other LiDARs during the sweep.
     fn publish_other_lidars(&mut self, sweep: &SweepInfo, outputs: &mut Outputs) -> Result<(), StepError> {
         for index in 0..self.reader.n_other_lidars() {
-            let mut loan = sweep::loan(outputs)?;
-            let mut read = |sink: &mut dyn FnMut(&[SweepPoint])| self.reader.next_sweep_of_other(index, sweep, sink);
-            let found = sweep::fill(&mut loan, |sink| read(sink).map_err(StepError::data))?;
-            publish_other(loan, found, outputs)?;
+            let reader = &mut self.reader;
+            publish_other(|sink| reader.next_sweep_of_other(index, sweep, sink).map_err(StepError::data), outputs)?;
             // Counted before the state is saved, which has the counts.
             self.account.add_losses(&mut self.reader);
         }

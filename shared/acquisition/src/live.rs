@@ -3,6 +3,7 @@
 //! | sensor | module |
 //! |---|---|
 //! | LiDAR: UDP packets | `sensor`, `receiver` |
+//! | LiDARs after the first | `other_lidar` |
 //! | cameras: folders that fill | `images` |
 //! | GNSS receiver and IMU: lines by UDP or a serial port | `lines` |
 //! | which of them belongs to which sweep | `others` |

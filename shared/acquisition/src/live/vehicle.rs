@@ -9,6 +9,7 @@ use super::sensor::{Discarded, LiveLimits, LiveSensor};
 use crate::doubts::Doubts;
 use crate::error::LiveError;
 use crate::recorded::{News, Trigger};
+use formats::drive::SweepInfo;
 use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
 
@@ -121,6 +122,15 @@ impl LiveVehicle {
     /// Number of LiDARs.
     pub fn n_lidars(&self) -> usize {
         1 + self.other_lidars.len()
+    }
+
+    /// Adds a sweep of the first LiDAR that was published: what is measured up to its end is due. Measures the clocks of the LiDARs.
+    pub fn add_sweep(&mut self, sweep: &SweepInfo) {
+        self.others.add_sweep(sweep, self.lidar.take_arrival());
+        for lidar in &mut self.other_lidars {
+            let arrival = lidar.take_arrival();
+            self.others.add_arrival_of_lidar(lidar.name(), arrival);
+        }
     }
 
     /// Ends the reception; what waits is recorded first.
