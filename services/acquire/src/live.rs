@@ -171,7 +171,8 @@ impl Live {
 
 /// What the settings say about the sensors.
 fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
-    let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, max_late_s, cameras, .. } = settings;
+    let Settings { min_turn, quiet_s, max_undecoded_s, max_behind, max_late_s, .. } = *settings;
+    let cameras = Some(&settings.cameras).filter(|folder| !folder.is_empty());
     LivePlan {
         drive: &context.drive,
         output: &context.output,
@@ -179,16 +180,11 @@ fn plan<'a>(settings: &'a Settings, context: &'a Context) -> LivePlan<'a> {
         listen: &settings.listen,
         position_listen: &settings.position_listen,
         model: &settings.model,
-        cameras: (!cameras.is_empty()).then(|| context.launch_folder.join(cameras)),
+        cameras: cameras.map(|folder| context.launch_folder.join(folder)),
         gnss: &settings.gnss,
         imu: &settings.imu,
-        limits: LiveLimits {
-            min_turn: *min_turn,
-            quiet_s: *quiet_s,
-            max_undecoded_s: *max_undecoded_s,
-            max_behind: *max_behind,
-        },
-        other_limits: OtherLimits { max_late_s: *max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
+        limits: LiveLimits { min_turn, quiet_s, max_undecoded_s, max_behind },
+        other_limits: OtherLimits { max_late_s, max_clock_offset_s: settings.max_clock_offset_ms * 1e-3 },
         trigger: Trigger::new(settings.trigger_hz, settings.trigger_m),
     }
 }
