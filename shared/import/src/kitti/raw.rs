@@ -22,9 +22,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let has_unit = !options.lidar_only && unit.is_dir();
     let numbers = if options.lidar_only { Vec::new() } else { camera_numbers(source)? };
     let needs_stamps = has_unit || !numbers.is_empty();
-    let begins = velodyne.join("timestamps_start.txt");
-    let has_begins = begins.is_file();
-    let times = if has_begins { begins } else { velodyne.join("timestamps.txt") };
+    let times = velodyne.join("timestamps.txt");
     let sweeps = sweeps::read(&velodyne.join("data"), &times, nanos_of_date, needs_stamps, options)?;
     let velo_from_imu = if has_unit { Some(calibration(source, "calib_imu_to_velo.txt")?) } else { None };
     let body_from_velo = match &velo_from_imu {
@@ -34,10 +32,6 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
     let name = crate::drive_name(source, Kind::KittiRaw);
     let mut plan = sweeps.sweeps.plan(Kind::KittiRaw, &name, lidar(options, body_from_velo));
     plan.report.extend(sweeps.notes);
-    if has_begins {
-        let text = "stamps are those of the begin of each revolution: set slam_aggregate.untimed_turn";
-        plan.report.push(text.into());
-    }
     plan.read.extend(sweeps.times);
     plan.read.extend(velo_from_imu.map(|file| file.path().to_owned()));
     if !numbers.is_empty() {

@@ -108,22 +108,6 @@ fn all_sensors_of_kitti_raw_are_imported() {
 
 /// The devkit projects a point of the LiDAR by `P_rect_xx R_rect_00 (R|T)_velo_to_cam`.
 #[test]
-fn stamps_of_the_begin_of_revolutions_are_taken_if_they_are_there() {
-    let folder = folder();
-    let source = drive(&folder);
-    let mut import = of(&source, &folder);
-    let (report, _) = imported(&import);
-    assert!(!report.iter().any(|line| line.contains("untimed_turn")), "{report:?}");
-    write_file(&source.join("velodyne_points/timestamps_start.txt"), stamps(0).replace("25.", "25.0"));
-    import.out = folder.path().join("begins");
-    let (report, drive) = imported(&import);
-    assert!(report.iter().any(|line| line.contains("set slam_aggregate.untimed_turn")), "{report:?}");
-    let stamps: Vec<i64> = drive.sweep_stamps().iter().map(|stamp| stamp.0 - FIRST_NANOS).collect();
-    // 0.010 s instead of 0.100 s.
-    assert_eq!(stamps, [-90_000_000, -80_000_000, -70_000_000, -60_000_000]);
-}
-
-#[test]
 fn points_of_kitti_raw_project_as_in_its_devkit() {
     let folder = folder();
     let (_, drive) = imported(&of(drive(&folder), &folder));
