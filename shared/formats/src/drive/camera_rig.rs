@@ -38,7 +38,12 @@ impl CameraRig {
     }
 
     fn none() -> Self {
-        let rig = Rig { body_from_lidar: Isometry3::identity(), cameras: Vec::new(), mosaics: Vec::new() };
+        let rig = Rig {
+            body_from_lidar: Isometry3::identity(),
+            body_from_other_lidars: Vec::new(),
+            cameras: Vec::new(),
+            mosaics: Vec::new(),
+        };
         Self { folder: PathBuf::new(), manifest: None, rig, sensors: Vec::new() }
     }
 

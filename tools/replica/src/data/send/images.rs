@@ -1,7 +1,7 @@
 //! Writes images as a grabber does, in a thread of its own: a mosaic has megabytes, and packets must not wait for the disk.
 
 use anyhow::{Context, anyhow};
-use formats::drive::{Drive, Frame};
+use formats::drive::{Drive, Frame, frame_stamp};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -26,7 +26,9 @@ impl ImageWriter {
     /// Writes an image into a folder, with its stamp moved by `shift` ns. The error may be that of an earlier image.
     pub(super) fn write(&mut self, frame: &Frame, folder: &Path, shift: i64) -> anyhow::Result<()> {
         let extension = frame.path.extension().unwrap_or_default().to_string_lossy();
-        let to = folder.join(format!("{}.{extension}", frame.stamp.0.saturating_add(shift)));
+        // The receiver subtracts the camera's delay, as the reader of the drive has.
+        let stamp = frame_stamp(&frame.path).unwrap_or(frame.stamp);
+        let to = folder.join(format!("{}.{extension}", stamp.0.saturating_add(shift)));
         let job = Job { from: frame.path.clone(), to };
         if self.running.is_none() {
             let (sender, jobs) = sync_channel(MAX_WAITING);
