@@ -77,8 +77,9 @@ pub(crate) struct Sensor {
 
 impl Sensor {
     pub(crate) fn new(settings: &Settings, capture: PathBuf) -> Self {
-        let address = |text: &String| text.parse().expect("an address");
-        let (data, position) = (address(&settings.listen), address(&settings.position_listen));
+        let address = |text: &str| text.parse().expect("an address");
+        let first = settings.listen.split(',').next().expect("an address");
+        let (data, position) = (address(first), address(&settings.position_listen));
         Self { socket: UdpSocket::bind("127.0.0.1:0").expect("binds"), data, position, capture, n_bytes: 24 }
     }
 

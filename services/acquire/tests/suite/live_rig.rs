@@ -1,10 +1,15 @@
 //! Cameras, GNSS receiver and IMU of a live vehicle: the recording, the published messages, and that both agree.
 
 use crate::live::{Sensor, TIMEOUT, live, settings, simulated};
+use crate::live_two_lidars::Sender;
+use crate::other_lidars::{N_REAR_PACKETS, rear_entry, rear_packets};
 use crate::support::{BEGIN, SIZE, fix, sample, write_drive};
 use acquire::{Acquire, Settings};
+use formats::drive::{Drive, read_manifest};
 use formats::imu::csv_from_samples;
+use formats::manifest::LidarEntry;
 use formats::nmea::{gga_from_fix, rmc_from_fix};
+use formats::velodyne::{PulseStatus, encode_position_packet};
 use messages::{GnssTopic, ImageTopic, ImuTopic, MosaicTopic, SweepTopic, pod};
 use stage::testing::{Bench, context};
 use stage::{Context, Flow, Stage};
@@ -17,6 +22,8 @@ use std::time::Instant;
 #[derive(Debug, Default, PartialEq)]
 struct Published {
     n_sweeps: usize,
+    /// Of the LiDAR after the first.
+    rear: Vec<(i64, Vec<u8>)>,
     images: Vec<(i64, u32, Vec<u8>)>,
     mosaics: Vec<(i64, u32, Vec<u8>)>,
     fixes: Vec<u8>,
@@ -25,7 +32,13 @@ struct Published {
 
 impl Published {
     fn take(&mut self, bench: &mut Bench<Acquire>) {
-        self.n_sweeps += bench.take::<SweepTopic>().len();
+        for sweep in bench.take::<SweepTopic>() {
+            if sweep.header().lidar == 0 {
+                self.n_sweeps += 1;
+            } else {
+                self.rear.push((sweep.stamp(), pod::bytes_from_rows(sweep.rows()).to_vec()));
+            }
+        }
         for image in bench.take::<ImageTopic>() {
             self.images.push((image.stamp(), image.header().camera, image.rows().to_vec()));
         }
@@ -63,6 +76,18 @@ impl Vehicle {
             ..settings()
         };
         Self { folder, settings }
+    }
+
+    /// With a second LiDAR, which sends to a port of its own.
+    fn with_rear(self) -> Self {
+        let path = self.path("vehicle/drive.toml");
+        let mut manifest = read_manifest(&path).expect("reads");
+        manifest.lidar.name = Some("front".into());
+        manifest.other_lidars = vec![LidarEntry { name: Some("rear".into()), ..rear_entry("lidar_rear") }];
+        fs::write(&path, toml::to_string(&manifest).expect("encodes")).expect("writes");
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
+        let listen = format!("{},{}", self.settings.listen, socket.local_addr().expect("is bound"));
+        Self { settings: Settings { listen, ..self.settings.clone() }, ..self }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -195,6 +220,59 @@ fn live_messages_of_all_sensors_equal_those_of_the_recording() {
     for sensor in ["camera camera 0", "camera camera 1", "mosaic hs03", "gnss", "imu", "lidar"] {
         assert!(clocks.lines().any(|line| line.starts_with(&format!("{sensor},"))), "{clocks}");
     }
+}
+
+#[test]
+fn second_lidar_is_published_beside_cameras_and_logs_as_from_the_recording() {
+    let vehicle = Vehicle::new().with_rear();
+    let packets = simulated(&vehicle.path("vehicle"));
+    // The date comes from a receiver, as that of the first LiDAR.
+    let mut of_rear = vec![encode_position_packet(BEGIN, PulseStatus::Locked, &rmc_from_fix(&fix(0))).to_vec()];
+    of_rear.extend(rear_packets(|_| true).into_iter().map(|(_, payload)| payload));
+    let mut bench = vehicle.bench();
+    for path in vehicle.write_images(|_| true) {
+        wait_for("the image", || path.exists());
+    }
+    vehicle.send_logs();
+    let mut sensor = Sensor::new(&vehicle.settings, vehicle.path("recording/lidar/000.pcap"));
+    let address = vehicle.settings.listen.split(',').nth(1).expect("an address");
+    let mut rear = Sender::new(address, vehicle.path("recording/lidar_rear/000.pcap"));
+    // It is found before the first LiDAR, and its packets of a sweep come before the end of the sweep.
+    let (begin, of_rear) = of_rear.split_at(120);
+    rear.send(begin);
+    let mut of_rear = of_rear.chunks(27);
+    let mut published = Published::default();
+    for piece in packets.chunks(64) {
+        sensor.send(piece);
+        of_rear.next().into_iter().for_each(|burst| rear.send(burst));
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+        published.take(&mut bench);
+    }
+    wait_for("the last sweep", || {
+        bench.tick().expect("steps");
+        published.take(&mut bench);
+        published.images.len() >= 8 && published.mosaics.len() >= 4 && bench.counter("data_packets") >= 7600
+    });
+    bench.finish().expect("finishes");
+    published.take(&mut bench);
+    assert_eq!(bench.counter("lidar_rear_udp_packets"), 1 + N_REAR_PACKETS as u64);
+    for name in ["silent_sensors", "pps_not_locked", "pps_not_locked_rear"] {
+        assert_eq!(bench.doubt(name), None, "{name}");
+    }
+    let clocks = fs::read_to_string(vehicle.path("recording/clocks.csv")).expect("is there");
+    for sensor in ["lidar", "lidar rear", "imu", "camera camera 0"] {
+        assert!(clocks.lines().any(|line| line.starts_with(&format!("{sensor},"))), "{clocks}");
+    }
+    let drive = Drive::open(&vehicle.path("recording")).expect("is a drive");
+    let manifest = drive.manifest();
+    assert_eq!((drive.lidars().count(), manifest.cameras.len(), manifest.mosaics.len()), (2, 2, 1));
+    let (mut expected, _) = offline(&vehicle.path("recording"));
+    assert_eq!((expected.n_sweeps, expected.rear.len()), (42, 39));
+    // The last packets of a LiDAR that ends before the first one wait for others, until the recording ends.
+    let [of_live, of_recording] =
+        [&mut published, &mut expected].map(|found| std::mem::take(&mut found.rear).into_iter().take(37));
+    assert!(of_live.eq(of_recording), "sweeps of the second LiDAR differ");
+    assert!(published == expected, "live: {published:?}\noffline: {expected:?}");
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn live(folder: &Path) -> Context {
 }
 
 /// Sends bursts, and waits after each until it is in the capture, so that none is lost.
-struct Sender {
+pub(crate) struct Sender {
     socket: UdpSocket,
     address: String,
     capture: PathBuf,
@@ -45,12 +45,12 @@ struct Sender {
 }
 
 impl Sender {
-    fn new(address: &str, capture: PathBuf) -> Self {
+    pub(crate) fn new(address: &str, capture: PathBuf) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("binds");
         Self { socket, address: address.trim().to_owned(), capture, n_bytes: 24 }
     }
 
-    fn send(&mut self, burst: &[Vec<u8>]) {
+    pub(crate) fn send(&mut self, burst: &[Vec<u8>]) {
         for packet in burst {
             self.socket.send_to(packet, &self.address).expect("sends");
             self.n_bytes += 16 + 42 + packet.len() as u64;

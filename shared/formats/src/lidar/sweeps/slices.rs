@@ -59,6 +59,8 @@ impl SweepReader {
             }
         }
         slice.lost_packets = std::mem::take(&mut self.lost_packets);
+        // Fixes are those of the first LiDAR.
+        self.fixes.clear();
         Ok(SlicePoll::Complete(slice))
     }
 
