@@ -4,7 +4,7 @@
 //! the other sensors up to its end: camera images, raw mosaics, position fixes, inertial samples, each kind in the order of its
 //! stamps. The recording is read as needed; only lists of file names and position fixes are kept in memory.
 //!
-//! In live mode the packets of a LiDAR on the network, the images of a grabber and the lines of a GNSS receiver and of an IMU are first
+//! In live mode the packets of the LiDARs on the network, the images of a grabber and the lines of a GNSS receiver and of an IMU are first
 //! recorded, then decoded from the growing recording (`docs/guide/live.md`).
 //!
 //! A damaged image, cloud, packet or line is counted, reported once and skipped. It does not affect other data. If too large a
