@@ -105,8 +105,8 @@ impl Settings {
         let spin = match self.untimed_turn.as_str() {
             "clockwise" => SpinDirection::Clockwise,
             "counterclockwise" => SpinDirection::Counterclockwise,
-            "auto" => found?,
-            _ => return None,
+            // With "none" the odometry does not seek it.
+            _ => found?,
         };
         Some((spin, (self.untimed_turn_s * 1e9) as u32))
     }

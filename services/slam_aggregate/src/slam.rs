@@ -245,8 +245,8 @@ impl Stage for SlamAggregate {
             self.add_sweep((&incoming, &kept), &registered, &mut poses, outputs)?;
         }
         publish_poses(&poses, outputs)?;
-        self.odometry.turning_note().into_iter().for_each(|text| outputs.note(text));
-        self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
+        let notes = self.odometry.turning_note().into_iter().chain(self.stretches.finish());
+        notes.for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
         self.report_inertial(outputs);
         if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
