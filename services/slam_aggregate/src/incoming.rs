@@ -3,7 +3,7 @@
 use crate::Settings;
 use geometry::Stamp;
 use messages::SweepTopic;
-use registration::{KeptPoints, SpinDirection, Sweep, SweepRows};
+use registration::{KeptPoints, SelectedOdometry, Sweep, SweepRows};
 use stage::Received;
 
 /// A received sweep and its points for the odometry.
@@ -13,9 +13,9 @@ pub(crate) struct IncomingSweep {
 }
 
 impl IncomingSweep {
-    /// `found`: how the sensor turns, if the earlier sweeps have told it.
-    pub fn new(received: Received<SweepTopic>, settings: &Settings, found: Option<SpinDirection>) -> Self {
+    pub fn new(received: Received<SweepTopic>, settings: &Settings, odometry: &SelectedOdometry) -> Self {
         let stamp = Stamp(received.stamp());
+        let found = odometry.turning_at(stamp);
         let sweep = Sweep::of_rows(stamp, received.header(), received.rows(), settings.untimed_turn(found));
         Self { received, sweep }
     }

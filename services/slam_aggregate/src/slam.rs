@@ -149,7 +149,7 @@ impl SlamAggregate {
     }
 
     fn prepare(&self, received: Received<SweepTopic>) -> (IncomingSweep, KeptPoints) {
-        let incoming = IncomingSweep::new(received, &self.settings, self.odometry.turning());
+        let incoming = IncomingSweep::new(received, &self.settings, &self.odometry);
         let kept = self.settings.kept_points(&incoming.sweep);
         (incoming, kept)
     }
@@ -221,7 +221,7 @@ impl Stage for SlamAggregate {
         }
         let mut poses = Vec::new();
         for received in inputs.take::<SweepTopic>() {
-            let incoming = IncomingSweep::new(received, &self.settings, self.odometry.turning());
+            let incoming = IncomingSweep::new(received, &self.settings, &self.odometry);
             let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
             let (registered, kept) = rayon::join(|| odometry.register(sweep), || settings.kept_points(sweep));
             let registered = registered.map_err(StepError::data)?;

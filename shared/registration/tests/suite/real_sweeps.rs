@@ -188,8 +188,8 @@ fn sense_of_turning_is_found_and_keeps_the_heading() {
     );
     let mut poses: Vec<Pose> = Vec::new();
     for rigid in range_images("muehlburger", 150..341) {
-        let sweep = match odometry.turning() {
-            Some(spin) => Sweep::spinning(rigid.stamp(), rigid.points().to_vec(), 0, (spin, 100_000_000)),
+        let sweep = match odometry.turning_at(rigid.stamp()) {
+            Some(turning) => Sweep::spinning(rigid.stamp(), rigid.points().to_vec(), 0, turning),
             None => rigid.clone(),
         };
         let registered = odometry.register(&sweep).unwrap();
