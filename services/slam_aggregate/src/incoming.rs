@@ -15,8 +15,8 @@ pub(crate) struct IncomingSweep {
 impl IncomingSweep {
     pub fn new(received: Received<SweepTopic>, settings: &Settings, odometry: &SelectedOdometry) -> Self {
         let stamp = Stamp(received.stamp());
-        let found = odometry.turning_at(stamp);
-        let sweep = Sweep::of_rows(stamp, received.header(), received.rows(), settings.untimed_turn(found));
+        let untimed = settings.untimed_turn(odometry.turning_at(stamp));
+        let sweep = Sweep::of_rows(stamp, received.header(), received.rows(), untimed);
         Self { received, sweep }
     }
     pub fn rows<'a>(&'a self, kept: &'a KeptPoints) -> SweepRows<'a> {

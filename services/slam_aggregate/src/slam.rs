@@ -224,10 +224,9 @@ impl Stage for SlamAggregate {
             let incoming = IncomingSweep::new(received, &self.settings, &self.odometry);
             let (odometry, settings, sweep) = (&mut self.odometry, &self.settings, &incoming.sweep);
             let (registered, kept) = rayon::join(|| odometry.register(sweep), || settings.kept_points(sweep));
-            let registered = registered.map_err(StepError::data)?;
             let waiting = self.waiting.take().map(|received| self.prepare(received));
             let mut prepared = waiting.into_iter().chain([(incoming, kept)]);
-            for (registered, (incoming, kept)) in registered.iter().zip(prepared.by_ref()) {
+            for (registered, (incoming, kept)) in registered.map_err(StepError::data)?.iter().zip(prepared.by_ref()) {
                 self.add_sweep((&incoming, &kept), registered, &mut poses, outputs)?;
             }
             self.waiting = prepared.next().map(|(incoming, _)| incoming.received);
