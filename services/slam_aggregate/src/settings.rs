@@ -41,7 +41,7 @@ stage::settings! {
         /// from rear to rear. "none": the sweeps are rigid, as they are after deskewing. "auto": rigid until the sweeps show which of
         /// the three it is. The stamp of such a sweep is the middle of its revolution, when the sensor faces ahead.
         pub untimed_turn: String = "auto".to_owned() => stage::one_of(&["auto", "none", "clockwise", "counterclockwise"]);
-        /// Time of one revolution of such a sensor, s.
+        /// Time of one revolution of such a sensor, s; with "auto" at most the time between two sweeps.
         pub untimed_turn_s: f64 = 0.1 => stage::within(0.02, 1.0);
         /// Sensors used to predict the motion between sweeps: inertial samples, GNSS velocities. Along degenerate directions the
         /// prediction is used as is. Without sensors the previous motion continues.
@@ -107,12 +107,12 @@ impl Settings {
     }
 
     /// How a sensor without point times spins, and the time of its revolution, ns. `found`: by the odometry.
-    pub(crate) fn untimed_turn(&self, found: Option<SpinDirection>) -> Option<(SpinDirection, u32)> {
+    pub(crate) fn untimed_turn(&self, found: Option<(SpinDirection, u32)>) -> Option<(SpinDirection, u32)> {
         let spin = match self.untimed_turn.as_str() {
             "clockwise" => SpinDirection::Clockwise,
             "counterclockwise" => SpinDirection::Counterclockwise,
-            "auto" => found?,
-            _ => return None,
+            // With "none" the odometry does not seek it.
+            _ => return found,
         };
         Some((spin, (self.untimed_turn_s * 1e9) as u32))
     }

@@ -192,7 +192,7 @@ impl Stage for SlamAggregate {
         for tick in ticks {
             let raws: Vec<RawSweep<'_>> = tick.iter().map(raw).collect();
             let (odometry, settings) = (&mut self.odometry, &self.settings);
-            let sweep = raws[0].sweep(settings.untimed_turn(odometry.turning()));
+            let sweep = raws[0].sweep(settings.untimed_turn(odometry.turning_at(raws[0].stamp)));
             let others = || raws[1..].iter().map(|raw| prepared(raw, settings)).collect::<Vec<_>>();
             let (registered, (kept, others)) =
                 rayon::join(|| odometry.register(&sweep), || (settings.kept_points(&sweep), others()));

@@ -2,7 +2,7 @@
 //! `odometry FOLDER POSES [--sweeps N] [--set NAME=VALUE ...] [--algorithm imls] [--motion imu,gnss] [--untimed none] [--verbose]`.
 //!
 //! `--algorithm imls` selects IMLS-SLAM as published. `--motion` names the sensors that predict the motion. `--untimed none` takes sweeps
-//! without point times as rigid; else it is found out how the sensor turned, in 0.1 s. `--verbose` also prints pose, standard
+//! without point times as rigid; else it is found out how the sensor turned, in 0.1 s or less. `--verbose` also prints pose, standard
 //! deviations and match of each sweep.
 //!
 //! Writes `world_from_lidar` at the last shot of each sweep, or without point times in its middle, in KITTI format. Prints the CPU time of all threads per sweep for range
@@ -18,7 +18,7 @@ use registration::{
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
 
-/// Time of a revolution of sensors without point times, s.
+/// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;
 
 fn main() -> anyhow::Result<()> {
@@ -58,11 +58,12 @@ fn main() -> anyhow::Result<()> {
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
         let (points, n_rings) = folder.points(number)?;
-        let turning = odometry.turning().filter(|_| points.iter().all(|point| point.offset_nanos == 0));
+        let turning =
+            odometry.turning_at(folder.stamp(number)).filter(|_| points.iter().all(|point| point.offset_nanos == 0));
         n_points += points.len();
         let start = cpu_ms();
         let sweep = match turning {
-            Some(spin) => Sweep::spinning(folder.stamp(number), points, n_rings, (spin, (UNTIMED_TURN_S * 1e9) as u32)),
+            Some(turning) => Sweep::spinning(folder.stamp(number), points, n_rings, turning),
             None => Sweep::new(folder.stamp(number), points, n_rings),
         };
         n_timed += usize::from(turning.is_some());

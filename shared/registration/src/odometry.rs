@@ -32,7 +32,7 @@ pub struct OdometrySettings {
     pub matching: MatchSettings,
     /// Where the sensors are mounted.
     pub mounting: SensorMounting,
-    /// Time of a revolution, s, if it is to be found out how a sensor turns whose sweeps have no point times, see
+    /// Longest time of a revolution, s, if it is to be found out how a sensor turns whose sweeps have no point times, see
     /// [`Odometry::turning`]. `None`: such sweeps are rigid.
     pub untimed_turn_s: Option<f64>,
 }
@@ -258,10 +258,16 @@ impl Odometry {
         self.state.rings.by_row().to_vec()
     }
 
-    /// How the sensor turns, once the sweeps without point times have told it. The next sweeps should then have times:
-    /// [`Sweep::spinning`].
+    /// How the sensor turns, once the sweeps without point times have told it.
     pub fn turning(&self) -> Option<SpinDirection> {
         self.state.turn.direction().filter(|_| self.settings.untimed_turn_s.is_some())
+    }
+
+    /// The same, and the time of a revolution, ns, for the next sweep: see [`Sweep::spinning`]. It is at most that since the last sweep.
+    pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
+        let since_last = stamp.seconds_since(self.state.last.as_ref()?.mid_stamp);
+        let turn_s = self.settings.untimed_turn_s?.min(since_last);
+        self.turning().filter(|_| turn_s > 0.0).map(|spin| (spin, (turn_s * 1e9) as u32))
     }
 
     /// The state on which the following sweeps depend.
@@ -474,7 +480,7 @@ impl Odometry {
     /// The lever of a sweep without point times, for a motion between poses `seconds` apart.
     fn turn_lever(&self, features: &SweepFeatures, (from, to): (&Pose, &Pose), seconds: f64) -> TurnLever {
         let turn_s = self.settings.untimed_turn_s.filter(|_| features.duration_nanos == 0);
-        turn_s.map_or(TurnLever::NONE, |turn_s| TurnLever::between(from, to, seconds, turn_s))
+        turn_s.map_or(TurnLever::NONE, |turn_s| TurnLever::between(from, to, seconds, turn_s.min(seconds)))
     }
 
     fn grow(&mut self, features: &[Feature], (motion, turn): (&SweepMotion, &TurnLever)) {

@@ -4,7 +4,7 @@ use crate::{
     GroundVelocity, ImlsOdometry, ImlsSettings, ImlsState, InertialSample, LocalMap, Odometry, OdometrySettings,
     OdometryState, Registered, RegistrationError, SpinDirection, Sweep,
 };
-use geometry::Pose;
+use geometry::{Pose, Stamp};
 use serde::{Deserialize, Serialize};
 
 /// An algorithm with its settings.
@@ -78,6 +78,13 @@ impl SelectedOdometry {
     pub fn turning(&self) -> Option<SpinDirection> {
         match self {
             Self::ScanToMap(odometry) => odometry.turning(),
+            Self::Imls(_) => None,
+        }
+    }
+    /// See [`Odometry::turning_at`].
+    pub fn turning_at(&self, stamp: Stamp) -> Option<(SpinDirection, u32)> {
+        match self {
+            Self::ScanToMap(odometry) => odometry.turning_at(stamp),
             Self::Imls(_) => None,
         }
     }

@@ -40,8 +40,9 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// `stamp` is the time of the first shot, or without point times that of the direction ahead. `n_rings` is the sensor's number of rings. If it is 0 or 1, or if all points have the
-    /// same ring, the rows of the range image are bins of elevation. Points that are not finite are never neighbors or features.
+    /// `stamp` is the time of the first shot, or without point times that of the direction ahead. `n_rings` is the sensor's number of
+    /// rings. If it is 0 or 1, or if all points have the same ring, the rows of the range image are bins of elevation. Points that are
+    /// not finite are never neighbors or features.
     pub fn new(stamp: Stamp, points: Vec<TimedPoint>, n_rings: u32) -> Self {
         let duration_nanos = points.iter().map(|point| point.offset_nanos).max().unwrap_or(0);
         let image = RangeImage::new(&points, n_rings);

@@ -8,7 +8,6 @@ use super::read::Read;
 use crate::manifest::{GnssEntry, ImuEntry, MANIFEST_VERSION, Manifest, TruthEntry, rules};
 use crate::problems::FileError;
 use crate::sensor_calibration::SensorCalibration;
-use crate::text_file::read_text;
 use crate::toml_file::TomlFile;
 use messages::Message;
 use std::path::{Component, Path, PathBuf};

@@ -37,7 +37,6 @@ fn kitti_raw_folder_becomes_drive_of_links_and_lists_what_is_left_out() {
         report[1..],
         [
             "imported: 3 sweeps and their times",
-            "stamps are those of the begin of each revolution: set slam_aggregate.untimed_turn",
             "not imported: 1 file in image_02 (camera images)",
             "not imported: 3 files in image_02/data (camera images)",
             "not imported: 1 file in oxts/data (GNSS and IMU)",

@@ -60,7 +60,7 @@ fn ros1(chunks: &[u8], chunks_at: &[usize]) -> Vec<u8> {
     let connection = record(&[("op", &[7]), ("conn", &[0; 4]), ("topic", b"/points")], &kind);
     let info = |at: &usize| {
         let at = ((begin + at) as u64).to_le_bytes();
-        record(&[("op", &[6]), ("chunk_pos", &at)], &[0, 0, 0, 0, 1, 0, 0, 0])
+        record(&[("op", &[6]), ("chunk_pos", &at), ("start_time", &[0; 8])], &[0, 0, 0, 0, 1, 0, 0, 0])
     };
     let infos: Vec<u8> = chunks_at.iter().flat_map(info).collect();
     [head(begin + chunks.len()), chunks.to_vec(), connection, infos].concat()

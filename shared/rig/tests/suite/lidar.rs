@@ -50,7 +50,8 @@ fn as_clouds(is_mirrored: bool) -> Copied {
         // The last sweep is cut short.
         if sweep.turn > 0.9 {
             fs::write(folder.join(format!("{index:06}.bin")), bytes).expect("writes");
-            writeln!(times, "{}", sweep.stamp.0).expect("a text");
+            // Clouds without point times have the stamp of the middle.
+            writeln!(times, "{}", sweep.stamp.0 + i64::from(sweep.duration_nanos / 2)).expect("a text");
         }
     }
     fs::write(folder.join("times.txt"), times).expect("writes");

@@ -234,7 +234,10 @@ pub fn ros1_bag(compression: &str) -> Vec<u8> {
     };
     let chunk_at = head(0).len() as u64;
     let counts: Vec<u8> = (0..4_u32).flat_map(|number| [number.to_le_bytes(), 1_u32.to_le_bytes()].concat()).collect();
-    let info = record(&[("op", &[6]), ("ver", &[1, 0, 0, 0]), ("chunk_pos", &chunk_at.to_le_bytes())], &counts);
+    let info = record(
+        &[("op", &[6]), ("ver", &[1, 0, 0, 0]), ("chunk_pos", &chunk_at.to_le_bytes()), ("start_time", &[0; 8])],
+        &counts,
+    );
     [head(chunk_at + chunk.len() as u64), chunk, connections, info].concat()
 }
 

@@ -9,7 +9,7 @@ use import::{Kind, Options, RosOptions};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Import a ROS bag, a data set, labeled clouds or a camera calibration.
+/// Import a ROS bag, data set, clouds or camera calibration.
 ///
 /// Labeled clouds become a recording of submaps with their true classes, for `replica replay`. The drive folder links to the original files instead of copying them where it can. What is imported and what is not is listed.
 #[derive(clap::Args, Debug)]

@@ -28,7 +28,7 @@ const MAX_SHIFT_NANOS: i64 = 100 * 366 * 86_400 * 1_000_000_000;
 /// What other sensors measured within this time before the first and after the last packet is sent, too.
 const AROUND: Duration = Duration::from_secs(1);
 
-/// Send a drive as its sensors did: packets of the LiDAR over UDP, images as files, NMEA sentences and IMU samples over UDP.
+/// Send a drive: packets and lines over UDP, images as files.
 ///
 /// Sends data packets of all supported models, and position packets (512 bytes). Other packets are skipped and counted. All sensors
 /// follow one clock. What was measured up to one second before the first packet is sent with it.
