@@ -168,7 +168,7 @@ impl Stage for SlamAggregate {
         let has_receiver =
             manifest.is_some_and(|manifest| manifest.gnss.is_some()) && context.is_connected::<GnssTopic>();
         let expects_fixes = has_receiver && georeference.gnss;
-        Ok(Self { expects_fixes, other_lidars, ..Self::with_sensors(settings, body_from_lidar, georeference) })
+        Ok(Self { other_lidars, expects_fixes, ..Self::with_sensors(settings, body_from_lidar, georeference) })
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
@@ -221,9 +221,8 @@ impl Stage for SlamAggregate {
         self.odometry.turning_note().into_iter().for_each(|text| outputs.note(text));
         self.stretches.finish().into_iter().for_each(|text| outputs.note(text));
         self.close_submap(outputs)?;
-        let (summary, doubt) = self.inertial.report();
-        summary.into_iter().for_each(|line| outputs.note(line));
-        doubt.into_iter().for_each(|text| outputs.doubt("imu_not_used", 1.0, text));
+        self.inertial.summary().into_iter().for_each(|line| outputs.note(line));
+        self.inertial.doubt().into_iter().for_each(|text| outputs.doubt("imu_not_used", 1.0, text));
         if let Some((seconds, text)) = self.stretches.contested(self.settings.max_contested_s) {
             outputs.doubt("motion_contested", seconds, text);
         }

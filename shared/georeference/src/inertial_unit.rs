@@ -36,7 +36,9 @@ impl InertialUnit {
         let rows: Vec<ImuRow> = samples.iter().map(ImuRow::from).collect();
         georeferencer.add_imu(&rows, settings);
         if self.predicts {
-            samples.into_iter().for_each(|sample| odometry.add_imu(sample));
+            for sample in samples {
+                odometry.add_imu(sample);
+            }
         }
     }
 
@@ -54,9 +56,14 @@ impl InertialUnit {
         }
     }
 
-    /// What was found out about the unit, and why it was not used, if it was not.
-    pub fn report(&self) -> (Vec<String>, Option<String>) {
-        self.check.as_ref().map(|check| (check.summary(), check.doubt())).unwrap_or_default()
+    /// What was found out about the unit.
+    pub fn summary(&self) -> Vec<String> {
+        self.check.as_ref().map(InertialCheck::summary).unwrap_or_default()
+    }
+
+    /// Why the unit was not used, if it was not.
+    pub fn doubt(&self) -> Option<String> {
+        self.check.as_ref().and_then(InertialCheck::doubt)
     }
 }
 

@@ -55,14 +55,15 @@ pub fn sweeps_by_tick<M>(messages: Vec<M>, raw: impl Fn(&M) -> RawSweep<'_>) -> 
 mod tests {
     use super::*;
 
+    fn of(message: &(SweepHeader, i64)) -> RawSweep<'_> {
+        RawSweep { seq: 0, stamp: Stamp(message.1), header: &message.0, rows: &[] }
+    }
+
     #[test]
     fn sweeps_of_other_lidars_without_one_of_the_first_are_dropped() {
         let header = |lidar| SweepHeader { duration_nanos: 100, lidar, ..SweepHeader::default() };
         let messages = [(1, 40), (0, 50), (2, 50), (1, 151), (0, 150), (1, 160), (2, 250)];
         let messages: Vec<(SweepHeader, i64)> = messages.map(|(lidar, stamp)| (header(lidar), stamp)).to_vec();
-        fn of(message: &(SweepHeader, i64)) -> RawSweep<'_> {
-            RawSweep { seq: 0, stamp: Stamp(message.1), header: &message.0, rows: &[] }
-        }
         let (ticks, n_dropped) = sweeps_by_tick(messages, of);
         let stamps: Vec<Vec<i64>> = ticks.iter().map(|tick| tick.iter().map(|message| message.1).collect()).collect();
         assert_eq!((stamps, n_dropped), (vec![vec![50, 50], vec![150, 160, 250]], 2));

@@ -141,6 +141,7 @@ impl Scene<'_> {
                 position: (pose * Point3::from(feature.position).cast::<f64>()).coords.into(),
                 normal: (pose.rotation * Vector3::from(feature.normal).cast::<f64>()).cast::<f32>().into(),
                 lever: feature.lever,
+                turn_lever: 0.0,
                 batch: 0,
             }
         };

@@ -392,7 +392,7 @@ fn read_pcd(folder: &Path, number: usize) -> RawSweep {
     };
     RawSweep {
         stamp: number as i64 * 100_000_000,
-        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 0, has_times: 0 },
+        header: SweepHeader { duration_nanos: 100_000_000, lost_packets: 0, n_rings: 0, has_times: 0, lidar: 0 },
         rows: formats::pcd::points_from_pcd(&bytes).unwrap().iter().map(row).collect(),
     }
 }

@@ -79,7 +79,9 @@ impl DriveAccount {
     pub fn add_losses(&mut self, reader: &mut DriveReader) {
         let (counts, damage) = reader.take_news_of_others();
         self.news.counts.extend(counts.into_iter().map(|(name, n)| (name.into(), n)));
-        damage.into_iter().for_each(|text| self.note_damage(text));
+        for text in damage {
+            self.note_damage(text);
+        }
         let source = reader.source();
         self.news.counts.extend(named(self.reported.take_new(source.lidar_stats(), reader.packet_log_stats())));
         let n_bad = source.n_bad_clouds();

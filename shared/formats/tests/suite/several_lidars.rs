@@ -23,9 +23,9 @@ fn folder() -> tempfile::TempDir {
         let path = folder.path().join(name);
         fs::create_dir_all(&path).expect("makes");
         let point: Vec<u8> = [5.0_f32, 0.0, 0.0, 0.5].iter().flat_map(|v| v.to_le_bytes()).collect();
-        let times: String = (0..5).map(|k| format!("{}\n", k * 100_000_000 + later)).collect();
+        let times: Vec<String> = (0..5).map(|k| (k * 100_000_000 + later).to_string()).collect();
         (0..5).for_each(|k| fs::write(path.join(format!("{k}.bin")), &point).expect("writes"));
-        fs::write(path.join("times.txt"), times).expect("writes");
+        fs::write(path.join("times.txt"), times.join("\n") + "\n").expect("writes");
     }
     folder
 }

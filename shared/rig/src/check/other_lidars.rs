@@ -11,19 +11,15 @@ const MAX_TURN: f64 = 0.5 * std::f64::consts::PI / 180.0;
 const MAX_SHIFT_M: f64 = 0.08;
 /// Least share of the features on the surfaces of the first LiDAR.
 const MIN_ON_SURFACE: f64 = 0.6;
+const NOT_MEASURED: &str = "it has no data, hardly sees the surfaces that the first LiDAR sees, is on another clock, or its mounting is far off";
 
 pub(super) fn verdicts(drive: &Drive, survey: &Survey, settings: &SurveySettings) -> Result<Vec<Verdict>, RigError> {
     let mut verdicts = Vec::new();
     for index in 1..drive.lidars().count() {
         let name = drive.manifest().lidar_name(index).into_owned();
-        verdicts.push(match OtherMounting::measure(drive, survey, settings, index)? {
-            Some(found) => verdict(&name, index, &found),
-            None => {
-                let reason = "it has no data, hardly sees the surfaces that the first LiDAR sees, is on another clock, or its mounting \
-                              is far off";
-                Verdict::unknown("mounting", &name, reason)
-            }
-        });
+        let found = OtherMounting::measure(drive, survey, settings, index)?;
+        let unknown = || Verdict::unknown("mounting", &name, NOT_MEASURED);
+        verdicts.push(found.map_or_else(unknown, |found| verdict(&name, index, &found)));
     }
     Ok(verdicts)
 }

@@ -85,7 +85,7 @@ fn zeros<R: Pod>(n: usize) -> Vec<R> {
 
 pub fn state_head() -> Vec<u8> {
     let (fixes, poses) = (message::<GnssTopic>(zeros(2)), message::<TrajectoryTopic>(zeros(1)));
-    let mut state = StateBytes::with_head(2, &SourcePosition::Clouds { next: 4, n_bad: 1 }).expect("encodes");
+    let mut state = StateBytes::with_head(2, &SourcePosition::Clouds { next: 4, taken: 0, n_bad: 1 }).expect("encodes");
     state.push(&fixes);
     state.push(&poses);
     state.to_vec()
