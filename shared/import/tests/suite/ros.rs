@@ -362,6 +362,7 @@ fn second_lidar_of_bag_is_one_of_the_drive() {
     assert_eq!(lidars[0].stamps, lidars[1].stamps);
     assert_eq!(drive.rig().body_from_other_lidars, [drive.rig().body_from_lidar]);
     let mut gap = of(bag("street_mcap"), &folder);
+    gap.out = folder.path().join("gap");
     gap.options.ros.topics = vec![topic("lidar"), topic("lidar.2")];
     let error = gap.run().expect_err("has no lidar.1").to_string();
     assert!(error.contains("lidar.1 is missing"), "{error}");

@@ -132,11 +132,11 @@ fn copying_consumer_of_another_layout_is_refused() {
     let domain = TestDomain::new("hello");
     let pair = pair_over(&domain.0, Transport::Copying);
     let node = domain.0.node("stranger").expect("node");
-    let channel = Channel { layout: messages::ClassTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
+    let channel = Channel { layout: messages::SubmapTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
     assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
     drop(pair.subscriber);
     assert!(Subscriber::<messages::SweepTopic>::open(&node, &channel, "consumer.wake").is_err());
-    let stranger = Subscriber::<messages::ClassTopic>::open(&node, &channel, "consumer.wake").expect("opened");
+    let stranger = Subscriber::<messages::SubmapTopic>::open(&node, &channel, "consumer.wake").expect("opened");
     stranger.connect().expect("connects");
     assert!(matches!(pair.publisher.connect(), Err(IpcError::Transport { .. })));
 }
