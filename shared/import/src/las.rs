@@ -178,15 +178,19 @@ impl Layout {
                 .map_err(|error| error.to_string())?;
             Ok(long)
         };
-        let mut table_at = u64::from_le_bytes(number_at(self.data_at)?);
-        if table_at == u64::MAX {
-            table_at = u64::from_le_bytes(number_at(n_bytes.saturating_sub(8))?);
+        // A writer that cannot go back puts -1 there, and the place to the end. The decoder takes all places before the points so.
+        let is_place = |at: i64| u64::try_from(at).is_ok_and(|at| at > self.data_at);
+        let mut table_at = i64::from_le_bytes(number_at(self.data_at)?);
+        if !is_place(table_at) {
+            table_at = i64::from_le_bytes(number_at(n_bytes.saturating_sub(8))?);
         }
-        if table_at.saturating_add(8) > n_bytes {
+        let Some(table_at) =
+            u64::try_from(table_at).ok().filter(|at| *at > self.data_at && at.saturating_add(8) <= n_bytes)
+        else {
             return Err(format!(
                 "the table of the chunks begins at byte {table_at}; the file has {n_bytes}: it is cut"
             ));
-        }
+        };
         let [.., a, b, c, d] = number_at(table_at)?;
         let n_chunks = u64::from(u32::from_le_bytes([a, b, c, d]));
         if n_chunks > self.n_points {

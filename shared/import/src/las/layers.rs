@@ -23,7 +23,7 @@ pub(super) fn are_layers(bytes: &[u8], vlr: &LazVlr) -> Result<bool, String> {
 }
 
 /// Layers and bytes of a part of a record.
-fn size_of(item: &LazItem) -> Option<(u64, u64)> {
+fn size_of(item: LazItem) -> Option<(u64, u64)> {
     match item.item_type() {
         LazItemType::Point14 => Some((9, 30)),
         LazItemType::RGB14 => Some((1, 6)),
@@ -42,7 +42,7 @@ pub(super) fn check(
     n_bytes: u64,
     n_points: u64,
 ) -> Result<(), String> {
-    let sizes: Option<Vec<(u64, u64)>> = vlr.items().iter().map(size_of).collect();
+    let sizes: Option<Vec<(u64, u64)>> = vlr.items().iter().copied().map(size_of).collect();
     let sizes = sizes.ok_or("a part of a record has no layers")?;
     let (n_layers, record_bytes) = sizes.iter().fold((0, 0), |sum, size| (sum.0 + size.0, sum.1 + size.1));
     if record_bytes != vlr.items_size() {

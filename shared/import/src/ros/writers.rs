@@ -177,7 +177,12 @@ impl<'a> Writers<'a> {
         self.n_read[message.topic] += 1;
         for index in 0..self.uses[message.topic].len() {
             let of_topic = self.uses[message.topic][index];
-            self.add_use(of_topic, message).map_err(|rule| {
+            let added = self.add_use(of_topic, message);
+            if of_topic == Use::PossibleLidar {
+                // The topic is not taken: what cannot be read of it is no reason to fail.
+                continue;
+            }
+            added.map_err(|rule| {
                 let topic = &self.topics[message.topic];
                 let number = self.n_read[message.topic];
                 let part =
@@ -205,10 +210,8 @@ impl<'a> Writers<'a> {
                 }
             }
             Use::PossibleLidar => {
-                // What cannot be read is no reason to fail: the topic is not taken.
-                if let Ok(header) = Header::read(&mut c) {
-                    self.frame_of_possible.entry(message.topic).or_insert(header.frame);
-                }
+                let header = Header::read(&mut c).map_err(fault)?;
+                self.frame_of_possible.entry(message.topic).or_insert(header.frame);
             }
             Use::Role(role @ (Role::Lidar | Role::OtherLidar(_))) => return self.add_lidar(role, &mut c, message),
             Use::Role(Role::Metadata) => self.metadata = Some(string(&mut c).map_err(fault)?),

@@ -158,6 +158,24 @@ fn layers_that_the_file_does_not_hold_are_refused_before_memory_is_reserved() {
 }
 
 #[test]
+fn table_of_chunks_that_only_the_end_of_the_file_names_is_checked() {
+    let folder = folder();
+    let path = folder.path().join("recording/0.laz");
+    let import = of(folder.path().join("recording"), &folder);
+    for whole in [las(&rows()[..300], true), layered_laz(6, &rows()[..300], Some(100))] {
+        let data_at = u32::from_le_bytes(*whole[96..].first_chunk().expect("is there")) as usize;
+        for place in [-1_i64, 0, data_at as i64] {
+            let mut bytes = whole.clone();
+            bytes[data_at..data_at + 8].copy_from_slice(&place.to_le_bytes());
+            bytes.extend([0, u32::MAX].map(u32::to_le_bytes).concat());
+            bytes.extend((whole.len() as u64).to_le_bytes());
+            write_file(&path, bytes);
+            assert!(error(&import).contains("4294967295 chunks for 300 points"), "{place}: {}", error(&import));
+        }
+    }
+}
+
+#[test]
 fn damaged_las_files_are_refused_at_each_length_and_byte() {
     let folder = folder();
     let path = folder.path().join("recording/0.laz");
