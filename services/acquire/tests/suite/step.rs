@@ -170,7 +170,7 @@ fn damaged_lines_before_first_sweep_are_counted_and_reported() {
     let imu = folder.path().join("imu.csv");
     let lines = fs::read_to_string(&imu).expect("reads");
     // The 100 samples of the second before the first sweep: the first one, the last one and eight between them.
-    let is_damaged = |n: usize| n == 1 || n == 100 || (10..90).contains(&n) && n % 10 == 0;
+    let is_damaged = |n: usize| n == 1 || n == 100 || (10..90).contains(&n) && n.is_multiple_of(10);
     let damage = |(n, line): (usize, &str)| if is_damaged(n) { format!("x{line}\n") } else { format!("{line}\n") };
     fs::write(&imu, lines.lines().enumerate().map(damage).collect::<String>()).expect("writes");
     let log = folder.path().join("gnss.nmea");
