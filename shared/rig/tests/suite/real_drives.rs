@@ -35,8 +35,8 @@ fn checked(drive: &Drive, untimed_turn: Option<SpinDirection>) -> (Vec<String>, 
     let survey = Survey::of(drive, &settings).expect("surveyed");
     let report = Report::of(drive, &survey, &settings).expect("checked");
     let doubts = report.doubts().map(|verdict| format!("{} {}", verdict.subject, verdict.check));
-    let text = report.verdicts.iter().map(|verdict| format!("{verdict}\n")).collect();
-    (doubts.collect(), text)
+    let lines: Vec<String> = report.verdicts.iter().map(ToString::to_string).collect();
+    (doubts.collect(), lines.join("\n"))
 }
 
 #[real_data::test("kitti_raw_0048")]
