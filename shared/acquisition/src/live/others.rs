@@ -10,7 +10,7 @@ pub use frames::DueFrame;
 pub use sources::OtherSources;
 
 use super::clocks::Clocks;
-use super::recording::RecordedEntries;
+use super::recorded_entries::RecordedEntries;
 use crate::counters::ReportedCounts;
 use crate::doubts::Tally;
 use crate::error::LiveError;

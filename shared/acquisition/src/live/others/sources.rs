@@ -9,7 +9,7 @@ use crate::live::line_address::LineAddress;
 use crate::live::lines::LineLog;
 use crate::live::now;
 use crate::live::record_file::record_file;
-use crate::live::recording::RecordedEntries;
+use crate::live::recorded_entries::RecordedEntries;
 use crate::recorded::Trigger;
 use formats::atomic_file::write_atomic;
 use formats::drive::{CameraRig, LiveRig};
