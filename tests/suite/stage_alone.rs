@@ -113,6 +113,7 @@ fn unsuitable_recording_is_refused() {
         ("misbehaving-relay", &[], &[], 2, "--recording must name a recording with sweep"),
         ("misbehaving-source", &[], &[("--recording", &*sweeps)], 2, "a source reads a drive, no recording"),
         ("misbehaving-source", &[], &[], 78, "a source needs --drive"),
+        ("replica-slam_aggregate", &[], &[("--recording", &*sweeps)], 1, "add --drive FOLDER"),
         ("misbehaving-sink", &["--set", "relay.fault=9"], &[("--recording", &*sweeps)], 78, "needs --output"),
         ("misbehaving-relay", &["--set", "relay.fault=odd"], &[("--recording", &*sweeps)], 78, "relay.fault"),
         ("misbehaving-relay", &["--recordng"], &[], 2, "unexpected argument '--recordng' found"),

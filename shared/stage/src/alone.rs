@@ -78,6 +78,9 @@ pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
         }
         Err(error) => {
             tracing::error!("{error}");
+            if context.drive.as_os_str().is_empty() {
+                tracing::error!("no drive was given: if the stage reads its manifest, add --drive FOLDER");
+            }
             error.exit_code()
         }
     }
