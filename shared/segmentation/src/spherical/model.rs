@@ -2,9 +2,9 @@
 
 use super::back_projection::pixel_for;
 use super::features::write_features;
-use super::range_sweep::{point_ranges, range_sweep, rows_of};
+use super::range_sweep::{point_ranges, range_sweep};
 use super::settings::{Settings, VERSION};
-use super::softmax::{MAX_CLASSES, Softmax, Vote};
+use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
 use super::{Neighbors, Options, PolarImage};
 use crate::engine::Border;
@@ -12,8 +12,7 @@ use crate::ground;
 use crate::model_file::ModelFile;
 use crate::network::{Inference, Weights};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
-use geometry::NO_POINT;
-use messages::{ClassId, ClassRow, SubmapSweep};
+use messages::{ClassId, ClassRow};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -114,34 +113,23 @@ impl Segmenter for SphericalModel {
         input.check(classes)?;
         let heights_m = ground::heights(input);
         let ranges: Vec<_> = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        // LiDARs of one vehicle may have different numbers of rings.
-        let n_pixels_of = |sweep: &SubmapSweep| rows_of(input.header, sweep) * self.settings.columns;
-        let n_pixels = ranges.iter().map(|(of, _)| n_pixels_of(of)).max().unwrap_or(1);
-        let mut of_pixels = std::mem::take(&mut *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner));
-        of_pixels.resize(ranges.len() * n_pixels, [0; MAX_CLASSES]);
-        let pixels_of_sweep = |number: usize, (of, points): &(SubmapSweep, Range<usize>), votes: &mut [Vote]| {
+        let mut of_points = std::mem::take(&mut *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner));
+        of_points.resize(input.points.len(), NO_VOTE);
+        let of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
+        // One sweep per thread: this scales better than threads inside a network.
+        ranges.par_iter().zip(of_sweeps).try_for_each_init(Vec::new, |of_pixels, ((of, points), votes)| {
             let sweep = range_sweep(input, of, points.clone(), self.settings.columns, &heights_m);
-            let votes = &mut votes[..n_pixels_of(of)];
-            self.vote(&sweep.polar, votes)?;
-            self.options.refinement.of_image(&sweep.polar, &self.classes, votes);
-            let first = (number * n_pixels) as u32;
-            let pixel = |point| pixel_for(&sweep.image, point).map_or(NO_POINT, |pixel| first + pixel);
-            Ok((0..points.len()).map(pixel).collect())
-        };
-        // One sweep per thread: this scales better than threads inside a network, and keeps the order of results.
-        let voted: Vec<Result<Vec<u32>, SegmentationError>> = ranges
-            .par_iter()
-            .zip(of_pixels.par_chunks_exact_mut(n_pixels))
-            .enumerate()
-            .map(|(number, (range, votes))| pixels_of_sweep(number, range, votes))
-            .collect();
-        let mut pixel_of_point = vec![NO_POINT; input.points.len()];
-        for ((_, points), pixels) in ranges.iter().zip(voted) {
-            pixel_of_point[points.clone()].copy_from_slice(&pixels?);
-        }
-        let votes = Votes { of_pixels: &of_pixels, pixel_of_point: &pixel_of_point };
-        let decided = votes.decide(input.points, self.settings.vote_cell_m);
-        *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner) = of_pixels;
+            // LiDARs of one vehicle may have different numbers of rings.
+            of_pixels.resize(sweep.polar.pixels.len(), NO_VOTE);
+            self.vote(&sweep.polar, of_pixels)?;
+            self.options.refinement.of_image(&sweep.polar, &self.classes, of_pixels);
+            for (point, vote) in votes.iter_mut().enumerate() {
+                *vote = pixel_for(&sweep.image, point).map_or(NO_VOTE, |pixel| of_pixels[pixel as usize]);
+            }
+            Ok::<(), SegmentationError>(())
+        })?;
+        let decided = Votes { of_points: &of_points }.decide(input.points, self.settings.vote_cell_m);
+        *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner) = of_points;
         let mut n_unseen = 0;
         for (row, decision) in classes.iter_mut().zip(decided) {
             *row = if let Some((class, share)) = decision {
@@ -154,4 +142,21 @@ impl Segmenter for SphericalModel {
         self.options.refinement.of_points(input.points, &heights_m, classes);
         Ok(Report { n_unseen, coarsened: 1 })
     }
+}
+
+/// The votes of each sweep; those of points between the sweeps become zero.
+fn votes_of_sweeps<'a>(
+    mut votes: &'a mut [Vote],
+    sweeps: impl Iterator<Item = &'a Range<usize>>,
+) -> Vec<&'a mut [Vote]> {
+    let (mut of_sweeps, mut end) = (Vec::new(), 0);
+    for points in sweeps {
+        let (between, rest) = votes.split_at_mut(points.start - end);
+        between.fill(NO_VOTE);
+        let (of_sweep, rest) = rest.split_at_mut(points.len());
+        of_sweeps.push(of_sweep);
+        (votes, end) = (rest, points.end);
+    }
+    votes.fill(NO_VOTE);
+    of_sweeps
 }

@@ -20,14 +20,18 @@ pub struct RangeSweep {
     pub polar: PolarImage,
 }
 
-/// Indices of the points of each sweep. Sweeps whose indices exceed the points of the submap are skipped.
+/// Indices of the points of each sweep, ascending. Sweeps whose points are not in the submap, or belong to a sweep before, are skipped.
 pub fn point_ranges(input: &ModelInput<'_>) -> Vec<(SubmapSweep, Range<usize>)> {
     let n_sweeps = (input.header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
+    let mut end = 0;
     let range = |sweep: &SubmapSweep| {
         let first = sweep.first_point as usize;
-        (*sweep, first..first + sweep.n_points as usize)
+        let range = first..first + sweep.n_points as usize;
+        let is_next = range.start >= end && range.end <= input.points.len();
+        end = if is_next { range.end } else { end };
+        is_next.then_some((*sweep, range))
     };
-    input.header.sweeps[..n_sweeps].iter().map(range).filter(|(_, range)| range.end <= input.points.len()).collect()
+    input.header.sweeps[..n_sweeps].iter().filter_map(range).collect()
 }
 
 /// Number of rows of the range image of a sweep.

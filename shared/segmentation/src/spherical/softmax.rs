@@ -16,6 +16,9 @@ pub(super) const MAX_CLASSES: usize = 32;
 /// Probabilities of the classes, 0 to 255 for 0 to 1; zero beyond the last class.
 pub(super) type Vote = [u8; MAX_CLASSES];
 
+/// The vote of a point without one.
+pub(super) const NO_VOTE: Vote = [0; MAX_CLASSES];
+
 /// Computes votes from logits.
 pub(super) struct Softmax<'a> {
     pub(super) image: &'a PolarImage,
@@ -91,12 +94,16 @@ fn softmax(values: &[Tile], scale: f32) -> Words {
             }
         }
     }
+    let mut scales = sums[0];
+    for i in 0..LANES {
+        scales[i] = 255.0 / scales[i];
+    }
     let mut words = [[0; LANES]; MAX_CLASSES / 4];
-    for class in 0..values.len() {
+    for (word, shares) in words.iter_mut().zip(shares.as_chunks::<4>().0).take(values.len().div_ceil(4)) {
         for i in 0..LANES {
             // The lowest bits of a float of 2^23 and above are integers: the addition rounds.
-            let share = shares[class][i] * (255.0 / sums[0][i]) + 8_388_608.0;
-            words[class / 4][i] |= (share.to_bits() & 0xff) << (class % 4 * 8);
+            let byte = |class: usize| (shares[class][i] * scales[i] + 8_388_608.0).to_bits() & 0xff;
+            word[i] = byte(0) | byte(1) << 8 | byte(2) << 16 | byte(3) << 24;
         }
     }
     words

@@ -6,7 +6,6 @@
 )]
 
 use super::softmax::{MAX_CLASSES, Vote};
-use geometry::NO_POINT;
 use messages::SubmapPoint;
 use pulp::{Arch, NullaryFnOnce};
 use std::collections::HashMap;
@@ -22,10 +21,9 @@ const COARSER: u32 = 4;
 
 /// Probabilities of classes for every point.
 pub(super) struct Votes<'a> {
-    /// Votes of all pixels of all sweeps.
-    pub of_pixels: &'a [Vote],
-    /// Index of the pixel of each point; [`NO_POINT`] for a point without a vote.
-    pub pixel_of_point: &'a [u32],
+    /// The vote of each point, that of its pixel; zeros without one. In the order of the points and not of the pixels, because all
+    /// sweeps of a submap do not fit into the cache.
+    pub of_points: &'a [Vote],
 }
 
 /// Points whose cells are computed together.
@@ -79,13 +77,13 @@ impl NullaryFnOnce for Cast<'_> {
         let mut number_of_point = Vec::with_capacity(points.len());
         // The next point of a ring is mostly in the cell of the last one.
         let mut last_of_ring = vec![Last { cell: u64::MAX, number: 0, sums: [0; MAX_CLASSES] }; 256];
-        for (points, pixels) in points.chunks(CHUNK).zip(votes.pixel_of_point.chunks(CHUNK)) {
+        for (points, votes) in points.chunks(CHUNK).zip(votes.of_points.chunks(CHUNK)) {
             // A separate loop, which is vectorized.
             let mut cell_of_point = [0; CHUNK];
             for (cell, point) in cell_of_point.iter_mut().zip(points) {
                 *cell = cell_of(point, cell_m);
             }
-            for ((&cell, point), &pixel) in cell_of_point.iter().zip(points).zip(pixels) {
+            for ((&cell, point), vote) in cell_of_point.iter().zip(points).zip(votes) {
                 let last = &mut last_of_ring[usize::from(point.ring)];
                 if last.cell != cell {
                     last.flush(&mut sums);
@@ -96,13 +94,11 @@ impl NullaryFnOnce for Cast<'_> {
                     }
                     *last = Last { cell, number, sums: [0; MAX_CLASSES] };
                 }
-                if pixel != NO_POINT {
-                    let (vote, mut sums) = (votes.of_pixels[pixel as usize], last.sums);
-                    for class in 0..MAX_CLASSES {
-                        sums[class] += u32::from(vote[class]);
-                    }
-                    last.sums = sums;
+                let mut sums = last.sums;
+                for class in 0..MAX_CLASSES {
+                    sums[class] += u32::from(vote[class]);
                 }
+                last.sums = sums;
                 number_of_point.push(last.number);
             }
         }
@@ -214,9 +210,9 @@ mod tests {
     fn points_without_vote_get_class_of_their_cell() {
         let at = |x: f32| SubmapPoint { x, ..SubmapPoint::default() };
         let points = [at(0.01), at(0.05), at(0.19), at(0.21), at(-0.01), at(5.0)];
-        let of_pixels = [[200, 55], [100, 155], [10, 245], [255, 0]].map(vote);
-        let pixel_of_point = &[0, 1, NO_POINT, 2, 3, NO_POINT];
-        let votes = Votes { of_pixels: &of_pixels, pixel_of_point };
+        let none = [0, 0];
+        let of_points = [[200, 55], [100, 155], none, [10, 245], [255, 0], none].map(vote);
+        let votes = Votes { of_points: &of_points };
         let decided: Vec<Decision> = votes.decide(&points, 0.2).collect();
         let near = |got: Option<(usize, f32)>, class: usize, share: f32| {
             let (got_class, got_share) = got.expect("has votes");
@@ -235,9 +231,9 @@ mod tests {
         let at = |x: f32, z: f32| SubmapPoint { x, z, ..SubmapPoint::default() };
         // Votes for class 0 in the cell at 0, for class 1 in the cell at 0.6; no votes at 0.2, 0.4, 1.0 and 9.
         let points = [at(0.1, 0.1), at(0.3, 0.1), at(0.5, 0.1), at(0.7, 0.1), at(1.1, 0.1), at(9.0, 0.1)];
-        let none = NO_POINT;
-        let of_pixels = [[255, 0], [55, 200]].map(vote);
-        let votes = Votes { of_pixels: &of_pixels, pixel_of_point: &[0, none, none, 1, none, none] };
+        let none = [0, 0];
+        let of_points = [[255, 0], none, none, [55, 200], none, none].map(vote);
+        let votes = Votes { of_points: &of_points };
         let classes: Vec<Option<usize>> =
             votes.decide(&points, 0.2).map(|decision| decision.map(|(class, _)| class)).collect();
         assert_eq!(classes, [Some(0), Some(0), Some(1), Some(1), Some(0), None]);
