@@ -1,7 +1,7 @@
 //! The ranges of an earlier sweep: how far each of its rays went.
 
 use crate::{RangeImage, Sweep, SweepMotion};
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Unit of a stored range, m; 15 bits reach 327 m.
@@ -18,6 +18,12 @@ const TOLERANCE_SHARE: f32 = 0.01;
 const REACH_COLUMNS: usize = 3;
 /// Those columns from the middle outwards, counted from the leftmost.
 const BESIDE_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
+/// Rays that are compared at once: those of a row and another one, one register of 16 bytes.
+const RAYS: usize = 8;
+/// Positions of a query: one register of 64 bytes, or two of 32.
+pub(crate) const LANES: usize = 16;
+/// Row of a position outside of the field of view.
+const NO_ROW: u32 = u32::MAX;
 
 /// Ranges of a sweep by ray.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -54,24 +60,35 @@ impl PastRanges {
         let (rows, cols) = (image.rows(), image.cols());
         let mut ranges = vec![0; rows * cols];
         let mut sums = vec![(0.0_f64, 0_u32); rows];
-        let mut shares = vec![f32::NAN; cols / SECTOR];
-        let duration = f64::from(sweep.duration_nanos().max(1));
-        for row in 0..rows {
-            for col in 0..cols {
-                let position = image.position(row, col);
-                let [x, y, z] = position.into();
-                // NaN of an empty cell becomes 0. Too large ranges become the largest one.
-                ranges[row * cols + col] = ((position.norm() * (1.0 / UNIT_M)) as u16).min(DYNAMIC - 1);
-                let Some(idx) = image.point(row, col) else { continue };
-                if col % SECTOR < 2 {
-                    sums[row].0 += f64::from(z / (x * x + y * y).sqrt());
-                    sums[row].1 += 1;
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                for (row, ranges) in ranges.chunks_exact_mut(cols).enumerate() {
+                    for (stored, [x, y, z]) in ranges.iter_mut().zip(image.positions_of_row(row)) {
+                        // NaN of an empty cell becomes 0. Too large ranges become the largest one.
+                        let units = (x * x + y * y + z * z).sqrt() * (1.0 / UNIT_M);
+                        *stored = (units as u16).min(DYNAMIC - 1);
+                    }
                 }
-                if sweep.duration_nanos() > 0 && shares[col / SECTOR].is_nan() {
-                    shares[col / SECTOR] = (f64::from(sweep.points()[idx].offset_nanos) / duration - 0.5) as f32;
+            },
+        );
+        for (row, sum) in sums.iter_mut().enumerate() {
+            for col in (0..cols).step_by(SECTOR).flat_map(|col| [col, col + 1]) {
+                let [x, y, z] = image.position(row, col).into();
+                if !x.is_nan() {
+                    *sum = (sum.0 + f64::from(z / (x * x + y * y).sqrt()), sum.1 + 1);
                 }
             }
         }
+        let duration = f64::from(sweep.duration_nanos().max(1));
+        let first_in = |sector: usize| {
+            let cells = (0..rows).flat_map(|row| (sector * SECTOR..(sector + 1) * SECTOR).map(move |col| (row, col)));
+            cells.filter_map(|(row, col)| image.point(row, col)).next()
+        };
+        let share_of = |idx: usize| (f64::from(sweep.points()[idx].offset_nanos) / duration - 0.5) as f32;
+        let has_times = sweep.duration_nanos() > 0;
+        let share_in = |sector| first_in(sector).filter(|_| has_times).map_or(f32::NAN, share_of);
+        let mut shares: Vec<f32> = (0..cols / SECTOR).map(share_in).collect();
         for &idx in dynamic {
             if let Some((row, col)) = image.cell(idx as usize) {
                 ranges[row * cols + col] |= DYNAMIC;
@@ -86,61 +103,180 @@ impl PastRanges {
         // f32 holds millimetres only within some kilometres, so positions are relative to the middle of the sweep.
         let mid = Isometry3::from_parts(Vector3::zeros().into(), self.motion.mid.rotation);
         let near = SweepMotion { mid, ..self.motion };
-        let sectors = self.shares.iter().map(|&share| near.at(f64::from(share)).inverse().cast::<f32>()).collect();
-        PlacedRanges { ranges: self, sectors }
+        let pose = |&share: &f32| {
+            let Isometry3 { rotation, translation } = near.at(f64::from(share)).inverse().cast::<f32>();
+            let ([i, j, k, w], [x, y, z]) = (rotation.coords.into(), translation.vector.into());
+            [i, j, k, w, x, y, z, 0.0]
+        };
+        let cols = self.ranges.len() / self.slopes.len();
+        PlacedRanges { ranges: self, cols, sectors: self.shares.iter().map(pose).collect() }
     }
 }
 
 /// [`PastRanges`] with the pose of each sector.
 pub(crate) struct PlacedRanges<'a> {
     ranges: &'a PastRanges,
-    sectors: Vec<Isometry3<f32>>,
+    cols: usize,
+    /// Rotation as a quaternion (x y z w) and translation of `lidar_from_mid`: one load of 32 bytes.
+    sectors: Vec<[f32; 8]>,
+}
+
+/// Positions in the odom frame by axis, m.
+pub(crate) type Positions = [[f64; LANES]; 3];
+
+/// The rays nearest to positions, by lane.
+struct NearestRays {
+    rows: [u32; LANES],
+    cols: [u32; LANES],
+    /// Distances of the positions from the LiDAR, m.
+    ranges: [f32; LANES],
 }
 
 impl PlacedRanges<'_> {
-    /// What the sweep saw at a position in the odom frame.
-    pub fn visibility(&self, position: &Vector3<f64>) -> Visibility {
-        let from_mid = Point3::from((position - self.ranges.motion.mid.translation.vector).cast::<f32>());
-        // The column determines the time, and the time the column: the second iteration is within 0.1 degrees.
-        let cols = self.ranges.ranges.len() / self.ranges.slopes.len();
-        let mut col = cols / 2;
-        let mut local = Point3::origin();
-        for _ in 0..2 {
-            local = self.sectors[col / SECTOR] * from_mid;
-            col = RangeImage::column(local.x, local.y);
+    /// What the sweep saw at positions.
+    #[inline(always)]
+    pub fn visibility(&self, positions: &Positions) -> [Visibility; LANES] {
+        let rays = self.nearest_rays(positions);
+        let mut found = [Visibility::Unknown; LANES];
+        for (lane, found) in found.iter_mut().enumerate() {
+            *found = self.along(rays.rows[lane], rays.cols[lane], rays.ranges[lane]);
         }
-        let range = local.coords.norm();
-        let Some(row) = self.row(local.z / (local.x * local.x + local.y * local.y).sqrt()) else {
-            return Visibility::Unknown;
-        };
-        let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
-        let at = |row: usize, col: usize| self.ranges.ranges[row * cols + col % cols];
-        // From the middle outwards: the first ray hits most static objects.
-        let rows = [Some(row), row.checked_sub(1), (row + 1 < self.ranges.slopes.len()).then_some(row + 1)];
-        let (mut n_beyond, mut is_blocked) = (0, false);
-        for row in rows.into_iter().flatten() {
-            for beside in BESIDE_COLUMNS {
-                let stored = at(row, col + cols + beside - REACH_COLUMNS);
-                let range_m = f32::from(stored & !DYNAMIC) * UNIT_M;
-                if (range_m - range).abs() < tolerance {
-                    return if stored & DYNAMIC == 0 { Visibility::Occupied } else { Visibility::Dynamic };
-                }
-                n_beyond += u32::from(range_m > range);
-                is_blocked |= range_m > 0.0 && range_m < range;
+        found
+    }
+
+    #[inline(always)]
+    fn nearest_rays(&self, positions: &Positions) -> NearestRays {
+        let mid = &self.ranges.motion.mid.translation.vector;
+        let mut from_mid = [[0.0; LANES]; 3];
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                from_mid[axis][lane] = (positions[axis][lane] - mid[axis]) as f32;
             }
+        }
+        // The column determines the time, and the time the column: the second iteration is within 0.1 degrees.
+        let mut poses = [[0.0; LANES]; 7];
+        for (part, value) in poses.iter_mut().zip(self.sectors[self.cols / 2 / SECTOR]) {
+            *part = [value; LANES];
+        }
+        let [x, y, _] = moved(&poses, &from_mid);
+        let cols = columns(&x, &y);
+        for lane in 0..LANES {
+            let pose = &self.sectors[cols[lane] as usize / SECTOR];
+            for part in 0..7 {
+                poses[part][lane] = pose[part];
+            }
+        }
+        let [x, y, z] = moved(&poses, &from_mid);
+        let (mut ranges, mut slopes) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            let flat = x[lane] * x[lane] + y[lane] * y[lane];
+            ranges[lane] = (flat + z[lane] * z[lane]).sqrt();
+            slopes[lane] = z[lane] / flat.sqrt();
+        }
+        NearestRays { rows: self.rows(&slopes), cols: columns(&x, &y), ranges }
+    }
+
+    /// The rows whose rays have the nearest slopes; [`NO_ROW`] outside of the field of view.
+    #[inline(always)]
+    fn rows(&self, slopes: &[f32; LANES]) -> [u32; LANES] {
+        let of_rows = &self.ranges.slopes;
+        // Rows ascend, so the number of lower rows is the row above. Counting them is faster than a search in each lane.
+        let mut above = [0_u32; LANES];
+        for of_row in of_rows {
+            for lane in 0..LANES {
+                above[lane] += u32::from(*of_row < slopes[lane]);
+            }
+        }
+        let mut rows = [NO_ROW; LANES];
+        for (lane, row) in rows.iter_mut().enumerate() {
+            let (above, slope) = (above[lane], slopes[lane]);
+            if above > 0 && (above as usize) < of_rows.len() {
+                let to_above = of_rows[above as usize] - slope;
+                *row = if to_above < slope - of_rows[above as usize - 1] { above } else { above - 1 };
+            }
+        }
+        rows
+    }
+
+    /// What the rays around a direction saw at a range.
+    #[inline(always)]
+    fn along(&self, row: u32, col: u32, range: f32) -> Visibility {
+        if row == NO_ROW {
+            return Visibility::Unknown;
+        }
+        let (row, col, n_rows) = (row as usize, col as usize, self.ranges.slopes.len());
+        let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
+        // The first ray hits most static objects.
+        let first = self.ranges.ranges[row * self.cols + col];
+        if (range_m(first) - range).abs() < tolerance {
+            return hit_by(first);
+        }
+        let (mut n_beyond, mut is_blocked) = (0, false);
+        for row in [Some(row), row.checked_sub(1), Some(row + 1).filter(|row| *row < n_rows)].into_iter().flatten() {
+            let rays = self.rays(row, col);
+            let (mut n_hits, mut n_before) = (0_u32, 0_u32);
+            let mut hits = [false; RAYS];
+            // The last ray is none.
+            for at in 0..2 * REACH_COLUMNS + 1 {
+                let range_m = range_m(rays[at]);
+                hits[at] = (range_m - range).abs() < tolerance;
+                n_hits += u32::from(hits[at]);
+                n_beyond += u32::from(range_m > range);
+                n_before += u32::from((range_m > 0.0) & (range_m < range));
+            }
+            if n_hits > 0 {
+                let nearest = BESIDE_COLUMNS.into_iter().find(|at| hits[*at]);
+                return nearest.map_or(Visibility::Unknown, |at| hit_by(rays[at]));
+            }
+            is_blocked |= n_before > 0;
         }
         // Rays that end before and behind the position may be on one surface at a flat angle, which contains the position.
         if n_beyond >= MIN_BEYOND && !is_blocked { Visibility::Free } else { Visibility::Unknown }
     }
 
-    /// The row whose rays have the nearest slope; `None` outside of the field of view.
-    fn row(&self, slope: f32) -> Option<usize> {
-        let slopes = &self.ranges.slopes;
-        let above = slopes.partition_point(|s| *s < slope);
-        let below = above.checked_sub(1)?;
-        let is_inside = above < slopes.len();
-        is_inside.then(|| if slopes[above] - slope < slope - slopes[below] { above } else { below })
+    /// The rays of a row around a column, from left to right, and another one, so that they fill a register.
+    #[inline(always)]
+    fn rays(&self, row: usize, col: usize) -> [u16; RAYS] {
+        let of_row = &self.ranges.ranges[row * self.cols..][..self.cols];
+        let first = col.checked_sub(REACH_COLUMNS).and_then(|first| of_row.get(first..first + RAYS));
+        let at_rim = || std::array::from_fn(|at| of_row[(col + self.cols + at - REACH_COLUMNS) % self.cols]);
+        first.and_then(|rays| rays.first_chunk()).copied().unwrap_or_else(at_rim)
     }
+}
+
+#[inline(always)]
+fn range_m(stored: u16) -> f32 {
+    f32::from(stored & !DYNAMIC) * UNIT_M
+}
+
+#[inline(always)]
+fn hit_by(stored: u16) -> Visibility {
+    if stored & DYNAMIC == 0 { Visibility::Occupied } else { Visibility::Dynamic }
+}
+
+/// The columns of directions.
+#[inline(always)]
+fn columns(x: &[f32; LANES], y: &[f32; LANES]) -> [u32; LANES] {
+    let mut cols = [0; LANES];
+    for lane in 0..LANES {
+        cols[lane] = RangeImage::column(x[lane], y[lane]) as u32;
+    }
+    cols
+}
+
+/// Positions under poses (quaternion, translation), as nalgebra computes them.
+#[inline(always)]
+fn moved(poses: &[[f32; LANES]; 7], positions: &[[f32; LANES]; 3]) -> [[f32; LANES]; 3] {
+    let mut moved = [[0.0; LANES]; 3];
+    for lane in 0..LANES {
+        let [i, j, k, w, tx, ty, tz] = std::array::from_fn(|part| poses[part][lane]);
+        let [x, y, z] = std::array::from_fn(|axis| positions[axis][lane]);
+        let (a, b, c) = ((j * z - k * y) * 2.0, (k * x - i * z) * 2.0, (i * y - j * x) * 2.0);
+        moved[0][lane] = a * w + (j * c - k * b) + x + tx;
+        moved[1][lane] = b * w + (k * a - i * c) + y + ty;
+        moved[2][lane] = c * w + (i * b - j * a) + z + tz;
+    }
+    moved
 }
 
 /// Mean slope of each row. An empty row takes that of the row below, so that they ascend.

@@ -17,7 +17,7 @@ const REACH_DEG: f32 = 1.4;
 
 /// Cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all rings at once.
 /// Not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap around.
-const STRIDE: usize = COLS + 4;
+pub(crate) const STRIDE: usize = COLS + 4;
 /// Points whose directions are computed at once.
 const CHUNK: usize = 64;
 
@@ -128,11 +128,26 @@ impl RangeImage {
     pub(crate) fn position(&self, row: usize, col: usize) -> Vector3<f32> {
         Vector3::from(self.at(row, col).position)
     }
+    /// Positions of the cells of a row.
+    #[inline(always)]
+    pub(crate) fn positions_of_row(&self, row: usize) -> impl Iterator<Item = [f32; 3]> {
+        self.cells[row * STRIDE..][..COLS].iter().map(|cell| cell.position)
+    }
     /// Row and column of a point; `None` for one that is not finite.
     #[inline(always)]
     pub(crate) fn cell(&self, point_idx: usize) -> Option<(usize, usize)> {
         let idx = self.cell_of[point_idx];
         (idx != EMPTY).then_some((idx as usize / STRIDE, idx as usize % STRIDE))
+    }
+    /// The points that have a cell to themselves or are the first in it: index and number of the cell, [`STRIDE`] from row to row.
+    #[inline(always)]
+    pub(crate) fn points_with_cells(&self) -> impl Iterator<Item = (usize, usize)> {
+        let cells = self.cell_of.iter().map(|&idx| idx as usize).enumerate().filter(|(_, idx)| *idx != EMPTY as usize);
+        cells.filter(|&(point_idx, idx)| self.cells[idx].point == point_idx as u32)
+    }
+    /// Index of the point in a cell that is not empty, by the cell's number.
+    pub(crate) fn point_of_cell(&self, number: usize) -> u32 {
+        self.cells[number].point
     }
     /// Whether rows are rings, each with its own laser, and not bins of elevation.
     pub(crate) fn has_rings(&self) -> bool {
