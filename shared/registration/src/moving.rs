@@ -174,13 +174,8 @@ fn points_in_odom_axes(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
         Isometry3::from_parts(Translation3::from(offset), pose.rotation)
     };
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
-    let (image, points) = (sweep.image(), sweep.points());
-    let mut placed = vec![[f32::NAN; 3]; image.rows() * STRIDE];
-    // In the order of the shots, which share poses.
-    for (idx, cell) in image.points_with_cells() {
-        placed[cell] = table.deskew(points[idx].position, points[idx].offset_nanos);
-    }
-    placed
+    let points = sweep.points();
+    sweep.image().by_cell([f32::NAN; 3], |idx| table.deskew(points[idx].position, points[idx].offset_nanos))
 }
 
 #[cfg(test)]

@@ -75,6 +75,16 @@ impl Planes {
     pub fn below(&self, row: usize) -> Option<usize> {
         row.checked_sub(self.reach)
     }
+    /// Ranges of the cells from number `first` on, m; NaN of empty ones.
+    #[inline(always)]
+    pub fn ranges(&self, row: usize, first: usize) -> [f32; LANES] {
+        let [x, y, z] = self.block(row, first, 0);
+        let mut ranges = [0.0; LANES];
+        for lane in 0..LANES {
+            ranges[lane] = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
+        }
+        ranges
+    }
     /// Coordinates of `LANES` cells, `offset` columns from those from number `first` on, m; NaN in empty cells.
     #[inline(always)]
     pub fn block(&self, row: usize, first: usize, offset: isize) -> [&[f32; LANES]; 3] {
@@ -110,11 +120,7 @@ impl Shapes {
     /// Shapes of the cells from number `first` on.
     #[inline(always)]
     pub fn around(planes: &Planes, row: usize, first: usize) -> Self {
-        let [x, y, z] = planes.block(row, first, 0);
-        let mut range = [0.0; LANES];
-        for lane in 0..LANES {
-            range[lane] = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
-        }
+        let range = planes.ranges(row, first);
         let Moments { n, first: [x, y, z], second: [xx, xy, xz, yy, yz, zz] } =
             Moments::around(planes, row, first, &range);
         let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
