@@ -124,7 +124,10 @@ impl Shapes {
         let Moments { n, first: [x, y, z], second: [xx, xy, xz, yy, yz, zz] } =
             Moments::around(planes, row, first, &range);
         let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        let (mut planarity, mut roughness, mut thickness) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut planarity, mut roughness, mut thickness) = ([-1.0; LANES], [0.0; LANES], [0.0; LANES]);
+        if !n.iter().fold(false, |is_any, n| is_any | (*n >= MIN_NEIGHBORS)) {
+            return Self { range, normal: [nx, ny, nz], planarity, roughness, thickness };
+        }
         for lane in 0..LANES {
             let per_n = 1.0 / f64::from(n[lane]);
             let mean = |sums: &[f32; LANES]| f64::from(sums[lane]) * per_n;

@@ -163,7 +163,14 @@ impl RangeImage {
 #[inline(always)]
 fn column_at(azimuth: f32) -> usize {
     const PER_RAD: f32 = COLS as f32 / std::f32::consts::TAU;
-    (azimuth * PER_RAD + COLS as f32 / 2.0) as i32 as usize % COLS
+    /// From here on to twice as much f32 holds whole numbers only: the last bits of a sum are the number that was added.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let at = azimuth * PER_RAD + COLS as f32 / 2.0;
+    let at = if at > 0.0 { at } else { 0.0 };
+    // Rounds down. A loop over conversions to an integer does not vectorize, because they check the limits.
+    let nearest = at + WHOLE;
+    let down = nearest.to_bits() - u32::from(nearest - WHOLE > at);
+    down as usize % COLS
 }
 
 /// Directions of points.

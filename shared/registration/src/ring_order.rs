@@ -36,8 +36,10 @@ fn rings(directions: &Directions) -> Option<(Vec<u8>, usize)> {
     if !RINGS.contains(&n) {
         return None;
     }
-    let ring = |turned: &f32| (ring_at(*turned).clamp(first, last) - first) as u8;
-    let mut rings: Vec<u8> = turns.turned.iter().map(ring).collect();
+    let mut rings = vec![0; turns.turned.len()];
+    for (ring, turned) in rings.iter_mut().zip(&turns.turned) {
+        *ring = (ring_at(*turned).clamp(first, last) - first) as u8;
+    }
     let slopes = mean_slopes(&directions.slopes, &rings, n);
     let ordered = |is_ordered: fn(f64, f64) -> bool| {
         let n_ordered = slopes.windows(2).filter(|pair| is_ordered(pair[0], pair[1])).count();
