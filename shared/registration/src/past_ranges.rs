@@ -20,6 +20,8 @@ const REACH_COLUMNS: usize = 3;
 const BESIDE_COLUMNS: [usize; 7] = [3, 2, 4, 1, 5, 0, 6];
 /// Rays that are compared at once: those of a row and another one, one register of 16 bytes.
 const RAYS: usize = 8;
+/// Which of them are.
+const COUNTED: [u32; RAYS] = [1, 1, 1, 1, 1, 1, 1, 0];
 /// Positions of a query: one register of 64 bytes, or two of 32.
 pub(crate) const LANES: usize = 16;
 /// Row of a position outside of the field of view.
@@ -136,10 +138,24 @@ impl PlacedRanges<'_> {
     /// What the sweep saw at positions.
     #[inline(always)]
     pub fn visibility(&self, positions: &Positions) -> [Visibility; LANES] {
-        let rays = self.nearest_rays(positions);
+        let NearestRays { rows, cols, ranges } = self.nearest_rays(positions);
+        let last_row = self.ranges.slopes.len() as u32 - 1;
+        let mut nearest = [0; LANES];
+        for lane in 0..LANES {
+            nearest[lane] = self.ranges.ranges[rows[lane].min(last_row) as usize * self.cols + cols[lane] as usize];
+        }
+        // The nearest ray hits most static objects.
+        let mut is_hit = [0_u32; LANES];
+        for lane in 0..LANES {
+            is_hit[lane] = u32::from((range_m(nearest[lane]) - ranges[lane]).abs() < tolerance_m(ranges[lane]));
+        }
         let mut found = [Visibility::Unknown; LANES];
-        for (lane, found) in found.iter_mut().enumerate() {
-            *found = self.along(rays.rows[lane], rays.cols[lane], rays.ranges[lane]);
+        for lane in (0..LANES).filter(|lane| rows[*lane] != NO_ROW) {
+            found[lane] = if is_hit[lane] == 1 {
+                hit_by(nearest[lane])
+            } else {
+                self.around(rows[lane] as usize, cols[lane] as usize, ranges[lane])
+            };
         }
         found
     }
@@ -200,38 +216,36 @@ impl PlacedRanges<'_> {
 
     /// What the rays around a direction saw at a range.
     #[inline(always)]
-    fn along(&self, row: u32, col: u32, range: f32) -> Visibility {
-        if row == NO_ROW {
-            return Visibility::Unknown;
-        }
-        let (row, col, n_rows) = (row as usize, col as usize, self.ranges.slopes.len());
-        let tolerance = TOLERANCE_M + TOLERANCE_SHARE * range;
-        // The first ray hits most static objects.
-        let first = self.ranges.ranges[row * self.cols + col];
-        if (range_m(first) - range).abs() < tolerance {
-            return hit_by(first);
-        }
-        let (mut n_beyond, mut is_blocked) = (0, false);
-        for row in [Some(row), row.checked_sub(1), Some(row + 1).filter(|row| *row < n_rows)].into_iter().flatten() {
-            let rays = self.rays(row, col);
-            let (mut n_hits, mut n_before) = (0_u32, 0_u32);
-            let mut hits = [false; RAYS];
-            // The last ray is none.
-            for at in 0..2 * REACH_COLUMNS + 1 {
-                let range_m = range_m(rays[at]);
-                hits[at] = (range_m - range).abs() < tolerance;
-                n_hits += u32::from(hits[at]);
-                n_beyond += u32::from(range_m > range);
-                n_before += u32::from((range_m > 0.0) & (range_m < range));
+    fn around(&self, row: usize, col: usize, range: f32) -> Visibility {
+        let tolerance = tolerance_m(range);
+        let below = row.checked_sub(1);
+        let above = Some(row + 1).filter(|row| *row < self.ranges.slopes.len());
+        // Rays of a row that does not exist are not counted.
+        let mut rays = [[0; RAYS]; 4];
+        let mut is_counted = [[0_u32; RAYS]; 4];
+        for (number, row) in [Some(row), below, above].into_iter().enumerate() {
+            if let Some(row) = row {
+                rays[number] = self.rays(row, col);
+                is_counted[number] = COUNTED;
             }
-            if n_hits > 0 {
-                let nearest = BESIDE_COLUMNS.into_iter().find(|at| hits[*at]);
-                return nearest.map_or(Visibility::Unknown, |at| hit_by(rays[at]));
-            }
-            is_blocked |= n_before > 0;
+        }
+        let (rays, is_counted) = (rays.as_flattened(), is_counted.as_flattened());
+        let mut is_hit = [0_u32; 4 * RAYS];
+        let (mut n_hits, mut n_beyond, mut n_before) = (0, 0, 0);
+        for at in 0..4 * RAYS {
+            let range_m = range_m(rays[at]);
+            is_hit[at] = u32::from((range_m - range).abs() < tolerance) & is_counted[at];
+            n_hits += is_hit[at];
+            n_beyond += u32::from(range_m > range) & is_counted[at];
+            n_before += u32::from((range_m > 0.0) & (range_m < range)) & is_counted[at];
+        }
+        if n_hits > 0 {
+            let in_order = (0..3).flat_map(|number| BESIDE_COLUMNS.map(|beside| number * RAYS + beside));
+            let first = in_order.into_iter().find(|at| is_hit[*at] == 1);
+            return first.map_or(Visibility::Unknown, |at| hit_by(rays[at]));
         }
         // Rays that end before and behind the position may be on one surface at a flat angle, which contains the position.
-        if n_beyond >= MIN_BEYOND && !is_blocked { Visibility::Free } else { Visibility::Unknown }
+        if n_beyond >= MIN_BEYOND && n_before == 0 { Visibility::Free } else { Visibility::Unknown }
     }
 
     /// The rays of a row around a column, from left to right, and another one, so that they fill a register.
@@ -242,6 +256,12 @@ impl PlacedRanges<'_> {
         let at_rim = || std::array::from_fn(|at| of_row[(col + self.cols + at - REACH_COLUMNS) % self.cols]);
         first.and_then(|rays| rays.first_chunk()).copied().unwrap_or_else(at_rim)
     }
+}
+
+/// Ranges on different surfaces differ by more than this.
+#[inline(always)]
+fn tolerance_m(range: f32) -> f32 {
+    TOLERANCE_M + TOLERANCE_SHARE * range
 }
 
 #[inline(always)]
@@ -299,5 +319,91 @@ fn fill_gaps(shares: &mut [f32]) {
             *share = last;
         }
         last = *share;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TimedPoint;
+    use geometry::Stamp;
+    use nalgebra::Point3;
+
+    /// The same as [`PlacedRanges::visibility`], position by position.
+    fn plain_visibility(past: &PastRanges, position: &Vector3<f64>) -> Visibility {
+        let mid = Isometry3::from_parts(Vector3::zeros().into(), past.motion.mid.rotation);
+        let near = SweepMotion { mid, ..past.motion };
+        let from_mid = Point3::from((position - past.motion.mid.translation.vector).cast::<f32>());
+        let cols = past.ranges.len() / past.slopes.len();
+        let (mut col, mut local) = (cols / 2, Point3::origin());
+        for _ in 0..2 {
+            local = near.at(f64::from(past.shares[col / SECTOR])).inverse().cast::<f32>() * from_mid;
+            col = RangeImage::column(local.x, local.y);
+        }
+        let (range, slope) = (local.coords.norm(), local.z / (local.x * local.x + local.y * local.y).sqrt());
+        let above = past.slopes.partition_point(|of_row| *of_row < slope);
+        if above == 0 || above == past.slopes.len() {
+            return Visibility::Unknown;
+        }
+        let is_above = past.slopes[above] - slope < slope - past.slopes[above - 1];
+        let row = if is_above { above } else { above - 1 };
+        let (mut n_beyond, mut is_blocked) = (0, false);
+        for row in [Some(row), row.checked_sub(1), Some(row + 1)].into_iter().flatten().filter(|row| *row < past.slopes.len()) {
+            for beside in BESIDE_COLUMNS {
+                let stored = past.ranges[row * cols + (col + cols + beside - REACH_COLUMNS) % cols];
+                let range_m = f32::from(stored & !DYNAMIC) * UNIT_M;
+                if (range_m - range).abs() < TOLERANCE_M + TOLERANCE_SHARE * range {
+                    return if stored & DYNAMIC == 0 { Visibility::Occupied } else { Visibility::Dynamic };
+                }
+                n_beyond += u32::from(range_m > range);
+                is_blocked |= range_m > 0.0 && range_m < range;
+            }
+        }
+        if n_beyond >= MIN_BEYOND && !is_blocked { Visibility::Free } else { Visibility::Unknown }
+    }
+
+    /// Walls and posts around a turning LiDAR, with gaps; every fifth point is dynamic.
+    fn past() -> PastRanges {
+        let mut points = Vec::new();
+        for column in (0..2000_u32).filter(|column| column % 97 > 8) {
+            for ring in 0..32_u8 {
+                let azimuth = std::f32::consts::PI - column as f32 * std::f32::consts::TAU / 2000.0;
+                let elevation = (-30.67 + f32::from(ring) * 1.333_f32).to_radians();
+                let range = if column % 40 < 6 { 7.0 } else { 15.0 + 5.0 * (3.0 * azimuth).sin() };
+                let (flat, up) = (range * elevation.cos(), range * elevation.sin());
+                let position = [flat * azimuth.cos(), flat * azimuth.sin(), up];
+                points.push(TimedPoint { position, offset_nanos: column * 50_000, ring });
+            }
+        }
+        let dynamic: Vec<u32> = (0..points.len() as u32).step_by(5).collect();
+        let motion = SweepMotion {
+            mid: Isometry3::new(Vector3::new(3000.0, -40.0, 1.0), Vector3::new(0.02, 0.1, 1.0)),
+            translation: Vector3::new(1.0, 0.4, 0.0),
+            rotation: Vector3::new(0.0, 0.01, 0.05),
+        };
+        PastRanges::new(&Sweep::new(Stamp(0), points, 32), motion, &dynamic)
+    }
+
+    #[test]
+    fn visibility_of_many_positions_equals_that_of_each() {
+        let past = past();
+        let placed = past.placed();
+        let mut random = random::Random::new(3);
+        let mut counts = [0; 4];
+        for _ in 0..2000 {
+            let mut positions = [[0.0; LANES]; 3];
+            for lane in 0..LANES {
+                let (azimuth, range) = (random.range(-3.2, 3.2), random.range(0.0, 25.0));
+                let [x, y, z] = [range * azimuth.cos(), range * azimuth.sin(), random.range(-3.0, 4.0)];
+                let position = [3000.0 + f64::from(x), -40.0 + f64::from(y), 1.0 + f64::from(z)];
+                (0..3).for_each(|axis| positions[axis][lane] = position[axis]);
+            }
+            for (lane, found) in placed.visibility(&positions).into_iter().enumerate() {
+                let expected = plain_visibility(&past, &positions.map(|axis| axis[lane]).into());
+                assert_eq!(found, expected, "{:?}", positions.map(|axis| axis[lane]));
+                counts[expected as usize] += 1;
+            }
+        }
+        assert!(counts.iter().all(|n| *n > 500), "each outcome must occur: {counts:?}");
     }
 }

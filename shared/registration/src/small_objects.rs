@@ -217,7 +217,7 @@ mod tests {
         let mut wide = vec![[f32::NAN; 3]; rows * stride];
         for row in 0..rows {
             for col in (0..cols).filter(|col| col % 50 < 40) {
-                let (angle, range) = ((col as f32).to_radians(), 8.0 + 0.05 * random.range(0.0, 1.0) as f32);
+                let (angle, range) = ((col as f32).to_radians(), 8.0 + random.range(0.0, 0.05));
                 let point = [range * angle.cos(), range * angle.sin(), 0.3 * row as f32];
                 (narrow[row * cols + col], wide[row * stride + col]) = (point, point);
             }
