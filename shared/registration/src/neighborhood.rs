@@ -42,22 +42,26 @@ impl Planes {
             reach: image.reach(),
             coordinates: [empty(), empty(), empty()],
         };
-        for row in 0..image.rows() {
-            for phase in 0..step {
-                let start = (row * step + phase) * len;
-                // Past the last column only what a neighborhood needs.
-                let places =
-                    (0..len).take_while(|place| place * step + phase < before * step + image.cols() + FARTHEST);
-                for place in places {
-                    let col = place * step + phase + image.cols() - before * step;
-                    let position = image.position(row, col);
-                    for axis in 0..3 {
-                        planes.coordinates[axis][start + place] = position[axis];
-                    }
-                }
+        wide_loops::run(
+            #[inline(always)]
+            || (0..image.rows()).for_each(|row| planes.copy_row(image, row)),
+        );
+        planes
+    }
+    #[inline(always)]
+    fn copy_row(&mut self, image: &RangeImage, row: usize) {
+        let (step, rim) = (self.step, self.before * self.step);
+        for phase in 0..step {
+            let start = (row * step + phase) * self.len;
+            // The rim repeats columns of the other end; past the last column only what a neighborhood needs.
+            let rim_cols = (phase..rim).step_by(step).map(|col| image.cols() + col - rim);
+            let cols = (phase..image.cols() + FARTHEST).step_by(step);
+            let positions = rim_cols.chain(cols).map(|col| image.position(row, col));
+            let [x, y, z] = self.coordinates.each_mut().map(|plane| &mut plane[start..start + self.len]);
+            for (place, position) in positions.enumerate().take(self.len) {
+                (x[place], y[place], z[place]) = (position.x, position.y, position.z);
             }
         }
-        planes
     }
     /// Columns between the cells of a list.
     pub fn step(&self) -> usize {
