@@ -86,7 +86,8 @@ impl MovingDetector {
         let first = votes_on(MAX_POINTS_FIRST, &|_| true);
         let votes = votes_on(MAX_POINTS, &|&object| first[object].free > 0 || first[object].continues_to_move());
         let points_of = |does: fn(&Votes) -> bool| {
-            let cells = (0..objects.n()).filter(|&object| does(&votes[object])).flat_map(|object| objects.cells(object));
+            let cells =
+                (0..objects.n()).filter(|&object| does(&votes[object])).flat_map(|object| objects.cells(object));
             let mut points: Vec<u32> = cells.map(|&cell| image.point_of_cell(cell as usize)).collect();
             points.sort_unstable();
             points

@@ -348,7 +348,9 @@ mod tests {
         let is_above = past.slopes[above] - slope < slope - past.slopes[above - 1];
         let row = if is_above { above } else { above - 1 };
         let (mut n_beyond, mut is_blocked) = (0, false);
-        for row in [Some(row), row.checked_sub(1), Some(row + 1)].into_iter().flatten().filter(|row| *row < past.slopes.len()) {
+        for row in
+            [Some(row), row.checked_sub(1), Some(row + 1)].into_iter().flatten().filter(|row| *row < past.slopes.len())
+        {
             for beside in BESIDE_COLUMNS {
                 let stored = past.ranges[row * cols + (col + cols + beside - REACH_COLUMNS) % cols];
                 let range_m = f32::from(stored & !DYNAMIC) * UNIT_M;
@@ -404,6 +406,6 @@ mod tests {
                 counts[expected as usize] += 1;
             }
         }
-        assert!(counts.iter().all(|n| *n > 500), "each outcome must occur: {counts:?}");
+        assert!(counts.iter().all(|n| *n > 200), "each outcome must occur: {counts:?}");
     }
 }
