@@ -76,15 +76,22 @@ impl MovingDetector {
         let placed = points_in_odom_axes(sweep, motion);
         let objects = SmallObjects::segment(&placed, image.cols(), STRIDE);
         let past: Vec<PlacedRanges> = self.memory.iter().map(|(_, ranges)| ranges.placed()).collect();
-        let votes_on = |at_most: usize, may_move: &dyn Fn(&usize) -> bool| {
-            let members = |object| objects.members(object, at_most).map(move |cell| (object as u32, cell));
-            let members = (0..objects.n()).filter(may_move).flat_map(members);
-            let queries = Queries::new(members, &placed, &motion.mid.translation.vector);
+        let votes_on = |of: &[u32], at_most: usize| {
+            let members = |&object| objects.members(object as usize, at_most).map(move |cell| (object, cell));
+            let queries = Queries::new(of.iter().flat_map(members), &placed, &motion.mid.translation.vector);
             queries.votes(&past, objects.n())
         };
         // Most objects are static, which a few of their points show.
-        let first = votes_on(MAX_POINTS_FIRST, &|_| true);
-        let votes = votes_on(MAX_POINTS, &|&object| first[object].free > 0 || first[object].continues_to_move());
+        let all: Vec<u32> = (0..objects.n() as u32).collect();
+        let mut votes = votes_on(&all, MAX_POINTS_FIRST);
+        let may_move = |object: &u32| {
+            let first = &votes[*object as usize];
+            let has_more = objects.cells(*object as usize).len() > MAX_POINTS_FIRST;
+            has_more && (first.free > 0 || first.continues_to_move())
+        };
+        let in_doubt: Vec<u32> = all.into_iter().filter(may_move).collect();
+        let exact = votes_on(&in_doubt, MAX_POINTS);
+        in_doubt.iter().for_each(|&object| votes[object as usize] = exact[object as usize]);
         let points_of = |does: fn(&Votes) -> bool| {
             let cells =
                 (0..objects.n()).filter(|&object| does(&votes[object])).flat_map(|object| objects.cells(object));
