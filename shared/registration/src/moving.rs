@@ -91,7 +91,9 @@ impl MovingDetector {
         };
         let in_doubt: Vec<u32> = all.into_iter().filter(may_move).collect();
         let exact = votes_on(&in_doubt, MAX_POINTS);
-        in_doubt.iter().for_each(|&object| votes[object as usize] = exact[object as usize]);
+        for object in in_doubt {
+            votes[object as usize] = exact[object as usize];
+        }
         let points_of = |does: fn(&Votes) -> bool| {
             let cells =
                 (0..objects.n()).filter(|&object| does(&votes[object])).flat_map(|object| objects.cells(object));

@@ -192,11 +192,10 @@ impl Angles {
             let elevation_deg = fast_atan2(heights[at], squares[at].sqrt()).to_degrees();
             angles.elevations[at] = rounded(elevation_deg * 100.0) as i16;
         }
-        for at in 0..BLOCK {
-            let cosine = cosines[at];
+        for (incidence, &cosine) in angles.incidences.iter_mut().zip(cosines) {
             let is_known = cosine >= 0.0;
             let steps = rounded(if is_known { cosine * 254.0 } else { 0.0 }) as u8;
-            angles.incidences[at] = if is_known { steps } else { POINT_INCIDENCE_UNKNOWN };
+            *incidence = if is_known { steps } else { POINT_INCIDENCE_UNKNOWN };
         }
         angles
     }
