@@ -307,16 +307,15 @@ mod tests {
         let mut random = random::Random::new(3);
         let mut counts = [0; 4];
         for _ in 0..2000 {
-            let mut positions = [[0.0; LANES]; 3];
-            for lane in 0..LANES {
+            let each: [[f64; 3]; LANES] = std::array::from_fn(|_| {
                 let (azimuth, range) = (random.range(-3.2, 3.2), random.range(0.0, 25.0));
                 let [x, y, z] = [range * azimuth.cos(), range * azimuth.sin(), random.range(-3.0, 4.0)];
-                let position = [3000.0 + f64::from(x), -40.0 + f64::from(y), 1.0 + f64::from(z)];
-                (0..3).for_each(|axis| positions[axis][lane] = position[axis]);
-            }
-            for (lane, found) in placed.visibility(&positions).into_iter().enumerate() {
-                let expected = plain_visibility(&past, &positions.map(|axis| axis[lane]).into());
-                assert_eq!(found, expected, "{:?}", positions.map(|axis| axis[lane]));
+                [3000.0 + f64::from(x), -40.0 + f64::from(y), 1.0 + f64::from(z)]
+            });
+            let positions = std::array::from_fn(|axis| each.map(|position| position[axis]));
+            for (position, found) in each.into_iter().zip(placed.visibility(&positions)) {
+                let expected = plain_visibility(&past, &position.into());
+                assert_eq!(found, expected, "{position:?}");
                 counts[expected as usize] += 1;
             }
         }
