@@ -123,6 +123,13 @@ impl SurfaceSums {
     /// Weight, weighted distance, weighted normal, weighted levers.
     #[inline(always)]
     pub fn totals(&self) -> [f64; 7] {
-        self.0.map(|lanes| lanes.iter().fold(0.0, |sum, value| sum + f64::from(*value)))
+        let mut totals = [0.0; 7];
+        // Few lanes have a weight. The sums of the others are zero.
+        for lane in (0..LANES).filter(|lane| self.0[0][*lane] > 0.0) {
+            for (total, lanes) in totals.iter_mut().zip(&self.0) {
+                *total += f64::from(lanes[lane]);
+            }
+        }
+        totals
     }
 }

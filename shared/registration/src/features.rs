@@ -129,6 +129,10 @@ fn row_features(
     let mut taken = VoxelSet::for_at_most(planes.n());
     let mut features = Vec::new();
     for first in (0..planes.n()).step_by(LANES) {
+        // Blocks without a point, such as those of the sky, have no shapes.
+        if !is_any_in_range(&planes.ranges(row, first), settings) {
+            continue;
+        }
         let shapes = Shapes::around(planes, row, first);
         for lane in 0..LANES.min(planes.n() - first) {
             let Some(is_smooth) = kind(&shapes, lane, up, settings) else { continue };
@@ -141,6 +145,12 @@ fn row_features(
         }
     }
     features
+}
+
+#[inline(always)]
+fn is_any_in_range(ranges: &[f32; LANES], settings: &FeatureSettings) -> bool {
+    let is_in_range = |range: &f32| (*range >= settings.min_range_m) & (*range <= settings.max_range_m);
+    ranges.iter().fold(false, |is_any, range| is_any | is_in_range(range))
 }
 
 /// Whether a cell is a smooth feature (`true`) or a rough one; `None` if it is not a feature.

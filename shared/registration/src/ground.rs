@@ -4,7 +4,9 @@
 const CELL_M: f32 = 0.5;
 /// Cells from the middle to each side: 48 m. Farther away rings are too sparse for the field to grow.
 const REACH: usize = 96;
-const SIDE: usize = 2 * REACH;
+/// Cells of a row: the field and a rim that stays empty, so that each cell of the field has all its neighbors.
+const SIDE: usize = 2 * (REACH + RIM);
+const RIM: usize = 2;
 /// Seeds of the ground lie within this distance of the vehicle, m.
 const SEED_M: f32 = 6.0;
 /// Largest height of a seed over the lowest one, m: a sidewalk is ground, a bonnet is not.
@@ -26,8 +28,9 @@ impl GroundField {
         let mut lowest = vec![f32::NAN; SIDE * SIDE];
         for &[x, y, z] in points {
             if let Some(cell) = cell(x, y) {
-                // The minimum of NaN and a number is the number.
-                lowest[cell] = lowest[cell].min(z);
+                let lowest = &mut lowest[cell];
+                // Not `f32::min`, which is slower because either may be NaN.
+                *lowest = if *lowest <= z { *lowest } else { z };
             }
         }
         let mut ground = seeds(&lowest);
@@ -53,7 +56,8 @@ impl GroundField {
             let ceiling = heights[cell] + THICKNESS_M;
             ceilings[cell] = ceiling;
             for near in around(cell, 1).filter(|near| heights[*near].is_nan()) {
-                ceilings[near] = ceilings[near].max(ceiling);
+                let other = &mut ceilings[near];
+                *other = if *other >= ceiling { *other } else { ceiling };
             }
         }
         Self { ceilings }
@@ -68,8 +72,9 @@ impl GroundField {
 /// Cells around the vehicle that are about as low as the lowest one.
 fn seeds(lowest: &[f32]) -> Vec<usize> {
     const NEAR: usize = (SEED_M / CELL_M) as usize;
-    let along = |index: usize| (index as f32 - REACH as f32 + 0.5) * CELL_M;
-    let side = REACH - NEAR..REACH + NEAR;
+    const MIDDLE: usize = REACH + RIM;
+    let along = |index: usize| (index as f32 - MIDDLE as f32 + 0.5) * CELL_M;
+    let side = MIDDLE - NEAR..MIDDLE + NEAR;
     let near: Vec<usize> = side
         .clone()
         .flat_map(|row| side.clone().map(move |col| (row, col)))
@@ -86,16 +91,17 @@ fn cell(x: f32, y: f32) -> Option<usize> {
     let index = |v: f32| {
         // Positive within the field, so truncating rounds down.
         let index = v * (1.0 / CELL_M) + REACH as f32;
-        (0.0..SIDE as f32).contains(&index).then_some(index as usize)
+        (0.0..2.0 * REACH as f32).contains(&index).then_some(index as usize + RIM)
     };
     Some(index(x)? * SIDE + index(y)?)
 }
 
-/// Cells at most `reach` rows and columns away.
-fn around(cell: usize, reach: usize) -> impl Iterator<Item = usize> + Clone {
-    let (row, col) = (cell / SIDE, cell % SIDE);
-    let span = move |at: usize| at.saturating_sub(reach)..=(at + reach).min(SIDE - 1);
-    span(row).flat_map(move |row| span(col).map(move |col| row * SIDE + col)).filter(move |&other| other != cell)
+/// Cells of the field and its rim at most `reach` <= [`RIM`] rows and columns away.
+#[inline(always)]
+fn around(cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+    let first = cell - reach * SIDE - reach;
+    let rows = (0..=2 * reach).map(move |row| first + row * SIDE);
+    rows.flat_map(move |begin| begin..=begin + 2 * reach).filter(move |&other| other != cell)
 }
 
 #[cfg(test)]

@@ -94,7 +94,8 @@ impl Velocity {
 /// 25 µrad and 0.5 mm at a yaw rate of 1 rad/s and 20 m/s.
 #[derive(Clone, Debug)]
 pub struct DeskewTable {
-    bins: Vec<([[f32; 3]; 3], [f32; 3])>,
+    /// Columns of the rotation, then the translation, each padded to a register of 16 bytes.
+    bins: Vec<[[f32; 4]; 4]>,
     bins_per_nano: f64,
 }
 
@@ -119,7 +120,9 @@ impl DeskewTable {
                 let ((rotation, translation), (next_rotation, next_translation)) = (nodes[before], nodes[before + 1]);
                 let rotation = rotation + (next_rotation - rotation) * share;
                 let translation = translation + (next_translation - translation) * share;
-                (rotation.transpose().cast().into(), translation.cast().into())
+                let padded = |v: Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32, 0.0];
+                let column = |axis| padded(rotation.column(axis).into_owned());
+                [column(0), column(1), column(2), padded(translation)]
             })
             .collect();
         Self { bins, bins_per_nano: n_bins as f64 / f64::from(duration_nanos.max(1)) }
@@ -127,13 +130,14 @@ impl DeskewTable {
     /// The point, shot `offset_nanos` after the first one, in the target frame. Offsets past the end count as the end.
     #[inline]
     pub fn deskew(&self, position: [f32; 3], offset_nanos: u32) -> [f32; 3] {
-        let bin = ((f64::from(offset_nanos) * self.bins_per_nano) as usize).min(self.bins.len() - 1);
-        let (rows, translation) = &self.bins[bin];
-        let mut moved = *translation;
-        for (value, row) in moved.iter_mut().zip(rows) {
-            *value += row[0] * position[0] + row[1] * position[1] + row[2] * position[2];
+        // As `i32`, because x86 has no conversion to `usize`.
+        let bin = ((f64::from(offset_nanos) * self.bins_per_nano) as i32 as usize).min(self.bins.len() - 1);
+        let [x, y, z, translation] = &self.bins[bin];
+        let mut moved = [0.0; 4];
+        for lane in 0..4 {
+            moved[lane] = translation[lane] + (x[lane] * position[0] + y[lane] * position[1] + z[lane] * position[2]);
         }
-        moved
+        [moved[0], moved[1], moved[2]]
     }
 }
 

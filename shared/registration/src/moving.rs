@@ -1,6 +1,7 @@
 //! Detects moving objects: small objects in space that an earlier sweep saw as free.
 
-use crate::past_ranges::{PastRanges, PlacedRanges, Visibility};
+use crate::past_ranges::{LANES, PastRanges, PlacedRanges, Positions, Visibility};
+use crate::range_image::STRIDE;
 use crate::small_objects::SmallObjects;
 use crate::{DeskewTable, Sweep, SweepMotion};
 use geometry::{Isometry3, Pose, Stamp, Translation3, Vector3};
@@ -14,9 +15,9 @@ const MEMORY: usize = 8;
 /// Least time between them, s: every sweep of a LiDAR at 10 Hz.
 const MIN_INTERVAL_S: f64 = 0.08;
 /// Points of an object that are compared at most.
-const MAX_POINTS: u32 = 64;
+const MAX_POINTS: usize = 64;
 /// The same in a first pass. Objects without a free vote in it are static.
-const MAX_POINTS_FIRST: u32 = 24;
+const MAX_POINTS_FIRST: usize = 24;
 /// An object moves if this share of its votes is free, and at least so many. Half of a moving object is where it was before or
 /// where nothing was in view. Of a static object hardly one vote in a hundred is free.
 const FREE_SHARE: f64 = 0.1;
@@ -73,24 +74,30 @@ impl MovingDetector {
         }
         let image = sweep.image();
         let placed = points_in_odom_axes(sweep, motion);
-        let objects = SmallObjects::segment(&placed, image.cols());
-        // Most objects are static, which a few of their points show.
+        let objects = SmallObjects::segment(&placed, image.cols(), STRIDE);
         let past: Vec<PlacedRanges> = self.memory.iter().map(|(_, ranges)| ranges.placed()).collect();
-        let vote = |cells: &[u32]| votes(&past, &placed, &objects, cells, &motion.mid.translation.vector);
-        let first = vote(&objects.members(MAX_POINTS_FIRST));
-        let may_move = |cell: &u32| {
-            let first = &first[objects.of_cell[*cell as usize] as usize];
-            first.free > 0 || first.continues_to_move()
+        let votes_on = |of: &[u32], at_most: usize| {
+            let members = |&object| objects.members(object as usize, at_most).map(move |cell| (object, cell));
+            let queries = Queries::new(of.iter().flat_map(members), &placed, &motion.mid.translation.vector);
+            queries.votes(&past, objects.n())
         };
-        let cells: Vec<u32> = objects.members(MAX_POINTS).into_iter().filter(may_move).collect();
-        let votes = vote(&cells);
+        // Most objects are static, which a few of their points show.
+        let all: Vec<u32> = (0..objects.n() as u32).collect();
+        let mut votes = votes_on(&all, MAX_POINTS_FIRST);
+        let may_move = |object: &u32| {
+            let first = &votes[*object as usize];
+            let has_more = objects.cells(*object as usize).len() > MAX_POINTS_FIRST;
+            has_more && (first.free > 0 || first.continues_to_move())
+        };
+        let in_doubt: Vec<u32> = all.into_iter().filter(may_move).collect();
+        let exact = votes_on(&in_doubt, MAX_POINTS);
+        for object in in_doubt {
+            votes[object as usize] = exact[object as usize];
+        }
         let points_of = |does: fn(&Votes) -> bool| {
-            let is_of = |object: u32| object != SmallObjects::NONE && does(&votes[object as usize]);
-            let cells = (0..placed.len()).filter(|&cell| is_of(objects.of_cell[cell]));
-            let mut points: Vec<u32> = cells
-                .filter_map(|cell| image.point(cell / image.cols(), cell % image.cols()))
-                .map(|point_idx| point_idx as u32)
-                .collect();
+            let cells =
+                (0..objects.n()).filter(|&object| does(&votes[object])).flat_map(|object| objects.cells(object));
+            let mut points: Vec<u32> = cells.map(|&cell| image.point_of_cell(cell as usize)).collect();
             points.sort_unstable();
             points
         };
@@ -113,53 +120,72 @@ impl MovingDetector {
     }
 }
 
-/// The votes of all past sweeps on each object by the points of `cells`. `placed` are the points of all cells relative to `middle`,
-/// m.
-fn votes(
-    past: &[PlacedRanges],
-    placed: &[[f32; 3]],
-    objects: &SmallObjects,
-    cells: &[u32],
-    middle: &Vector3<f64>,
-) -> Vec<Votes> {
-    let of_one = |ranges: &PlacedRanges| {
-        let mut votes = vec![Votes::default(); objects.n];
-        for &cell in cells {
-            let votes = &mut votes[objects.of_cell[cell as usize] as usize];
-            match ranges.visibility(&(Vector3::from(placed[cell as usize]).cast::<f64>() + middle)) {
-                Visibility::Free => votes.free += 1,
-                Visibility::Occupied => votes.occupied += 1,
-                Visibility::Dynamic => votes.dynamic += 1,
-                Visibility::Unknown => {}
+/// Points of objects that are compared with earlier sweeps.
+struct Queries {
+    /// Positions in the odom frame. Unused lanes repeat a position.
+    positions: Vec<Positions>,
+    /// Object of each lane.
+    objects: Vec<u32>,
+}
+
+impl Queries {
+    /// `members` are objects and their cells. `placed` are the points of all cells relative to `middle`, m.
+    fn new(members: impl Iterator<Item = (u32, u32)>, placed: &[[f32; 3]], middle: &Vector3<f64>) -> Self {
+        let (objects, cells): (Vec<u32>, Vec<u32>) = members.unzip();
+        let block = |cells: &[u32]| {
+            let mut block = [[0.0; LANES]; 3];
+            for lane in 0..LANES {
+                let position = placed[cells[lane.min(cells.len() - 1)] as usize];
+                for axis in 0..3 {
+                    block[axis][lane] = f64::from(position[axis]) + middle[axis];
+                }
+            }
+            block
+        };
+        Self { positions: cells.chunks(LANES).map(block).collect(), objects }
+    }
+    /// The votes of all past sweeps on each of `n` objects.
+    fn votes(&self, past: &[PlacedRanges], n: usize) -> Vec<Votes> {
+        let with = |mut all: Vec<Votes>, others: Vec<Votes>| {
+            all.iter_mut().zip(others).for_each(|(all, other)| all.add(&other));
+            all
+        };
+        let of_one = |ranges: &PlacedRanges| {
+            wide_loops::run(
+                #[inline(always)]
+                || self.votes_of_one(ranges, n),
+            )
+        };
+        past.par_iter().map(of_one).reduce(|| vec![Votes::default(); n], with)
+    }
+    #[inline(always)]
+    fn votes_of_one(&self, ranges: &PlacedRanges, n: usize) -> Vec<Votes> {
+        let mut votes = vec![Votes::default(); n];
+        for (positions, objects) in self.positions.iter().zip(self.objects.chunks(LANES)) {
+            for (&object, seen) in objects.iter().zip(ranges.visibility(positions)) {
+                let votes = &mut votes[object as usize];
+                match seen {
+                    Visibility::Free => votes.free += 1,
+                    Visibility::Occupied => votes.occupied += 1,
+                    Visibility::Dynamic => votes.dynamic += 1,
+                    Visibility::Unknown => {}
+                }
             }
         }
         votes
-    };
-    let with = |mut all: Vec<Votes>, others: Vec<Votes>| {
-        all.iter_mut().zip(others).for_each(|(all, other)| all.add(&other));
-        all
-    };
-    past.par_iter().map(of_one).reduce(|| vec![Votes::default(); objects.n], with)
+    }
 }
 
-/// The points of the range image, row by row, deskewed, in odom axes relative to the LiDAR in the middle of the sweep, m; NaN in
-/// empty cells.
+/// The points of the range image, [`STRIDE`] from row to row, deskewed, in odom axes relative to the LiDAR in the middle of the
+/// sweep, m; NaN in empty cells.
 fn points_in_odom_axes(sweep: &Sweep, motion: &SweepMotion) -> Vec<[f32; 3]> {
     let from_middle = |pose: Pose| {
         let offset = pose.translation.vector - motion.mid.translation.vector;
         Isometry3::from_parts(Translation3::from(offset), pose.rotation)
     };
     let table = DeskewTable::new(&from_middle(motion.begin()), &from_middle(motion.end()), sweep.duration_nanos());
-    let (image, points) = (sweep.image(), sweep.points());
-    let mut placed = vec![[f32::NAN; 3]; image.rows() * image.cols()];
-    placed.par_chunks_exact_mut(image.cols()).enumerate().for_each(|(row, cells)| {
-        for (col, cell) in cells.iter_mut().enumerate() {
-            if let Some(idx) = image.point(row, col) {
-                *cell = table.deskew(points[idx].position, points[idx].offset_nanos);
-            }
-        }
-    });
-    placed
+    let points = sweep.points();
+    sweep.image().by_cell([f32::NAN; 3], |idx| table.deskew(points[idx].position, points[idx].offset_nanos))
 }
 
 #[cfg(test)]

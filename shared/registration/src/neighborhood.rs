@@ -42,22 +42,26 @@ impl Planes {
             reach: image.reach(),
             coordinates: [empty(), empty(), empty()],
         };
-        for row in 0..image.rows() {
-            for phase in 0..step {
-                let start = (row * step + phase) * len;
-                // Past the last column only what a neighborhood needs.
-                let places =
-                    (0..len).take_while(|place| place * step + phase < before * step + image.cols() + FARTHEST);
-                for place in places {
-                    let col = place * step + phase + image.cols() - before * step;
-                    let position = image.position(row, col);
-                    for axis in 0..3 {
-                        planes.coordinates[axis][start + place] = position[axis];
-                    }
-                }
+        wide_loops::run(
+            #[inline(always)]
+            || (0..image.rows()).for_each(|row| planes.copy_row(image, row)),
+        );
+        planes
+    }
+    #[inline(always)]
+    fn copy_row(&mut self, image: &RangeImage, row: usize) {
+        let (step, rim) = (self.step, self.before * self.step);
+        for phase in 0..step {
+            let start = (row * step + phase) * self.len;
+            // The rim repeats columns of the other end; past the last column only what a neighborhood needs.
+            let rim_cols = (phase..rim).step_by(step).map(|col| image.cols() + col - rim);
+            let cols = (phase..image.cols() + FARTHEST).step_by(step);
+            let positions = rim_cols.chain(cols).map(|col| image.position(row, col));
+            let [x, y, z] = self.coordinates.each_mut().map(|plane| &mut plane[start..start + self.len]);
+            for (place, position) in positions.enumerate().take(self.len) {
+                (x[place], y[place], z[place]) = (position.x, position.y, position.z);
             }
         }
-        planes
     }
     /// Columns between the cells of a list.
     pub fn step(&self) -> usize {
@@ -74,6 +78,16 @@ impl Planes {
     /// The lowest row of a neighborhood.
     pub fn below(&self, row: usize) -> Option<usize> {
         row.checked_sub(self.reach)
+    }
+    /// Ranges of the cells from number `first` on, m; NaN of empty ones.
+    #[inline(always)]
+    pub fn ranges(&self, row: usize, first: usize) -> [f32; LANES] {
+        let [x, y, z] = self.block(row, first, 0);
+        let mut ranges = [0.0; LANES];
+        for lane in 0..LANES {
+            ranges[lane] = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
+        }
+        ranges
     }
     /// Coordinates of `LANES` cells, `offset` columns from those from number `first` on, m; NaN in empty cells.
     #[inline(always)]
@@ -110,15 +124,14 @@ impl Shapes {
     /// Shapes of the cells from number `first` on.
     #[inline(always)]
     pub fn around(planes: &Planes, row: usize, first: usize) -> Self {
-        let [x, y, z] = planes.block(row, first, 0);
-        let mut range = [0.0; LANES];
-        for lane in 0..LANES {
-            range[lane] = (x[lane] * x[lane] + y[lane] * y[lane] + z[lane] * z[lane]).sqrt();
-        }
+        let range = planes.ranges(row, first);
         let Moments { n, first: [x, y, z], second: [xx, xy, xz, yy, yz, zz] } =
             Moments::around(planes, row, first, &range);
         let (mut nx, mut ny, mut nz) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        let (mut planarity, mut roughness, mut thickness) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let (mut planarity, mut roughness, mut thickness) = ([-1.0; LANES], [0.0; LANES], [0.0; LANES]);
+        if !n.iter().fold(false, |is_any, n| is_any | (*n >= MIN_NEIGHBORS)) {
+            return Self { range, normal: [nx, ny, nz], planarity, roughness, thickness };
+        }
         for lane in 0..LANES {
             let per_n = 1.0 / f64::from(n[lane]);
             let mean = |sums: &[f32; LANES]| f64::from(sums[lane]) * per_n;

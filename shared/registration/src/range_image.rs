@@ -17,7 +17,7 @@ const REACH_DEG: f32 = 1.4;
 
 /// Cells from row to row. With a power of two the rows would share a few cache sets, and a sensor fires all rings at once.
 /// Not an `ndarray`: one flat index addresses a cell with its neighbors, and columns wrap around.
-const STRIDE: usize = COLS + 4;
+pub(crate) const STRIDE: usize = COLS + 4;
 /// Points whose directions are computed at once.
 const CHUNK: usize = 64;
 
@@ -48,7 +48,8 @@ impl RangeImage {
         let are_numbered = (2..=256).contains(&n_rings)
             && points.iter().all(|point| u32::from(point.ring) < n_rings)
             && points.iter().any(|point| point.ring != points[0].ring);
-        let by_order = if are_numbered { None } else { rings_by_order(points) };
+        let directions = Directions::of(points);
+        let by_order = if are_numbered { None } else { rings_by_order(&directions) };
         let rings_known = are_numbered || by_order.is_some();
         let rows = match &by_order {
             Some((_, n)) => *n,
@@ -65,25 +66,21 @@ impl RangeImage {
             has_rings: rings_known,
         };
         let (mut lowest, mut highest) = (f32::MAX, f32::MIN);
-        for chunk in points.chunks(CHUNK) {
-            let (slopes, cols) = wide_loops::run(
-                #[inline(always)]
-                || directions(chunk),
-            );
-            for ((point, slope), col) in chunk.iter().zip(slopes).zip(cols) {
-                if slope.is_nan() {
-                    image.cell_of.push(EMPTY);
-                    continue;
-                }
-                (lowest, highest) = (lowest.min(slope), highest.max(slope));
-                let row = if rings_known { usize::from(ring(image.cell_of.len())) } else { elevation_row(slope) };
-                let idx = row * STRIDE + col as usize;
-                let cell = &mut image.cells[idx];
-                if cell.point == EMPTY {
-                    *cell = Cell { position: point.position, point: image.cell_of.len() as u32 };
-                }
-                image.cell_of.push(idx as u32);
+        for ((point, &slope), &azimuth) in points.iter().zip(&directions.slopes).zip(&directions.azimuths) {
+            if slope.is_nan() {
+                image.cell_of.push(EMPTY);
+                continue;
             }
+            // Not `f32::min`, which is slower because it handles NaN.
+            lowest = if slope < lowest { slope } else { lowest };
+            highest = if slope > highest { slope } else { highest };
+            let row = if rings_known { usize::from(ring(image.cell_of.len())) } else { elevation_row(slope) };
+            let idx = row * STRIDE + column_at(azimuth);
+            let cell = &mut image.cells[idx];
+            if cell.point == EMPTY {
+                *cell = Cell { position: point.position, point: image.cell_of.len() as u32 };
+            }
+            image.cell_of.push(idx as u32);
         }
         if rings_known && highest > lowest {
             let step_deg = (highest.atan() - lowest.atan()).to_degrees() / (rows - 1) as f32;
@@ -102,8 +99,7 @@ impl RangeImage {
     /// The column of a direction.
     #[inline(always)]
     pub(crate) fn column(x: f32, y: f32) -> usize {
-        const PER_RAD: f32 = COLS as f32 / std::f32::consts::TAU;
-        (fast_atan2(y, x) * PER_RAD + COLS as f32 / 2.0) as i32 as usize % COLS
+        column_at(fast_atan2(y, x))
     }
     /// Rows: rings, or bins of elevation.
     pub fn rows(&self) -> usize {
@@ -128,11 +124,30 @@ impl RangeImage {
     pub(crate) fn position(&self, row: usize, col: usize) -> Vector3<f32> {
         Vector3::from(self.at(row, col).position)
     }
+    /// Positions of the cells of a row.
+    #[inline(always)]
+    pub(crate) fn positions_of_row(&self, row: usize) -> impl Iterator<Item = [f32; 3]> {
+        self.cells[row * STRIDE..][..COLS].iter().map(|cell| cell.position)
+    }
     /// Row and column of a point; `None` for one that is not finite.
     #[inline(always)]
     pub(crate) fn cell(&self, point_idx: usize) -> Option<(usize, usize)> {
         let idx = self.cell_of[point_idx];
         (idx != EMPTY).then_some((idx as usize / STRIDE, idx as usize % STRIDE))
+    }
+    /// Values of points as an image, [`STRIDE`] from row to row: that of the first point of each cell, `empty` in the others.
+    #[inline(always)]
+    pub(crate) fn by_cell<T: Copy>(&self, empty: T, value: impl Fn(usize) -> T) -> Vec<T> {
+        let mut values = vec![empty; self.cells.len()];
+        // Backwards, so that the first one remains. In the order of the points, which is that of their times and of the memory.
+        for (point_idx, idx) in self.cell_of.iter().enumerate().rev().filter(|(_, idx)| **idx != EMPTY) {
+            values[*idx as usize] = value(point_idx);
+        }
+        values
+    }
+    /// Index of the point in a cell that is not empty, by the cell's number.
+    pub(crate) fn point_of_cell(&self, number: usize) -> u32 {
+        self.cells[number].point
     }
     /// Whether rows are rings, each with its own laser, and not bins of elevation.
     pub(crate) fn has_rings(&self) -> bool {
@@ -144,18 +159,49 @@ impl RangeImage {
     }
 }
 
-/// Slope (z over horizontal distance; NaN for a point that is not finite or lies at the origin) and column of each point.
+/// The column of an azimuth, rad.
 #[inline(always)]
-fn directions(points: &[TimedPoint]) -> ([f32; CHUNK], [u32; CHUNK]) {
-    let (mut slopes, mut cols) = ([0.0; CHUNK], [0; CHUNK]);
-    for ((point, slope), col) in points.iter().zip(&mut slopes).zip(&mut cols) {
+fn column_at(azimuth: f32) -> usize {
+    const PER_RAD: f32 = COLS as f32 / std::f32::consts::TAU;
+    /// From here on to twice as much f32 holds whole numbers only: the last bits of a sum are the number that was added.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let at = azimuth * PER_RAD + COLS as f32 / 2.0;
+    let at = if at > 0.0 { at } else { 0.0 };
+    // Rounds down. A loop over conversions to an integer does not vectorize, because they check the limits.
+    let nearest = at + WHOLE;
+    let down = nearest.to_bits() - u32::from(nearest - WHOLE > at);
+    down as usize % COLS
+}
+
+/// Directions of points.
+pub(crate) struct Directions {
+    /// z over horizontal distance; NaN for a point that is not finite or lies at the origin.
+    pub slopes: Vec<f32>,
+    /// rad; see [`fast_atan2`].
+    pub azimuths: Vec<f32>,
+}
+
+impl Directions {
+    pub fn of(points: &[TimedPoint]) -> Self {
+        let mut directions = Self { slopes: vec![0.0; points.len()], azimuths: vec![0.0; points.len()] };
+        let chunks = directions.slopes.chunks_mut(CHUNK).zip(directions.azimuths.chunks_mut(CHUNK));
+        wide_loops::run(
+            #[inline(always)]
+            || points.chunks(CHUNK).zip(chunks).for_each(|(points, chunks)| write_directions(points, chunks)),
+        );
+        directions
+    }
+}
+
+#[inline(always)]
+fn write_directions(points: &[TimedPoint], (slopes, azimuths): (&mut [f32], &mut [f32])) {
+    for ((point, slope), azimuth) in points.iter().zip(slopes).zip(azimuths) {
         let [x, y, z] = point.position;
         // Not `hypot`, which is slow because it avoids overflow near the limits of f32.
         let found = z / (x * x + y * y).sqrt();
         *slope = if found.abs() < f32::INFINITY && (x + y).abs() < f32::INFINITY { found } else { f32::NAN };
-        *col = RangeImage::column(x, y) as u32;
+        *azimuth = fast_atan2(y, x);
     }
-    (slopes, cols)
 }
 
 fn elevation_row(slope: f32) -> usize {

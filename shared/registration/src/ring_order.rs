@@ -4,8 +4,7 @@
 //! the rings: the lasers of an HDL-64E leave from different heights, so the elevations of one ring, as seen from the origin, spread
 //! over three rings.
 
-use crate::TimedPoint;
-use crate::arc_tangent::fast_atan2;
+use crate::range_image::Directions;
 use std::f32::consts::{PI, TAU};
 
 /// Rings that are recognized. Fewer turns are no rings: a sweep in the order of time has one.
@@ -17,9 +16,17 @@ const MIN_ORDERED: f64 = 0.9;
 
 /// The ring of each point (0 = lowest; any for points that are not finite) and the number of rings. `None` if the points are not
 /// stored ring by ring.
-pub(crate) fn rings_by_order(points: &[TimedPoint]) -> Option<(Vec<u8>, usize)> {
-    let turns = Turns::of(points)?;
-    let cut = turns.cut(points);
+pub(crate) fn rings_by_order(directions: &Directions) -> Option<(Vec<u8>, usize)> {
+    wide_loops::run(
+        #[inline(always)]
+        || rings(directions),
+    )
+}
+
+#[inline(always)]
+fn rings(directions: &Directions) -> Option<(Vec<u8>, usize)> {
+    let turns = Turns::of(directions)?;
+    let cut = turns.cut(&directions.slopes);
     let ring_at = |turned: f32| ((turned - cut) / TAU).floor() as i32;
     // The cut is known to a sector: a shorter piece before the first or behind the last cut belongs to its neighbor.
     let margin = 2.0 * TAU / SECTORS as f32 * turns.total.signum();
@@ -29,9 +36,11 @@ pub(crate) fn rings_by_order(points: &[TimedPoint]) -> Option<(Vec<u8>, usize)> 
     if !RINGS.contains(&n) {
         return None;
     }
-    let ring = |turned: &f32| (ring_at(*turned).clamp(first, last) - first) as u8;
-    let mut rings: Vec<u8> = turns.turned.iter().map(ring).collect();
-    let slopes = mean_slopes(points, &rings, n);
+    let mut rings = vec![0; turns.turned.len()];
+    for (ring, turned) in rings.iter_mut().zip(&turns.turned) {
+        *ring = (ring_at(*turned).clamp(first, last) - first) as u8;
+    }
+    let slopes = mean_slopes(&directions.slopes, &rings, n);
     let ordered = |is_ordered: fn(f64, f64) -> bool| {
         let n_ordered = slopes.windows(2).filter(|pair| is_ordered(pair[0], pair[1])).count();
         n_ordered as f64 >= MIN_ORDERED * (slopes.len() - 1) as f64
@@ -56,12 +65,11 @@ struct Turns {
 }
 
 impl Turns {
-    fn of(points: &[TimedPoint]) -> Option<Self> {
-        let (mut turned, mut total, mut last) = (Vec::with_capacity(points.len()), 0.0_f64, None);
-        for point in points {
-            let [x, y, _] = point.position;
-            if (x + y).is_finite() && (x, y) != (0.0, 0.0) {
-                let azimuth = fast_atan2(y, x);
+    #[inline(always)]
+    fn of(directions: &Directions) -> Option<Self> {
+        let (mut turned, mut total, mut last) = (Vec::with_capacity(directions.slopes.len()), 0.0_f64, None);
+        for (slope, &azimuth) in directions.slopes.iter().zip(&directions.azimuths) {
+            if !slope.is_nan() {
                 let step = azimuth - last.unwrap_or(azimuth);
                 total += f64::from(if step > PI {
                     step - TAU
@@ -78,13 +86,16 @@ impl Turns {
         (total.abs() > *RINGS.start() as f32 * TAU - PI).then_some(Self { turned, total })
     }
     /// The angle, from the first point on, at which the rings change: there the slope steps.
-    fn cut(&self, points: &[TimedPoint]) -> f32 {
+    #[inline(always)]
+    fn cut(&self, slopes: &[f32]) -> f32 {
         let mut steps = [0.0; SECTORS];
-        let sector = |turned: f32| ((turned / TAU).rem_euclid(1.0) * SECTORS as f32) as usize % SECTORS;
+        let sector = |turned: f32| {
+            let turns = turned / TAU;
+            ((turns - turns.floor()) * SECTORS as f32) as usize % SECTORS
+        };
         let mut last = None;
-        for (point, turned) in points.iter().zip(&self.turned) {
-            let slope = slope(point);
-            if slope.is_finite() {
+        for (&slope, turned) in slopes.iter().zip(&self.turned) {
+            if !slope.is_nan() {
                 steps[sector(*turned)] += slope - last.unwrap_or(slope);
                 last = Some(slope);
             }
@@ -94,19 +105,14 @@ impl Turns {
     }
 }
 
-fn slope(point: &TimedPoint) -> f32 {
-    let [x, y, z] = point.position;
-    z / (x * x + y * y).sqrt()
-}
-
 /// Mean slope of each ring that has points.
-fn mean_slopes(points: &[TimedPoint], rings: &[u8], n: usize) -> Vec<f64> {
+#[inline(always)]
+fn mean_slopes(slopes: &[f32], rings: &[u8], n: usize) -> Vec<f64> {
     let mut sums = vec![(0.0, 0_u32); n];
-    for (point, ring) in points.iter().zip(rings) {
-        let slope = slope(point);
-        if slope.is_finite() {
+    for (slope, ring) in slopes.iter().zip(rings) {
+        if !slope.is_nan() {
             let sum = &mut sums[usize::from(*ring)];
-            *sum = (sum.0 + f64::from(slope), sum.1 + 1);
+            *sum = (sum.0 + f64::from(*slope), sum.1 + 1);
         }
     }
     sums.into_iter().filter(|(_, n)| *n > 0).map(|(sum, n)| sum / f64::from(n)).collect()
@@ -115,6 +121,7 @@ fn mean_slopes(points: &[TimedPoint], rings: &[u8], n: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::TimedPoint;
 
     /// Rings from the highest to the lowest, each a turn that begins at `begin` rad; every seventh point is missing.
     fn ring_by_ring(n_rings: u8, begin: f32) -> (Vec<TimedPoint>, Vec<u8>) {
@@ -140,7 +147,7 @@ mod tests {
     fn points_stored_ring_by_ring_get_their_rings() {
         for begin in [0.0, 2.0, -PI] {
             let (points, truth) = ring_by_ring(64, begin);
-            let (rings, n) = rings_by_order(&points).expect("rings in order");
+            let (rings, n) = rings_by_order(&Directions::of(&points)).expect("rings in order");
             let n_wrong = rings.iter().zip(&truth).filter(|(ring, truth)| ring != truth).count();
             assert!(n == 64 && n_wrong * 50 < points.len(), "begin {begin}: {n} rings, {n_wrong} wrong");
         }
@@ -152,7 +159,7 @@ mod tests {
         points.sort_by(|a, b| {
             f32::atan2(a.position[1], a.position[0]).total_cmp(&f32::atan2(b.position[1], b.position[0]))
         });
-        assert_eq!(rings_by_order(&points), None);
-        assert_eq!(rings_by_order(&[]), None);
+        assert_eq!(rings_by_order(&Directions::of(&points)), None);
+        assert_eq!(rings_by_order(&Directions::of(&[])), None);
     }
 }

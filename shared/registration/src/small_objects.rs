@@ -1,7 +1,6 @@
 //! Segments objects that stand on the ground and are not larger than a lorry: all that may move (Deschaud 2018, III-A).
 
 use crate::ground::GroundField;
-use rayon::prelude::*;
 
 /// Largest box of a small object, m: along, across, up (Deschaud 2018).
 const MAX_SIZE_M: [f32; 3] = [14.0, 14.0, 4.0];
@@ -16,10 +15,10 @@ const MIN_POINTS: u32 = 5;
 
 /// Which cells of a range image belong to which small object.
 pub(crate) struct SmallObjects {
-    /// Object of each cell, [`SmallObjects::NONE`] for none.
-    pub of_cell: Vec<u32>,
-    /// Objects.
-    pub n: usize,
+    /// Cells of one object after the other, each in the order of the image.
+    cells: Vec<u32>,
+    /// Where those of each object end.
+    ends: Vec<u32>,
 }
 
 #[derive(Clone, Copy)]
@@ -30,34 +29,37 @@ struct Extent {
 }
 
 impl SmallObjects {
-    /// No object.
-    pub const NONE: u32 = u32::MAX;
-
-    /// Segments the points of a range image, row by row, `cols` in a row; deskewed, z up, relative to the LiDAR, m; NaN in empty
-    /// cells.
-    pub fn segment(placed: &[[f32; 3]], cols: usize) -> Self {
+    /// Segments the points of a range image, row by row, `cols` in a row and `stride` from row to row; deskewed, z up, relative to the
+    /// LiDAR, m; NaN in empty cells and between the rows.
+    pub fn segment(placed: &[[f32; 3]], cols: usize, stride: usize) -> Self {
         let ground = GroundField::grow(placed);
-        let without_ground = |point: &[f32; 3]| if ground.contains(*point) { [f32::NAN; 3] } else { *point };
-        let standing: Vec<[f32; 3]> = placed.par_iter().with_min_len(cols).map(without_ground).collect();
         let mut labels = Labels::default();
-        let of_cell = labels.connect(&standing, cols);
-        labels.into_objects(&standing, of_cell)
+        labels.connect(placed, &ground, cols, stride);
+        labels.into_objects(placed)
     }
 
-    /// Cells of all objects, at most `at_most` of each, evenly spread.
-    pub fn members(&self, at_most: u32) -> Vec<u32> {
-        let mut counts = vec![0_u32; self.n];
-        let objects = |(cell, &object): (usize, &u32)| (object != Self::NONE).then_some((cell as u32, object as usize));
-        for (_, object) in self.of_cell.iter().enumerate().filter_map(objects) {
-            counts[object] += 1;
-        }
-        let mut n_visited = vec![0_u32; self.n];
-        let is_chosen = |(cell, object): (u32, usize)| {
-            let number = n_visited[object];
-            n_visited[object] += 1;
-            number.is_multiple_of(counts[object].div_ceil(at_most)).then_some(cell)
-        };
-        self.of_cell.iter().enumerate().filter_map(objects).filter_map(is_chosen).collect()
+    /// Number of objects.
+    pub fn n(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Cells of an object, ascending.
+    pub fn cells(&self, object: usize) -> &[u32] {
+        let begin = if object == 0 { 0 } else { self.ends[object - 1] };
+        &self.cells[begin as usize..self.ends[object] as usize]
+    }
+
+    /// At most `at_most` cells of an object, evenly spread.
+    pub fn members(&self, object: usize, at_most: usize) -> impl Iterator<Item = u32> {
+        let cells = self.cells(object);
+        cells.iter().copied().step_by(cells.len().div_ceil(at_most).max(1))
+    }
+
+    /// Whether cells belong to an object, for the first `n` ones.
+    pub fn contained(&self, n: usize) -> Vec<bool> {
+        let mut contained = vec![false; n];
+        self.cells.iter().for_each(|&cell| contained[cell as usize] = true);
+        contained
     }
 }
 
@@ -73,83 +75,93 @@ impl Extent {
     }
 }
 
+/// Not a label.
+const NONE: u32 = u32::MAX;
+
 /// Labels of connected cells as disjoint sets (union-find); the root is the smallest label.
 #[derive(Default)]
 struct Labels {
     parents: Vec<u32>,
+    /// Cells that stand on the ground, and their labels.
+    standing: Vec<(u32, u32)>,
 }
 
 impl Labels {
-    /// A label for each cell. Cells that are adjacent in the image and near each other in space get labels of one set.
-    fn connect(&mut self, standing: &[[f32; 3]], cols: usize) -> Vec<u32> {
-        let mut of_cell = vec![SmallObjects::NONE; standing.len()];
-        for (cell, point) in standing.iter().enumerate() {
-            if point[0].is_nan() {
-                continue;
-            }
-            let [x, y, z] = *point;
-            let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
-            // `false` if the other is NaN.
-            let is_linked = |other: usize| {
-                let other = &standing[other];
-                (x - other[0]).powi(2) + (y - other[1]).powi(2) + (z - other[2]).powi(2) < limit
-            };
-            let col = cell % cols;
-            let mut label = SmallObjects::NONE;
-            let mut link = |other: usize| {
-                let neighbor = of_cell[other];
-                // Most neighbors have the same label; then their distance does not matter.
-                if neighbor != SmallObjects::NONE && neighbor != label && is_linked(other) {
-                    if label == SmallObjects::NONE {
-                        label = neighbor;
-                    } else {
-                        self.join(label, neighbor);
-                    }
+    /// A label for each cell above the ground. Cells that are adjacent in the image and near each other in space get labels of one
+    /// set.
+    fn connect(&mut self, placed: &[[f32; 3]], ground: &GroundField, cols: usize, stride: usize) {
+        let mut of_cell = vec![NONE; placed.len()];
+        for (row, points) in placed.chunks(stride).enumerate() {
+            let row_begin = row * stride;
+            for (col, point) in points.iter().enumerate() {
+                if point[0].is_nan() || ground.contains(*point) {
+                    continue;
                 }
-            };
-            for step in 1..=LINK_COLUMNS.min(col) {
-                link(cell - step);
+                let cell = row_begin + col;
+                let [x, y, z] = *point;
+                let limit = (LINK_M * LINK_M).max(LINK_SHARE * LINK_SHARE * (x * x + y * y + z * z));
+                let is_linked = |other: usize| {
+                    let other = &placed[other];
+                    (x - other[0]).powi(2) + (y - other[1]).powi(2) + (z - other[2]).powi(2) < limit
+                };
+                let mut label = NONE;
+                let mut link = |other: usize| {
+                    let neighbor = of_cell[other];
+                    // Most neighbors have the same label; then their distance does not matter.
+                    if neighbor != NONE && neighbor != label && is_linked(other) {
+                        if label == NONE {
+                            label = neighbor;
+                        } else {
+                            self.join(label, neighbor);
+                        }
+                    }
+                };
+                for step in 1..=LINK_COLUMNS.min(col) {
+                    link(cell - step);
+                }
+                if let Some(below) = row_begin.checked_sub(stride) {
+                    link(below + if col == 0 { cols - 1 } else { col - 1 });
+                    link(below + col);
+                    link(below + if col + 1 == cols { 0 } else { col + 1 });
+                }
+                // At the right end of a row, columns wrap around to the row's begin.
+                for right in cols.max(col + 1)..=col + LINK_COLUMNS {
+                    link(row_begin + right - cols);
+                }
+                if label == NONE {
+                    label = self.parents.len() as u32;
+                    self.parents.push(label);
+                }
+                of_cell[cell] = label;
+                self.standing.push((cell as u32, label));
             }
-            if let Some(below) = cell.checked_sub(cols) {
-                let row_begin = below - col;
-                link(if col == 0 { row_begin + cols - 1 } else { below - 1 });
-                link(below);
-                link(if col + 1 == cols { row_begin } else { below + 1 });
-            }
-            // At the right end of a row, columns wrap around to the row's begin.
-            for right in cols.max(col + 1)..=col + LINK_COLUMNS {
-                link(cell + right - cols - col);
-            }
-            if label == SmallObjects::NONE {
-                label = self.parents.len() as u32;
-                self.parents.push(label);
-            }
-            of_cell[cell] = label;
         }
-        of_cell
     }
 
     /// Numbers the sets that are small objects.
-    fn into_objects(mut self, standing: &[[f32; 3]], mut of_cell: Vec<u32>) -> SmallObjects {
+    fn into_objects(mut self, placed: &[[f32; 3]]) -> SmallObjects {
+        let roots: Vec<u32> = (0..self.parents.len() as u32).map(|label| self.root(label)).collect();
         let nothing = Extent { low: [f32::MAX; 3], high: [f32::MIN; 3], n: 0 };
-        let mut extents = vec![nothing; self.parents.len()];
-        for (label, point) in of_cell.iter_mut().zip(standing).filter(|(label, _)| **label != SmallObjects::NONE) {
-            *label = self.root(*label);
-            extents[*label as usize].add(point);
+        let mut extents = vec![nothing; roots.len()];
+        for (cell, label) in &mut self.standing {
+            *label = roots[*label as usize];
+            extents[*label as usize].add(&placed[*cell as usize]);
         }
-        let mut n = 0_u32;
-        let numbers: Vec<u32> = extents
-            .iter()
-            .map(|extent| {
-                let is_small = extent.is_small();
-                n += u32::from(is_small);
-                if is_small { n - 1 } else { SmallObjects::NONE }
-            })
-            .collect();
-        for label in of_cell.iter_mut().filter(|label| **label != SmallObjects::NONE) {
-            *label = numbers[*label as usize];
+        // Where the cells of an object begin, and then where they end.
+        let (mut places, mut n_cells) = (vec![NONE; extents.len()], 0);
+        for (place, extent) in places.iter_mut().zip(&extents).filter(|(_, extent)| extent.is_small()) {
+            *place = n_cells;
+            n_cells += extent.n;
         }
-        SmallObjects { of_cell, n: n as usize }
+        let mut cells = vec![0; n_cells as usize];
+        for (cell, label) in self.standing {
+            let place = &mut places[label as usize];
+            if *place != NONE {
+                cells[*place as usize] = cell;
+                *place += 1;
+            }
+        }
+        SmallObjects { cells, ends: places.into_iter().filter(|place| *place != NONE).collect() }
     }
 
     fn join(&mut self, a: u32, b: u32) {
@@ -188,13 +200,32 @@ mod tests {
                 };
             }
         }
-        let objects = SmallObjects::segment(&placed, cols);
-        assert_eq!(objects.n, 1, "the wall is 35 m long");
+        let objects = SmallObjects::segment(&placed, cols, cols);
+        assert_eq!(objects.n(), 1, "the wall is 35 m long");
         let of_post = |cell: usize| cell >= cols && (cell % cols < 3 || cell % cols >= 357);
-        for (cell, object) in objects.of_cell.iter().enumerate() {
-            assert_eq!(*object == 0, of_post(cell), "cell {cell}");
-        }
-        let members = objects.members(10);
+        let expected: Vec<u32> = (0..placed.len() as u32).filter(|&cell| of_post(cell as usize)).collect();
+        assert_eq!(objects.cells(0), expected);
+        let members: Vec<u32> = objects.members(0, 10).collect();
         assert!((8..=10).contains(&members.len()) && members.iter().all(|cell| of_post(*cell as usize)), "{members:?}");
+    }
+
+    #[test]
+    fn gap_between_rows_changes_no_object() {
+        let (cols, rows, stride) = (360, 6, 364);
+        let mut random = random::Random::new(5);
+        let mut narrow = vec![[f32::NAN; 3]; rows * cols];
+        let mut wide = vec![[f32::NAN; 3]; rows * stride];
+        for row in 0..rows {
+            for col in (0..cols).filter(|col| col % 50 < 40) {
+                let (angle, range) = ((col as f32).to_radians(), 8.0 + random.range(0.0, 0.05));
+                let point = [range * angle.cos(), range * angle.sin(), 0.3 * row as f32];
+                (narrow[row * cols + col], wide[row * stride + col]) = (point, point);
+            }
+        }
+        let [a, b] = [SmallObjects::segment(&narrow, cols, cols), SmallObjects::segment(&wide, cols, stride)];
+        assert!(a.n() > 3, "{}", a.n());
+        assert_eq!(a.ends, b.ends);
+        let in_wide: Vec<u32> = a.cells.iter().map(|cell| cell / 360 * 364 + cell % 360).collect();
+        assert_eq!(in_wide, b.cells);
     }
 }

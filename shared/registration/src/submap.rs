@@ -1,6 +1,7 @@
 //! Registered sweeps as rows of a submap.
 
-use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep};
+use crate::arc_tangent::fast_atan2;
+use crate::{DeskewTable, KeptPoints, RawSweep, Registered, Sweep, TimedPoint};
 use geometry::{Pose, Vector3, heading};
 use messages::{
     MAX_SWEEPS_PER_SUBMAP, POINT_DYNAMIC, POINT_INCIDENCE_UNKNOWN, SubmapHeader, SubmapPoint, SubmapSweep, SweepPoint,
@@ -11,6 +12,8 @@ use serde::{Deserialize, Serialize};
 
 /// Points of one parallel task.
 const PIECE: usize = 1 << 12;
+/// Points whose angles are computed at once.
+const BLOCK: usize = 64;
 /// Smallest and largest x y z of an empty set.
 const NO_BOUNDS: [[f32; 3]; 2] = [[f32::MAX; 3], [f32::MIN; 3]];
 
@@ -85,12 +88,15 @@ impl OpenSubmap {
             // Both lists are ascending.
             let first = indices.first().map_or(0, |first| moving.partition_point(|&idx| (idx as usize) < *first));
             let mut moving = moving[first..].iter().map(|&idx| idx as usize).peekable();
-            for (row, &point_idx) in rows.iter_mut().zip(indices) {
-                let incidence = kept.incidences[point_idx];
-                *row = submap_point(&raw[point_idx], sweep, point_idx, &table, sweep_idx, incidence);
-                while moving.next_if(|&idx| idx < point_idx).is_some() {}
-                row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
-                bounds = joined(bounds, [[row.x, row.y, row.z]; 2]);
+            for (rows, indices) in rows.chunks_mut(BLOCK).zip(indices.chunks(BLOCK)) {
+                let angles = Angles::of(sweep, &kept.incidences, indices);
+                for (number, (row, &point_idx)) in rows.iter_mut().zip(indices).enumerate() {
+                    *row = submap_point(&raw[point_idx], &sweep.points()[point_idx], &table, sweep_idx);
+                    (row.elevation, row.incidence) = (angles.elevations[number], angles.incidences[number]);
+                    while moving.next_if(|&idx| idx < point_idx).is_some() {}
+                    row.flags = if moving.next_if_eq(&point_idx).is_some() { POINT_DYNAMIC } else { 0 };
+                    bounds = joined(bounds, [[row.x, row.y, row.z]; 2]);
+                }
             }
             bounds
         };
@@ -139,37 +145,109 @@ fn joined(a: [[f32; 3]; 2], b: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
     [std::array::from_fn(min), std::array::from_fn(max)]
 }
 
-fn submap_point(
-    raw: &SweepPoint,
-    sweep: &Sweep,
-    point_idx: usize,
-    table: &DeskewTable,
-    sweep_idx: u16,
-    incidence: f32,
-) -> SubmapPoint {
-    let timed = &sweep.points()[point_idx];
+/// A row without its angles.
+#[inline]
+fn submap_point(raw: &SweepPoint, timed: &TimedPoint, table: &DeskewTable, sweep_idx: u16) -> SubmapPoint {
     let [x, y, z] = table.deskew(timed.position, timed.offset_nanos);
-    let elevation_deg = sweep.elevation(point_idx).to_degrees();
     SubmapPoint {
         x,
         y,
         z,
         offset_nanos: timed.offset_nanos,
         azimuth: raw.azimuth,
-        elevation: rounded(elevation_deg * 100.0) as i16,
+        elevation: 0,
         sweep_idx,
         intensity: raw.intensity,
         ring: raw.ring,
-        incidence: if incidence.is_nan() { POINT_INCIDENCE_UNKNOWN } else { rounded(incidence * 254.0) as u8 },
+        incidence: POINT_INCIDENCE_UNKNOWN,
         flags: 0,
         reserved: 0,
     }
 }
 
-/// `value.round()` for values of at most 2^23, without the function call that processors before SSE 4.1 need.
-#[inline]
+/// Angles of points as a submap stores them.
+struct Angles {
+    elevations: [i16; BLOCK],
+    incidences: [u8; BLOCK],
+}
+
+impl Angles {
+    /// Of at most [`BLOCK`] finite points: elevation over the LiDAR's horizontal plane within 2e-5 rad, and incidence.
+    fn of(sweep: &Sweep, incidences: &[f32], indices: &[usize]) -> Self {
+        let (mut slopes, mut cosines) = ([[0.0; BLOCK]; 2], [f32::NAN; BLOCK]);
+        for (number, &point_idx) in indices.iter().enumerate() {
+            let [x, y, z] = sweep.points()[point_idx].position;
+            (slopes[0][number], slopes[1][number]) = (z, x * x + y * y);
+            cosines[number] = incidences[point_idx];
+        }
+        wide_loops::run(
+            #[inline(always)]
+            || Self::rounded(&slopes, &cosines),
+        )
+    }
+    #[inline(always)]
+    fn rounded([heights, squares]: &[[f32; BLOCK]; 2], cosines: &[f32; BLOCK]) -> Self {
+        let mut angles = Self { elevations: [0; BLOCK], incidences: [POINT_INCIDENCE_UNKNOWN; BLOCK] };
+        for at in 0..BLOCK {
+            let elevation_deg = fast_atan2(heights[at], squares[at].sqrt()).to_degrees();
+            angles.elevations[at] = rounded(elevation_deg * 100.0) as i16;
+        }
+        for (incidence, &cosine) in angles.incidences.iter_mut().zip(cosines) {
+            let is_known = cosine >= 0.0;
+            let steps = rounded(if is_known { cosine * 254.0 } else { 0.0 }) as u8;
+            *incidence = if is_known { steps } else { POINT_INCIDENCE_UNKNOWN };
+        }
+        angles
+    }
+}
+
+/// `value.round()` for values of at most 2^22. A loop over conversions to an integer does not vectorize, because they check the
+/// limits.
+#[inline(always)]
 fn rounded(value: f32) -> i32 {
-    let towards_zero = value as i32;
-    let rest = value - towards_zero as f32;
-    towards_zero + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
+    /// From here on to twice as much f32 holds whole numbers only: the last bits of a sum are the number that was added.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let size = value.abs();
+    let nearest = size + WHOLE;
+    // Halves go to the even number; `round` moves them away from zero.
+    let is_half_below = size - (nearest - WHOLE) == 0.5;
+    let whole = (nearest.to_bits() - WHOLE.to_bits()) as i32 + i32::from(is_half_below);
+    if value < 0.0 { -whole } else { whole }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounded_equals_round() {
+        let mut random = random::Random::new(7);
+        let halves = (-20_000..20_000).map(|n| n as f32 * 0.5);
+        let others = (0..20_000).map(|_| random.range(-9000.0, 9000.0));
+        let near_halves = (0..2000).flat_map(|n| [(n as f32 + 0.5).next_up(), (n as f32 + 0.5).next_down()]);
+        for value in halves.chain(others).chain(near_halves) {
+            assert_eq!(rounded(value), value.round() as i32, "{value}");
+        }
+    }
+
+    #[test]
+    fn angles_of_a_block_equal_those_of_each_point() {
+        let mut random = random::Random::new(8);
+        let mut point = || {
+            let position = [random.range(-50.0, 50.0), random.range(-50.0, 50.0), random.range(-9.0, 20.0)];
+            TimedPoint { position, offset_nanos: 0, ring: 0 }
+        };
+        let sweep = Sweep::new(geometry::Stamp(0), (0..200).map(|_| point()).collect(), 0);
+        let incidences: Vec<f32> =
+            (0..200_u8).map(|n| if n % 7 == 0 { f32::NAN } else { f32::from(n) / 199.0 }).collect();
+        let indices: Vec<usize> = (0..200).step_by(3).take(BLOCK).collect();
+        let angles = Angles::of(&sweep, &incidences, &indices);
+        for (number, &point_idx) in indices.iter().enumerate() {
+            let [x, y, z] = sweep.points()[point_idx].position;
+            let elevation = (fast_atan2(z, (x * x + y * y).sqrt()).to_degrees() * 100.0).round() as i16;
+            let cosine = incidences[point_idx];
+            let incidence = if cosine.is_nan() { POINT_INCIDENCE_UNKNOWN } else { (cosine * 254.0).round() as u8 };
+            assert_eq!((angles.elevations[number], angles.incidences[number]), (elevation, incidence));
+        }
+    }
 }

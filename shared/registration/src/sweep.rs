@@ -1,6 +1,5 @@
 //! One revolution of a LiDAR.
 
-use crate::arc_tangent::fast_atan2;
 use crate::incidence::incidences;
 use crate::{RangeImage, TimedPoint};
 use geometry::Stamp;
@@ -101,12 +100,6 @@ impl Sweep {
     /// By point the cosine of the angle between its ray and the normal of the surface around it, 0 to 1; NaN without neighbors.
     pub fn incidences(&self) -> Vec<f32> {
         incidences(&self.image, &self.points)
-    }
-    /// Elevation of the ray of a point over the LiDAR's horizontal plane, rad, within 2e-5.
-    #[inline]
-    pub fn elevation(&self, point_idx: usize) -> f32 {
-        let [x, y, z] = self.points[point_idx].position;
-        fast_atan2(z, (x * x + y * y).sqrt())
     }
 }
 

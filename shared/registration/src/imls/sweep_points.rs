@@ -50,13 +50,12 @@ impl SweepPoints {
         let level = level_from_end.cast::<f32>().to_rotation_matrix();
         let cell = |cell: usize| (level * image.position(cell / cols, cell % cols)).into();
         let placed: Vec<[f32; 3]> = (0..rows * cols).into_par_iter().map(cell).collect();
-        let objects = SmallObjects::segment(&placed, cols);
+        let of_small_object = SmallObjects::segment(&placed, cols, cols).contained(placed.len());
         let point = |(idx, point): (usize, &crate::TimedPoint)| {
             let (row, col) = sweep.image().cell(idx)?;
             let (normal, planarity) = shapes[row][col];
             let raw = Vector3::from(point.position);
-            let is_small_object = objects.of_cell[row * cols + col] != SmallObjects::NONE;
-            if planarity < 0.0 || is_small_object || !ranges_m.contains(&raw.norm()) {
+            if planarity < 0.0 || of_small_object[row * cols + col] || !ranges_m.contains(&raw.norm()) {
                 return None;
             }
             let normal = Vector3::from(normal);
