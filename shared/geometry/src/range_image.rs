@@ -58,14 +58,16 @@ impl RangeImage {
     /// Builds the image from row and column (`None` outside) and range in m of each point. Of points with equal range the first
     /// is kept.
     pub fn new(rows: usize, columns: usize, points: impl IntoIterator<Item = (Option<(usize, usize)>, f32)>) -> Self {
+        let points = points.into_iter();
+        let n_points = points.size_hint().0;
         let mut image = Self {
             rows,
             columns,
             nearest: vec![NO_POINT; rows * columns],
-            pixel_of_point: Vec::new(),
-            range_m: Vec::new(),
+            pixel_of_point: Vec::with_capacity(n_points),
+            range_m: Vec::with_capacity(n_points),
         };
-        for (index, (pixel, range_m)) in points.into_iter().enumerate() {
+        for (index, (pixel, range_m)) in points.enumerate() {
             let pixel = pixel.filter(|&(row, column)| row < rows && column < columns && range_m.is_finite());
             image.range_m.push(range_m);
             let Some((row, column)) = pixel else {
