@@ -7,6 +7,7 @@ mod cameras;
 mod clouds;
 mod error;
 mod files;
+mod fixes;
 mod imu_units;
 mod kind;
 mod kitti;

@@ -6,6 +6,7 @@ mod kitti_odometry;
 mod kitti_raw;
 mod las_file;
 mod mandeye;
+mod mandeye_gnss;
 mod nuscenes_scene;
 mod plain_folders;
 mod ros;
