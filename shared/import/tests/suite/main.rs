@@ -1,5 +1,6 @@
 //! All tests of the crate's public interface in one program.
 
+mod boreas;
 mod clouds;
 mod folders;
 mod kitti_odometry;
