@@ -1,4 +1,4 @@
-//! Streams of images in parts (RFC 2046, `multipart/x-mixed-replace`), as ffmpeg, GStreamer and network cameras send them: a line
+//! Streams of images in parts (RFC 2046, `multipart/x-mixed-replace`), as ffmpeg, `GStreamer` and network cameras send them: a line
 //! `--boundary`, lines of a header with `Content-Length`, an empty line, the bytes of the image.
 //!
 //! The boundary is not compared: the length says where the next part begins. The stated type is not used, because ffmpeg states
@@ -177,7 +177,7 @@ mod tests {
         }
     }
 
-    /// As ffmpeg 5.1 and GStreamer 1.22 write it, and with the end of RFC 2046, which has no header.
+    /// As ffmpeg 5.1 and `GStreamer` 1.22 write it, and with the end of RFC 2046, which has no header.
     const STREAM: &[u8] = b"--ffmpeg\r\nContent-type: image/jpeg\r\nContent-length: 5\r\n\r\n\xff\xd8\xff\r\n\r\n\
         --frame\r\nContent-Type: image/png\r\nContent-Length: 9\r\n\r\n\x89PNG\r\n\x1a\n7\
         --frame\nX-Timestamp: 7.5\nContent-Length: 11\n\nP5 1 1 255\n\n--frame--\r\n";

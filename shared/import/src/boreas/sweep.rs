@@ -54,7 +54,7 @@ impl SweepFile {
             if time_s.is_nan() || time_s.abs() > MAX_TIME_S {
                 return Err(fault("the time", time_s, format!("{MAX_TIME_S} s or less from the stamp in the name")));
             }
-            let time = stamp + (f64::from(time_s) * 1e9).round() as i64;
+            let time = stamp.saturating_add((f64::from(time_s) * 1e9).round() as i64);
             sweep.begin = sweep.begin.min(time);
             sweep.points.push(CloudPoint { x, y, z, intensity });
             sweep.lasers.push(laser as u16);

@@ -163,18 +163,12 @@ impl GnssLog {
 
     /// What was left, for the operator.
     fn notes(&self) -> String {
-        let mut text = String::new();
-        for (n, what) in
-            [(self.n_without, "without position"), (self.n_not_rising, "whose stamp is not after the one before")]
-        {
-            if n > 0 {
-                text += &format!("; {n} {what} are left out");
-            }
-        }
-        if let Some(first) = &self.first_bad {
-            text += &format!("; {} bad lines are left out, the first: {first}", self.n_bad);
-        }
-        text
+        let left =
+            [(self.n_without, "without position"), (self.n_not_rising, "whose stamp is not after the one before")];
+        let left = left.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("; {n} {what} are left out"));
+        let bad = self.first_bad.as_ref();
+        let bad = bad.map(|first| format!("; {} bad lines are left out, the first: {first}", self.n_bad));
+        left.chain(bad).collect()
     }
 }
 

@@ -13,7 +13,7 @@ use std::time::SystemTime;
 
 /// Write images from stdin into the folder of a live camera.
 ///
-/// Reads images in parts, as `ffmpeg -f mpjpeg`, multipartmux of GStreamer and network cameras send them: JPEG, PNG, or PGM of a mosaic
+/// Reads images in parts, as `ffmpeg -f mpjpeg`, multipartmux of `GStreamer` and network cameras send them: JPEG, PNG, or PGM of a mosaic
 /// camera. A file is named by the time at which its image arrived, in ns since the Unix epoch, by the clock of this computer. That is
 /// later than the exposure: set `delay_nanos` of the camera in drive.toml.
 #[derive(clap::Args, Debug)]
