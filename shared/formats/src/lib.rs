@@ -14,6 +14,7 @@ pub mod ladybug;
 pub mod lidar;
 pub mod livox;
 pub mod manifest;
+pub mod multipart;
 pub mod nmea;
 pub mod npy;
 pub mod nuscenes;

@@ -79,6 +79,9 @@ pub struct MosaicEntry {
     pub sensor: Option<String>,
     /// Exposure time, ns.
     pub exposure_nanos: u64,
+    /// ns by which the stamps are late: they are after the measurement. Subtracted from all stamps.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub delay_nanos: i64,
     /// Exposure time of the dark reference, ns.
     pub dark_exposure_nanos: u64,
     /// Exposure time of the white reference, ns.

@@ -3,7 +3,7 @@
 use crate::error::{At, ImportError};
 use crate::plan::{Link, Plan};
 use formats::manifest::CameraEntry;
-use geometry::{CameraModel, Pose};
+use geometry::{CameraModel, Isometry3, Pinhole, Pose};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,36 @@ pub(crate) struct Camera {
     pub images: Vec<(i64, PathBuf)>,
     /// Stamps without an image.
     pub n_absent: usize,
+}
+
+/// The projection of points to rectified images.
+pub(crate) struct Projection {
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    /// Frame of the points.
+    pub rectified_from_camera: Pose,
+}
+
+impl Projection {
+    /// What the rows must be.
+    pub const RULE: &str = "must be the projection of a rectified camera: fx 0 cx x 0 fy cy y 0 0 1 z";
+
+    /// The upper three rows of K (I | t).
+    pub fn of_rows(rows: [f64; 12]) -> Option<Self> {
+        let [fx, skew, cx, x, zero, fy, cy, y, g, h, i, z] = rows;
+        let is_rectified = skew == 0.0 && zero == 0.0 && [g, h, i] == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
+        let (x, y) = ((x - cx * z) / fx, (y - cy * z) / fy);
+        let rectified_from_camera = Isometry3::translation(-x, -y, -z);
+        is_rectified.then_some(Self { fx, fy, cx, cy, rectified_from_camera })
+    }
+
+    /// The lens: rectified images have no distortion.
+    pub fn model(&self, [width, height]: [u32; 2]) -> CameraModel {
+        let Self { fx, fy, cx, cy, .. } = *self;
+        CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] })
+    }
 }
 
 /// Adds the cameras to a drive, in this order.

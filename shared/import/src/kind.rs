@@ -3,7 +3,7 @@
 use crate::clouds::Layout;
 use crate::error::{At, ImportError};
 use crate::files::files;
-use crate::{mandeye, nuscenes, ros};
+use crate::{boreas, mandeye, nuscenes, ros};
 use std::path::Path;
 
 /// A layout.
@@ -19,6 +19,8 @@ pub enum Kind {
     Nuscenes,
     /// `MandEye`: `lidar*.laz`, `imu*.csv`.
     Mandeye,
+    /// Boreas: `lidar/*.bin`, `applanix`, `calib`; rows of x y z intensity laser time as f32.
+    Boreas,
     /// Rows of x y z intensity as f32.
     Bin,
     /// Labeled clouds with positions of the scanner, of Paris-CARLA-3D.
@@ -39,12 +41,13 @@ pub enum Kind {
 
 impl Kind {
     /// All layouts, in the order in which they are recognized.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Ros,
         Self::KittiRaw,
         Self::KittiOdometry,
         Self::Nuscenes,
         Self::Mandeye,
+        Self::Boreas,
         Self::ParisCarla,
         Self::ParisLille,
         Self::Toronto,
@@ -67,6 +70,7 @@ impl Kind {
             Self::Ply => "ply",
             Self::Las => "las",
             Self::Mandeye => "mandeye",
+            Self::Boreas => "boreas",
             Self::ParisCarla => "paris-carla-3d",
             Self::ParisLille => "paris-lille-3d",
             Self::Toronto => "toronto-3d",
@@ -87,6 +91,7 @@ impl Kind {
             Self::KittiOdometry => "KITTI odometry",
             Self::Nuscenes => "nuScenes",
             Self::Mandeye => "MandEye",
+            Self::Boreas => "Boreas",
             Self::Bin | Self::Pcd | Self::Ply | Self::Las => "bare sweeps",
             Self::ParisCarla => Layout::ParisCarla.title(),
             Self::ParisLille => Layout::ParisLille.title(),
@@ -118,6 +123,7 @@ impl Kind {
             Self::Ply => "*.ply",
             Self::Las => "*.las or *.laz",
             Self::Mandeye => "lidar*.laz",
+            Self::Boreas => "lidar with applanix or calib/T_applanix_lidar.txt",
             Self::ParisCarla => "*.ply with x_lidar_position and semantic",
             Self::ParisLille => "*.ply with reflectance and class",
             Self::Toronto => "*.ply with scalar_Label",
@@ -137,6 +143,7 @@ impl Kind {
             Self::Ply => has(".ply")?,
             Self::Las => has(".las")? || has(".laz")?,
             Self::Mandeye => !mandeye::lidar_files(source)?.is_empty(),
+            Self::Boreas => boreas::is_sequence(source),
             Self::ParisCarla | Self::ParisLille | Self::Toronto | Self::Street3d => {
                 self.clouds().map_or(Ok(false), |layout| layout.fits(source))?
             }

@@ -71,7 +71,7 @@ fn meaning(path: &Path) -> &'static str {
     let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
     if has(&["image", "cam_"]) {
         " (camera images)"
-    } else if has(&["oxts"]) {
+    } else if has(&["oxts", "applanix"]) {
         " (GNSS and IMU)"
     } else if has(&["calib"]) {
         " (calibration)"

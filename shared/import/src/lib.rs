@@ -3,10 +3,13 @@
 //!
 //! A drive folder links to the original files where the drive format can hold them. [`Kind`] lists the layouts.
 
+mod boreas;
 mod cameras;
 mod clouds;
 mod error;
 mod files;
+mod fixes;
+mod imu_table;
 mod imu_units;
 mod kind;
 mod kitti;
@@ -21,6 +24,7 @@ mod point_times;
 mod rings;
 mod ros;
 mod rows;
+mod stamp_text;
 mod sweeps;
 mod times;
 
@@ -103,6 +107,7 @@ fn plan(kind: Kind, source: &Path, out: &Path, options: &Options) -> Result<Plan
         Kind::KittiOdometry => kitti::odometry::plan(source, options),
         Kind::Nuscenes => nuscenes::plan(source, options),
         Kind::Mandeye => mandeye::plan(source, options),
+        Kind::Boreas => boreas::plan(source, options),
         _ => plain::plan(kind, source, options),
     }
 }

@@ -1,7 +1,8 @@
-//! `MandEye`: chunks of a Livox scanner, `lidar*.laz` with times, and of its IMU, `imu*.csv`. They are cut into sweeps of a tenth of a
-//! second. The body frame is that of the LiDAR.
+//! `MandEye`: chunks of a Livox scanner, `lidar*.laz` with times, of its IMU, `imu*.csv`, and of a GNSS receiver. Points are cut into
+//! sweeps of a tenth of a second. The body frame is that of the LiDAR.
 
 mod chunks;
+mod gnss;
 mod imu;
 
 use crate::error::ImportError;
@@ -65,6 +66,7 @@ pub(crate) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
                 Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body, body_from_imu: None });
             plan.read.extend(inputs);
         }
+        gnss::add(&mut plan, source)?;
     }
     Ok(plan)
 }

@@ -1,17 +1,18 @@
 //! Folders of sweeps, with stamps, poses and IMU samples if files beside them have some. The body frame is that of the LiDAR.
 
 mod cloud_sweep;
-mod imu_table;
 mod stamp_table;
-mod stamp_text;
 
 use crate::error::{At, ImportError};
 use crate::files::files;
+use crate::imu_table;
+use crate::imu_units::to_metric;
 use crate::plan::{Conversion, Plan, TextFile};
 use crate::rows::{self, Rows};
 use crate::sweeps::{LIDAR_FOLDER, Sweeps};
 use crate::{Kind, Options};
 use cloud_sweep::{CloudSweep, SweepForm};
+use formats::imu::csv_from_samples;
 use formats::lidar::Model;
 use formats::manifest::{ImuEntry, LidarEntry, PoseEntry};
 use formats::trajectory::TrajectoryFile;
@@ -179,11 +180,12 @@ fn newer_college(path: &Path) -> Result<Trajectory, ImportError> {
 
 fn add_imu(plan: &mut Plan, source: &Path) -> Result<(), ImportError> {
     let Some(path) = beside(source, &["imu.csv", "imu.txt"])? else { return Ok(()) };
-    let table = imu_table::read(&path)?;
-    plan.report.push(format!("imported: {} IMU samples of {}{}", table.n_samples, path.display(), table.note));
+    let mut samples = imu_table::read(&path)?;
+    let note = to_metric(&mut samples).map_err(|rule| ImportError::at(&path, rule))?;
+    plan.report.push(format!("imported: {} IMU samples of {}{note}", samples.len(), path.display()));
     plan.report
         .push("axes and place of the IMU are taken as those of the LiDAR; [imu] body_from_imu sets others".into());
-    plan.texts.push(TextFile { place: "imu.csv".into(), text: table.text });
+    plan.texts.push(TextFile { place: "imu.csv".into(), text: csv_from_samples(&samples) });
     plan.manifest.imu =
         Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
     plan.read.push(path);

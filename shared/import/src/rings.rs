@@ -1,5 +1,7 @@
 //! Rings: drivers count the beams from the lowest or the highest, or in firing order; a drive counts from the lowest.
 
+use formats::lidar::Model;
+use formats::{hesai, livox, velodyne};
 use std::collections::BTreeMap;
 
 /// Fewest points that show the elevation of a beam.
@@ -32,6 +34,18 @@ pub(crate) struct Rings {
     of_beam: Vec<Option<u8>>,
     /// For the operator.
     pub order: &'static str,
+}
+
+/// The model with this number of beams: what uses the sweeps needs the number more than the maker.
+pub(crate) fn model_of_beams(n_beams: usize) -> Model {
+    match n_beams {
+        0 => livox::Model::Mid360.into(),
+        16 => velodyne::Model::Vlp16.into(),
+        32 => velodyne::Model::Hdl32e.into(),
+        40 => hesai::Model::Pandar40p.into(),
+        64 => velodyne::Model::Hdl64e.into(),
+        _ => Model::Ouster,
+    }
 }
 
 impl Rings {

@@ -3,6 +3,7 @@
 mod compare;
 mod convert;
 mod cube;
+mod grab;
 mod import;
 mod inspect;
 mod rig;
@@ -24,6 +25,7 @@ pub enum Command {
     Cube(cube::Args),
     Spectrum(spectrum::Args),
     Send(send::Args),
+    Grab(grab::Args),
     /// Simulate a drive through a procedural town.
     Simulate(simulate::Args),
 }
@@ -40,6 +42,7 @@ impl Command {
             Command::Cube(args) => cube::run(args),
             Command::Spectrum(args) => spectrum::run(args),
             Command::Send(args) => send::run(args),
+            Command::Grab(args) => grab::run(args),
             Command::Simulate(args) => simulate::run(args),
         }
     }

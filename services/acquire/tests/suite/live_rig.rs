@@ -90,6 +90,17 @@ impl Vehicle {
         Self { settings: Settings { listen, ..self.settings.clone() }, ..self }
     }
 
+    /// With cameras whose stamps are late by 20 ms and early by 30 ms, and a mosaic camera whose stamps are late by 40 ms.
+    fn with_delays(self) -> Self {
+        let path = self.path("vehicle/drive.toml");
+        let mut manifest = read_manifest(&path).expect("reads");
+        manifest.cameras[0].delay_nanos = 20_000_000;
+        manifest.cameras[1].delay_nanos = -30_000_000;
+        manifest.mosaics[0].delay_nanos = 40_000_000;
+        fs::write(&path, toml::to_string(&manifest).expect("encodes")).expect("writes");
+        self
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -219,6 +230,38 @@ fn live_messages_of_all_sensors_equal_those_of_the_recording() {
     let clocks = fs::read_to_string(vehicle.path("recording/clocks.csv")).expect("is there");
     for sensor in ["camera camera 0", "camera camera 1", "mosaic hs03", "gnss", "imu", "lidar"] {
         assert!(clocks.lines().any(|line| line.starts_with(&format!("{sensor},"))), "{clocks}");
+    }
+}
+
+#[test]
+fn delays_of_cameras_are_subtracted_from_live_stamps_as_from_recorded_ones() {
+    let vehicle = Vehicle::new().with_delays();
+    let packets = simulated(&vehicle.path("vehicle"));
+    let mut bench = vehicle.bench();
+    for path in vehicle.write_images(|_| true) {
+        wait_for("the image", || path.exists());
+    }
+    let mut sensor = Sensor::new(&vehicle.settings, vehicle.path("recording/lidar/000.pcap"));
+    let mut published = Published::default();
+    for piece in packets.chunks(64) {
+        sensor.send(piece);
+        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+        published.take(&mut bench);
+    }
+    wait_for("the last images", || {
+        bench.tick().expect("steps");
+        published.take(&mut bench);
+        published.images.len() >= 8 && published.mosaics.len() >= 4
+    });
+    bench.finish().expect("finishes");
+    published.take(&mut bench);
+    let (expected, _) = offline(&vehicle.path("recording"));
+    for published in [&published, &expected] {
+        let of = |camera: u32| published.images.iter().filter(move |image| image.1 == camera).map(|image| image.0);
+        let named =
+            |late_ms: i64| (0..4).map(move |second| BEGIN.0 + second * 1_000_000_000 + (250 - late_ms) * 1_000_000);
+        assert!(of(0).eq(named(20)) && of(1).eq(named(-30)), "{published:?}");
+        assert!(published.mosaics.iter().map(|mosaic| mosaic.0).eq(named(40)), "{published:?}");
     }
 }
 

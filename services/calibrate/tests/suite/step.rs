@@ -26,6 +26,7 @@ fn entry(name: &str, pattern: u32, active_area: [u32; 4]) -> MosaicEntry {
         folder: name.to_owned(),
         sensor: None,
         exposure_nanos: T_RAW,
+        delay_nanos: 0,
         dark_exposure_nanos: T_RAW,
         white_exposure_nanos: T_WHITE,
         white_reflectance: 0.98,

@@ -21,16 +21,14 @@ pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Driv
     let mut camera_frames = Vec::new();
     for (index, entry) in numbered(&read.cameras) {
         check.camera(index, entry);
-        let mut frames = check.frames(&format!("camera[{index}].folder"), &entry.folder, index, IMAGES);
-        for frame in &mut frames {
-            frame.stamp = frame.stamp.plus_nanos(entry.delay_nanos.saturating_neg());
-        }
-        camera_frames.extend(frames);
+        let frames = check.frames(&format!("camera[{index}].folder"), &entry.folder, index, IMAGES);
+        camera_frames.extend(frames.into_iter().map(|frame| frame.without_delay(entry.delay_nanos)));
     }
     let (mut mosaic_frames, mut sensors) = (Vec::new(), Vec::new());
     for (index, entry) in numbered(&read.mosaics) {
         sensors.push(check.mosaic(index, entry));
-        mosaic_frames.extend(check.frames(&format!("mosaic[{index}].folder"), &entry.folder, index, MOSAICS));
+        let frames = check.frames(&format!("mosaic[{index}].folder"), &entry.folder, index, MOSAICS);
+        mosaic_frames.extend(frames.into_iter().map(|frame| frame.without_delay(entry.delay_nanos)));
     }
     for frames in [&mut camera_frames, &mut mosaic_frames] {
         frames.sort_by_key(|frame: &Frame| (frame.stamp, frame.camera));

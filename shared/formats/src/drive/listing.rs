@@ -20,6 +20,13 @@ pub struct Frame {
     pub path: PathBuf,
 }
 
+impl Frame {
+    /// The exposure without the delay of its stamp.
+    pub(super) fn without_delay(self, delay_nanos: i64) -> Self {
+        Self { stamp: self.stamp.plus_nanos(delay_nanos.saturating_neg()), ..self }
+    }
+}
+
 /// Whether a file is an exposure of a color camera by its name: not hidden, extension `jpg`, `jpeg` or `png`.
 pub fn is_image_name(path: &Path) -> bool {
     has_extension(path, IMAGES)

@@ -179,14 +179,14 @@ impl<'a> Fields<'a> {
         let nanos: i64 = format!("{decimals:0<9.9}").parse().map_err(|_| fault())?;
         Ok(Some(((hours * 60 + minutes) * 60 + seconds) * 1_000_000_000 + nanos))
     }
-    /// `ddmmyy`, days since 1970. Two-digit years are 1980 (GPS began) to 2079.
+    /// `ddmmyy`, days since 1970. Two-digit years are 1970, where clocks that were never set begin, to 2069.
     fn date(&self, field: usize) -> Result<Option<i64>, NmeaError> {
         let text = self.text(field);
         if text.is_empty() {
             return Ok(None);
         }
         let days = pairs(text).and_then(|[day, month, year]| {
-            days_from_date(if year >= 80 { 1900 + year } else { 2000 + year }, month, day)
+            days_from_date(if year >= 70 { 1900 + year } else { 2000 + year }, month, day)
         });
         days.map(Some).ok_or_else(|| self.fault(field, "is not a date ddmmyy"))
     }
@@ -229,6 +229,10 @@ fn pairs(text: &str) -> Option<[i64; 3]> {
 mod tests {
     use super::*;
 
+    fn sealed(body: &str) -> String {
+        format!("${body}*{:02X}", checksum(body))
+    }
+
     #[test]
     fn sentence_of_real_sensor_is_parsed() {
         // From a VLP-16's position packet.
@@ -244,7 +248,6 @@ mod tests {
 
     #[test]
     fn empty_fields_are_none_and_impossible_values_are_reported() {
-        let sealed = |body: &str| format!("${body}*{:02X}", checksum(body));
         let Ok(Sentence::Gga(gga)) = parse(&sealed("GNGGA,,,,,,0,,,,,,,,")) else { panic!("no GGA") };
         assert_eq!((gga.time_nanos, gga.position_deg, gga.quality, gga.height_m), (None, None, 0, None));
         for (body, field) in [
@@ -268,5 +271,17 @@ mod tests {
         assert_eq!(parse("$GPGGA,,*00"), Err(NmeaError::Checksum { got: 0, expected: checksum("GPGGA,,") }));
         assert_eq!(parse("GPGGA,,*00"), Err(NmeaError::Frame));
         assert_eq!(parse(&sealed("GPGSV,1,1,00")), Ok(Sentence::Other));
+    }
+
+    #[test]
+    fn years_of_two_digits_are_1970_to_2069() {
+        let stamp = |date: &str| match parse(&sealed(&format!("GPRMC,000054.651,A,,,,,,,{date},,,A"))) {
+            Ok(Sentence::Rmc(rmc)) => rmc.stamp.map(|stamp| stamp.0),
+            other => panic!("{other:?}"),
+        };
+        // The clock of a sensor that began at 0.
+        assert_eq!(stamp("010170"), Some(54_651_000_000));
+        assert_eq!(stamp("060180"), Some(315_964_854_651_000_000));
+        assert_eq!(stamp("311269"), Some(3_155_673_654_651_000_000));
     }
 }

@@ -1,7 +1,7 @@
 //! Drive folders: contents, and all faults reported at once.
 
 use formats::cloud::{CloudPoint, FiredPoint};
-use formats::drive::{Drive, TIMES_FILE};
+use formats::drive::{Drive, Frame, TIMES_FILE};
 use formats::nuscenes;
 use formats::pcd::{PcdCloud, pcd_from_cloud};
 use formats::problems::FileProblem;
@@ -316,6 +316,48 @@ fn mounting_of_inertial_unit_rotates_its_samples_and_excludes_a_second_position(
     fs::write(folder.path().join("drive.toml"), format!("{GOOD}{twice}")).expect("writes");
     let texts: Vec<String> = problems(folder.path()).iter().map(ToString::to_string).collect();
     assert!(texts.len() == 2 && texts.iter().all(|text| text.contains("imu.body_from_imu")), "{texts:?}");
+}
+
+#[test]
+fn delay_of_a_mosaic_camera_is_subtracted_from_its_stamps_only() {
+    let opened = |delay: &str| {
+        let mosaic = format!(
+            "[[mosaic]]
+name = \"hs03\"
+folder = \"hs03\"
+exposure_nanos = 5000000
+{delay}
+dark_exposure_nanos = 5000000
+white_exposure_nanos = 5000000
+white_reflectance = 0.98
+bit_depth = 10
+pattern = 2
+active_area = [0, 0, 8, 4]
+wavelengths_nm = [470.0, 480.0, 490.0, 500.0]
+body_from_camera = {{ translation = [0, 0, 1], rotation = [0, 0, 0, 1] }}
+model = {{ kind = \"pinhole\", width = 8, height = 4, fx = 60.0, fy = 60.0, cx = 4.0, cy = 2.0 }}
+"
+        );
+        let folder = drive(&format!("{GOOD}\n{mosaic}"));
+        fs::create_dir(folder.path().join("hs03")).expect("makes");
+        for stamp in [2000, 1000] {
+            fs::write(folder.path().join(format!("hs03/{stamp}.pgm")), b"").expect("writes");
+        }
+        folder
+    };
+    let stamps = |delay: &str| {
+        let folder = opened(delay);
+        let drive = Drive::open(folder.path()).expect("is valid");
+        let of = |frames: &[Frame]| frames.iter().map(|frame| frame.stamp.0).collect::<Vec<i64>>();
+        (of(drive.mosaic_frames()), of(drive.camera_frames()))
+    };
+    assert_eq!(stamps(""), (vec![1000, 2000], vec![100, 200, 300]));
+    assert_eq!(stamps("delay_nanos = 70"), (vec![930, 1930], vec![100, 200, 300]));
+    assert_eq!(stamps("delay_nanos = -70"), (vec![1070, 2070], vec![100, 200, 300]));
+    let found = problems(opened("delay_nanos = 10_000_000_001").path());
+    assert_eq!(found.len(), 1, "{found:?}");
+    let text = found[0].to_string();
+    assert!(text.contains("mosaic[0].delay_nanos") && text.contains("must be -10 s to 10 s"), "{text}");
 }
 
 #[test]

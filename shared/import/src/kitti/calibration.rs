@@ -1,33 +1,16 @@
 //! Calibration files of KITTI: lines of a key, a colon and numbers.
 
+use crate::cameras::Projection;
 use crate::error::{At, ImportError};
 use formats::text_file::{MAX_SETTINGS_BYTES, read_text};
 use formats::trajectory::poses_from_kitti;
-use geometry::{CameraModel, Isometry3, Pinhole, Pose};
+use geometry::{Isometry3, Pose};
 use std::path::{Path, PathBuf};
 
 /// A file.
 pub(crate) struct Calibration {
     path: PathBuf,
     text: String,
-}
-
-/// A rectified camera.
-pub(crate) struct Projection {
-    pub fx: f64,
-    pub fy: f64,
-    pub cx: f64,
-    pub cy: f64,
-    /// Frame of the rectified camera 0.
-    pub rectified_from_camera: Pose,
-}
-
-impl Projection {
-    /// The lens: rectified images have no distortion.
-    pub fn model(&self, [width, height]: [u32; 2]) -> CameraModel {
-        let Self { fx, fy, cx, cy, .. } = *self;
-        CameraModel::Pinhole(Pinhole { width, height, fx, fy, cx, cy, distortion: [0.0; 5] })
-    }
 }
 
 impl Calibration {
@@ -88,14 +71,9 @@ impl Calibration {
 
     /// A projection of points of the rectified camera 0: K (I | t).
     pub fn projection(&self, key: &str) -> Result<Projection, ImportError> {
-        let [fx, skew, cx, x, zero, fy, cy, y, g, h, i, z] = self.numbers::<12>(key)?;
+        let rows = self.numbers::<12>(key)?;
         let (line, _) = self.entry(key)?;
-        let is_rectified = skew == 0.0 && zero == 0.0 && [g, h, i] == [0.0, 0.0, 1.0] && fx > 0.0 && fy > 0.0;
-        if !is_rectified {
-            let rule = format!("{key} must be the projection of a rectified camera: fx 0 cx x 0 fy cy y 0 0 1 z");
-            return Err(ImportError::at_line(&self.path, line, rule));
-        }
-        let (x, y) = ((x - cx * z) / fx, (y - cy * z) / fy);
-        Ok(Projection { fx, fy, cx, cy, rectified_from_camera: Isometry3::translation(-x, -y, -z) })
+        Projection::of_rows(rows)
+            .ok_or_else(|| ImportError::at_line(&self.path, line, format!("{key} {}", Projection::RULE)))
     }
 }

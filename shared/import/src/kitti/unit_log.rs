@@ -1,13 +1,11 @@
 //! The log of a GNSS and IMU unit: fixes, samples and poses of the same times.
 
+use crate::fixes;
 use crate::plan::{Plan, TextFile};
 use formats::imu::{ImuSample, csv_from_samples};
-use formats::manifest::{GnssEntry, ImuEntry};
-use formats::nmea::{Fix, gga_from_fix, rmc_from_fix};
+use formats::manifest::ImuEntry;
+use formats::nmea::Fix;
 use geometry::{Geodetic, LocalFrame, Pose, Trajectory};
-
-/// A millisecond, the resolution of times in sentences, ns.
-const MILLI: i64 = 1_000_000;
 
 /// Records in the order of their stamps.
 #[derive(Default)]
@@ -50,38 +48,15 @@ impl UnitLog {
         trajectory
     }
 
-    /// Sentences. Those within the same millisecond are left out: a reader would take them as one epoch.
-    fn sentences(&self) -> String {
-        let mut text = String::new();
-        let mut last = None;
-        for fix in self.records.iter().map(|record| &record.fix) {
-            let milli = fix.stamp.0.div_euclid(MILLI);
-            if last == Some(milli) {
-                continue;
-            }
-            last = Some(milli);
-            for sentence in [gga_from_fix(fix, 0.0), rmc_from_fix(fix)] {
-                text += &sentence;
-                text.push('\n');
-            }
-        }
-        text
-    }
-
     /// Adds GNSS, IMU and true trajectory to a drive whose body frame is that of the unit.
     pub fn add_to(&self, plan: &mut Plan, name: &str) {
         let Some(first) = self.records.first() else { return };
         let origin = first.place;
         plan.add_truth(&self.trajectory(&LocalFrame::new(origin)), None);
         let samples: Vec<ImuSample> = self.records.iter().map(|record| record.sample).collect();
-        plan.texts.push(TextFile { place: "gnss.nmea".into(), text: self.sentences() });
         plan.texts.push(TextFile { place: "imu.csv".into(), text: csv_from_samples(&samples) });
-        plan.manifest.gnss = Some(GnssEntry {
-            delay_nanos: 0,
-            file: "gnss.nmea".into(),
-            origin: [origin.latitude_deg, origin.longitude_deg, origin.altitude_m],
-            antenna_in_body: [0.0; 3],
-        });
+        let origin = [origin.latitude_deg, origin.longitude_deg, origin.altitude_m];
+        fixes::add(plan, self.records.iter().map(|record| &record.fix), origin);
         plan.manifest.imu =
             Some(ImuEntry { delay_nanos: 0, file: "imu.csv".into(), position_in_body: [0.0; 3], body_from_imu: None });
         let n = self.records.len();

@@ -1,8 +1,8 @@
 //! Stamps of sweeps: of a table in their folder or beside it, else of their names.
 
 use super::beside;
-use super::stamp_text::{nanos, nanos_of_name};
 use crate::error::{At, ImportError};
+use crate::stamp_text::{nanos, nanos_of_name};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

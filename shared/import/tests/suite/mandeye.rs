@@ -17,7 +17,7 @@ fn rows() -> Vec<Row> {
         .collect()
 }
 
-fn recording(folder: &TempDir) -> PathBuf {
+pub(super) fn recording(folder: &TempDir) -> PathBuf {
     let root = folder.path().join("continousScanning_0001");
     let rows = rows();
     // The border of the chunks is inside of a sweep.
@@ -33,7 +33,7 @@ fn recording(folder: &TempDir) -> PathBuf {
     root
 }
 
-fn imported(import: &Import) -> (Vec<String>, Drive) {
+pub(super) fn imported(import: &Import) -> (Vec<String>, Drive) {
     let report = import.run().expect("imports");
     (report, Drive::open(&import.out).expect("opens"))
 }

@@ -82,6 +82,7 @@ fn mosaic(mosaic: &MosaicSpec, exposure_nanos: u64) -> MosaicEntry {
         folder: mosaic.name.clone(),
         sensor: Some(format!("{}/sensor.xml", mosaic.name)),
         exposure_nanos,
+        delay_nanos: 0,
         dark_exposure_nanos: exposure_nanos,
         white_exposure_nanos: WHITE_EXPOSURE_NANOS,
         white_reflectance: f64::from((WHITE_REFLECTANCE * 100.0).round()) / 100.0,

@@ -115,6 +115,7 @@ fn manifest() -> Manifest {
             folder: "hs03".into(),
             sensor: None,
             exposure_nanos: 5_000_000,
+            delay_nanos: 0,
             dark_exposure_nanos: 5_000_000,
             white_exposure_nanos: 5_000_000,
             white_reflectance: 0.98,

@@ -29,6 +29,7 @@ pub fn mosaic(name: &str, body_from_camera: Pose, model: CameraModel, pattern: u
         folder: name.to_owned(),
         sensor: None,
         exposure_nanos: 5_000_000,
+        delay_nanos: 0,
         dark_exposure_nanos: 5_000_000,
         white_exposure_nanos: 5_000_000,
         white_reflectance: 0.98,

@@ -119,7 +119,7 @@ impl OtherSources {
             .mosaics
             .iter()
             .enumerate()
-            .map(|(index, entry)| ((CameraKind::Mosaic, index, 0), &entry.folder, &entry.name));
+            .map(|(index, entry)| ((CameraKind::Mosaic, index, entry.delay_nanos), &entry.folder, &entry.name));
         for ((kind, index, delay_nanos), folder, name) in color.chain(mosaic) {
             let (source, recorded) = (root.join(folder), recording.join(folder));
             for path in [&source, &recorded] {

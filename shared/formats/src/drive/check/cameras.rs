@@ -30,6 +30,7 @@ impl Check<'_> {
         rules::exposure(&mut self.file, &key("exposure_nanos"), entry.exposure_nanos);
         rules::exposure(&mut self.file, &key("dark_exposure_nanos"), entry.dark_exposure_nanos);
         rules::exposure(&mut self.file, &key("white_exposure_nanos"), entry.white_exposure_nanos);
+        rules::delay(&mut self.file, &key("delay_nanos"), entry.delay_nanos);
         let white = entry.white_reflectance;
         self.file.rule(&key("white_reflectance"), white > 0.0 && white <= 1.0, || {
             format!("value {white} must be above 0, up to 1")

@@ -1,10 +1,9 @@
 //! Clouds of a bag as one PCD file per sweep.
 
-use super::of_beams;
 use crate::error::ImportError;
 use crate::plan::TextFile;
 use crate::point_times::TimeForm;
-use crate::rings::{Elevations, Rings};
+use crate::rings::{Elevations, Rings, model_of_beams};
 use crate::ros::cloud::RawPoint;
 use formats::cloud::{CloudPoint, FiredPoint};
 use formats::drive::TIMES_FILE;
@@ -98,7 +97,7 @@ impl Sweeps {
         }
         let of_model = self.model.map(|model| Lidar::from(model).n_rings()).filter(|n| *n > 0);
         let rings = elevations.rings(of_model.and_then(|n| u16::try_from(n).ok()), n_rows);
-        let model = self.model.unwrap_or_else(|| of_beams(rings.as_ref().map_or(0, Rings::n_rings)));
+        let model = self.model.unwrap_or_else(|| model_of_beams(rings.as_ref().map_or(0, Rings::n_rings)));
         self.decision = Some(Decision { form, rings, model });
         for cloud in std::mem::take(&mut self.waiting) {
             self.write(&cloud)?;

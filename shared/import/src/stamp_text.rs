@@ -11,7 +11,7 @@ const MIN_EPOCH_S: i64 = 946_684_800;
 const MAX_S: i64 = 9_000_000_000;
 
 /// The stamp of a text, ns. `None` for other texts and for small integers, whose unit is not clear.
-pub(super) fn nanos(text: &str) -> Option<i64> {
+pub(crate) fn nanos(text: &str) -> Option<i64> {
     if let Ok(number) = text.parse::<i64>() {
         let unit = UNITS.iter().find(|(least, _)| number >= *least).map(|(_, nanos)| *nanos);
         let unit = unit.or((MIN_EPOCH_S..MAX_S).contains(&number).then_some(1_000_000_000));
@@ -21,7 +21,7 @@ pub(super) fn nanos(text: &str) -> Option<i64> {
 }
 
 /// The stamp in a file name without its extension: a stamp, or seconds and ns between underscores at its end.
-pub(super) fn nanos_of_name(stem: &str) -> Option<i64> {
+pub(crate) fn nanos_of_name(stem: &str) -> Option<i64> {
     let mut words = stem.rsplit('_');
     let (last, before) = (words.next()?, words.next());
     let parts = before.and_then(|seconds| Some((seconds.parse::<i64>().ok()?, last.parse::<i64>().ok()?)));

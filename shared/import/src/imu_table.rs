@@ -1,26 +1,17 @@
 //! IMU samples in tables of others: a header names the columns.
 
-use super::stamp_text::nanos;
 use crate::error::{At, ImportError};
-use crate::imu_units::to_metric;
-use formats::imu::{ImuSample, csv_from_samples};
+use crate::stamp_text::nanos;
+use formats::imu::ImuSample;
 use geometry::Stamp;
 use std::fs;
 use std::path::Path;
 
 /// Beginnings of the names of a column of stamps, in lower case without other characters than letters and digits.
-const STAMPS: [&str; 4] = ["timestamp", "stamp", "time", "t"];
+const STAMPS: [&str; 5] = ["timestamp", "stamp", "time", "t", "gpstime"];
 /// Names of the columns of accelerations and of rates, without their axis.
 const ACCELERATIONS: [&str; 6] = ["a", "acc", "accel", "linearacceleration", "arss", "acceleration"];
-const RATES: [&str; 6] = ["w", "gyro", "gyr", "angularvelocity", "wrss", "omega"];
-
-/// A table in the form of a drive.
-pub(super) struct ImuTable {
-    pub text: String,
-    pub n_samples: usize,
-    /// How the values were converted, for the operator.
-    pub note: &'static str,
-}
+const RATES: [&str; 7] = ["w", "gyro", "gyr", "angularvelocity", "wrss", "omega", "angvel"];
 
 /// Places of the columns.
 struct Columns {
@@ -29,8 +20,8 @@ struct Columns {
     values: [usize; 6],
 }
 
-/// Reads a table. Accelerations in g become m/s^2.
-pub(super) fn read(path: &Path) -> Result<ImuTable, ImportError> {
+/// Reads a table, in its units.
+pub(crate) fn read(path: &Path) -> Result<Vec<ImuSample>, ImportError> {
     let text = fs::read_to_string(path).at(path)?;
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
     let header = lines.next().map(|(_, line)| words(line.trim_start_matches('#'))).unwrap_or_default();
@@ -52,8 +43,7 @@ pub(super) fn read(path: &Path) -> Result<ImuTable, ImportError> {
         }
         samples.push(ImuSample { stamp, acceleration: [ax, ay, az], angular_rate: [wx, wy, wz] });
     }
-    let note = to_metric(&mut samples).map_err(|rule| ImportError::at(path, rule))?;
-    Ok(ImuTable { text: csv_from_samples(&samples), n_samples: samples.len(), note })
+    Ok(samples)
 }
 
 /// The values, if all are there.
