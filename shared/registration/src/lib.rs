@@ -22,6 +22,7 @@
 mod arc_tangent;
 mod body_poses;
 mod cell;
+mod confirmed;
 mod contested_stretches;
 mod contrast;
 mod degenerate_stretches;

@@ -132,7 +132,7 @@ pub(crate) struct Prediction {
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
-const LEVER_M: f64 = 10.0;
+pub(crate) const LEVER_M: f64 = 10.0;
 /// Fewer matches do not determine six unknowns.
 const MIN_MATCHES: usize = 60;
 /// A match has converged if its last step is below this, m and rad: the error of a prediction.

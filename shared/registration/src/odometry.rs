@@ -1,5 +1,6 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
+use crate::confirmed::confirmed;
 use crate::contrast::{MIN_CONTRAST, contrast_along, without_facing};
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
@@ -363,8 +364,10 @@ impl Odometry {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
         let mut found = matching(samples);
+        let mut matched_by = samples;
         if gated.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
-            found = matching(&features.with_rough);
+            matched_by = &features.with_rough;
+            found = matching(matched_by);
         }
         let is_acceptable = |Match { matched, .. }: &Match| {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
@@ -380,6 +383,10 @@ impl Odometry {
             let settings = MatchSettings { min_influence: UNDISPUTED_INFLUENCE, ..self.settings.matching.clone() };
             let again = match_features(&undisputed, &self.maps, &prediction, &settings);
             found = again.filter(is_acceptable).or(found);
+        }
+        if let Some(Match { matched, .. }) = &mut found {
+            let maps = (&self.maps, &matched.motion);
+            matched.step_information = confirmed(matched, matched_by, maps, &self.settings.matching);
         }
         let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
         if let Some(found) = &found {

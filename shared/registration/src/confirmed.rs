@@ -1,0 +1,84 @@
+//! How much of a match's information is real.
+//!
+//! Errors of normals look like surfaces that face another way. Along a tunnel or a bare road the normal equations then claim an
+//! influence of 0.004, though every position fits about as well, and the covariance would stay small while the vehicle loses its way.
+//! A shifted sweep tells: beside real surfaces its cost grows as the residuals foretell.
+
+use crate::kernel::Kernel;
+use crate::maps::Maps;
+use crate::matching::{LEVER_M, MatchSettings, Matched};
+use crate::{Feature, SweepMotion};
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+/// Directions with a larger influence are not doubted: see [`MatchSettings::min_influence`]. Streets have more.
+const DOUBTED_INFLUENCE: f64 = 0.02;
+/// Shift along the direction, m; rotations at [`LEVER_M`]: the search radius.
+const SHIFT_M: f64 = 0.3;
+/// Growth of the cost, as a share of the foretold one, that is no information, and that confirms all of it.
+const NOTHING: f64 = 0.25;
+const EVERYTHING: f64 = 0.6;
+
+/// [`Matched::step_information`] without what the surroundings do not confirm.
+pub(crate) fn confirmed(
+    matched: &Matched,
+    features: &[Feature],
+    (maps, motion): (&Maps, &SweepMotion),
+    settings: &MatchSettings,
+) -> Matrix6<f64> {
+    // The normals are unit vectors.
+    let weight = matched.information.fixed_view::<3, 3>(0, 0).trace() * matched.rms_m.powi(2).max(1e-6)
+        / settings.drift_residual_m.powi(2);
+    let inverse_lever = Vector6::new(1.0, 1.0, 1.0, 1.0 / LEVER_M, 1.0 / LEVER_M, 1.0 / LEVER_M);
+    let scale = Matrix6::from_diagonal(&inverse_lever);
+    let eigen = (scale * matched.step_information * scale / weight).symmetric_eigen();
+    let mut found = Matrix6::zeros();
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        let direction = vector.component_div(&inverse_lever);
+        let mut share = 1.0;
+        if *value > 0.5 * settings.min_influence && *value < DOUBTED_INFLUENCE {
+            let step = vector.component_mul(&inverse_lever) * SHIFT_M;
+            let growth = growth(&step, features, (maps, motion), settings);
+            if std::env::var("DEBUG_CONFIRMED").is_ok() {
+                println!("confirmed: influence {value:.5} growth {growth:.3} along {:.2?}", vector.as_slice());
+            }
+            share = ((growth - NOTHING) / (EVERYTHING - NOTHING)).clamp(0.0, 1.0);
+        }
+        found += direction * direction.transpose() * (weight * value * share);
+    }
+    found
+}
+
+/// Growth of the cost under a step to both sides, as a share of what the residuals foretell.
+fn growth(
+    step: &Vector6<f64>,
+    features: &[Feature],
+    (maps, motion): (&Maps, &SweepMotion),
+    settings: &MatchSettings,
+) -> f64 {
+    let (radius_m, scale_m) = settings.fine;
+    let kernel = Kernel { radius_m, weights: settings.weights };
+    let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
+    let [translation, rotation] = [0, 3].map(|at| step.fixed_rows::<3>(at).into_owned());
+    let cost = |r: f64| (r / scale_m).powi(2).min(1.0);
+    let (mut found, mut foretold) = (0.0, 0.0);
+    for feature in features {
+        let share = f64::from(feature.share);
+        let arm = motion.rotated(&mid, &feature.position, share);
+        let position = arm + motion.mid.translation.vector + motion.translation * share;
+        let normal = mid * Vector3::from(feature.normal).cast::<f64>();
+        let map = maps.of(feature);
+        let surface = |position: Vector3<f64>| map.surface(position.into(), &normal.cast(), &kernel);
+        let shift = translation + rotation.cross(&arm);
+        let weight = feature.weight();
+        let here = surface(position);
+        let cost_here = here.map_or(1.0, |surface| cost(surface.distance_m));
+        for sign in [-1.0, 1.0] {
+            let there = surface(position + shift * sign).map_or(1.0, |surface| cost(surface.distance_m));
+            found += weight * (there - cost_here);
+            if let Some(here) = here {
+                foretold += weight * (cost(here.distance_m + sign * here.normal.dot(&shift)) - cost_here);
+            }
+        }
+    }
+    if foretold > 0.0 { found / foretold } else { 0.0 }
+}
