@@ -22,6 +22,9 @@ use std::path::Path;
 /// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;
 
+/// As slam_aggregate's setting `max_lost_m`.
+const MAX_LOST_M: f64 = 5.0;
+
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (mut paths, mut settings) = (Vec::new(), OdometrySettings::default());
@@ -114,7 +117,7 @@ fn main() -> anyhow::Result<()> {
     scores.print();
     consistency.print();
     stretches.finish().into_iter().for_each(|text| println!("note: {text}"));
-    if let Some((_, text)) = stretches.contested(0.0) {
+    for (_, text) in [stretches.contested(0.0), stretches.lost(MAX_LOST_M)].into_iter().flatten() {
         println!("doubt: {text}");
     }
     Ok(())

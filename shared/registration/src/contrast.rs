@@ -7,7 +7,7 @@
 use crate::kernel::{Kernel, Weights};
 use crate::maps::Maps;
 use crate::{Feature, MatchSettings, SweepMotion};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 /// Below this the position along the way is contested. Drives in a queue that is taken for the world come to 0.07 and less, averaged
 /// over a second; real drives with sweeps that are not deskewed stay above 0.12 in each sweep.
@@ -16,6 +16,14 @@ pub(crate) const MIN_CONTRAST: f64 = 0.1;
 const MIN_FACING: f64 = 0.5;
 /// Fewer features tell nothing: tunnels, open fields.
 const MIN_FEATURES: usize = 40;
+/// Streets have more contrast: their positions along the way are not doubted.
+const UNDOUBTED_CONTRAST: f64 = 0.4;
+/// Error along the way without any contrast, as a share of it, and the distance over which it stays the same, m: a tunnel with a few
+/// lamps and a car ahead (contrast 0 to 0.3) was 0.6 m in 80 m too long.
+const DOUBTED_SHARE: f64 = 0.01;
+const COMMON_M: f64 = 50.0;
+/// Keeps the division finite.
+const MIN_STEP_M: f64 = 1e-3;
 /// Other positions, m along the way: twice the search radius of a match and more.
 const BEHIND_M: [f64; 2] = [-0.6, -1.2];
 const AHEAD_M: [f64; 2] = [0.6, 1.2];
@@ -49,6 +57,14 @@ pub(crate) fn contrast_along(
     };
     let mean = |[near, far]: [f64; 2]| cost(near).midpoint(cost(far));
     Some(mean(BEHIND_M).min(mean(AHEAD_M)) - cost(0.0))
+}
+
+/// Covariance (m^2) of what a low contrast adds to the error of a step, m, along it. Moving objects, and what little faces the way, pull
+/// every sweep to the same side: such errors add up over a distance, beyond those of independent sweeps.
+pub(crate) fn error_along(step: &Vector3<f64>, contrast: f64) -> Matrix3<f64> {
+    let doubt = (1.0 - contrast / UNDOUBTED_CONTRAST).clamp(0.0, 1.0);
+    // Steps of a distance have one error: its square grows by the product.
+    step * step.transpose() * ((doubt * DOUBTED_SHARE).powi(2) * COMMON_M / step.norm().max(MIN_STEP_M))
 }
 
 /// The features that do not face the way. Objects that move along cannot mislead them.

@@ -16,6 +16,7 @@ use crate::SensorMounting;
 use crate::sensors::SensorLog;
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
+pub(crate) use propagation::straightening;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};
 use serde::{Deserialize, Serialize};
 
@@ -46,8 +47,14 @@ const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
 const SLOW_MPS: f64 = 0.3;
 const STANDING_MPS2: f64 = 0.15;
 const STANDING_MPS: f64 = 0.02;
+/// The mean angular rate of half a second at rest is the gyroscopes' bias with this error, rad/s: noise, and steps of the passengers.
+/// Larger than [`RATE_BIAS_GATE`] times its deviation, it is a rotation.
+const STANDING_RADPS: f64 = 1e-3;
+const RATE_BIAS_GATE: f64 = 4.0;
 /// Largest grade of a road.
 const GRADE: f64 = 0.1;
+/// The grade is another one after so many metres.
+const HILL_M: f64 = 50.0;
 /// A GNSS velocity supports predictions for so long, s.
 const VELOCITY_VALID_S: f64 = 2.0;
 /// Change of the velocity while a late measurement was on its way, m/s^2.
@@ -164,12 +171,17 @@ impl Navigation {
         }
     }
 
-    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures the height over
-    /// the ground, not the height of the ground. So an error of the horizontal position adds to the height by the grade of a road.
-    /// (On a field the height of a vehicle that seemed to stand had a deviation of 30 cm and an error of 3 m.)
+    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures height and
+    /// inclination over the ground, not those of the ground. So an error of the horizontal position adds to the height by the grade of
+    /// a road, and to the inclination as hills bend it. (On a field the height of a vehicle that seemed to stand had a deviation of
+    /// 30 cm and an error of 3 m.)
     pub fn pose_covariance(&self) -> Matrix6<f64> {
         let mut pose = self.pose;
-        pose[(2, 2)] += GRADE * GRADE * (pose[(0, 0)] + pose[(1, 1)]);
+        let horizontal = pose[(0, 0)] + pose[(1, 1)];
+        pose[(2, 2)] += GRADE * GRADE * horizontal;
+        for axis in [3, 4] {
+            pose[(axis, axis)] += GRADE * GRADE * horizontal / (horizontal + HILL_M * HILL_M);
+        }
         pose
     }
 
@@ -206,6 +218,12 @@ impl Navigation {
             Matrix6::zeros()
         };
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
+    }
+
+    /// Adds an error of the position to the pose, as its covariance, m^2, odom axes.
+    pub fn add_position_error(&mut self, covariance: &Matrix3<f64>) {
+        let mut position = self.pose.fixed_view_mut::<3, 3>(0, 0);
+        position += covariance;
     }
 
     /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is what the match began with and
@@ -251,14 +269,23 @@ impl Navigation {
         self.begin_next_step();
     }
 
-    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands.
+    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands. Then the
+    /// gyroscopes show their bias.
     pub fn update_standstill(&mut self, log: &SensorLog, at: Stamp) {
         let is_gravity_alone = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
-        if self.velocity.norm() < SLOW_MPS && log.standstill(at).is_some_and(is_gravity_alone) {
+        let still = log.standstill(at).filter(|(force, _)| self.velocity.norm() < SLOW_MPS && is_gravity_alone(*force));
+        let Some((_, rate)) = still else { return };
+        let measure = |part: usize| {
             let mut h = SMatrix::<f64, 3, N>::zeros();
-            h.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&Matrix3::identity());
-            let residual = -self.velocity;
-            self.update(&h, &residual, STANDING_MPS * STANDING_MPS);
+            h.fixed_view_mut::<3, 3>(0, part).copy_from(&Matrix3::identity());
+            h
+        };
+        let residual = -self.velocity;
+        self.update(&measure(VELOCITY), &residual, STANDING_MPS * STANDING_MPS);
+        let residual = rate - self.rate_bias;
+        let variance = self.covariance.fixed_view::<3, 3>(RATE_BIAS, RATE_BIAS).diagonal().max() + STANDING_RADPS.powi(2);
+        if residual.norm_squared() < RATE_BIAS_GATE.powi(2) * variance {
+            self.update(&measure(RATE_BIAS), &residual, STANDING_RADPS * STANDING_RADPS);
         }
     }
 

@@ -1,13 +1,13 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
 use crate::confirmed::confirmed;
-use crate::contrast::{MIN_CONTRAST, contrast_along, without_facing};
+use crate::contrast::{MIN_CONTRAST, contrast_along, error_along, without_facing};
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
-use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement};
+use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement, straightening};
 use crate::ring_errors::{RingError, RingErrors};
 use crate::sampling::sampled;
 use crate::sensors::SensorLog;
@@ -318,7 +318,7 @@ impl Odometry {
         let prediction = self.predict(&last, second.mid_stamp);
         let first_match = start.second.clone();
         let first = registered(first, start.first, Some(first_match), false);
-        let matched = (start.second.motion, Some(start.second));
+        let matched = (start.second.motion, Some(start.second), None);
         let second = self.update(&second, second_sweep, matched, &last, &prediction);
         vec![first, second]
     }
@@ -402,8 +402,8 @@ impl Odometry {
                 }
             }
         }
-        let matched = (motion, found.map(|found| found.matched));
-        Registered { contrast, ..self.update(features, sweep, matched, last, &predicted) }
+        let matched = (motion, found.map(|found| found.matched), contrast);
+        self.update(features, sweep, matched, last, &predicted)
     }
 
     /// A sample of the features that are near the map under this motion.
@@ -428,7 +428,7 @@ impl Odometry {
         &mut self,
         features: &SweepFeatures,
         sweep: &Sweep,
-        (motion, matched): (SweepMotion, Option<Matched>),
+        (motion, matched, contrast): (SweepMotion, Option<Matched>, Option<f64>),
         last: &Last,
         prediction: &PredictedPose,
     ) -> Registered {
@@ -443,11 +443,18 @@ impl Odometry {
             let step = [&last.mid, &motion.mid];
             navigation.update_step(&self.settings.mounting, step, prediction, measurement.as_ref());
             navigation.update_standstill(&self.state.log, features.mid_stamp);
+            let step = motion.mid.translation.vector - last.mid.translation.vector;
+            if let Some(contrast) = contrast {
+                navigation.add_position_error(&error_along(&step, contrast));
+            }
         }
-        let velocity = match &matched {
+        let mut velocity = match &matched {
             Some(_) if features.duration_nanos > 0 => Velocity::during(&motion, features.duration_s),
             _ => Velocity::between(&last.mid, &motion.mid, seconds),
         };
+        if matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0) {
+            velocity.angular *= straightening(seconds);
+        }
         self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !features.features.is_empty();
@@ -469,6 +476,7 @@ impl Odometry {
             self.state.moving.add_sweep(sweep, &motion, &moving);
         }
         Registered {
+            contrast,
             moving: moving.points,
             covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, Navigation::pose_covariance),
             predicted_by: prediction.sources,
