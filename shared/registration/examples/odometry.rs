@@ -14,7 +14,8 @@ use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
 use nalgebra::Vector6;
 use registration::{
-    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Stretches, Sweep, Weights,
+    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Stretches, Sweep,
+    Weights,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
@@ -163,7 +164,15 @@ struct Consistency {
 
 impl Consistency {
     fn new(folder: &SweepFolder, verbose: bool) -> Self {
-        Self { truth: folder.truth(), verbose, first: None, squares: Vec::new(), last: [0.0; 2], n_degenerate: 0, n_bridged: 0 }
+        Self {
+            truth: folder.truth(),
+            verbose,
+            first: None,
+            squares: Vec::new(),
+            last: [0.0; 2],
+            n_degenerate: 0,
+            n_bridged: 0,
+        }
     }
     fn add(&mut self, number: usize, registered: &Registered) {
         self.n_bridged += usize::from(registered.is_bridged());
@@ -175,7 +184,10 @@ impl Consistency {
         let position = found.translation.vector - expected.translation.vector;
         let rotation = (found.rotation * expected.rotation.inverse()).scaled_axis();
         if self.verbose {
-            println!("error {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad", position.x, position.y, position.z, rotation.x, rotation.y, rotation.z);
+            println!(
+                "error {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad",
+                position.x, position.y, position.z, rotation.x, rotation.y, rotation.z
+            );
         }
         if !number.is_multiple_of(10) || number == 0 {
             return;
@@ -185,7 +197,8 @@ impl Consistency {
             block.try_inverse().map_or(f64::NAN, |information| error.dot(&(information * error)))
         };
         let pose = Vector6::from_fn(|axis, _| if axis < 3 { position[axis] } else { rotation[axis - 3] });
-        let of_pose = registered.covariance.try_inverse().map_or(f64::NAN, |information| pose.dot(&(information * pose)));
+        let of_pose =
+            registered.covariance.try_inverse().map_or(f64::NAN, |information| pose.dot(&(information * pose)));
         self.squares.push([square(position, 0), square(rotation, 3), of_pose]);
         self.last = [position.norm(), registered.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt()];
     }

@@ -25,8 +25,7 @@ fn main() -> anyhow::Result<()> {
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--simulate", town, seed, seconds, out, options @ ..] => {
             let (seed, seconds) = (seed.parse()?, seconds.parse()?);
-            let mut settings =
-                DriveSettings { town: (*town).to_owned(), seed, seconds, ..DriveSettings::default() };
+            let mut settings = DriveSettings { town: (*town).to_owned(), seed, seconds, ..DriveSettings::default() };
             for option in options.chunks(2) {
                 match option {
                     ["--rig", rig] => (*rig).clone_into(&mut settings.rig),

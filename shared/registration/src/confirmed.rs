@@ -81,3 +81,94 @@ fn growth(
     }
     if foretold > 0.0 { found / foretold } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use random::Random;
+
+    /// Ground and two walls along x, whose normals err by 3 degrees, and posts that face the way, if wanted.
+    fn features(has_posts: bool, n: usize, seed: u64) -> Vec<Feature> {
+        let mut random = Random::of_hash(seed, 0);
+        let mut found = Vec::new();
+        let mut add = |position: [f32; 3], normal: [f32; 3], random: &mut Random| {
+            let noise: [f32; 3] = std::array::from_fn(|_| 0.05 * random.range(-1.0, 1.0) * 1.73);
+            let normal = (Vector3::from(normal) + Vector3::from(noise)).normalize().into();
+            found.push(Feature {
+                position,
+                normal,
+                share: 0.0,
+                planarity: 1.0,
+                roughness_m: 0.0,
+                is_rough: false,
+                lever: 0.0,
+                row: 0,
+                point_idx: 0,
+            });
+        };
+        for number in 0..n {
+            let along = random.range(-20.0, 20.0);
+            let (across, up) = (random.range(-4.0, 4.0), random.range(-1.5, 3.0));
+            match number % 3 {
+                0 => add([along, across, -1.5], [0.0, 0.0, 1.0], &mut random),
+                1 => add([along, -4.0, up], [0.0, 1.0, 0.0], &mut random),
+                _ => add([along, 4.0, up], [0.0, -1.0, 0.0], &mut random),
+            }
+        }
+        for number in 0..if has_posts { n / 10 } else { 0 } {
+            let x = -20.0 + (number % 20) as f32 * 2.0;
+            let up = random.range(-1.5, 1.0);
+            add([x, 3.5, up], [-1.0, 0.0, 0.0], &mut random);
+        }
+        found
+    }
+
+    /// Claimed and confirmed information along x, and along y, of a sweep that is matched to a map of the same surfaces.
+    fn along_and_across(has_posts: bool) -> [[f64; 2]; 2] {
+        let motion = SweepMotion::still(geometry::Pose::identity());
+        // A point every 10 cm.
+        let maps = Maps::of_sweep(&features(has_posts, 80_000, 1), &motion);
+        let features = features(has_posts, 1200, 2);
+        let settings = MatchSettings::default();
+        let mut claimed = Matrix6::zeros();
+        for feature in &features {
+            let normal = Vector3::from(feature.normal).cast::<f64>();
+            let torque = Vector3::from(feature.position).cast::<f64>().cross(&normal);
+            let j = Vector6::new(normal.x, normal.y, normal.z, torque.x, torque.y, torque.z);
+            claimed += j * j.transpose() * feature.weight();
+        }
+        let rms_m: f64 = 0.01;
+        let matched = Matched {
+            motion,
+            n_features: features.len(),
+            n_matches: features.len(),
+            rms_m,
+            cost: 0.0,
+            least_influence: 0.0,
+            n_degenerate_directions: 0,
+            information: claimed / rms_m.powi(2),
+            step_information: claimed / settings.drift_residual_m.powi(2),
+            converged: true,
+        };
+        let found = confirmed(&matched, &features, (&maps, &motion), &settings);
+        [0, 1].map(|axis| [matched.step_information[(axis, axis)], found[(axis, axis)]])
+    }
+
+    #[test]
+    fn errors_of_normals_are_no_information_along_a_tunnel() {
+        let [[claimed, found], [claimed_across, found_across]] = along_and_across(false);
+        assert!(claimed * settings_square() > 2.0, "errors of normals claim something: {claimed}");
+        assert!(found < 0.1 * claimed, "{found} of {claimed}");
+        assert!((found_across / claimed_across - 1.0).abs() < 0.05, "{found_across} of {claimed_across}");
+    }
+
+    #[test]
+    fn posts_that_face_the_way_confirm_the_information() {
+        let [[claimed, found], _] = along_and_across(true);
+        assert!(found > 0.9 * claimed, "{found} of {claimed}");
+    }
+
+    fn settings_square() -> f64 {
+        MatchSettings::default().drift_residual_m.powi(2)
+    }
+}

@@ -64,7 +64,7 @@ impl Default for MatchSettings {
             fine: (0.3, 0.05),
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
-            drift_residual_m: 0.015,
+            drift_residual_m: 0.0115,
             small_step: (1e-3, 1.745e-4),
             min_influence: 0.001,
             rough_below: 0.005,

@@ -16,8 +16,8 @@ use crate::SensorMounting;
 use crate::sensors::SensorLog;
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
-pub(crate) use propagation::straightening;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};
+pub(crate) use propagation::straightening;
 use serde::{Deserialize, Serialize};
 
 /// Error states, three numbers each: position and rotation since the previous sweep and velocity (axes of the body then), attitude
@@ -42,6 +42,9 @@ const MEASURED_SPEED: f64 = 0.5;
 const FIRST_TILT: f64 = 0.1;
 /// Jitter of matched poses, m and rad; it is not motion.
 const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
+/// What steps have in common, such as the bias of a gyroscope, shifts each sweep in the map to the same side, and the map stays: half of
+/// its 60 sweeps measure it together.
+const COMMON_SWEEPS: f64 = 30.0;
 /// Standstill is possible below this speed (m/s) and this acceleration (m/s^2); a detected standstill has this standard
 /// deviation of the velocity, m/s.
 const SLOW_MPS: f64 = 0.3;
@@ -243,8 +246,10 @@ impl Navigation {
             // Both poses of the step jitter.
             |measurement| [measurement.information * 0.5, measurement.drift_information],
         );
-        // The remaining error of the step, and the errors of the filter after the update.
+        // The remaining error of the step, of the part that steps have in common, and the errors of the filter after the update.
         let remaining = (Matrix6::identity() + step * drift).try_inverse().unwrap_or_else(Matrix6::identity);
+        let remaining_common =
+            (Matrix6::identity() + step * drift * COMMON_SWEEPS).try_inverse().unwrap_or_else(Matrix6::identity);
         let damping = (Matrix6::identity() + information * step).try_inverse().unwrap_or_else(Matrix6::zeros);
         let gain = self.covariance * h.transpose() * damping;
         let gain_information = gain * information;
@@ -252,10 +257,10 @@ impl Navigation {
         let cross_step = self.cross_covariance * h.transpose();
         let displacement = to.translation.vector - from.translation.vector;
         let lever = lever(&displacement);
-        let mixed = lever * cross_step * remaining.transpose();
+        let mixed = lever * cross_step * remaining_common.transpose();
         self.pose = symmetric(&(lever * self.pose * lever.transpose() + mixed + mixed.transpose() + remaining * step));
         self.cross_covariance =
-            lever * (self.cross_covariance - cross_step * gain_information.transpose()) + remaining * h * after;
+            lever * (self.cross_covariance - cross_step * gain_information.transpose()) + remaining_common * h * after;
         self.covariance = after;
         let predicted = lidar.pose(&self.displacement, &self.rotation);
         let mut residual = Vector6::zeros();
@@ -283,7 +288,8 @@ impl Navigation {
         let residual = -self.velocity;
         self.update(&measure(VELOCITY), &residual, STANDING_MPS * STANDING_MPS);
         let residual = rate - self.rate_bias;
-        let variance = self.covariance.fixed_view::<3, 3>(RATE_BIAS, RATE_BIAS).diagonal().max() + STANDING_RADPS.powi(2);
+        let variance =
+            self.covariance.fixed_view::<3, 3>(RATE_BIAS, RATE_BIAS).diagonal().max() + STANDING_RADPS.powi(2);
         if residual.norm_squared() < RATE_BIAS_GATE.powi(2) * variance {
             self.update(&measure(RATE_BIAS), &residual, STANDING_RADPS * STANDING_RADPS);
         }
@@ -337,6 +343,7 @@ fn inverse(m: &Matrix6<f64>) -> Matrix6<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::InertialSample;
     use geometry::Isometry3;
 
     const ACCELERATION: (f64, f64) = (2.0, 0.5);
@@ -385,5 +392,36 @@ mod tests {
         assert!(covariance[(1, 1)].sqrt() < 0.06, "{}", covariance[(1, 1)]);
         let height = (covariance[(2, 2)] / covariance[(0, 0)]).sqrt();
         assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the horizontal error, not {height}");
+    }
+
+    #[test]
+    fn unmeasured_heading_does_not_spin() {
+        let mut known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-5_f64.powi(2));
+        known[(5, 5)] = 0.0;
+        let covariance = covariance_after(100, &known);
+        let heading = covariance[(5, 5)].sqrt();
+        // A rate of 0.5 rad/s that went on for ten seconds would be 5 rad.
+        assert!((0.05..1.0).contains(&heading), "{heading} rad after ten seconds");
+    }
+
+    #[test]
+    fn standstill_shows_the_bias_of_the_gyroscopes() {
+        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        let bias = Vector3::new(0.001, -0.002, 0.004);
+        for number in 0..120 {
+            let stamp = Stamp(i64::from(number) * 10_000_000);
+            let force = Vector3::new(0.0, 0.0, 9.806);
+            log.push_inertial(InertialSample { stamp, force, rate: bias });
+        }
+        let stamp = |step: u32| Stamp(i64::from(step) * 100_000_000);
+        let mut navigation = Navigation::begin(&Vector3::zeros(), true, &log, [stamp(0), stamp(1)]);
+        let at = Isometry3::identity();
+        for step in 5..10 {
+            let stamps = [stamp(step), stamp(step + 1)];
+            let predicted = navigation.predict(&mut log, &mounting, &at, stamps, ACCELERATION, &Vector3::zeros());
+            navigation.update_step(&mounting, [&at, &at], &predicted, None);
+            navigation.update_standstill(&log, stamp(step + 1));
+        }
+        assert!((navigation.rate_bias - bias).norm() < 0.1 * bias.norm(), "{}", navigation.rate_bias);
     }
 }
