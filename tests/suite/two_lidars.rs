@@ -3,7 +3,6 @@
 use formats::ply::Vertices;
 use replica_tests::{Launch, output_text, pipeline, reference, result_files, two_lidar_drive, wait_for};
 use rustix::process::{Signal, kill_process};
-use std::path::Path;
 
 fn launch() -> Launch {
     pipeline(&two_lidar_drive(), "", "")
@@ -16,9 +15,8 @@ fn clouds_of_two_lidars_are_the_same_after_a_kill() {
     assert_eq!(output.status.code(), Some(0), "{}", output_text(&output));
     let expected = result_files(&calm.output());
     let mut n_of = [0_usize; 2];
-    let is_cloud =
-        |name: &&String| name.starts_with("submap_") && Path::new(name).extension().is_some_and(|e| e == "ply");
-    for name in expected.keys().filter(is_cloud) {
+    let number = |name: &str| name.strip_prefix("submap_")?.strip_suffix(".ply")?.parse::<u32>().ok();
+    for name in expected.keys().filter(|name| number(name).is_some()) {
         let cloud = Vertices::load(&calm.output().join("clouds").join(name)).expect("a PLY file");
         for lidar in cloud.u8s("lidar").expect("has the column") {
             n_of[usize::from(lidar)] += 1;

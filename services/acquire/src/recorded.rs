@@ -117,9 +117,8 @@ impl Recorded {
     /// Skips measurements of other sensors before the first sweep.
     fn begin(&mut self, begin: i64, outputs: &mut Outputs) {
         report(News::initial(&self.reader), outputs);
-        let skipped = self.reader.begin(begin);
-        outputs.count_all([("frames_before_sweeps", skipped.frames)]);
-        self.account.add_bad_imu_lines(skipped.bad_imu_lines);
+        self.account.add_skipped(&self.reader.begin(begin));
+        report(self.account.take_news(), outputs);
     }
 
     /// Reports the doubts about what was read.

@@ -3,7 +3,7 @@
 use ipc::Transport;
 use run::toml::Spanned;
 use run::toml::de::DeValue;
-use run::{Field, SettingError, Settings, any, one_of, within};
+use run::{Field, SettingError, Settings, any, one_of, within, zero_or_within};
 use serde::Serialize;
 use serde::de::IntoDeserializer;
 use simulation::{DriveSettings, SettingField, SimulatedDrive};
@@ -23,8 +23,8 @@ run::settings! {
         pub mode: String = "offline".to_owned() => one_of(&["offline", "live"]);
         /// Transport of messages: shared memory, or, for comparison only, copies through sockets. The results are the same.
         pub transport: String = "shared".to_owned() => one_of(&["shared", "copying"]);
-        /// Drive time between barriers, s: the most that is repeated after a crash.
-        pub barrier_s: f64 = 5.0 => within(0.1, 3600.0);
+        /// Drive time between barriers, s: the most that is repeated after a crash. 0: 20 offline, 5 live.
+        pub barrier_s: f64 = 0.0 => zero_or_within(0.1, 3600.0);
         /// Consecutive restarts without progress before the run is given up. Each new barrier that all stages complete resets
         /// the counter.
         pub restarts: u32 = 3 => within(0, 1000);
@@ -38,6 +38,16 @@ run::settings! {
 }
 
 impl Run {
+    /// Drive time between barriers, s. A state has all submaps under way, some 100 MB: offline, where 20 s of drive are repeated in a
+    /// few seconds, rarer barriers cost less disk. Live, a restarted stage lacks what came since its last barrier.
+    pub fn barrier_s(&self) -> f64 {
+        match self.barrier_s {
+            0.0 if self.mode == "live" => 5.0,
+            0.0 => 20.0,
+            seconds => seconds,
+        }
+    }
+
     /// The key `transport`.
     pub fn transport(&self) -> Transport {
         if self.transport == "copying" { Transport::Copying } else { Transport::Shared }
@@ -86,5 +96,29 @@ run::settings! {
         pub stall_s: f64 = 0.0 => within(0.0, 86400.0);
         /// Threads of its parallel loops; 0 = one per core.
         pub threads: usize = 0 => within(0, 1024);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run::parse_table;
+    use run::toml::de::DeTable;
+
+    fn run_table(text: &str) -> Result<Run, Vec<String>> {
+        let table = DeTable::parse(text).expect("TOML");
+        let (run, problems) = parse_table::<Run>(table.get_ref());
+        let texts: Vec<String> = problems.into_iter().map(|problem| problem.text).collect();
+        if texts.is_empty() { Ok(run) } else { Err(texts) }
+    }
+
+    #[test]
+    fn time_between_barriers_depends_on_the_mode_unless_it_is_given() {
+        let seconds = |text: &str| run_table(text).expect("valid").barrier_s();
+        assert_eq!(seconds(""), 20.0);
+        assert_eq!(seconds("mode = \"live\""), 5.0);
+        assert_eq!(seconds("mode = \"live\"\nbarrier_s = 0.5"), 0.5);
+        let refused = run_table("barrier_s = 0.05").expect_err("refused");
+        assert!(refused[0].contains("must be 0 or between 0.1 and 3600"), "{refused:?}");
     }
 }

@@ -262,7 +262,7 @@ impl RunFolder {
             overrides: plan.overrides.clone(),
             inputs: stage.inputs.clone(),
             outputs: stage.outputs.clone(),
-            barrier_s: plan.run.barrier_s,
+            barrier_s: plan.run.barrier_s(),
             states: self.states.folder().to_owned(),
             resume,
             restart,

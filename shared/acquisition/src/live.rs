@@ -22,6 +22,7 @@ mod other_lidar;
 mod others;
 mod receiver;
 mod record_file;
+mod recorded_entries;
 mod recording;
 mod sensor;
 mod vehicle;
@@ -32,7 +33,8 @@ pub use line_address::{LineAddress, LineAddressError};
 pub use mounting::Mounting;
 pub use other_lidar::OtherLidar;
 pub use others::{DueFrame, DueRows, OtherLimits, OtherSensors, OtherSources};
-pub use recording::{RecordedEntries, captures};
+pub use recorded_entries::RecordedEntries;
+pub use recording::captures;
 pub use sensor::{Discarded, LiveLimits, LivePoll, LiveSensor};
 pub use vehicle::{LivePlan, LiveVehicle};
 

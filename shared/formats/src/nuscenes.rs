@@ -15,8 +15,6 @@ const N_RINGS: f32 = 32.0;
 /// Body frame (x forward, y left) of a lidar frame with x right and y forward, at the same origin.
 pub const BODY_FROM_LIDAR: PoseEntry =
     PoseEntry { translation: [0.0; 3], rotation: [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2] };
-/// Duration of a revolution, ns: the sensor turns at 20 Hz.
-pub const TURN_NANOS: i64 = 50_000_000;
 
 /// Why bytes are not a sweep.
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -66,7 +64,7 @@ pub fn bin_from_points(points: &[(CloudPoint, u8)]) -> Vec<u8> {
 pub struct SweepName {
     /// Name of the drive.
     pub log: String,
-    /// End of the revolution.
+    /// End of the revolution: the time to which its points are motion-compensated.
     pub end: Stamp,
 }
 
@@ -106,17 +104,46 @@ mod tests {
 
     #[real_data::test("nuscenes")]
     fn rings_of_real_sweep_are_ranks_by_elevation() {
-        let folder = real_data::path("nuscenes").read_dir().expect("lists");
-        let mut paths = folder.map(|entry| entry.expect("is there").path());
-        let path = paths.find(|path| path.to_string_lossy().ends_with(".pcd.bin")).expect("a sweep");
-        let points = points_from_bin(&std::fs::read(path).expect("reads")).expect("decodes");
+        let points = real_sweep();
         assert_eq!(points.len(), 34_688);
-        // Points are moved to the end of the revolution, by up to half a meter: nearer ones change their elevation.
+        // Points are motion-compensated by up to half a meter: nearer ones change their elevation.
         let far = points.iter().filter(|(p, _)| p.x.hypot(p.y) > 10.0);
         let returns: Vec<(f32, f32)> = far
             .map(|(p, ring)| (p.z.atan2(p.x.hypot(p.y)).to_degrees(), f32::from(*ring) * 4.0 / 3.0 - 30.67))
             .collect();
         let n_near = returns.iter().filter(|(found, nominal)| (found - nominal).abs() < 0.4).count();
         assert!(returns.len() > 10_000 && n_near * 100 > returns.len() * 99, "{n_near} of {}", returns.len());
+    }
+    /// A beam keeps its elevation, so a point that was moved along y shows by how much: by the motion of the vehicle from its shot to
+    /// the time of the sweep. The sensor turns clockwise and begins its revolutions on the left, a little behind.
+    #[real_data::test("nuscenes")]
+    fn real_sweep_is_compensated_to_the_end_of_its_revolution() {
+        let moved_m = |clockwise_deg: f32| {
+            let mut found: Vec<f32> = Vec::new();
+            for (p, ring) in real_sweep().iter().filter(|(p, ring)| *ring < 14 && p.x.hypot(p.y) > 2.5) {
+                let azimuth = p.x.atan2(p.y).to_degrees();
+                let range = p.z / (f32::from(*ring) * 4.0 / 3.0 - 30.67).to_radians().tan();
+                let y = (range * range - p.x * p.x).sqrt().copysign(p.y);
+                if (azimuth - clockwise_deg).abs() < 5.0 && y.is_finite() {
+                    found.push(y - p.y);
+                }
+            }
+            assert!(found.len() > 100, "{} points", found.len());
+            found.sort_by(f32::total_cmp);
+            found[found.len() / 2]
+        };
+        // Half a meter at the begin, a third of it is left at the rear, nothing at the end.
+        let [begin, front, rear, end] = [-70.0, 0.0, 180.0 - 6.0, -115.0].map(moved_m);
+        assert!(
+            begin > 0.4 && begin > front && front > rear && rear > end && end < 0.03,
+            "{begin} {front} {rear} {end}"
+        );
+    }
+
+    fn real_sweep() -> Vec<(CloudPoint, u8)> {
+        let folder = real_data::path("nuscenes").read_dir().expect("lists");
+        let mut paths = folder.map(|entry| entry.expect("is there").path());
+        let path = paths.find(|path| path.to_string_lossy().ends_with(".pcd.bin")).expect("a sweep");
+        points_from_bin(&std::fs::read(path).expect("reads")).expect("decodes")
     }
 }

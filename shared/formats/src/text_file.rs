@@ -1,5 +1,7 @@
 //! Hand-written files, read in bounded memory: a regular file of limited size.
 
+use crate::toml_nesting::{TooDeep, check_nesting};
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -45,9 +47,49 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String, TextFileError> {
     if text.len() as u64 > limit { Err(TextFileError::TooLarge { limit }) } else { Ok(text) }
 }
 
+/// A TOML file that is not read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadTomlError {
+    /// The text is not read.
+    #[error(transparent)]
+    Text(#[from] TextFileError),
+    /// Brackets are nested too deeply.
+    #[error("byte {}: {rule}", rule.at)]
+    TooDeep {
+        /// Where, and how many are allowed.
+        #[from]
+        rule: TooDeep,
+    },
+    /// Not TOML, or an entry is missing, unknown or of another type; names the line.
+    #[error(transparent)]
+    Toml(#[from] toml::de::Error),
+}
+
+/// Reads a TOML file of at most [`MAX_SETTINGS_BYTES`] that a program of the project has written, or that has few entries: the first
+/// problem is the only one that is reported. For others see [`TomlFile`](crate::toml_file::TomlFile).
+pub fn read_toml<T: DeserializeOwned>(path: &Path) -> Result<T, ReadTomlError> {
+    let text = read_text(path, MAX_SETTINGS_BYTES)?;
+    check_nesting(&text)?;
+    Ok(toml::from_str(&text)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn toml_file_with_too_many_brackets_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.toml");
+        let read = |text: &str| {
+            std::fs::write(&path, text).expect("writes");
+            read_toml::<toml::Table>(&path).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("a = 1").expect("reads")["a"].as_integer(), Some(1));
+        let too_deep = "byte 150: more than 100 arrays and inline tables are open here";
+        assert_eq!(read(&"[[=".repeat(8000)).expect_err("refused"), too_deep);
+        assert!(read("a = ").expect_err("refused").contains("line 1"));
+    }
 
     #[test]
     fn device_folder_or_large_file_is_refused() {

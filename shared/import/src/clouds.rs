@@ -5,11 +5,14 @@
 //! the recording. One tile at a time is in memory.
 
 mod classes;
+mod finder;
 mod invented;
 mod layout;
+mod nearest;
 mod points;
 mod recording;
 mod scanner;
+mod sweep;
 mod sweeps;
 mod text_points;
 mod tile_files;
@@ -19,12 +22,13 @@ pub(crate) use layout::Layout;
 
 use crate::Partial;
 use crate::error::{At, ImportError};
+use finder::Finder;
 use layout::Columns;
 use points::{CloudPoint, each_point};
 use recording::SubmapRecording;
 use std::collections::BTreeMap;
 use std::path::Path;
-use sweeps::{Finder, Sweeps};
+use sweeps::Sweeps;
 use tile_files::TileFiles;
 
 /// Extension of recordings.

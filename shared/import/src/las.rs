@@ -1,6 +1,6 @@
 //! LAS and LAZ point clouds (ASPRS LAS 1.0 to 1.4), read in blocks.
-//!
-//! LAZ of the point formats 6 to 10 is refused: the sizes of its layers in memory are not bounded by the length of the file.
+
+mod layers;
 
 use crate::error::{At, ImportError};
 use formats::cloud::CloudPoint;
@@ -35,6 +35,10 @@ pub(crate) struct LasPoint {
 /// What the header says.
 #[derive(Debug)]
 struct Layout {
+    /// Of the file.
+    n_bytes: u64,
+    /// Number of the point format, 0 to 10.
+    format: u8,
     data_at: u64,
     n_points: u64,
     record_bytes: usize,
@@ -88,16 +92,26 @@ fn guarded<T>(decode: impl FnOnce() -> T, path: &Path) -> Result<T, ImportError>
 
 fn decompressor(
     layout: &Layout,
-    vlr: &[u8],
+    bytes: &[u8],
     path: &Path,
 ) -> Result<LasZipDecompressor<'static, BufReader<File>>, ImportError> {
-    let vlr = LazVlr::from_buffer(vlr).at(path)?;
+    let vlr = LazVlr::from_buffer(bytes).at(path)?;
     if vlr.items_size() != layout.record_bytes as u64 {
         let rule = format!("compressed records of {} bytes, the header says {}", vlr.items_size(), layout.record_bytes);
         return Err(ImportError::at(path, rule));
     }
     let mut source = BufReader::new(File::open(path).at(path)?);
-    source.seek(SeekFrom::Start(layout.data_at)).at(path)?;
+    let Layout { data_at, n_points, n_bytes, .. } = *layout;
+    let fault = |rule: String| ImportError::at(path, rule);
+    let in_layers = layers::are_layers(bytes, &vlr).map_err(fault)?;
+    if in_layers != (layout.format > 5) {
+        let as_formats = if in_layers { "6 to 10" } else { "0 to 5" };
+        return Err(fault(format!("point format {}, but compressed as {as_formats}", layout.format)));
+    }
+    if in_layers {
+        guarded(|| layers::check(&mut source, &vlr, data_at, n_bytes, n_points), path)?.map_err(fault)?;
+    }
+    source.seek(SeekFrom::Start(data_at)).at(path)?;
     guarded(move || LasZipDecompressor::new(source, vlr), path)?.at(path)
 }
 
@@ -126,11 +140,6 @@ impl Layout {
         if record_bytes < least {
             return Err(format!("records of {record_bytes} bytes; point format {format} has at least {least}"));
         }
-        if is_compressed && format > 5 {
-            return Err(format!(
-                "LAZ of point format {format} is not read; decompress it to LAS, for example with laszip"
-            ));
-        }
         if is_compressed && record_bytes > MAX_LAZ_RECORD {
             return Err(format!("compressed records of {record_bytes} bytes; at most {MAX_LAZ_RECORD} are read"));
         }
@@ -150,16 +159,18 @@ impl Layout {
         if !scale.iter().chain(&offset).all(|value| value.is_finite()) {
             return Err(format!("scale {scale:?} and offset {offset:?} must be finite"));
         }
-        let mut layout = Self { data_at, n_points, record_bytes, time_at, scale, offset, laszip: None };
+        let mut layout =
+            Self { n_bytes, format, data_at, n_points, record_bytes, time_at, scale, offset, laszip: None };
         if is_compressed {
             layout.laszip = Some(laszip(file, header_bytes, u32_at(&header, 100), data_at)?);
-            layout.check_chunks(file, n_bytes)?;
+            layout.check_chunks(file)?;
         }
         Ok(layout)
     }
 
     /// The decoder reserves memory for as many chunks as the file says.
-    fn check_chunks(&self, file: &mut BufReader<File>, n_bytes: u64) -> Result<(), String> {
+    fn check_chunks(&self, file: &mut BufReader<File>) -> Result<(), String> {
+        let n_bytes = self.n_bytes;
         let mut long = [0; 8];
         let mut number_at = |at: u64| -> Result<[u8; 8], String> {
             file.seek(SeekFrom::Start(at))
@@ -167,15 +178,19 @@ impl Layout {
                 .map_err(|error| error.to_string())?;
             Ok(long)
         };
-        let mut table_at = u64::from_le_bytes(number_at(self.data_at)?);
-        if table_at == u64::MAX {
-            table_at = u64::from_le_bytes(number_at(n_bytes.saturating_sub(8))?);
+        // A writer that cannot go back puts -1 there, and the place to the end. The decoder takes all places before the points so.
+        let is_place = |at: i64| u64::try_from(at).is_ok_and(|at| at > self.data_at);
+        let mut table_at = i64::from_le_bytes(number_at(self.data_at)?);
+        if !is_place(table_at) {
+            table_at = i64::from_le_bytes(number_at(n_bytes.saturating_sub(8))?);
         }
-        if table_at.saturating_add(8) > n_bytes {
+        let Some(table_at) =
+            u64::try_from(table_at).ok().filter(|at| *at > self.data_at && at.saturating_add(8) <= n_bytes)
+        else {
             return Err(format!(
                 "the table of the chunks begins at byte {table_at}; the file has {n_bytes}: it is cut"
             ));
-        }
+        };
         let [.., a, b, c, d] = number_at(table_at)?;
         let n_chunks = u64::from(u32::from_le_bytes([a, b, c, d]));
         if n_chunks > self.n_points {

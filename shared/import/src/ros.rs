@@ -53,8 +53,8 @@ pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan,
     let topics: Vec<Topic> = bag.topics().to_vec();
     let roles = Roles::choose(source, &topics, &options.ros.topics)?;
     let mut writers = Writers::create(source, out, &topics, &roles, options)?;
-    let wanted = writers.wanted();
-    bag.read(&wanted, |path, message| writers.add(path, message))?;
+    let used = writers.used();
+    bag.read(writers.wanted(), |path, message| writers.add(path, message))?;
     let mut parts = writers.finish()?;
     if scratch.exists() {
         std::fs::remove_dir_all(&scratch).at(&scratch)?;
@@ -66,7 +66,7 @@ pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan,
         parts.links.push(Link { place, original: path.canonicalize().at(path)? });
     }
     let mut report = parts.report;
-    report.extend(not_taken(&topics, &wanted, &parts.reasons));
+    report.extend(not_taken(&topics, &used, &parts.reasons));
     let mut read = bag.files().to_vec();
     let metadata = source.join(bag::METADATA);
     read.extend(metadata.is_file().then_some(metadata));
@@ -84,15 +84,13 @@ pub(crate) fn plan(source: &Path, out: &Path, options: &Options) -> Result<Plan,
 /// One line per topic that is not taken.
 fn not_taken<'a>(
     topics: &'a [Topic],
-    wanted: &'a [bool],
+    used: &'a [bool],
     reasons: &'a std::collections::BTreeMap<usize, String>,
 ) -> impl Iterator<Item = String> {
-    topics.iter().enumerate().filter(|(index, _)| !wanted[*index] || reasons.contains_key(index)).map(
-        |(index, topic)| {
-            let Topic { name, kind, count, .. } = topic;
-            let messages = if *count == 1 { "message" } else { "messages" };
-            let reason = reasons.get(&index).map_or(String::new(), |reason| format!(": {reason}"));
-            format!("not imported: {count} {messages} of {name} ({kind}){reason}")
-        },
-    )
+    topics.iter().enumerate().filter(|(index, _)| !used[*index] || reasons.contains_key(index)).map(|(index, topic)| {
+        let Topic { name, kind, count, .. } = topic;
+        let messages = if *count == 1 { "message" } else { "messages" };
+        let reason = reasons.get(&index).map_or(String::new(), |reason| format!(": {reason}"));
+        format!("not imported: {count} {messages} of {name} ({kind}){reason}")
+    })
 }

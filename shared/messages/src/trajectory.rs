@@ -66,7 +66,8 @@ pub struct TrajectoryTopic;
 impl Message for TrajectoryTopic {
     const TOPIC: &'static str = "trajectory";
     const VERSION: u32 = 1;
-    const QUEUE: usize = 8;
+    // One message per sweep: 3 s at 10 Hz, as for `image`. A message has 200 bytes.
+    const QUEUE: usize = 32;
     const BORROWED: usize = 4;
     // Two poses per sweep; a tick has one sweep, the second tick two.
     const MAX_ROWS: usize = 1 << 12;

@@ -7,6 +7,7 @@
 //! | pictures of points over images and of sweeps over each other | [`picture`] |
 //! | rotations and elevations that fit the drive better | [`refine`] |
 //! | mounting of one LiDAR against another | `other_lidar` |
+//! | delay of a receiver | `receiver_delay` |
 //! | rotations as people write them | [`rotation`] |
 //! | calibrations of others | [`source`] |
 //! | errors | [`error`] |
@@ -15,6 +16,7 @@ pub mod check;
 pub mod error;
 mod other_lidar;
 pub mod picture;
+mod receiver_delay;
 pub mod refine;
 pub mod rotation;
 pub mod source;

@@ -1,9 +1,10 @@
-//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, elevations of the LiDAR's rings, and mountings of the
-//! LiDARs after the first.
+//! Refines a rig by its drive: rotations and delays of cameras and inertial unit, the delay of the receiver, elevations of the LiDAR's
+//! rings, and mountings of the LiDARs after the first.
 //!
 //! A value is replaced where the drive determines it and it differs by more than twice its standard deviation. All other values stay.
 
 mod cameras;
+mod gnss;
 mod imu;
 mod other_lidars;
 mod rings;
@@ -81,6 +82,7 @@ impl Refined {
         let mut refined = Self { manifest: drive.manifest().clone(), lidar_file: None, changes: Vec::new() };
         cameras::refine(drive, survey, &mut refined);
         imu::refine(survey, &mut refined);
+        gnss::refine(survey, &mut refined);
         rings::refine(drive, survey, &mut refined);
         other_lidars::refine(drive, survey, settings, &mut refined)?;
         Ok(refined)

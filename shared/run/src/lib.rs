@@ -33,6 +33,7 @@ pub use context::{Context, Mode};
 pub use program::{CheckRequest, DescribeRequest, LOG_FORMAT, SUPERVISOR_KEYS, exit};
 pub use settings::{
     Field, Problem, Rule, SettingError, Settings, any, at_least, each_one_of, nearest_key, one_of, parse_table, within,
+    zero_or_within,
 };
 pub use state_file::{StateError, saved_bytes, verify_state};
 

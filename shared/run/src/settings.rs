@@ -81,6 +81,7 @@ pub trait Rule<T: ?Sized> {
 
 struct AnyValue;
 struct Within<T>(T, T);
+struct ZeroOrWithin(f64, f64);
 struct AtLeast<T>(T);
 struct OneOf(&'static [&'static str]);
 struct EachOneOf(&'static [&'static str]);
@@ -92,6 +93,10 @@ pub fn any<T>() -> impl Rule<T> {
 /// From `low` to `high`, both included. NaN is outside.
 pub fn within<T: PartialOrd + Display>(low: T, high: T) -> impl Rule<T> {
     Within(low, high)
+}
+/// 0, or from `low` to `high`, both included.
+pub fn zero_or_within(low: f64, high: f64) -> impl Rule<f64> {
+    ZeroOrWithin(low, high)
 }
 /// `low` and above.
 pub fn at_least<T: PartialOrd + Display>(low: T) -> impl Rule<T> {
@@ -120,6 +125,14 @@ impl<T: PartialOrd + Display> Rule<T> for Within<T> {
     }
     fn text(&self) -> String {
         format!("must be between {} and {}", self.0, self.1)
+    }
+}
+impl Rule<f64> for ZeroOrWithin {
+    fn allows(&self, value: &f64) -> bool {
+        *value == 0.0 || *value >= self.0 && *value <= self.1
+    }
+    fn text(&self) -> String {
+        format!("must be 0 or between {} and {}", self.0, self.1)
     }
 }
 impl<T: PartialOrd + Display> Rule<T> for AtLeast<T> {

@@ -87,7 +87,12 @@ fn two_lidars_on_two_ports_are_recorded_and_published_as_their_recording() {
     let mut rear_sender = Sender::new(addresses[1], recording.join("lidar_rear/000.pcap"));
     // Faster than the sensors, their stamps are those of the capturing machine. Both bursts take 13 ms of the sensor.
     let mut of_rear = rear.chunks(10);
-    for of_front in front.chunks(24) {
+    let begin = Instant::now();
+    for (number, of_front) in front.chunks(24).enumerate() {
+        // A sensor is chosen by the packets of its first second.
+        while number * 24 > front.len() / 2 && begin.elapsed() < Duration::from_secs(2) {
+            std::thread::yield_now();
+        }
         front_sender.send(of_front);
         of_rear.next().into_iter().for_each(|burst| rear_sender.send(burst));
     }

@@ -165,6 +165,30 @@ fn damaged_files_are_skipped_and_counted() {
 }
 
 #[test]
+fn damaged_lines_before_first_sweep_are_counted_and_reported() {
+    let folder = drive();
+    let imu = folder.path().join("imu.csv");
+    let lines = fs::read_to_string(&imu).expect("reads");
+    // The 100 samples of the second before the first sweep: the first one, the last one and eight between them.
+    let is_damaged = |n: usize| n == 1 || n == 100 || (10..90).contains(&n) && n.is_multiple_of(10);
+    let damage = |(n, line): (usize, &str)| if is_damaged(n) { format!("x{line}\n") } else { format!("{line}\n") };
+    fs::write(&imu, lines.lines().enumerate().map(damage).collect::<String>()).expect("writes");
+    let log = folder.path().join("gnss.nmea");
+    let sentences = fs::read_to_string(&log).expect("reads");
+    fs::write(&log, format!("$GPGGA,noise*00\r\n{sentences}")).expect("writes");
+
+    let settings = Settings::default();
+    // A state from before the first sweep has counted nothing.
+    let restarted = open(folder.path(), &settings).restarted(&settings, &context(folder.path())).expect("restarts");
+    for mut bench in [open(folder.path(), &settings), restarted] {
+        all_ticks(&mut bench);
+        assert_eq!((bench.counter("bad_imu_lines"), bench.counter("bad_nmea_lines")), (10, 1));
+        let notes = bench.notes().join("\n");
+        assert!(notes.contains("imu: line 2: stamp \"x"), "{notes}");
+    }
+}
+
+#[test]
 fn lost_packets_are_counted_in_their_sweep() {
     let folder = drive();
     write_lidar(folder.path(), |packet| !(1000..1003).contains(&packet) && packet != 5000);

@@ -1,6 +1,6 @@
 //! The sensor's model and rig.
 
-use super::recording::RecordedEntries;
+use super::recorded_entries::RecordedEntries;
 use crate::error::LiveError;
 use formats::drive::{LiveRig, lidar_of};
 use formats::lidar::{Lidar, Model, Origin};

@@ -3,13 +3,14 @@
 mod account;
 mod frames;
 mod logs;
+mod references;
 mod sources;
 
 pub use frames::DueFrame;
 pub use sources::OtherSources;
 
 use super::clocks::Clocks;
-use super::recording::RecordedEntries;
+use super::recorded_entries::RecordedEntries;
 use crate::counters::ReportedCounts;
 use crate::doubts::Tally;
 use crate::error::LiveError;
@@ -23,6 +24,7 @@ use frames::Frames;
 use geometry::Stamp;
 use logs::{FixLog, SampleLog};
 use messages::ImuRow;
+use references::References;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
@@ -52,6 +54,7 @@ pub struct OtherSensors {
     entries: RecordedEntries,
     limits: OtherLimits,
     frames: Option<Frames>,
+    references: References,
     fixes: Option<FixLog>,
     samples: Option<SampleLog>,
     clocks: Clocks,
@@ -84,8 +87,10 @@ impl OtherSensors {
     ) -> Result<Self, LiveError> {
         let entries = sources.entries();
         fs::create_dir_all(&folder).map_err(|source| LiveError::File { path: folder.clone(), source })?;
+        let (frames, references) = sources.start_frames(&folder, &entries, trigger)?.unzip();
         Ok(Self {
-            frames: sources.start_frames(&folder, &entries, trigger)?,
+            frames,
+            references: references.unwrap_or_default(),
             fixes: sources.start_fixes(&folder, entries.gnss.as_ref())?,
             samples: sources.start_samples(&folder, entries.imu.as_ref())?,
             folder,
@@ -208,6 +213,14 @@ impl OtherSensors {
         if let Some(log) = &mut self.samples {
             log.close();
         }
+        self.search_references(true);
+    }
+
+    /// Counts and reports dark and white frames that were added during the run.
+    fn search_references(&mut self, is_end: bool) {
+        let (n_added, notes) = self.references.added(is_end);
+        self.count("references_added", n_added);
+        self.notes.extend(notes);
     }
 
     /// Counters and notes since the last call. `packets`: counters of the LiDAR's packets and of the sentences in them.
@@ -220,6 +233,7 @@ impl OtherSensors {
         if let Some(frames) = &mut self.frames {
             self.counts.extend(frames.take_counts());
         }
+        self.search_references(false);
         self.counts.extend(self.fixes.as_mut().into_iter().flat_map(FixLog::take_counts));
         self.counts.extend(self.samples.as_mut().into_iter().flat_map(SampleLog::take_counts));
         (std::mem::take(&mut self.counts), std::mem::take(&mut self.notes))

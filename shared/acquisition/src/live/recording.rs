@@ -1,11 +1,12 @@
 //! The raw recording of a live run: a growing drive folder.
 
 use super::mounting::Mounting;
+use super::recorded_entries::RecordedEntries;
 use crate::error::LiveError;
 use formats::atomic_file::write_atomic;
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Lidar;
-use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest, MosaicEntry, PoseEntry};
+use formats::manifest::{LidarEntry, Manifest, PoseEntry};
 use formats::pcap::Recorder;
 use std::fs;
 use std::io;
@@ -21,19 +22,6 @@ const MAX_CAPTURES: u32 = 1000;
 pub(crate) struct Recording {
     folder: PathBuf,
     captures: Vec<PathBuf>,
-}
-
-/// Entries of the manifest for the sensors beside the LiDARs.
-#[derive(Clone, Debug, Default)]
-pub struct RecordedEntries {
-    /// Color cameras.
-    pub cameras: Vec<CameraEntry>,
-    /// Mosaic cameras.
-    pub mosaics: Vec<MosaicEntry>,
-    /// GNSS receiver.
-    pub gnss: Option<GnssEntry>,
-    /// IMU.
-    pub imu: Option<ImuEntry>,
 }
 
 /// Folder of the captures of another LiDAR in the recording.

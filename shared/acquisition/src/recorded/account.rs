@@ -1,9 +1,10 @@
 //! What was published and lost of a recorded drive, for the summary of the run.
 
-use super::{CameraFileError, DrivePosition, DriveReader, Due};
+use super::{CameraFileError, DrivePosition, DriveReader, Due, SkippedAtBegin};
 use crate::counters::ReportedCounts;
 use crate::doubts::{Doubts, Tally};
 use crate::error::DriveError;
+use formats::imu::ImuError;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
@@ -101,21 +102,25 @@ impl DriveAccount {
         self.tally.fixes += due.fixes.len() as u64;
         self.tally.gnss_rows += n_gnss_rows;
         self.tally.imu_samples += due.samples.len() as u64;
-        let (n_bad, error) = &due.bad_imu_lines;
-        self.add_bad_imu_lines(*n_bad);
+        self.tally.bad_imu_lines += due.bad_imu_lines.0;
         for (counter, error) in damaged {
             self.news.counts.push((counter.into(), 1));
             self.note_damage(error.to_string());
         }
+        self.add_bad_imu_lines(&due.bad_imu_lines);
+    }
+
+    /// Adds what was skipped before the first sweep. It is reported, but causes no doubt about the drive.
+    pub fn add_skipped(&mut self, skipped: &SkippedAtBegin) {
+        self.news.counts.push(("frames_before_sweeps".into(), skipped.frames));
+        self.add_bad_imu_lines(&skipped.bad_imu_lines);
+    }
+
+    fn add_bad_imu_lines(&mut self, (n_bad, error): &(u64, Option<ImuError>)) {
+        self.news.counts.push(("bad_imu_lines".into(), *n_bad));
         if let Some(error) = error {
             self.note_damage(format!("imu: {error}"));
         }
-    }
-
-    /// Adds damaged lines of the IMU.
-    pub fn add_bad_imu_lines(&mut self, n_bad: u64) {
-        self.tally.bad_imu_lines += n_bad;
-        self.news.counts.push(("bad_imu_lines".into(), n_bad));
     }
 
     /// Reports a damaged file, unless there were too many.

@@ -107,8 +107,8 @@ pub enum NextSweep {
 pub struct SkippedAtBegin {
     /// Images and mosaics.
     pub frames: u64,
-    /// Damaged lines of the IMU.
-    pub bad_imu_lines: u64,
+    /// Damaged lines of the IMU, and the error of the first one.
+    pub bad_imu_lines: (u64, Option<ImuError>),
 }
 
 /// What the other sensors measured up to the end of a sweep.
@@ -253,9 +253,7 @@ impl DriveReader {
         self.at.begun = Some(begin);
         let frames = self.images.skip_before(begin) + self.mosaics.skip_before(begin);
         self.fixes.skip_before(begin);
-        let (bad_imu_lines, _) = self.inertial.take_errors();
-        self.inertial.skip_before(begin);
-        SkippedAtBegin { frames, bad_imu_lines }
+        SkippedAtBegin { frames, bad_imu_lines: self.inertial.skip_before(begin) }
     }
 
     /// Whether [`DriveReader::begin`] was called.
@@ -382,7 +380,11 @@ impl DriveReader {
         }
         self.others.resume(position.others)?;
         self.at = position.at;
-        self.inertial.skip_before(position.inertial);
+        if self.has_begun() {
+            // The bad lines up to this sample were counted before the state was saved.
+            self.inertial.skip_before(position.inertial);
+            self.inertial.take_errors();
+        }
         Ok(())
     }
 }

@@ -8,28 +8,35 @@ use std::io::BufReader;
 /// Samples per tick at most. A tick has 20 at 200 Hz; after a gap in the sweeps the rest follow in the next ticks.
 const MAX_ROWS: usize = 10_000;
 
+/// Bad lines: their number, and the error of the first one.
+pub(crate) type BadLines = (u64, Option<ImuError>);
+
 /// The log with a look-ahead of one sample.
 pub(crate) struct Inertial {
     reader: Option<ImuReader<BufReader<File>>>,
     ahead: Option<ImuSample>,
-    n_bad: u64,
-    error: Option<ImuError>,
+    /// Since the last call of [`Inertial::take_errors`].
+    bad: BadLines,
 }
 
 impl Inertial {
     /// `None`: the drive has no such sensor.
     pub(crate) fn new(reader: Option<ImuReader<BufReader<File>>>) -> Self {
-        let mut inertial = Self { reader, ahead: None, n_bad: 0, error: None };
+        let mut inertial = Self { reader, ahead: None, bad: (0, None) };
         inertial.advance();
         inertial
     }
 
-    /// Skips samples before `begin` and the bad lines among them, which were counted when they were first read.
-    pub(crate) fn skip_before(&mut self, begin: i64) {
+    /// Skips samples before `begin`. Returns the bad lines before them; those after the last one are of the time from `begin` on.
+    pub(crate) fn skip_before(&mut self, begin: i64) -> BadLines {
+        let (mut n_skipped, mut first) = (0, None);
         while self.ahead.is_some_and(|sample| sample.stamp.0 < begin) {
+            let (n_bad, error) = self.take_errors();
+            n_skipped += n_bad;
+            first = first.or(error);
             self.advance();
         }
-        (self.n_bad, self.error) = (0, None);
+        (n_skipped, first)
     }
 
     /// The samples before `end`.
@@ -44,9 +51,9 @@ impl Inertial {
         rows
     }
 
-    /// Number of bad lines since the last call, and the error of the first one.
-    pub(crate) fn take_errors(&mut self) -> (u64, Option<ImuError>) {
-        (std::mem::take(&mut self.n_bad), self.error.take())
+    /// Bad lines since the last call.
+    pub(crate) fn take_errors(&mut self) -> BadLines {
+        std::mem::take(&mut self.bad)
     }
 
     /// Stamp of the next sample.
@@ -63,8 +70,8 @@ impl Inertial {
                     return;
                 }
                 Err(error @ (ImuError::Line { .. } | ImuError::Io(_))) => {
-                    self.n_bad += 1;
-                    self.error.get_or_insert(error);
+                    self.bad.0 += 1;
+                    self.bad.1.get_or_insert(error);
                 }
             }
         }

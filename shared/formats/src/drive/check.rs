@@ -3,7 +3,7 @@
 mod cameras;
 
 use super::Drive;
-use super::listing::{Frame, frames};
+use super::listing::{Frame, IMAGES, MOSAICS, frames};
 use super::read::Read;
 use crate::manifest::{GnssEntry, ImuEntry, MANIFEST_VERSION, Manifest, TruthEntry, rules};
 use crate::problems::FileError;
@@ -11,11 +11,6 @@ use crate::sensor_calibration::SensorCalibration;
 use crate::toml_file::TomlFile;
 use messages::Message;
 use std::path::{Component, Path, PathBuf};
-
-/// Extensions of color images.
-pub(super) const IMAGES: &[&str] = &["jpg", "jpeg", "png"];
-/// Extensions of mosaics.
-pub(super) const MOSAICS: &[&str] = &["pgm"];
 
 /// The drive, or all problems of its manifest and files.
 pub(super) fn drive(folder: &Path, read: Read, is_inferred: bool) -> Result<Drive, FileError> {

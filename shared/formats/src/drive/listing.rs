@@ -1,9 +1,13 @@
 //! Lists the files of a drive.
 
-use super::check::{IMAGES, MOSAICS};
 use geometry::Stamp;
 use std::io;
 use std::path::{Path, PathBuf};
+
+/// Extensions of color images.
+pub(super) const IMAGES: &[&str] = &["jpg", "jpeg", "png"];
+/// Extensions of mosaics.
+pub(super) const MOSAICS: &[&str] = &["pgm"];
 
 /// Image file of one exposure.
 #[derive(Clone, Debug, PartialEq, Eq)]

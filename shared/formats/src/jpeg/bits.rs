@@ -1,5 +1,8 @@
 //! The bits of the entropy-coded data of a JPEG file, up to its next marker.
 
+/// Bits that are held after each peek: a code of 16 bits and the 11 of its value.
+pub(super) const MIN_HELD: u32 = 27;
+
 /// Reads the bits of one restart interval. Behind its end it gives zeros and counts them.
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
@@ -36,18 +39,35 @@ impl<'a> Bits<'a> {
         })
     }
 
-    /// The next 16 bits, which stay.
+    /// The next 16 bits, which stay. At least [`MIN_HELD`] bits can be skipped after it.
+    #[inline]
     pub(super) fn peek(&mut self) -> usize {
+        if self.n_held < MIN_HELD {
+            self.refill();
+        }
+        (self.held >> 48) as usize
+    }
+
+    fn refill(&mut self) {
+        let next = self.bytes.get(self.at..).and_then(|bytes| bytes.first_chunk());
+        if let Some(word) = next.map(|chunk| u64::from_be_bytes(*chunk)).filter(|word| !has_ff(*word)) {
+            // At most seven: a shift by all 64 bits is none.
+            let n = (63 - self.n_held) / 8;
+            self.held |= (word & !(u64::MAX >> (8 * n))) >> self.n_held;
+            self.at += n as usize;
+            self.n_held += 8 * n;
+            return;
+        }
         while self.n_held <= 48 {
             let byte = self.next_byte();
             self.n_padding += if byte.is_none() { 8 } else { 0 };
             self.held |= u64::from(byte.unwrap_or_default()) << (56 - self.n_held);
             self.n_held += 8;
         }
-        (self.held >> 48) as usize
     }
 
-    /// Skips bits, at most those that were peeked.
+    /// Skips bits, at most those that are held.
+    #[inline]
     pub(super) fn skip(&mut self, n: u32) {
         self.held <<= n;
         self.n_held -= n;
@@ -68,5 +88,43 @@ impl<'a> Bits<'a> {
             n_rest += usize::from(byte != 0);
         }
         n_rest
+    }
+}
+
+/// Whether one of the bytes is `ff`.
+fn has_ff(word: u64) -> bool {
+    // The lowest zero byte of the inverse loses its highest bit when one is subtracted from each byte (Warren, Hacker's Delight, 6-1).
+    let inverse = !word;
+    inverse.wrapping_sub(0x0101_0101_0101_0101) & word & 0x8080_8080_8080_8080 != 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_those_of_the_bytes_without_stuffing() {
+        let mut bytes: Vec<u8> = (0..200_u32).map(|i| (i * i * 7 + 13 * i) as u8).collect();
+        bytes.extend([0xff, 1, 2, 3, 4, 5, 6, 7, 0xff, 0xff, 8]);
+        let (mut coded, mut expected) = (Vec::new(), Vec::new());
+        for byte in &bytes {
+            coded.push(*byte);
+            coded.extend((*byte == 0xff).then_some(0));
+            expected.extend((0..8).rev().map(|k| byte >> k & 1));
+        }
+        coded.extend([0xff, 0xd9]);
+        let (mut bits, mut read) = (Bits::new(&coded, 0), Vec::new());
+        for n in (1..=16).cycle() {
+            let peeked = bits.peek();
+            assert!(bits.n_held >= MIN_HELD);
+            read.extend((0..n).map(|k| (peeked >> (15 - k) & 1) as u8));
+            bits.skip(n);
+            if bits.is_behind_end() {
+                break;
+            }
+        }
+        assert_eq!(read[..expected.len()], expected);
+        assert!(read[expected.len()..].iter().all(|bit| *bit == 0));
+        assert_eq!(bits.at(), coded.len() - 2);
     }
 }

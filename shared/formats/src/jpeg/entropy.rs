@@ -235,7 +235,6 @@ impl Coded<'_> {
                 (15, 0) => index += 16,
                 (_, 1..=10) => {
                     index += run + 1;
-                    bits.peek();
                     bits.skip(n_bits);
                 }
                 _ => return None,

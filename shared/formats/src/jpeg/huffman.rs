@@ -46,7 +46,8 @@ impl Huffman {
         Some(table)
     }
 
-    /// The next symbol. `None` if the bits are no code.
+    /// The next symbol. `None` if the bits are no code. At least 11 more bits can be skipped after it.
+    #[inline]
     pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<u8> {
         let peeked = bits.peek();
         let (symbol, length) = self.fast[peeked >> (N_MAX as u32 - N_FAST)];

@@ -1,15 +1,12 @@
 //! Sweeps of a cloud without positions of the scanner. A mobile scanner leaves the most points on the ground near its own path:
 //! positions are invented above the densest ground of each block.
 
+use super::nearest::{BLOCK_CELLS, CELL_M, Key, Nearest, divided, key_of};
 use super::points::CloudPoint;
-use super::scanner;
-use super::sweeps::{Rule, Sweep, Sweeps, difference};
+use super::sweep::Sweep;
+use super::sweeps::{Rule, Sweeps};
 use std::collections::BTreeMap;
 
-/// Side of a cell of ground, m.
-const CELL_M: f64 = 1.0;
-/// Cells of a block in one direction. A block has one position.
-const BLOCK_CELLS: i32 = 10;
 /// Blocks of a tile in one direction.
 const TILE_BLOCKS: i32 = 2;
 /// Points up to this above the lowest of a cell are ground, m.
@@ -20,8 +17,6 @@ const SCANNER_M: f64 = 2.0;
 const DENSE_SHARE: f64 = 0.25;
 /// Rank of a cell near the path among the densest cells of all blocks.
 const NEAR_PATH: f64 = 0.95;
-/// Positions up to so many blocks away may see a point.
-const REACH_BLOCKS: i32 = 3;
 /// Time between two positions, ns.
 const STEP_NANOS: i64 = 100_000_000;
 /// Tiles whose order is a path from neighbor to neighbor; more are in the order of their places.
@@ -29,8 +24,6 @@ const MAX_CHAINED: usize = 4096;
 
 /// Cells of a cloud at most, 400 MB: 8 square kilometers.
 const MAX_CELLS: usize = 1 << 23;
-
-type Key = (i32, i32);
 
 #[derive(Clone, Copy)]
 struct Cell {
@@ -42,26 +35,6 @@ struct Cell {
 #[derive(Default)]
 pub(super) struct GroundCells {
     cells: BTreeMap<Key, Cell>,
-}
-
-/// Sweeps by block.
-pub(super) struct Nearest {
-    by_block: BTreeMap<Key, usize>,
-}
-
-/// Sweeps that may see the points of a block.
-#[derive(Default)]
-pub(super) struct Memory {
-    by_block: BTreeMap<Key, Vec<usize>>,
-}
-
-fn key_of(position: [f64; 3]) -> Key {
-    // Valid coordinates are far below the largest i32.
-    ((position[0] / CELL_M).floor() as i32, (position[1] / CELL_M).floor() as i32)
-}
-
-fn divided((x, y): Key, by: i32) -> Key {
-    (x.div_euclid(by), y.div_euclid(by))
 }
 
 impl GroundCells {
@@ -114,7 +87,7 @@ impl GroundCells {
             }
             tiles.push(first..all.len());
         }
-        Sweeps { all, tiles, rule: Rule::Nearest(Nearest { by_block }) }
+        Sweeps { all, tiles, rule: Rule::Nearest(Nearest::new(by_block)) }
     }
 }
 
@@ -135,33 +108,4 @@ fn chained(mut left: Vec<Key>) -> Vec<Key> {
         chain.push(at);
     }
     chain
-}
-
-impl Nearest {
-    /// The nearest position that sees the point with its fine rings, else the nearest.
-    pub fn sweep(&self, position: [f64; 3], sweeps: &[Sweep], memory: &mut Memory) -> Option<usize> {
-        let block = divided(key_of(position), BLOCK_CELLS);
-        let near = memory.by_block.entry(block).or_insert_with(|| self.near(block, sweeps));
-        let rank = |&sweep: &usize| {
-            let ray = difference(position, sweeps[sweep].begin);
-            (!scanner::is_fine(ray), ray[0] * ray[0] + ray[1] * ray[1])
-        };
-        let best = near.iter().map(|sweep| (rank(sweep), *sweep));
-        best.min_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))).map(|(_, sweep)| sweep)
-    }
-
-    /// Sweeps of the blocks around a block; without any, the nearest of all.
-    fn near(&self, block: Key, sweeps: &[Sweep]) -> Vec<usize> {
-        let reach = -REACH_BLOCKS..=REACH_BLOCKS;
-        let around = reach.clone().flat_map(|dx| reach.clone().map(move |dy| (block.0 + dx, block.1 + dy)));
-        let found: Vec<usize> = around.filter_map(|key| self.by_block.get(&key).copied()).collect();
-        if !found.is_empty() {
-            return found;
-        }
-        let side_m = f64::from(BLOCK_CELLS) * CELL_M;
-        let center = [block.0, block.1].map(|key| (f64::from(key) + 0.5) * side_m);
-        let distance = |sweep: &Sweep| (sweep.begin[0] - center[0]).hypot(sweep.begin[1] - center[1]);
-        let nearest = (0..sweeps.len()).min_by(|&a, &b| distance(&sweeps[a]).total_cmp(&distance(&sweeps[b])));
-        nearest.into_iter().collect()
-    }
 }

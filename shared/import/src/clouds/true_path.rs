@@ -1,7 +1,8 @@
 //! Sweeps of a cloud that has positions of the scanner and times.
 
 use super::points::CloudPoint;
-use super::sweeps::{Rule, Sweep, Sweeps, difference};
+use super::sweep::{Sweep, difference};
+use super::sweeps::{Rule, Sweeps};
 use messages::MAX_SWEEPS_PER_SUBMAP;
 use std::collections::BTreeMap;
 

@@ -28,7 +28,7 @@ pub(super) fn plan(source: &Path, options: &Options) -> Result<Plan, ImportError
             let Some(name) = SweepName::parse(&file_name) else {
                 return Err(ImportError::at(&path, "name must be <log>__LIDAR_TOP__<microseconds>.pcd.bin"));
             };
-            logs.entry(name.log).or_default().push((name.end.0 - nuscenes::TURN_NANOS, file_name, path));
+            logs.entry(name.log).or_default().push((name.end.0, file_name, path));
         }
     }
     let mut found = of_log(source, logs, options.log.as_deref())?;

@@ -14,6 +14,7 @@ pub(crate) use topics::{Encoding, Topic};
 
 use crate::error::ImportError;
 use folder::FolderFiles;
+use std::cell::Cell;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -45,8 +46,8 @@ trait Container {
     fn begin(&self) -> Option<i64> {
         None
     }
-    /// Passes all messages of the topics that are `wanted`, by their index.
-    fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError>;
+    /// Passes all messages of the topics that are `wanted`, by their index, as long as they are.
+    fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError>;
 }
 
 /// A bag: one file, or the files of a folder.
@@ -126,24 +127,30 @@ impl Bag {
         &self.files
     }
 
-    /// Passes all messages of the topics that are `wanted`, by their index, with their file.
+    /// Passes all messages of the topics that are `wanted`, by their index, with their file. `each` returns whether it wants more of the
+    /// topic.
     pub fn read(
         &mut self,
-        wanted: &[bool],
-        mut each: impl FnMut(&Path, Message<'_>) -> Result<(), ImportError>,
+        mut wanted: Vec<bool>,
+        mut each: impl FnMut(&Path, Message<'_>) -> Result<bool, ImportError>,
     ) -> Result<(), ImportError> {
         for ((part, topics), path) in self.parts.iter_mut().zip(&self.topic_of_part).zip(&self.files) {
-            let wanted: Vec<bool> = topics.iter().map(|topic| wanted[*topic]).collect();
+            let wanted_of_part: Vec<Cell<bool>> = topics.iter().map(|topic| Cell::new(wanted[*topic])).collect();
             let is_zstd = self.is_zstd;
-            part.read(&wanted, &mut |message| {
+            part.read(&wanted_of_part, &mut |message| {
+                let is_wanted = &wanted_of_part[message.topic];
                 let message = Message { topic: topics[message.topic], ..message };
-                if !is_zstd {
-                    return each(path, message);
-                }
-                let data = message_zstd::decompressed(message.data).map_err(|rule| {
-                    ImportError::at_part(path, &format!("message received at {}", message.received), rule)
-                })?;
-                each(path, Message { data: &data, ..message })
+                let more = if is_zstd {
+                    let data = message_zstd::decompressed(message.data).map_err(|rule| {
+                        ImportError::at_part(path, &format!("message received at {}", message.received), rule)
+                    })?;
+                    each(path, Message { data: &data, ..message })?
+                } else {
+                    each(path, message)?
+                };
+                is_wanted.set(more);
+                wanted[message.topic] = more;
+                Ok(())
             })?;
         }
         Ok(())

@@ -118,6 +118,19 @@ impl Roles {
         self.topics.contains_key(&role)
     }
 
+    /// Topics that may be of further LiDARs, packets before clouds.
+    pub fn possible_lidars(&self, topics: &[Topic]) -> Vec<usize> {
+        let is_ouster = |topic: &Topic| PacketsKind::of_type(&topic.kind) == Some(PacketsKind::Ouster);
+        let mut found = self.candidates(topics, Role::OtherLidar(1), |topic| !is_ouster(topic));
+        found.sort_by_key(|topic| PacketsKind::of_type(&topics[*topic].kind).is_none());
+        found
+    }
+
+    /// Number of LiDARs that are taken.
+    pub fn n_lidars(&self) -> usize {
+        self.topics.keys().filter(|role| matches!(role, Role::Lidar | Role::OtherLidar(_))).count()
+    }
+
     pub fn is_chosen(&self, role: Role) -> bool {
         self.chosen.contains(&role)
     }

@@ -31,6 +31,8 @@ enum Use {
     Transforms,
     /// Of `tf`.
     Motions,
+    /// Of a topic that may be of a further LiDAR: its frame is known from its first message.
+    PossibleLidar,
 }
 
 /// The LiDAR's data.
@@ -62,6 +64,8 @@ pub(super) struct Writers<'a> {
     lidars: BTreeMap<Role, LidarFiles>,
     /// Frames of the sensors, by the topic's first message.
     frame_of: BTreeMap<Role, String>,
+    /// The same of topics that may be of further LiDARs.
+    frame_of_possible: BTreeMap<usize, String>,
     cameras: BTreeMap<usize, Camera>,
     imu: Option<ImuLog>,
     gnss: Option<Gnss>,
@@ -93,6 +97,9 @@ impl<'a> Writers<'a> {
                 Some("tf") => of_topic.push(Use::Motions),
                 _ => {}
             }
+        }
+        for topic in roles.possible_lidars(topics) {
+            uses[topic].push(Use::PossibleLidar);
         }
         let folder = |name: &str| {
             let path = out.join(name);
@@ -144,6 +151,7 @@ impl<'a> Writers<'a> {
             uses,
             lidars,
             frame_of: BTreeMap::new(),
+            frame_of_possible: BTreeMap::new(),
             cameras,
             imu: roles.has(Role::Imu).then(|| ImuLog::create(out)).transpose().at(out)?,
             gnss: has_log.then(|| Gnss::create(out)).transpose().at(out)?,
@@ -154,17 +162,27 @@ impl<'a> Writers<'a> {
         })
     }
 
-    /// Which topics are used.
+    /// Topics of which messages are read.
     pub fn wanted(&self) -> Vec<bool> {
         self.uses.iter().map(|uses| !uses.is_empty()).collect()
     }
 
-    /// Writes a message of a file of the bag.
-    pub fn add(&mut self, path: &Path, message: Message<'_>) -> Result<(), ImportError> {
+    /// Topics of which all messages are used.
+    pub fn used(&self) -> Vec<bool> {
+        self.uses.iter().map(|uses| uses.iter().any(|of_topic| *of_topic != Use::PossibleLidar)).collect()
+    }
+
+    /// Writes a message of a file of the bag. Returns whether more of its topic are wanted.
+    pub fn add(&mut self, path: &Path, message: Message<'_>) -> Result<bool, ImportError> {
         self.n_read[message.topic] += 1;
         for index in 0..self.uses[message.topic].len() {
             let of_topic = self.uses[message.topic][index];
-            self.add_use(of_topic, message).map_err(|rule| {
+            let added = self.add_use(of_topic, message);
+            if of_topic == Use::PossibleLidar {
+                // The topic is not taken: what cannot be read of it is no reason to fail.
+                continue;
+            }
+            added.map_err(|rule| {
                 let topic = &self.topics[message.topic];
                 let number = self.n_read[message.topic];
                 let part =
@@ -172,7 +190,7 @@ impl<'a> Writers<'a> {
                 ImportError::at_part(path, &part, rule)
             })?;
         }
-        Ok(())
+        Ok(self.uses[message.topic] != [Use::PossibleLidar])
     }
 
     fn add_use(&mut self, of_topic: Use, message: Message<'_>) -> Result<(), String> {
@@ -190,6 +208,10 @@ impl<'a> Writers<'a> {
                 for transform in transforms(&mut c).map_err(fault)? {
                     self.frames.observe(transform)?;
                 }
+            }
+            Use::PossibleLidar => {
+                let header = Header::read(&mut c).map_err(fault)?;
+                self.frame_of_possible.entry(message.topic).or_insert(header.frame);
             }
             Use::Role(role @ (Role::Lidar | Role::OtherLidar(_))) => return self.add_lidar(role, &mut c, message),
             Use::Role(Role::Metadata) => self.metadata = Some(string(&mut c).map_err(fault)?),

@@ -288,6 +288,20 @@ def moving(m):
             yield f"/{name}/image_raw", "sensor_msgs/msg/Image", at, image
 
 
+def two_lidars(m):
+    """Clouds of two LiDARs, and filtered ones of the first."""
+    upright = (0.0, 0.0, 0.0, 1.0)
+    yield "/tf_static", "tf2_msgs/msg/TFMessage", BEGIN, m.make("tf2_msgs/msg/TFMessage", transforms=[
+        transform(m, "base_link", "front", (0.6, 0.0, 1.2), upright),
+        transform(m, "base_link", "rear", (-1.4, 0.0, 1.3), (0.0, 0.0, 1.0, 0.0)),
+    ])
+    for sweep in range(SWEEPS):
+        for topic, frame in [("/front/points", "front"), ("/front/filtered", "front"), ("/rear/points", "rear")]:
+            message = velodyne(m, sweep)
+            message.header.frame_id = frame
+            yield topic, "sensor_msgs/msg/PointCloud2", BEGIN + (sweep + 1) * TURN, message
+
+
 def cameras(m):
     """Two cameras beside clouds without transforms, and a receiver's sentences."""
     for sweep in range(2):
@@ -360,6 +374,7 @@ def main(out):
     livox = clouds(livox_custom, "/livox/lidar", "livox_ros_driver2/msg/CustomMsg")
     write2(out / "livox_custom", livox, StoragePlugin.MCAP, compressed=True)
     write1(out / "cameras.bag", cameras, Writer1.CompressionFormat.BZ2)
+    write1(out / "two_lidars.bag", two_lidars, Writer1.CompressionFormat.BZ2)
 
 
 main(Path(sys.argv[1]))

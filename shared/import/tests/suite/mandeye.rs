@@ -1,6 +1,6 @@
 //! Imports of `MandEye` folders and of LAS and LAZ sweeps, written by tests as the formats say.
 
-use super::las_file::{RECORD_BYTES, Row, las};
+use super::las_file::{RECORD_BYTES, Row, las, layered_laz};
 use super::support::{Import, error, folder, of, write_file};
 use formats::drive::Drive;
 use formats::lidar::SweepPoint;
@@ -89,6 +89,89 @@ fn las_and_laz_sweeps_are_converted() {
         let mut found = Vec::new();
         sweeps.next_sweep(|returns| found.extend(returns.iter().map(|r| (r.x, r.y, r.z, r.intensity)))).expect("reads");
         assert_eq!((found.len(), found[0], found[17].3), (300, (10.0, -2.5, 0.25, 0), 17));
+    }
+}
+
+#[test]
+fn laz_in_layers_has_the_same_points() {
+    let folder = folder();
+    let source = folder.path().join("recording");
+    write_file(&source.join("1.las"), las(&rows()[..300], false));
+    for (number, (format, chunk)) in
+        [(6, Some(50_000)), (6, Some(100)), (7, Some(70)), (8, None), (9, Some(299)), (10, Some(1))]
+            .into_iter()
+            .enumerate()
+    {
+        write_file(&source.join(format!("{}.laz", number + 2)), layered_laz(format, &rows()[..300], chunk));
+    }
+    let (_, drive) = imported(&of(&source, &folder));
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut found = Vec::new();
+    loop {
+        let mut points = Vec::new();
+        let take = |r: &SweepPoint| (r.x, r.y, r.z, r.intensity, r.offset_nanos);
+        let next = sweeps.next_sweep(|returns| points.extend(returns.iter().map(take))).expect("reads");
+        if next.is_none() {
+            break;
+        }
+        found.push(points);
+    }
+    assert_eq!((found.len(), found[0].len()), (7, 300));
+    assert!(found.iter().all(|points| *points == found[0]));
+}
+
+#[test]
+fn layers_that_the_file_does_not_hold_are_refused_before_memory_is_reserved() {
+    let folder = folder();
+    let path = folder.path().join("recording/0.laz");
+    let import = of(folder.path().join("recording"), &folder);
+    let whole = layered_laz(6, &rows()[..300], Some(100));
+    let data_at = u32::from_le_bytes(*whole[96..].first_chunk().expect("is there")) as usize;
+    // The first chunk: a record of 32 bytes, the number of points, then the lengths of nine layers and of two extra bytes.
+    let lengths_at = data_at + 8 + 32 + 4;
+    for layer in 0..11 {
+        let mut bytes = whole.clone();
+        bytes[lengths_at + 4 * layer..][..4].copy_from_slice(&0xffff_fff0_u32.to_le_bytes());
+        write_file(&path, bytes);
+        let text = error(&import);
+        assert!(text.contains("chunk 0: layers of 4294") && text.contains("it is damaged"), "{layer}: {text}");
+    }
+    let mut bytes = whole.clone();
+    bytes[104] = 0x81;
+    write_file(&path, &bytes);
+    assert!(error(&import).contains("point format 1, but compressed as 6 to 10"), "{}", error(&import));
+    for format in [6, 8] {
+        let whole = layered_laz(format, &rows()[..120], (format == 6).then_some(50));
+        for length in (0..whole.len()).step_by(97) {
+            write_file(&path, &whole[..length]);
+            assert!(error(&import).contains("0.laz: "), "{length}");
+        }
+        for at in (0..whole.len()).step_by(23) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0xff;
+            write_file(&path, bytes);
+            if import.run().is_ok() {
+                std::fs::remove_dir_all(&import.out).expect("removes");
+            }
+        }
+    }
+}
+
+#[test]
+fn table_of_chunks_that_only_the_end_of_the_file_names_is_checked() {
+    let folder = folder();
+    let path = folder.path().join("recording/0.laz");
+    let import = of(folder.path().join("recording"), &folder);
+    for whole in [las(&rows()[..300], true), layered_laz(6, &rows()[..300], Some(100))] {
+        let data_at = u32::from_le_bytes(*whole[96..].first_chunk().expect("is there")) as usize;
+        for place in [-1_i64, 0, data_at as i64] {
+            let mut bytes = whole.clone();
+            bytes[data_at..data_at + 8].copy_from_slice(&place.to_le_bytes());
+            bytes.extend([0, u32::MAX].map(u32::to_le_bytes).concat());
+            bytes.extend((whole.len() as u64).to_le_bytes());
+            write_file(&path, bytes);
+            assert!(error(&import).contains("4294967295 chunks for 300 points"), "{place}: {}", error(&import));
+        }
     }
 }
 

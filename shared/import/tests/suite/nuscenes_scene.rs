@@ -162,6 +162,16 @@ fn points() -> Vec<(CloudPoint, u8)> {
     vec![at(0.3, 10.0, -1.0), at(0.0, 0.0, 0.0), at(5.0, 0.0, -1.84)]
 }
 
+/// Stamps of the sweeps, µs after the begin.
+fn stamps(drive: &Drive) -> Vec<i64> {
+    let mut sweeps = drive.sweeps().expect("opens");
+    let mut stamps = Vec::new();
+    while let Some(sweep) = sweeps.next_sweep(|_| {}).expect("reads") {
+        stamps.push(sweep.stamp.0 / 1000 - BEGIN);
+    }
+    stamps
+}
+
 fn imported(import: &Import) -> (Vec<String>, Drive) {
     let report = import.run().expect("imports");
     (report, Drive::open(&import.out).expect("opens"))
@@ -178,12 +188,7 @@ fn scene_becomes_drive_with_cameras_and_poses() {
     assert!(report.contains(&"imported: 5 true poses of ego_pose.json".to_owned()), "{report:?}");
     assert!(report.contains(&"not imported: 2 files in samples/RADAR_FRONT (radar)".to_owned()), "{report:?}");
     assert!(!report.iter().any(|line| line.starts_with("not imported") && line.contains("CAM_")), "{report:?}");
-    let mut sweeps = drive.sweeps().expect("opens");
-    let mut stamps = Vec::new();
-    while let Some(sweep) = sweeps.next_sweep(|_| {}).expect("reads") {
-        stamps.push(sweep.stamp.0 / 1000 - BEGIN);
-    }
-    assert_eq!(stamps, [0, 50_000, 100_000]);
+    assert_eq!(stamps(&drive), [0, 50_000, 100_000]);
     let images: Vec<i64> = drive.camera_frames().iter().map(|frame| frame.stamp.0 / 1000 - BEGIN).collect();
     assert_eq!(images, [-35_000, 65_000]);
     let truth = drive.true_trajectory().expect("has one").expect("reads");
@@ -198,6 +203,17 @@ fn scene_becomes_drive_with_cameras_and_poses() {
     let expected = [816.3 + 1266.4 * 0.016 / 9.24, 491.5 - 1266.4 * 0.33 / 9.24];
     assert!((pixel.x - expected[0]).abs() < 1e-6 && (pixel.y - expected[1]).abs() < 1e-6, "{pixel:?} {expected:?}");
     assert_eq!(camera.model.size(), (1600, 900));
+}
+
+#[test]
+fn sweeps_alone_have_the_stamps_of_the_tables() {
+    let folder = folder();
+    let mut data = DataSet::new(&folder);
+    data.scene("scene-0061", BEGIN);
+    let mut import = of(data.write(), &folder);
+    import.options.lidar_only = true;
+    let (_, drive) = imported(&import);
+    assert_eq!(stamps(&drive), [0, 50_000, 100_000]);
 }
 
 #[test]

@@ -322,6 +322,32 @@ fn options_that_do_not_fit_are_refused_by_name() {
 }
 
 #[test]
+fn further_lidar_in_a_frame_of_its_own_is_named_with_the_option_that_takes_it() {
+    let folder = folder();
+    let mut import = of(bag("two_lidars.bag"), &folder);
+    let choice = |role: &str, name: &str| (role.to_owned(), name.to_owned());
+    import.options.ros.topics = vec![choice("lidar", "/front/points")];
+    let report = import.run().expect("imports");
+    let cloud = "(sensor_msgs/PointCloud2)";
+    // The filtered clouds are in the frame of the LiDAR that is taken.
+    for line in [
+        format!("not imported: 3 messages of /front/filtered {cloud}"),
+        format!(
+            "not imported: 3 messages of /rear/points {cloud}: a further LiDAR in frame \"rear\"; --topic lidar.1=/rear/points takes it"
+        ),
+    ] {
+        assert!(report.contains(&line), "{line}: {report:?}");
+    }
+    std::fs::remove_dir_all(&import.out).expect("removes");
+    import.options.ros.topics.push(choice("lidar.1", "/rear/points"));
+    let report = import.run().expect("imports");
+    assert_eq!(report.iter().filter(|line| line.starts_with("not imported")).count(), 1, "{report:?}");
+    let drive = Drive::open(&import.out).expect("opens");
+    let rear = drive.rig().body_from_other_lidars[0];
+    assert!((rear.translation.vector - Vector3::new(-1.4, 0.0, 1.3)).norm() < 1e-9, "{rear:?}");
+}
+
+#[test]
 fn second_lidar_of_bag_is_one_of_the_drive() {
     let folder = folder();
     let mut import = of(bag("street_mcap"), &folder);
@@ -336,6 +362,7 @@ fn second_lidar_of_bag_is_one_of_the_drive() {
     assert_eq!(lidars[0].stamps, lidars[1].stamps);
     assert_eq!(drive.rig().body_from_other_lidars, [drive.rig().body_from_lidar]);
     let mut gap = of(bag("street_mcap"), &folder);
+    gap.out = folder.path().join("gap");
     gap.options.ros.topics = vec![topic("lidar"), topic("lidar.2")];
     let error = gap.run().expect_err("has no lidar.1").to_string();
     assert!(error.contains("lidar.1 is missing"), "{error}");

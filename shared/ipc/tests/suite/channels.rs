@@ -1,11 +1,11 @@
 //! Channels: messages are read in place, in order and without loss, by the processes of one run only.
 
-use crate::support::{Pair, TestDomain, pair, pair_over, send, sweep_channel};
+use crate::support::{Pair, TestDomain, live_pair, pair, pair_over, send, sweep_channel};
 use ipc::{
     Channel, Domain, IpcError, LatestPublisher, LatestSubscriber, Publisher, Received, ServiceHandles, Subscriber,
     Transport,
 };
-use messages::{ClassRow, Envelope, Message, SweepPoint};
+use messages::{ClassRow, CubeTopic, Envelope, ImageTopic, Message, SweepPoint, TrajectoryTopic};
 use std::time::Duration;
 
 /// The next message; through a socket it arrives after a moment.
@@ -79,6 +79,36 @@ fn full_queue_stops_producer_without_loss() {
     }
 }
 
+/// Live, while a consumer does not read: `n_messages` of the sample drive's size arrive later without a gap. Returns the shared memory
+/// that they needed.
+fn shared_bytes_of_waiting<T: Message>(n_messages: u64, n_rows: usize) -> u64 {
+    let domain = TestDomain::new(T::TOPIC);
+    let mut pair = live_pair::<T>(&domain.0);
+    let empty = domain.0.used_bytes();
+    for seq in 0..n_messages {
+        let mut loan = pair.publisher.loan(n_rows).expect("loaned");
+        loan.grow(n_rows).expect("fits");
+        pair.publisher.send(loan, Envelope { seq, ..Envelope::default() }).expect("sent");
+    }
+    let used = domain.0.used_bytes() - empty;
+    for expected in 0..n_messages {
+        let received = pair.subscriber.receive().expect("no error").expect("a message");
+        assert_eq!(received.envelope().seq, expected, "{}", T::TOPIC);
+    }
+    used
+}
+
+#[test]
+fn live_inputs_of_colorize_wait_three_seconds_without_loss() {
+    // Six cameras and two mosaic cameras fire up to four times in 3 s, the LiDAR turns thirty times.
+    let of_images = shared_bytes_of_waiting::<ImageTopic>(4 * 6, 800 * 600 * 3);
+    let of_cubes = shared_bytes_of_waiting::<CubeTopic>(4 * 2, 409 * 217 * 26);
+    let of_poses = shared_bytes_of_waiting::<TrajectoryTopic>(30, 2);
+    // The slots of larger images are reserved, but use no memory.
+    let mebibytes = [of_images, of_cubes, of_poses].map(|bytes| bytes >> 20);
+    assert_eq!(mebibytes, [33, 70, 0]);
+}
+
 /// The messages are far larger than the socket's buffer. The producer sends all, because a queue's length is read ahead.
 #[test]
 fn copying_producer_does_not_wait_for_idle_consumer() {
@@ -102,11 +132,11 @@ fn copying_consumer_of_another_layout_is_refused() {
     let domain = TestDomain::new("hello");
     let pair = pair_over(&domain.0, Transport::Copying);
     let node = domain.0.node("stranger").expect("node");
-    let channel = Channel { layout: messages::ClassTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
+    let channel = Channel { layout: messages::SubmapTopic::LAYOUT, ..sweep_channel(Transport::Copying) };
     assert!(matches!(Publisher::<messages::SweepTopic>::open(&node, &channel), Err(IpcError::Transport { .. })));
     drop(pair.subscriber);
     assert!(Subscriber::<messages::SweepTopic>::open(&node, &channel, "consumer.wake").is_err());
-    let stranger = Subscriber::<messages::ClassTopic>::open(&node, &channel, "consumer.wake").expect("opened");
+    let stranger = Subscriber::<messages::SubmapTopic>::open(&node, &channel, "consumer.wake").expect("opened");
     stranger.connect().expect("connects");
     assert!(matches!(pair.publisher.connect(), Err(IpcError::Transport { .. })));
 }

@@ -5,12 +5,26 @@ use crate::check::CameraScores;
 use crate::check::turned;
 use crate::survey::Survey;
 use formats::drive::Drive;
-use formats::manifest::{CameraEntry, PoseEntry};
+use formats::manifest::{CameraEntry, MosaicEntry, PoseEntry};
 use geometry::{Pose, UnitQuaternion, Vector3};
 
 const NAMES: [&str; 3] = ["rotation about x", "rotation about y", "rotation about z"];
 
 pub(super) fn refine(drive: &Drive, survey: &Survey, refined: &mut Refined) {
+    color_cameras(drive, survey, refined);
+    let mosaic = |entry: &MosaicEntry| Change {
+        subject: entry.name.clone(),
+        quantity: "rotation and delay".to_owned(),
+        difference: 0.0,
+        sigma: 0.0,
+        unit: "mrad",
+        outcome: Outcome::NotObservable,
+        text: "outlines are compared with color images only".to_owned(),
+    };
+    refined.changes.extend(drive.manifest().mosaics.iter().map(mosaic));
+}
+
+fn color_cameras(drive: &Drive, survey: &Survey, refined: &mut Refined) {
     let n_cameras = drive.rig().cameras.len();
     if n_cameras == 0 {
         return;

@@ -3,6 +3,7 @@
 mod cameras;
 mod lidar;
 mod other_lidars;
+mod real_drives;
 mod refining;
 mod sources;
 mod support;

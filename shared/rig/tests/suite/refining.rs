@@ -92,6 +92,22 @@ fn turned_and_late_inertial_unit_is_found_within_the_deviations() {
     assert!(remaining < 0.4 * given, "{remaining} of {given} rad");
 }
 
+#[test]
+fn late_receiver_gets_its_delay() {
+    for planted_ms in [0.0, 200.0, -350.0] {
+        let mut late = Copied::of(with_turns());
+        // The stamps of the log are right: a delay that is stated too small leaves them late.
+        let receiver = late.manifest.gnss.as_mut().expect("a receiver");
+        receiver.delay_nanos = (-planted_ms * 1e6) as i64;
+        let found = refined(&late);
+        let change = of(&found, "gnss", "delay");
+        assert!((change.difference - planted_ms).abs() < 3.0 * change.sigma && change.sigma < 60.0, "{change}");
+        let new = found.manifest.gnss.as_ref().expect("a receiver").delay_nanos;
+        assert!((new as f64 * 1e-6).abs() < 3.0 * change.sigma, "{change}: {new}");
+        assert_eq!(change.outcome == Outcome::Replaced, planted_ms != 0.0, "{change}");
+    }
+}
+
 /// Errors without their mean and what grows evenly, which no drive shows.
 fn detrended(errors: &[f64]) -> Vec<f64> {
     let n = errors.len() as f64;

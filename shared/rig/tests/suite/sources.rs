@@ -143,6 +143,26 @@ Tr: 4.276802385584e-04 -9.999672484946e-01 -8.084491683471e-03 -1.198459927713e-
     assert!((pixel.x - 607.0).abs() < 15.0 && (pixel.y - 185.0).abs() < 15.0, "{pixel}");
 }
 
+#[real_data::test("kitti00")]
+fn real_transform_of_kitti_puts_the_points_ahead_into_the_image() {
+    let transform = fs::read_to_string(real_data::path("kitti00/calib_Tr_velo_to_cam0.txt")).expect("reads");
+    let projection = "P0: 718.856 0 607.1928 0 0 718.856 185.2157 0 0 0 1 0";
+    let (folder, _) = written("calib.txt", &format!("{projection}\n{transform}"));
+    let options = SourceOptions { image_size: Some([1241, 376]), ..SourceOptions::default() };
+    let parts = read_alone(folder.path(), &options).expect("reads");
+    let camera = &parts.cameras[0];
+    let camera_from_body = camera.body_from_camera.expect("mounted").inverse();
+    let sweep = fs::read(real_data::path("kitti00/000094.bin")).expect("reads");
+    let points = formats::kitti::points_from_bin(&sweep).expect("decodes");
+    let ahead = points.iter().filter(|p| p.x > 5.0 && (p.y / p.x).abs() < 0.7 && (-0.2..0.1).contains(&(p.z / p.x)));
+    let pixels: Vec<bool> = ahead
+        .map(|p| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)))
+        .map(|p| camera.model.pixel_from_camera(&(camera_from_body * p)).is_some())
+        .collect();
+    let n_inside = pixels.iter().filter(|is_inside| **is_inside).count();
+    assert!(pixels.len() > 10_000 && n_inside * 100 > pixels.len() * 99, "{n_inside} of {}", pixels.len());
+}
+
 #[test]
 fn nuscenes_needs_a_log_if_several_are_calibrated() {
     let sensors = r#"[{"token": "s0", "channel": "LIDAR_TOP", "modality": "lidar"}, {"token": "s1", "channel": "CAM_FRONT", "modality": "camera"},

@@ -3,6 +3,7 @@
 use crate::sensors::lidar::{GRADES, LidarErrors};
 use crate::settings::DriveSettings;
 use crate::spec::DriveSpec;
+use formats::text_file::read_toml;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use town::Traffic;
@@ -30,7 +31,7 @@ impl SimulatedDrive {
 
     /// The mark of a drive folder; `None` if the folder has none: it was recorded, or simulated by an earlier version.
     pub fn read(folder: &Path) -> Option<Self> {
-        toml::from_str(&std::fs::read_to_string(folder.join(Self::FILE)).ok()?).ok()
+        read_toml(&folder.join(Self::FILE)).ok()
     }
 
     /// A text for each setting in which the drive differs from `settings`.

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use toml::de::DeValue;
 
 /// Drive time between barriers if no launch file says otherwise, s: as `[run]` has it.
-const BARRIER_S: f64 = 5.0;
+const BARRIER_S: f64 = 20.0;
 
 /// Why a stage cannot run alone.
 #[derive(Debug, thiserror::Error)]
@@ -93,7 +93,8 @@ pub(super) fn configure(
         Some(DeValue::Float(number)) => number.as_str().parse().ok(),
         Some(DeValue::Integer(number)) => number.as_str().parse().ok(),
         _ => None,
-    };
+    }
+    .filter(|seconds| *seconds > 0.0);
     let recorded = match &arguments.recording {
         Some(path) => recorded_topics(program, path).unwrap_or_else(|error| {
             faults.push(error);

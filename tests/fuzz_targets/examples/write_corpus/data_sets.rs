@@ -1,6 +1,6 @@
 //! Files of data sets of others, and calibrations of rigs.
 
-use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr};
+use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use std::io::Cursor;
 
 /// Bytes of the header of LAS 1.2.
@@ -10,31 +10,41 @@ const RECORD_BYTES: u16 = 28;
 
 /// Twelve points of point format 1.
 pub fn las(is_compressed: bool) -> Vec<u8> {
+    let items = LazItemRecordBuilder::default_for_point_format_id(1, 0).expect("is a format");
+    file(1, is_compressed.then(|| LazVlr::from_laz_items(items)))
+}
+
+/// The same of point format 6, in layers and chunks of five points.
+pub fn layered_laz() -> Vec<u8> {
+    let items = LazItemRecordBuilder::default_for_point_format_id(6, 0).expect("is a format");
+    file(6, Some(LazVlrBuilder::new(items).with_fixed_chunk_size(5).build()))
+}
+
+fn file(format: u8, vlr: Option<LazVlr>) -> Vec<u8> {
+    let record_bytes = vlr.as_ref().map_or(RECORD_BYTES, |vlr| vlr.items_size() as u16);
     let mut records = Vec::new();
     for index in 0..12_i32 {
         records.extend([10_000 + 10 * index, -20_000, 2500].map(i32::to_le_bytes).concat());
         records.extend((7 * index as u16).to_le_bytes());
-        records.extend([0; 6]);
+        records.extend(vec![0; usize::from(record_bytes) - 22]);
         records.extend((4321.25 + 0.02 * f64::from(index)).to_le_bytes());
     }
     let mut head = vec![0; HEADER_BYTES];
     head[..4].copy_from_slice(b"LASF");
     head[24..26].copy_from_slice(&[1, 2]);
     head[94..96].copy_from_slice(&(HEADER_BYTES as u16).to_le_bytes());
-    head[105..107].copy_from_slice(&RECORD_BYTES.to_le_bytes());
+    head[105..107].copy_from_slice(&record_bytes.to_le_bytes());
     head[107..111].copy_from_slice(&12_u32.to_le_bytes());
     for axis in 0..3 {
         head[131 + 8 * axis..139 + 8 * axis].copy_from_slice(&1e-3_f64.to_le_bytes());
     }
-    if !is_compressed {
-        head[104] = 1;
+    let Some(vlr) = vlr else {
+        head[104] = format;
         head[96..100].copy_from_slice(&(HEADER_BYTES as u32).to_le_bytes());
         return [head, records].concat();
-    }
-    head[104] = 0x81;
+    };
+    head[104] = 0x80 | format;
     head[100] = 1;
-    let items = LazItemRecordBuilder::default_for_point_format_id(1, 0).expect("is a format");
-    let vlr = LazVlr::from_laz_items(items);
     let mut description = Vec::new();
     vlr.write_to(&mut description).expect("writes");
     let mut record = vec![0; 54];

@@ -1,7 +1,10 @@
 //! What the processes of a run write, and models on range images.
 
 use formats::drive::SourcePosition;
-use messages::{ByteTable, ClassRow, ClassTopic, Envelope, GnssTopic, Message, Pod, TickTopic, TrajectoryTopic};
+use messages::{
+    ByteTable, ClassRow, ClassTopic, Envelope, GnssTopic, ImageTopic, Message, MosaicTopic, Pod, TickTopic,
+    TrajectoryTopic,
+};
 use run::assignment::{Assignment, Description, PortDescription, TopicChannels};
 use run::health::{Activity, Doubt, Health, Traffic};
 use run::summary::{StageSummary, Summary};
@@ -98,6 +101,8 @@ pub fn saved_messages() -> Vec<Vec<u8>> {
         of(2, message::<TrajectoryTopic>(zeros(2)).to_bytes()),
         of(7, message::<ClassTopic>(vec![ClassRow { class_id: 7, score: 1 }; 5]).to_bytes()),
         of(10, message::<GnssTopic>(zeros(1)).to_bytes()),
+        of(12, message::<ImageTopic>(zeros(6)).to_bytes()),
+        of(13, message::<MosaicTopic>(zeros(6)).to_bytes()),
     ]
 }
 

@@ -77,7 +77,7 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("ros2_metadata", vec![ros::BAG.into()]),
         ("ros_messages", ros::messages()),
         ("las", vec![data_sets::las(false)]),
-        ("laz", vec![data_sets::las(true)]),
+        ("laz", vec![data_sets::las(true), data_sets::layered_laz()]),
         ("mandeye_imu", vec![data_sets::MANDEYE_IMU.into()]),
         ("nuscenes_tables", vec![data_sets::nuscenes_tables()]),
         ("kitti_raw", vec![data_sets::kitti_raw()]),

@@ -2,13 +2,14 @@
 
 use super::frames::Frames;
 use super::logs::{FixLog, SampleLog};
+use super::references::References;
 use crate::error::LiveError;
 use crate::live::images::{CameraKind, ImageWatch, WatchedCamera};
 use crate::live::line_address::LineAddress;
 use crate::live::lines::LineLog;
 use crate::live::now;
-use crate::live::record_file::{record_file, record_folder};
-use crate::live::recording::RecordedEntries;
+use crate::live::record_file::record_file;
+use crate::live::recorded_entries::RecordedEntries;
 use crate::recorded::Trigger;
 use formats::atomic_file::write_atomic;
 use formats::drive::{CameraRig, LiveRig};
@@ -25,8 +26,6 @@ const GNSS_FILE: &str = "gnss.nmea";
 const IMU_FILE: &str = "imu.csv";
 /// Begin of the recording, ns: a restarted process takes images from then on.
 const BEGIN_FILE: &str = "begin.txt";
-/// Folders of the references beside the images of a mosaic camera.
-const REFERENCES: [&str; 2] = ["dark", "white"];
 
 /// Sources of the sensors beside the LiDAR.
 #[derive(Clone, Debug, Default)]
@@ -107,26 +106,34 @@ impl OtherSources {
         recording: &Path,
         entries: &RecordedEntries,
         trigger: Trigger,
-    ) -> Result<Option<Frames>, LiveError> {
+    ) -> Result<Option<(Frames, References)>, LiveError> {
         let (Some(root), Some((rig, _))) = (&self.cameras, &self.rig) else { return Ok(None) };
         let fault = |path: &Path, source: io::Error| LiveError::File { path: path.to_owned(), source };
-        let (mut watched, mut names) = (Vec::new(), BTreeMap::new());
-        let color = entries.cameras.iter().enumerate().map(|(index, entry)| {
-            ((CameraKind::Color, index, entry.delay_nanos), &entry.folder, format!("camera {}", entry.name))
-        });
-        let mosaic =
-            entries.mosaics.iter().enumerate().map(|(index, entry)| {
-                ((CameraKind::Mosaic, index, 0), &entry.folder, format!("mosaic {}", entry.name))
-            });
+        let (mut watched, mut names, mut references) = (Vec::new(), BTreeMap::new(), References::default());
+        let color = entries
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(index, entry)| ((CameraKind::Color, index, entry.delay_nanos), &entry.folder, &entry.name));
+        let mosaic = entries
+            .mosaics
+            .iter()
+            .enumerate()
+            .map(|(index, entry)| ((CameraKind::Mosaic, index, 0), &entry.folder, &entry.name));
         for ((kind, index, delay_nanos), folder, name) in color.chain(mosaic) {
             let (source, recorded) = (root.join(folder), recording.join(folder));
             for path in [&source, &recorded] {
                 fs::create_dir_all(path).map_err(|error| fault(path, error))?;
             }
-            if kind == CameraKind::Mosaic {
-                record_references(&source, &rig.join(folder), &recorded).map_err(|error| fault(&recorded, error))?;
-            }
-            names.insert((kind, index), name);
+            let kind_name = match kind {
+                CameraKind::Color => "camera",
+                CameraKind::Mosaic => {
+                    let of_rig = rig.join(folder);
+                    references.record(name, &source, &of_rig, &recorded).map_err(|error| fault(&recorded, error))?;
+                    "mosaic"
+                }
+            };
+            names.insert((kind, index), format!("{kind_name} {name}"));
             watched.push(WatchedCamera { kind, index, delay_nanos, source, recorded });
         }
         for name in entries.mosaics.iter().filter_map(|entry| entry.sensor.as_ref()) {
@@ -135,7 +142,7 @@ impl OtherSources {
             recorded.and_then(|()| record_file(&rig.join(name), &target)).map_err(|error| fault(&target, error))?;
         }
         let watch = ImageWatch::start(watched, begin_of(recording).map_err(|error| fault(recording, error))?)?;
-        Ok(Some(Frames::new(watch, names, trigger)))
+        Ok(Some((Frames::new(watch, names, trigger), references)))
     }
 
     pub(super) fn start_fixes(&self, recording: &Path, entry: Option<&GnssEntry>) -> Result<Option<FixLog>, LiveError> {
@@ -177,17 +184,6 @@ fn start_log(key: &'static str, address: &LineAddress, path: &Path) -> Result<Li
     let open = |source: io::Error| LiveError::Open { key, address: address.clone(), source };
     let link = address.open().map_err(open)?;
     LineLog::start(address, link, path).map_err(|source| LiveError::File { path: path.to_owned(), source })
-}
-
-/// Records dark and white frames: those beside the images, else those of the rig.
-fn record_references(source: &Path, of_rig: &Path, recorded: &Path) -> io::Result<()> {
-    for name in REFERENCES {
-        let folder = [source, of_rig].map(|folder| folder.join(name)).into_iter().find(|folder| folder.is_dir());
-        if let Some(folder) = folder {
-            record_folder(&folder, &recorded.join(name), 1)?;
-        }
-    }
-    Ok(())
 }
 
 /// Begin of the recording: now, or as an earlier process of the run has noted it.

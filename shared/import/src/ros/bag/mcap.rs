@@ -13,6 +13,7 @@ use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
 use crate::error::{At, ImportError};
 use body::Body;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -118,7 +119,7 @@ impl Mcap {
     }
 
     /// Passes over the whole file. Adds its channels and counts to `index`.
-    fn pass(&self, index: &mut Index, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {
+    fn pass(&self, index: &mut Index, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut at = MAGIC.len() as u64;
         file.seek(SeekFrom::Start(at)).at(&self.path)?;
@@ -149,7 +150,7 @@ impl Container for Mcap {
         &self.index.topics
     }
 
-    fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {
+    fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         // The topics keep their order: the channels of the index are there from the begin.
         self.pass(&mut self.index.clone(), wanted, each)
     }
@@ -180,7 +181,7 @@ struct Pass<'a, 'b> {
     /// Where the record of the file begins.
     at: u64,
     index: &'a mut Index,
-    wanted: &'a [bool],
+    wanted: &'a [Cell<bool>],
     each: &'a mut Each<'b>,
     content_limit: ContentLimit,
     bytes: Vec<u8>,
@@ -223,7 +224,7 @@ impl Pass<'_, '_> {
                     return Err(ImportError::at_part(path, &format!("byte {at}"), rule));
                 };
                 self.index.topics.count(topic, 1);
-                if !self.wanted.get(topic).is_some_and(|wanted| *wanted) {
+                if !self.wanted.get(topic).is_some_and(Cell::get) {
                     return reader.skip(data_bytes).at_byte(path, at);
                 }
                 read_bytes(reader, data_bytes, &mut self.bytes).at_byte(path, at)?;

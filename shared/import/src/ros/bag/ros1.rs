@@ -12,6 +12,7 @@ use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
 use crate::error::{At, ImportError};
 use header::Header;
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -123,7 +124,7 @@ impl Ros1 {
         &self,
         file: &mut BufReader<File>,
         at: u64,
-        wanted: &[bool],
+        wanted: &[Cell<bool>],
         each: &mut Each<'_>,
         content_limit: &mut ContentLimit,
     ) -> Result<u64, ImportError> {
@@ -153,7 +154,7 @@ impl Ros1 {
             let Some(&topic) = self.connections.get(&connection) else {
                 return Err(fault(format!("a message of connection {connection}, which the index does not have")));
             };
-            if !wanted.get(topic).is_some_and(|wanted| *wanted) {
+            if !wanted.get(topic).is_some_and(Cell::get) {
                 content.skip(n_data).at_byte(path, at)?;
                 continue;
             }
@@ -184,7 +185,7 @@ impl Container for Ros1 {
         self.begin
     }
 
-    fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {
+    fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         let mut file = BufReader::new(File::open(&self.path).at(&self.path)?);
         let mut content_limit = ContentLimit::of_file(file.get_ref().metadata().at(&self.path)?.len());
         let mut end = 0;

@@ -4,6 +4,7 @@ use super::topics::{Encoding, Topics};
 use super::{Container, Each, Message};
 use crate::error::ImportError;
 use formats::sqlite::{Database, Row, Rows, Value};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -77,12 +78,12 @@ impl Container for Sqlite {
         &self.topics
     }
 
-    fn read(&mut self, wanted: &[bool], each: &mut Each<'_>) -> Result<(), ImportError> {
+    fn read(&mut self, wanted: &[Cell<bool>], each: &mut Each<'_>) -> Result<(), ImportError> {
         let database = Database::open(&self.path).map_err(ImportError::of_database)?;
         let mut rows = table(&database, &self.path, "messages")?;
         while let Some(mut row) = rows.next_row().map_err(ImportError::of_database)? {
             let topic = self.topic(&row)?;
-            if !wanted[topic] {
+            if !wanted[topic].get() {
                 continue;
             }
             let received = self.int(&row, TIMESTAMP)?;

@@ -3,15 +3,17 @@
 use super::{LidarFiles, LidarWriter, Writers};
 use crate::error::{At, ImportError};
 use crate::plan::{Link, TextFile};
+use crate::ros::bag::Topic;
 use crate::ros::camera::Camera;
 use crate::ros::packets::PacketsKind;
 use crate::ros::rig::Mountings;
-use crate::ros::roles::Role;
+use crate::ros::roles::{Role, Roles};
 use crate::ros::{gnss, imu};
 use crate::{Kind, drive_name};
 use formats::lidar::Model;
 use formats::manifest::{CameraEntry, GnssEntry, ImuEntry, LidarEntry, Manifest};
 use geometry::{Pose, UnitQuaternion, Vector3};
+use messages::MAX_LIDARS;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -57,6 +59,7 @@ impl Writers<'_> {
             options,
             lidars,
             frame_of,
+            frame_of_possible,
             cameras,
             imu,
             gnss,
@@ -92,6 +95,7 @@ impl Writers<'_> {
             reasons: roles.reasons.clone(),
         };
         parts.manifest.other_lidars = entries.collect();
+        parts.reasons.extend(further_lidars(topics, roles, &frame_of, &frame_of_possible, &rig));
         if frames.is_empty() {
             parts.report.push("the bag has no tf_static".into());
         }
@@ -181,6 +185,30 @@ impl Writers<'_> {
         }
         Ok(parts)
     }
+}
+
+/// Topics of further LiDARs, with how to take them: those in fixed frames of their own. A second topic of a frame has the same data.
+fn further_lidars(
+    topics: &[Topic],
+    roles: &Roles,
+    frame_of: &BTreeMap<Role, String>,
+    frame_of_possible: &BTreeMap<usize, String>,
+    rig: &Mountings<'_>,
+) -> BTreeMap<usize, String> {
+    let is_lidar = |role: &Role| matches!(role, Role::Lidar | Role::OtherLidar(_));
+    let mut known: Vec<&String> = frame_of.iter().filter(|(role, _)| is_lidar(role)).map(|(_, frame)| frame).collect();
+    let mut reasons = BTreeMap::new();
+    for topic in roles.possible_lidars(topics) {
+        let number = roles.n_lidars() + reasons.len();
+        let Some(frame) = frame_of_possible.get(&topic).filter(|_| number < MAX_LIDARS) else { continue };
+        if !known.contains(&frame) && rig.body_from(frame).is_ok() {
+            known.push(frame);
+            let name = &topics[topic].name;
+            reasons
+                .insert(topic, format!("a further LiDAR in frame {frame:?}; --topic lidar.{number}={name} takes it"));
+        }
+    }
+    reasons
 }
 
 fn finish_lidar(

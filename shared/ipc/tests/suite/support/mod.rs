@@ -1,7 +1,7 @@
 //! A domain, a channel and its two ends.
 
 use ipc::{Channel, Domain, Node, Publisher, ServiceHandles, Subscriber, Transport, Wake};
-use messages::{Envelope, SweepHeader};
+use messages::{Envelope, Message, SweepHeader, SweepTopic};
 
 /// A domain whose files are removed, also when its test fails.
 pub struct TestDomain(pub Domain);
@@ -20,18 +20,21 @@ impl Drop for TestDomain {
     }
 }
 
-pub struct Pair {
+pub struct Pair<T: Message = SweepTopic> {
     pub channel: Channel,
-    pub publisher: Publisher<messages::SweepTopic>,
-    pub subscriber: Subscriber<messages::SweepTopic>,
+    pub publisher: Publisher<T>,
+    pub subscriber: Subscriber<T>,
     pub consumer_wake: Wake,
     pub _services: ServiceHandles,
     pub nodes: Vec<Node>,
 }
 
 pub fn sweep_channel(transport: Transport) -> Channel {
-    let channel = Channel::of::<messages::SweepTopic>("sweep", "producer.wake", &["consumer.wake".to_owned()]);
-    Channel { transport, ..channel }
+    Channel { transport, ..channel_of::<SweepTopic>() }
+}
+
+fn channel_of<T: Message>() -> Channel {
+    Channel::of::<T>(T::TOPIC, "producer.wake", &["consumer.wake".to_owned()])
 }
 
 pub fn pair(domain: &Domain) -> Pair {
@@ -39,8 +42,16 @@ pub fn pair(domain: &Domain) -> Pair {
 }
 
 pub fn pair_over(domain: &Domain, transport: Transport) -> Pair {
+    pair_of(domain, sweep_channel(transport))
+}
+
+/// As of a live run: the producer never waits.
+pub fn live_pair<T: Message>(domain: &Domain) -> Pair<T> {
+    pair_of(domain, Channel { drops_oldest: true, ..channel_of::<T>() })
+}
+
+fn pair_of<T: Message>(domain: &Domain, channel: Channel) -> Pair<T> {
     let supervisor = domain.node("supervisor").expect("node");
-    let channel = sweep_channel(transport);
     let mut services = ServiceHandles::default();
     services.create_channel(&supervisor, &channel).expect("created");
     services.create_wake(&supervisor, "producer.wake", 1).expect("created");

@@ -242,7 +242,7 @@ mod tests {
     fn no_names_select_all_fields() {
         let text = written(&[], 1, Format::Json);
         let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-        assert_eq!(value["header"].as_object().map(serde_json::Map::len), Some(4));
+        assert_eq!(value["header"].as_object().map(serde_json::Map::len), Some(5));
         assert_eq!(value["rows"][0].as_object().map(serde_json::Map::len), Some(7));
     }
 

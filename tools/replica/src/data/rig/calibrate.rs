@@ -8,7 +8,7 @@ use rig::survey::Survey;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Refine rotations of cameras and IMU, ring angles of the LiDAR and mountings of further LiDARs by a drive.
+/// Refine rotations of cameras and IMU, delays, ring angles of the LiDAR and mountings of further LiDARs by a drive.
 ///
 /// Prints each value with its difference from drive.toml and the standard deviation, and what the drive does not determine. Values
 /// that differ by more than two deviations are replaced. Without --out nothing is written.

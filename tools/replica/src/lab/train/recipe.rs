@@ -1,6 +1,7 @@
 //! Recipes of trainings: TOML files.
 
 use anyhow::Context;
+use formats::text_file::read_toml;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{N_FEATURES, Settings};
 use serde::{Deserialize, Serialize};
@@ -86,8 +87,7 @@ impl Range {
 impl Recipe {
     /// Reads and checks a recipe.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-        let recipe: Self = toml::from_str(&text).with_context(|| path.display().to_string())?;
+        let recipe: Self = read_toml(path).with_context(|| path.display().to_string())?;
         recipe.check().with_context(|| path.display().to_string())?;
         Ok(recipe)
     }
