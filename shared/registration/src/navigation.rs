@@ -223,10 +223,9 @@ impl Navigation {
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
     }
 
-    /// Adds an error of the position to the pose, as its covariance, m^2, odom axes.
-    pub fn add_position_error(&mut self, covariance: &Matrix3<f64>) {
-        let mut position = self.pose.fixed_view_mut::<3, 3>(0, 0);
-        position += covariance;
+    /// Adds an error to the pose, as its covariance (m, then rad), odom axes.
+    pub fn add_error(&mut self, covariance: &Matrix6<f64>) {
+        self.pose += covariance;
     }
 
     /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is what the match began with and
@@ -392,6 +391,15 @@ mod tests {
         assert!(covariance[(1, 1)].sqrt() < 0.06, "{}", covariance[(1, 1)]);
         let height = (covariance[(2, 2)] / covariance[(0, 0)]).sqrt();
         assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the horizontal error, not {height}");
+    }
+
+    #[test]
+    fn unknown_position_has_an_unknown_inclination_of_a_road() {
+        let mut known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-5_f64.powi(2));
+        let inclination = |known: &Matrix6<f64>| covariance_after(100, known)[(4, 4)].sqrt();
+        assert!(inclination(&known) < 1e-3, "{} rad", inclination(&known));
+        known[(0, 0)] = 0.0;
+        assert!((5e-3..0.1).contains(&inclination(&known)), "{} rad", inclination(&known));
     }
 
     #[test]

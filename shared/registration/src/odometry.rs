@@ -443,9 +443,8 @@ impl Odometry {
             let step = [&last.mid, &motion.mid];
             navigation.update_step(&self.settings.mounting, step, prediction, measurement.as_ref());
             navigation.update_standstill(&self.state.log, features.mid_stamp);
-            let step = motion.mid.translation.vector - last.mid.translation.vector;
-            if let Some(contrast) = contrast {
-                navigation.add_position_error(&error_along(&step, contrast));
+            if let Some(matched) = &matched {
+                navigation.add_error(&error_along(step, contrast, matched.least_influence));
             }
         }
         let mut velocity = match &matched {
