@@ -23,7 +23,7 @@ use std::path::Path;
 /// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;
 
-/// As slam_aggregate's setting `max_lost_m`.
+/// As `slam_aggregate`'s setting `max_lost_m`.
 const MAX_LOST_M: f64 = 5.0;
 
 fn main() -> anyhow::Result<()> {
