@@ -14,6 +14,8 @@ SIMULATOR = ["shared/simulation", "shared/town", "shared/raytrace", "shared/regi
 def annieway(name, timed=False):
     def make(folder):
         subprocess.run([sys.executable, DATA / "annieway/to_bin.py", name, folder] + ["--times"] * timed, check=True)
+        for times in (folder / "times").glob("*.npy"):
+            np.save(times, np.load(times).astype(np.float64))
     return DATA / "annieway" / name, make
 
 
