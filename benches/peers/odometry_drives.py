@@ -14,6 +14,8 @@ SIMULATOR = ["shared/simulation", "shared/town", "shared/raytrace", "shared/regi
 def annieway(name, timed=False):
     def make(folder):
         subprocess.run([sys.executable, DATA / "annieway/to_bin.py", name, folder] + ["--times"] * timed, check=True)
+        for times in (folder / "times").glob("*.npy"):
+            np.save(times, np.load(times).astype(np.float64))
     return DATA / "annieway" / name, make
 
 
@@ -55,6 +57,7 @@ REAL = {}
 REAL["muehlburger"] = annieway("muehlburger")
 REAL["muehlburger_0_340"] = part("muehlburger", 0, 340)
 REAL["muehlburger_timed"] = annieway("muehlburger", timed=True)
+REAL["muehlburger_timed_0_340"] = part("muehlburger_timed", 0, 340)
 REAL["durlacher"] = annieway("durlacher")
 REAL["durlacher_timed"] = annieway("durlacher", timed=True)
 REAL["kitti_0048"] = kitti_0048()
@@ -63,12 +66,17 @@ REAL["kitti_00"] = kitti_00()
 FLAT_ROAD = ["muehlburger"]
 
 
+GRADES = ["typical", "poor"]
+
+
 def simulated(name):
-    """TOWN_RIG_SEED_SECONDSs: its parts; None if the name is not of this form."""
-    parts = name.split("_")
-    if len(parts) == 4 and parts[3].endswith("s") and parts[2].isdigit() and parts[3][:-1].isdigit():
-        return parts[0], parts[1], parts[2], parts[3][:-1]
-    return None
+    """TOWN_RIG_SEED_SECONDSs, or TOWN_RIG_SEED_SECONDSs_GRADE for a unit with errors: arguments of `sweeps_of_drive`, with OUT as "{}".
+    None if the name is not of this form."""
+    town, rig, seed, seconds, *grade = name.split("_") + [""] * 4
+    grade = [grade for grade in grade if grade]
+    if not (seconds.endswith("s") and seed.isdigit() and seconds[:-1].isdigit() and (not grade or grade[0] in GRADES and not grade[1:])):
+        return None
+    return ["--simulate", town, seed, seconds[:-1], "{}", "--rig", rig] + [part for grade in grade for part in ("--lidar-errors", grade)]
 
 
 def simulator_version():
@@ -91,12 +99,11 @@ def prepared(name):
         shutil.rmtree(old, ignore_errors=True)
     partial.mkdir(parents=True)
     if drive:
-        town, rig, seed, seconds = drive
         program = ROOT / "target/release/examples/sweeps_of_drive"
-        subprocess.run([program, "--simulate", town, seed, seconds, partial, "--rig", rig], check=True)
+        subprocess.run([program, *(str(partial) if part == "{}" else part for part in drive)], check=True)
     else:
         if name not in REAL:
-            sys.exit(f"{name}: neither TOWN_RIG_SEED_SECONDSs nor one of {', '.join(REAL)}")
+            sys.exit(f"{name}: neither TOWN_RIG_SEED_SECONDSs[_GRADE] nor one of {', '.join(REAL)}")
         source, make = REAL[name]
         if not source.is_dir():
             return None

@@ -9,7 +9,8 @@
 
 Each method runs on one core, with the same settings on all drives: KISS-ICP, GenZ-ICP and RKO-LIO with the defaults that they have
 for a range of 100 m, small_gicp's VGICP tuned (voxels of 0.5 m, 20 neighbors), REPLICA with its defaults ("replica") and as
-the paper's IMLS-SLAM ("imls"). Drives: see odometry_drives.py; simulated ones are TOWN_RIG_SEED_SECONDSs. They are kept in
+the paper's IMLS-SLAM ("imls"). Drives: see odometry_drives.py; simulated ones are TOWN_RIG_SEED_SECONDSs, with _poor (or _typical) behind it for
+a LiDAR with errors. They are kept in
 --cache; a second run does not simulate again. Nor does it run other programs again whose results --out has.
 
 drift        translation and rotation over segments of 100, 200, ... 800 m (KITTI), or of 1/4, 1/2, 3/4 of a path below 100 m

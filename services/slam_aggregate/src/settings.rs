@@ -59,6 +59,9 @@ stage::settings! {
         /// Time of the drive in which the own motion may be contested by vehicles that move along, s; beyond it, the result is
         /// doubtful. Stretches are a second or longer.
         pub max_contested_s: f64 = 0.0 => stage::within(0.0, 1e6);
+        /// Largest growth of the path's deviation where the surroundings do not determine the motion, m; beyond it, the result is
+        /// doubtful. An error of the heading counts at 50 m. Results that fixes place have limits of their own in export.
+        pub max_lost_m: f64 = 5.0 => stage::within(0.0, 1e6);
         /// Share of the fixes that must agree with the result; below it, the result is doubtful. If more than half of the fixes are
         /// rejected, the rejected ones may be the correct ones. 0 accepts a drive whose fixes are not used at all.
         pub min_used_fixes_share: f64 = 0.5 => stage::within(0.0, 1.0);

@@ -228,6 +228,11 @@ impl Stage for SlamAggregate {
         }
         self.georeferencer.update(&self.georeference);
         let placed = self.georeferencer.solve(&self.georeference);
+        // Fixes correct the path, and the doubts of export tell what is left.
+        let has_fixes = placed.as_ref().is_some_and(|placed| placed.header.n_fixes > 0);
+        if let Some((metres, text)) = self.stretches.lost(self.settings.max_lost_m).filter(|_| !has_fixes) {
+            outputs.doubt("path_lost", metres, text);
+        }
         if self.georeference.gnss {
             let counted = ["fixes", "fixes_without_position"].map(|name| outputs.counted(name));
             let min_used_share = self.settings.min_used_fixes_share;

@@ -12,14 +12,19 @@ mod folder;
 
 use folder::{SweepFolder, kitti_line};
 use geometry::Pose;
+use nalgebra::Vector6;
 use registration::{
-    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Sweep, Weights,
+    Algorithm, DeskewTable, ImlsSettings, OdometrySettings, Registered, Sampling, SelectedOdometry, Stretches, Sweep,
+    Weights,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::path::Path;
 
 /// Longest time of a revolution of sensors without point times, s.
 const UNTIMED_TURN_S: f64 = 0.1;
+
+/// As `slam_aggregate`'s setting `max_lost_m`.
+const MAX_LOST_M: f64 = 5.0;
 
 fn main() -> anyhow::Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -54,7 +59,7 @@ fn main() -> anyhow::Result<()> {
     let (mut samples, mut velocities) = (samples.into_iter().peekable(), velocities.into_iter().peekable());
     let (mut ms, mut text, mut n_points, mut n_timed) = (Vec::new(), String::new(), 0, 0);
     let mut scores = MovingScores::default();
-    let mut consistency = Consistency::new(&folder);
+    let (mut consistency, mut stretches) = (Consistency::new(&folder, verbose), Stretches::default());
     let mut waiting: Vec<Sweep> = Vec::new();
     for number in 0..folder.len().min(n_sweeps) {
         let (points, n_rings) = folder.points(number)?;
@@ -82,10 +87,11 @@ fn main() -> anyhow::Result<()> {
             // Without point times of its own, a sweep has the pose of the direction ahead.
             let pose = if n_timed > 0 { registered.motion.mid } else { registered.end() };
             text.push_str(&kitti_line(&pose));
-            consistency.add(number, registered);
+            stretches.add(registered).into_iter().for_each(|text| println!("note: {text}"));
             if verbose {
                 report(registered, ms[ms.len() - 1]);
             }
+            consistency.add(number, registered);
         }
     }
     if let Some(alone) = odometry.finish() {
@@ -111,6 +117,10 @@ fn main() -> anyhow::Result<()> {
     }
     scores.print();
     consistency.print();
+    stretches.finish().into_iter().for_each(|text| println!("note: {text}"));
+    for (_, text) in [stretches.contested(0.0), stretches.lost(MAX_LOST_M)].into_iter().flatten() {
+        println!("doubt: {text}");
+    }
     Ok(())
 }
 
@@ -141,45 +151,69 @@ impl MovingScores {
 /// Normalized errors of poses, sampled once per second of the drive.
 struct Consistency {
     truth: Vec<Pose>,
+    /// Prints the errors of each sweep.
+    verbose: bool,
     first: Option<(Pose, Pose)>,
-    /// Normalized squared errors of position and rotation: 3 each if the covariances are right.
-    squares: Vec<(f64, f64)>,
+    /// Normalized squared errors of position, rotation and pose: 3, 3 and 6 if the covariances are right.
+    squares: Vec<[f64; 3]>,
+    /// Last error of the position and its standard deviation, m.
+    last: [f64; 2],
     n_degenerate: usize,
     n_bridged: usize,
 }
 
 impl Consistency {
-    fn new(folder: &SweepFolder) -> Self {
-        Self { truth: folder.truth(), first: None, squares: Vec::new(), n_degenerate: 0, n_bridged: 0 }
+    fn new(folder: &SweepFolder, verbose: bool) -> Self {
+        Self {
+            truth: folder.truth(),
+            verbose,
+            first: None,
+            squares: Vec::new(),
+            last: [0.0; 2],
+            n_degenerate: 0,
+            n_bridged: 0,
+        }
     }
     fn add(&mut self, number: usize, registered: &Registered) {
         self.n_bridged += usize::from(registered.is_bridged());
         self.n_degenerate += usize::from(registered.matched.as_ref().is_some_and(|m| m.n_degenerate_directions > 0));
         let Some(truth) = self.truth.get(number) else { return };
         let (first_true, first_found) = *self.first.get_or_insert((*truth, registered.end()));
-        if !number.is_multiple_of(10) || number == 0 {
-            return;
-        }
         let expected = first_found * first_true.inverse() * truth;
         let found = registered.end();
         let position = found.translation.vector - expected.translation.vector;
         let rotation = (found.rotation * expected.rotation.inverse()).scaled_axis();
+        if self.verbose {
+            println!(
+                "error {:.3} {:.3} {:.3} m {:.5} {:.5} {:.5} rad",
+                position.x, position.y, position.z, rotation.x, rotation.y, rotation.z
+            );
+        }
+        if !number.is_multiple_of(10) || number == 0 {
+            return;
+        }
         let square = |error: geometry::Vector3<f64>, at: usize| {
             let block = registered.covariance.fixed_view::<3, 3>(at, at).into_owned();
             block.try_inverse().map_or(f64::NAN, |information| error.dot(&(information * error)))
         };
-        self.squares.push((square(position, 0), square(rotation, 3)));
+        let pose = Vector6::from_fn(|axis, _| if axis < 3 { position[axis] } else { rotation[axis - 3] });
+        let of_pose =
+            registered.covariance.try_inverse().map_or(f64::NAN, |information| pose.dot(&(information * pose)));
+        self.squares.push([square(position, 0), square(rotation, 3), of_pose]);
+        self.last = [position.norm(), registered.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt()];
     }
     fn print(&self) {
-        let mean = |part: fn(&(f64, f64)) -> f64| {
-            self.squares.iter().map(part).sum::<f64>() / self.squares.len().max(1) as f64
-        };
         println!("{} degenerate, {} bridged", self.n_degenerate, self.n_bridged);
         if !self.squares.is_empty() {
+            let mean = |part: usize| self.squares.iter().map(|s| s[part]).sum::<f64>() / self.squares.len() as f64;
             println!(
-                "normalized squared errors: position {:.1}, rotation {:.1} (3 expected)",
-                mean(|s| s.0),
-                mean(|s| s.1)
+                "normalized squared errors: position {:.1}, rotation {:.1} (3 expected), pose {:.1} (6 expected); last position off by \
+                 {:.2} m, stated {:.2} m",
+                mean(0),
+                mean(1),
+                mean(2),
+                self.last[0],
+                self.last[1]
             );
         }
     }

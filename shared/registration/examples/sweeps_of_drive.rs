@@ -1,7 +1,7 @@
 //! Writes the sweeps of a drive as a folder that other odometry implementations read (layout: `folder/mod.rs`):
 //! `sweeps_of_drive DRIVE OUT`, or `sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG]` for a simulated drive with the
-//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file), `--traffic dense` after it for a
-//! queue. The simulated drive itself is deleted.
+//! LiDAR only (urban, suburban, rural, field, tunnel; rig l3d2, survey, nuscenes, kitti or a file), with `--traffic dense` for a
+//! queue, with `--lidar-errors poor` (or typical) for a unit with errors. The simulated drive itself is deleted.
 
 mod folder;
 
@@ -17,20 +17,24 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+const USAGE: &str = "usage: sweeps_of_drive DRIVE OUT, or sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG] \
+                     [--traffic TRAFFIC] [--lidar-errors GRADE]";
+
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--simulate", town, seed, seconds, out, rig @ ..] => {
-            let (rig, traffic) = match rig {
-                [] => (DriveSettings::default().rig, DriveSettings::default().traffic),
-                ["--rig", rig] => ((*rig).to_owned(), DriveSettings::default().traffic),
-                ["--rig", rig, "--traffic", traffic] => ((*rig).to_owned(), (*traffic).to_owned()),
-                _ => anyhow::bail!(
-                    "usage: sweeps_of_drive --simulate TOWN SEED SECONDS OUT [--rig RIG [--traffic TRAFFIC]]"
-                ),
-            };
-            let (town, seed, seconds) = ((*town).to_owned(), seed.parse()?, seconds.parse()?);
-            let spec = DriveSettings { town, seed, seconds, rig, traffic, ..DriveSettings::default() }.spec()?;
+        ["--simulate", town, seed, seconds, out, options @ ..] => {
+            let (seed, seconds) = (seed.parse()?, seconds.parse()?);
+            let mut settings = DriveSettings { town: (*town).to_owned(), seed, seconds, ..DriveSettings::default() };
+            for option in options.chunks(2) {
+                match option {
+                    ["--rig", rig] => (*rig).clone_into(&mut settings.rig),
+                    ["--traffic", traffic] => (*traffic).clone_into(&mut settings.traffic),
+                    ["--lidar-errors", grade] => (*grade).clone_into(&mut settings.lidar_errors),
+                    _ => anyhow::bail!("{USAGE}"),
+                }
+            }
+            let spec = settings.spec()?;
             let spec = DriveSpec { cameras: false, mosaics: false, ..spec };
             let drive = Path::new(out).join("drive");
             fs::create_dir_all(out)?;
@@ -40,7 +44,7 @@ fn main() -> anyhow::Result<()> {
             Ok(fs::remove_dir_all(&drive)?)
         }
         [drive, out] => write(Path::new(drive), Path::new(out), None),
-        _ => anyhow::bail!("usage: sweeps_of_drive (DRIVE | --simulate TOWN SEED SECONDS) OUT"),
+        _ => anyhow::bail!("{USAGE}"),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::Registered;
 use crate::contrast::MIN_CONTRAST;
+use crate::time_spans::TimeSpans;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -11,12 +12,9 @@ const WINDOW: usize = 10;
 /// Collects stretches with a low [`Registered::contrast`]. Serializing it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContestedStretches {
-    /// First shot of the drive, ns.
-    begin: Option<i64>,
     /// First shots and contrasts of the last sweeps.
     window: VecDeque<(i64, f64)>,
-    /// First and last shot of each stretch, ns; the last one may still grow.
-    stretches: Vec<(i64, i64)>,
+    spans: TimeSpans,
 }
 
 impl ContestedStretches {
@@ -29,7 +27,7 @@ impl ContestedStretches {
     }
 
     fn add_contrast(&mut self, [stamp, end]: [i64; 2], contrast: f64) {
-        self.begin.get_or_insert(stamp);
+        self.spans.begin_drive(stamp);
         self.window.push_back((stamp, contrast));
         if self.window.len() > WINDOW {
             self.window.pop_front();
@@ -37,45 +35,21 @@ impl ContestedStretches {
         let mean = self.window.iter().map(|(_, contrast)| contrast).sum::<f64>() / WINDOW as f64;
         let is_contested = self.window.len() == WINDOW && mean < MIN_CONTRAST;
         let Some((begin, _)) = self.window.front().filter(|_| is_contested) else { return };
-        match self.stretches.last_mut().filter(|(_, last)| begin <= last) {
-            Some((_, last)) => *last = end,
-            None => self.stretches.push((*begin, end)),
-        }
+        self.spans.add([*begin, end], 0);
     }
 
     /// Time of all stretches, s, and what it means, if it is above the limit, s.
     pub fn doubt(&self, max_s: f64) -> Option<(f64, String)> {
-        let seconds = self.seconds();
+        let seconds = self.spans.seconds();
         let text = || {
             format!(
                 "own motion contested for {seconds:.1} s of the drive, more than {max_s} s: the surroundings fit other positions along \
                  the way about as well, as in a queue that moves along ({}); the vehicle may have driven farther than the result \
                  says",
-                self.describe()
+                self.spans.describe()
             )
         };
         (seconds > max_s).then(|| (seconds, text()))
-    }
-
-    /// Time of all stretches, s.
-    fn seconds(&self) -> f64 {
-        self.stretches.iter().map(|(begin, end)| (end - begin) as f64 * 1e-9).sum()
-    }
-
-    /// The longest stretches by the seconds of the drive, for the operator; empty without any.
-    fn describe(&self) -> String {
-        /// Stretches that are named.
-        const MAX_NAMED: usize = 5;
-        let mut longest = self.stretches.clone();
-        longest.sort_by_key(|(begin, end)| (begin - end, *begin));
-        let n_more = longest.len().saturating_sub(MAX_NAMED);
-        longest.truncate(MAX_NAMED);
-        longest.sort_unstable();
-        let second = |stamp: i64| (stamp - self.begin.unwrap_or(stamp)) as f64 * 1e-9;
-        let named: Vec<String> =
-            longest.iter().map(|(begin, end)| format!("{:.1} to {:.1} s", second(*begin), second(*end))).collect();
-        let more = if n_more > 0 { format!(" and {n_more} more") } else { String::new() };
-        named.join(", ") + &more
     }
 }
 
@@ -96,21 +70,21 @@ mod tests {
     fn stretch_of_low_contrast_is_named_with_its_times() {
         let contrasts = [vec![0.5; 30], vec![0.0; 20], vec![0.5; 30], vec![0.0; 40]].concat();
         let found = after(&contrasts);
-        assert_eq!(found.describe(), "2.9 to 5.1 s, 7.9 to 12.0 s");
-        assert!((found.seconds() - 6.3).abs() < 1e-6, "{}", found.seconds());
+        assert_eq!(found.spans.describe(), "2.9 to 5.1 s, 7.9 to 12.0 s");
+        assert!((found.spans.seconds() - 6.3).abs() < 1e-6, "{}", found.spans.seconds());
     }
 
     #[test]
     fn single_sweeps_of_low_contrast_are_no_stretch() {
         let contrasts: Vec<f64> = (0..100).map(|number| if number % 4 == 0 { -0.1 } else { 0.3 }).collect();
         assert_eq!(after(&contrasts), ContestedStretches { window: after(&contrasts).window, ..after(&[0.5]) });
-        assert_eq!(after(&contrasts).describe(), "");
+        assert_eq!(after(&contrasts).spans.describe(), "");
     }
 
     #[test]
     fn description_names_the_longest_stretches() {
         let part = |n: usize| [vec![0.0; 10 + n], vec![0.9; 20]].concat();
         let found = after(&(1..=8).map(part).collect::<Vec<_>>().concat());
-        assert!(found.describe().ends_with(" and 3 more"), "{}", found.describe());
+        assert!(found.spans.describe().ends_with(" and 3 more"), "{}", found.spans.describe());
     }
 }

@@ -22,6 +22,7 @@
 mod arc_tangent;
 mod body_poses;
 mod cell;
+mod confirmed;
 mod contested_stretches;
 mod contrast;
 mod degenerate_stretches;
@@ -35,6 +36,7 @@ mod inertial_check;
 mod kept_points;
 mod kernel;
 mod local_map;
+mod lost_stretches;
 mod maps;
 mod matching;
 mod motion;
@@ -59,6 +61,7 @@ mod stretches;
 mod submap;
 mod sweep;
 mod sweep_features;
+mod time_spans;
 mod untimed_turn;
 mod voxel;
 

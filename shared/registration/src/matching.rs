@@ -64,7 +64,7 @@ impl Default for MatchSettings {
             fine: (0.3, 0.05),
             acceleration: (4.0, 0.7),
             residual_m: 0.1,
-            drift_residual_m: 0.015,
+            drift_residual_m: 0.0115,
             small_step: (1e-3, 1.745e-4),
             min_influence: 0.001,
             rough_below: 0.005,
@@ -132,7 +132,7 @@ pub(crate) struct Prediction {
 }
 
 /// Rotations weigh as the displacement that they cause at this distance, m: a typical range in a street.
-const LEVER_M: f64 = 10.0;
+pub(crate) const LEVER_M: f64 = 10.0;
 /// Fewer matches do not determine six unknowns.
 const MIN_MATCHES: usize = 60;
 /// A match has converged if its last step is below this, m and rad: the error of a prediction.

@@ -17,6 +17,7 @@ use crate::sensors::SensorLog;
 use geometry::{Pose, Stamp, UnitQuaternion, Vector3};
 use lidar_step::LidarStep;
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector6};
+pub(crate) use propagation::straightening;
 use serde::{Deserialize, Serialize};
 
 /// Error states, three numbers each: position and rotation since the previous sweep and velocity (axes of the body then), attitude
@@ -41,13 +42,22 @@ const MEASURED_SPEED: f64 = 0.5;
 const FIRST_TILT: f64 = 0.1;
 /// Jitter of matched poses, m and rad; it is not motion.
 const POSE_NOISE: (f64, f64) = (5e-3, 5e-4);
+/// The bias of a gyroscope, which steps have in common, shifts each sweep in the map to the same side, and the map stays: half of its
+/// 60 sweeps measure it together. Without inertial samples steps have little in common.
+const COMMON_SWEEPS: f64 = 30.0;
 /// Standstill is possible below this speed (m/s) and this acceleration (m/s^2); a detected standstill has this standard
 /// deviation of the velocity, m/s.
 const SLOW_MPS: f64 = 0.3;
 const STANDING_MPS2: f64 = 0.15;
 const STANDING_MPS: f64 = 0.02;
+/// The mean angular rate of half a second at rest is the gyroscopes' bias with this error, rad/s: noise, and steps of the passengers.
+/// Larger than [`RATE_BIAS_GATE`] times its deviation, it is a rotation.
+const STANDING_RADPS: f64 = 1e-3;
+const RATE_BIAS_GATE: f64 = 4.0;
 /// Largest grade of a road.
 const GRADE: f64 = 0.1;
+/// The grade is another one after so many metres.
+const HILL_M: f64 = 50.0;
 /// A GNSS velocity supports predictions for so long, s.
 const VELOCITY_VALID_S: f64 = 2.0;
 /// Change of the velocity while a late measurement was on its way, m/s^2.
@@ -164,12 +174,17 @@ impl Navigation {
         }
     }
 
-    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures the height over
-    /// the ground, not the height of the ground. So an error of the horizontal position adds to the height by the grade of a road.
-    /// (On a field the height of a vehicle that seemed to stand had a deviation of 30 cm and an error of 3 m.)
+    /// Covariance of the pose: translation (m), then rotation (rad), odom axes about the LiDAR. A match measures height and
+    /// inclination over the ground, not those of the ground. So an error of the horizontal position adds to the height by the grade of
+    /// a road, and to the inclination as hills bend it. (On a field the height of a vehicle that seemed to stand had a deviation of
+    /// 30 cm and an error of 3 m.)
     pub fn pose_covariance(&self) -> Matrix6<f64> {
         let mut pose = self.pose;
-        pose[(2, 2)] += GRADE * GRADE * (pose[(0, 0)] + pose[(1, 1)]);
+        let horizontal = pose[(0, 0)] + pose[(1, 1)];
+        pose[(2, 2)] += GRADE * GRADE * horizontal;
+        for axis in [3, 4] {
+            pose[(axis, axis)] += GRADE * GRADE * horizontal / (horizontal + HILL_M * HILL_M);
+        }
         pose
     }
 
@@ -208,6 +223,11 @@ impl Navigation {
         PredictedPose { mid: lidar.pose(&self.displacement, &self.rotation), information, sources }
     }
 
+    /// Adds an error to the pose, as its covariance (m, then rad), odom axes.
+    pub fn add_error(&mut self, covariance: &Matrix6<f64>) {
+        self.pose += covariance;
+    }
+
     /// Updates the filter with the step from the LiDAR's pose `from` to `to`. `prediction` is what the match began with and
     /// `measurement` what it measured, `None` without a match.
     pub fn update_step(
@@ -225,8 +245,11 @@ impl Navigation {
             // Both poses of the step jitter.
             |measurement| [measurement.information * 0.5, measurement.drift_information],
         );
-        // The remaining error of the step, and the errors of the filter after the update.
+        // The remaining error of the step, of the part that steps have in common, and the errors of the filter after the update.
         let remaining = (Matrix6::identity() + step * drift).try_inverse().unwrap_or_else(Matrix6::identity);
+        let n_common = if prediction.sources.inertial { COMMON_SWEEPS } else { 1.0 };
+        let remaining_common =
+            (Matrix6::identity() + step * drift * n_common).try_inverse().unwrap_or_else(Matrix6::identity);
         let damping = (Matrix6::identity() + information * step).try_inverse().unwrap_or_else(Matrix6::zeros);
         let gain = self.covariance * h.transpose() * damping;
         let gain_information = gain * information;
@@ -234,10 +257,10 @@ impl Navigation {
         let cross_step = self.cross_covariance * h.transpose();
         let displacement = to.translation.vector - from.translation.vector;
         let lever = lever(&displacement);
-        let mixed = lever * cross_step * remaining.transpose();
+        let mixed = lever * cross_step * remaining_common.transpose();
         self.pose = symmetric(&(lever * self.pose * lever.transpose() + mixed + mixed.transpose() + remaining * step));
         self.cross_covariance =
-            lever * (self.cross_covariance - cross_step * gain_information.transpose()) + remaining * h * after;
+            lever * (self.cross_covariance - cross_step * gain_information.transpose()) + remaining_common * h * after;
         self.covariance = after;
         let predicted = lidar.pose(&self.displacement, &self.rotation);
         let mut residual = Vector6::zeros();
@@ -251,14 +274,24 @@ impl Navigation {
         self.begin_next_step();
     }
 
-    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands.
+    /// Sets the velocity to zero if the inertial samples and the estimated velocity agree that the vehicle stands. Then the
+    /// gyroscopes show their bias.
     pub fn update_standstill(&mut self, log: &SensorLog, at: Stamp) {
         let is_gravity_alone = |force: Vector3<f64>| (force - self.force_bias + self.gravity()).norm() < STANDING_MPS2;
-        if self.velocity.norm() < SLOW_MPS && log.standstill(at).is_some_and(is_gravity_alone) {
+        let still = log.standstill(at).filter(|(force, _)| self.velocity.norm() < SLOW_MPS && is_gravity_alone(*force));
+        let Some((_, rate)) = still else { return };
+        let measure = |part: usize| {
             let mut h = SMatrix::<f64, 3, N>::zeros();
-            h.fixed_view_mut::<3, 3>(0, VELOCITY).copy_from(&Matrix3::identity());
-            let residual = -self.velocity;
-            self.update(&h, &residual, STANDING_MPS * STANDING_MPS);
+            h.fixed_view_mut::<3, 3>(0, part).copy_from(&Matrix3::identity());
+            h
+        };
+        let residual = -self.velocity;
+        self.update(&measure(VELOCITY), &residual, STANDING_MPS * STANDING_MPS);
+        let residual = rate - self.rate_bias;
+        let variance =
+            self.covariance.fixed_view::<3, 3>(RATE_BIAS, RATE_BIAS).diagonal().max() + STANDING_RADPS.powi(2);
+        if residual.norm_squared() < RATE_BIAS_GATE.powi(2) * variance {
+            self.update(&measure(RATE_BIAS), &residual, STANDING_RADPS * STANDING_RADPS);
         }
     }
 
@@ -310,6 +343,7 @@ fn inverse(m: &Matrix6<f64>) -> Matrix6<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::InertialSample;
     use geometry::Isometry3;
 
     const ACCELERATION: (f64, f64) = (2.0, 0.5);
@@ -358,5 +392,72 @@ mod tests {
         assert!(covariance[(1, 1)].sqrt() < 0.06, "{}", covariance[(1, 1)]);
         let height = (covariance[(2, 2)] / covariance[(0, 0)]).sqrt();
         assert!((height / 0.1 - 1.0).abs() < 0.02, "a tenth of the horizontal error, not {height}");
+    }
+
+    /// Deviation of the heading, rad, after ten seconds of sweeps that measure it with 1 mrad each, with samples of an inertial unit.
+    fn heading_deviation_with_samples() -> f64 {
+        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        for number in 0..1100 {
+            let stamp = Stamp(i64::from(number) * 10_000_000);
+            log.push_inertial(InertialSample { stamp, force: Vector3::new(0.0, 0.0, 9.806), rate: Vector3::zeros() });
+        }
+        let stamp = |step: u32| Stamp(i64::from(step) * 100_000_000);
+        let mut navigation = Navigation::begin(&(Vector3::x() * 10.0), true, &log, [stamp(0), stamp(1)]);
+        let information = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-3_f64.powi(2));
+        for step in 1..100 {
+            let [from, to] = [step, step + 1].map(|at| Isometry3::translation(f64::from(at), 0.0, 0.0));
+            let stamps = [stamp(step), stamp(step + 1)];
+            let predicted = navigation.predict(&mut log, &mounting, &from, stamps, ACCELERATION, &Vector3::zeros());
+            assert!(predicted.sources.inertial);
+            let measurement = StepMeasurement { information, drift_information: information };
+            navigation.update_step(&mounting, [&from, &to], &predicted, Some(&measurement));
+        }
+        navigation.pose_covariance()[(5, 5)].sqrt()
+    }
+
+    #[test]
+    fn bias_of_gyroscopes_is_measured_by_all_sweeps_of_the_map() {
+        let found = heading_deviation_with_samples();
+        assert!(found < 0.01, "matches alone have 10 mrad, and gyroscopes only help: {found} rad");
+    }
+
+    #[test]
+    fn unknown_position_has_an_unknown_inclination_of_a_road() {
+        let mut known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-5_f64.powi(2));
+        let inclination = |known: &Matrix6<f64>| covariance_after(100, known)[(4, 4)].sqrt();
+        assert!(inclination(&known) < 1e-3, "{} rad", inclination(&known));
+        known[(0, 0)] = 0.0;
+        assert!((5e-3..0.1).contains(&inclination(&known)), "{} rad", inclination(&known));
+    }
+
+    #[test]
+    fn unmeasured_heading_does_not_spin() {
+        let mut known = diagonal(1.0 / 0.005_f64.powi(2), 1.0 / 1e-5_f64.powi(2));
+        known[(5, 5)] = 0.0;
+        let covariance = covariance_after(100, &known);
+        let heading = covariance[(5, 5)].sqrt();
+        // A rate of 0.5 rad/s that went on for ten seconds would be 5 rad.
+        assert!((0.05..1.0).contains(&heading), "{heading} rad after ten seconds");
+    }
+
+    #[test]
+    fn standstill_shows_the_bias_of_the_gyroscopes() {
+        let (mounting, mut log) = (SensorMounting::default(), SensorLog::default());
+        let bias = Vector3::new(0.001, -0.002, 0.004);
+        for number in 0..120 {
+            let stamp = Stamp(i64::from(number) * 10_000_000);
+            let force = Vector3::new(0.0, 0.0, 9.806);
+            log.push_inertial(InertialSample { stamp, force, rate: bias });
+        }
+        let stamp = |step: u32| Stamp(i64::from(step) * 100_000_000);
+        let mut navigation = Navigation::begin(&Vector3::zeros(), true, &log, [stamp(0), stamp(1)]);
+        let at = Isometry3::identity();
+        for step in 5..10 {
+            let stamps = [stamp(step), stamp(step + 1)];
+            let predicted = navigation.predict(&mut log, &mounting, &at, stamps, ACCELERATION, &Vector3::zeros());
+            navigation.update_step(&mounting, [&at, &at], &predicted, None);
+            navigation.update_standstill(&log, stamp(step + 1));
+        }
+        assert!((navigation.rate_bias - bias).norm() < 0.1 * bias.norm(), "{}", navigation.rate_bias);
     }
 }

@@ -1,12 +1,13 @@
 //! Scan-to-map odometry: registers sweep after sweep to the local map.
 
-use crate::contrast::{MIN_CONTRAST, contrast_along, without_facing};
+use crate::confirmed::confirmed;
+use crate::contrast::{MIN_CONTRAST, contrast_along, error_along, without_facing};
 use crate::ground_tilt::GroundTilt;
 use crate::maps::{Maps, SavedMaps};
 use crate::matching::{Match, Prediction, match_features};
 use crate::motion::Velocity;
 use crate::moving::{MovingDetector, MovingPoints};
-use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement};
+use crate::navigation::{Navigation, PredictedPose, PredictionSources, StepMeasurement, straightening};
 use crate::ring_errors::{RingError, RingErrors};
 use crate::sampling::sampled;
 use crate::sensors::SensorLog;
@@ -317,7 +318,7 @@ impl Odometry {
         let prediction = self.predict(&last, second.mid_stamp);
         let first_match = start.second.clone();
         let first = registered(first, start.first, Some(first_match), false);
-        let matched = (start.second.motion, Some(start.second));
+        let matched = (start.second.motion, Some(start.second), None);
         let second = self.update(&second, second_sweep, matched, &last, &prediction);
         vec![first, second]
     }
@@ -363,8 +364,10 @@ impl Odometry {
             found.as_ref().is_none_or(|found| found.matched.least_influence < self.settings.matching.rough_below)
         };
         let mut found = matching(samples);
+        let mut matched_by = samples;
         if gated.is_none() && is_poor(&found) && features.with_rough.len() > features.matching.len() {
-            found = matching(&features.with_rough);
+            matched_by = &features.with_rough;
+            found = matching(matched_by);
         }
         let is_acceptable = |Match { matched, .. }: &Match| {
             is_plausible(matched) && is_reachable(&matched.motion.mid, &predicted.mid, seconds)
@@ -381,6 +384,10 @@ impl Odometry {
             let again = match_features(&undisputed, &self.maps, &prediction, &settings);
             found = again.filter(is_acceptable).or(found);
         }
+        if let Some(Match { matched, .. }) = &mut found {
+            let maps = (&self.maps, &matched.motion);
+            matched.step_information = confirmed(matched, matched_by, maps, &self.settings.matching);
+        }
         let motion = found.as_ref().map_or(prediction.motion, |found| found.matched.motion);
         if let Some(found) = &found {
             self.state.ground_tilt = found.ground_tilt;
@@ -395,8 +402,8 @@ impl Odometry {
                 }
             }
         }
-        let matched = (motion, found.map(|found| found.matched));
-        Registered { contrast, ..self.update(features, sweep, matched, last, &predicted) }
+        let matched = (motion, found.map(|found| found.matched), contrast);
+        self.update(features, sweep, matched, last, &predicted)
     }
 
     /// A sample of the features that are near the map under this motion.
@@ -421,7 +428,7 @@ impl Odometry {
         &mut self,
         features: &SweepFeatures,
         sweep: &Sweep,
-        (motion, matched): (SweepMotion, Option<Matched>),
+        (motion, matched, contrast): (SweepMotion, Option<Matched>, Option<f64>),
         last: &Last,
         prediction: &PredictedPose,
     ) -> Registered {
@@ -436,11 +443,17 @@ impl Odometry {
             let step = [&last.mid, &motion.mid];
             navigation.update_step(&self.settings.mounting, step, prediction, measurement.as_ref());
             navigation.update_standstill(&self.state.log, features.mid_stamp);
+            if let Some(matched) = &matched {
+                navigation.add_error(&error_along(step, contrast, matched.least_influence));
+            }
         }
-        let velocity = match &matched {
+        let mut velocity = match &matched {
             Some(_) if features.duration_nanos > 0 => Velocity::during(&motion, features.duration_s),
             _ => Velocity::between(&last.mid, &motion.mid, seconds),
         };
+        if matched.as_ref().is_some_and(|matched| matched.n_degenerate_directions > 0) {
+            velocity.angular *= straightening(seconds);
+        }
         self.state.last = Some(Last { mid_stamp: features.mid_stamp, mid: motion.mid, velocity });
         self.state.bridged_in_a_row = if matched.is_some() { 0 } else { self.state.bridged_in_a_row + 1 };
         let map_restarted = self.state.bridged_in_a_row >= MAX_BRIDGED && !features.features.is_empty();
@@ -462,6 +475,7 @@ impl Odometry {
             self.state.moving.add_sweep(sweep, &motion, &moving);
         }
         Registered {
+            contrast,
             moving: moving.points,
             covariance: self.state.navigation.as_ref().map_or_else(Matrix6::zeros, Navigation::pose_covariance),
             predicted_by: prediction.sources,

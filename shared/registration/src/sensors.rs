@@ -157,7 +157,7 @@ impl SensorLog {
     }
 
     /// Mean force of the last half second before `end` if the samples are those of a vehicle that stands.
-    pub fn standstill(&self, end: Stamp) -> Option<Vector3<f64>> {
+    pub fn standstill(&self, end: Stamp) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let begin = end.plus_nanos(-STILL_NANOS);
         let (force, rate) = self.mean(begin, end).filter(|_| self.covers(begin, end))?;
         let after = self.samples.partition_point(|sample| sample.stamp < begin);
@@ -166,7 +166,7 @@ impl SensorLog {
             |of: &dyn Fn(&InertialSample) -> f64| window.iter().map(|s| of(s)).sum::<f64>() / window.len() as f64;
         let is_still = mean_square(&|s| (s.force - force).norm_squared()) < STILL_MPS2 * STILL_MPS2
             && mean_square(&|s| (s.rate - rate).norm_squared()) < STILL_RADPS * STILL_RADPS;
-        is_still.then_some(force)
+        is_still.then_some((force, rate))
     }
 
     /// Removes and returns the next velocity up to `end`.

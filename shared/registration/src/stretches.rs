@@ -3,19 +3,22 @@
 use crate::Registered;
 use crate::contested_stretches::ContestedStretches;
 use crate::degenerate_stretches::DegenerateStretches;
+use crate::lost_stretches::LostStretches;
 use serde::{Deserialize, Serialize};
 
-/// Collects stretches with degenerate geometry, and with a contested motion. Serializing it saves the state.
+/// Collects stretches with degenerate geometry, with a contested motion, and with a lost way. Serializing it saves the state.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stretches {
     degenerate: DegenerateStretches,
     contested: ContestedStretches,
+    lost: LostStretches,
 }
 
 impl Stretches {
     /// Adds the next sweep. Returns a report if the sweep ends a stretch of degenerate geometry.
     pub fn add(&mut self, registered: &Registered) -> Option<String> {
         self.contested.add(registered);
+        self.lost.add(registered);
         self.degenerate.add(registered)
     }
 
@@ -27,5 +30,11 @@ impl Stretches {
     /// Time in which the motion was contested, s, and what it means, if it is above the limit, s.
     pub fn contested(&self, max_s: f64) -> Option<(f64, String)> {
         self.contested.doubt(max_s)
+    }
+
+    /// By how much stretches without a determined motion let the deviation of the path grow, m, and what it means, if it is above the
+    /// limit, m.
+    pub fn lost(&self, max_m: f64) -> Option<(f64, String)> {
+        self.lost.doubt(max_m)
     }
 }

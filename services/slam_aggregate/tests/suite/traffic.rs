@@ -1,4 +1,4 @@
-//! Simulated drives in a queue that starts with the vehicle, from rest, and without one.
+//! Simulated drives by LiDAR alone, from rest: in a queue that starts with the vehicle, without one, and over a bare road.
 
 use formats::drive::Drive;
 use geometry::Pose;
@@ -10,11 +10,13 @@ use stage::testing::Bench;
 /// A vehicle at rest needs two seconds to get ahead of a queue, or not.
 const SECONDS: f64 = 6.0;
 
-/// The stage after a drive by LiDAR alone, and its way and the true one, m.
+/// The stage after a drive in a town, and its way and the true one, m.
 fn driven(traffic: &str) -> (Bench<SlamAggregate>, [f64; 2]) {
-    let rig = String::from("nuscenes");
-    let settings =
-        DriveSettings { seed: 811, seconds: SECONDS, rig, traffic: traffic.to_owned(), ..DriveSettings::default() };
+    let (rig, traffic) = (String::from("nuscenes"), traffic.to_owned());
+    driven_as(&DriveSettings { seed: 811, seconds: SECONDS, rig, traffic, ..DriveSettings::default() })
+}
+
+fn driven_as(settings: &DriveSettings) -> (Bench<SlamAggregate>, [f64; 2]) {
     let spec = DriveSpec { cameras: false, mosaics: false, ..settings.spec().unwrap() };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive");
@@ -67,5 +69,16 @@ fn queue_that_is_taken_for_the_world_is_a_doubt() {
 fn drive_in_sparse_traffic_is_no_doubt() {
     let (bench, [found_m, true_m]) = driven("normal");
     assert!((found_m - true_m).abs() < 0.1, "{found_m} m of {true_m} m");
-    assert_eq!(bench.doubt("motion_contested"), None);
+    assert_eq!([bench.doubt("motion_contested"), bench.doubt("path_lost")], [None; 2]);
+}
+
+/// Nothing but the road is near, and the LiDAR, tilted as on the L3D2 vehicle, does not see ahead: the vehicle seems to stand.
+#[test]
+fn way_that_is_lost_on_a_bare_road_is_a_doubt() {
+    let town = String::from("field");
+    let (bench, [found_m, true_m]) =
+        driven_as(&DriveSettings { town, seed: 823, seconds: SECONDS, ..DriveSettings::default() });
+    assert!(found_m < 0.5 * true_m, "{found_m} m of {true_m} m: with a better odometry this drive needs no doubt");
+    let lost_m = bench.doubt("path_lost").unwrap();
+    assert!(lost_m > true_m - found_m, "stated {lost_m} m, lost {} m", true_m - found_m);
 }

@@ -14,6 +14,15 @@ const RATE_NOISE: f64 = 3e-4;
 const FORCE_BIAS_WALK: f64 = 2e-4;
 const RATE_BIAS_WALK: f64 = 1e-5;
 
+/// Time after which a vehicle whose rotation is not measured drives straight again, s.
+const STRAIGHTENING_S: f64 = 1.0;
+
+/// The share of an angular rate that is left after so many seconds without measurement. Vehicles turn for seconds, not for minutes: a
+/// rate that goes on for ever would turn the noise of a standstill on a bare road into a spin.
+pub(crate) fn straightening(seconds: f64) -> f64 {
+    (-seconds / STRAIGHTENING_S).exp()
+}
+
 impl Navigation {
     /// Propagates state and covariance from one time to the next, by inertial samples if the log `has_samples`.
     pub(super) fn propagate(
@@ -51,6 +60,7 @@ impl Navigation {
             // The error of the angular rate takes the place of the gyroscopes' bias.
             let axes = self.coast(seconds);
             set(ROTATION, RATE_BIAS, -axes * seconds);
+            set(RATE_BIAS, RATE_BIAS, Matrix3::identity() * straightening(seconds));
             add(VELOCITY, acceleration.0 * seconds);
             add(RATE_BIAS, acceleration.1 * seconds);
         }
