@@ -6,6 +6,7 @@ use crate::scratch::{parts, with_file, with_files};
 use import::Kind;
 use rig::source::{FrameTree, SourceOptions, read};
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// A chunk of a `MandEye`: the target puts its IMU beside it. Not compressed: to set up the decoder takes longer than the rest.
 const CHUNK: &[u8] = include_bytes!("../corpus/las/seed_0");
@@ -26,6 +27,40 @@ pub(crate) fn laz(bytes: &[u8]) {
 pub(crate) fn mandeye_imu(bytes: &[u8]) {
     let files = [("source/lidar0.laz", CHUNK), ("source/imu0.csv", bytes)];
     with_files(&files, |folder| import(&folder.join("source"), Kind::Mandeye));
+}
+
+/// Fixes of a `MandEye`: sentences, then values.
+pub(crate) fn mandeye_gnss(bytes: &[u8]) {
+    let [sentences, values] = parts(bytes);
+    for (name, log) in [("source/gnss0.nmea", sentences), ("source/gnss0.gnss", values)] {
+        with_files(&[("source/lidar0.laz", CHUNK), (name, log)], |folder| {
+            import(&folder.join("source"), Kind::Mandeye)
+        });
+    }
+}
+
+/// Calibrations, poses and samples of the IMU of a Boreas sequence.
+pub(crate) fn boreas(bytes: &[u8]) {
+    const NAMES: [&str; 5] = [
+        "source/calib/T_applanix_lidar.txt",
+        "source/calib/T_camera_lidar.txt",
+        "source/calib/P_camera.txt",
+        "source/applanix/lidar_poses.csv",
+        "source/applanix/imu_raw.csv",
+    ];
+    // A return of each laser of the sweep.
+    static SWEEP: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let row = |laser: u8| {
+            let elevation = (0.3125 * f32::from(laser) - 25.0).to_radians();
+            [20.0 * elevation.cos(), 0.0, 20.0 * elevation.sin(), 17.0, f32::from(laser), 0.0]
+        };
+        (0..128).flat_map(row).flat_map(f32::to_le_bytes).collect()
+    });
+    let texts: [&[u8]; 5] = parts(bytes);
+    let mut files: Vec<(&str, &[u8])> = NAMES.into_iter().zip(texts).filter(|(_, text)| !text.is_empty()).collect();
+    files.push(("source/lidar/1630597330954834.bin", &SWEEP));
+    files.push(("source/camera/1630597330984834.png", IMAGE));
+    with_files(&files, |folder| import(&folder.join("source"), Kind::Boreas));
 }
 
 /// The tables of a scene.

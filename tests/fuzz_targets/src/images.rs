@@ -2,6 +2,7 @@
 
 use crate::accepted::accepted;
 use formats::jpeg;
+use formats::multipart::MultipartReader;
 use formats::pgm::Pgm;
 use formats::raw_mosaic::RawMosaic;
 use formats::tiff::Tiff;
@@ -23,6 +24,18 @@ pub(crate) fn color(bytes: &[u8]) {
         && let Ok(Ok(image)) = catch_unwind(AssertUnwindSafe(|| DynamicImage::from_decoder(decoder)))
     {
         assert_eq!(image.to_rgb8().as_raw().len(), (SIZE.0 * SIZE.1 * 3) as usize);
+    }
+}
+
+/// A stream of images.
+pub(crate) fn multipart(bytes: &[u8]) {
+    let (mut reader, mut image) = (MultipartReader::new(bytes), Vec::new());
+    while let Ok(Some(n_bytes)) = reader.next_header() {
+        let read = reader.image(n_bytes, &mut image);
+        accepted(&read);
+        if read.is_err() {
+            break;
+        }
     }
 }
 

@@ -26,7 +26,7 @@ use std::time::Duration;
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 62] = [
+pub const TARGETS: [Target; 65] = [
     ("pcap", captures::capture),
     ("pcapng", captures::capture),
     ("hdl32e", captures::hdl32e),
@@ -45,6 +45,7 @@ pub const TARGETS: [Target; 62] = [
     ("imu", captures::imu),
     ("png", images::color),
     ("jpeg", images::color),
+    ("multipart", images::multipart),
     ("pgm", images::pgm),
     ("tiff", images::tiff),
     ("raw_mosaic", images::raw_mosaic),
@@ -76,6 +77,8 @@ pub const TARGETS: [Target; 62] = [
     ("las", data_sets::las),
     ("laz", data_sets::laz),
     ("mandeye_imu", data_sets::mandeye_imu),
+    ("mandeye_gnss", data_sets::mandeye_gnss),
+    ("boreas", data_sets::boreas),
     ("nuscenes_tables", data_sets::nuscenes_tables),
     ("kitti_raw", data_sets::kitti_raw),
     ("plain_tables", data_sets::plain_tables),

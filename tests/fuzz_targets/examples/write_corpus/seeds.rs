@@ -48,6 +48,7 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("imu", vec![imu().into_bytes()]),
         ("png", vec![picture(ImageFormat::Png)]),
         ("jpeg", vec![picture(ImageFormat::Jpeg)]),
+        ("multipart", vec![multipart()]),
         ("pgm", vec![pgm_from_samples(20, 10, 4095, &[77; 200]), pgm_from_samples(20, 10, 255, &[77; 200])]),
         ("tiff", vec![tiff()]),
         ("raw_mosaic", vec![tiff(), pgm_from_samples(20, 10, 4095, &[77; 200])]),
@@ -79,6 +80,8 @@ pub fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("las", vec![data_sets::las(false)]),
         ("laz", vec![data_sets::las(true), data_sets::layered_laz()]),
         ("mandeye_imu", vec![data_sets::MANDEYE_IMU.into()]),
+        ("mandeye_gnss", vec![data_sets::mandeye_gnss()]),
+        ("boreas", vec![data_sets::boreas()]),
         ("nuscenes_tables", vec![data_sets::nuscenes_tables()]),
         ("kitti_raw", vec![data_sets::kitti_raw()]),
         ("plain_tables", vec![data_sets::plain_tables()]),
@@ -456,4 +459,13 @@ fn states() -> Vec<Vec<u8>> {
         encode_state(2, &runner).expect("encodes"),
         encode_state(2, &position).expect("encodes"),
     ]
+}
+
+/// Two images in parts.
+fn multipart() -> Vec<u8> {
+    let part = |image: Vec<u8>| {
+        let header = format!("--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", image.len());
+        [header.into_bytes(), image, b"\r\n".to_vec()].concat()
+    };
+    [part(picture(ImageFormat::Png)), part(pgm_from_samples(20, 10, 255, &[77; 200]))].concat()
 }

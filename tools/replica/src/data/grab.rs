@@ -95,7 +95,7 @@ mod tests {
             now += 100_000_000;
             now
         };
-        grab(&stream(&images)[..], folder.path(), clock, |path| path.is_file()).expect("reads");
+        grab(&stream(&images)[..], folder.path(), clock, Path::is_file).expect("reads");
         let expected = ["1700000000100000000.jpg", "1700000000200000000.pgm", "1700000000300000000.jpg"];
         let expected: Vec<_> =
             expected.iter().zip(images).map(|(name, image)| ((*name).to_owned(), image.to_vec())).collect();
