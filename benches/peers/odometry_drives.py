@@ -113,14 +113,15 @@ def prepared(name):
     return folder
 
 
-def ins_distance(name):
-    """Distance from the first pose to the last by the INS of the recording, m; None without INS."""
+def ins_track(name):
+    """Stamps (s after the first one) and distances from the first place (m) of the INS, one for each sweep; None without INS."""
     path = DATA / "annieway" / name.removesuffix("_timed") / "ins.csv"
     if not path.exists():
         return None
     rows = [line.split(";") for line in path.read_text().splitlines() if line[:4].isdigit()]
+    stamps = np.array([row[0] for row in rows], "datetime64[ns]")
     place = np.array([row[-4:-1] for row in rows], float)
-    return float(np.linalg.norm(place[-1] - place[0]))
+    return (stamps - stamps[0]) / np.timedelta64(1, "s"), np.linalg.norm(place - place[0], axis=1)
 
 
 def reference_end(name):

@@ -93,6 +93,23 @@ def end_of(poses):
                 distance_m=float(np.linalg.norm(place[-1])), ypr_deg=yaw_pitch_roll(moved[-1, :3, :3]).tolist())
 
 
+def against_track(poses, stamps, distances, margin=4):
+    """Against the distances from the first place by another system, whose stamps need not be those of the poses: the difference at
+    the end, the delay with which the poses fit best, and what then remains. Fast vehicles move by a meter in a revolution."""
+    place = poses[:, :3, 3] - poses[0, :3, 3]
+    found = np.linalg.norm(place, axis=1)
+    inner = slice(margin, len(found) - margin)
+
+    def remaining(delay_s):
+        at = np.interp(stamps + delay_s, stamps, distances)
+        return found[inner] - (at[inner] - at[0])
+
+    delays_s = np.arange(-0.2, 0.2005, 0.001)
+    errors_m = [rms(remaining(delay_s)) for delay_s in delays_s]
+    best = int(np.argmin(errors_m))
+    return dict(ins_m=float(found[-1] - distances[-1]), ins_delay_s=float(delays_s[best]), ins_remaining_m=errors_m[best])
+
+
 def flat_road(poses, first_points, last_points):
     """On a flat road: how far the last pose is above the first one's road plane, and how the last sweep's road is inclined to it
     along the way driven (pitch, up positive) and across. Both are 0 without drift; mounting and suspension cancel."""

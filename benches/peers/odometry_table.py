@@ -19,14 +19,15 @@ wall         median thickness of facades in a map of the last 100 sweeps (`repli
 CPU          ms a sweep, all threads, without reading
 answered     share of the sweeps that were matched (others: a pose was returned)
 end, ypr     end point and angles, in the frame of the first pose; for drives without ground truth
-against      INS: difference of the distance from first to last pose; peers: distance from the mean end point of the recording's
+against      INS: difference of the distance from first to last pose; delay of the poses behind the stamps of the INS with which the
+             distances fit best, and what then remains (root mean square); peers: distance from the mean end point of the recording's
              references; flat road: height and inclination of the last sweep's road over the first's, both 0 without drift
 """
 import argparse, json, os, pathlib, subprocess, sys, tempfile
 import numpy as np
 import odometry_drives as drives
 from odometry_methods import Sweep, read_kitti, sweep_files
-from odometry_scores import end_of, flat_road
+from odometry_scores import against_track, end_of, flat_road
 
 HERE = pathlib.Path(__file__).resolve().parent
 RIGS = [("urban", "nuscenes"), ("rural", "nuscenes"), ("urban", "kitti"), ("rural", "kitti"), ("urban", "l3d2"), ("rural", "l3d2")]
@@ -70,8 +71,8 @@ def run(name, folder, methods, args):
 
 def without_truth(name, folder, files, poses):
     row = end_of(poses)
-    if (known := drives.ins_distance(name)) is not None:
-        row["ins_m"] = row["distance_m"] - known
+    if (track := drives.ins_track(name)) is not None:
+        row |= against_track(poses, *track)
     if (end := drives.reference_end(name)) is not None:
         row["references_m"] = float(np.linalg.norm(np.array(row["end_m"]) - end))
     if name.startswith(tuple(drives.FLAT_ROAD)):
@@ -117,7 +118,7 @@ def table(results):
                 continue
             against = []
             if "ins_m" in row:
-                against.append(f"INS {row['ins_m']:+.2f} m")
+                against.append(f"INS {row['ins_m']:+.2f} m, {1e3 * row['ins_delay_s']:+.0f} ms: {100 * row['ins_remaining_m']:.1f} cm")
             if "references_m" in row:
                 against.append(f"peers {row['references_m']:.3f} m")
             if "height_m" in row:

@@ -164,6 +164,47 @@ fn durlacher_is_as_long_as_by_its_inertial_system() {
     println!("{:.2} m, by the INS 15.90 m", moved.norm());
     // Other odometries err by 0.13 to 0.35 m.
     assert!((moved.norm() - 15.90).abs() < 0.5, "{moved}");
+    // The pose is that of the direction ahead, in the middle of the revolution. The vehicle ends at 7 m/s.
+    let (delay_s, remaining_m) = against_track(&registered, &ins_track(&real_data::path("annieway/durlacher/ins.csv")));
+    println!("{delay_s:.3} s behind the stamps of the INS, then {remaining_m:.3} m");
+    assert!((0.0..0.1).contains(&delay_s) && remaining_m < 0.03, "{delay_s} s, {remaining_m} m");
+}
+
+/// Time (s) and distance from the first place (m) of each line of the INS.
+fn ins_track(path: &Path) -> Vec<(f64, f64)> {
+    let text = std::fs::read_to_string(path).expect("reads");
+    let rows = text.lines().filter(|line| line.starts_with("20")).map(|line| {
+        let fields: Vec<&str> = line.split(';').collect();
+        let number = |text: &str| text.parse::<f64>().expect("a number");
+        let place = [4, 3].map(|from_end| number(fields[fields.len() - from_end]));
+        // All lines are of one minute.
+        (number(fields[0].rsplit(':').next().expect("seconds")), place)
+    });
+    let rows: Vec<_> = rows.collect();
+    let (begin_s, begin) = rows[0];
+    rows.iter().map(|(s, place)| (s - begin_s, (place[0] - begin[0]).hypot(place[1] - begin[1]))).collect()
+}
+
+/// The delay of the poses behind the stamps of the track with which the distances from the first place fit best, s, and the root mean
+/// square of what then remains, m.
+fn against_track(registered: &[Registered], track: &[(f64, f64)]) -> (f64, f64) {
+    let at = |s: f64| {
+        let next = track.partition_point(|(stamp, _)| *stamp < s).clamp(1, track.len() - 1);
+        let [(s0, m0), (s1, m1)] = [track[next - 1], track[next]];
+        m0 + ((s - s0) / (s1 - s0)).clamp(0.0, 1.0) * (m1 - m0)
+    };
+    let first = registered[0].motion.mid.translation.vector;
+    let remaining = |delay_s: f64| {
+        // Without those that a delay moves beyond the track.
+        let errors = (4..registered.len() - 4).map(|number| {
+            let found_m = (registered[number].motion.mid.translation.vector - first).norm();
+            found_m - (at(track[number].0 + delay_s) - at(delay_s))
+        });
+        let errors: Vec<f64> = errors.collect();
+        (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
+    };
+    let delays = (-200..=200).map(|ms| f64::from(ms) * 1e-3).map(|delay_s| (delay_s, remaining(delay_s)));
+    delays.min_by(|a, b| a.1.total_cmp(&b.1)).expect("delays")
 }
 
 /// The rings of this unit err by a tenth of a degree, and its two blocks of lasers by 7 cm. Without an estimate the flat road pitches by
