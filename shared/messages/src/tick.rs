@@ -40,8 +40,9 @@ pub struct TickTopic;
 impl Message for TickTopic {
     const TOPIC: &'static str = "tick";
     const VERSION: u32 = 1;
-    // A topic without messages lets its producer run ahead by this many ticks: 1.6 s of drive at 10 Hz.
-    const QUEUE: usize = 16;
+    // How many ticks a producer may run ahead: 6.4 s of drive at 10 Hz, longer than a submap of 5 s. So the next submap is made while
+    // the stages behind work on one.
+    const QUEUE: usize = 64;
     const BORROWED: usize = 1;
     const MAX_ROWS: usize = 1;
     type Header = NoHeader;

@@ -1,6 +1,6 @@
 //! Topic `trajectory`: the poses of the vehicle.
 
-use crate::{Message, pod, raw::NoHeader};
+use crate::{Message, TickTopic, pod, raw::NoHeader};
 use geometry::{Isometry3, Pose, Quaternion, Translation3, UnitQuaternion};
 
 pod! {
@@ -66,8 +66,8 @@ pub struct TrajectoryTopic;
 impl Message for TrajectoryTopic {
     const TOPIC: &'static str = "trajectory";
     const VERSION: u32 = 1;
-    // One message per sweep: 3 s at 10 Hz, as for `image`. A message has 200 bytes.
-    const QUEUE: usize = 32;
+    // One message per sweep: as many as ticks. A message has 200 bytes.
+    const QUEUE: usize = TickTopic::QUEUE;
     const BORROWED: usize = 4;
     // Two poses per sweep; a tick has one sweep, the second tick two.
     const MAX_ROWS: usize = 1 << 12;
