@@ -34,7 +34,7 @@ pub(crate) fn mandeye_gnss(bytes: &[u8]) {
     let [sentences, values] = parts(bytes);
     for (name, log) in [("source/gnss0.nmea", sentences), ("source/gnss0.gnss", values)] {
         with_files(&[("source/lidar0.laz", CHUNK), (name, log)], |folder| {
-            import(&folder.join("source"), Kind::Mandeye)
+            import(&folder.join("source"), Kind::Mandeye);
         });
     }
 }
