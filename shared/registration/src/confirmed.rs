@@ -2,7 +2,7 @@
 //!
 //! Errors of normals look like surfaces that face another way. Along a tunnel or a bare road the normal equations then claim an
 //! influence of 0.004, though every position fits about as well, and the covariance would stay small while the vehicle loses its way.
-//! A shifted sweep tells: beside real surfaces its cost grows as the residuals foretell.
+//! A shifted sweep tells: beside real surfaces its cost grows as the residuals predict.
 
 use crate::kernel::Kernel;
 use crate::maps::Maps;
@@ -16,7 +16,7 @@ pub(crate) const DOUBTED_INFLUENCE: f64 = 0.02;
 const SHIFT_M: f64 = 0.3;
 /// One of so many features is shifted: a quarter tells as much.
 const EVERY: usize = 4;
-/// Growth of the cost, as a share of the foretold one, that is no information, and that confirms all of it.
+/// Growth of the cost, as a share of the predicted one, that is no information, and that confirms all of it.
 const NOTHING: f64 = 0.25;
 const EVERYTHING: f64 = 0.6;
 
@@ -49,7 +49,7 @@ pub(crate) fn confirmed(
     found
 }
 
-/// Growth of the cost under a step to both sides, as a share of what the residuals foretell.
+/// Growth of the cost under a step to both sides, as a share of what the residuals predict.
 fn growth(
     step: &Vector6<f64>,
     features: &[Feature],
@@ -61,7 +61,7 @@ fn growth(
     let mid = *motion.mid.rotation.to_rotation_matrix().matrix();
     let [translation, rotation] = [0, 3].map(|at| step.fixed_rows::<3>(at).into_owned());
     let cost = |r: f64| (r / scale_m).powi(2).min(1.0);
-    let (mut found, mut foretold) = (0.0, 0.0);
+    let (mut found, mut predicted) = (0.0, 0.0);
     for feature in features.iter().step_by(EVERY) {
         let share = f64::from(feature.share);
         let arm = motion.rotated(&mid, &feature.position, share);
@@ -77,11 +77,11 @@ fn growth(
             let there = surface(position + shift * sign).map_or(1.0, |surface| cost(surface.distance_m));
             found += weight * (there - cost_here);
             if let Some(here) = here {
-                foretold += weight * (cost(here.distance_m + sign * here.normal.dot(&shift)) - cost_here);
+                predicted += weight * (cost(here.distance_m + sign * here.normal.dot(&shift)) - cost_here);
             }
         }
     }
-    if foretold > 0.0 { found / foretold } else { 0.0 }
+    if predicted > 0.0 { found / predicted } else { 0.0 }
 }
 
 #[cfg(test)]

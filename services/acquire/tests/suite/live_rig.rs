@@ -113,6 +113,18 @@ impl Vehicle {
         }
     }
 
+    /// Sends the packets of the LiDAR, with a tick after every 64. What was published.
+    fn send_packets(&self, packets: &[Vec<u8>], bench: &mut Bench<Acquire>) -> Published {
+        let mut sensor = Sensor::new(&self.settings, self.path("recording/lidar/000.pcap"));
+        let mut published = Published::default();
+        for piece in packets.chunks(64) {
+            sensor.send(piece);
+            assert_eq!(bench.tick().expect("steps"), Flow::Continue);
+            published.take(bench);
+        }
+        published
+    }
+
     fn bench(&self) -> Bench<Acquire> {
         assert_eq!(Acquire::check(&self.settings, &self.context()), []);
         Bench::new(&self.settings, &self.context()).expect("opens")
@@ -197,13 +209,7 @@ fn live_messages_of_all_sensors_equal_those_of_the_recording() {
     let n_lines =
         |name: &str| fs::read_to_string(vehicle.path("recording").join(name)).map_or(0, |text| text.lines().count());
     wait_for("the last line", || n_lines("imu.csv") == 502 && n_lines("gnss.nmea") == 11);
-    let mut sensor = Sensor::new(&vehicle.settings, vehicle.path("recording/lidar/000.pcap"));
-    let mut published = Published::default();
-    for piece in packets.chunks(64) {
-        sensor.send(piece);
-        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-        published.take(&mut bench);
-    }
+    let mut published = vehicle.send_packets(&packets, &mut bench);
     wait_for("the last sweep", || {
         bench.tick().expect("steps");
         published.take(&mut bench);
@@ -241,13 +247,7 @@ fn delays_of_cameras_are_subtracted_from_live_stamps_as_from_recorded_ones() {
     for path in vehicle.write_images(|_| true) {
         wait_for("the image", || path.exists());
     }
-    let mut sensor = Sensor::new(&vehicle.settings, vehicle.path("recording/lidar/000.pcap"));
-    let mut published = Published::default();
-    for piece in packets.chunks(64) {
-        sensor.send(piece);
-        assert_eq!(bench.tick().expect("steps"), Flow::Continue);
-        published.take(&mut bench);
-    }
+    let mut published = vehicle.send_packets(&packets, &mut bench);
     wait_for("the last images", || {
         bench.tick().expect("steps");
         published.take(&mut bench);

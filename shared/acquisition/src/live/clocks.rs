@@ -1,7 +1,7 @@
 //! Clocks of the sensors against that of the host: offset, drift and jitter of (arrival - stamp).
 //!
 //! A measurement arrives later than it was made by a delay that is never below zero and mostly near its minimum. So the minimum over a
-//! window is the offset of the clocks and the least delay, which cannot be told apart.
+//! window is the offset of the clocks and the least delay, which cannot be distinguished.
 
 use geometry::Stamp;
 use std::collections::BTreeMap;

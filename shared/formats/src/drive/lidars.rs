@@ -50,7 +50,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that several LiDARs can be told apart. Returns the key of each in the file.
+    /// Checks that several LiDARs can be distinguished. Returns the key of each in the file.
     fn keys_of_lidars(&mut self, entries: &[Option<LidarEntry>]) -> Vec<String> {
         let n = entries.len();
         if n < 2 {
@@ -72,7 +72,7 @@ impl Check<'_> {
                 let is_shared = Path::new(&entry.folder) == Path::new(&earlier.folder);
                 self.file.rule(&key("folder"), !is_shared || are_told_apart(entry, earlier), || {
                     format!(
-                        "{:?} is the folder of lidar[{other}], too; in one folder, only captures can be told apart: by model, by sender or by port",
+                        "{:?} is the folder of lidar[{other}], too; in one folder, only captures can be distinguished: by model, by sender or by port",
                         entry.folder
                     )
                 });
@@ -152,7 +152,7 @@ impl Check<'_> {
     }
 }
 
-/// Whether the packets of two LiDARs in the same captures can be told apart.
+/// Whether the packets of two LiDARs in the same captures can be distinguished.
 fn are_told_apart(a: &LidarEntry, b: &LidarEntry) -> bool {
     let differ = |a: Option<u32>, b: Option<u32>| a.is_some() && b.is_some() && a != b;
     let number = |sender: Option<std::net::Ipv4Addr>| sender.map(u32::from);
