@@ -51,7 +51,7 @@ impl<'a> Bits<'a> {
     fn refill(&mut self) {
         let next = self.bytes.get(self.at..).and_then(|bytes| bytes.first_chunk());
         if let Some(word) = next.map(|chunk| u64::from_be_bytes(*chunk)).filter(|word| !has_ff(*word)) {
-            // At most seven: a shift by all 64 bits is none.
+            // At most seven bytes: the mask below cannot be shifted by 64 bits.
             let n = (63 - self.n_held) / 8;
             self.held |= (word & !(u64::MAX >> (8 * n))) >> self.n_held;
             self.at += n as usize;
