@@ -2,6 +2,7 @@
 //! time per sweep and memory over the drive from it.
 
 use run::health::Health;
+use run::process::Usage;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::OpenOptions;
@@ -55,7 +56,7 @@ impl Costs {
                 continue;
             }
             let drive_s = now.saturating_sub(begin) as f64 * 1e-9;
-            let Health { ticks, cpu_s, rss_bytes, .. } = health;
+            let Health { ticks, usage: Usage { cpu_s, rss_bytes, .. }, .. } = health;
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{wall_s:.3},{stage},{drive_s:.3},{ticks},{cpu_s:.3},{rss_bytes}");
         }
@@ -76,7 +77,13 @@ mod tests {
     fn health(ticks: u64) -> Health {
         let drive_time = Some(5_000_000_000 + ticks as i64 * 100_000_000);
         let (cpu_s, rss_bytes) = (ticks as f64 * 0.02, 50_000_000);
-        Health { ticks, drive_begin: Some(5_000_000_000), drive_time, cpu_s, rss_bytes, ..Health::default() }
+        Health {
+            ticks,
+            drive_begin: Some(5_000_000_000),
+            drive_time,
+            usage: Usage { cpu_s, rss_bytes, ..Usage::default() },
+            ..Health::default()
+        }
     }
 
     #[test]

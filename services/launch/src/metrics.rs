@@ -52,10 +52,10 @@ impl Totals {
             (*messages, *bytes) = ((*messages).max(traffic.messages), (*bytes).max(traffic.bytes));
         }
         // The CPU time of a process only rises: a lower one is that of a new process.
-        if health.cpu_s < self.cpu_s {
+        if health.usage.cpu_s < self.cpu_s {
             self.cpu_before_s += self.cpu_s;
         }
-        self.cpu_s = health.cpu_s;
+        self.cpu_s = health.usage.cpu_s;
     }
 }
 
@@ -112,7 +112,7 @@ impl Metrics {
         self.of_stages(|stage, totals| page.sample("", &[("stage", stage)], totals.cpu_before_s + totals.cpu_s));
         page.family("replica_stage_resident_bytes", "gauge", "Resident memory, touched shared memory included.");
         for (stage, health) in stages {
-            page.sample("", &[("stage", stage)], health.rss_bytes);
+            page.sample("", &[("stage", stage)], health.usage.rss_bytes);
         }
         page.family(
             "replica_stage_step_seconds",
@@ -200,7 +200,7 @@ mod tests {
         let latency = Latency { count: 4, mean_ms: 2.5, p50_ms: 2.0, p99_ms: 4.0, max_ms: 4.0 };
         Health {
             ticks,
-            cpu_s,
+            usage: run::process::Usage { cpu_s, ..Default::default() },
             drive_time: Some(ticks as i64 * 100_000_000),
             step: latency,
             outputs: BTreeMap::from([(

@@ -100,8 +100,8 @@ fn figures(processes: &[StageProcess]) -> Vec<StageFigures> {
             outputs: health.outputs,
             arrivals: health.arrivals,
             waiting: health.waiting,
-            cpu_s: health.cpu_s,
-            rss_bytes: health.rss_bytes,
+            cpu_s: health.usage.cpu_s,
+            rss_bytes: health.usage.rss_bytes,
         }
     };
     processes.iter().map(figures).collect()

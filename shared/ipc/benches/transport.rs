@@ -72,7 +72,7 @@ struct End {
     out: Publisher<Bytes>,
     inward: Subscriber<Bytes>,
     wake: Wake,
-    _node: Node,
+    node: Node,
 }
 
 impl End {
@@ -82,7 +82,7 @@ impl End {
         let wake = Wake::open(&node, &own).expect("wake");
         let out = Publisher::open(&node, out).expect("publisher");
         let inward = Subscriber::open(&node, inward, &own).expect("subscriber");
-        let end = Self { out, inward, wake, _node: node };
+        let end = Self { out, inward, wake, node };
         while !(end.out.connect().expect("connects") & end.inward.connect().expect("connects")) {
             end.wake.wait(PATIENCE).expect("waits");
         }
@@ -99,11 +99,13 @@ impl End {
         loan.grow_with(if kind == Kind::Touched { n } else { 1 }, |_| first).expect("fits");
         let sent_nanos = now_nanos();
         self.out.send(loan, Envelope { sent_nanos, ..Envelope::default() }).expect("sent");
+        self.node.wake_all();
     }
     /// Nanoseconds since the message was sent, and what all its words come to.
     fn receive(&mut self, kind: Kind) -> (u64, u64) {
         loop {
             if let Some(message) = self.inward.receive().expect("received") {
+                self.node.wake_all();
                 let first = std::hint::black_box(message.rows()[0]);
                 let late = now_nanos() - message.envelope().sent_nanos;
                 let rest = if kind == Kind::Touched { &message.rows()[1..] } else { &[] };
@@ -139,6 +141,7 @@ fn consume(domain: &Domain, socket: &str) {
         }
     }
     // The last answers must have been taken before this end goes.
+    end.node.wake_all();
     while end.out.n_waiting().expect("credit") > 0 {
         end.wake.wait(PATIENCE).expect("waits");
     }

@@ -125,7 +125,7 @@ impl Channel {
         node: &Node,
     ) -> Result<iceoryx2::service::builder::publish_subscribe::Builder<[CacheLine], WireEnvelope, Iox>, IpcError> {
         Ok(node
-            .0
+            .inner
             .service_builder(&service_name(&self.name)?)
             .publish_subscribe::<[CacheLine]>()
             .user_header::<WireEnvelope>()

@@ -2,6 +2,7 @@
 
 use crate::opaque::Opaque;
 use crate::ownership::{self, check_private_folder, create_private_folder, is_foreign, is_own};
+use crate::wake::SharedWakers;
 use crate::{Iox, IpcError};
 use iceoryx2::prelude::*;
 use std::os::unix::ffi::OsStrExt;
@@ -185,7 +186,7 @@ impl Domain {
             .create::<Iox>()
             .map_err(|cause| IpcError::transport(what(), cause))?;
         self.close_to_others()?;
-        Ok(Node(Opaque::new(node), self.clone()))
+        Ok(Node { wakers: SharedWakers::default(), inner: Opaque::new(node), domain: self.clone() })
     }
 }
 
@@ -211,18 +212,23 @@ fn ignore_absent(what: &str, path: &StdPath, result: std::io::Result<()>) -> Res
     }
 }
 
-/// A node of a domain: creates ports.
-pub struct Node(pub(crate) Opaque<iceoryx2::prelude::Node<Iox>>, pub(crate) Domain);
+/// A node of a domain: creates ports, and wakes the processes at their other ends.
+pub struct Node {
+    // Dropped before the node, which must outlive its ports.
+    pub(crate) wakers: SharedWakers,
+    pub(crate) inner: Opaque<iceoryx2::prelude::Node<Iox>>,
+    pub(crate) domain: Domain,
+}
 
 impl Node {
     /// Removes the ports of processes that have ended, so that no producer waits for their acknowledgements. `false`: not yet,
     /// because a process is creating a port or was killed while it did, or because shared memory cannot be read.
     pub fn remove_dead_ports(&self) -> bool {
-        if self.1.has_unfinished_files().unwrap_or(true) {
+        if self.domain.has_unfinished_files().unwrap_or(true) {
             return false;
         }
         // Nodes that another process is cleaning up, or that cannot be cleaned yet, are left to the next call.
-        let _state = self.0.try_cleanup_dead_nodes();
+        let _state = self.inner.try_cleanup_dead_nodes();
         true
     }
 }

@@ -20,7 +20,7 @@ pub(crate) fn builder(
     name: &str,
 ) -> Result<iceoryx2::service::builder::publish_subscribe::Builder<[u8], (), Iox>, IpcError> {
     Ok(node
-        .0
+        .inner
         .service_builder(&service_name(name)?)
         .publish_subscribe::<[u8]>()
         .max_publishers(1)

@@ -45,7 +45,12 @@ impl<T: Message> Publisher<T> {
         self.untyped.n_waiting()
     }
 
-    /// Sends. The caller has seen [`Publisher::has_credit`] since the last message.
+    /// The consumers should see what was sent as soon as possible, at the next [`Node::wake_urged`].
+    pub fn urge(&self) {
+        self.untyped.urge();
+    }
+
+    /// Sends. The caller has seen [`Publisher::has_credit`] since the last message, and calls [`Node::wake_all`] before it sleeps.
     pub fn send(&mut self, loan: Loan<T>, envelope: Envelope) -> Result<(), IpcError> {
         match loan.0 {
             LoanMemory::Shared(loan) => self.untyped.send(Written::Slot(loan.finish(envelope)), &envelope),

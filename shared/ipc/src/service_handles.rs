@@ -55,7 +55,7 @@ impl ServiceHandles {
     /// Creates the service of a wake that at most `max_wakers` other processes use.
     pub fn create_wake(&mut self, node: &Node, name: &str, max_wakers: usize) -> Result<(), IpcError> {
         let service = node
-            .0
+            .inner
             .service_builder(&service_name(name)?)
             .event()
             .max_listeners(1)

@@ -40,7 +40,7 @@ fn hello(channel: &Channel, index: u32) -> [u8; HELLO_BYTES] {
 }
 
 fn socket_path(node: &Node, channel: &Channel) -> PathBuf {
-    node.1.root().join(format!("{}.socket", channel.name))
+    node.domain.root().join(format!("{}.socket", channel.name))
 }
 
 fn io(what: &str, channel: &Channel) -> impl Fn(std::io::Error) -> IpcError {
@@ -153,7 +153,14 @@ struct Connection {
 impl SocketIncoming {
     pub(crate) fn new(node: &Node, channel: &Channel, message: MessageType, index: usize) -> Self {
         let path = socket_path(node, channel);
-        Self { channel: channel.clone(), message, path, index, domain: node.1.clone(), connection: RefCell::new(None) }
+        Self {
+            channel: channel.clone(),
+            message,
+            path,
+            index,
+            domain: node.domain.clone(),
+            connection: RefCell::new(None),
+        }
     }
 }
 

@@ -27,7 +27,8 @@ impl<T: Message> Subscriber<T> {
         self.untyped.connect()
     }
 
-    /// The next message, if there is one. Its slot is free again when it is dropped.
+    /// The next message, if there is one. Its slot is free again when it is dropped. The caller calls [`Node::wake_all`] before it
+    /// sleeps: the producer may wait for room.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, IpcError> {
         Ok(self.untyped.receive()?.map(|arrived| match arrived {
             Arrived::Slot(slot) => Received(ReceivedMemory::Shared(slot)),

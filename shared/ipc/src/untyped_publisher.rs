@@ -4,8 +4,10 @@ use crate::message_type::MessageType;
 use crate::open_transport::outgoing;
 use crate::slot::Slot;
 use crate::transport::{Outgoing, Written};
-use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node, Waker};
+use crate::wake::SharedWaker;
+use crate::{Channel, IpcError, LatestSubscriber, NOTHING_TAKEN, Node};
 use messages::Envelope;
+use std::rc::Rc;
 
 /// Publishes messages and counts the credits of its consumers.
 pub(crate) struct UntypedPublisher {
@@ -24,7 +26,7 @@ struct Consumer {
     taken: Option<u64>,
     acknowledgement: LatestSubscriber,
     /// `None` if the consumer's end of the transport wakes it.
-    waker: Option<Waker>,
+    waker: Option<Rc<SharedWaker>>,
 }
 
 /// The lossless observer of the topic, if there is one.
@@ -79,7 +81,7 @@ impl UntypedPublisher {
                 Ok(Consumer {
                     taken: None,
                     acknowledgement: LatestSubscriber::open(node, &channel.acknowledgement(index))?,
-                    waker: transport.needs_notification().then(|| Waker::open(node, wake)).transpose()?,
+                    waker: transport.needs_notification().then(|| node.shared_waker(wake)).transpose()?,
                 })
             })
             .collect::<Result<_, IpcError>>()?;
@@ -135,6 +137,13 @@ impl UntypedPublisher {
         Ok(waiting)
     }
 
+    /// See [`crate::Publisher::urge`].
+    pub(crate) fn urge(&self) {
+        for waker in self.consumers.iter().filter_map(|consumer| consumer.waker.as_ref()) {
+            waker.urge();
+        }
+    }
+
     pub(crate) fn send(&mut self, message: Written<'_>, envelope: &Envelope) -> Result<(), IpcError> {
         let reached = self.transport.send(message, envelope)?;
         self.sent += 1;
@@ -147,7 +156,7 @@ impl UntypedPublisher {
             return Err(IpcError::Lost { service, seq: envelope.seq, reached, expected });
         }
         for waker in self.consumers.iter().filter_map(|consumer| consumer.waker.as_ref()) {
-            waker.wake();
+            waker.request();
         }
         Ok(())
     }

@@ -3,13 +3,19 @@
 use crate::message_type::MessageType;
 use crate::open_transport::incoming;
 use crate::transport::{Arrived, Incoming};
-use crate::{Channel, IpcError, LatestPublisher, Node, Waker};
+use crate::wake::SharedWaker;
+use crate::{Channel, IpcError, LatestPublisher, Node};
+use std::rc::Rc;
 
 /// Receives messages and acknowledges them.
 pub(crate) struct UntypedSubscriber {
     transport: Box<dyn Incoming>,
     acknowledgement: LatestPublisher,
-    producer: Waker,
+    producer: Rc<SharedWaker>,
+    /// Messages that it takes before the producer is urged to fill their places.
+    batch: usize,
+    /// Messages taken since then.
+    n_taken: usize,
 }
 
 impl UntypedSubscriber {
@@ -20,7 +26,10 @@ impl UntypedSubscriber {
         Ok(Self {
             transport: incoming(node, channel, message, index)?,
             acknowledgement: LatestPublisher::open(node, &channel.acknowledgement(index))?,
-            producer: Waker::open(node, &channel.producer)?,
+            producer: node.shared_waker(&channel.producer)?,
+            // A producer that waits for room then has several messages to make, and not one for each wake.
+            batch: if channel.drops_oldest { 1 } else { (channel.queue / 2).max(1) },
+            n_taken: 0,
         })
     }
 
@@ -33,7 +42,13 @@ impl UntypedSubscriber {
         if let Some(received) = &received {
             let taken = received.envelope().seq + 1;
             self.acknowledgement.publish(&taken.to_le_bytes())?;
-            self.producer.wake();
+            self.n_taken += 1;
+            if self.n_taken >= self.batch {
+                self.n_taken = 0;
+                self.producer.urge();
+            } else {
+                self.producer.request();
+            }
         }
         Ok(received)
     }

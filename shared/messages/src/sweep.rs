@@ -49,15 +49,15 @@ pod! {
     }
 }
 
-/// Most LiDARs of a vehicle: the sweeps of one tick fit into the queue.
-pub const MAX_LIDARS: usize = SweepTopic::QUEUE;
+/// Most LiDARs of a vehicle: the sweeps of two ticks fit into the queue.
+pub const MAX_LIDARS: usize = SweepTopic::QUEUE / 2;
 
 /// One revolution. Its stamp is that of its first shot.
 pub struct SweepTopic;
 impl Message for SweepTopic {
     const TOPIC: &'static str = "sweep";
     const VERSION: u32 = 2;
-    const QUEUE: usize = 4;
+    const QUEUE: usize = 8;
     const BORROWED: usize = 4;
     // A decoder closes a sweep at some 600 000 returns at the latest: an HDL-64E in dual mode at 5 Hz and a margin.
     const MAX_ROWS: usize = 1 << 20;

@@ -174,15 +174,16 @@ pub struct Health {
     /// Why it ended, if it failed. The log has it, too, unless the disk is full.
     #[serde(default)]
     pub error: Option<String>,
-    /// User and system time, s.
-    pub cpu_s: f64,
-    /// The part of it spent on loans, sending, waiting and receiving, s.
+    /// Processor time, memory, files.
+    #[serde(flatten)]
+    pub usage: Usage,
+    /// Largest [`Usage::private_bytes`] at a beat.
+    pub peak_private_bytes: u64,
+    /// Seconds in which its own thread did no step, by reason, in the words of [`Activity`].
+    pub waits: BTreeMap<String, f64>,
+    /// The part of the processor time spent on loans, sending, waiting and receiving, s.
     #[serde(default)]
     pub transport_cpu_s: f64,
-    /// Resident memory, bytes.
-    pub rss_bytes: u64,
-    /// Largest resident memory, bytes.
-    pub peak_rss_bytes: u64,
 }
 
 /// What the stage's own thread and the thread of the heartbeat share.
@@ -221,12 +222,13 @@ impl Pulse {
         self.progress_mark.fetch_add(1, Ordering::Relaxed);
     }
     fn report(&self) -> Health {
-        let Usage { cpu_s, rss_bytes, peak_rss_bytes } = usage();
+        let usage = usage();
         let mut health = self.update();
         health.beat += 1;
         health.beat_nanos = monotonic_nanos();
         health.progress_mark = self.progress_mark.load(Ordering::Relaxed);
-        (health.cpu_s, health.rss_bytes, health.peak_rss_bytes) = (cpu_s, rss_bytes, peak_rss_bytes);
+        health.usage = usage;
+        health.peak_private_bytes = health.peak_private_bytes.max(usage.private_bytes);
         health.clone()
     }
 }

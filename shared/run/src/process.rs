@@ -1,10 +1,12 @@
 //! What the operating system reports about this process and its program.
 
 use rustix::time::{ClockId, clock_gettime};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// CPU time and memory.
-#[derive(Clone, Copy, Debug, Default)]
+/// What a process has used so far, and the memory that it has now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Usage {
     /// User and system time of all threads, s.
     pub cpu_s: f64,
@@ -12,19 +14,50 @@ pub struct Usage {
     pub rss_bytes: u64,
     /// Largest resident memory so far, bytes.
     pub peak_rss_bytes: u64,
+    /// Resident memory that no other process shares, bytes.
+    pub private_bytes: u64,
+    /// Pages that it touched first, or that were not in memory.
+    pub page_faults: u64,
+    /// Bytes read by calls, of files and sockets.
+    pub read_bytes: u64,
+    /// Bytes written by calls, to files and sockets.
+    pub written_bytes: u64,
 }
 
 /// From the process clock and /proc/self; zero for what cannot be read.
 pub fn usage() -> Usage {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let kib = |key: &str| {
-        let line = status.lines().find(|line| line.starts_with(key));
-        line.and_then(|line| line.split_whitespace().nth(1)).and_then(|kib| kib.parse::<u64>().ok()).unwrap_or_default()
-    };
+    let status = Fields::of("/proc/self/status");
+    let io = Fields::of("/proc/self/io");
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The name of the program, in parentheses, may contain spaces.
+    let numbers = stat.rsplit_once(") ").map_or("", |(_, numbers)| numbers);
+    let stat = |index: usize| numbers.split(' ').nth(index).and_then(|number| number.parse::<u64>().ok());
     Usage {
         cpu_s: nanos_of(ClockId::ProcessCPUTime) as f64 * 1e-9,
-        rss_bytes: kib("VmRSS:") * 1024,
-        peak_rss_bytes: kib("VmHWM:") * 1024,
+        rss_bytes: status.number("VmRSS:") * 1024,
+        peak_rss_bytes: status.number("VmHWM:") * 1024,
+        private_bytes: status.number("RssAnon:") * 1024,
+        page_faults: stat(MINOR_FAULTS).unwrap_or_default() + stat(MAJOR_FAULTS).unwrap_or_default(),
+        read_bytes: io.number("rchar:"),
+        written_bytes: io.number("wchar:"),
+    }
+}
+
+/// Place in /proc/self/stat after the name of the program.
+const MINOR_FAULTS: usize = 7;
+const MAJOR_FAULTS: usize = 9;
+
+/// A file of /proc with a named number in each line.
+struct Fields(String);
+
+impl Fields {
+    fn of(path: &str) -> Self {
+        Self(std::fs::read_to_string(path).unwrap_or_default())
+    }
+    /// The first number of the line that starts with `name`; 0 if there is none.
+    fn number(&self, name: &str) -> u64 {
+        let line = self.0.lines().find(|line| line.starts_with(name));
+        line.and_then(|line| line.split_whitespace().nth(1)).and_then(|number| number.parse().ok()).unwrap_or_default()
     }
 }
 

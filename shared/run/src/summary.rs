@@ -91,6 +91,21 @@ pub struct StageSummary {
     pub transport_cpu_s: f64,
     /// Largest resident memory, bytes; shared memory that it touched counts too.
     pub peak_rss_bytes: u64,
+    /// Largest resident memory that no other process shares, bytes.
+    #[serde(default)]
+    pub peak_private_bytes: u64,
+    /// Pages that it touched first, or that were not in memory.
+    #[serde(default)]
+    pub page_faults: u64,
+    /// Bytes read and written by calls, of files and sockets.
+    #[serde(default)]
+    pub read_bytes: u64,
+    /// See `read_bytes`.
+    #[serde(default)]
+    pub written_bytes: u64,
+    /// Seconds in which its own thread did no step, by reason: waiting for input or room at a consumer, saving.
+    #[serde(default)]
+    pub waits: BTreeMap<String, f64>,
     /// Faults of this stage.
     pub faults: u32,
     /// Named counters.
@@ -103,7 +118,7 @@ pub struct StageSummary {
 }
 
 impl StageSummary {
-    /// From the last heartbeat; `cpu_s` and `faults` are over all attempts, latencies those of the last.
+    /// From the last heartbeat; `cpu_s` and `faults` are over all attempts, all else is that of the last.
     pub fn new(name: &str, program: &Path, health: Health, cpu_s: f64, faults: u32, wall_s: f64) -> Self {
         Self {
             name: name.to_owned(),
@@ -119,7 +134,12 @@ impl StageSummary {
             age: health.age,
             cpu_s,
             transport_cpu_s: health.transport_cpu_s,
-            peak_rss_bytes: health.peak_rss_bytes,
+            peak_rss_bytes: health.usage.peak_rss_bytes,
+            peak_private_bytes: health.peak_private_bytes,
+            page_faults: health.usage.page_faults,
+            read_bytes: health.usage.read_bytes,
+            written_bytes: health.usage.written_bytes,
+            waits: health.waits,
             faults,
             counters: health.counters,
             notes: health.notes,

@@ -17,7 +17,6 @@ use run::health::{Activity, Health, Heartbeat, Latency, Pulse};
 use run::histogram::Histogram;
 use run::process::{end_with, monotonic_nanos};
 use saving::Saving;
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -109,13 +108,7 @@ impl<'a> Runner<'a> {
         let node = Rc::new(domain.node(&assignment.stage)?);
         let wake = Wake::open(&node, &wake_name(&assignment.stage))?;
         let control = LatestSubscriber::open(&node, &format!("{}.control", assignment.stage))?;
-        let waiter = Rc::new(Waiter {
-            wake,
-            stop,
-            pulse: Arc::clone(pulse),
-            slept_nanos: Cell::new(0),
-            transport_nanos: Cell::new(0),
-        });
+        let waiter = Rc::new(Waiter::new(Rc::clone(&node), wake, stop, Arc::clone(pulse)));
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
         for port in program.inputs() {
@@ -314,6 +307,8 @@ impl<'a> Runner<'a> {
                 Ok(true)
             },
         )?;
+        // The producers have room again, before a step that may take long.
+        self.ports.node.wake_urged();
         Ok(if here { agreed } else { None })
     }
 
@@ -336,10 +331,16 @@ impl<'a> Runner<'a> {
             self.barrier = row.barrier;
             self.barrier_time = Some(row.drive_time);
             self.pulse.set(Activity::Saving);
+            let begun = monotonic_nanos();
             self.save()?;
+            self.ports.waiter.count_wait(&Activity::Saving, monotonic_nanos() - begun);
         }
         let outputs = &mut self.outputs;
-        self.ports.waiter.transporting(|| Self::ticked_outputs(outputs).try_for_each(|o| o.publish_tick(row)))?;
+        self.ports.waiter.transporting(|| {
+            Self::ticked_outputs(outputs).try_for_each(|output| output.publish_tick(row))?;
+            self.ports.node.wake_urged();
+            Ok::<_, StepError>(())
+        })?;
         self.pulse.mark_progress();
         for output in Self::ticked_outputs(&mut self.outputs) {
             output.note_waiting()?;
@@ -376,6 +377,7 @@ impl<'a> Runner<'a> {
         let Health { step, age, .. } = &mut *health;
         (*step, *age) = (Latency::from(&self.step_times), Latency::from(&self.ages));
         (health.inputs, health.outputs, health.arrivals) = (inputs, outputs, arrivals);
+        health.waits = self.ports.waiter.waits();
         health.transport_cpu_s = self.ports.waiter.transport_nanos.get() as f64 * 1e-9;
         health.counters.clone_from(&self.outputs.counters);
         health.notes.clone_from(&self.outputs.notes);

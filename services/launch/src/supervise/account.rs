@@ -62,7 +62,7 @@ impl Account {
 
     /// A process has ended.
     pub fn add_cpu_time(&mut self, process: &StageProcess) {
-        *self.cpu_s.entry(process.name.clone()).or_default() += process.health.cpu_s;
+        *self.cpu_s.entry(process.name.clone()).or_default() += process.health.usage.cpu_s;
     }
 
     /// A process of an attempt has ended with the attempt.

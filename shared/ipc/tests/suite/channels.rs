@@ -35,6 +35,7 @@ fn rows_in_shared_memory_are_read_in_place() {
     let domain = TestDomain::new("inplace");
     let mut pair = pair(&domain.0);
     let written_at = send(&mut pair.publisher, 0, 100_000);
+    pair.nodes[1].wake_all();
     pair.consumer_wake.wait(Duration::from_secs(5)).expect("woken");
     let received = pair.subscriber.receive().expect("no error").expect("a message");
     assert_eq!(received.rows().len(), 100_000);

@@ -12,6 +12,9 @@ use run::health::{Activity, Pulse, Traffic};
 use run::process::monotonic_nanos;
 use std::rc::Rc;
 
+/// Offline, consumers need not see each tick without messages at once. They see all of them before this stage sleeps.
+const EMPTY_TICKS_PER_WAKE: u64 = 8;
+
 /// How much room the consumers of a publisher have.
 pub(super) trait Room {
     /// See [`Publisher::has_credit`].
@@ -152,7 +155,7 @@ impl UntypedOutput {
     }
 
     pub(super) fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError> {
-        self.n_in_tick = 0;
+        let n_messages = std::mem::take(&mut self.n_in_tick);
         let (ticks, waiter) = (&mut self.ticks, &self.context.waiter);
         if !waiter.wait_until(|| Activity::Blocked(self.name.to_owned()), || Ok(ticks.has_credit()?))? {
             return Err(StepError::Stopped { topic: self.name });
@@ -163,7 +166,12 @@ impl UntypedOutput {
         self.next_tick_seq = seq + 1;
         self.end_seq = (row.end != 0).then_some(seq);
         let envelope = Envelope { seq, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
-        self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(self.name, error))
+        self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(self.name, error))?;
+        let is_of_interest = n_messages > 0 || row.barrier != 0 || row.end != 0;
+        if self.is_live || is_of_interest || row.tick % EMPTY_TICKS_PER_WAKE == 0 {
+            self.ticks.urge();
+        }
+        Ok(())
     }
 
     pub(super) fn is_drained(&mut self, messages: &mut dyn Room) -> Result<bool, StepError> {

@@ -1,10 +1,12 @@
 //! Sleeping until a message arrives or a consumer has room; the heartbeat reports the reason.
 
 use crate::StepError;
-use ipc::{IpcError, Wake};
+use ipc::{IpcError, Node, Wake};
 use run::health::{Activity, Pulse};
 use run::process::{monotonic_nanos, thread_cpu_nanos};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -22,21 +24,39 @@ const LOSS_GRACE: Duration = Duration::from_secs(30);
 /// Sleeping and stopping, shared by all ports of a stage.
 pub(crate) struct Waiter {
     pub(crate) wake: Wake,
+    pub(crate) node: Rc<Node>,
     pub(crate) stop: Arc<AtomicBool>,
     pub(crate) pulse: Arc<Pulse>,
     /// Time slept so far: a step does not work while it waits for room at a consumer.
     pub(crate) slept_nanos: Cell<u64>,
+    /// The same by what it waited for, in the words of [`Activity`].
+    waits: RefCell<BTreeMap<String, u64>>,
     /// CPU time so far for loans, sending, waiting and receiving.
     pub(crate) transport_nanos: Cell<u64>,
 }
 
 impl Waiter {
+    pub(crate) fn new(node: Rc<Node>, wake: Wake, stop: Arc<AtomicBool>, pulse: Arc<Pulse>) -> Self {
+        let (slept_nanos, waits, transport_nanos) = Default::default();
+        Self { wake, node, stop, pulse, slept_nanos, waits, transport_nanos }
+    }
+
     /// Does `work` and counts its CPU time as transport. Must not be nested.
     pub(crate) fn transporting<R>(&self, work: impl FnOnce() -> R) -> R {
         let begun = thread_cpu_nanos();
         let result = work();
         self.transport_nanos.set(self.transport_nanos.get() + thread_cpu_nanos() - begun);
         result
+    }
+
+    /// Counts time in which the stage's thread did no step.
+    pub(crate) fn count_wait(&self, activity: &Activity, nanos: u64) {
+        *self.waits.borrow_mut().entry(activity.to_string()).or_default() += nanos;
+    }
+
+    /// Seconds so far, by what it waited for.
+    pub(crate) fn waits(&self) -> BTreeMap<String, f64> {
+        self.waits.borrow().iter().map(|(reason, nanos)| (reason.clone(), *nanos as f64 * 1e-9)).collect()
     }
 
     /// Sleeps until `done`; the heartbeat reports `activity` meanwhile. `false` if the run is being stopped.
@@ -54,11 +74,14 @@ impl Waiter {
             let starting = matches!(now, Activity::Connecting(_) | Activity::Ready);
             if reported.as_ref() != Some(&now) {
                 self.pulse.set(now.clone());
-                reported = Some(now);
+                reported = Some(now.clone());
             }
+            self.node.wake_all();
             let begun = monotonic_nanos();
             self.wake.wait(if starting { POLL_AT_START } else { POLL })?;
-            self.slept_nanos.set(self.slept_nanos.get() + monotonic_nanos() - begun);
+            let slept = monotonic_nanos() - begun;
+            self.slept_nanos.set(self.slept_nanos.get() + slept);
+            self.count_wait(&now, slept);
         }
         Ok(true)
     }

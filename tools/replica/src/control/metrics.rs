@@ -144,9 +144,9 @@ impl StageMetrics {
             barrier: last.map(|health| health.barrier),
             step: last.map(|health| health.step),
             age: last.map(|health| health.age),
-            cpu_percent: heartbeats.rate(|health| health.cpu_s * 100.0),
-            rss_bytes: last.map(|health| health.rss_bytes),
-            peak_rss_bytes: last.map(|health| health.peak_rss_bytes),
+            cpu_percent: heartbeats.rate(|health| health.usage.cpu_s * 100.0),
+            rss_bytes: last.map(|health| health.usage.rss_bytes),
+            peak_rss_bytes: last.map(|health| health.usage.peak_rss_bytes),
         }
     }
 }
@@ -195,7 +195,13 @@ mod tests {
     use run::health::Health;
 
     fn beat(beat_nanos: u64, ticks: u64, cpu_s: f64) -> Health {
-        Health { beat_nanos, ticks, cpu_s, drive_time: Some(ticks as i64 * 100_000_000), ..Health::default() }
+        Health {
+            beat_nanos,
+            ticks,
+            usage: run::process::Usage { cpu_s, ..Default::default() },
+            drive_time: Some(ticks as i64 * 100_000_000),
+            ..Health::default()
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod configuration;
 mod machine;
 mod measured_run;
+mod profile;
 mod report;
 mod series;
 
@@ -41,6 +42,9 @@ pub struct Args {
     /// Do not measure the copying transport
     #[arg(long)]
     no_copying: bool,
+    /// Add a run under perf: the ten largest costs of each stage
+    #[arg(long)]
+    profile: bool,
     /// Folder for the reports
     #[arg(long, default_value = "benches/runs", value_name = "DIR")]
     out: PathBuf,
@@ -51,6 +55,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    if args.profile {
+        profile::check()?;
+    }
     let machine = Machine::detect(&args.launch_file);
     let configurations = configurations(args, machine.cores)?;
     let output = tempfile::tempdir().context("cannot create a temporary folder")?;
@@ -67,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 break;
             }
             eprintln!("run {round} of {}: {configuration}", args.runs);
-            let summary = match measure(&args.launch_file, &args.overrides, configuration, output.path()) {
+            let summary = match measure(&args.launch_file, &args.overrides, configuration, output.path(), None) {
                 Ok(summary) => summary,
                 Err(Failure::Ended(code)) => return Ok(ExitCode::from(code)),
                 Err(Failure::Other(error)) => return Err(error),
@@ -77,7 +84,16 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             }
         }
     }
-    let report = Report::new(&args.launch_file, args.runs, machine, series);
+    let mut report = Report::new(&args.launch_file, args.runs, machine, series);
+    if args.profile {
+        eprintln!("run under perf: {}", configurations[0]);
+        let data = output.path().join("perf.data");
+        match measure(&args.launch_file, &args.overrides, configurations[0], output.path(), Some(&data)) {
+            Ok(_) => report.profiles = profile::read(&data)?,
+            Err(Failure::Ended(code)) => return Ok(ExitCode::from(code)),
+            Err(Failure::Other(error)) => return Err(error),
+        }
+    }
     print!("{}", report.markdown(args.stages));
     let (text, data) = write(&report, args)?;
     eprintln!("{}\n{}", text.display(), data.display());

@@ -1,6 +1,7 @@
 //! Runs a launch file on a number of cores.
 
 use super::configuration::Configuration;
+use super::profile;
 use anyhow::Context;
 use run::process::sibling;
 use run::summary::Summary;
@@ -22,14 +23,16 @@ impl From<anyhow::Error> for Failure {
     }
 }
 
-/// Runs the launch file into `output`.
+/// Runs the launch file into `output`; under `perf`, if there is a file for what it records.
 pub fn measure(
     launch_file: &Path,
     overrides: &[String],
     configuration: Configuration,
     output: &Path,
+    perf_data: Option<&Path>,
 ) -> Result<Summary, Failure> {
-    let mut command = Command::new(sibling("replica-launch").map_err(anyhow::Error::msg)?);
+    let program = sibling("replica-launch").map_err(anyhow::Error::msg)?;
+    let mut command = perf_data.map_or_else(|| Command::new(&program), |data| profile::recording(data, &program));
     command.arg(launch_file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     for setting in overrides {
         command.args(["--set", setting]);

@@ -1,6 +1,7 @@
 //! The report as Markdown and JSON.
 
 use super::machine::Machine;
+use super::profile::{self, ProcessProfile};
 use super::series::{Series, Spread};
 use formats::calendar::date_from_days;
 use ipc::Transport;
@@ -20,11 +21,17 @@ pub struct Report {
     launch_file: String,
     runs: u32,
     series: Vec<Series>,
+    /// Of the first configuration, if it was asked for.
+    pub profiles: Vec<ProcessProfile>,
 }
 
 const HEAD: &str = "| value | median | min | max |\n|---|---|---|---|\n";
 const STAGES_HEAD: &str = "| stage | M points/s | CPU s | CPU ns/point | transport CPU s | step p50 / p99 / max ms | \
     age p50 / p99 / max ms | peak RSS MB | MB in |\n|---|---|---|---|---|---|---|---|---|\n";
+/// Shorter waits are not listed, s.
+const MIN_WAIT_S: f64 = 0.1;
+const USE_HEAD: &str =
+    "| stage | private MB | page faults | read MB | written MB | waiting s, by reason |\n|---|---|---|---|---|---|\n";
 const NOTES: &str = "\
 - *CPU* is user and system time of all stages, from their start to their end. The time of the supervisor is separate and \
 counts from the start of the run.\n\
@@ -34,6 +41,9 @@ threads that read the sockets; compare the total CPU instead.\n\
 - *Age* is the time from the start of a tick in the source to its end in the stage: at the last stage, the end-to-end latency. \
 Offline, the source runs ahead as far as the queues allow, so age mostly measures the length of the queues.\n\
 - *Peak RSS* counts shared memory in every process that touched it, so the sum is larger than the memory of the run.\n\
+- *Private* memory is that which no other process shares, at its largest heartbeat. *Read* and *written* are bytes by calls, of \
+files and sockets.\n\
+- *Waiting* is time in which the stage's own thread did no step, in the last run: reasons of at least 0.1 s.\n\
 - *Handed over* counts the bytes of rows once per consumer. The copying transport copies twice: into the kernel and out of it.\n";
 
 impl Report {
@@ -42,7 +52,7 @@ impl Report {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let (year, month, day) = date_from_days((since.as_secs() / 86_400) as i64);
         let date = format!("{year:04}-{month:02}-{day:02}");
-        Self { date, machine, launch_file: launch_file.display().to_string(), runs, series }
+        Self { date, machine, launch_file: launch_file.display().to_string(), runs, series, profiles: Vec::new() }
     }
 
     /// Whether all runs processed the same data.
@@ -59,10 +69,15 @@ impl Report {
             // Writing to a string cannot fail, here and below.
             let _ = write!(text, "\n## {}\n\n{HEAD}{}", series.configuration, end_to_end(series));
             if all_stages || index == 0 {
-                let _ = write!(text, "\n{STAGES_HEAD}{}", stages(series));
+                let _ = write!(text, "\n{STAGES_HEAD}{}\n{USE_HEAD}{}", stages(series), uses(series));
             }
         }
         text += &self.comparison();
+        if let (false, Some(run)) =
+            (self.profiles.is_empty(), self.series.first().and_then(|series| series.runs.first()))
+        {
+            text += &profile::markdown(&self.profiles, run.stages.iter().map(|stage| stage.name.as_str()));
+        }
         text + "\n## Definitions\n\n" + NOTES
     }
 
@@ -138,6 +153,31 @@ fn end_to_end(series: &Series) -> String {
     row("age at the sink p50, ms", 0, &|run| run.total.latency.p50_ms);
     row("age at the sink p99, ms", 0, &|run| run.total.latency.p99_ms);
     row("age at the sink max, ms", 0, &|run| run.total.latency.max_ms);
+    text
+}
+
+/// Memory, files, and what the stages waited for.
+fn uses(series: &Series) -> String {
+    let Some(last) = series.runs.last() else { return String::new() };
+    let mut text = String::new();
+    for (index, stage) in last.stages.iter().enumerate() {
+        let median = |value: &dyn Fn(&StageSummary) -> u64| {
+            series.median(|run| run.stages.get(index).map_or(0.0, |stage| value(stage) as f64))
+        };
+        let mut waits: Vec<_> = stage.waits.iter().filter(|(_, seconds)| **seconds >= MIN_WAIT_S).collect();
+        waits.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+        let waits: Vec<String> = waits.into_iter().map(|(reason, seconds)| format!("{seconds:.1} {reason}")).collect();
+        let _ = writeln!(
+            text,
+            "| {} | {:.0} | {:.0} | {:.0} | {:.0} | {} |",
+            stage.name,
+            median(&|stage| stage.peak_private_bytes) * 1e-6,
+            median(&|stage| stage.page_faults),
+            median(&|stage| stage.read_bytes) * 1e-6,
+            median(&|stage| stage.written_bytes) * 1e-6,
+            waits.join(", "),
+        );
+    }
     text
 }
 

@@ -1,0 +1,173 @@
+//! Where the processor time of each stage goes: one run under `perf`, which Linux distributions have as a package.
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fmt::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Samples a second and thread. Not a divisor of any rate in the pipeline.
+const SAMPLES_PER_S: &str = "997";
+
+/// Functions of each stage in the report.
+const N_FUNCTIONS: usize = 10;
+
+/// The kernel cuts the name of a process to this length.
+const NAME_CHARS: usize = 15;
+
+/// Longest name of a function in the report, characters: a line of a page.
+const FUNCTION_CHARS: usize = 120;
+
+/// The most expensive functions of a process.
+#[derive(Debug, Serialize)]
+pub struct ProcessProfile {
+    /// Its program, as the kernel cuts it.
+    pub name: String,
+    /// Samples in all of its threads.
+    pub samples: u64,
+    /// Share of the samples in the kernel.
+    pub kernel_share: f64,
+    /// Share of the samples and name of a function, without the functions that it calls.
+    pub functions: Vec<(f64, String)>,
+}
+
+/// The command that records what a program and its children do into `data`.
+pub fn recording(data: &Path, program: &Path) -> Command {
+    let mut command = Command::new("perf");
+    command.args(["record", "--quiet", "-F", SAMPLES_PER_S, "-o"]).arg(data).arg("--").arg(program);
+    command
+}
+
+/// Fails if `perf` is not there, before anything is measured.
+pub fn check() -> anyhow::Result<()> {
+    let found = Command::new("perf").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if !found.is_ok_and(|status| status.success()) {
+        bail!("--profile needs the program perf: install it (Debian: linux-perf), or leave --profile out");
+    }
+    Ok(())
+}
+
+/// Reads what [`recording`] wrote.
+pub fn read(data: &Path) -> anyhow::Result<Vec<ProcessProfile>> {
+    let args: [OsString; 5] = ["script".into(), "-i".into(), data.into(), "-F".into(), "comm,pid,tid,ip,sym".into()];
+    let output = Command::new("perf").args(args).output().context("perf script")?;
+    if !output.status.success() {
+        bail!("perf script: {}", String::from_utf8_lossy(&output.stderr).trim());
+    }
+    Ok(profiles(&String::from_utf8_lossy(&output.stdout)))
+}
+
+/// One sample.
+#[derive(Debug, PartialEq)]
+struct Sample<'a> {
+    thread_name: &'a str,
+    pid: u32,
+    tid: u32,
+    in_kernel: bool,
+    function: &'a str,
+}
+
+/// `COMM PID/TID ADDRESS FUNCTION`; a thread's name may contain spaces.
+fn sample(line: &str) -> Option<Sample<'_>> {
+    let (before, after) = line.split_once('/')?;
+    let (thread_name, pid) = before.rsplit_once(' ')?;
+    let (tid, after) = after.split_once(' ')?;
+    let (address, function) = after.trim_start().split_once(' ')?;
+    let (pid, tid) = (pid.parse().ok()?, tid.parse().ok()?);
+    Some(Sample { thread_name: thread_name.trim(), pid, tid, in_kernel: address.starts_with("ffff"), function })
+}
+
+fn profiles(script: &str) -> Vec<ProcessProfile> {
+    #[derive(Default)]
+    struct Counts {
+        name: String,
+        samples: u64,
+        in_kernel: u64,
+        functions: BTreeMap<String, u64>,
+    }
+    let mut processes: BTreeMap<u32, Counts> = BTreeMap::new();
+    for sample in script.lines().filter_map(sample) {
+        let counts = processes.entry(sample.pid).or_default();
+        if sample.pid == sample.tid && sample.thread_name.starts_with("replica-") {
+            sample.thread_name.clone_into(&mut counts.name);
+        }
+        counts.samples += 1;
+        counts.in_kernel += u64::from(sample.in_kernel);
+        let kernel = if sample.in_kernel { "kernel: " } else { "" };
+        *counts.functions.entry(format!("{kernel}{}", sample.function)).or_default() += 1;
+    }
+    let share = |n: u64, of: u64| n as f64 / of.max(1) as f64;
+    let profile = |counts: Counts| {
+        let mut functions: Vec<_> = counts.functions.into_iter().collect();
+        functions.sort_by(|(a, n_a), (b, n_b)| n_b.cmp(n_a).then(a.cmp(b)));
+        functions.truncate(N_FUNCTIONS);
+        let functions = functions.into_iter().map(|(name, n)| (share(n, counts.samples), name));
+        ProcessProfile {
+            name: counts.name,
+            samples: counts.samples,
+            kernel_share: share(counts.in_kernel, counts.samples),
+            functions: functions.collect(),
+        }
+    };
+    processes.into_values().filter(|counts| !counts.name.is_empty()).map(profile).collect()
+}
+
+/// A table for each stage, in the order of `stages`.
+pub fn markdown<'a>(profiles: &[ProcessProfile], stages: impl Iterator<Item = &'a str>) -> String {
+    let mut text = String::from(
+        "\n## Profile\n\nShare of the samples of each stage, by function, without the functions that it calls.\n",
+    );
+    for stage in stages {
+        let program: String = format!("replica-{stage}").chars().take(NAME_CHARS).collect();
+        let Some(profile) = profiles.iter().find(|profile| profile.name == program) else { continue };
+        // Writing to a string cannot fail, here and below.
+        let _ = write!(
+            text,
+            "\n{stage}: {} samples, {:.0} % in the kernel\n\n```\n",
+            profile.samples,
+            100.0 * profile.kernel_share
+        );
+        for (share, function) in &profile.functions {
+            let function: String = function.chars().take(FUNCTION_CHARS).collect();
+            let _ = writeln!(text, "{:5.1} %  {function}", 100.0 * share);
+        }
+        text += "```\n";
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCRIPT: &str = "\
+   replica-infer 609/609      560ce379d50c core::iter::Map<I, F>::next
+   replica-infer 609/617      560ce3775f68 engine::convolve
+ my thread 609/618      ffffffff8117 do_fault
+   replica-infer 609/617      560ce3775f70 engine::convolve
+   sh 700/700      55cb8f7e3dfe main
+";
+
+    #[test]
+    fn samples_of_all_threads_count_for_their_process() {
+        let found = profiles(SCRIPT);
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].name.as_str(), found[0].samples, found[0].kernel_share), ("replica-infer", 4, 0.25));
+        assert_eq!(found[0].functions[0], (0.5, "engine::convolve".to_owned()));
+        assert_eq!(found[0].functions[2], (0.25, "kernel: do_fault".to_owned()));
+        let text = markdown(&found, ["acquire", "infer"].into_iter());
+        assert!(
+            text.contains("infer: 4 samples, 25 % in the kernel") && text.contains(" 50.0 %  engine::convolve"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn line_that_is_no_sample_is_left_out() {
+        for line in ["", "replica-infer", "a/b", "replica-infer 1/x 0 f", "replica-infer 1/2 7f"] {
+            assert_eq!(sample(line), None, "{line}");
+        }
+    }
+}
