@@ -19,6 +19,10 @@ pub(crate) struct UntypedPublisher {
     sent: u64,
     /// Seq of the next message.
     next_seq: u64,
+    /// Messages that may be sent without another look at the acknowledgements: places that were free at the last look.
+    n_free: u64,
+    /// `next_seq` at the last look.
+    last_look: u64,
 }
 
 struct Consumer {
@@ -40,8 +44,13 @@ struct LosslessObserver {
 }
 
 impl LosslessObserver {
-    /// Messages up to `next_seq` that it has not taken. An observer that was killed is removed with its node.
-    fn n_waiting(&mut self, next_seq: u64) -> Result<u64, IpcError> {
+    fn is_there(&self) -> Result<bool, IpcError> {
+        Ok(self.taken.is_some() || self.acknowledgement.connect()?)
+    }
+
+    /// Messages up to `next_seq` that it has not taken; `last_look`: `next_seq` at the last call. An observer that was killed is
+    /// removed with its node.
+    fn n_waiting(&mut self, next_seq: u64, last_look: u64) -> Result<u64, IpcError> {
         let there = self.acknowledgement.connect()?;
         // Polls a last acknowledgement after the observer has left, too: until then the connection stays.
         let latest = self.acknowledgement.poll()?;
@@ -53,9 +62,9 @@ impl LosslessObserver {
             && let Ok(taken) = bytes.try_into()
         {
             let acknowledged = match u64::from_le_bytes(taken) {
-                // A new observer need not receive messages from before it was known, but the last message, sent since the
-                // last poll, may be in its queue. A later acknowledgement may have been sent before further messages.
-                NOTHING_TAKEN => self.taken.unwrap_or(next_seq.saturating_sub(1)),
+                // A new observer need not receive messages from before it was known, but those sent since the last look may be
+                // in its queue. A later acknowledgement may have been sent before further messages.
+                NOTHING_TAKEN => self.taken.unwrap_or(last_look),
                 taken => taken,
             };
             self.repeats = if self.taken == Some(acknowledged) { self.repeats + 1 } else { 0 };
@@ -88,7 +97,17 @@ impl UntypedPublisher {
         let acknowledgement = LatestSubscriber::open(node, &channel.observer_acknowledgement())?;
         let observer = LosslessObserver { taken: None, repeats: 0, acknowledgement };
         let channel = channel.clone();
-        Ok(Self { channel, max_rows: message.max_rows, transport, consumers, observer, sent: 0, next_seq: 0 })
+        Ok(Self {
+            channel,
+            max_rows: message.max_rows,
+            transport,
+            consumers,
+            observer,
+            sent: 0,
+            next_seq: 0,
+            n_free: 0,
+            last_look: 0,
+        })
     }
 
     pub(crate) fn connect(&self) -> Result<bool, IpcError> {
@@ -112,10 +131,25 @@ impl UntypedPublisher {
 
     /// Whether every consumer has room for one more message.
     pub(crate) fn has_credit(&mut self) -> Result<bool, IpcError> {
+        if self.n_free > 0 {
+            return Ok(true);
+        }
         let queue = self.channel.queue as u64;
-        // Polled in any case: this connects the acknowledgements of restarted consumers.
-        let has_room = self.n_waiting()? < queue;
-        Ok(self.channel.drops_oldest || has_room && self.observer.n_waiting(self.next_seq)? < queue)
+        let n_waiting = self.n_waiting()?;
+        let last_look = std::mem::replace(&mut self.last_look, self.next_seq);
+        if self.channel.drops_oldest {
+            // Polled all the same: this connects the acknowledgements of restarted consumers.
+            return Ok(true);
+        }
+        if n_waiting >= queue {
+            return Ok(false);
+        }
+        if self.observer.is_there()? {
+            return Ok(self.observer.n_waiting(self.next_seq, last_look)? < queue);
+        }
+        // A look costs as much as a message. Half of the places are used without one, so that a new observer is seen soon.
+        self.n_free = (queue - n_waiting).min(queue.div_ceil(2));
+        Ok(true)
     }
 
     /// Messages that the slowest consumer has not taken yet.
@@ -147,6 +181,7 @@ impl UntypedPublisher {
     pub(crate) fn send(&mut self, message: Written<'_>, envelope: &Envelope) -> Result<(), IpcError> {
         let reached = self.transport.send(message, envelope)?;
         self.sent += 1;
+        self.n_free = self.n_free.saturating_sub(1);
         self.next_seq = envelope.seq + 1;
         self.observer.repeats = 0;
         let expected = self.consumers.len();

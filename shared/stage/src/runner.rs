@@ -25,6 +25,9 @@ use std::sync::atomic::AtomicBool;
 /// Of an error, in the heartbeat: it has 64 KiB, which the notes of [`Outputs::note`] need too.
 const MAX_ERROR_CHARS: usize = 2000;
 
+/// Ticks after which the heartbeat reports the queues again. A stage that waits reports them at each wake.
+const TICKS_PER_LOOK: u64 = 8;
+
 /// How a run of a stage ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
@@ -342,8 +345,10 @@ impl<'a> Runner<'a> {
             Ok::<_, StepError>(())
         })?;
         self.pulse.mark_progress();
-        for output in Self::ticked_outputs(&mut self.outputs) {
-            output.note_waiting()?;
+        if self.tick % TICKS_PER_LOOK == 0 {
+            for output in Self::ticked_outputs(&mut self.outputs) {
+                output.note_waiting()?;
+            }
         }
         let now = monotonic_nanos();
         let is_first = {

@@ -124,8 +124,10 @@ impl TickedInput for SharedInput {
         {
             self.row = message.rows().first().copied();
         }
-        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` ensures it).
-        while self.messages.len() < self.queue {
+        // No more than a queue's length waits here; a tick has no more than that (`SharedOutput::publish` ensures it). Without
+        // the tick, take what has arrived: its producer may wait for room.
+        let n_published = self.row.map_or(u64::MAX, |row| row.n_published);
+        while self.messages.len() < self.queue && self.n_received < n_published {
             let Some(Envelope { seq, .. }) = self.messages.receive()? else { break };
             if seq != self.n_received {
                 let text = format!("{}: message {seq} arrived when {} was due", self.topic, self.n_received);
