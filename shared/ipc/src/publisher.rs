@@ -37,7 +37,12 @@ impl<T: Message> Publisher<T> {
 
     /// Whether every consumer has room for one more message.
     pub fn has_credit(&mut self) -> Result<bool, IpcError> {
-        self.untyped.has_credit()
+        self.untyped.has_room(1)
+    }
+
+    /// Whether every consumer has room for `n` more messages.
+    pub fn has_room(&mut self, n: u64) -> Result<bool, IpcError> {
+        self.untyped.has_room(n)
     }
 
     /// Messages that the slowest consumer has not taken yet.

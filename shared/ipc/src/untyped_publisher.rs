@@ -129,9 +129,9 @@ impl UntypedPublisher {
         self.transport.slot(capacity)
     }
 
-    /// Whether every consumer has room for one more message.
-    pub(crate) fn has_credit(&mut self) -> Result<bool, IpcError> {
-        if self.n_free > 0 {
+    /// Whether every consumer has room for `n` more messages.
+    pub(crate) fn has_room(&mut self, n: u64) -> Result<bool, IpcError> {
+        if self.n_free >= n {
             return Ok(true);
         }
         let queue = self.channel.queue as u64;
@@ -141,11 +141,11 @@ impl UntypedPublisher {
             // Polled all the same: this connects the acknowledgements of restarted consumers.
             return Ok(true);
         }
-        if n_waiting >= queue {
+        if n_waiting + n > queue {
             return Ok(false);
         }
         if self.observer.is_there()? {
-            return Ok(self.observer.n_waiting(self.next_seq, last_look)? < queue);
+            return Ok(self.observer.n_waiting(self.next_seq, last_look)?.saturating_add(n) <= queue);
         }
         // A look costs as much as a message. Half of the places are used without one, so that a new observer is seen soon.
         self.n_free = (queue - n_waiting).min(queue.div_ceil(2));

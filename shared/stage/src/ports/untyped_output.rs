@@ -12,20 +12,24 @@ use run::health::{Activity, Pulse, Traffic};
 use run::process::monotonic_nanos;
 use std::rc::Rc;
 
-/// Offline, consumers need not see each tick without messages at once. They see all of them before this stage sleeps.
-const EMPTY_TICKS_PER_WAKE: u64 = 8;
+/// Offline, consumers are woken after so many ticks, or when their queue has so small a part of its messages: at once for a
+/// sweep or a submap, not for each of the poses of a whole drive. Before this stage sleeps, they are woken in any case.
+const TICKS_PER_WAKE: u64 = 8;
+
+/// Longest wait until half of a queue is free. Consumers take half of any queue in less, unless they wait themselves.
+const MAX_REFILL_WAIT_NANOS: u64 = 50_000_000;
 
 /// How much room the consumers of a publisher have.
 pub(super) trait Room {
-    /// See [`Publisher::has_credit`].
-    fn has_credit(&mut self) -> Result<bool, IpcError>;
+    /// See [`Publisher::has_room`].
+    fn has_room(&mut self, n: u64) -> Result<bool, IpcError>;
     /// See [`Publisher::n_waiting`].
     fn n_waiting(&mut self) -> Result<u64, IpcError>;
 }
 
 impl<T: Message> Room for Publisher<T> {
-    fn has_credit(&mut self) -> Result<bool, IpcError> {
-        Publisher::has_credit(self)
+    fn has_room(&mut self, n: u64) -> Result<bool, IpcError> {
+        Publisher::has_room(self, n)
     }
     fn n_waiting(&mut self) -> Result<u64, IpcError> {
         Publisher::n_waiting(self)
@@ -43,6 +47,8 @@ pub(super) struct UntypedOutput {
     context: PortContext,
     next_seq: u64,
     n_in_tick: usize,
+    /// Messages since the consumers were urged.
+    n_unannounced: usize,
     traffic: Traffic,
     /// The producer never waits for consumers; the newest message replaces the oldest.
     is_live: bool,
@@ -69,6 +75,7 @@ impl UntypedOutput {
             context: context.clone(),
             next_seq: 0,
             n_in_tick: 0,
+            n_unannounced: 0,
             traffic: Traffic::default(),
             is_live: channels.messages.drops_oldest,
             replaced: 0,
@@ -94,19 +101,9 @@ impl UntypedOutput {
             return Err(StepError::contract(text));
         }
         let waiter = &self.context.waiter;
-        let room = waiter.wait_until(
-            || Activity::Blocked(self.name.to_owned()),
-            || {
-                let credit = messages.has_credit()?;
-                if !credit {
-                    note_waiting(&waiter.pulse, &self.topic, messages)?;
-                }
-                Ok(credit)
-            },
-        )?;
-        if !room {
-            return Err(StepError::Stopped { topic: self.name });
-        }
+        wait_for_room(waiter, self.name, self.queue, messages, |messages| {
+            note_waiting(&waiter.pulse, &self.topic, messages)
+        })?;
         waiter.pulse.set(Activity::Working);
         self.traffic.messages += 1;
         self.traffic.rows += n_rows as u64;
@@ -155,11 +152,9 @@ impl UntypedOutput {
     }
 
     pub(super) fn publish_tick(&mut self, row: TickRow) -> Result<(), StepError> {
-        let n_messages = std::mem::take(&mut self.n_in_tick);
-        let (ticks, waiter) = (&mut self.ticks, &self.context.waiter);
-        if !waiter.wait_until(|| Activity::Blocked(self.name.to_owned()), || Ok(ticks.has_credit()?))? {
-            return Err(StepError::Stopped { topic: self.name });
-        }
+        self.n_unannounced += std::mem::take(&mut self.n_in_tick);
+        let waiter = &self.context.waiter;
+        wait_for_room(waiter, self.name, TickTopic::QUEUE, &mut self.ticks, |_| Ok(()))?;
         let mut loan = self.ticks.loan(1)?;
         loan.extend_from_slice(&[TickRow { n_published: self.next_seq, ..row }])?;
         let seq = self.end_seq.unwrap_or(row.tick.max(self.next_tick_seq));
@@ -167,8 +162,9 @@ impl UntypedOutput {
         self.end_seq = (row.end != 0).then_some(seq);
         let envelope = Envelope { seq, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
         self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(self.name, error))?;
-        let is_of_interest = n_messages > 0 || row.barrier != 0 || row.end != 0;
-        if self.is_live || is_of_interest || row.tick % EMPTY_TICKS_PER_WAKE == 0 {
+        let is_due = row.barrier != 0 || row.end != 0 || row.tick % TICKS_PER_WAKE == 0;
+        if self.is_live || is_due || self.n_unannounced >= self.queue.div_ceil(TICKS_PER_WAKE as usize) {
+            self.n_unannounced = 0;
             self.ticks.urge();
         }
         Ok(())
@@ -196,6 +192,34 @@ impl UntypedOutput {
     pub(super) fn note_waiting(&self, messages: &mut dyn Room) -> Result<(), StepError> {
         note_waiting(&self.context.waiter.pulse, &self.topic, messages)
     }
+}
+
+/// Waits for room for one message. A queue that was full is filled again only when half of it is free, so that producer and
+/// consumer do not wake each other for every message, unless that takes long: a consumer may need just one more.
+fn wait_for_room(
+    waiter: &Waiter,
+    name: &'static str,
+    queue: usize,
+    messages: &mut dyn Room,
+    blocked: impl Fn(&mut dyn Room) -> Result<(), StepError>,
+) -> Result<(), StepError> {
+    let mut full_since = None;
+    let has_room = waiter.wait_until(
+        || Activity::Blocked(name.to_owned()),
+        || {
+            let wanted = match full_since {
+                Some(since) if monotonic_nanos() - since < MAX_REFILL_WAIT_NANOS => (queue as u64).div_ceil(2),
+                _ => 1,
+            };
+            let has_room = messages.has_room(wanted)?;
+            if !has_room {
+                full_since.get_or_insert_with(monotonic_nanos);
+                blocked(messages)?;
+            }
+            Ok(has_room)
+        },
+    )?;
+    if has_room { Ok(()) } else { Err(StepError::Stopped { topic: name }) }
 }
 
 fn note_waiting(pulse: &Pulse, topic: &str, messages: &mut dyn Room) -> Result<(), StepError> {
