@@ -26,7 +26,7 @@ pub struct ProcessProfile {
     /// Its program, as the kernel cuts it.
     pub name: String,
     /// Samples in all of its threads.
-    pub samples: u64,
+    pub samples: usize,
     /// Share of the samples in the kernel.
     pub kernel_share: f64,
     /// Share of the samples and name of a function, without the functions that it calls.
@@ -79,39 +79,37 @@ fn sample(line: &str) -> Option<Sample<'_>> {
     Some(Sample { thread_name: thread_name.trim(), pid, tid, in_kernel: address.starts_with("ffff"), function })
 }
 
+/// Of the processes with the same program together: stages are also asked for their ports and settings before a run.
 fn profiles(script: &str) -> Vec<ProcessProfile> {
-    #[derive(Default)]
-    struct Counts {
-        name: String,
-        samples: u64,
-        in_kernel: u64,
-        functions: BTreeMap<String, u64>,
-    }
-    let mut processes: BTreeMap<u32, Counts> = BTreeMap::new();
-    for sample in script.lines().filter_map(sample) {
-        let counts = processes.entry(sample.pid).or_default();
-        if sample.pid == sample.tid && sample.thread_name.starts_with("replica-") {
-            sample.thread_name.clone_into(&mut counts.name);
+    let samples: Vec<Sample<'_>> = script.lines().filter_map(sample).collect();
+    let is_main = |sample: &&Sample<'_>| sample.pid == sample.tid && sample.thread_name.starts_with("replica-");
+    let programs: BTreeMap<u32, &str> =
+        samples.iter().filter(is_main).map(|sample| (sample.pid, sample.thread_name)).collect();
+    let mut of_programs: BTreeMap<&str, Vec<&Sample<'_>>> = BTreeMap::new();
+    for sample in &samples {
+        if let Some(program) = programs.get(&sample.pid) {
+            of_programs.entry(program).or_default().push(sample);
         }
-        counts.samples += 1;
-        counts.in_kernel += u64::from(sample.in_kernel);
+    }
+    of_programs.into_iter().map(|(program, samples)| profile(program, &samples)).collect()
+}
+
+fn profile(program: &str, samples: &[&Sample<'_>]) -> ProcessProfile {
+    let share = |n: usize| n as f64 / samples.len().max(1) as f64;
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for sample in samples {
         let kernel = if sample.in_kernel { "kernel: " } else { "" };
-        *counts.functions.entry(format!("{kernel}{}", sample.function)).or_default() += 1;
+        *counts.entry(format!("{kernel}{}", sample.function)).or_default() += 1;
     }
-    let share = |n: u64, of: u64| n as f64 / of.max(1) as f64;
-    let profile = |counts: Counts| {
-        let mut functions: Vec<_> = counts.functions.into_iter().collect();
-        functions.sort_by(|(a, n_a), (b, n_b)| n_b.cmp(n_a).then(a.cmp(b)));
-        functions.truncate(N_FUNCTIONS);
-        let functions = functions.into_iter().map(|(name, n)| (share(n, counts.samples), name));
-        ProcessProfile {
-            name: counts.name,
-            samples: counts.samples,
-            kernel_share: share(counts.in_kernel, counts.samples),
-            functions: functions.collect(),
-        }
-    };
-    processes.into_values().filter(|counts| !counts.name.is_empty()).map(profile).collect()
+    let mut functions: Vec<_> = counts.into_iter().collect();
+    functions.sort_by(|(a, n_a), (b, n_b)| n_b.cmp(n_a).then(a.cmp(b)));
+    functions.truncate(N_FUNCTIONS);
+    ProcessProfile {
+        name: program.to_owned(),
+        samples: samples.len(),
+        kernel_share: share(samples.iter().filter(|sample| sample.in_kernel).count()),
+        functions: functions.into_iter().map(|(name, n)| (share(n), name)).collect(),
+    }
 }
 
 /// A table for each stage, in the order of `stages`.
@@ -162,6 +160,12 @@ mod tests {
             text.contains("infer: 4 samples, 25 % in the kernel") && text.contains(" 50.0 %  engine::convolve"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn processes_of_one_program_count_together() {
+        let found = profiles(&format!("{SCRIPT}   replica-infer 500/500      560ce3775f70 engine::convolve\n"));
+        assert_eq!((found.len(), found[0].samples), (1, 5));
     }
 
     #[test]
