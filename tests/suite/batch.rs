@@ -130,7 +130,7 @@ fn damaged_drive_costs_no_other_drive_its_result() {
     let outcomes: Vec<&str> = table.text.lines().filter_map(|line| line.split(',').nth(1)).collect();
     assert_eq!(outcomes, ["outcome", "complete", "failed", "complete"]);
 
-    // With the first call that changes nothing else: only the repaired drive is run.
+    // Only the repaired drive is run again.
     std::fs::write(&capture, recorded).expect("written");
     let second = batch.run(&DRIVES, &[]);
     assert_eq!(second.code, Some(0), "{}\n{}", second.text, batch.log("tuesday"));

@@ -75,8 +75,9 @@ struct Arguments {
     /// Replace the results of an earlier run in the output; without it, they are kept and the run is refused
     #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
-    /// Report all problems of the launch file and of everything that it names; start nothing. With --resume, report also
-    /// whether the run in the output can be continued
+    /// Report all problems of the launch file and of everything that it names; start nothing
+    ///
+    /// With --resume, also whether the run in the output has other settings, programs or files.
     #[arg(long)]
     check: bool,
     /// Print the stages and topics as a Mermaid diagram; start nothing
@@ -85,7 +86,7 @@ struct Arguments {
     /// Write the run's figures into this file about once a second, in Prometheus' text format
     #[arg(long, value_name = "FILE")]
     metrics: Option<PathBuf>,
-    /// End at once, as if killed, when this process ends; it must be the one that starts this program
+    /// End at once, as if killed, when this parent process ends
     #[arg(long, value_name = "PID")]
     end_with: Option<u32>,
     /// Format of the messages on stderr and of the stages' logs

@@ -54,13 +54,17 @@ pub struct Args {
     /// Start no further drive after one that failed
     #[arg(long)]
     stop_at_first: bool,
-    /// Replace results that were made with other settings; without it, they are kept and the batch is refused
+    /// Replace results that were made with other settings
+    ///
+    /// Without it, they are kept and the batch is refused.
     #[arg(long)]
     overwrite: bool,
-    /// Print the table of the results so far: text, csv or json; start nothing
+    /// Print the table of the results so far; start nothing
     #[arg(long, value_name = "FORMAT", num_args = 0..=1, require_equals = true, default_missing_value = "text")]
     table: Option<Format>,
-    /// Print how long the batch takes on 1 to N machines, from the drives that are complete; start nothing
+    /// Print how long the batch takes on 1 to N machines; start nothing
+    ///
+    /// Computed from the drives that are finished; the others count in proportion to their bytes.
     #[arg(long, value_name = "N", conflicts_with_all = ["table", "job"], value_parser = clap::value_parser!(u32).range(1..=10_000))]
     plan: Option<u32>,
 }
@@ -148,8 +152,7 @@ fn process(
 
 /// The exit code of a batch with these results.
 fn exit_code(rows: &[Row]) -> u8 {
-    let mut failed = rows.iter().filter(|row| row.outcome == Outcome::Failed).peekable();
-    if failed.peek().is_some() {
+    if rows.iter().any(|row| row.outcome == Outcome::Failed) {
         // A setting that does not exist fails with every drive.
         let is_refused = rows.iter().all(|row| row.exit_code == Some(i32::from(exit::CONFIGURATION)));
         return if is_refused { exit::CONFIGURATION } else { exit::FAILED };

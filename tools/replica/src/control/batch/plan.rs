@@ -44,7 +44,7 @@ pub fn text(drives: &[BatchDrive], n_machines: usize) -> anyhow::Result<String> 
     let costs: Vec<Cost> = costs.iter().map(|(bytes, cost)| cost.unwrap_or(sum.of_bytes(*bytes))).collect();
     let mut text = format!(
         "{} drives, {} of them measured: {:.1} MB/s read, {:.2} bytes of results for each byte of a drive\n\
-         machines     hours  efficiency  GB read  GB of results (of the machine with the most)\n",
+         machines   seconds  efficiency  GB read  GB of results (of the machine with the most)\n",
         drives.len(),
         known.len(),
         sum.read_bytes / sum.seconds * 1e-6,
@@ -58,8 +58,7 @@ pub fn text(drives: &[BatchDrive], n_machines: usize) -> anyhow::Result<String> 
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{n:8}  {:8.3}  {:8.0} %  {:7.2}  {:13.2}",
-            makespan_s / 3600.0,
+            "{n:8}  {makespan_s:8.1}  {:8.0} %  {:7.2}  {:13.2}",
             all_seconds / (makespan_s * n as f64) * 100.0,
             most(|job| job.read_bytes) * 1e-9,
             most(|job| job.kept_bytes) * 1e-9

@@ -51,6 +51,9 @@ fn aligned(rows: &[Row]) -> String {
 
 /// One line about all drives. Figures are sums over the finished ones.
 pub fn totals(rows: &[Row]) -> String {
+    if rows.is_empty() {
+        return "no drive belongs to this job".to_owned();
+    }
     let counts: Vec<String> = Outcome::ALL
         .iter()
         .map(|outcome| (rows.iter().filter(|row| row.outcome == *outcome).count(), outcome.text()))
