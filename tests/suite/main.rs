@@ -3,6 +3,7 @@
 //! The programs must be built: `cargo build --release`, then `cargo test --release -p replica-tests`. Many tests wait most of
 //! their time, so more threads than cores pay off: `-- --test-threads 6`.
 
+mod batch;
 mod changed_files;
 mod crash_recovery;
 mod damaged_states;

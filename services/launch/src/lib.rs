@@ -76,6 +76,8 @@ struct Arguments {
     #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
     /// Report all problems of the launch file and of everything that it names; start nothing
+    ///
+    /// With --resume, also whether the run in the output has other settings, programs or files.
     #[arg(long)]
     check: bool,
     /// Print the stages and topics as a Mermaid diagram; start nothing
@@ -84,6 +86,9 @@ struct Arguments {
     /// Write the run's figures into this file about once a second, in Prometheus' text format
     #[arg(long, value_name = "FILE")]
     metrics: Option<PathBuf>,
+    /// End at once, as if killed, when this parent process ends
+    #[arg(long, value_name = "PID")]
+    end_with: Option<u32>,
     /// Format of the messages on stderr and of the stages' logs
     #[arg(long, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,
@@ -93,6 +98,12 @@ struct Arguments {
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     arguments.log.install();
+    if let Some(parent) = arguments.end_with
+        && let Err(error) = run::process::end_with(parent)
+    {
+        tracing::error!("replica-launch: --end-with {parent}: {error}, or it did not start this program");
+        return ExitCode::from(exit::FAILED);
+    }
     let selection = Selection { source: arguments.source, without: arguments.without, recorded: arguments.topics };
     let plan = match check::plan(&arguments.launch_file, &arguments.overrides, &selection) {
         Ok(plan) => plan,
@@ -109,6 +120,9 @@ pub fn main() -> ExitCode {
         print!("{}", check::dataflow::mermaid(&plan.stages));
     } else if arguments.check {
         print_checked(&arguments.launch_file, &plan);
+        if arguments.resume {
+            return ExitCode::from(supervise::check_resume(plan));
+        }
     } else {
         let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
         let start = match (resume, overwrite) {

@@ -193,13 +193,18 @@ impl RunFolder {
     }
 
     /// Makes sure that `plan` is the plan of the run that was begun here: another one would not give the same results.
-    pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
+    pub fn refuse_other_plan(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
         let begun: Begun = self.read_json(SETTINGS)?;
         let same_file = std::fs::read(&plan.launch_file).ok() == std::fs::read(self.launch_copy()).ok();
         if !same_file || begun.settings != settings(plan) {
             return Err(RunFolderError::OtherSettings { output: self.output.clone() });
         }
-        self.refuse_changed_files(files, &begun.files, None)?;
+        self.refuse_changed_files(files, &begun.files, None)
+    }
+
+    /// Continues the run that was begun here: [`RunFolder::refuse_other_plan`], and its results are no longer final.
+    pub fn resume(&self, plan: &Plan, files: &Files) -> Result<(), RunFolderError> {
+        self.refuse_other_plan(plan, files)?;
         self.remove_summary()
     }
 

@@ -3,6 +3,7 @@
 //! | file | idea |
 //! |---|---|
 //! | `attempt` | one attempt: start, observe, decide, end all processes |
+//! | `check_resume` | whether `--resume` would continue the run in the output |
 //! | `services` | the IPC services that the stages open |
 //! | `processes` | the processes of an attempt |
 //! | `stage_restarts` | live: which stages are down, and how often each was restarted |
@@ -14,6 +15,7 @@
 
 mod account;
 mod attempt;
+mod check_resume;
 mod error;
 mod observers;
 mod operator;
@@ -33,6 +35,7 @@ use crate::run_folder::{RunFolder, RunFolderError, canonical};
 use crate::swap::Swaps;
 use account::Account;
 use attempt::Ending;
+pub use check_resume::check_resume;
 use error::SuperviseError;
 use observers::Observers;
 use operator::Operator;

@@ -1,6 +1,7 @@
 //! Run control: commands that observe, record, replay or change a run.
 
 mod attach;
+mod batch;
 mod echo;
 mod hz;
 mod metrics;
@@ -17,6 +18,7 @@ use std::process::ExitCode;
 /// The subcommands.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
+    Batch(batch::Args),
     Status(status::Args),
     Topics(topics::Args),
     Echo(echo::Args),
@@ -31,6 +33,7 @@ impl Command {
     /// Runs the command.
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
+            Command::Batch(args) => batch::run(args),
             Command::Status(args) => ignore_broken_pipe(status::run(args)),
             Command::Topics(args) => ignore_broken_pipe(topics::run(args)),
             Command::Echo(args) => ignore_broken_pipe(echo::run(args)),

@@ -1,0 +1,36 @@
+//! `--check --resume`: whether a start with `--resume` would continue the run in the output.
+
+use super::error::SuperviseError;
+use crate::identity::Files;
+use crate::plan::Plan;
+use crate::run_folder::{RunFolder, RunFolderError, canonical};
+use run::{Mode, exit};
+
+/// The exit code: success if the output has no run yet, or a run of this plan, be it finished.
+pub fn check_resume(plan: Plan) -> u8 {
+    match refuse_other_run(plan) {
+        Ok(()) => exit::DONE,
+        Err(error) => {
+            tracing::error!("replica-launch: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn refuse_other_run(mut plan: Plan) -> Result<(), SuperviseError> {
+    if plan.context.mode == Mode::Live {
+        return Err(SuperviseError::LiveResume);
+    }
+    // A drive that must be simulated has no run yet.
+    if !plan.context.output.exists() || plan.simulate.is_some() {
+        return Ok(());
+    }
+    let folder = RunFolder::lock(&plan.context.output)?;
+    plan.context.output = canonical(&plan.context.output)?;
+    plan.context.drive = canonical(&plan.context.drive)?;
+    if !folder.has_begun() {
+        return Ok(folder.refuse_earlier_results()?);
+    }
+    let files = Files::of(&plan, &Files::default()).map_err(RunFolderError::from)?;
+    Ok(folder.refuse_other_plan(&plan, &files)?)
+}

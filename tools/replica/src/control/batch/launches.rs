@@ -1,0 +1,132 @@
+//! Starts of `replica-launch` for the drives of a batch.
+
+use super::drives::BatchDrive;
+use anyhow::Context;
+use run::process::sibling;
+use run::summary::Summary;
+use rustix::process::{Pid, Signal, kill_process};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::fs::File;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+/// Between two looks at the run: far below the time of the shortest one.
+const POLL: Duration = Duration::from_millis(20);
+
+/// How a drive starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Its output has no run.
+    New,
+    /// Its output has an unfinished run with the same settings, programs and files.
+    Resume,
+    /// The results in its output are replaced.
+    Overwrite,
+    /// Its output has the results of a finished run with the same settings, programs and files.
+    DoneBefore,
+}
+
+/// Starts one run after another.
+pub struct Launches {
+    program: PathBuf,
+    /// Launch file, `--set` and `--without`.
+    arguments: Vec<std::ffi::OsString>,
+    signals: Signals,
+    must_stop: bool,
+}
+
+impl Launches {
+    /// With what all runs have in common.
+    pub fn new(launch_file: &Path, overrides: &[String], without: &[String]) -> anyhow::Result<Self> {
+        let launch_file = std::path::absolute(launch_file).context("the launch file")?;
+        let mut arguments = vec![launch_file.into()];
+        for (option, values) in [("--set", overrides), ("--without", without)] {
+            arguments.extend(values.iter().flat_map(|value| [option.into(), value.into()]));
+        }
+        Ok(Self {
+            program: sibling("replica-launch").map_err(anyhow::Error::msg)?,
+            arguments,
+            signals: Signals::new([SIGINT, SIGTERM, SIGHUP, SIGQUIT]).context("signals cannot be received")?,
+            must_stop: false,
+        })
+    }
+
+    /// Whether the end of the batch was requested.
+    pub fn must_stop(&mut self) -> bool {
+        self.must_stop |= self.signals.pending().count() > 0;
+        self.must_stop
+    }
+
+    /// How the drive starts; `Err` if its output must be kept. `replica-launch` judges, as it does for `--resume`.
+    pub fn start_of(&self, drive: &BatchDrive) -> anyhow::Result<Result<Start, String>> {
+        if !drive.output.exists() {
+            return Ok(Ok(Start::New));
+        }
+        let checked =
+            self.command(drive).args(["--resume", "--check"]).output().with_context(|| self.cannot_start())?;
+        if !checked.status.success() {
+            let text = String::from_utf8_lossy(&checked.stderr).trim().to_owned();
+            return Ok(Err(format!("{}: {text}", drive.name)));
+        }
+        let is_done = Summary::load(&drive.output).is_ok_and(|summary| summary.outcome == "done");
+        Ok(Ok(if is_done { Start::DoneBefore } else { Start::Resume }))
+    }
+
+    /// Runs the drive to its end. Signals to this process go to the run.
+    pub fn run(&mut self, drive: &BatchDrive, start: Start) -> anyhow::Result<ExitStatus> {
+        let option = match start {
+            Start::New | Start::DoneBefore => None,
+            Start::Resume => Some("--resume"),
+            Start::Overwrite => Some("--overwrite"),
+        };
+        // A continued run continues its log.
+        let mut log = File::options();
+        let log = if start == Start::Resume { log.append(true) } else { log.write(true).truncate(true) };
+        let log = log.create(true).open(&drive.log).with_context(|| drive.log.display().to_string())?;
+        let mut command = self.command(drive);
+        command.args(option).stdout(log.try_clone()?).stderr(log);
+        let mut child = command.spawn().with_context(|| self.cannot_start())?;
+        loop {
+            for signal in self.signals.pending() {
+                self.must_stop = true;
+                forward(signal, &child);
+            }
+            if let Some(status) = child.try_wait()? {
+                return Ok(status);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    fn command(&self, drive: &BatchDrive) -> Command {
+        let mut command = Command::new(&self.program);
+        command.args(&self.arguments);
+        for (key, path) in [("run.drive", &drive.path), ("run.output", &drive.output)] {
+            command.arg("--set").arg(format!("{key}={}", path.display()));
+        }
+        // A killed batch takes its run along, so that the next batch can continue it.
+        command.arg("--end-with").arg(std::process::id().to_string()).stdin(Stdio::null());
+        // Ctrl-C reaches this process alone, which forwards it: a run that received it twice would not drain.
+        command.process_group(0);
+        command
+    }
+
+    fn cannot_start(&self) -> String {
+        format!("cannot start {}", self.program.display())
+    }
+}
+
+/// Sends a signal to a child that was not waited for yet, so its process id is its own.
+fn forward(signal: i32, child: &Child) {
+    let signal = match signal {
+        SIGINT => Signal::INT,
+        SIGHUP => Signal::HUP,
+        SIGQUIT => Signal::QUIT,
+        _ => Signal::TERM,
+    };
+    // It may have ended.
+    let _ = kill_process(Pid::from_child(child), signal);
+}
