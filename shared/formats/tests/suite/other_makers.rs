@@ -191,7 +191,7 @@ fn rs32_takes_the_angles_of_its_device_packets() {
     assert_eq!(of(&model.into()), expected);
 
     // So does a drive without the file, whose number of rings is known, too.
-    let manifest = "[drive]\nname = 'a'\n[lidar]\nmodel = 'rs32'\nformat = 'pcap'\nfolder = 'lidar'\n\
+    let manifest = "version = 1\nname = 'a'\n[lidar]\nmodel = 'rs32'\nformat = 'pcap'\nfolder = 'lidar'\n\
                     body_from_lidar = { translation = [0.0, 0.0, 0.0], rotation = [0.0, 0.0, 0.0, 1.0] }\n";
     std::fs::write(folder.path().join("drive.toml"), manifest).expect("writes");
     let drive = formats::drive::Drive::open(folder.path()).expect("opens");
