@@ -40,7 +40,7 @@ pub struct Args {
     /// the named ones are taken.
     #[arg(long = "topic", value_name = "ROLE=TOPIC", value_parser = Role::parse_wish)]
     pub topics: Vec<(Role, String)>,
-    /// Time in which topics are found before sensors are chosen by type, s
+    /// Time in which topics are found before the choice by type, s
     #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = seconds)]
     pub discover: f64,
     /// Never ask a publisher to send again what was lost

@@ -158,9 +158,10 @@ class Prepared:
 
 def write(writer, sample):
     """Writes a prepared sample, too."""
-    if isinstance(sample, Prepared):
-        writer.data_type = Prepared
+    kind = writer.data_type
+    writer.data_type = type(sample)
     writer.write(sample)
+    writer.data_type = kind
 
 
 class Rig:
@@ -211,8 +212,9 @@ def sensors(args):
         image = Prepared(CompressedImage(header(stamp), "jpeg", []), jpeg)
         publish("/front/image_raw/compressed", image, jpeg)
         if args.damaged and index == 0:
-            image.bytes = image.bytes[:40]
-            write(writers["/front/image_raw/compressed"], image)
+            # Cyclone DDS writes no message that does not fit its type; a driver may write any content.
+            writers["/front/image_raw/compressed"].write(CompressedImage(header(stamp + 1), "theora", [1, 2, 3]))
+            writers["/left/image_raw"].write(Image(header(stamp + 1), 1312, 1280, "rgb8", 0, 3 * 1280, [1, 2, 3]))
         # 5 MB, serialized by Cyclone DDS as a whole.
         width, height = 1280, 1312
         pixels = noise(100 + index, 3 * width * height)
@@ -344,7 +346,7 @@ def main():
         if function is sensors:
             command.add_argument("--n", type=int, default=3)
             command.add_argument("--pause", type=float, default=0.005)
-            command.add_argument("--damaged", action="store_true", help="also a message that is cut")
+            command.add_argument("--damaged", action="store_true", help="also images without their pixels")
             command.add_argument("--without", action="append", default=[])
         elif function is cameras:
             command.add_argument("--count", type=int, default=6)
