@@ -55,7 +55,7 @@ stage::settings! {
         /// Live: IPv4 address and UDP port of the LiDAR's position packets.
         pub position_listen: String = "127.0.0.1:8308".to_owned() => stage::any();
         /// Live: model of the LiDAR; empty = the model of the rig or, without a rig, the model in the packets. The packets of an `ouster`
-        /// and of an `rs32` need a calibration file, which the rig names.
+        /// need a calibration file, which the rig names; those of an `rs32` need one or its device packets at `position_listen` (port 7788).
         pub model: String = String::new() => stage::one_of(&[
             "", "hdl32e", "vlp16", "vlp32c", "hdl64e", "pandar40p", "pandarxt32", "pandarqt64", "ouster", "rs16", "rs32", "mid360",
             "avia",

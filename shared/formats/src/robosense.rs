@@ -14,11 +14,13 @@
 //! **Frame.** As in [`crate::lidar`].
 
 mod decode;
+mod device;
 mod model;
 
 pub use decode::Decoder;
 pub use model::Model;
 
+pub(crate) use device::angles;
 pub(crate) use model::{is_device, packet_nanos};
 
 /// UDP port of data packets.

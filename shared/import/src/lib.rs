@@ -30,7 +30,7 @@ mod times;
 
 pub use error::{ImportError, Rule};
 pub use kind::Kind;
-pub use ros::RosOptions;
+pub use ros::{LiveData, LiveSensor, LiveTopic, RosOptions};
 
 use error::At;
 use formats::drive::Drive;

@@ -10,6 +10,7 @@ mod images;
 mod imu;
 mod lens;
 mod lidar;
+mod live;
 mod messages;
 mod packets;
 mod rig;
@@ -17,6 +18,7 @@ mod roles;
 mod writers;
 
 pub(crate) use bag::is_bag;
+pub use live::{LiveData, LiveSensor, LiveTopic};
 
 use crate::error::{At, ImportError};
 use crate::plan::{Link, Plan};

@@ -3,7 +3,7 @@
 use crate::accepted::accepted;
 use crate::scratch::{with_file, with_files};
 use formats::sqlite::{Database, Value};
-use import::{Kind, Options};
+use import::{Kind, LiveTopic, Options};
 use std::path::Path;
 
 /// Imports a bag of these bytes.
@@ -83,12 +83,19 @@ const MAX_MESSAGES: usize = 64;
 /// little-endian), and bytes.
 pub(crate) fn ros_messages(bytes: &[u8]) {
     with_file("a.mcap", &messages(bytes), |path| import(path, Kind::Ros));
+    for (topic, message) in parts(bytes) {
+        for is_mosaic in [false, true] {
+            if let Some(mut topic) = LiveTopic::new(&TOPICS[topic].1.replace("/msg/", "/"), is_mosaic) {
+                // What the import accepts decides whether a seed is accepted.
+                let _ = topic.read(message, 1);
+            }
+        }
+    }
 }
 
-/// The bag of such an input.
-fn messages(bytes: &[u8]) -> Vec<u8> {
-    let (first, mut rest) = bytes.split_first().unwrap_or((&0, bytes));
-    let encoding: &[u8] = if first % 2 == 0 { b"cdr" } else { b"ros1" };
+/// Topics and messages of such an input.
+fn parts(bytes: &[u8]) -> Vec<(usize, &[u8])> {
+    let mut rest = bytes.get(1..).unwrap_or_default();
     let mut found = Vec::new();
     while let Some(([topic, low, high], behind)) = rest.split_first_chunk() {
         let n_bytes = usize::from(u16::from_le_bytes([*low, *high])).min(behind.len());
@@ -97,6 +104,13 @@ fn messages(bytes: &[u8]) -> Vec<u8> {
         found.push((usize::from(*topic) % TOPICS.len(), message));
         rest = behind;
     }
+    found
+}
+
+/// The bag of such an input.
+fn messages(bytes: &[u8]) -> Vec<u8> {
+    let encoding: &[u8] = if bytes.first().is_none_or(|first| first % 2 == 0) { b"cdr" } else { b"ros1" };
+    let found = parts(bytes);
     let text = |text: &[u8]| [&(text.len() as u32).to_le_bytes()[..], text].concat();
     let mut bag = b"\x89MCAP0\r\n".to_vec();
     let mut record = |kind: u8, body: &[u8]| {

@@ -49,6 +49,12 @@ pub(crate) fn ouster(bytes: &[u8]) {
 pub(crate) fn robosense(bytes: &[u8]) {
     thread_local!(static DECODERS: RefCell<Vec<PacketDecoder>> =
         RefCell::new(of_names(&["rs16"]).into_iter().chain(with_angles("rs32", 32)).collect()));
+    for name in ["rs16", "rs32"] {
+        let lidar = Model::from_name(name).map(Lidar::from);
+        if let Some(calibrated) = lidar.and_then(|lidar| lidar.with_device_packet(bytes)) {
+            assert!(calibrated.rings().len() == calibrated.n_rings());
+        }
+    }
     DECODERS.with_borrow_mut(|decoders| packet(decoders, bytes));
 }
 

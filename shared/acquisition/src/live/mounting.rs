@@ -85,6 +85,8 @@ impl Mounting {
 
 /// Fails if the packets of a LiDAR cannot be decoded without a file of the unit.
 fn needs_no_file(lidar: Option<&Lidar>) -> Result<(), LiveError> {
+    // The packets of some replace the file.
+    let lidar = lidar.filter(|lidar| !lidar.receives_calibration());
     let Some((lidar, file)) = lidar.and_then(|lidar| Some((lidar, lidar.missing_file()?))) else { return Ok(()) };
     Err(LiveError::Calibration { model: lidar.model().name().to_owned(), file })
 }

@@ -36,6 +36,7 @@ impl Check<'_> {
             let lidar = self.lidar(&keys[index], entry);
             // Without data of another LiDAR the drive still has ticks.
             let (files, stamps) = self.sweeps(&keys[index], entry, index == 0);
+            let lidar = lidar.map(|lidar| self.calibrated(&keys[index], entry, lidar, &files));
             found.push(lidar.map(|lidar| DriveLidar { lidar, format: entry.format.clone(), files, stamps }));
         }
         let mut found = found.into_iter().collect::<Option<Vec<_>>>()?.into_iter();
@@ -93,11 +94,30 @@ impl Check<'_> {
                 return None;
             }
         };
+        if !lidar.receives_calibration() {
+            self.needs_no_file(key, entry, &lidar);
+        }
+        Some(lidar)
+    }
+
+    /// The LiDAR with the calibration that its packets contain, if no file has it.
+    fn calibrated(&mut self, key: &str, entry: &LidarEntry, lidar: Lidar, files: &[PathBuf]) -> Lidar {
+        if entry.format != "pcap" || files.is_empty() {
+            return lidar;
+        }
+        let is_unknown = lidar.receives_calibration();
+        let lidar = lidar.with_calibration_of(files);
+        if is_unknown {
+            self.needs_no_file(key, entry, &lidar);
+        }
+        lidar
+    }
+
+    fn needs_no_file(&mut self, key: &str, entry: &LidarEntry, lidar: &Lidar) {
         let missing = lidar.missing_file().filter(|_| entry.format == "pcap");
         self.file.rule(&format!("{key}.calibration"), missing.is_none(), || {
             format!("is absent; packets of {:?} need {}", entry.model, missing.unwrap_or_default())
         });
-        Some(lidar)
     }
 
     /// Files of the sweeps and, for clouds, their stamps.

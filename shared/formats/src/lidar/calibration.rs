@@ -121,11 +121,26 @@ impl Lidar {
         self.file.as_ref().map(|file| (file.0.as_str(), file.1.as_str()))
     }
 
+    /// Whether packets with the state of the device may have the calibration of the unit, which no file has.
+    pub fn receives_calibration(&self) -> bool {
+        matches!((self.model, &self.beams), (Model::Robosense(_), Beams::OfModel))
+    }
+
+    /// The LiDAR with the calibration in a packet with the state of the device. `None` for all other packets, and if a file of the unit
+    /// has the calibration.
+    pub fn with_device_packet(&self, payload: &[u8]) -> Option<Self> {
+        let Model::Robosense(model) = self.model else { return None };
+        let angles = robosense::angles(model, payload).filter(|_| self.receives_calibration())?;
+        Some(Self { beams: Beams::Angles(angles.into()), ..self.clone() })
+    }
+
     /// What its packets cannot be decoded without, if it is not there.
     pub fn missing_file(&self) -> Option<&'static str> {
         match (self.model, &self.beams) {
             (Model::Ouster, Beams::OfModel) => Some("the metadata file (JSON) of the sensor"),
-            (Model::Robosense(robosense::Model::Rs32), Beams::OfModel) => Some("the angle file (CSV) of the unit"),
+            (Model::Robosense(robosense::Model::Rs32), Beams::OfModel) => {
+                Some("the angle file (CSV) of the unit or its device packets")
+            }
             _ => None,
         }
     }

@@ -56,7 +56,7 @@ impl Lidar {
             (Model::Hesai(model), _) => model.is_data(payload),
             (Model::Ouster, Beams::Ouster(metadata)) => metadata.is_data(payload),
             (Model::Ouster, _) => false,
-            (Model::Robosense(model), _) => self.missing_file().is_none() && model.is_data(payload),
+            (Model::Robosense(model), _) => model.is_data(payload),
             (Model::Livox(model), _) => model.is_data(payload),
         }
     }

@@ -8,10 +8,12 @@ use super::clock::{Clock, Epoch, Step, TimeBase};
 use super::{Lidar, LidarStats, Model};
 use crate::nmea::{self, Sentence};
 use crate::pcap::PcapError;
+use crate::robosense;
 use crate::velodyne::{DataPacket, PositionPacket};
 use geometry::Stamp;
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddrV4};
+use std::path::PathBuf;
 
 /// Time after the first data packet that is examined in any case, ns.
 const SPAN_NANOS: i64 = 1_000_000_000;
@@ -21,6 +23,8 @@ const MAX_PACKETS: usize = 4096;
 const MAX_SPAN_NANOS: i64 = 3_000_000_000;
 /// Senders of other data packets that are reported.
 const MAX_OTHERS: usize = 8;
+/// Senders whose calibration is kept.
+const MAX_CALIBRATIONS: usize = 8;
 /// UDP packets that are examined. Other devices on the network of the sensor send more packets than it does.
 pub(super) const MAX_EXAMINED: usize = 65_536;
 /// Data packets whose times are compared.
@@ -69,11 +73,27 @@ struct Search {
     candidates: Vec<Candidate>,
     /// Offset of the capturing machine from GNSS time, by the address of the sender.
     host_ahead_nanos: BTreeMap<Ipv4Addr, i64>,
+    /// Packets with the state of a device, by the address of the sender.
+    devices: BTreeMap<Ipv4Addr, Vec<u8>>,
     /// Data packets that are not considered, by sender and name of the model.
     others: BTreeMap<(SocketAddrV4, String), usize>,
     /// Capture time of the first data packet.
     first: Option<Stamp>,
     n_packets: usize,
+}
+
+impl Lidar {
+    /// The LiDAR with the calibration that the packets of a recording contain, if no file has it.
+    pub(crate) fn with_calibration_of(self, files: &[PathBuf]) -> Self {
+        if !self.receives_calibration() || files.is_empty() {
+            return self;
+        }
+        // What is wrong with a capture is reported when it is read.
+        match detect(Captures::new(files.to_vec()), Some(&self)) {
+            Ok(Detection::Found(stream)) => stream.lidar,
+            _ => self,
+        }
+    }
 }
 
 /// Examines captures from their beginning. With `lidar`, only packets of this model are considered.
@@ -103,6 +123,10 @@ impl Search {
             if let Some(nanos) = host_ahead(&packet, arrival.captured) {
                 self.host_ahead_nanos.entry(*arrival.source.ip()).or_insert(nanos);
             }
+        }
+        let is_kept = self.devices.len() < MAX_CALIBRATIONS && !self.devices.contains_key(arrival.source.ip());
+        if is_kept && robosense::is_device(payload) {
+            self.devices.insert(*arrival.source.ip(), payload.to_vec());
         }
         let named = Model::of_payload(payload);
         let found = match wanted {
@@ -171,7 +195,12 @@ impl Search {
         let epoch = lidar.epoch();
         let clock = Clock::new(time_base(times, epoch), epoch, host_ahead_nanos);
         let payload = payload.clone();
-        Some(StreamInfo { lidar: lidar.clone(), sensor: *sensor, port: *port, clock, payload })
+        let device = self.devices.get(sensor.ip());
+        let lidar = device.and_then(|packet| lidar.with_device_packet(packet)).unwrap_or_else(|| lidar.clone());
+        if lidar.missing_file().is_some() {
+            return None;
+        }
+        Some(StreamInfo { lidar, sensor: *sensor, port: *port, clock, payload })
     }
 }
 

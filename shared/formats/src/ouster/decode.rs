@@ -83,7 +83,7 @@ impl Decoder {
         let metadata = &self.metadata;
         let n = u32::from(metadata.columns_per_turn);
         let column_nanos = (1e9 / metadata.turns_per_second / f64::from(n)).round() as i64;
-        let begin = metadata.packet_nanos(payload);
+        let begin = metadata.first_nanos(payload);
         let mut blocks = Blocks::new(column_nanos * metadata.n_columns as i64, column_nanos);
         for index in 0..metadata.n_columns {
             match self.column(payload, index) {
@@ -108,7 +108,7 @@ impl Decoder {
         packet_nanos: i64,
         scratch: &mut Scratch<N>,
     ) {
-        let begin = self.metadata.packet_nanos(payload);
+        let begin = self.metadata.first_nanos(payload);
         for index in range {
             let Some(column) = self.column(payload, index) else { continue };
             let nanos = packet_nanos.saturating_add(to_i64(column.nanos()).saturating_sub(begin));
@@ -168,8 +168,13 @@ impl Decoder {
 }
 
 impl Metadata {
-    /// Time of a data packet by the clock of the sensor, ns: that of its first column with data.
+    /// Time of a data packet, ns: by the clock of the sensor, as UTC if that of the network is TAI.
     pub(crate) fn packet_nanos(&self, payload: &[u8]) -> i64 {
+        self.first_nanos(payload).saturating_sub(self.tai_offset_nanos)
+    }
+
+    /// Time of the first column with data by the clock of the sensor, ns.
+    fn first_nanos(&self, payload: &[u8]) -> i64 {
         let mut columns =
             (0..self.n_columns).filter_map(|index| Column::of(payload, self.profile, self.n_beams(), index));
         let valid = columns.find(|column| column.is_valid() && column.number() < self.columns_per_turn);

@@ -31,6 +31,11 @@ pub enum MetadataError {
     },
 }
 
+/// The time source whose times are TAI, if the clock on the network is one of PTP.
+const PTP: &str = "TIME_FROM_PTP_1588";
+/// Largest difference of TAI and UTC, s: 37 since 2017.
+const MAX_TAI_OFFSET_S: i64 = 100;
+
 /// What the metadata says about the packets and the beams.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
@@ -50,6 +55,8 @@ pub struct Metadata {
     pub(super) turns_per_second: f64,
     /// Where the times come from, if the file says it: `TIME_FROM_INTERNAL_OSC`, `TIME_FROM_SYNC_PULSE_IN` or `TIME_FROM_PTP_1588`.
     pub(crate) timestamp_mode: Option<String>,
+    /// TAI minus UTC, ns, if the times are TAI by PTP and the file says how much; else 0.
+    pub(super) tai_offset_nanos: i64,
     serial_number: Option<u64>,
 }
 
@@ -91,6 +98,7 @@ impl Metadata {
         };
         let m = matrix(&root, "lidar_to_sensor_transform")?;
         let serial = find(&root, "prod_sn");
+        let timestamp_mode = find(&root, "timestamp_mode").and_then(Value::as_str).map(str::to_owned);
         Ok(Self {
             profile,
             n_columns,
@@ -104,7 +112,8 @@ impl Metadata {
                 [m[3], m[7], m[11]].map(to_m),
             ),
             turns_per_second,
-            timestamp_mode: find(&root, "timestamp_mode").and_then(Value::as_str).map(str::to_owned),
+            tai_offset_nanos: if timestamp_mode.as_deref() == Some(PTP) { tai_offset_nanos(&root) } else { 0 },
+            timestamp_mode,
             serial_number: serial.and_then(|found| found.as_u64().or_else(|| found.as_str()?.parse().ok())),
         })
     }
@@ -154,6 +163,16 @@ fn find<'a>(root: &'a Value, key: &str) -> Option<&'a Value> {
 
 fn value_error(key: &'static str, found: &Value, rule: String) -> MetadataError {
     MetadataError::Value { key, found: found.to_string().chars().take(60).collect(), rule }
+}
+
+/// TAI minus UTC, ns, that the clock on the network announces: `time_properties_data_set` in the sensor's answer to `/api/v1/time/ptp`,
+/// as the entry `ptp` or in another group. 0 if the file does not have it, or if it says that the times are not TAI.
+fn tai_offset_nanos(root: &Value) -> i64 {
+    let Some(properties) = find(root, "time_properties_data_set") else { return 0 };
+    let is_set = |key: &str| properties.get(key).is_some_and(|value| value == 1 || value == true);
+    let offset_s = properties.get("current_utc_offset").and_then(Value::as_i64);
+    let is_valid = is_set("ptp_timescale") && is_set("current_utc_offset_valid");
+    offset_s.filter(|offset_s| is_valid && (0..=MAX_TAI_OFFSET_S).contains(offset_s)).unwrap_or(0) * 1_000_000_000
 }
 
 /// An array of angles, deg.
@@ -221,6 +240,22 @@ pub(super) mod tests {
         assert_eq!(Metadata::from_json(&grouped).expect("reads"), flat);
         assert_eq!((flat.columns_per_turn(), flat.profile(), flat.origin_m), (512, Profile::Dual, [0.02, 0.0]));
         assert_eq!(flat.sensor_from_lidar, ([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]], [0.0, 0.0, 0.04]));
+    }
+
+    #[test]
+    fn times_are_tai_where_the_clock_on_the_network_says_so() {
+        let with = |mode: &str, properties: &str| {
+            let entries =
+                format!(r#"{{"timestamp_mode": "{mode}", "ptp": {{"time_properties_data_set": {properties}}}, "#);
+            Metadata::from_json(&TWO_BEAMS.replacen('{', &entries, 1)).expect("reads").tai_offset_nanos
+        };
+        let tai = r#"{"current_utc_offset": 37, "current_utc_offset_valid": 1, "ptp_timescale": 1}"#;
+        assert_eq!(with(PTP, tai), 37_000_000_000);
+        assert_eq!(with("TIME_FROM_SYNC_PULSE_IN", tai), 0);
+        assert_eq!(with(PTP, &tai.replace("timescale\": 1", "timescale\": 0")), 0);
+        assert_eq!(with(PTP, &tai.replace("valid\": 1", "valid\": 0")), 0);
+        assert_eq!(with(PTP, &tai.replace("37", "3700")), 0);
+        assert_eq!(Metadata::from_json(TWO_BEAMS).expect("reads").tai_offset_nanos, 0);
     }
 
     #[test]

@@ -149,6 +149,61 @@ fn rs32_needs_the_angles_of_its_unit() {
     }
 }
 
+/// A packet with the state of an RS-LiDAR-32 whose lasers look from -16 deg up by 1.25 deg, each to the right by 0 or 1 deg.
+fn rs32_device() -> Vec<u8> {
+    let mut bytes = vec![0xa5, 0xff, 0x00, 0x5a, 0x11, 0x11, 0x55, 0x55];
+    bytes.resize(468, 0);
+    let mut angle = |thousandths: i32| {
+        bytes.push(u8::from(thousandths < 0));
+        bytes.extend((thousandths.unsigned_abs() as u16).to_be_bytes());
+    };
+    for laser in 0..32 {
+        angle(1250 * laser - 16_000);
+    }
+    for laser in 0..32 {
+        angle(1000 * (laser % 2));
+    }
+    bytes.resize(1248, 0);
+    bytes
+}
+
+#[test]
+fn rs32_takes_the_angles_of_its_device_packets() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let data = |number: i64| {
+        let nanos = number * 12 * 55_520;
+        let angles = std::array::from_fn(|block| angle_at(nanos + block as i64 * 55_520));
+        (BEGIN.plus_nanos(nanos), 6699, robosense(2, nanos, angles, |_, laser| (2000, laser as u8)))
+    };
+    let device = |number: i64| (BEGIN.plus_nanos(number * 12 * 55_520 + 1), 7788, rs32_device());
+    let packets = (0..300).flat_map(|number| [Some(data(number)), (number == 100).then(|| device(number))]).flatten();
+    let lidars = folder.path().join("lidar");
+    std::fs::create_dir(&lidars).expect("creates");
+    let path = write(&lidars.join("a.pcap"), packets);
+
+    let text = (0..32)
+        .fold(String::new(), |text, laser| text + &format!("{},{}\n", f64::from(laser) * 1.25 - 16.0, laser % 2));
+    let model = Model::from_name("rs32").expect("a model");
+    let of_file = Lidar::with_calibration(model, "angle.csv", text).expect("reads");
+    let of = |lidar: &Lidar| sweeps(&mut SweepReader::open(vec![path.clone()], Some(lidar)).expect("opens"));
+    let expected = of(&of_file);
+    assert!(expected.len() > 1);
+    assert_eq!(of(&model.into()), expected);
+
+    // So does a drive without the file, whose number of rings is known, too.
+    let manifest = "version = 1\nname = 'a'\n[lidar]\nmodel = 'rs32'\nformat = 'pcap'\nfolder = 'lidar'\n\
+                    body_from_lidar = { translation = [0.0, 0.0, 0.0], rotation = [0.0, 0.0, 0.0, 1.0] }\n";
+    std::fs::write(folder.path().join("drive.toml"), manifest).expect("writes");
+    let drive = formats::drive::Drive::open(folder.path()).expect("opens");
+    assert_eq!((drive.lidar().n_rings(), drive.lidar().rings()), (32, of_file.rings()));
+
+    // A file goes before the packets, and packets of another device are not those of the sensor.
+    let other = (0..32).fold(String::new(), |text, laser| text + &format!("{},0\n", laser - 16));
+    let other = Lidar::with_calibration(model, "angle.csv", other).expect("reads");
+    assert_eq!(other.with_device_packet(&rs32_device()), None);
+    assert_ne!(of(&other), expected);
+}
+
 /// A packet of a Mid-360 with points in mm.
 fn mid360(nanos: i64, points: &[[i32; 3]]) -> Vec<u8> {
     let mut bytes = vec![0];

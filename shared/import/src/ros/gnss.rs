@@ -38,34 +38,9 @@ impl Gnss {
             return Ok(());
         }
         self.last = Some(stamp);
-        let stamp = Stamp(stamp);
-        let quality = match message.status {
-            0 => 1,
-            1 => 2,
-            2 => 4,
-            _ => 0,
-        };
-        let [latitude, longitude] = message.position_deg;
-        if quality == 0 || !latitude.is_finite() || !longitude.is_finite() {
-            self.n_without += 1;
-            return self.write(&[gga_without_fix(stamp), rmc_without_fix(stamp)]);
-        }
-        if latitude.abs() > 90.0 || longitude.abs() > 180.0 {
-            return Err(format!(
-                "position {latitude} {longitude} must be latitude -90 to 90 and longitude -180 to 180"
-            ));
-        }
-        let fix = Fix {
-            stamp,
-            position_deg: message.position_deg,
-            altitude_m: Some(message.altitude_m).filter(|altitude| altitude.is_finite()),
-            speed_mps: None,
-            course_deg: None,
-            hdop: None,
-            satellites: 0,
-            quality,
-        };
-        self.write(&[gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)])
+        let (lines, has_position) = fix_lines(stamp, message)?;
+        self.n_without += u64::from(!has_position);
+        self.write(&lines)
     }
 
     /// Adds the text of a receiver as it is.
@@ -89,4 +64,33 @@ impl Gnss {
         let first = fixes(&begin).0.into_iter().find_map(|fix| Some((fix.position_deg, fix.altitude_m?)));
         Ok(first.map(|([latitude, longitude], altitude_m)| [latitude, longitude, altitude_m]))
     }
+}
+
+/// The sentences of a fix, and whether it has a position.
+pub(crate) fn fix_lines(stamp: i64, message: &NavSatFix) -> Result<([String; 2], bool), String> {
+    let stamp = Stamp(stamp);
+    let quality = match message.status {
+        0 => 1,
+        1 => 2,
+        2 => 4,
+        _ => 0,
+    };
+    let [latitude, longitude] = message.position_deg;
+    if quality == 0 || !latitude.is_finite() || !longitude.is_finite() {
+        return Ok(([gga_without_fix(stamp), rmc_without_fix(stamp)], false));
+    }
+    if latitude.abs() > 90.0 || longitude.abs() > 180.0 {
+        return Err(format!("position {latitude} {longitude} must be latitude -90 to 90 and longitude -180 to 180"));
+    }
+    let fix = Fix {
+        stamp,
+        position_deg: message.position_deg,
+        altitude_m: Some(message.altitude_m).filter(|altitude| altitude.is_finite()),
+        speed_mps: None,
+        course_deg: None,
+        hdop: None,
+        satellites: 0,
+        quality,
+    };
+    Ok(([gga_from_fix(&fix, 0.0), rmc_from_fix(&fix)], true))
 }

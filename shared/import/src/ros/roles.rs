@@ -28,7 +28,8 @@ const NONE: &str = "none";
 /// Most cameras that an option may name.
 const MAX_CAMERAS: usize = 256;
 
-const CLOUDS: [&str; 3] = ["sensor_msgs/PointCloud2", "livox_ros_driver/CustomMsg", "livox_ros_driver2/CustomMsg"];
+pub(super) const CLOUDS: [&str; 3] =
+    ["sensor_msgs/PointCloud2", "livox_ros_driver/CustomMsg", "livox_ros_driver2/CustomMsg"];
 const IMAGES: [&str; 2] = ["sensor_msgs/Image", "sensor_msgs/CompressedImage"];
 const CAMERA_INFO: &str = "sensor_msgs/CameraInfo";
 

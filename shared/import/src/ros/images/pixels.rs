@@ -25,6 +25,10 @@ impl std::ops::Deref for Pixels<'_> {
 const ENCODINGS: &str = "rgb8, rgba8, bgr8, bgra8, 8UC3, mono8, 8UC1, mono16, yuv422, uyvy, yuv422_yuy2, yuyv, bayer_rggb8, \
                          bayer_bggr8, bayer_gbrg8, bayer_grbg8";
 
+/// Encodings whose samples are taken as they are.
+const RAW_ENCODINGS: &str = "mono8, 8UC1, mono16, 16UC1, bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8, bayer_rggb16, \
+                             bayer_bggr16, bayer_gbrg16, bayer_grbg16";
+
 pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
     // Places of red, green and blue in a pixel.
     let color = |n_bytes: usize, places: [usize; 3]| {
@@ -54,6 +58,31 @@ pub(super) fn of_image<'a>(image: &Image<'a>) -> Result<Pixels<'a>, String> {
 /// Whether the pixels of an encoding lose bits.
 pub(super) fn is_reduced(encoding: &str) -> bool {
     encoding == "mono16"
+}
+
+/// Samples of an image of one channel, row by row without gaps.
+#[derive(Debug, PartialEq)]
+pub(super) struct RawSamples<'a> {
+    /// Whether samples have two bytes.
+    pub is_wide: bool,
+    pub big_endian: Cow<'a, [u8]>,
+}
+
+/// The samples as they are.
+pub(super) fn raw_samples<'a>(image: &Image<'a>) -> Result<RawSamples<'a>, String> {
+    match image.encoding.as_str() {
+        "mono8" | "8UC1" | "bayer_rggb8" | "bayer_bggr8" | "bayer_gbrg8" | "bayer_grbg8" => {
+            Ok(RawSamples { is_wide: false, big_endian: rows(image, 1)? })
+        }
+        "mono16" | "16UC1" | "bayer_rggb16" | "bayer_bggr16" | "bayer_gbrg16" | "bayer_grbg16" => {
+            let mut big_endian = rows(image, 2)?;
+            if !image.is_big {
+                big_endian.to_mut().as_chunks_mut::<2>().0.iter_mut().for_each(|bytes| bytes.reverse());
+            }
+            Ok(RawSamples { is_wide: true, big_endian })
+        }
+        other => Err(format!("encoding {other:?} of a mosaic camera must be one of {RAW_ENCODINGS}")),
+    }
 }
 
 /// Values of 16 bits as 8 bits: full scale stays full scale.

@@ -1,0 +1,179 @@
+//! Messages of a running ROS 2, one at a time: the files, lines and packets that a live run receives.
+
+use super::bag::Encoding;
+use super::cursor::Cursor;
+use super::gnss::fix_lines;
+use super::images::{compressed_extension, pgm, png};
+use super::imu::ImuLines;
+use super::messages::{CompressedImage, Header, Image, Imu, NavSatFix, sentence};
+use super::packets::PacketsKind;
+use std::borrow::Cow;
+
+/// Samples of an IMU that show its unit. They wait for each other: the fewer, the earlier the first line. No vehicle accelerates by
+/// 0.5 to 2 m/s^2 in all, gravity included, in several samples.
+const EXAMINED: usize = 10;
+/// A longer line is not read by a live run, bytes.
+const MAX_LINE: usize = 1024;
+
+/// What a live run takes of a message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LiveData<'a> {
+    /// An image as a file.
+    Image {
+        /// ns since the Unix epoch.
+        stamp: i64,
+        /// `jpg`, `png` or `pgm`.
+        extension: &'static str,
+        /// Content of the file.
+        content: Cow<'a, [u8]>,
+    },
+    /// Lines without their ends: samples of an IMU as in `imu.csv`, or NMEA sentences.
+    Lines(Vec<String>),
+    /// Packets of a LiDAR.
+    Packets(Vec<&'a [u8]>),
+}
+
+/// Kinds of messages that a live run takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Image,
+    CompressedImage,
+    Imu,
+    Fix,
+    Sentence,
+    Packets(PacketsKind),
+}
+
+/// What a live run can take of a type of messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LiveSensor {
+    /// Images of a camera.
+    Camera,
+    /// Samples of an IMU.
+    Imu,
+    /// Positions of a GNSS receiver.
+    Fixes,
+    /// NMEA sentences of a GNSS receiver.
+    Sentences,
+    /// Packets of a LiDAR.
+    Packets,
+    /// Clouds of a LiDAR, of which a live run takes nothing.
+    Clouds,
+}
+
+impl LiveSensor {
+    /// The sensor of a type (`sensor_msgs/Image`); `None` for other types.
+    pub fn of_type(name: &str) -> Option<Self> {
+        let sensor = match Kind::of_type(name) {
+            Some(Kind::Image | Kind::CompressedImage) => Self::Camera,
+            Some(Kind::Imu) => Self::Imu,
+            Some(Kind::Fix) => Self::Fixes,
+            Some(Kind::Sentence) => Self::Sentences,
+            Some(Kind::Packets(_)) => Self::Packets,
+            None if super::roles::CLOUDS.contains(&name) => Self::Clouds,
+            None => return None,
+        };
+        Some(sensor)
+    }
+}
+
+impl Kind {
+    fn of_type(name: &str) -> Option<Self> {
+        match name {
+            "sensor_msgs/Image" => Some(Self::Image),
+            "sensor_msgs/CompressedImage" => Some(Self::CompressedImage),
+            "sensor_msgs/Imu" => Some(Self::Imu),
+            "sensor_msgs/NavSatFix" => Some(Self::Fix),
+            "nmea_msgs/Sentence" => Some(Self::Sentence),
+            _ => PacketsKind::of_type(name).map(Self::Packets),
+        }
+    }
+}
+
+/// Reads the messages of one topic.
+pub struct LiveTopic {
+    kind: Kind,
+    /// Whether raw images are those of a mosaic camera.
+    is_mosaic: bool,
+    imu: ImuLines,
+    /// Stamp of the last image.
+    last_image: Option<i64>,
+    /// Messages without stamp, for which the time of reception is taken.
+    pub n_unstamped: u64,
+}
+
+impl LiveTopic {
+    /// Reads messages of a type (`sensor_msgs/Image`); `None` if a live run takes nothing of them. Images of a mosaic camera keep their
+    /// samples as they are, as PGM.
+    pub fn new(type_name: &str, is_mosaic: bool) -> Option<Self> {
+        let kind = Kind::of_type(type_name)?;
+        Some(Self { kind, is_mosaic, imu: ImuLines::new(EXAMINED), last_image: None, n_unstamped: 0 })
+    }
+
+    /// The data of a message in CDR with its encapsulation, which was received at this time (ns since the Unix epoch). An error says
+    /// why the message is left out; the next ones are not affected.
+    pub fn read<'a>(&mut self, message: &'a [u8], received: i64) -> Result<LiveData<'a>, String> {
+        let fault = |fault: super::cursor::MessageFault| fault.to_string();
+        let c = &mut Cursor::new(Encoding::Cdr, message).map_err(fault)?;
+        match self.kind {
+            Kind::Image => {
+                let image = Image::read(c).map_err(fault)?;
+                let (extension, content) = if self.is_mosaic { ("pgm", pgm(&image)?) } else { ("png", png(&image)?) };
+                let stamp = self.image_stamp(&image.header, received)?;
+                Ok(LiveData::Image { stamp, extension, content: content.into() })
+            }
+            Kind::CompressedImage if self.is_mosaic => {
+                Err("a compressed image has lost the samples of a mosaic camera; take its sensor_msgs/Image".into())
+            }
+            Kind::CompressedImage => {
+                let image = CompressedImage::read(c).map_err(fault)?;
+                let extension = compressed_extension(&image)?;
+                let stamp = self.image_stamp(&image.header, received)?;
+                Ok(LiveData::Image { stamp, extension, content: image.data.into() })
+            }
+            Kind::Imu => {
+                let imu = Imu::read(c).map_err(fault)?;
+                let stamp = self.stamp(&imu.header, received);
+                self.imu.add(stamp, &imu).map(LiveData::Lines).map_err(|left_out| left_out.to_string())
+            }
+            Kind::Fix => {
+                let fix = NavSatFix::read(c).map_err(fault)?;
+                let (lines, _) = fix_lines(self.stamp(&fix.header, received), &fix)?;
+                Ok(LiveData::Lines(lines.into()))
+            }
+            Kind::Sentence => {
+                let text = sentence(c).map_err(fault)?;
+                let lines: Vec<_> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+                if let Some(line) = lines.iter().find(|line| line.len() > MAX_LINE) {
+                    return Err(format!("a sentence of {} bytes; must be at most {MAX_LINE}", line.len()));
+                }
+                Ok(LiveData::Lines(lines.into_iter().map(str::to_owned).collect()))
+            }
+            Kind::Packets(kind) => {
+                let packets = kind.read(c, received).map_err(fault)?.packets;
+                Ok(LiveData::Packets(packets.into_iter().map(|(_, packet)| packet).collect()))
+            }
+        }
+    }
+
+    /// The stamp of an image, which names its file.
+    fn image_stamp(&mut self, header: &Header, received: i64) -> Result<i64, String> {
+        let stamp = self.stamp(header, received);
+        if self.last_image.replace(stamp) == Some(stamp) {
+            return Err("its stamp is that of the image before".into());
+        }
+        Ok(stamp)
+    }
+
+    /// The stamp of a message, or the time at which it was received.
+    fn stamp(&mut self, header: &Header, received: i64) -> i64 {
+        if header.stamp == 0 {
+            self.n_unstamped += 1;
+            return received;
+        }
+        header.stamp
+    }
+}
+
+#[cfg(test)]
+mod tests;
