@@ -80,8 +80,8 @@ def rows(kernel, what, found):
     ours = found.pop("ours")
     for peer, theirs in found.items():
         ratio = median(theirs) / median(ours)
-        # Within the spread of the runs nobody is ahead.
-        is_clear = max(ours) < min(theirs) or max(theirs) < min(ours) or not 0.95 < ratio < 1.05
+        # Where the ranges overlap nobody is ahead.
+        is_clear = max(ours) < min(theirs) or max(theirs) < min(ours)
         ahead = "even" if not is_clear else "REPLICA" if ratio > 1 else peer
         print(LINE.format(kernel, what, cell(ours), peer, cell(theirs), f"{ratio:.2f}", ahead), flush=True)
 

@@ -1,4 +1,5 @@
 //! The kernels: each function prepares fixed inputs and returns what a round does.
+#![allow(clippy::unnecessary_wraps, reason = "all preparations are of one type, also those that cannot fail")]
 
 use crate::street;
 use anyhow::Context;
@@ -30,9 +31,10 @@ pub const N_WARM: u32 = 2;
 pub const N_COUNTED: u32 = 4;
 
 type Round = Box<dyn FnMut() -> anyhow::Result<()>>;
+type Prepare = fn() -> anyhow::Result<Round>;
 
 /// Name, and preparation.
-pub const KERNELS: [(&str, fn() -> anyhow::Result<Round>); 9] = [
+pub const KERNELS: [(&str, Prepare); 9] = [
     ("decode a revolution of an HDL-32E", decode),
     ("odometry, a sweep", odometry),
     ("dilate 512x512 f32, 5x5", dilation),
