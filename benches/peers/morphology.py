@@ -291,7 +291,8 @@ class Peer:
         return time.process_time() - begun
 
 
-def times(size, runs, only):
+def cases(size, only):
+    """(operator, images, argument, connectivity, type of the result) on a street from above."""
     heights = street(size)
     empty = np.isnan(heights)
     metres = np.where(empty, np.float32(-10), heights)
@@ -321,15 +322,17 @@ def times(size, runs, only):
         ("watershed", [255 - gray, seeds, everywhere], "-", 8, np.uint32),
         ("watershed", [-metres, seeds, everywhere], "-", 8, np.uint32),
     ]
+    return [row for row in rows if not only or row[0] in only]
+
+
+def times(size, runs, only):
     print(f"{size} x {size}, best of {runs}, ms of CPU time; scikit-image {skimage.__version__}, OpenCV {cv2.__version__}, one thread\n")
     print("| operator | type | argument | here | scikit-image | times | OpenCV | times |")
     print("|---|---|---|---|---|---|---|---|")
     good = True
     with tempfile.TemporaryDirectory() as folder:
         ours = Ours(folder)
-        for operator, images, argument, connectivity, output in rows:
-            if only and operator not in only:
-                continue
+        for operator, images, argument, connectivity, output in cases(size, only):
             peers = {name: Peer(run) for name, run in peers_of(operator, images, argument, connectivity).items()}
             ours.start(operator, *images, argument=argument, connectivity=connectivity)
             # In turn, so that what else the machine does strikes all alike; what is slow is not repeated.
@@ -357,10 +360,15 @@ def times(size, runs, only):
     return good
 
 
-def main():
+def keep_memory():
+    """Starts this program again with ALLOCATOR."""
     if os.environ.get("GLIBC_TUNABLES") != ALLOCATOR:
         os.environ["GLIBC_TUNABLES"] = ALLOCATOR
         os.execv(sys.executable, [sys.executable, *sys.argv])
+
+
+def main():
+    keep_memory()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("exact").add_argument("folders", nargs="*")

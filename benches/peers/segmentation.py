@@ -60,8 +60,8 @@ def convolutions():
         print(f"| {n_in} -> {n_out}, {height} x {width}, {side} x {side} | {ours:.2f} | {v[6]} | {theirs:.2f} | {candle:.1f} | {theirs / ours:.2f} | {candle / ours:.1f} |")
 
 
-def network(path):
-    """The model's U-Net as ONNX, with zeros instead of the other edge beyond the seam, which is cheaper for ONNX Runtime."""
+def network_session(path):
+    """Runs the model's U-Net as ONNX once, with zeros instead of the other edge beyond the seam, which is cheaper for ONNX Runtime."""
     data = open(path, "rb").read()
     n = struct.unpack("<Q", data[:8])[0]
     header = json.loads(data[8 : 8 + n])
@@ -104,9 +104,16 @@ def network(path):
     height, width = 32, settings["columns"] // settings["fold"]
     s = session(nodes, initializers, net["inputs"], net["outputs"], height, width)
     pixels = np.random.default_rng(3).normal(size=(1, net["inputs"], height, width)).astype(np.float32)
-    theirs = mean_processor_ms(lambda: s.run(None, {"in": pixels}))
-    ours = subprocess.run([f"{RELEASE}/examples/bench_network", path], env=ONE_THREAD, check=True, capture_output=True, text=True).stdout
-    print(ours)
+    return lambda: s.run(None, {"in": pixels})
+
+
+def our_network(path):
+    return subprocess.run([f"{RELEASE}/examples/bench_network", path], env=ONE_THREAD, check=True, capture_output=True, text=True).stdout
+
+
+def network(path):
+    theirs = mean_processor_ms(network_session(path))
+    print(our_network(path))
     print(f"ONNX Runtime {ort.__version__}, the same network, one thread: {theirs:.2f} ms")
 
 
