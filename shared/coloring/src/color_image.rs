@@ -9,8 +9,7 @@ pub struct ColorImage<'a> {
     camera: u8,
     width: usize,
     height: usize,
-    /// Pixel by pixel, three bytes each.
-    bytes: &'a [u8],
+    pixels: &'a [[u8; 3]],
 }
 
 impl<'a> ColorImage<'a> {
@@ -18,7 +17,7 @@ impl<'a> ColorImage<'a> {
     pub fn new(camera: u8, width: u32, height: u32, bytes: &'a [u8]) -> Option<Self> {
         let (pixels, rest) = bytes.as_chunks::<3>();
         let fits = !pixels.is_empty() && rest.is_empty() && pixels.len() == width as usize * height as usize;
-        fits.then_some(Self { camera, width: width as usize, height: height as usize, bytes })
+        fits.then_some(Self { camera, width: width as usize, height: height as usize, pixels })
     }
 
     /// `None` unless the header matches the camera and the bytes match the header.
@@ -43,44 +42,34 @@ impl<'a> ColorImage<'a> {
     /// centers. Computed in steps of 1/256 px: integers take half the time of floats here.
     #[inline]
     pub fn sample(&self, [u, v]: [f32; 2]) -> ColorRow {
-        let (x, share_x) = pixel_before(u, self.width);
-        let (y, share_y) = pixel_before(v, self.height);
-        let first = y * self.width + x;
-        let below = if y + 1 < self.height { first + self.width } else { first };
+        let (x0, x1, share_x) = neighbors(u, self.width);
+        let (y0, y1, share_y) = neighbors(v, self.height);
+        let corners = [
+            (x0, y0, (256 - share_x) * (256 - share_y)),
+            (x1, y0, share_x * (256 - share_y)),
+            (x0, y1, (256 - share_x) * share_y),
+            (x1, y1, share_x * share_y),
+        ];
         let half = 1 << 15;
         // Two channels in one number, 32 bits each: the shares sum up to 2^16, so they do not overlap.
         let (mut red_and_blue, mut green) = (half << 32 | half, half);
-        for (pixel, share_y) in [(first, 256 - share_y), (below, share_y)] {
-            let two = self.two_pixels(pixel);
-            for (rgb, share) in [(two, (256 - share_x) * share_y), (two >> 24, share_x * share_y)] {
-                red_and_blue += share * ((rgb & 0xff_0000) << 16 | rgb & 0xff);
-                green += share * (rgb >> 8 & 0xff);
-            }
+        for (x, y, share) in corners {
+            let [r, g, b] = self.pixels[y * self.width + x].map(u64::from);
+            red_and_blue += share * (b << 32 | r);
+            green += share * g;
         }
         let [r, g, b] = [red_and_blue >> 16, green >> 16, red_and_blue >> 48].map(|channel| channel as u8);
         ColorRow { r, g, b, camera: self.camera }
     }
-
-    /// The channels of a pixel and of the next one, a byte each from the lowest. One load instead of six takes a third less time.
-    #[inline]
-    fn two_pixels(&self, pixel: usize) -> u64 {
-        let bytes = &self.bytes[3 * pixel..];
-        if let Some(bytes) = bytes.first_chunk() {
-            return u64::from_le_bytes(*bytes);
-        }
-        let mut last = [0; 8];
-        last[..bytes.len()].copy_from_slice(bytes);
-        u64::from_le_bytes(last)
-    }
 }
 
-/// The pixel center at or before `at`, clamped to the image, and the distance of `at` from it in 1/256 px; 0 for the last one, which
-/// has none behind it.
+/// The pixel centers before and after `at`, clamped to the image, and the position of `at` between them in 1/256.
 #[inline]
-fn pixel_before(at: f32, len: usize) -> (usize, u64) {
+fn neighbors(at: f32, len: usize) -> (usize, usize, u64) {
     // Not negative, so that truncation rounds down. Images are less than 2^15 px wide.
     let steps = (at.max(0.0) * 256.0 + 0.5) as i32 as usize;
-    if steps >> 8 < len - 1 { (steps >> 8, (steps & 255) as u64) } else { (len - 1, 0) }
+    let before = (steps >> 8).min(len - 1);
+    (before, (before + 1).min(len - 1), (steps & 255) as u64)
 }
 
 #[cfg(test)]
