@@ -1,8 +1,9 @@
 //! Memory of each stage over an hour of drive: a simulated drive whose LiDAR capture is repeated, without GNSS and IMU. At each
 //! repetition the vehicle jumps back, so odometry and loop closures never settle.
-//! `cargo build --release && cargo bench --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100]`
+//! `cargo build --release && cargo bench --bench drive_soak -- [--seconds 60] [--repeat 60] [--places 100] [--all]`
 //!
-//! Clouds are not written: those of an hour fill 90 GB. The folder of the drive, 2.4 MB per second, is removed at the end.
+//! With `--all`, images are repeated too, as links, and all stages run. Clouds are not written: those of an hour fill 90 GB. The
+//! folder of the drive, 2.4 MB per second, is removed at the end.
 
 use formats::pcap::{PacketReader, Writer};
 use formats::velodyne::DATA_PACKET_BYTES;
@@ -16,6 +17,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 const STAGES: [&str; 3] = ["acquire", "slam_aggregate", "export"];
+const ALL_STAGES: [&str; 7] = ["acquire", "calibrate", "slam_aggregate", "colorize", "infer", "instance", "export"];
+/// Row of the table: what all runs on the machine have in shared memory.
+const SHARED: &str = "shared memory";
 /// Between two samples.
 const SAMPLE_EVERY: Duration = Duration::from_secs(1);
 /// Offset in a data packet of the sensor's clock: µs of the hour.
@@ -34,7 +38,7 @@ fn argument(name: &str, default: u64) -> u64 {
 }
 
 /// The capture of `drive` again and again in `folder`, a file for each repetition, with stamps that go on.
-fn repeat(drive: &Path, folder: &Path, n: u64) {
+fn repeat(drive: &Path, folder: &Path, n: u64, with_images: bool) {
     fs::create_dir_all(folder.join("lidar")).expect("a folder");
     let source = drive.join("lidar/000000.pcap");
     let (mut first, mut last, mut n_packets) = (None, Stamp(0), 0_i64);
@@ -63,9 +67,48 @@ fn repeat(drive: &Path, folder: &Path, n: u64) {
         }
         writer.finish().expect("written");
     }
+    if with_images {
+        repeat_images(drive, folder, period, n);
+    }
     let manifest = fs::read_to_string(drive.join("drive.toml")).expect("a manifest");
-    let lidar = manifest.split("\n[gnss]").next().expect("a table");
-    fs::write(folder.join("drive.toml"), format!("{lidar}\n")).expect("written");
+    let sensors = manifest.split("\n[gnss]").next().expect("the tables of LiDAR and cameras");
+    fs::write(folder.join("drive.toml"), format!("{sensors}\n")).expect("written");
+}
+
+/// Links to all images, again and again with stamps that go on.
+fn repeat_images(drive: &Path, folder: &Path, period: i64, n: u64) {
+    let cameras = fs::read_dir(drive.join("camera")).expect("cameras").map(|entry| entry.expect("an entry").path());
+    for of_camera in cameras.chain(["hs02", "hs03"].map(|mosaic| drive.join(mosaic))) {
+        let to = folder.join(of_camera.strip_prefix(drive).expect("inside"));
+        fs::create_dir_all(&to).expect("a folder");
+        for image in fs::read_dir(&of_camera).expect("images").map(|entry| entry.expect("an entry").path()) {
+            let stem = image.file_stem().and_then(|stem| stem.to_str()).expect("a name");
+            let Ok(stamp) = stem.parse::<i64>() else {
+                if image.is_file() {
+                    fs::hard_link(&image, to.join(image.file_name().expect("a name"))).expect("linked");
+                }
+                continue;
+            };
+            let extension = image.extension().and_then(|extension| extension.to_str()).expect("an image");
+            for number in 0..n as i64 {
+                let stamp = stamp + number * period;
+                fs::hard_link(&image, to.join(format!("{stamp}.{extension}"))).expect("linked");
+            }
+        }
+        for reference in ["dark", "white"].map(|kind| of_camera.join(kind)).iter().filter(|path| path.is_dir()) {
+            let to = to.join(reference.file_name().expect("a name"));
+            fs::create_dir_all(&to).expect("a folder");
+            for frame in fs::read_dir(reference).expect("frames").map(|entry| entry.expect("an entry").path()) {
+                fs::hard_link(&frame, to.join(frame.file_name().expect("a name"))).expect("linked");
+            }
+        }
+    }
+}
+
+/// Bytes in use in the machine's shared memory.
+fn shared_bytes() -> Option<u64> {
+    let found = rustix::fs::statvfs("/dev/shm").ok()?;
+    Some((found.f_blocks - found.f_bfree) * found.f_frsize)
 }
 
 /// Memory of a process that no other shares, bytes.
@@ -83,16 +126,27 @@ fn drive_s(launch: &Launch, stage: &str) -> Option<f64> {
 }
 
 /// Drive time and private memory by stage, until the run ends.
-fn sample(launch: &Launch, running: &mut Running) -> BTreeMap<&'static str, Vec<(f64, u64)>> {
+fn sample(launch: &Launch, running: &mut Running, stages: &[&'static str]) -> BTreeMap<&'static str, Vec<(f64, u64)>> {
     let mut samples: BTreeMap<_, Vec<_>> = BTreeMap::new();
     while running.ended().is_none() {
-        for stage in STAGES {
-            let found = running.find_stage(stage).and_then(private_bytes).zip(drive_s(launch, "slam_aggregate"));
-            samples.entry(stage).or_default().extend(found.map(|(bytes, drive_s)| (drive_s, bytes)));
+        let drive_s = drive_s(launch, "slam_aggregate");
+        let mut add = |row, bytes: Option<u64>| samples.entry(row).or_default().extend(drive_s.zip(bytes));
+        for stage in stages {
+            add(*stage, running.find_stage(stage).and_then(private_bytes));
         }
+        add(SHARED, shared_bytes());
         std::thread::sleep(SAMPLE_EVERY);
     }
     samples
+}
+
+/// Private memory of all stages and shared memory at the same time, at its largest. The samples of a stage begin with it.
+fn largest_sum(samples: &BTreeMap<&'static str, Vec<(f64, u64)>>) -> u64 {
+    let longest = samples.values().map(Vec::len).max().unwrap_or_default();
+    let at = |back: usize| {
+        samples.values().filter_map(|row| row.get(row.len().checked_sub(back)?)).map(|(_, bytes)| bytes).sum()
+    };
+    (1..=longest).map(at).max().unwrap_or_default()
 }
 
 /// Prints the line of a stage; whether its memory does not grow in the second half of the drive.
@@ -116,15 +170,20 @@ fn main() -> ExitCode {
     let (seconds, n, places) = (argument("--seconds", 60), argument("--repeat", 60), argument("--places", 100));
     let folder = tempfile::tempdir().expect("a folder");
     let (once, repeated) = (folder.path().join("once"), folder.path().join("repeated"));
-    simulated_drive(&once, &["--seed", "1", "--rig", "survey", "--seconds", &seconds.to_string()]);
-    repeat(&once, &repeated, n);
+    let all = std::env::args().any(|argument| argument == "--all");
+    let rig = if all { "l3d2" } else { "survey" };
+    simulated_drive(&once, &["--seed", "1", "--rig", rig, "--seconds", &seconds.to_string()]);
+    repeat(&once, &repeated, n, all);
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/street.safetensors");
+    let tables = format!("[calibrate]\n[colorize]\n[infer]\nmodel = '{}'\n[instance]\n", model.display());
+    let (stages, more) = if all { (&ALL_STAGES[..], tables.as_str()) } else { (&STAGES[..], "") };
     let launch = Launch::new(&format!(
-        "[run]\ndrive = '{}'\noutput = 'out'\n{PATIENT}\n[acquire]\n[slam_aggregate]\nloop_places_max = {places}\n[export]\n\
-         formats = []\n",
+        "[run]\ndrive = '{}'\noutput = 'out'\n{PATIENT}\n[acquire]\n[slam_aggregate]\nloop_places_max = {places}\n{more}\
+         [export]\nformats = []\n",
         repeated.display()
     ));
     let mut running = launch.start();
-    let samples = sample(&launch, &mut running);
+    let samples = sample(&launch, &mut running, stages);
     // Without fixes the heading is undetermined, which is a doubt.
     let code = running.wait();
     println!("seed 1, {seconds} s of drive, {n} times; loop_places_max = {places}; exit code {code:?}");
@@ -132,6 +191,8 @@ fn main() -> ExitCode {
     println!("{} s of drive in {} s; {} restarts", total["drive_s"], total["wall_s"], total["restarts"]);
     println!("private memory, MB, at these shares of the drive; most from 10 to 50 % and from 50 to 100 %");
     println!("{:<16}{}", "stage", SHARES.map(|share| format!("{:>6} %", share * 100.0)).concat());
-    let is_flat = STAGES.map(|stage| report(stage, samples.get(stage).map_or(&[], Vec::as_slice)));
+    let rows = stages.iter().copied().chain([SHARED]);
+    let is_flat: Vec<bool> = rows.map(|row| report(row, samples.get(row).map_or(&[], Vec::as_slice))).collect();
+    println!("all together, most: {:.1}", largest_sum(&samples) as f64 / 1e6);
     if matches!(code, Some(0 | 3)) && !is_flat.contains(&false) { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
