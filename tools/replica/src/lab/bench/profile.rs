@@ -17,8 +17,8 @@ const N_FUNCTIONS: usize = 10;
 /// The kernel cuts the name of a process to this length.
 const NAME_CHARS: usize = 15;
 
-/// Longest name of a function in the report, characters: a line of a page.
-const FUNCTION_CHARS: usize = 120;
+/// Libraries whose functions are named by what of ours they work on.
+const LIBRARIES: [&str; 7] = ["core", "alloc", "std", "rayon", "rayon_core", "pulp", "hashbrown"];
 
 /// The most expensive functions of a process.
 #[derive(Debug, Serialize)]
@@ -99,7 +99,7 @@ fn profile(program: &str, samples: &[&Sample<'_>]) -> ProcessProfile {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     for sample in samples {
         let kernel = if sample.in_kernel { "kernel: " } else { "" };
-        *counts.entry(format!("{kernel}{}", sample.function)).or_default() += 1;
+        *counts.entry(format!("{kernel}{}", short_name(sample.function))).or_default() += 1;
     }
     let mut functions: Vec<_> = counts.into_iter().collect();
     functions.sort_by(|(a, n_a), (b, n_b)| n_b.cmp(n_a).then(a.cmp(b)));
@@ -109,6 +109,28 @@ fn profile(program: &str, samples: &[&Sample<'_>]) -> ProcessProfile {
         samples: samples.len(),
         kernel_share: share(samples.iter().filter(|sample| sample.in_kernel).count()),
         functions: functions.into_iter().map(|(name, n)| (share(n), name)).collect(),
+    }
+}
+
+/// The name without type arguments. A function of a library is named by the first type of another crate among them, and its own
+/// last word: `coloring::choice::Weigh (vectorize)`. Names of programs with `-Csymbol-mangling-version=v0` have such arguments.
+fn short_name(name: &str) -> String {
+    let is_path = |c: char| c.is_alphanumeric() || "_:{}#".contains(c);
+    let path = |text: &str| text.split_once("::{").map_or(text, |(path, _)| path).trim_matches(':').to_owned();
+    let is_library = |text: &str| LIBRARIES.contains(&text.split("::").next().unwrap_or_default());
+    let mut paths = name.split(|c| !is_path(c)).filter(|text| text.contains("::") && !text.starts_with("::")).map(path);
+    let (Some(first), own) = (paths.next(), paths.find(|text| !is_library(text))) else {
+        return name.to_owned();
+    };
+    let method = |name: &str| name.split(['<', '>', ' ']).filter_map(|part| part.strip_prefix("::")).next().map(path);
+    match own {
+        Some(own) if is_library(&first) => {
+            let function =
+                if name.contains("vectorize") { "vectorize" } else { first.rsplit("::").next().unwrap_or_default() };
+            format!("{own} ({function})")
+        }
+        _ if name.starts_with('<') => method(name).map_or(first.clone(), |method| format!("{first}::{method}")),
+        _ => first,
     }
 }
 
@@ -128,7 +150,6 @@ pub fn markdown<'a>(profiles: &[ProcessProfile], stages: impl Iterator<Item = &'
             100.0 * profile.kernel_share
         );
         for (share, function) in &profile.functions {
-            let function: String = function.chars().take(FUNCTION_CHARS).collect();
             let _ = writeln!(text, "{:5.1} %  {function}", 100.0 * share);
         }
         text += "```\n";
@@ -160,6 +181,27 @@ mod tests {
             text.contains("infer: 4 samples, 25 % in the kernel") && text.contains(" 50.0 %  engine::convolve"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn names_lose_type_arguments_and_libraries() {
+        for (name, short) in [
+            ("formats::jpeg::check", "formats::jpeg::check"),
+            ("__memset_avx512", "__memset_avx512"),
+            ("<formats::jpeg::huffman::Huffman>::next", "formats::jpeg::huffman::Huffman::next"),
+            ("<zune_jpeg::bitstream::BitStream>::decode::<&[u8]>", "zune_jpeg::bitstream::BitStream::decode"),
+            (
+                "<pulp::x86::v4::V4>::vectorize::imp::<<pulp::x86::v4::V4 as pulp::Simd>::vectorize::Impl<coloring::choice::Weigh>>",
+                "coloring::choice::Weigh (vectorize)",
+            ),
+            (
+                "rayon::iter::plumbing::helper::<rayon::slice::IterProducer<coloring::spectra::Batch>, ()>",
+                "coloring::spectra::Batch (helper)",
+            ),
+            ("core::hash::sip::write", "core::hash::sip::write"),
+        ] {
+            assert_eq!(short_name(name), short);
+        }
     }
 
     #[test]
