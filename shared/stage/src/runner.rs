@@ -345,7 +345,7 @@ impl<'a> Runner<'a> {
             Ok::<_, StepError>(())
         })?;
         self.pulse.mark_progress();
-        if self.tick % TICKS_PER_LOOK == 0 {
+        if self.tick.is_multiple_of(TICKS_PER_LOOK) {
             for output in Self::ticked_outputs(&mut self.outputs) {
                 output.note_waiting()?;
             }

@@ -162,7 +162,7 @@ impl UntypedOutput {
         self.end_seq = (row.end != 0).then_some(seq);
         let envelope = Envelope { seq, stamp: row.drive_time, tick: row.tick, ..Envelope::default() };
         self.ticks.send(loan, envelope).map_err(|error| waiter.failed_send(self.name, error))?;
-        let is_due = row.barrier != 0 || row.end != 0 || row.tick % TICKS_PER_WAKE == 0;
+        let is_due = row.barrier != 0 || row.end != 0 || row.tick.is_multiple_of(TICKS_PER_WAKE);
         if self.is_live || is_due || self.n_unannounced >= self.queue.div_ceil(TICKS_PER_WAKE as usize) {
             self.n_unannounced = 0;
             self.ticks.urge();

@@ -122,7 +122,7 @@ fn short_name(name: &str) -> String {
     let (Some(first), own) = (paths.next(), paths.find(|text| !is_library(text))) else {
         return name.to_owned();
     };
-    let method = |name: &str| name.split(['<', '>', ' ']).filter_map(|part| part.strip_prefix("::")).next().map(path);
+    let method = |name: &str| name.split(['<', '>', ' ']).find_map(|part| part.strip_prefix("::")).map(path);
     match own {
         Some(own) if is_library(&first) => {
             let function =
