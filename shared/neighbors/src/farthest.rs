@@ -66,11 +66,11 @@ impl<'a> Distances<'a> {
     fn choose(&mut self, node_idx: usize, place: u32, position: [f32; 3]) -> u64 {
         let node = &self.tree.nodes[node_idx];
         let squared = node.squared_distances(position);
-        for slot in 0..WIDTH {
+        for (slot, squared) in squared.into_iter().enumerate() {
             let [start, end] = node.points[slot];
             let holds_chosen = (start..end).contains(&place);
             // All points of the box are at least this far from the chosen one: none gets nearer.
-            if !holds_chosen && u64::from(squared[slot].to_bits()) >= self.farthest[node_idx][slot] >> 32 {
+            if !holds_chosen && u64::from(squared.to_bits()) >= self.farthest[node_idx][slot] >> 32 {
                 continue;
             }
             self.farthest[node_idx][slot] = match Child::of(node.child[slot]) {

@@ -1,6 +1,6 @@
 //! The spatial index.
 
-use crate::blocks::BLOCK;
+use crate::blocks::{BLOCK, Block};
 use crate::morton::{Entry, MortonGrid};
 use crate::position::{Bounds, is_valid};
 use crate::tree::Tree;
@@ -76,6 +76,6 @@ impl SpatialIndex {
     }
     /// Positions of the indexed points in Morton order.
     pub(crate) fn positions(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
-        self.tree.blocks.iter().flat_map(|block| block.positions())
+        self.tree.blocks.iter().flat_map(Block::positions)
     }
 }

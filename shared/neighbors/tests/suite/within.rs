@@ -5,7 +5,9 @@ fn check(points: &[[f32; 3]], n_queries: usize, seed: u64) {
     let index = SpatialIndex::new(points);
     let queries = queries(points, n_queries, seed);
     let mut place = vec![usize::MAX; points.len()];
-    index.order().iter().enumerate().for_each(|(i, point)| place[*point as usize] = i);
+    for (i, point) in index.order().iter().enumerate() {
+        place[*point as usize] = i;
+    }
     for radius_m in [0.0, 1e-3, 0.5, 3.0, 25.0, 1e15, f32::INFINITY] {
         let batch = index.within_of_each(&queries, radius_m);
         for (query_idx, query) in queries.iter().enumerate() {
