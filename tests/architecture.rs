@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 27] = [
+const SHARED: [&str; 28] = [
     "wide_loops",
     "chart",
     "random",
@@ -17,6 +17,7 @@ const SHARED: [&str; 27] = [
     "formats",
     "spectral",
     "morphology",
+    "neighbors",
     "registration",
     "georeference",
     "coloring",

@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod bev;
+mod bev_image;
 mod camera;
 mod geodesy;
 mod pose;
@@ -15,6 +16,7 @@ mod stamp;
 mod utm;
 
 pub use bev::BevGrid;
+pub use bev_image::{BevStatistic, BevValues};
 pub use camera::{CameraModel, KannalaBrandt, Pinhole};
 pub use geodesy::{Geodetic, LocalFrame};
 pub use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector2, Vector3};

@@ -1,5 +1,6 @@
 //! Pictures of point clouds, and the statistics that choose what they show.
 
+mod bev_picture;
 mod camera;
 mod canvas;
 mod cloud_summary;
@@ -7,6 +8,7 @@ mod loaded_cloud;
 mod palette;
 mod settings;
 
+pub use bev_picture::{BevRequest, render_bev};
 pub use cloud_summary::CloudSummary;
 pub use settings::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint};
 

@@ -153,7 +153,7 @@ fn length_m(path: &[[f64; 3]]) -> f64 {
 }
 
 /// 1st and 99th percentile.
-fn percentiles(values: &[f64]) -> [f64; 2] {
+pub fn percentiles(values: &[f64]) -> [f64; 2] {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let at = |share: f64| sorted.get((sorted.len() as f64 * share) as usize).copied();

@@ -60,12 +60,14 @@ fn instance_color(id: i64) -> [u8; 3] {
     [channel(0.0), channel(4.0), channel(2.0)]
 }
 
-fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
+/// Position of a value in a range, 0 to 1.
+pub fn share(value: f64, [low, high]: [f64; 2]) -> f64 {
     let share = (value - low) / (high - low).max(1e-9);
     if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
 }
 
-fn ramp(share: f64) -> [u8; 3] {
+/// Viridis at 0 to 1.
+pub fn ramp(share: f64) -> [u8; 3] {
     let position = share * (RAMP.len() - 1) as f64;
     let index = (position as usize).min(RAMP.len() - 2);
     let rest = position - index as f64;

@@ -6,7 +6,9 @@ mod offset;
 mod recording;
 
 use crate::cloud_files::cloud_files;
-use crate::cloud_picture::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint, render, summarize};
+use crate::cloud_picture::{
+    Background, BevRequest, ColorBy, PictureSettings, PictureSize, Viewpoint, render, render_bev, summarize,
+};
 use crate::exit_code;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
@@ -42,6 +44,17 @@ pub struct Args {
     /// What the colors of the picture show [default: color if the cloud has it, else class, else height]
     #[arg(long)]
     by: Option<ColorBy>,
+    /// Top-down image of a column: z:max, intensity:mean:0.2 [m]
+    #[arg(
+        long,
+        value_name = "FEATURE:STATISTIC[:CELL_M]",
+        requires = "picture",
+        conflicts_with_all = ["by", "size", "view", "at"],
+        long_help = "Top-down image (bird's-eye view) of a column instead of a picture of points: one pixel for each cell, north up; \
+                     cells without points have the color of the background. STATISTIC is max, min, difference (max - min), \
+                     accumulation (number of points) or mean. Cells have 0.1 m by default"
+    )]
+    bev: Option<BevRequest>,
     /// Width and height of the picture, px (16 to 8192 each)
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1600x900")]
     size: PictureSize,
@@ -81,7 +94,11 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // A reader that closes the pipe early has seen enough.
     let text = summary.table(&args.path) + &georeference::lines(&args.path) + &doubts(&args.path);
     let _ = std::io::stdout().write_all(text.as_bytes());
-    if let Some(picture) = &args.picture {
+    if let (Some(request), Some(picture)) = (&args.bev, &args.picture) {
+        let line = render_bev(&files, &summary, request, args.background, picture)
+            .with_context(|| args.path.display().to_string())?;
+        let _ = std::io::stdout().write_all(line.as_bytes());
+    } else if let Some(picture) = &args.picture {
         let settings = PictureSettings {
             color_by: args.by,
             size: args.size,
@@ -148,6 +165,30 @@ mod tests {
             let n_car = image.pixels().filter(|pixel| of_car(pixel)).count();
             assert!((20..8000).contains(&n_car), "{view} {by}: {n_car} pixels of the car");
         }
+    }
+
+    #[test]
+    fn bev_image_has_a_pixel_for_each_cell_with_north_up() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cloud = folder.path().join("street.ply");
+        write_street(&cloud);
+        let picture = folder.path().join("bev.png");
+        let (input, output) = (cloud.to_string_lossy(), picture.to_string_lossy());
+        run(&Cli::parse_from(["", &input, "--picture", &output, "--bev", "z:max:1", "--background", "white"]).args)
+            .expect("renders");
+        let image = image::open(&picture).expect("is a picture").to_rgb8();
+        assert_eq!(image.dimensions(), (40, 10), "40 m east, 10 m north");
+        // The car lies at 20 to 24 m east, 1 to 3 m north: the picture's rows 2 and 3 of 10 from the top.
+        let yellow: Vec<(u32, u32)> =
+            image.enumerate_pixels().filter(|(_, _, pixel)| pixel.0[0] > 200).map(|(x, y, _)| (x, y)).collect();
+        for place in [(20, 2), (23, 3), (21, 2)] {
+            assert!(yellow.contains(&place), "{place:?} in {yellow:?}");
+        }
+        assert!(yellow.iter().all(|(x, y)| (20..=24).contains(x) && (1..=4).contains(y)), "{yellow:?}");
+        let taste = Cli::parse_from(["", &input, "--picture", &output, "--bev", "taste:max"]);
+        let error = format!("{:#}", run(&taste.args).expect_err("has no such column"));
+        assert!(error.contains("taste"), "{error}");
+        assert!(Cli::<Args>::try_parse_from(["", &input, "--bev", "z:max"]).is_err(), "needs a picture");
     }
 
     #[test]
