@@ -34,6 +34,15 @@ pub enum InvalidBev {
     Cell(String),
 }
 
+/// The words of the option.
+const STATISTICS: [(&str, BevStatistic); 5] = [
+    ("max", BevStatistic::Max),
+    ("min", BevStatistic::Min),
+    ("difference", BevStatistic::Difference),
+    ("accumulation", BevStatistic::Accumulation),
+    ("mean", BevStatistic::Mean),
+];
+
 impl FromStr for BevRequest {
     type Err = InvalidBev;
 
@@ -47,14 +56,8 @@ impl FromStr for BevRequest {
         if feature.is_empty() {
             return Err(InvalidBev::Form);
         }
-        let statistic = match statistic {
-            "max" => BevStatistic::Max,
-            "min" => BevStatistic::Min,
-            "difference" => BevStatistic::Difference,
-            "accumulation" => BevStatistic::Accumulation,
-            "mean" => BevStatistic::Mean,
-            other => return Err(InvalidBev::Statistic(other.to_owned())),
-        };
+        let found = STATISTICS.iter().find(|(name, _)| *name == statistic);
+        let (_, statistic) = *found.ok_or_else(|| InvalidBev::Statistic(statistic.to_owned()))?;
         let number = |cell: &str| cell.parse().ok().filter(|cell_m| (0.01..=100.0).contains(cell_m));
         let cell_m = match cell {
             Some(cell) => number(cell).ok_or_else(|| InvalidBev::Cell(cell.to_owned()))?,
@@ -118,10 +121,11 @@ pub fn render_bev(
     .with_context(|| format!("{}: cannot write the picture", picture.display()))?;
     eprintln!("wrote {}", picture.display());
     let n_occupied = image.iter().flatten().count();
+    let name = STATISTICS.iter().find(|(_, statistic)| *statistic == request.statistic).map_or("", |(name, _)| name);
     Ok(format!(
-        "bev {} {:?}: {width} x {height} cells of {} m, {n_occupied} with points, colors from {:.3} to {:.3}, {n_ignored} points without a \
+        "bev {} {}: {width} x {height} cells of {} m, {n_occupied} with points, colors from {:.3} to {:.3}, {n_ignored} points without a \
          finite value\n",
-        request.feature, request.statistic, request.cell_m, range[0], range[1]
+        request.feature, name, request.cell_m, range[0], range[1]
     ))
 }
 
