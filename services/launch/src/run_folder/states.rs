@@ -68,7 +68,8 @@ impl States {
         Ok(())
     }
 
-    fn barriers(&self) -> Vec<u64> {
+    /// Those of which any state is there.
+    pub(super) fn barriers(&self) -> Vec<u64> {
         let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
         entries.filter_map(|entry| entry.file_name().to_string_lossy().parse().ok()).collect()
     }

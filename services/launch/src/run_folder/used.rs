@@ -1,6 +1,8 @@
 //! What an earlier run has left in an output folder. A new run would replace it.
 
 use super::SETTINGS;
+use super::states::States;
+use run::assignment::state_file;
 use run::summary::Summary;
 use std::fmt;
 use std::path::Path;
@@ -26,11 +28,19 @@ impl EarlierResults {
             None => has_summary,
         };
         let n_clouds = entries(&output.join("clouds"));
-        let has_states = entries(&output.join("run/states")) > 0;
+        let has_states = has_states(&output.join("run/states"), summary.as_ref());
         let can_resume = has_states && output.join("run").join(SETTINGS).exists();
         let is_used = n_clouds > 0 || has_states || has_produced;
         is_used.then(|| Self { n_clouds, outcome: summary.map(|summary| summary.outcome), can_resume })
     }
+}
+
+/// Whether there is a barrier to continue from. After a run that has a summary, only one that all of its stages have reached; the
+/// first stage may be ahead of one that has failed at its first tick.
+fn has_states(folder: &Path, summary: Option<&Summary>) -> bool {
+    let stages = summary.map(|summary| summary.stages.as_slice()).unwrap_or_default();
+    let has_all = |barrier: u64| stages.iter().all(|stage| state_file(folder, barrier, &stage.name).exists());
+    States::new(folder.to_owned()).barriers().into_iter().any(has_all)
 }
 
 /// Entries of a folder; 0 if it cannot be listed.
@@ -58,6 +68,7 @@ impl fmt::Display for EarlierResults {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use run::summary::StageSummary;
 
     fn write(path: &Path, text: &str) {
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
@@ -93,6 +104,19 @@ mod tests {
         write(&output.path().join("run/settings.json"), "{}");
         write(&output.path().join("summary.json"), &summary("failed", 0));
         assert_eq!(EarlierResults::find(output.path()), None);
+    }
+
+    #[test]
+    fn barrier_that_not_all_stages_reached_is_no_result() {
+        let output = tempfile::tempdir().expect("a folder");
+        let stage = |name: &str| StageSummary { name: name.to_owned(), ..StageSummary::default() };
+        let stages = vec![stage("acquire"), stage("export")];
+        let failed = Summary { outcome: "failed".to_owned(), stages, ..Summary::default() };
+        write(&output.path().join("summary.json"), &serde_json::to_string(&failed).expect("JSON"));
+        write(&output.path().join("run/states/1/acquire.state"), "");
+        assert_eq!(EarlierResults::find(output.path()), None);
+        write(&output.path().join("run/states/1/export.state"), "");
+        assert!(EarlierResults::find(output.path()).is_some());
     }
 
     #[test]
