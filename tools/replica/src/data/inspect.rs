@@ -44,7 +44,7 @@ pub struct Args {
     /// What the colors of the picture show [default: color if the cloud has it, else class, else height]
     #[arg(long)]
     by: Option<ColorBy>,
-    /// Top-down image of a column: z:max, intensity:mean:0.2 [m]
+    /// Top-down image of a column: z:max, or intensity:mean:0.2 (m)
     #[arg(
         long,
         value_name = "FEATURE:STATISTIC[:CELL_M]",
