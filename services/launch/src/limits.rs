@@ -4,6 +4,7 @@
 use crate::plan::PlannedStage;
 use ipc::Channel;
 use rustix::process::{Resource, getrlimit};
+use std::collections::BTreeSet;
 
 /// Services of a stage beside those of its topics: command, heartbeat, wake.
 const OWN_SERVICES: usize = 3;
@@ -71,7 +72,13 @@ fn files(stages: &[PlannedStage], index: usize, stage: &PlannedStage) -> u64 {
     let of_topics: usize = stages.iter().flat_map(|stage| channels(stage)[1].clone()).map(Channel::n_services).sum();
     let inherited = of_topics + OWN_SERVICES * (stages.len() + index + 1);
     let [inputs, outputs] = channels(stage);
+    let wakes: BTreeSet<&String> = inputs
+        .iter()
+        .map(|channel| &channel.producer)
+        .chain(outputs.iter().flat_map(|channel| &channel.consumers))
+        .collect();
     let opened = OWN_SERVICES
+        + wakes.len()
         + inputs.len() * Channel::SERVICES_OF_CONSUMER
         + outputs.iter().map(|channel| channel.services_of_producer()).sum::<usize>();
     (inherited + OTHER_FILES + (opened * HALF_FILES_PER_SERVICE).div_ceil(2)) as u64

@@ -90,7 +90,7 @@ impl End {
     }
     /// Sends `n` words, all written or only the first.
     fn send(&mut self, first: u64, n: usize, kind: Kind) {
-        while !self.out.has_credit().expect("credit") {
+        while !self.out.has_room(1).expect("credit") {
             if kind != Kind::ByPoll {
                 self.wake.wait(PATIENCE).expect("waits");
             }

@@ -92,14 +92,14 @@ impl Channel {
         n_slots * (header + self.row_bytes as u64 * self.max_rows as u64)
     }
 
-    /// Services that the producer opens for it: the messages, the acknowledgements and wakes of the consumers, and the
-    /// acknowledgement of an observer.
+    /// Services that the producer opens for it, beside the wakes of the consumers, which channels share: the messages, the
+    /// acknowledgements of the consumers, and that of an observer.
     pub fn services_of_producer(&self) -> usize {
-        2 + 2 * self.consumers.len()
+        2 + self.consumers.len()
     }
 
-    /// Services that a consumer opens for it: the messages, its acknowledgement, the wake of the producer.
-    pub const SERVICES_OF_CONSUMER: usize = 3;
+    /// Services that a consumer opens for it, beside the wake of the producer, which channels share: the messages, its acknowledgement.
+    pub const SERVICES_OF_CONSUMER: usize = 2;
 
     /// Services that the supervisor creates for it.
     pub fn n_services(&self) -> usize {

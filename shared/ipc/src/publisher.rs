@@ -35,11 +35,6 @@ impl<T: Message> Publisher<T> {
         })
     }
 
-    /// Whether every consumer has room for one more message.
-    pub fn has_credit(&mut self) -> Result<bool, IpcError> {
-        self.untyped.has_room(1)
-    }
-
     /// Whether every consumer has room for `n` more messages.
     pub fn has_room(&mut self, n: u64) -> Result<bool, IpcError> {
         self.untyped.has_room(n)
@@ -55,7 +50,7 @@ impl<T: Message> Publisher<T> {
         self.untyped.urge();
     }
 
-    /// Sends. The caller has seen [`Publisher::has_credit`] since the last message, and calls [`Node::wake_all`] before it sleeps.
+    /// Sends. The caller has seen [`Publisher::has_room`] since the last message, and calls [`Node::wake_all`] before it sleeps.
     pub fn send(&mut self, loan: Loan<T>, envelope: Envelope) -> Result<(), IpcError> {
         match loan.0 {
             LoanMemory::Shared(loan) => self.untyped.send(Written::Slot(loan.finish(envelope)), &envelope),

@@ -5,10 +5,17 @@ use crate::opaque::Opaque;
 use crate::{Iox, IpcError, Node};
 use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::port::{listener, notifier};
+use iceoryx2::service::port_factory::event;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
+
+/// The service of a wake, which the [`crate::ServiceHandles`] created.
+fn open(node: &Node, name: &str) -> Result<event::PortFactory<Iox>, IpcError> {
+    let opened = node.inner.service_builder(&service_name(name)?).event().open();
+    opened.map_err(|cause| IpcError::transport(format!("opening wake {name}"), cause))
+}
 
 /// What a process sleeps on. Several calls of [`Waker::wake`] may end one sleep: check every input after waking.
 pub struct Wake {
@@ -19,14 +26,8 @@ pub struct Wake {
 impl Wake {
     /// Opens the service that the [`crate::ServiceHandles`] created.
     pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
-        let error = |cause: String| IpcError::transport(format!("wake {name}"), cause);
-        let service = node
-            .inner
-            .service_builder(&service_name(name)?)
-            .event()
-            .open()
-            .map_err(|cause| error(format!("{cause:?}")))?;
-        let listener = service.listener_builder().create().map_err(|cause| error(format!("{cause:?}")))?;
+        let listener = open(node, name)?.listener_builder().create();
+        let listener = listener.map_err(|cause| IpcError::transport(format!("wake {name}"), cause))?;
         Ok(Self { name: name.to_owned(), listener: Opaque::new(listener) })
     }
     /// Returns when woken (at once if that happened since the last call), on a signal, or after `timeout`.
@@ -47,14 +48,8 @@ pub struct Waker {
 impl Waker {
     /// Opens the service that the [`crate::ServiceHandles`] created.
     pub fn open(node: &Node, name: &str) -> Result<Self, IpcError> {
-        let error = |cause: String| IpcError::transport(format!("waker of {name}"), cause);
-        let service = node
-            .inner
-            .service_builder(&service_name(name)?)
-            .event()
-            .open()
-            .map_err(|cause| error(format!("{cause:?}")))?;
-        let notifier = service.notifier_builder().create().map_err(|cause| error(format!("{cause:?}")))?;
+        let notifier = open(node, name)?.notifier_builder().create();
+        let notifier = notifier.map_err(|cause| IpcError::transport(format!("waker of {name}"), cause))?;
         Ok(Self { notifier: Opaque::new(notifier) })
     }
     /// Wakes the process. If it has not started yet, or has ended, nothing happens: a process checks every input first.

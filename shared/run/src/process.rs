@@ -54,7 +54,7 @@ impl Fields {
     fn of(path: &str) -> Self {
         Self(std::fs::read_to_string(path).unwrap_or_default())
     }
-    /// The first number of the line that starts with `name`; 0 if there is none.
+    /// The first number of the line that starts with `name`; 0 without such a line.
     fn number(&self, name: &str) -> u64 {
         let line = self.0.lines().find(|line| line.starts_with(name));
         line.and_then(|line| line.split_whitespace().nth(1)).and_then(|number| number.parse().ok()).unwrap_or_default()

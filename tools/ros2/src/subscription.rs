@@ -109,7 +109,7 @@ impl Subscription {
         self.reader.drain_read_notifications();
     }
 
-    /// The next message; `None` if there is none. An error concerns one message.
+    /// The next message, `None` before it arrives. An error concerns one message.
     pub fn take(&self) -> Result<Option<Taken>, String> {
         let taken = self.reader.try_take_one().map_err(|error| error.to_string())?;
         Ok(taken.map(|taken| Taken {

@@ -57,7 +57,7 @@ fn full_queue_stops_producer_without_loss() {
         let domain = TestDomain::new(name);
         let mut pair = pair_over(&domain.0, transport);
         let mut sent = 0;
-        while pair.publisher.has_credit().expect("no error") {
+        while pair.publisher.has_room(1).expect("no error") {
             send(&mut pair.publisher, sent, 10 + sent as usize);
             sent += 1;
         }
@@ -73,10 +73,28 @@ fn full_queue_stops_producer_without_loss() {
             if held.len() > messages::SweepTopic::BORROWED {
                 held.remove(0);
             }
-            assert!(pair.publisher.has_credit().expect("no error"));
+            assert!(pair.publisher.has_room(1).expect("no error"));
             send(&mut pair.publisher, sent, 10 + sent as usize);
             sent += 1;
         }
+    }
+}
+
+#[test]
+fn room_is_what_the_consumer_has_taken() {
+    let domain = TestDomain::new("room");
+    let mut pair = pair(&domain.0);
+    let queue = messages::SweepTopic::QUEUE as u64;
+    assert!(pair.publisher.has_room(queue).expect("no error"));
+    assert!(!pair.publisher.has_room(queue + 1).expect("no error"), "more than the queue holds");
+    for seq in 0..queue {
+        send(&mut pair.publisher, seq, 10);
+    }
+    assert!(!pair.publisher.has_room(1).expect("no error"));
+    for taken in 1..=queue {
+        drop(pair.subscriber.receive().expect("no error").expect("a message"));
+        assert!(pair.publisher.has_room(taken).expect("no error"), "{taken} taken");
+        assert!(!pair.publisher.has_room(taken + 1).expect("no error"), "{taken} taken");
     }
 }
 
@@ -118,14 +136,14 @@ fn copying_producer_does_not_wait_for_idle_consumer() {
     for seq in 0..messages::SweepTopic::QUEUE as u64 {
         send(&mut pair.publisher, seq, 500_000);
     }
-    assert!(!pair.publisher.has_credit().expect("no error"));
+    assert!(!pair.publisher.has_room(1).expect("no error"));
     for expected in 0..messages::SweepTopic::QUEUE as u64 {
         let received = receive(&mut pair);
         assert_eq!(received.envelope().seq, expected);
         assert_eq!(received.rows()[499_999].x, (expected * 1000 + 499_999) as f32);
         assert!(mapping_of(received.rows().as_ptr().addr()).contains(" 0 "), "the rows are the consumer's own");
     }
-    assert!(pair.publisher.has_credit().expect("no error"));
+    assert!(pair.publisher.has_room(1).expect("no error"));
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn idle_dropping_observer_does_not_stop_producer() {
     let mut observer = Observer::open(&node, &pair.channel, ObserverMode::Dropping).expect("attached");
     let n_messages = 10 * SweepTopic::QUEUE as u64;
     for seq in 0..n_messages {
-        assert!(pair.publisher.has_credit().expect("no error"), "message {seq}");
+        assert!(pair.publisher.has_room(1).expect("no error"), "message {seq}");
         send(&mut pair.publisher, seq, 10);
         let received = pair.subscriber.receive().expect("no error").expect("the consumer receives all");
         assert_eq!(received.envelope().seq, seq);
@@ -71,7 +71,7 @@ fn lossless_observer_applies_back_pressure_until_it_leaves() {
     let mut observer = Observer::open(&node, &pair.channel, ObserverMode::Lossless).expect("attached");
     assert!(observer.connect().expect("connects"));
     let mut sent = 0;
-    while pair.publisher.has_credit().expect("no error") {
+    while pair.publisher.has_room(1).expect("no error") {
         send(&mut pair.publisher, sent, 10);
         pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
         sent += 1;
@@ -80,21 +80,21 @@ fn lossless_observer_applies_back_pressure_until_it_leaves() {
     for expected in 0..50 {
         let observed = observer.receive().expect("no error").expect("a message");
         assert_eq!(observed.envelope().seq, expected);
-        assert!(pair.publisher.has_credit().expect("no error"));
+        assert!(pair.publisher.has_room(1).expect("no error"));
         send(&mut pair.publisher, sent, 10);
         pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
         sent += 1;
     }
-    assert!(!pair.publisher.has_credit().expect("no error"));
+    assert!(!pair.publisher.has_room(1).expect("no error"));
     drop(observer);
-    assert!(pair.publisher.has_credit().expect("no error"), "the observer has left");
+    assert!(pair.publisher.has_room(1).expect("no error"), "the observer has left");
 }
 
 #[test]
 fn lossless_observer_receives_message_sent_while_it_attaches() {
     let domain = TestDomain::new("between");
     let mut pair = pair(&domain.0);
-    assert!(pair.publisher.has_credit().expect("no error"), "the queue is empty");
+    assert!(pair.publisher.has_room(1).expect("no error"), "the queue is empty");
     let node = domain.0.node("observer").expect("node");
     let mut observer = Observer::open(&node, &pair.channel, ObserverMode::Lossless).expect("attached");
     assert!(observer.connect().expect("connects"));
@@ -104,7 +104,7 @@ fn lossless_observer_receives_message_sent_while_it_attaches() {
         send(&mut pair.publisher, sent, 10);
         pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
         sent += 1;
-        if !pair.publisher.has_credit().expect("no error") {
+        if !pair.publisher.has_room(1).expect("no error") {
             break;
         }
     }
@@ -126,13 +126,13 @@ fn lossless_observer_overrun_before_it_was_known_does_not_stop_producer() {
         pair.subscriber.receive().expect("no error").expect("the consumer takes at once");
     }
     while observer.receive().expect("no error").is_some() {}
-    assert!(!pair.publisher.has_credit().expect("no error"), "the rest may still arrive");
+    assert!(!pair.publisher.has_room(1).expect("no error"), "the rest may still arrive");
     // It polls twice and finds nothing.
     for _ in 0..2 {
         assert!(observer.receive().expect("no error").is_none());
-        pair.publisher.has_credit().expect("no error");
+        pair.publisher.has_room(1).expect("no error");
     }
-    assert!(pair.publisher.has_credit().expect("no error"));
+    assert!(pair.publisher.has_room(1).expect("no error"));
     send(&mut pair.publisher, n_messages, 10);
     let observed = observer.receive().expect("no error").expect("a message");
     assert_eq!(observed.envelope().seq, n_messages);

@@ -52,7 +52,13 @@ pub fn measure(
         // A run that was ended by a signal has no exit code.
         return Err(Failure::Ended(ended.status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)));
     }
-    Ok(Summary::load(&folder).map_err(anyhow::Error::from)?)
+    let mut summary = Summary::load(&folder).map_err(anyhow::Error::from)?;
+    // A report is for other machines, too: there, only the names of the programs mean something.
+    for stage in &mut summary.stages {
+        let name = Path::new(&stage.program).file_name().map(|name| name.to_string_lossy().into_owned());
+        stage.program = name.unwrap_or_default();
+    }
+    Ok(summary)
 }
 
 /// Calls `start` with this thread limited to the first `n` of its cores. A child process inherits this limit.
