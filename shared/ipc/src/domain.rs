@@ -5,6 +5,7 @@ use crate::ownership::{self, check_private_folder, create_private_folder, is_for
 use crate::wake::SharedWakers;
 use crate::{Iox, IpcError};
 use iceoryx2::prelude::*;
+use std::fs::Metadata;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path as StdPath, PathBuf};
 use std::time::Duration;
@@ -96,17 +97,17 @@ impl Domain {
             }
         }
         ignore_absent("removing", &root, removed)?;
-        for file in self.files()? {
+        for (file, _) in self.files()? {
             ignore_absent("removing", &file, std::fs::remove_file(&file))?;
         }
         Ok(())
     }
 
-    /// Files of this domain and of this user in shared memory.
-    fn files(&self) -> Result<Vec<PathBuf>, IpcError> {
-        let mut files = self.entries()?;
-        files.retain(|file| std::fs::symlink_metadata(file).is_ok_and(|metadata| is_own(&metadata)));
-        Ok(files)
+    /// Files of this domain and of this user in shared memory. One that is gone by now does not matter.
+    fn files(&self) -> Result<Vec<(PathBuf, Metadata)>, IpcError> {
+        let with_metadata = |file: PathBuf| std::fs::symlink_metadata(&file).ok().map(|metadata| (file, metadata));
+        let files = self.entries()?.into_iter().filter_map(with_metadata);
+        Ok(files.filter(|(_, metadata)| is_own(metadata)).collect())
     }
 
     /// Files of all users in shared memory whose names are of this domain.
@@ -119,9 +120,7 @@ impl Domain {
     /// creator is killed after this check and before its use remains a risk.
     fn has_unfinished_files(&self) -> Result<bool, IpcError> {
         let mut unfinished = false;
-        for file in self.files()? {
-            // A file that is gone by now does not matter.
-            let Ok(metadata) = std::fs::symlink_metadata(&file) else { continue };
+        for (file, metadata) in self.files()? {
             if !metadata.is_file() || metadata.len() > 0 {
                 continue;
             }
@@ -138,9 +137,11 @@ impl Domain {
 
     /// iceoryx2 makes its node counter readable and writable by all users; a run is private to its owner.
     fn close_to_others(&self) -> Result<(), IpcError> {
-        for file in self.files()?.iter().filter(|file| file.extension().is_some_and(|e| e == "global_mgmt")) {
-            // The file of a node that has just ended is gone.
-            ignore_absent("closing", file, ownership::close_to_others(file))?;
+        for (file, _) in self.files()? {
+            if file.extension().is_some_and(|extension| extension == "global_mgmt") {
+                // The file of a node that has just ended is gone.
+                ignore_absent("closing", &file, ownership::close_to_others(&file))?;
+            }
         }
         Ok(())
     }
@@ -150,11 +151,7 @@ impl Domain {
         use std::os::unix::fs::MetadataExt;
         let files = self.files().unwrap_or_default();
         // st_blocks counts units of 512 bytes whatever the file system's block size.
-        files
-            .iter()
-            .filter_map(|file| std::fs::symlink_metadata(file).ok())
-            .map(|metadata| metadata.blocks() * 512)
-            .sum()
+        files.iter().map(|(_, metadata)| metadata.blocks() * 512).sum()
     }
 
     /// A node of the domain. Its ports belong to the calling thread.

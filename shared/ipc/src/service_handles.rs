@@ -11,12 +11,20 @@ use iceoryx2::service::port_factory::event;
 /// Handles of the services of a run. As long as the supervisor holds them, the services outlive any stage.
 #[derive(Default)]
 pub struct ServiceHandles {
-    messages: Vec<Opaque<MessageService>>,
+    /// With the number of consumers.
+    messages: Vec<(Opaque<MessageService>, usize)>,
     latest: Vec<Opaque<LatestService>>,
     wakes: Vec<Opaque<event::PortFactory<Iox>>>,
 }
 
 impl ServiceHandles {
+    /// Whether more processes than the consumers read a channel, alive or dead.
+    pub fn have_observers(&self) -> bool {
+        self.messages
+            .iter()
+            .any(|(service, n_consumers)| service.dynamic_config().number_of_subscribers() > *n_consumers)
+    }
+
     /// Creates a topic's service and its acknowledgements.
     pub fn create_channel(&mut self, node: &Node, channel: &Channel) -> Result<(), IpcError> {
         // The producer creates a socket itself.
@@ -40,7 +48,7 @@ impl ServiceHandles {
             .builder(node)?
             .create_with_attributes(&specifier)
             .map_err(|cause| IpcError::transport(format!("creating topic {}", channel.name), cause))?;
-        self.messages.push(Opaque::new(service));
+        self.messages.push((Opaque::new(service), channel.consumers.len()));
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use super::{POLL, Supervisor, services};
 use crate::decision::cause::Cause;
 use crate::decision::{Decision, Fault, Observation, Policy, decide};
 use crate::log::Json;
-use ipc::Node;
+use ipc::{Node, ServiceHandles};
 use run::assignment::Command;
 use serde_json::Value;
 use std::time::{Duration, Instant};
@@ -18,7 +18,7 @@ const CLEAN_EVERY: Duration = Duration::from_secs(1);
 /// Polls until a command is published again: a stage that has just connected needs it.
 const COMMAND_EVERY: u64 = 4;
 /// Polls until shared memory is measured again: the sizes of all its files cost more than the rest of a poll.
-const MEASURE_EVERY: u64 = 10;
+const MEASURE_EVERY: u64 = 20;
 
 /// How an attempt ended.
 pub(super) enum Ending {
@@ -30,6 +30,12 @@ pub(super) enum Ending {
     },
     /// All stages have arrived at this barrier, where one is to be replaced.
     Swap(u64),
+}
+
+/// The services of an attempt, and the node that holds them open.
+struct Ipc {
+    services: ServiceHandles,
+    node: Node,
 }
 
 /// What the polls of an attempt remember.
@@ -52,12 +58,12 @@ impl Supervisor {
         self.run.folder.write_wiring(&plan.wiring(&self.run.domain, self.attempts))?;
         let node = self.run.domain.node("supervisor")?;
         self.run.domain.write_output(&plan.context.output)?;
-        let _services = services::create(&node, &plan.stages)?;
+        let ipc = Ipc { services: services::create(&node, &plan.stages)?, node };
         self.observers.start_attempt(self.attempts)?;
         self.attempts += 1;
         let mut processes = Processes::default();
-        let started = processes.start(&self.run, &node, from, self.format);
-        let ending = started.and_then(|()| self.observe_to_end(&node, &mut processes));
+        let started = processes.start(&self.run, &ipc.node, from, self.format);
+        let ending = started.and_then(|()| self.observe_to_end(&ipc, &mut processes));
         processes.kill();
         for process in &processes.0 {
             self.account.add_process(process);
@@ -65,11 +71,11 @@ impl Supervisor {
         ending
     }
 
-    fn observe_to_end(&mut self, node: &Node, processes: &mut Processes) -> Result<Ending, SuperviseError> {
+    fn observe_to_end(&mut self, ipc: &Ipc, processes: &mut Processes) -> Result<Ending, SuperviseError> {
         let policy = Policy::new(&self.run.plan.run, &self.run.plan.stages);
         let mut polls = Polls::default();
         loop {
-            if let Some(ending) = self.poll(node, processes, &policy, &mut polls)? {
+            if let Some(ending) = self.poll(ipc, processes, &policy, &mut polls)? {
                 return Ok(ending);
             }
             polls.count += 1;
@@ -80,7 +86,7 @@ impl Supervisor {
     /// Observes all stages once and does what is decided.
     fn poll(
         &mut self,
-        node: &Node,
+        ipc: &Ipc,
         processes: &mut Processes,
         policy: &Policy,
         polls: &mut Polls,
@@ -102,7 +108,7 @@ impl Supervisor {
         if let Some(barrier) = arrived {
             return Ok(Some(Ending::Swap(barrier)));
         }
-        self.restart_due_stages(node, processes)?;
+        self.restart_due_stages(&ipc.node, processes)?;
         if decision == Decision::Finish {
             return Ok(Some(Ending::Done));
         }
@@ -116,10 +122,10 @@ impl Supervisor {
             polls.published = Some(polls.command);
         }
         self.remove_old_states(processes, polls);
-        // A killed stage ends the attempt; a killed observer must not block its producer.
-        if polls.cleaned.get_or_insert_with(Instant::now).elapsed() > CLEAN_EVERY {
+        // A killed stage ends the attempt; a killed observer must not block its producer. To look for it costs as much as all else.
+        if ipc.services.have_observers() && polls.cleaned.get_or_insert_with(Instant::now).elapsed() > CLEAN_EVERY {
             // The next call removes what this one could not.
-            let _is_complete = node.remove_dead_ports();
+            let _is_complete = ipc.node.remove_dead_ports();
             polls.cleaned = Some(Instant::now());
         }
         Ok(None)

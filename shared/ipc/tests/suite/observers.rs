@@ -47,6 +47,18 @@ fn observer_receives_header_and_rows_as_bytes() {
 }
 
 #[test]
+fn observer_counts_until_it_leaves() {
+    let domain = TestDomain::new("counted");
+    let pair = pair(&domain.0);
+    assert!(!pair.services.have_observers(), "there is only the consumer");
+    let node = domain.0.node("observer").expect("node");
+    let observer = Observer::open(&node, &pair.channel, ObserverMode::Lossless).expect("attached");
+    assert!(pair.services.have_observers());
+    drop(observer);
+    assert!(!pair.services.have_observers());
+}
+
+#[test]
 fn idle_dropping_observer_does_not_stop_producer() {
     let domain = TestDomain::new("drop");
     let mut pair = pair(&domain.0);

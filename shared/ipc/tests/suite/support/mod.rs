@@ -25,7 +25,7 @@ pub struct Pair<T: Message = SweepTopic> {
     pub publisher: Publisher<T>,
     pub subscriber: Subscriber<T>,
     pub consumer_wake: Wake,
-    pub _services: ServiceHandles,
+    pub services: ServiceHandles,
     pub nodes: Vec<Node>,
 }
 
@@ -62,14 +62,7 @@ fn pair_of<T: Message>(domain: &Domain, channel: Channel) -> Pair<T> {
     let subscriber = Subscriber::open(&consumer, &channel, "consumer.wake").expect("opened");
     assert!(subscriber.connect().expect("connects"));
     assert!(publisher.connect().expect("connects"));
-    Pair {
-        channel,
-        publisher,
-        subscriber,
-        consumer_wake,
-        _services: services,
-        nodes: vec![supervisor, producer, consumer],
-    }
+    Pair { channel, publisher, subscriber, consumer_wake, services, nodes: vec![supervisor, producer, consumer] }
 }
 
 pub fn send(publisher: &mut Publisher<messages::SweepTopic>, seq: u64, n_points: usize) -> usize {
