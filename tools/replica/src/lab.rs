@@ -4,6 +4,7 @@ mod bench;
 mod evaluate;
 mod instances;
 mod train;
+mod true_points;
 
 use std::process::ExitCode;
 

@@ -7,7 +7,6 @@ mod projections;
 mod recorded_truth;
 mod run;
 mod trajectory;
-mod true_points;
 
 use crate::usage_error::UsageError;
 use std::process::ExitCode;

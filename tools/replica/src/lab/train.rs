@@ -1,19 +1,23 @@
 //! `replica train`: trains a model from a recipe.
 
+mod augmentation;
+mod labeled_image;
 pub mod recipe;
-pub mod town_dataset;
+mod recorded_sweeps;
+pub mod sweep_dataset;
+mod sweep_file;
 
 use anyhow::Context;
 use formats::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
-use recipe::Recipe;
+use recipe::{Range, Recipe};
 use segmentation::engine::Border;
 use segmentation::spherical::{Settings, SphericalModel};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use town_dataset::TownDataset;
+use sweep_dataset::SweepDataset;
 use training::Hierarchy;
 use training::Trainer;
 use training::Variables;
@@ -54,12 +58,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (data, validation) = if is_done(&trainer) {
         (None, None)
     } else {
-        bar.set_message("simulating sweeps");
-        let report = |done: usize, all: usize| set(&bar, done, all);
-        (
-            Some(TownDataset::simulate(&recipe, recipe.data.seeds, &report)?),
-            Some(TownDataset::simulate(&recipe, recipe.data.validation_seeds, &report)?),
-        )
+        let data = dataset(&recipe, args, recipe.data.seeds, false, &bar)?;
+        (Some(data), Some(dataset(&recipe, args, recipe.data.validation_seeds, true, &bar)?))
     };
     if let (Some(data), Some(validation)) = (&data, &validation) {
         print_class_counts(&settings, data)?;
@@ -98,6 +98,27 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// The sweeps that are trained on, or those for validation. They lie in a file in the folder of the model.
+fn dataset(
+    recipe: &Recipe,
+    args: &Args,
+    seeds: Option<Range>,
+    validation: bool,
+    bar: &ProgressBar,
+) -> anyhow::Result<SweepDataset> {
+    let mut data = SweepDataset::new(recipe, &args.out)?;
+    if let Some(seeds) = seeds {
+        bar.set_message("simulating sweeps");
+        data.add_towns(recipe, seeds, &mut |done, all| set(bar, done, all))?;
+    }
+    let folder = args.recipe.parent().unwrap_or(Path::new(""));
+    for source in recipe.data.recordings.iter().filter(|source| source.validation == validation) {
+        bar.set_message(format!("reading {}", source.file.display()));
+        data.add_recording(source, folder)?;
+    }
+    Ok(data)
+}
+
 fn trainer(recipe: &Recipe, settings: &Settings, path: &Path) -> anyhow::Result<Trainer> {
     let variables = match &recipe.model.start {
         Some(start) => {
@@ -123,13 +144,13 @@ fn trainer(recipe: &Recipe, settings: &Settings, path: &Path) -> anyhow::Result<
     Ok(trainer)
 }
 
-fn print_class_counts(settings: &Settings, data: &TownDataset) -> anyhow::Result<()> {
-    let counts = data.counts(settings.classes.len());
+fn print_class_counts(settings: &Settings, data: &SweepDataset) -> anyhow::Result<()> {
+    let counts = data.counts();
     let total = counts.iter().sum::<u64>().max(1);
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{} sweeps, {total} labelled pixels", training::Dataset::len(data))?;
+    writeln!(out, "{} sweeps, {total} labelled pixels", data.n_sweeps())?;
     for (name, n) in settings.classes.iter().zip(counts) {
-        writeln!(out, "{name:>14} {:7.3} %", 100.0 * n as f64 / total as f64)?;
+        writeln!(out, "{name:>14} {:7.3} %", 100.0 * *n as f64 / total as f64)?;
     }
     Ok(())
 }

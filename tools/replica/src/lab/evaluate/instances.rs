@@ -1,9 +1,9 @@
 //! `replica evaluate instances`: scores the instances of all clouds of a run together. An object that changes its id from one
 //! submap to the next counts as a miss and a false positive.
 
-use super::true_points::TruePoints;
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
+use crate::lab::true_points::TruePoints;
 use anyhow::{Context, bail, ensure};
 use formats::drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;

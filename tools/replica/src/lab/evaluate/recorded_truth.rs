@@ -1,6 +1,6 @@
 //! The true labels of an imported recording: its submaps are those of the run, point by point.
 
-use super::true_points::Labelled;
+use crate::lab::true_points::Labelled;
 use anyhow::{Context, bail, ensure};
 use formats::drive::NoLabel;
 use formats::ply::Vertices;

@@ -48,26 +48,78 @@ pub struct Model {
     pub frozen: Vec<String>,
 }
 
-/// Table `data`: sweeps of simulated towns.
+/// Table `data`: sweeps of simulated towns, of recordings, or of both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Data {
     /// Kinds of town, used in turn.
+    #[serde(default)]
     pub towns: Vec<String>,
-    /// Seeds of the training drives.
-    pub seeds: Range,
+    /// Seeds of the training drives; none without towns.
+    pub seeds: Option<Range>,
     /// Seeds of the validation drives. They must not overlap with `seeds`.
-    pub validation_seeds: Range,
-    /// Length of each drive, s.
+    pub validation_seeds: Option<Range>,
+    /// Length of each simulated drive, s.
+    #[serde(default = "seconds")]
     pub seconds: f64,
-    /// Submaps of each drive.
+    /// Submaps of each simulated drive.
+    #[serde(default = "submaps")]
     pub submaps: usize,
-    /// Sweeps of each submap.
+    /// Sweeps of each simulated submap.
+    #[serde(default = "sweeps")]
     pub sweeps: usize,
-    /// Revolutions from one sweep to the next.
+    /// Revolutions from one simulated sweep to the next.
+    #[serde(default = "stride")]
     pub stride: u64,
     /// Probability that a sweep is used without its intensities.
     pub without_intensity: f32,
+    /// Recordings.
+    #[serde(default)]
+    pub recordings: Vec<RecordingSource>,
+}
+
+fn seconds() -> f64 {
+    150.0
+}
+
+fn submaps() -> usize {
+    7
+}
+
+fn sweeps() -> usize {
+    2
+}
+
+fn stride() -> u64 {
+    5
+}
+
+/// A table of `data.recordings`: a recording with labeled submaps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RecordingSource {
+    /// The recording, relative to the folder of the recipe: labeled clouds that `replica import` has written, or a run that
+    /// `replica-launch --record` has recorded.
+    pub file: PathBuf,
+    /// For a recorded run, the drive whose labels are the truth, relative to the folder of the recipe.
+    pub drive: Option<PathBuf>,
+    /// Whether epochs are compared on it. Otherwise it is trained on.
+    #[serde(default)]
+    pub validation: bool,
+    /// Examples per epoch for each of its sweeps, above 0 and at most 1000. Below 1, an epoch has another part of them.
+    #[serde(default = "weight")]
+    pub weight: f64,
+    /// One of this many sweeps is used.
+    #[serde(default = "every")]
+    pub every: usize,
+}
+
+fn weight() -> f64 {
+    1.0
+}
+
+fn every() -> usize {
+    1
 }
 
 /// Whole numbers from `first` to `last`, both included.
@@ -81,6 +133,23 @@ pub struct Range {
 impl Range {
     pub fn iter(self) -> impl Iterator<Item = u64> {
         self.first..=self.last
+    }
+}
+
+impl RecordingSource {
+    /// Checks it, also against the recordings before it.
+    fn check(&self, before: &[Self]) -> anyhow::Result<()> {
+        let weight = self.weight;
+        anyhow::ensure!(weight > 0.0 && weight <= 1000.0, "weight = {weight}, must be above 0 and at most 1000");
+        anyhow::ensure!(
+            !self.validation || weight == 1.0,
+            "weight = {weight}, must be 1 for validation: each sweep counts once"
+        );
+        anyhow::ensure!(self.every > 0, "every = 0, must be at least 1");
+        let is_same = |other: &Self| other.file == self.file || (self.drive.is_some() && other.drive == self.drive);
+        let crosses = before.iter().any(|other| is_same(other) && other.validation != self.validation);
+        anyhow::ensure!(!crosses, "is trained on and validated on: validation needs other drives");
+        Ok(())
     }
 }
 
@@ -98,13 +167,30 @@ impl Recipe {
         }
         let data = &self.data;
         self.towns()?;
-        anyhow::ensure!(!data.towns.is_empty(), "[data] towns is empty");
         for (name, range) in [("seeds", data.seeds), ("validation_seeds", data.validation_seeds)] {
+            let Some(range) = range else { continue };
+            anyhow::ensure!(!data.towns.is_empty(), "[data] {name} needs towns, and towns is empty");
             anyhow::ensure!(range.first <= range.last, "[data] {name}: first must not be above last");
         }
-        let are_disjoint =
-            data.seeds.last < data.validation_seeds.first || data.validation_seeds.last < data.seeds.first;
-        anyhow::ensure!(are_disjoint, "[data] seeds and validation_seeds overlap: validation needs other drives");
+        if let (Some(seeds), Some(validation)) = (data.seeds, data.validation_seeds) {
+            let are_disjoint = seeds.last < validation.first || validation.last < seeds.first;
+            anyhow::ensure!(are_disjoint, "[data] seeds and validation_seeds overlap: validation needs other drives");
+        }
+        for (what, seeds, validation) in
+            [("train on", data.seeds, false), ("compare epochs on", data.validation_seeds, true)]
+        {
+            let has_any = seeds.is_some() || data.recordings.iter().any(|source| source.validation == validation);
+            anyhow::ensure!(
+                has_any,
+                "[data] has nothing to {what}: {} or a recording with validation = {validation}",
+                if validation { "validation_seeds" } else { "seeds" }
+            );
+        }
+        for (i, source) in data.recordings.iter().enumerate() {
+            source
+                .check(&data.recordings[..i])
+                .with_context(|| format!("[[data.recordings]] {}", source.file.display()))?;
+        }
         anyhow::ensure!(
             data.submaps > 0 && data.sweeps > 0 && data.stride > 0,
             "[data] submaps, sweeps and stride must be above 0"
@@ -179,6 +265,7 @@ mod tests {
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
+        check("validation_seeds = { first = 2001, last = 2008 }", "", "has nothing to compare epochs on");
         check("\"suburban\"", "\"atlantis\"", "unknown kind of town \"atlantis\", must be one of urban");
         check("batch = 4", "batch = 0", "batch = 0, must be 1 to 1024");
     }

@@ -1,7 +1,8 @@
 //! A model with a k-nearest-neighbor classifier in place of its last layer.
 
 use crate::lab::train::recipe::{Range, Recipe};
-use crate::lab::train::town_dataset::TownDataset;
+use crate::lab::train::sweep_dataset::SweepDataset;
+use anyhow::Context;
 use segmentation::spherical::{Neighbors, Settings, SphericalModel};
 use std::path::Path;
 
@@ -20,9 +21,11 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
         recipe.display(),
         path.display()
     );
-    let first = of_recipe.data.seeds.first;
-    let last = of_recipe.data.seeds.last.min(first + of_recipe.data.towns.len() as u64 - 1);
-    let dataset = TownDataset::simulate(&of_recipe, Range { first, last }, &|_, _| ())?;
+    let seeds = of_recipe.data.seeds;
+    let seeds = seeds.with_context(|| format!("{}: has no seeds of simulated towns", recipe.display()))?;
+    let (first, last) = (seeds.first, seeds.last.min(seeds.first + of_recipe.data.towns.len() as u64 - 1));
+    let mut dataset = SweepDataset::new(&of_recipe, &std::env::temp_dir())?;
+    dataset.add_towns(&of_recipe, Range { first, last }, &mut |_, _| ())?;
     let neighbors = Neighbors::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
     eprintln!("{} examples of drives {first} to {last}", neighbors.len());
     Ok(model.with_neighbors(neighbors, &weights)?)

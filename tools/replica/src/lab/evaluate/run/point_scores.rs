@@ -1,7 +1,7 @@
 //! Counts of the points of all clouds by true and predicted label.
 
 use crate::lab::evaluate::recorded_truth::RecordedTruth;
-use crate::lab::evaluate::true_points::{Labelled, TruePoints};
+use crate::lab::true_points::{Labelled, TruePoints};
 use anyhow::{Context, bail};
 use formats::drive::{Drive, NoLabel};
 use formats::ply::Vertices;

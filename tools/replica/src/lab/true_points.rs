@@ -37,16 +37,25 @@ impl TruePoints {
     /// The label of each point of a cloud, by time and ring and, if the cloud has these columns, angle and range.
     pub fn labels_of(&mut self, cloud: &Vertices) -> anyhow::Result<Vec<Labelled>> {
         let shots = shots(cloud)?;
+        let lidars = cloud.has("lidar").then(|| cloud.u8s("lidar")).transpose()?;
+        ensure!(lidars.as_ref().is_none_or(|lidars| lidars.len() == shots.len()), "a column of the cloud is too short");
+        self.labels_of_shots(&shots, |i| lidars.as_ref().map_or(0, |lidars| lidars[i]))
+    }
+
+    /// The label of each shot. `lidar` gives the index of the LiDAR of a shot.
+    pub fn labels_of_shots(
+        &mut self,
+        shots: &[Shot],
+        lidar: impl Fn(usize) -> u8 + Sync,
+    ) -> anyhow::Result<Vec<Labelled>> {
         let begin = self.read.map_or(i64::MAX, |[begin, _]| begin);
         let stamps = || shots.iter().map(|shot| shot.stamp).filter(|stamp| *stamp >= begin);
         if let (Some(first), Some(last)) = (stamps().min(), stamps().max()) {
             self.cover(first, last)?;
         }
-        let lidars = cloud.has("lidar").then(|| cloud.u8s("lidar")).transpose()?;
-        ensure!(lidars.as_ref().is_none_or(|lidars| lidars.len() == shots.len()), "a column of the cloud is too short");
         let label = |(i, shot): (usize, &Shot)| {
             // The labels are those of the first LiDAR.
-            if lidars.as_ref().is_some_and(|lidars| lidars[i] != 0) {
+            if lidar(i) != 0 {
                 return Err(NoLabel::NoSweep);
             }
             let found = find_label(&self.sweeps, shot)?;

@@ -1,0 +1,283 @@
+//! The data set of a recipe: sweeps of simulated towns and of recordings.
+
+use super::augmentation::augment;
+use super::labeled_image::{LabeledImage, images_of};
+use super::recipe::{Range, Recipe, RecordingSource};
+use super::recorded_sweeps::RecordedSweeps;
+use super::sweep_file::SweepFile;
+use anyhow::ensure;
+use random::Random;
+use rayon::prelude::*;
+use segmentation::network::NetworkSpec;
+use segmentation::spherical::{Settings, features};
+use std::path::Path;
+use town_sweeps::{Mount, TownDrive};
+use training::{Dataset, Example, UNKNOWN};
+
+/// Range images of sweeps, with the class of every pixel. Memory: the simulated drives of one step, or one submap.
+pub struct SweepDataset {
+    file: SweepFile,
+    sources: Vec<Source>,
+    /// Number of pixels of each class.
+    counts: Vec<u64>,
+    settings: Settings,
+    without_intensity: f32,
+}
+
+/// Sweeps that are used equally often.
+struct Source {
+    /// Its first sweep in the file.
+    first: usize,
+    n_sweeps: usize,
+    /// Number of examples per epoch.
+    n_examples: usize,
+}
+
+impl SweepDataset {
+    /// No sweeps yet. They are kept in a file in `folder`.
+    pub fn new(recipe: &Recipe, folder: &Path) -> anyhow::Result<Self> {
+        let settings = recipe.settings()?;
+        let file = SweepFile::create(folder, settings.columns)?;
+        let counts = vec![0; settings.classes.len()];
+        let without_intensity = recipe.data.without_intensity;
+        Ok(Self { file, sources: Vec::new(), counts, settings, without_intensity })
+    }
+
+    /// Simulates the sweeps of these drives. Calls `progress` with the number of finished drives and of all drives.
+    pub fn add_towns(
+        &mut self,
+        recipe: &Recipe,
+        seeds: Range,
+        progress: &mut dyn FnMut(usize, usize),
+    ) -> anyhow::Result<()> {
+        let (towns, data, settings) = (recipe.towns()?, &recipe.data, self.settings.clone());
+        let first = self.file.len();
+        let seeds: Vec<u64> = seeds.iter().collect();
+        let of_drive = |seed: &u64| -> anyhow::Result<Vec<LabeledImage>> {
+            let town = towns[(*seed % towns.len() as u64) as usize];
+            let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
+            let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
+            let images = submaps.iter().map(|submap| (&submap.header, &submap.points, &submap.truth));
+            Ok(images.flat_map(|(header, points, truth)| images_of(header, points, truth, &settings)).collect())
+        };
+        // A few drives at a time, so that the memory does not grow with the number of drives.
+        let at_a_time = rayon::current_num_threads();
+        for (n_done, seeds_of_step) in seeds.chunks(at_a_time).enumerate() {
+            let drives: Vec<anyhow::Result<Vec<LabeledImage>>> = seeds_of_step.par_iter().map(of_drive).collect();
+            for image in drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.iter().flatten() {
+                self.push(image)?;
+            }
+            progress(n_done * at_a_time + seeds_of_step.len(), seeds.len());
+        }
+        self.end_source(first, 1.0);
+        Ok(())
+    }
+
+    /// Reads the sweeps of a recording.
+    pub fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
+        let first = self.file.len();
+        let mut recording = RecordedSweeps::open(source, folder)?;
+        let (mut n_sweeps, mut n_labeled) = (0, 0);
+        while let Some(submap) = recording.next()? {
+            for image in images_of(&submap.header, &submap.points, &submap.classes, &self.settings) {
+                if n_sweeps % source.every == 0 {
+                    let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
+                    // Data sets label key frames only.
+                    if is_labeled {
+                        self.push(&image)?;
+                    }
+                    n_labeled += usize::from(is_labeled);
+                }
+                n_sweeps += 1;
+            }
+        }
+        ensure!(
+            n_labeled > 0,
+            "{}: none of its {n_sweeps} sweeps has a point of a class of the recipe",
+            folder.join(&source.file).display()
+        );
+        self.end_source(first, source.weight);
+        Ok(())
+    }
+
+    fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
+        for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
+            self.counts[usize::from(*class)] += 1;
+        }
+        self.file.push(image)
+    }
+
+    fn end_source(&mut self, first: usize, weight: f64) {
+        let n_sweeps = self.file.len() - first;
+        let n_examples = (n_sweeps as f64 * weight).ceil() as usize;
+        self.sources.push(Source { first, n_sweeps, n_examples });
+    }
+
+    /// Number of sweeps.
+    pub fn n_sweeps(&self) -> usize {
+        self.file.len()
+    }
+
+    /// Number of pixels of each class of the recipe.
+    pub fn counts(&self) -> &[u64] {
+        &self.counts
+    }
+
+    /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of
+    /// each two neighbors, drawn at random in each epoch.
+    fn sweep_of(&self, mut index: usize, random: Option<&mut Random>) -> usize {
+        for source in &self.sources {
+            if index >= source.n_examples {
+                index -= source.n_examples;
+                continue;
+            }
+            if source.n_examples == source.n_sweeps {
+                return source.first + index;
+            }
+            let within = f64::from(random.map_or(0.5, Random::unit));
+            let share = (index as f64 + within) / source.n_examples as f64;
+            return source.first + ((share * source.n_sweeps as f64) as usize).min(source.n_sweeps - 1);
+        }
+        panic!("an example beyond the last");
+    }
+}
+
+impl Dataset for SweepDataset {
+    fn len(&self) -> usize {
+        self.sources.iter().map(|source| source.n_examples).sum()
+    }
+    fn example(&self, index: usize, mut random: Option<&mut Random>) -> Example {
+        let sweep = self.sweep_of(index, random.as_deref_mut());
+        let LabeledImage { mut image, mut truth } =
+            self.file.image(sweep).expect("the file is open, and of the length that was written");
+        if let Some(random) = random {
+            augment(&mut image, &mut truth, self.without_intensity, random);
+        }
+        let input = features(&image, self.settings.fold, NetworkSpec::multiple_of(&self.settings.network)[0]);
+        truth.resize(input.height() * image.columns, UNKNOWN);
+        Example { input, truth }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formats::recording::RecordingWriter;
+    use geometry::Pose;
+    use messages::pod::bytes_from_rows;
+    use messages::{ByteTable, ClassRow, ClassTopic, Envelope, Message, SubmapHeader, SubmapTopic};
+    use std::collections::BTreeMap;
+    use town_sweeps::TownSubmap;
+
+    fn recipe(data: &str) -> Recipe {
+        let text = format!(
+            "[model]\nkind = 'unet'\nwidths = [4, 4]\ncolumns = 512\nfold = 4\nclasses = ['road', 'building', 'vegetation']\n\
+             vote_cell_m = 0.2\n[data]\nwithout_intensity = 0.0\n{data}\n[train]\nseed = 1\nepochs = 1\nbatch = 1\n\
+             learning_rate = 0.001\npatience = 1\nloss = {{ kind = 'cross_entropy' }}\n"
+        );
+        toml::from_str(&text).expect("a recipe")
+    }
+
+    /// Three submaps of two sweeps.
+    fn submaps() -> Vec<TownSubmap> {
+        let drive = TownDrive { town: simulation::Town::Urban, seed: 41, seconds: 4.0 };
+        let mut submaps = drive.submaps(3, 2, 5, Mount::Rig).expect("long enough");
+        for submap in &mut submaps {
+            submap.header.world_from_submap = Pose::identity().into();
+        }
+        submaps
+    }
+
+    fn header_bytes(header: &SubmapHeader) -> &[u8] {
+        bytes_from_rows(std::slice::from_ref(header))
+    }
+
+    /// As `replica import` writes labeled clouds.
+    fn write_recording(path: &Path, submaps: &[TownSubmap], about: &str) {
+        let about = BTreeMap::from([(about.to_owned(), String::new())]);
+        let tables = [ByteTable::of::<SubmapTopic>(), ByteTable::of::<ClassTopic>()];
+        let mut writer = RecordingWriter::create(path, &about, &tables).expect("created");
+        for (seq, submap) in (0..).zip(submaps) {
+            let envelope = Envelope { seq, len: submap.points.len() as u32, ..Envelope::default() };
+            let points = bytes_from_rows(&submap.points);
+            writer.message(SubmapTopic::TOPIC, 0, &envelope, header_bytes(&submap.header), points).expect("written");
+            let class = |class: &u8| ClassRow { class_id: *class, ..ClassRow::default() };
+            let classes: Vec<ClassRow> = submap.truth.iter().map(class).collect();
+            let header = messages::ClassHeader::default();
+            let header = bytes_from_rows(std::slice::from_ref(&header));
+            writer.message(ClassTopic::TOPIC, 0, &envelope, header, bytes_from_rows(&classes)).expect("written");
+        }
+        writer.finish().expect("written");
+    }
+
+    fn source(weight: f64, every: usize) -> RecordingSource {
+        RecordingSource { file: "clouds.mcap".into(), drive: None, validation: false, weight, every }
+    }
+
+    fn dataset(folder: &Path, source: &RecordingSource) -> SweepDataset {
+        let mut data = SweepDataset::new(&recipe(""), folder).expect("a file");
+        data.add_recording(source, folder).expect("read");
+        data
+    }
+
+    #[test]
+    fn recording_of_submaps_gives_their_sweeps_and_classes() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let submaps = submaps();
+        write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported");
+        let data = dataset(folder.path(), &source(1.0, 1));
+        let settings = recipe("").settings().expect("settings");
+        let images =
+            submaps.iter().flat_map(|submap| images_of(&submap.header, &submap.points, &submap.truth, &settings));
+        let images: Vec<LabeledImage> = images.collect();
+        assert_eq!((data.len(), data.n_sweeps(), images.len()), (6, 6, 6));
+        for (index, image) in images.iter().enumerate() {
+            assert!(data.example(index, None).truth == image.truth, "sweep {index}");
+            assert!(data.file.image(index).expect("read").image == image.image, "sweep {index}");
+        }
+        let n_pixels: u64 = data.counts().iter().sum();
+        assert!(data.counts().iter().all(|n| *n > 100), "{:?}", data.counts());
+        let known = |image: &LabeledImage| image.truth.iter().filter(|class| **class != UNKNOWN).count() as u64;
+        assert_eq!(n_pixels, images.iter().map(known).sum::<u64>());
+        assert_eq!(dataset(folder.path(), &source(1.0, 4)).n_sweeps(), 2, "sweeps 0 and 4");
+    }
+
+    #[test]
+    fn weight_sets_how_often_sweeps_are_used() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "imported");
+        let twice = dataset(folder.path(), &source(2.0, 1));
+        let mut random = Random::new(3);
+        let sweeps: Vec<usize> = (0..twice.len()).map(|index| twice.sweep_of(index, Some(&mut random))).collect();
+        assert_eq!(sweeps, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]);
+        let mut third = dataset(folder.path(), &source(1.0 / 3.0, 1));
+        third.add_recording(&source(1.0, 1), folder.path()).expect("read");
+        assert_eq!(third.len(), 2 + 6);
+        let mut used = [0; 6];
+        for _ in 0..60 {
+            (0..2).for_each(|index| used[third.sweep_of(index, Some(&mut random))] += 1);
+        }
+        assert!(used.iter().all(|n| (5..40).contains(n)), "each sweep in some epoch: {used:?}");
+        assert_eq!([2, 7].map(|index| third.sweep_of(index, None)), [6, 11], "the second source");
+    }
+
+    #[test]
+    fn recording_without_truth_is_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let add = |source: &RecordingSource| {
+            let mut data = SweepDataset::new(&recipe(""), folder.path()).expect("a file");
+            format!("{:#}", data.add_recording(source, folder.path()).expect_err("is refused"))
+        };
+        assert!(add(&source(1.0, 1)).contains("clouds.mcap"), "no file");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "launch");
+        let error = add(&source(1.0, 1));
+        assert!(error.contains("clouds.mcap: its classes are not the truth: `drive` must name"), "{error}");
+        let mut unlabeled = submaps();
+        for submap in &mut unlabeled {
+            submap.truth.fill(0);
+        }
+        write_recording(&folder.path().join("clouds.mcap"), &unlabeled, "imported");
+        let error = add(&source(1.0, 1));
+        assert!(error.contains("none of its 6 sweeps has a point of a class of the recipe"), "{error}");
+    }
+}

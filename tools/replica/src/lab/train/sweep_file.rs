@@ -1,0 +1,109 @@
+//! Images in a file: a data set may be larger than the memory.
+
+use super::labeled_image::{LabeledImage, ROWS};
+use anyhow::Context;
+use segmentation::spherical::{PolarImage, PolarPixel};
+use std::fs::File;
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// Bytes of a pixel: ray and height as `f32`, intensity, and class.
+const PIXEL_BYTES: usize = 18;
+/// Bytes before the pixels of an image: whether intensities are known.
+const HEADER_BYTES: usize = 1;
+
+/// Images of [`ROWS`] rows in a file without a name, which the system removes with the process.
+pub struct SweepFile {
+    file: File,
+    columns: usize,
+    len: usize,
+}
+
+impl SweepFile {
+    /// An empty file in a folder.
+    pub fn create(folder: &Path, columns: usize) -> anyhow::Result<Self> {
+        let file = tempfile::tempfile_in(folder).with_context(|| folder.display().to_string())?;
+        Ok(Self { file, columns, len: 0 })
+    }
+    /// Number of images.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+    /// Appends an image.
+    pub fn push(&mut self, LabeledImage { image, truth }: &LabeledImage) -> anyhow::Result<()> {
+        let mut bytes = Vec::with_capacity(self.record_bytes());
+        bytes.push(u8::from(image.has_intensity));
+        for (pixel, class) in image.pixels.iter().zip(truth) {
+            for number in pixel.ray.into_iter().chain([pixel.height_m]) {
+                bytes.extend(number.to_le_bytes());
+            }
+            bytes.extend([pixel.intensity, *class]);
+        }
+        anyhow::ensure!(bytes.len() == self.record_bytes(), "an image of {} pixels", image.pixels.len());
+        self.file.write_all(&bytes).context("the file of the training sweeps")?;
+        self.len += 1;
+        Ok(())
+    }
+    /// Reads an image.
+    pub fn image(&self, index: usize) -> std::io::Result<LabeledImage> {
+        let mut bytes = vec![0; self.record_bytes()];
+        self.file.read_exact_at(&mut bytes, (index * self.record_bytes()) as u64)?;
+        let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        let pixel = |bytes: &[u8; PIXEL_BYTES]| PolarPixel {
+            ray: [number(&bytes[0..]), number(&bytes[4..]), number(&bytes[8..])],
+            height_m: number(&bytes[12..]),
+            intensity: bytes[16],
+        };
+        let (pixels, _) = bytes[HEADER_BYTES..].as_chunks::<PIXEL_BYTES>();
+        let image = PolarImage {
+            rows: ROWS,
+            columns: self.columns,
+            pixels: pixels.iter().map(pixel).collect(),
+            has_intensity: bytes[0] != 0,
+        };
+        Ok(LabeledImage { image, truth: pixels.iter().map(|bytes| bytes[17]).collect() })
+    }
+    fn record_bytes(&self) -> usize {
+        HEADER_BYTES + ROWS * self.columns * PIXEL_BYTES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(seed: u16, columns: usize) -> LabeledImage {
+        let pixel = |i: usize| PolarPixel {
+            ray: [i as f32, f32::from(seed), -0.1],
+            height_m: 0.3 * i as f32,
+            intensity: (i % 251) as u8,
+        };
+        let n = ROWS * columns;
+        let image = PolarImage {
+            rows: ROWS,
+            columns,
+            pixels: (0..n).map(pixel).collect(),
+            has_intensity: seed.is_multiple_of(2),
+        };
+        LabeledImage { image, truth: (0..n).map(|i| (i % 7) as u8).collect() }
+    }
+
+    #[test]
+    fn images_are_read_as_they_were_written_in_any_order() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut file = SweepFile::create(folder.path(), 64).expect("created");
+        let images: Vec<LabeledImage> = (0..3).map(|seed| image(seed, 64)).collect();
+        for image in &images {
+            file.push(image).expect("written");
+        }
+        assert_eq!(file.len(), 3);
+        for index in [2, 0, 1] {
+            let read = file.image(index).expect("read");
+            assert!(read.image == images[index].image && read.truth == images[index].truth, "image {index}");
+        }
+        assert!(file.image(3).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).expect("listed").count(), 0, "the file has no name");
+        assert!(file.push(&image(0, 32)).is_err(), "another width");
+    }
+}
