@@ -4,10 +4,12 @@
 //! are taken over all pixels of the batch before any division.
 
 mod hierarchy;
+mod log_softmax;
 
 pub use hierarchy::Hierarchy;
 
 use candle_core::{D, DType, Result, Tensor};
+use log_softmax::log_softmax;
 use serde::{Deserialize, Serialize};
 
 /// Added to numerator and denominator of the set losses, pixels: an absent class that is not predicted costs nothing.
@@ -130,11 +132,7 @@ impl Loss {
 }
 
 fn level(logits: &Tensor, y: &Tensor) -> Result<Level> {
-    // The largest logit is subtracted, without a derivative, so that no exponential overflows.
-    let largest = logits.detach().max_keepdim(D::Minus1)?;
-    let shifted = logits.broadcast_sub(&largest)?;
-    let log_sum = shifted.exp()?.sum_keepdim(D::Minus1)?.log()?;
-    let log_p = shifted.broadcast_sub(&log_sum)?;
+    let log_p = log_softmax(logits)?;
     Ok(Level { p: log_p.exp()?, log_p, y: y.clone() })
 }
 

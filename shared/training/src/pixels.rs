@@ -1,6 +1,10 @@
 //! Conversion between the pixels of a batch of images and rows of class values.
 
+use rayon::prelude::*;
 use segmentation::engine::{LANES, Planes};
+
+/// Pixels that one task gathers at least.
+const MIN_PIXELS: usize = 1024;
 
 /// Layout of pixels in outputs: the channels hold `fold` neighboring columns.
 pub(crate) struct Pixels {
@@ -22,12 +26,13 @@ impl Pixels {
     }
     /// The channels of these pixels, pixel by pixel.
     pub(crate) fn gather(&self, outputs: &[&Planes], pixels: &[u32]) -> Vec<f32> {
-        let mut rows = Vec::with_capacity(pixels.len() * self.n_classes);
-        for &pixel in pixels {
+        let mut rows = vec![0.0; pixels.len() * self.n_classes];
+        rows.par_chunks_exact_mut(self.n_classes).zip(pixels).with_min_len(MIN_PIXELS).for_each(|(values, &pixel)| {
             let [image, row, column, first] = self.position(pixel, outputs);
-            let value = |channel: usize| outputs[image].row(channel / LANES, row)[column][channel % LANES];
-            rows.extend((first..first + self.n_classes).map(value));
-        }
+            for (channel, value) in (first..).zip(values) {
+                *value = outputs[image].row(channel / LANES, row)[column][channel % LANES];
+            }
+        });
         rows
     }
     /// Images of the size of the outputs, with these rows at the pixels and zeros elsewhere.
