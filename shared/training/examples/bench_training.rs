@@ -1,4 +1,4 @@
-//! Steps of training per second, of the shipped network: `cargo run --release -p training --example bench_training`; beside PyTorch:
+//! Steps of training per second, of the shipped network: `cargo run --release -p training --example bench_training`; beside `PyTorch`:
 //! `benches/peers/training.py`, which runs this. `RAYON_NUM_THREADS` sets the threads.
 
 use messages::ClassId;
@@ -52,9 +52,10 @@ impl Dataset for Noise {
 
 fn main() -> Result<(), TrainingError> {
     for hierarchy in [false, true] {
-        let loss = match hierarchy {
-            false => Loss::CrossEntropy,
-            true => Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0; N_CLASSES], power: 2.0 },
+        let loss = if hierarchy {
+            Loss::WeightedCrossEntropyPowerJaccard { weights: vec![1.0; N_CLASSES], power: 2.0 }
+        } else {
+            Loss::CrossEntropy
         };
         let settings = TrainSettings {
             seed: 1,

@@ -3,12 +3,15 @@
 //! All losses take logits with one row per pixel, and one-hot labels. A row of zeros is a pixel without label, which is ignored. Sums
 //! are taken over all pixels of the batch before any division.
 
+mod dot;
 mod hierarchy;
 mod log_softmax;
+mod real;
 
 pub use hierarchy::Hierarchy;
 
 use candle_core::{D, DType, Result, Tensor};
+use dot::dot;
 use log_softmax::log_softmax;
 use serde::{Deserialize, Serialize};
 
@@ -106,11 +109,11 @@ impl Loss {
 
     fn of_level(&self, level: &Level) -> Result<Tensor> {
         match self {
-            Self::CrossEntropy => mean_of_pixels(&(&level.y * &level.log_p)?.neg()?, &level.y),
+            Self::CrossEntropy => mean_of_pixels(&level.log_p, &level.y)?.neg(),
             Self::WeightedCrossEntropy { weights } => {
                 let weights = Tensor::new(weights.as_slice(), level.y.device())?.to_dtype(level.y.dtype())?;
                 let weighted = level.y.broadcast_mul(&weights)?;
-                mean_of_pixels(&(&weighted * &level.log_p)?.neg()?, &weighted)
+                mean_of_pixels(&level.log_p, &weighted)?.neg()
             }
             Self::WeightedCrossEntropyPowerJaccard { weights, power } => {
                 let entropy = Self::WeightedCrossEntropy { weights: weights.clone() }.of_level(level)?;
@@ -118,7 +121,7 @@ impl Loss {
             }
             Self::Focal { gamma } => {
                 let hard = (level.p.affine(-1.0, 1.0 + MIN_PROBABILITY))?.powf(*gamma)?;
-                mean_of_pixels(&((&level.y * hard)? * &level.log_p)?.neg()?, &level.y)
+                mean_of_pixels(&(hard * &level.log_p)?, &level.y)?.neg()
             }
             Self::Dice => level.tversky(0.5, 0.5),
             Self::Tversky { alpha, beta } => level.tversky(*alpha, *beta),
@@ -136,10 +139,10 @@ fn level(logits: &Tensor, y: &Tensor) -> Result<Level> {
     Ok(Level { p: log_p.exp()?, log_p, y: y.clone() })
 }
 
-/// Sum of all elements over the sum of `y`.
-fn mean_of_pixels(values: &Tensor, y: &Tensor) -> Result<Tensor> {
-    let n = y.sum_all()?.to_dtype(DType::F64)?.to_scalar::<f64>()?;
-    values.sum_all()? / n.max(f64::from(f32::MIN_POSITIVE))
+/// Mean of all elements with these weights.
+fn mean_of_pixels(values: &Tensor, weights: &Tensor) -> Result<Tensor> {
+    let n = weights.sum_all()?.to_dtype(DType::F64)?.to_scalar::<f64>()?;
+    dot(values, weights)? / n.max(f64::from(f32::MIN_POSITIVE))
 }
 
 impl Level {

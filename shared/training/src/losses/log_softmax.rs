@@ -1,10 +1,9 @@
 //! Logarithms of class probabilities as one operation of candle: a chain of its own operations reads and writes the tensor six times,
 //! on one thread.
 
+use super::real::Real;
 use candle_core::{CpuStorage, CustomOp1, CustomOp2, Layout, Result, Shape, Tensor, bail};
 use rayon::prelude::*;
-use std::iter::Sum;
-use std::ops::{Mul, Sub};
 
 /// Rows per task: a share of the first-level cache.
 const ROWS: usize = 256;
@@ -68,40 +67,6 @@ fn rows(layout: &Layout) -> Result<(std::ops::Range<usize>, usize)> {
     match layout.contiguous_offsets() {
         Some((begin, end)) if n_classes > 0 => Ok((begin..end, n_classes)),
         _ => bail!("log_softmax of {:?}: must be contiguous rows", layout.shape()),
-    }
-}
-
-/// The types of numbers that losses are computed with: `f32` in training, `f64` to check derivatives.
-trait Real: Copy + Default + Send + Sync + Sum + Sub<Output = Self> + Mul<Output = Self> {
-    const LOWEST: Self;
-    fn exp(self) -> Self;
-    fn ln(self) -> Self;
-    fn max(self, other: Self) -> Self;
-}
-
-impl Real for f32 {
-    const LOWEST: Self = Self::NEG_INFINITY;
-    fn exp(self) -> Self {
-        self.exp()
-    }
-    fn ln(self) -> Self {
-        self.ln()
-    }
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
-}
-
-impl Real for f64 {
-    const LOWEST: Self = Self::NEG_INFINITY;
-    fn exp(self) -> Self {
-        self.exp()
-    }
-    fn ln(self) -> Self {
-        self.ln()
-    }
-    fn max(self, other: Self) -> Self {
-        self.max(other)
     }
 }
 
