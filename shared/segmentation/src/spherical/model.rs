@@ -77,7 +77,8 @@ impl SphericalModel {
     /// If the weights do not fit the settings.
     pub fn with_neighbors(self, neighbors: Neighbors, weights: &Weights) -> Result<Self, SegmentationError> {
         let network = Inference::of_features(self.settings.network.clone(), weights, Border::Circular)?;
-        Ok(Self { network, neighbors: Some(neighbors), ..self })
+        let options = self.options;
+        Self { network, neighbors: Some(neighbors), ..self }.with_options(options)
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
     ///
