@@ -1,6 +1,7 @@
 //! `infer`: gives every point of a submap a class, with the model file of the settings.
 //!
-//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps.
+//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps. With the
+//! feature `cuda`, networks can run on an NVIDIA GPU.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
@@ -16,11 +17,11 @@ stage::settings! {
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
-        /// What the network runs on: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a build with
-        /// `cargo build --release -p infer --features cuda`; its classes can differ from those of `cpu` by rounding.
+        /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
+        /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
         pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
-        /// Sweeps that go through the network together: on all cores of a CPU, or as one tensor on a GPU. On a CPU the classes do
-        /// not depend on it, and sweeps use all cores with 1, too; larger batches only need more memory. On a GPU, 16 is a good value.
+        /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
+        /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
         /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
