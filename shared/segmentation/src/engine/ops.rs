@@ -1,5 +1,5 @@
-//! The kernels as operations of candle: they write the pixels and the border of a tensor that exists, because clearing new memory
-//! takes a tenth of a run. What they write to is the first tensor, for instance `out.inplace_op2(&source, &MaxPool { .. })`.
+//! The kernels as operations of candle. They write the pixels and the border of an existing tensor, because clearing new memory
+//! takes a tenth of a run: `out.inplace_op2(&source, &MaxPool { .. })` writes to `out`.
 
 use super::convolution::convolve;
 use super::filter::Filter;
