@@ -165,6 +165,7 @@ fn network() -> anyhow::Result<Round> {
     let mut input = Planes::zeros(settings.network.channels().0, 32, settings.columns / settings.fold / 8);
     let mut random = Random::new(4);
     input.values_mut().fill_with(|| random.unit());
+    let input = input.to_tensor()?;
     Ok(Box::new(move || {
         black_box(network.run(&input)?);
         Ok(())

@@ -1,11 +1,12 @@
 //! `infer`: gives every point of a submap a class, with the model file of the settings.
 //!
-//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps.
+//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps. With the
+//! feature `cuda`, networks can run on an NVIDIA GPU.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SubmapTopic};
-use segmentation::{ModelInput, Options, Report, Segmenter};
+use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
 use std::path::Path;
 
@@ -16,6 +17,12 @@ stage::settings! {
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
+        /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
+        /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
+        pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
+        /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
+        /// threads and gives the same classes; larger values need more memory.
+        pub batch: u32 = 1 => stage::within(1, 64);
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
         /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
         pub max_unseen_share: f64 = 0.2 => stage::within(0.0, 1.0);
@@ -75,7 +82,12 @@ impl Infer {
 }
 
 fn options(settings: &Settings) -> Options {
-    Options { every: settings.every as usize, ..Options::default() }
+    Options {
+        every: settings.every as usize,
+        batch: settings.batch as usize,
+        device: ComputeDevice::from_word(&settings.device).unwrap_or_default(),
+        ..Options::default()
+    }
 }
 
 fn count(report: Report, outputs: &mut Outputs) {
@@ -104,11 +116,12 @@ impl Stage for Infer {
 
     fn check(settings: &Settings, context: &Context) -> Vec<Problem> {
         let path = context.resolve(Path::new(&settings.model));
-        segmentation::load(&path, &options(settings))
-            .err()
-            .map(|error| Problem::of_key("model", error.to_string()))
-            .into_iter()
-            .collect()
+        let options = options(settings);
+        let of_device = options.device.open().err().map(|error| Problem::of_key("device", error.to_string()));
+        let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
+        let of_model = segmentation::load(&path, &on_cpu).err();
+        let of_model = of_model.map(|error| Problem::of_key("model", error.to_string()));
+        of_device.into_iter().chain(of_model).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {

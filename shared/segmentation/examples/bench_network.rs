@@ -102,6 +102,7 @@ fn main() -> Result<(), segmentation::SegmentationError> {
     let mut input = features(&polar, settings.fold, 1);
     let features_ms = mean_ms(50, || input = features(&polar, settings.fold, 1));
     let network = Inference::new(settings.network.clone(), &weights, engine::Border::Circular)?;
+    let input = input.to_tensor()?;
     let network_ms = mean_ms(50, || assert!(network.run(&input).is_ok()));
     let gflop = model.flops(RINGS) as f64 * 1e-9;
     println!(

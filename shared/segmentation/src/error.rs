@@ -100,11 +100,11 @@ pub enum SegmentationError {
     },
     /// An image does not fit the network.
     #[error(
-        "input image of {found:?} channels, rows, columns; the network needs {channels} channels, and rows and columns that \
-         are multiples of {multiple_of:?}"
+        "input image of {found:?} blocks, rows, columns; the network needs {channels} channels in blocks of 16, and rows and \
+         columns that are multiples of {multiple_of:?}"
     )]
     InputSize {
-        /// Channels, rows and columns of the image.
+        /// Blocks of 16 channels, rows and columns of the image.
         found: [usize; 3],
         /// Channels of the network's input.
         channels: usize,
@@ -129,6 +129,15 @@ pub enum SegmentationError {
         /// Place, value and expected values.
         reason: String,
     },
+    /// The device is a GPU, and the program cannot use one.
+    #[error(
+        "device \"cuda\": this program was built without CUDA; build it with `cargo build --release -p infer --features cuda`, \
+         which needs the CUDA toolkit with nvcc, or set device = \"cpu\""
+    )]
+    BuiltWithoutCuda,
+    /// The GPU cannot be used.
+    #[error("device \"cuda\": the first GPU cannot be used: {0}; set device = \"cpu\", or check it with nvidia-smi")]
+    NoGpu(String),
     /// A tensor operation failed.
     #[error("tensor operation: {0}")]
     Compute(#[from] candle_core::Error),

@@ -12,6 +12,7 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod compute_device;
 mod dataset;
 pub mod engine;
 mod error;
@@ -22,6 +23,7 @@ pub mod network;
 mod segmenter;
 pub mod spherical;
 
+pub use compute_device::ComputeDevice;
 pub use dataset::{Dataset, Example, UNKNOWN};
 pub use error::SegmentationError;
 pub use load::load;

@@ -13,12 +13,13 @@ const KNOWN: &str = "ground_quasi_flat, spherical";
 /// Reads a model file.
 ///
 /// # Errors
-/// If the file is truncated, its architecture or version is unknown, or a setting or tensor is invalid.
+/// If the file is truncated, its architecture or version is unknown, a setting or tensor is invalid, or the
+/// device of the options cannot be used.
 pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, SegmentationError> {
     let file = ModelFile::read(path)?;
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
-        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options))),
+        spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
         other => Err(SegmentationError::Architecture { path: path.into(), found: other.to_owned(), known: KNOWN }),
     }
 }

@@ -1,11 +1,15 @@
-//! Networks as lists of layers that any [`Executor`] runs: [`Inference`] here, the derivatives in the crate `training`.
+//! Networks as lists of layers that any [`Executor`] runs: [`Inference`] here, as operations of candle on tensors, and the
+//! derivatives in the crate `training`.
 
+mod blocked;
 mod inference;
+mod nchw;
 mod spherical_dz;
 mod unet;
 mod weights;
 
-pub use inference::{ImagePool, Inference, PooledImage};
+pub use blocked::{ImagePool, PooledImage};
+pub use inference::Inference;
 pub use weights::Weights;
 
 use crate::SegmentationError;

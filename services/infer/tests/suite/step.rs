@@ -70,6 +70,46 @@ fn points_of_skipped_sweep_get_votes_of_nearby_points() {
     assert!(both[..alone.len()] == alone && both[alone.len()..] == alone);
 }
 
+/// Three sweeps in batches of two: the last batch is not full.
+#[test]
+fn classes_do_not_depend_on_batch() {
+    let (header, points, _) = street_sweep();
+    let mut three = header;
+    three.n_sweeps = 3;
+    for sweep in 1..3 {
+        three.sweeps[sweep] = three.sweeps[0];
+        three.sweeps[sweep].first_point = (sweep * points.len()) as u32;
+    }
+    let mut uneven = points.clone();
+    uneven.iter_mut().step_by(7).for_each(|point| point.z += 0.1);
+    let points = [points.clone(), uneven, points].concat();
+    let classes = |batch: u32| {
+        let settings = Settings { batch, ..Settings::default() };
+        let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the model loads");
+        bench.send::<SubmapTopic>(0, three, points.clone());
+        bench.tick().expect("steps");
+        bench.take::<ClassTopic>()[0].rows().to_vec()
+    };
+    let one_by_one = classes(1);
+    assert!(one_by_one.iter().any(|row| row.score > 0));
+    assert!([2, 3, 64].into_iter().all(|batch| classes(batch) == one_by_one));
+}
+
+/// This build has no CUDA, unless its features say so.
+#[test]
+fn device_that_is_not_built_in_is_refused_by_check() {
+    let settings = Settings { device: "cuda".to_owned(), ..Settings::default() };
+    let problems = Infer::check(&settings, &at_root());
+    if cfg!(feature = "cuda") {
+        assert!(problems.iter().all(|problem| problem.text.contains("GPU")), "{problems:?}");
+    } else {
+        assert_eq!(problems.len(), 1, "{problems:?}");
+        assert_eq!(problems[0].key, "device");
+        assert!(problems[0].text.contains("cargo build --release -p infer --features cuda"), "{problems:?}");
+        assert!(Infer::new(&settings, &at_root()).is_err());
+    }
+}
+
 #[test]
 fn default_model_distinguishes_road_from_walls() {
     let mut bench: Bench<Infer> = Bench::new(&Settings::default(), &at_root()).expect("the model loads");

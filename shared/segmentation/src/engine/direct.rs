@@ -7,15 +7,15 @@
 )]
 
 use super::filter::Filter;
-use super::planes::{BORDER, LANES, Planes};
+use super::planes::{BORDER, LANES, PlanesMut, PlanesRef};
 use super::products::add_products;
 use pulp::{Simd, WithSimd};
 
 /// The direct convolution of any filter.
 pub(super) struct Job<'a> {
     pub(super) filter: &'a Filter,
-    pub(super) sources: &'a [&'a Planes],
-    pub(super) out: &'a mut Planes,
+    pub(super) sources: &'a [PlanesRef<'a>],
+    pub(super) out: PlanesMut<'a>,
 }
 
 impl WithSimd for Job<'_> {
@@ -63,17 +63,17 @@ impl Job<'_> {
         let mut x = 0;
         while x + P <= width {
             let sums = tile::<S, N, P, C, SX>(simd, filter, sources, block, y, x);
-            store::<S, N, P, C>(simd, filter, &sums, self.out, block, y, x);
+            store::<S, N, P, C>(simd, filter, &sums, &mut self.out, block, y, x);
             x += P;
         }
         while x + 4 <= width {
             let sums = tile::<S, N, 4, C, SX>(simd, filter, sources, block, y, x);
-            store::<S, N, 4, C>(simd, filter, &sums, self.out, block, y, x);
+            store::<S, N, 4, C>(simd, filter, &sums, &mut self.out, block, y, x);
             x += 4;
         }
         while x < width {
             let sums = tile::<S, N, 1, C, SX>(simd, filter, sources, block, y, x);
-            store::<S, N, 1, C>(simd, filter, &sums, self.out, block, y, x);
+            store::<S, N, 1, C>(simd, filter, &sums, &mut self.out, block, y, x);
             x += 1;
         }
         C
@@ -85,7 +85,7 @@ impl Job<'_> {
 fn tile<S: Simd, const N: usize, const P: usize, const C: usize, const SX: usize>(
     simd: S,
     filter: &Filter,
-    sources: &[&Planes],
+    sources: &[PlanesRef<'_>],
     block: usize,
     y: usize,
     x: usize,
@@ -133,7 +133,7 @@ fn store<S: Simd, const N: usize, const P: usize, const C: usize>(
     simd: S,
     filter: &Filter,
     sums: &[[[S::f32s; N]; C]; P],
-    out: &mut Planes,
+    out: &mut PlanesMut<'_>,
     block: usize,
     y: usize,
     x: usize,

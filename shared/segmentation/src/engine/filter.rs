@@ -53,6 +53,10 @@ impl Filter {
         let (row, lane) = self.shape.weight_position(out, input, tap);
         self.packed[row][lane]
     }
+    /// Weights in the order of `PyTorch`, `[out, in, row, column]`, and biases.
+    pub fn unpacked(&self) -> (Vec<f32>, Vec<f32>) {
+        self.shape.unpacked(&self.packed)
+    }
     #[inline(always)]
     pub(super) fn bias(&self, out_block: usize) -> &Feature {
         &self.packed[blocks(self.shape.out_channels) * self.shape.rows_per_block() + out_block]

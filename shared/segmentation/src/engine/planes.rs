@@ -1,5 +1,7 @@
 //! The memory layout of images.
 
+use std::ops::{Deref, DerefMut};
+
 /// Channels per block: one AVX-512 register, two AVX2 registers.
 pub const LANES: usize = 16;
 
@@ -25,20 +27,30 @@ pub const fn blocks(channels: usize) -> usize {
 }
 
 /// An image with any number of channels: one plane per 16 channels, rows from top to bottom, with a border around it.
-/// Padding channels of the last block are zero.
+/// Padding channels of the last block are zero. `P` is the memory of the pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Planes {
+pub struct Planes<P = Vec<Feature>> {
     channels: usize,
     height: usize,
     width: usize,
-    pixels: Vec<Feature>,
+    pixels: P,
+}
+
+/// An image in the memory of another one, or of a tensor.
+pub type PlanesRef<'a> = Planes<&'a [Feature]>;
+
+/// An image in the memory of another one, or of a tensor, to write to.
+pub type PlanesMut<'a> = Planes<&'a mut [Feature]>;
+
+/// Number of pixels of an image, with borders.
+fn n_pixels(channels: usize, height: usize, width: usize) -> usize {
+    blocks(channels) * (height + 2 * BORDER) * (width + 2 * BORDER)
 }
 
 impl Planes {
     /// An image of zeros.
     pub fn zeros(channels: usize, height: usize, width: usize) -> Self {
-        let n = blocks(channels) * (height + 2 * BORDER) * (width + 2 * BORDER);
-        Self { channels, height, width, pixels: vec![[0.0; LANES]; n] }
+        Self { channels, height, width, pixels: vec![[0.0; LANES]; n_pixels(channels, height, width)] }
     }
     /// From pixels without a border, in the order block, row, column.
     ///
@@ -53,6 +65,18 @@ impl Planes {
         planes.fill_border(border);
         planes
     }
+}
+
+impl<P: Deref<Target = [Feature]>> Planes<P> {
+    /// From pixels with borders, in the order block, row, column.
+    pub(super) fn from_pixels(channels: usize, height: usize, width: usize, pixels: P) -> Self {
+        assert_eq!(pixels.len(), n_pixels(channels, height, width));
+        Self { channels, height, width, pixels }
+    }
+    /// The same image, borrowed.
+    pub fn view(&self) -> PlanesRef<'_> {
+        Planes { channels: self.channels, height: self.height, width: self.width, pixels: &self.pixels }
+    }
     /// The pixels without the border, in the order block, row, column.
     pub fn to_inner(&self) -> Vec<Feature> {
         let mut inner = Vec::with_capacity(self.n_blocks() * self.height * self.width);
@@ -60,6 +84,10 @@ impl Planes {
             (0..self.height).for_each(|y| inner.extend_from_slice(self.row(block, y)));
         }
         inner
+    }
+    /// A copy with its own memory.
+    pub fn copied(&self) -> Planes {
+        Planes { channels: self.channels, height: self.height, width: self.width, pixels: self.pixels.to_vec() }
     }
     /// Number of channels.
     #[inline(always)]
@@ -105,15 +133,22 @@ impl Planes {
     pub fn row(&self, block: usize, y: usize) -> &[Feature] {
         &self.pixels[self.start(block, y)..][..self.width]
     }
+    /// All numbers, with borders and padding channels.
+    pub fn values(&self) -> &[f32] {
+        self.pixels.as_flattened()
+    }
+}
+
+impl<P: DerefMut<Target = [Feature]>> Planes<P> {
+    /// The same image, borrowed to write to.
+    pub fn view_mut(&mut self) -> PlanesMut<'_> {
+        Planes { channels: self.channels, height: self.height, width: self.width, pixels: &mut self.pixels }
+    }
     /// One row of a block without the border. Call [`Planes::fill_border`] after all rows are written.
     #[inline(always)]
     pub fn row_mut(&mut self, block: usize, y: usize) -> &mut [Feature] {
         let (start, width) = (self.start(block, y), self.width);
         &mut self.pixels[start..][..width]
-    }
-    /// All numbers, with borders and padding channels.
-    pub fn values(&self) -> &[f32] {
-        self.pixels.as_flattened()
     }
     /// All numbers, with borders and padding channels.
     pub fn values_mut(&mut self) -> &mut [f32] {

@@ -1,12 +1,17 @@
 //! Max pooling and upsampling.
 
-use super::planes::{LANES, Planes};
+use super::planes::{Feature, LANES, Planes};
+use std::ops::{Deref, DerefMut};
 
 /// The maximum of each window of rows x columns; writes all of `out` except its border.
 ///
 /// # Panics
 /// If the size of the image is not that of `out` times the factor.
-pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+pub fn max_pool<S, O>(image: &Planes<S>, [rows, columns]: [usize; 2], out: &mut Planes<O>)
+where
+    S: Deref<Target = [Feature]>,
+    O: DerefMut<Target = [Feature]>,
+{
     let expected = (image.channels(), image.height(), image.width());
     assert_eq!((out.channels(), out.height() * rows, out.width() * columns), expected, "a pool must divide the image");
     for block in 0..out.n_blocks() {
@@ -31,7 +36,11 @@ pub fn max_pool(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
 ///
 /// # Panics
 /// If the size of `out` is not that of the image times the factor.
-pub fn upsample(image: &Planes, [rows, columns]: [usize; 2], out: &mut Planes) {
+pub fn upsample<S, O>(image: &Planes<S>, [rows, columns]: [usize; 2], out: &mut Planes<O>)
+where
+    S: Deref<Target = [Feature]>,
+    O: DerefMut<Target = [Feature]>,
+{
     let expected = (image.channels(), image.height() * rows, image.width() * columns);
     assert_eq!((out.channels(), out.height(), out.width()), expected);
     for block in 0..out.n_blocks() {

@@ -11,7 +11,7 @@
 )]
 
 use super::filter::Filter;
-use super::planes::{BORDER, Feature, LANES, Planes, blocks};
+use super::planes::{BORDER, Feature, LANES, PlanesMut, PlanesRef, blocks};
 use super::products::add_products;
 use super::winograd_filter::{IN, OUT, VALUES};
 use pulp::{Simd, WithSimd};
@@ -29,8 +29,8 @@ thread_local! {
 /// The convolution with a filter that [`fits`](super::winograd_filter::fits).
 pub(super) struct Job<'a> {
     pub(super) filter: &'a Filter,
-    pub(super) sources: &'a [&'a Planes],
-    pub(super) out: &'a mut Planes,
+    pub(super) sources: &'a [PlanesRef<'a>],
+    pub(super) out: PlanesMut<'a>,
 }
 
 impl WithSimd for Job<'_> {
@@ -115,7 +115,7 @@ impl Job<'_> {
         for c in 0..C {
             for (i, tile) in tiles.clone().enumerate() {
                 let sums = &sums[c * TILES + i..];
-                write_tile::<S, N>(simd, self.filter, sums, pitch, self.out, block + c, tile);
+                write_tile::<S, N>(simd, self.filter, sums, pitch, &mut self.out, block + c, tile);
             }
         }
         C
@@ -172,7 +172,7 @@ fn place(tile: usize, width: usize) -> [usize; 2] {
 #[inline(always)]
 fn read_tile<S: Simd, const N: usize>(
     simd: S,
-    source: &Planes,
+    source: &PlanesRef<'_>,
     block: usize,
     tile: usize,
     values: &mut [Feature],
@@ -209,7 +209,7 @@ fn write_tile<S: Simd, const N: usize>(
     filter: &Filter,
     sums: &[Feature],
     pitch: usize,
-    out: &mut Planes,
+    out: &mut PlanesMut<'_>,
     block: usize,
     tile: usize,
 ) {

@@ -1,85 +1,37 @@
-//! Inference: a network on the convolution engine.
+//! Inference: a network as a graph of operations of candle.
 
+use super::blocked::{self, ImagePool, PooledImage};
+use super::nchw::{self, DeviceFilter};
 use super::{Executor, Layer, NetworkSpec, Weights};
 use crate::SegmentationError;
-use crate::engine::{Border, Filter, Planes, Shape, convolve, max_pool, upsample};
-use std::ops::Deref;
-use std::sync::{Mutex, PoisonError};
+use crate::engine::tensors::{FromBlocks, ToBlocks, size_of_image};
+use crate::engine::{Border, Filter, PlanesMut, Shape, blocks};
+use candle_core::{Device, Tensor};
+use rayon::prelude::*;
 
 /// A network ready to run. Several threads may run it at the same time.
+///
+/// Inputs and outputs are images of [`engine`](crate::engine) in tensors on the CPU, wherever the network runs.
 #[derive(Debug)]
 pub struct Inference {
     spec: NetworkSpec,
     filters: Vec<Filter>,
+    /// The filters for the operations of candle, and where these run; without them, the kernels of `engine` run.
+    on_device: Option<(Device, Vec<DeviceFilter>)>,
     border: Border,
     pool: ImagePool,
     input_pool: ImagePool,
 }
 
-/// Images that are reused between runs, because clearing new memory takes a tenth of a run.
-#[derive(Debug, Default)]
-pub struct ImagePool(Mutex<Vec<Planes>>);
-
-/// An image: the input, or one that returns to its pool when dropped.
-pub enum PooledImage<'a> {
-    /// The input.
-    Input(&'a Planes),
-    /// The output of a layer.
-    Output(Planes, &'a ImagePool),
-}
-
-impl<'a> PooledImage<'a> {
-    /// An image of this size: zeros above and below, arbitrary values elsewhere.
-    fn new(pool: &'a ImagePool, channels: usize, height: usize, width: usize) -> Self {
-        let mut images = pool.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_fit = |image: &Planes| (image.channels(), image.height(), image.width()) == (channels, height, width);
-        let found = images.iter().position(is_fit).map(|index| images.swap_remove(index));
-        Self::Output(found.unwrap_or_else(|| Planes::zeros(channels, height, width)), pool)
-    }
-    /// Lets `write` write everything except the border, then fills the border.
-    fn written(mut self, border: Border, write: impl FnOnce(&mut Planes)) -> Self {
-        if let Self::Output(image, _) = &mut self {
-            write(image);
-            image.fill_border(border);
-        }
-        self
-    }
-}
-
-impl Deref for PooledImage<'_> {
-    type Target = Planes;
-    fn deref(&self) -> &Planes {
-        match self {
-            Self::Input(image) => image,
-            Self::Output(image, _) => image,
-        }
-    }
-}
-
-impl Drop for PooledImage<'_> {
-    fn drop(&mut self) {
-        if let Self::Output(image, pool) = self {
-            let image = std::mem::replace(image, Planes::zeros(0, 0, 0));
-            pool.0.lock().unwrap_or_else(PoisonError::into_inner).push(image);
-        }
-    }
-}
-
-/// One run through the layers.
-struct Run<'a> {
-    filters: std::slice::Iter<'a, Filter>,
-    border: Border,
-    pool: &'a ImagePool,
-}
-
 impl Inference {
-    /// Prepares the filters of the network.
+    /// Prepares the filters of the network for the kernels of [`engine`](crate::engine).
     ///
     /// # Errors
     /// If a tensor is missing or has another shape.
     pub fn new(spec: NetworkSpec, weights: &Weights, border: Border) -> Result<Self, SegmentationError> {
         let filters = weights.filters(&spec)?;
-        Ok(Self { spec, filters, border, pool: ImagePool::default(), input_pool: ImagePool::default() })
+        let (pool, input_pool) = (ImagePool::default(), ImagePool::default());
+        Ok(Self { spec, filters, on_device: None, border, pool, input_pool })
     }
     /// The network with an identity as last layer: its output are the features of the classifier, all sources concatenated.
     ///
@@ -94,28 +46,87 @@ impl Inference {
         *last = Filter::new(shape, &identity, &vec![0.0; n]);
         Ok(network)
     }
+    /// The network on the operations of candle instead of the kernels, on any device. On a CPU they are much slower; the outputs
+    /// differ by rounding.
+    ///
+    /// # Errors
+    /// If the device cannot hold the filters.
+    pub fn on_device(self, device: Device) -> Result<Self, SegmentationError> {
+        let filters = self.filters.iter().map(|filter| DeviceFilter::new(filter, &device)).collect::<Result<_, _>>()?;
+        Ok(Self { on_device: Some((device, filters)), ..self })
+    }
     /// Architecture of the network.
     pub fn spec(&self) -> &NetworkSpec {
         &self.spec
     }
+    /// Channels of the outputs.
+    pub fn out_channels(&self) -> usize {
+        self.filters.last().map_or(0, |filter| filter.shape.out_channels)
+    }
     /// An input for [`Self::run`]. `write` writes everything except its border.
-    pub fn input(&self, height: usize, width: usize, write: impl FnOnce(&mut Planes)) -> PooledImage<'_> {
-        PooledImage::new(&self.input_pool, self.spec.channels().0, height, width).written(self.border, write)
+    ///
+    /// # Errors
+    /// If a circular image is narrower than its border.
+    pub fn input(
+        &self,
+        height: usize,
+        width: usize,
+        write: impl Fn(&mut PlanesMut<'_>),
+    ) -> Result<PooledImage<'_>, SegmentationError> {
+        self.input_pool.written([self.spec.channels().0, height, width], self.border, write)
     }
     /// Runs the network on an image whose border is filled.
     ///
     /// # Errors
     /// If channels, rows or columns of the image do not fit the network.
-    pub fn run<'a>(&'a self, input: &'a Planes) -> Result<PooledImage<'a>, SegmentationError> {
-        let [rows, columns] = self.spec.multiple_of();
-        let fits = input.height().is_multiple_of(rows) && input.width().is_multiple_of(columns);
-        if !fits || input.channels() != self.spec.channels().0 {
-            let found = [input.channels(), input.height(), input.width()];
-            let channels = self.spec.channels().0;
+    pub fn run(&self, input: &Tensor) -> Result<PooledImage<'_>, SegmentationError> {
+        Ok(self.run_batch(&[input])?.remove(0))
+    }
+    /// Runs the network on images whose borders are filled: on all threads of the CPU, or as one tensor on a device. The outputs do
+    /// not depend on the number of threads.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_batch(&self, inputs: &[&Tensor]) -> Result<Vec<PooledImage<'_>>, SegmentationError> {
+        inputs.iter().try_for_each(|input| self.check(input))?;
+        let Some((device, filters)) = &self.on_device else {
+            return inputs.par_iter().map(|input| self.run_kernels(input)).collect();
+        };
+        let mut outputs = Vec::with_capacity(inputs.len());
+        for of_one_size in inputs.chunk_by(|a, b| a.dims() == b.dims()) {
+            outputs.extend(self.run_on(device, filters, of_one_size)?);
+        }
+        Ok(outputs)
+    }
+    fn run_kernels(&self, input: &Tensor) -> Result<PooledImage<'_>, SegmentationError> {
+        let mut run = blocked::Run { filters: self.filters.iter(), border: self.border, pool: &self.pool };
+        self.spec.run(&mut run, input.clone().into())
+    }
+    fn run_on(
+        &self,
+        device: &Device,
+        filters: &[DeviceFilter],
+        inputs: &[&Tensor],
+    ) -> Result<Vec<PooledImage<'_>>, SegmentationError> {
+        let from_blocks = FromBlocks { channels: self.spec.channels().0 };
+        let images: Vec<Tensor> =
+            inputs.iter().map(|input| input.apply_op1_no_bwd(&from_blocks)).collect::<Result<_, _>>()?;
+        let mut run = nchw::Run { filters: filters.iter(), border: self.border };
+        let batch = Tensor::cat(&images, 0)?.to_device(device)?;
+        let outputs = self.spec.run(&mut run, batch)?.to_device(&Device::Cpu)?.contiguous()?;
+        let to_blocks = ToBlocks { border: self.border };
+        let output = |index| Ok(outputs.narrow(0, index, 1)?.apply_op1_no_bwd(&to_blocks)?.into());
+        (0..inputs.len()).map(output).collect()
+    }
+    fn check(&self, input: &Tensor) -> Result<(), SegmentationError> {
+        let ([rows, columns], channels) = (self.spec.multiple_of(), self.spec.channels().0);
+        let [height, width] = size_of_image(input)?;
+        let fits = height.is_multiple_of(rows) && width.is_multiple_of(columns);
+        if !fits || input.dims()[0] != blocks(channels) {
+            let found = [input.dims()[0], height, width];
             return Err(SegmentationError::InputSize { found, channels, multiple_of: [rows, columns] });
         }
-        let mut run = Run { filters: self.filters.iter(), border: self.border, pool: &self.pool };
-        self.spec.run(&mut run, PooledImage::Input(input))
+        Ok(())
     }
     /// Number of multiplications and additions for an image of this size.
     pub fn flops(&self, height: usize, width: usize) -> usize {
@@ -142,28 +153,5 @@ impl Inference {
         }
         let mut count = Count(0);
         self.spec.run(&mut count, [height, width]).map_or(0, |_| count.0)
-    }
-}
-
-impl<'a> Executor for Run<'a> {
-    type Image = PooledImage<'a>;
-
-    fn convolution(&mut self, _: &Layer, sources: &[&PooledImage<'a>]) -> Result<PooledImage<'a>, SegmentationError> {
-        let filter = self.filters.next().expect("one filter for each layer");
-        let sources: Vec<&Planes> = sources.iter().map(|source| &***source).collect();
-        let (height, width) = (sources[0].height(), filter.shape.out_width(sources[0].width()));
-        let out = PooledImage::new(self.pool, filter.shape.out_channels, height, width);
-        Ok(out.written(self.border, |out| convolve(filter, &sources, out)))
-    }
-    fn max_pool(&mut self, image: &PooledImage<'a>, factor: [usize; 2]) -> Result<PooledImage<'a>, SegmentationError> {
-        let out = PooledImage::new(self.pool, image.channels(), image.height() / factor[0], image.width() / factor[1]);
-        Ok(out.written(self.border, |out| max_pool(image, factor, out)))
-    }
-    fn upsample(&mut self, image: &PooledImage<'a>, factor: [usize; 2]) -> Result<PooledImage<'a>, SegmentationError> {
-        let out = PooledImage::new(self.pool, image.channels(), image.height() * factor[0], image.width() * factor[1]);
-        Ok(out.written(self.border, |out| upsample(image, factor, out)))
-    }
-    fn dropout(&mut self, image: PooledImage<'a>, _: f32) -> Result<PooledImage<'a>, SegmentationError> {
-        Ok(image)
     }
 }

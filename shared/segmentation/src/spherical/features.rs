@@ -8,7 +8,7 @@
 use super::PolarImage;
 use super::elementary::tanh;
 use super::surface::{Surface, SurfaceTile, Tile};
-use crate::engine::{BORDER, Border, LANES, Planes};
+use crate::engine::{BORDER, Border, LANES, Planes, PlanesMut};
 use pulp::{Arch, NullaryFnOnce};
 
 /// Names of the features, in order. All values are about -1 to 3.
@@ -49,15 +49,15 @@ pub const N_FEATURES: usize = 10;
 pub fn features(image: &PolarImage, fold: usize, row_multiple: usize) -> Planes {
     assert!(image.columns.is_multiple_of(fold), "{} columns by {fold}", image.columns);
     let mut planes = Planes::zeros(fold * N_FEATURES, image.rows.next_multiple_of(row_multiple), image.columns / fold);
-    write_features(image, &mut planes);
+    write_features(image, &mut planes.view_mut());
     planes.fill_border(Border::Circular);
     planes
 }
 
 /// Writes the input image except its border. Its number of channels defines the number of folded columns.
-pub(super) fn write_features(image: &PolarImage, planes: &mut Planes) {
+pub(super) fn write_features(image: &PolarImage, planes: &mut PlanesMut<'_>) {
     assert!(planes.width() >= BORDER);
-    Arch::new().dispatch(Job { image, planes: &mut *planes });
+    Arch::new().dispatch(Job { image, planes: planes.view_mut() });
     for block in 0..planes.n_blocks() {
         (image.rows..planes.height()).for_each(|row| planes.row_mut(block, row).fill([0.0; LANES]));
     }
@@ -65,7 +65,7 @@ pub(super) fn write_features(image: &PolarImage, planes: &mut Planes) {
 
 struct Job<'a> {
     image: &'a PolarImage,
-    planes: &'a mut Planes,
+    planes: PlanesMut<'a>,
 }
 
 impl NullaryFnOnce for Job<'_> {
@@ -73,7 +73,7 @@ impl NullaryFnOnce for Job<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { image, planes } = self;
+        let Self { image, mut planes } = self;
         let fold = planes.channels() / N_FEATURES;
         let surface = Surface::of(image);
         let mut of_row = vec![[0.0_f32; N_FEATURES]; image.columns.next_multiple_of(LANES)];

@@ -2,16 +2,18 @@
 
 use super::back_projection::pixel_for;
 use super::features::write_features;
-use super::range_sweep::{point_ranges, range_sweep};
+use super::range_sweep::{PointRange, RangeSweep, point_ranges, range_sweep};
 use super::settings::{Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
 use super::{Neighbors, Options, PolarImage};
 use crate::engine::Border;
+use crate::engine::tensors::read_image;
 use crate::ground;
 use crate::model_file::ModelFile;
-use crate::network::{Inference, Weights};
+use crate::network::{Inference, PooledImage, Weights};
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
+use candle_core::Tensor;
 use messages::{ClassId, ClassRow};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -26,8 +28,9 @@ pub struct SphericalModel {
     network: Inference,
     options: Options,
     neighbors: Option<Neighbors>,
-    /// Buffer for votes, reused because clearing new memory takes a tenth of the time.
-    vote_buffer: Mutex<Vec<Vote>>,
+    /// Votes of points and of pixels, reused because clearing new memory takes a tenth of the time.
+    point_votes: VoteBuffers,
+    pixel_votes: VoteBuffers,
 }
 
 impl SphericalModel {
@@ -64,7 +67,8 @@ impl SphericalModel {
             network,
             options: Options::default(),
             neighbors: None,
-            vote_buffer: Mutex::default(),
+            point_votes: VoteBuffers::default(),
+            pixel_votes: VoteBuffers::default(),
         })
     }
     /// Replaces the last layer of the network by a classifier of nearest examples. `weights` are those of the model.
@@ -73,13 +77,19 @@ impl SphericalModel {
     /// If the weights do not fit the settings.
     pub fn with_neighbors(self, neighbors: Neighbors, weights: &Weights) -> Result<Self, SegmentationError> {
         let network = Inference::of_features(self.settings.network.clone(), weights, Border::Circular)?;
-        Ok(Self { network, neighbors: Some(neighbors), ..self })
+        let options = self.options;
+        Self { network, neighbors: Some(neighbors), ..self }.with_options(options)
     }
     /// Sets the options. Points of sweeps that do not go through the network get the votes of their cells.
-    #[must_use]
-    pub fn with_options(mut self, options: Options) -> Self {
-        self.options = Options { every: options.every.max(1), ..options };
-        self
+    ///
+    /// # Errors
+    /// If the device cannot be used.
+    pub fn with_options(mut self, options: Options) -> Result<Self, SegmentationError> {
+        self.options = Options { every: options.every.max(1), batch: options.batch.max(1), ..options };
+        if let Some(device) = options.device.open()? {
+            self.network = self.network.on_device(device)?;
+        }
+        Ok(self)
     }
     /// Settings of the model.
     pub fn settings(&self) -> &Settings {
@@ -90,17 +100,62 @@ impl SphericalModel {
         let rows = rings.next_multiple_of(self.network.spec().multiple_of()[0]);
         self.network.flops(rows, self.settings.columns / self.settings.fold)
     }
-    /// Votes of the pixels of an image in raster order. Those of pixels without a point are not written.
-    fn vote(&self, image: &PolarImage, votes: &mut [Vote]) -> Result<(), SegmentationError> {
+    /// The input of the network for a sweep.
+    fn input(&self, image: &PolarImage) -> Result<PooledImage<'_>, SegmentationError> {
         let rows = image.rows.next_multiple_of(self.network.spec().multiple_of()[0]);
+        self.network.input(rows, image.columns / self.settings.fold, |input| write_features(image, input))
+    }
+    /// Votes of the pixels of an image in raster order from the output of the network. Those of pixels without a point are not
+    /// written.
+    fn vote(&self, image: &PolarImage, output: &Tensor, votes: &mut [Vote]) -> Result<(), SegmentationError> {
         let (fold, n_classes, temperature) = (self.settings.fold, self.classes.len(), self.settings.temperature);
-        let input = self.network.input(rows, image.columns / fold, |input| write_features(image, input));
-        let result = self.network.run(&input)?;
-        match &self.neighbors {
-            Some(neighbors) => neighbors.vote(image, &result, votes),
-            None => Arch::new().dispatch(Softmax { image, logits: &result, fold, n_classes, temperature, votes }),
-        }
+        read_image(output, self.network.out_channels(), |output| match &self.neighbors {
+            Some(neighbors) => neighbors.vote(image, &output, votes),
+            None => Arch::new().dispatch(Softmax { image, logits: output, fold, n_classes, temperature, votes }),
+        })?;
+        self.options.refinement.of_image(image, &self.classes, votes);
         Ok(())
+    }
+    /// Writes the votes of the points of some sweeps.
+    fn vote_together(
+        &self,
+        input: &ModelInput<'_>,
+        heights_m: &[f32],
+        ranges: &[PointRange],
+        votes: &mut [&mut [Vote]],
+    ) -> Result<(), SegmentationError> {
+        let columns = self.settings.columns;
+        let sweep = |(of, points): &PointRange| range_sweep(input, of, points.clone(), columns, heights_m);
+        let sweeps: Vec<RangeSweep> = ranges.par_iter().map(sweep).collect();
+        let inputs: Vec<PooledImage<'_>> =
+            sweeps.par_iter().map(|sweep| self.input(&sweep.polar)).collect::<Result<_, _>>()?;
+        let outputs = self.network.run_batch(&inputs.iter().map(|input| &**input).collect::<Vec<_>>())?;
+        sweeps.par_iter().zip(outputs).zip(votes).try_for_each(|((sweep, output), votes)| {
+            // LiDARs of one vehicle may have different numbers of rings.
+            let mut of_pixels = self.pixel_votes.take(sweep.polar.pixels.len());
+            self.vote(&sweep.polar, &output, &mut of_pixels)?;
+            for (point, vote) in votes.iter_mut().enumerate() {
+                *vote = pixel_for(&sweep.image, point).map_or(NO_VOTE, |pixel| of_pixels[pixel as usize]);
+            }
+            self.pixel_votes.give_back(of_pixels);
+            Ok(())
+        })
+    }
+}
+
+/// Buffers of votes for the next submap.
+#[derive(Default)]
+struct VoteBuffers(Mutex<Vec<Vec<Vote>>>);
+
+impl VoteBuffers {
+    /// A buffer with arbitrary votes.
+    fn take(&self, len: usize) -> Vec<Vote> {
+        let mut votes = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        votes.resize(len, NO_VOTE);
+        votes
+    }
+    fn give_back(&self, votes: Vec<Vote>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(votes);
     }
 }
 
@@ -112,24 +167,14 @@ impl Segmenter for SphericalModel {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let heights_m = ground::heights(input);
-        let ranges: Vec<_> = point_ranges(input).into_iter().step_by(self.options.every).collect();
-        let mut of_points = std::mem::take(&mut *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner));
-        of_points.resize(input.points.len(), NO_VOTE);
-        let of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
-        // One sweep per thread: this scales better than threads inside a network.
-        ranges.par_iter().zip(of_sweeps).try_for_each_init(Vec::new, |of_pixels, ((of, points), votes)| {
-            let sweep = range_sweep(input, of, points.clone(), self.settings.columns, &heights_m);
-            // LiDARs of one vehicle may have different numbers of rings.
-            of_pixels.resize(sweep.polar.pixels.len(), NO_VOTE);
-            self.vote(&sweep.polar, of_pixels)?;
-            self.options.refinement.of_image(&sweep.polar, &self.classes, of_pixels);
-            for (point, vote) in votes.iter_mut().enumerate() {
-                *vote = pixel_for(&sweep.image, point).map_or(NO_VOTE, |pixel| of_pixels[pixel as usize]);
-            }
-            Ok::<(), SegmentationError>(())
-        })?;
+        let ranges: Vec<PointRange> = point_ranges(input).into_iter().step_by(self.options.every).collect();
+        let mut of_points = self.point_votes.take(input.points.len());
+        let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
+        // Sweeps on all threads, not rows of one sweep: this scales better.
+        let batches = ranges.par_chunks(self.options.batch).zip(of_sweeps.par_chunks_mut(self.options.batch));
+        batches.try_for_each(|(ranges, votes)| self.vote_together(input, &heights_m, ranges, votes))?;
         let decided = Votes { of_points: &of_points }.decide(input.points, self.settings.vote_cell_m);
-        *self.vote_buffer.lock().unwrap_or_else(PoisonError::into_inner) = of_points;
+        self.point_votes.give_back(of_points);
         let mut n_unseen = 0;
         for (row, decision) in classes.iter_mut().zip(decided) {
             *row = if let Some((class, share)) = decision {

@@ -7,7 +7,8 @@
 use super::PolarImage;
 use super::settings::Settings;
 use super::softmax::{MAX_CLASSES, Vote};
-use crate::engine::{Border, Feature, Filter, LANES, Planes, Shape, convolve};
+use crate::engine::tensors::read_image;
+use crate::engine::{Border, Feature, Filter, LANES, Planes, PlanesRef, Shape, convolve};
 use crate::network::{Inference, Weights};
 use crate::{Dataset, Example, SegmentationError, UNKNOWN};
 use random::Random;
@@ -46,15 +47,19 @@ impl Neighbors {
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(BATCH) {
             let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
-            let results: Vec<_> = examples.par_iter().map(|example| network.run(&example.input)).collect();
-            for ((features, example), &index) in results.into_iter().zip(&examples).zip(batch) {
-                let (features, truth) = (features?, &example.truth);
-                let size = [features.height(), settings.fold * features.width()];
-                check(truth, index, size, settings.classes.len())?;
-                for (at, &class) in truth.iter().enumerate().filter(|(_, class)| **class != UNKNOWN) {
-                    let of_class = &mut drawn[at % settings.fold * settings.classes.len() + usize::from(class)];
-                    of_class.offer(|| features_of(&features, at / settings.fold), per_class, &mut random);
-                }
+            let inputs = examples.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
+            let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
+            for ((features, example), &index) in results.iter().zip(&examples).zip(batch) {
+                let truth = &example.truth;
+                read_image(features, network.out_channels(), |features| {
+                    let size = [features.height(), settings.fold * features.width()];
+                    check(truth, index, size, settings.classes.len())?;
+                    for (at, &class) in truth.iter().enumerate().filter(|(_, class)| **class != UNKNOWN) {
+                        let of_class = &mut drawn[at % settings.fold * settings.classes.len() + usize::from(class)];
+                        of_class.offer(|| features_of(&features, at / settings.fold), per_class, &mut random);
+                    }
+                    Ok::<(), SegmentationError>(())
+                })??;
             }
         }
         Ok(Self { k, banks: drawn.chunks_exact(settings.classes.len()).map(Bank::new).collect() })
@@ -71,7 +76,7 @@ impl Neighbors {
     }
 
     /// Votes of the pixels of an image in raster order from its features. Those of pixels without a point are not written.
-    pub(super) fn vote(&self, image: &PolarImage, features: &Planes, votes: &mut [Vote]) {
+    pub(super) fn vote(&self, image: &PolarImage, features: &PlanesRef<'_>, votes: &mut [Vote]) {
         let fold = self.banks.len();
         let mut row = Planes::zeros(features.channels(), 1, features.width());
         let rows = image.pixels.chunks_exact(image.columns).zip(votes.chunks_exact_mut(image.columns));
@@ -122,7 +127,7 @@ impl Sample {
 }
 
 /// All channels of a pixel in raster order.
-fn features_of(image: &Planes, pixel: usize) -> Vec<f32> {
+fn features_of(image: &PlanesRef<'_>, pixel: usize) -> Vec<f32> {
     let (y, x) = (pixel / image.width(), pixel % image.width());
     (0..image.channels()).map(|channel| image.row(channel / LANES, y)[x][channel % LANES]).collect()
 }

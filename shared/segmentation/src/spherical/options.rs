@@ -1,18 +1,23 @@
 //! Options of a run that are not part of the model.
 
 use super::Refinement;
+use crate::ComputeDevice;
 
 /// Options of a run that are not part of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// One of so many sweeps goes through the network; 1 for all. Models that do not use sweeps ignore it.
     pub every: usize,
+    /// Sweeps that go through the network together, at least 1. The classes do not depend on it.
+    pub batch: usize,
+    /// What the network runs on.
+    pub device: ComputeDevice,
     /// Corrections of the classes, none by default.
     pub refinement: Refinement,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { every: 1, refinement: Refinement::default() }
+        Self { every: 1, batch: 1, device: ComputeDevice::Cpu, refinement: Refinement::default() }
     }
 }

@@ -20,8 +20,11 @@ pub struct RangeSweep {
     pub polar: PolarImage,
 }
 
+/// A sweep and the indices of its points in the submap.
+pub type PointRange = (SubmapSweep, Range<usize>);
+
 /// Indices of the points of each sweep, ascending. Sweeps whose points are not in the submap, or belong to a sweep before, are skipped.
-pub fn point_ranges(input: &ModelInput<'_>) -> Vec<(SubmapSweep, Range<usize>)> {
+pub fn point_ranges(input: &ModelInput<'_>) -> Vec<PointRange> {
     let n_sweeps = (input.header.n_sweeps as usize).min(MAX_SWEEPS_PER_SUBMAP);
     let mut end = 0;
     let range = |sweep: &SubmapSweep| {

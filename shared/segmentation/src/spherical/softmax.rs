@@ -7,7 +7,7 @@
 
 use super::PolarImage;
 use super::elementary::exp;
-use crate::engine::{LANES, Planes};
+use crate::engine::{LANES, PlanesRef};
 use pulp::NullaryFnOnce;
 
 /// Largest number of classes of a model: the class table has 23. Two AVX-512 registers.
@@ -22,7 +22,7 @@ pub(super) const NO_VOTE: Vote = [0; MAX_CLASSES];
 /// Computes votes from logits.
 pub(super) struct Softmax<'a> {
     pub(super) image: &'a PolarImage,
-    pub(super) logits: &'a Planes,
+    pub(super) logits: PlanesRef<'a>,
     /// Neighboring columns that share the channels of a pixel of the logits.
     pub(super) fold: usize,
     pub(super) n_classes: usize,

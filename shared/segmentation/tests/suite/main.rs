@@ -6,4 +6,5 @@ mod real_street;
 mod sloped_street;
 mod spherical_model;
 mod support;
+mod tensors;
 mod torch_weights;

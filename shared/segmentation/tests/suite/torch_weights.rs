@@ -1,5 +1,6 @@
 //! A model with weights from `PyTorch`: `data/torch_unet.py` wrote the file with an input and the output of torch.
 
+use candle_core::Device;
 use safetensors::SafeTensors;
 use segmentation::engine::{Border, LANES, Planes};
 use segmentation::network::Inference;
@@ -28,16 +29,23 @@ fn network_with_torch_weights_gives_output_of_torch() {
     }
     input.fill_border(Border::Circular);
 
-    let got = network.run(&input).expect("runs");
+    let input = input.to_tensor().expect("an image");
+
     let (shape, expected) = tensor(&file, "test.output");
-    assert_eq!([got.channels(), got.height(), got.width()], shape);
     let largest = expected.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
-    for (i, expected) in expected.into_iter().enumerate() {
-        let (channel, y, x) = (i / (height * width), i / width % height, i % width);
-        let got = got.row(channel / LANES, y)[x][channel % LANES];
-        assert!(
-            (got - expected).abs() < 1e-5 * largest,
-            "channel {channel}, row {y}, column {x}: {got} for {expected}"
-        );
-    }
+    let compare = |network: &Inference| {
+        let got = network.run(&input).expect("runs");
+        let got = Planes::from_tensor(&got, network.out_channels()).expect("an image");
+        assert_eq!([got.channels(), got.height(), got.width()], shape);
+        for (i, expected) in expected.iter().enumerate() {
+            let (channel, y, x) = (i / (height * width), i / width % height, i % width);
+            let got = got.row(channel / LANES, y)[x][channel % LANES];
+            assert!(
+                (got - expected).abs() < 1e-5 * largest,
+                "channel {channel}, row {y}, column {x}: {got} for {expected}"
+            );
+        }
+    };
+    compare(&network);
+    compare(&network.on_device(Device::Cpu).expect("fits"));
 }

@@ -6,8 +6,8 @@ use crate::{Dataset, Example, TrainingError, UNKNOWN};
 use candle_core::{D, Device, Tensor};
 use rayon::prelude::*;
 use scores::Confusion;
-use segmentation::SegmentationError;
-use segmentation::network::{Inference, PooledImage};
+use segmentation::engine::Planes;
+use segmentation::network::Inference;
 
 /// Receives logits and classes of the labeled pixels of a batch.
 type OfBatch<'a> = &'a mut dyn FnMut(&Tensor, &[u8]) -> Result<(), TrainingError>;
@@ -68,12 +68,12 @@ impl Trainer {
             if known.is_empty() {
                 continue;
             }
-            let results: Vec<PooledImage<'_>> = examples
-                .par_iter()
-                .map(|example| network.run(&example.input))
-                .collect::<Result<_, SegmentationError>>()?;
+            let inputs = examples.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
+            let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
+            let outputs = results.iter().map(|result| Planes::from_tensor(result, network.out_channels()));
+            let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
             let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
-            let logits = pixels.gather(&results.iter().map(|result| &**result).collect::<Vec<_>>(), &known);
+            let logits = pixels.gather(&outputs.iter().collect::<Vec<_>>(), &known);
             let logits = Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?;
             let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
             f(&logits, &classes)?;

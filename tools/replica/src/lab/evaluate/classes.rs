@@ -112,9 +112,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             small_regions: refine(Refine::SmallRegions),
             buildings: refine(Refine::Buildings),
         };
-        let options = Options { every: args.every, refinement };
+        let options = Options { every: args.every, refinement, ..Options::default() };
         let model = match (args.knn, &args.examples) {
-            (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)),
+            (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
             _ => segmentation::load(path, &options)?,
         };
         table.clouds.extend(towns::confusions(model.as_ref(), args)?);

@@ -1,0 +1,38 @@
+//! What networks run on.
+
+use crate::SegmentationError;
+use candle_core::Device;
+
+/// What networks run on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ComputeDevice {
+    /// The kernels of [`engine`](crate::engine) on all threads of the CPU.
+    #[default]
+    Cpu,
+    /// The operations of candle on the first NVIDIA GPU, in a build with the feature `cuda`.
+    Cuda,
+}
+
+impl ComputeDevice {
+    /// The device of a word of the settings; `None` if there is no such word.
+    pub fn from_word(word: &str) -> Option<Self> {
+        match word {
+            "cpu" => Some(Self::Cpu),
+            "cuda" => Some(Self::Cuda),
+            _ => None,
+        }
+    }
+    /// The device of candle whose operations run the networks; `None` for the kernels.
+    ///
+    /// # Errors
+    /// If this build cannot use the device, or the machine does not have it.
+    pub fn open(self) -> Result<Option<Device>, SegmentationError> {
+        match self {
+            Self::Cpu => Ok(None),
+            Self::Cuda if candle_core::utils::cuda_is_available() => {
+                Device::new_cuda(0).map(Some).map_err(|error| SegmentationError::NoGpu(error.to_string()))
+            }
+            Self::Cuda => Err(SegmentationError::BuiltWithoutCuda),
+        }
+    }
+}
