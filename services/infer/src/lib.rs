@@ -5,7 +5,7 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SubmapTopic};
+use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, SubmapTopic};
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
 use std::path::Path;
@@ -106,8 +106,7 @@ impl Stage for Infer {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        // No architecture reads colors yet. The port exists so that one that does needs no other wiring.
-        vec![Port::of::<SubmapTopic>(), Port::optional::<ColorTopic>()]
+        vec![Port::of::<SubmapTopic>()]
     }
 
     fn outputs() -> Vec<Port> {

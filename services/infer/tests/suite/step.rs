@@ -2,8 +2,7 @@
 
 use infer::{Infer, Settings};
 use messages::{
-    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, ColorHeader, ColorTopic, GROUND_CLASSES, SubmapHeader,
-    SubmapPoint, SubmapTopic,
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, GROUND_CLASSES, SubmapHeader, SubmapPoint, SubmapTopic,
 };
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
@@ -151,7 +150,6 @@ fn every_submap_gets_class_column_of_its_length_and_seq() {
     let (points, n_road) = road_with_box();
     let n_points = points.len();
     bench.send::<SubmapTopic>(70, SubmapHeader::default(), points);
-    bench.send::<ColorTopic>(70, ColorHeader::default(), Vec::new());
     bench.send::<SubmapTopic>(80, SubmapHeader::default(), Vec::new());
     bench.tick().expect("steps");
     bench.tick().expect("steps without input");
