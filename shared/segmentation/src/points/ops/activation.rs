@@ -1,0 +1,83 @@
+//! Leaky rectifier, and sums followed by it.
+
+use super::rows::{for_each_block, read, tensor, values};
+use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
+
+/// `max(x, slope * x)` with a slope of 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Activation {
+    /// Slope of negative values: 1 changes nothing, 0 is the rectifier (`ReLU`).
+    pub slope: f32,
+}
+
+impl Activation {
+    /// Changes nothing.
+    pub const NONE: Self = Self { slope: 1.0 };
+    /// Rectifier.
+    pub const RELU: Self = Self { slope: 0.0 };
+    /// Leaky rectifier of `KPConv`.
+    pub const LEAKY: Self = Self { slope: 0.1 };
+
+    #[inline(always)]
+    pub(super) fn of(self, x: f32) -> f32 {
+        if x > 0.0 { x } else { self.slope * x }
+    }
+    /// The gradient of the argument, from the result and its gradient. At 0 the derivative is the slope, as in `PyTorch`.
+    pub(super) fn gradient(self, result: &Tensor, gradient: &Tensor) -> Result<Tensor> {
+        if self == Self::NONE {
+            return gradient.contiguous();
+        }
+        let of_values = |result: &[f32], gradient: &[f32]| {
+            let mut out = vec![0.0; gradient.len()];
+            for_each_block(&mut out, 1, BLOCK, |start, out| {
+                let (result, gradient) = (&result[start..], &gradient[start..]);
+                wide_loops::run(
+                    #[inline(always)]
+                    || {
+                        for ((out, result), gradient) in out.iter_mut().zip(result).zip(gradient) {
+                            *out = if *result > 0.0 { *gradient } else { self.slope * gradient };
+                        }
+                    },
+                );
+            });
+            out
+        };
+        let out = read(result, |result| read(gradient, |gradient| of_values(result, gradient)))??;
+        tensor(out, result.shape().clone())
+    }
+}
+
+/// Values of a task.
+const BLOCK: usize = 1 << 14;
+
+/// The activation of a sum of two tensors of one shape.
+pub fn add_activated(a: &Tensor, b: &Tensor, activation: Activation) -> Result<Tensor> {
+    a.contiguous()?.apply_op2(&b.contiguous()?, AddActivated(activation))
+}
+
+struct AddActivated(Activation);
+
+impl CustomOp2 for AddActivated {
+    fn name(&self) -> &'static str {
+        "add-activated"
+    }
+    fn cpu_fwd(&self, a: &CpuStorage, la: &Layout, b: &CpuStorage, lb: &Layout) -> Result<(CpuStorage, Shape)> {
+        if la.shape() != lb.shape() {
+            bail!("sum of shapes {:?} and {:?}", la.shape(), lb.shape());
+        }
+        let (a, b) = (values(a, la)?, values(b, lb)?);
+        let mut out = vec![0.0; a.len()];
+        for_each_block(&mut out, 1, BLOCK, |start, out| {
+            let (a, b) = (&a[start..], &b[start..]);
+            wide_loops::run(
+                #[inline(always)]
+                || out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = self.0.of(a + b)),
+            );
+        });
+        Ok((CpuStorage::F32(out), la.shape().clone()))
+    }
+    fn bwd(&self, _: &Tensor, _: &Tensor, result: &Tensor, gradient: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
+        let gradient = self.0.gradient(result, gradient)?;
+        Ok((Some(gradient.clone()), Some(gradient)))
+    }
+}
