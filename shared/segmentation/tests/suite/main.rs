@@ -2,6 +2,8 @@
 
 mod convolution;
 mod model_files;
+mod point_gradients;
+mod point_networks;
 mod real_street;
 mod sloped_street;
 mod spherical_model;
