@@ -7,6 +7,7 @@ use super::rows::{column_sums, for_each_block, read, tensor, values};
 use super::tap_convolution::{convolve, weight_gradient};
 use super::taps::Taps;
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor, bail};
+use pulp::Simd;
 
 /// Taps of a 3 x 3 kernel.
 const TAPS: usize = 9;
@@ -45,7 +46,7 @@ impl Taps for PlaneShape {
         TAPS
     }
     #[inline(always)]
-    fn add(&self, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
+    fn add<S: Simd>(&self, _: S, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
         for tap in 0..TAPS {
             if let Some(cell) = self.cell_at(row, tap) {
                 let input = &input[cell * n_columns..(cell + 1) * n_columns];

@@ -7,6 +7,7 @@ use super::product::{Matrix, Packed};
 use super::rows::{read, tensor, values};
 use super::taps::{KernelPoints, KernelTaps, Neighborhood, Taps};
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor, bail};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -55,16 +56,28 @@ pub(super) fn convolve(
 /// Collects the inputs of rows from `first` on.
 fn collect(taps: &impl Taps, input: &[f32], n_columns: usize, first: usize, collected: &mut [f32]) {
     collected.fill(0.0);
-    let depth = taps.n_taps() * n_columns;
-    if depth > 0 {
-        wide_loops::run(
-            #[inline(always)]
-            || {
-                for (row, collected) in collected.chunks_exact_mut(depth).enumerate() {
-                    taps.add(first + row, input, n_columns, collected);
-                }
-            },
-        );
+    if taps.n_taps() * n_columns > 0 {
+        pulp::Arch::new().dispatch(Collect { taps, input, n_columns, first, collected });
+    }
+}
+
+struct Collect<'a, T> {
+    taps: &'a T,
+    input: &'a [f32],
+    n_columns: usize,
+    first: usize,
+    collected: &'a mut [f32],
+}
+
+impl<T: Taps> WithSimd for Collect<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let rows = self.collected.chunks_exact_mut(self.taps.n_taps() * self.n_columns);
+        for (row, collected) in rows.enumerate() {
+            self.taps.add(simd, self.first + row, self.input, self.n_columns, collected);
+        }
     }
 }
 

@@ -1,6 +1,12 @@
 //! Where a convolution reads its input: for each output row the items of a list, each with weights for the taps of a kernel.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds are what the compiler makes vectors of; iterators and calls in between are not"
+)]
+
 use super::lists::Lists;
+use pulp::Simd;
 use std::sync::Arc;
 
 /// The input rows of a convolution, spread over the taps of its kernel.
@@ -10,7 +16,7 @@ pub(super) trait Taps: Sync {
     /// Number of taps of the kernel.
     fn n_taps(&self) -> usize;
     /// Adds the weighted input rows of an output row to the channels of each tap, `n_taps x n_columns` values.
-    fn add(&self, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]);
+    fn add<S: Simd>(&self, simd: S, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]);
 }
 
 /// Lanes of a block of kernel points.
@@ -86,30 +92,45 @@ impl Taps for KernelTaps<'_> {
         self.kernel.n
     }
     #[inline(always)]
-    fn add(&self, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
+    fn add<S: Simd>(&self, simd: S, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
         let center = self.rows[row];
         for item in self.lists.of(row) {
             let position = self.items[*item as usize];
-            let offset: [f32; 3] = std::array::from_fn(|axis| self.sign * (position[axis] - center[axis]));
+            let offset = [
+                self.sign * (position[0] - center[0]),
+                self.sign * (position[1] - center[1]),
+                self.sign * (position[2] - center[2]),
+            ];
             let input = &input[*item as usize * n_columns..(*item as usize + 1) * n_columns];
             for (block_idx, block) in self.kernel.blocks.iter().enumerate() {
-                let influences: [f32; LANES] = std::array::from_fn(|lane| {
-                    let [dx, dy, dz] = [offset[0] - block[0][lane], offset[1] - block[1][lane], offset[2] - block[2][lane]];
-                    1.0 - (dx * dx + dy * dy + dz * dz).sqrt() * self.kernel.per_extent
-                });
-                // Without branches: each tap is written, and the next one overwrites it if it has no influence.
-                let (mut taps, mut n) = ([0_usize; LANES + 1], 0);
-                for (lane, influence) in influences.iter().enumerate() {
-                    taps[n.min(LANES)] = lane;
-                    n += usize::from(*influence > 0.0);
+                let mut influences = [0.0_f32; LANES];
+                for lane in 0..LANES {
+                    let (dx, dy, dz) = (offset[0] - block[0][lane], offset[1] - block[1][lane], offset[2] - block[2][lane]);
+                    influences[lane] = 1.0 - (dx * dx + dy * dy + dz * dz).sqrt() * self.kernel.per_extent;
                 }
-                for tap in &taps[..n] {
-                    let influence = influences[*tap];
+                // The bits of the few kernel points with influence.
+                let mut bits = 0_u32;
+                for lane in 0..LANES {
+                    bits |= u32::from(influences[lane] > 0.0) << lane;
+                }
+                while bits != 0 {
+                    let tap = bits.trailing_zeros() as usize;
+                    bits &= bits - 1;
                     let start = (block_idx * LANES + tap) * n_columns;
-                    let out = &mut out[start..start + n_columns];
-                    out.iter_mut().zip(input).for_each(|(out, input)| *out += influence * input);
+                    add_weighted(simd, &mut out[start..start + n_columns], input, influences[tap]);
                 }
             }
         }
     }
+}
+
+/// `out += weight * input`.
+#[inline(always)]
+fn add_weighted<S: Simd>(simd: S, out: &mut [f32], input: &[f32], weight: f32) {
+    let ((vectors, rest), (input_vectors, input_rest)) = (S::as_mut_simd_f32s(out), S::as_simd_f32s(input));
+    let weights = simd.splat_f32s(weight);
+    for (out, input) in vectors.iter_mut().zip(input_vectors) {
+        *out = simd.mul_add_f32s(weights, *input, *out);
+    }
+    rest.iter_mut().zip(input_rest).for_each(|(out, input)| *out += weight * input);
 }
