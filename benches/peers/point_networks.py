@@ -8,7 +8,8 @@
 `write` makes the reference files of the test `networks_with_torch_weights_equal_torch`: a small network, a batch, outputs in evaluation
 and in training, gradients, and running statistics, computed in f64. `time` prints CPU us per point of both, one thread each.
 Needs torch and numpy, nothing else. The modules are written from the publications, with the names of the published code; neighbors are
-searched by brute force in f32 (`write`), or taken from a grid of candidates (`time`).
+searched by brute force in f32, which `time` does not time. The BLAS of Debian's torch is that of libblas.so.3: give it a fast one, e.g.
+`LD_PRELOAD=/usr/lib/x86_64-linux-gnu/openblas-pthread/libopenblas.so.0`.
 """
 import json, os, struct, subprocess, sys, time
 import numpy as np
@@ -29,7 +30,11 @@ def nearest(queries, support, k, radius=np.inf):
     for start in range(0, len(queries), 256):
         d = queries[start : start + 256, None, :] - support[None]
         d2 = (d[..., 0] * d[..., 0] + d[..., 1] * d[..., 1]) + d[..., 2] * d[..., 2]
-        near = np.argsort(d2, axis=1, kind="stable")[:, :k]
+        if d2.shape[1] > 2048:
+            few = np.argpartition(d2, k - 1, axis=1)[:, :k]
+            near = np.take_along_axis(few, np.argsort(np.take_along_axis(d2, few, 1), axis=1, kind="stable"), 1)
+        else:
+            near = np.argsort(d2, axis=1, kind="stable")[:, :k]
         d2 = np.take_along_axis(d2, near, 1)
         found.append(np.where(d2 <= np.float32(radius) * np.float32(radius), near, len(support)))
         squared.append(d2)
@@ -526,8 +531,100 @@ def write(folder):
         print(path, os.path.getsize(path))
 
 
+# Times ------------------------------------------------------------------------------------------------------------------------------
+
+MSG = [
+    (1024, [(0.5, 16, [16, 16, 32]), (1.0, 32, [32, 32, 64])]),
+    (256, [(1.0, 16, [64, 64, 128]), (2.0, 32, [64, 96, 128])]),
+    (64, [(2.0, 16, [128, 196, 256]), (4.0, 32, [128, 196, 256])]),
+    (16, [(4.0, 16, [256, 256, 512]), (8.0, 32, [256, 384, 512])]),
+]
+LARGE = {
+    "pointnet": ("pointnet", dict(inputs=4, outputs=10, width=64)),
+    "pointnet2": (
+        "pointnet2",
+        dict(
+            inputs=4,
+            outputs=10,
+            abstractions=[
+                {"centers": n, "scales": [{"radius_m": r, "neighbors": k, "widths": w} for r, k, w in scales]} for n, scales in MSG
+            ],
+            propagations=[[128, 128, 128], [256, 128], [256, 256], [256, 256]],
+            dropout=0.5,
+        ),
+    ),
+    "kpconv": ("kpconv", dict(inputs=4, outputs=10, width=64, levels=5, blocks=2, kernel_points=15, cell_m=0.2, neighbors=32)),
+    "waffle_iron": (
+        "waffle_iron",
+        dict(inputs=4, outputs=10, width=64, depth=12, neighbors=16, cell_m=0.4, low_m=[-10, -10, -2], high_m=[10, 10, 8], convolution="depth_wise"),
+    ),
+}
+
+
+def fastest_us(n, run):
+    run()
+    times = []
+    for _ in range(n):
+        begin = time.process_time()
+        run()
+        times.append(time.process_time() - begin)
+    return 1e6 * min(times)
+
+
+def measure():
+    import tempfile
+
+    torch.set_num_threads(1)
+    print("us per point         plan |  forward  torch  ratio | forward and backward  torch  ratio")
+    for name, (kind, sizes) in LARGE.items():
+        torch.manual_seed(3)
+        network = KINDS[kind](**sizes)
+        # Two spheres of 10 m of a street, subsampled as KPConv asks.
+        clouds = []
+        for i in range(2):
+            cloud = street(60000, i) * np.float32([6, 6, 5])
+            clouds.append(barycenters(cloud[(cloud**2).sum(1) < 100], 0.2)[:4096])
+        features = torch.randn(sum(map(len, clouds)), sizes["inputs"])
+        plan = network.plan(clouds, SEED)
+        tensors = {key: t for key, t in network.state_dict().items() if not key.endswith("tracked")}
+        tensors.update({"test.positions": torch.from_numpy(np.concatenate(clouds)), "test.features": features})
+        tensors["test.lengths"] = torch.tensor([len(c) for c in clouds])
+        with tempfile.NamedTemporaryFile(suffix=".safetensors") as file:
+            card = {"architecture": "points", "version": 1, "settings": {"kind": kind, **sizes}}
+            write_safetensors(file.name, tensors, {"model": json.dumps(card)})
+            program = os.path.join(RELEASE, "examples", "bench_points")
+            environment = {k: v for k, v in os.environ.items() if k != "LD_PRELOAD"}
+            environment["RAYON_NUM_THREADS"] = "1"
+            ours = subprocess.run([program, file.name], env=environment, check=True, capture_output=True, text=True).stdout
+        plan_us, forward, both = map(float, ours.split()[1:])
+        n = len(features)
+        network.eval()
+        with torch.no_grad():
+            torch_forward = fastest_us(5, lambda: network(features, plan)) / n
+        network.train()
+        torch_both = fastest_us(3, lambda: (network(features, plan) ** 2).mean().backward()) / n
+        print(
+            f"{name:12s} {n:6d} {plan_us:6.2f} | {forward:8.2f} {torch_forward:6.2f} {torch_forward / forward:6.2f} |"
+            f" {both:20.2f} {torch_both:6.2f} {torch_both / both:6.2f}",
+            flush=True,
+        )
+    # One convolution as in `bench_points` without a file.
+    points = street(60000, 1)[:8192] * np.float32([4, 4, 3])
+    index = torch.from_numpy(nearest(points, points, 32)[0])
+    points = torch.from_numpy(points)
+    radius = float((points[index[:, -1]] - points).norm(dim=1).mean())
+    layer, x = KPConv(15, 64, 64, radius, 0.48 * radius), torch.randn(8192, 64)
+    with torch.no_grad():
+        forward = fastest_us(5, lambda: layer(points, points, index, x)) / 8192
+    x.requires_grad_()
+    both = fastest_us(3, lambda: layer(points, points, index, x).sum().backward()) / 8192
+    print(f"KPConv 64 -> 64 of torch: forward {forward:.2f}, forward and backward {both:.2f} us/point")
+
+
 if __name__ == "__main__":
     if sys.argv[1:2] == ["write"]:
         write(sys.argv[2])
+    elif sys.argv[1:2] == ["time"]:
+        measure()
     else:
         sys.exit(__doc__)

@@ -55,7 +55,8 @@ fn kernel_points() {
         let radius = farthest.sum::<f32>() / POINTS as f32;
         let points = Arc::new(points);
         let at = Neighborhood { queries: points.clone(), support: points, lists };
-        let kernel: Vec<[f32; 3]> = (0..15).map(|_| std::array::from_fn(|_| random.range(-0.6, 0.6) * radius)).collect();
+        let kernel: Vec<[f32; 3]> =
+            (0..15).map(|_| std::array::from_fn(|_| random.range(-0.6, 0.6) * radius)).collect();
         let kernel = KernelPoints::new(&kernel, 0.48 * radius);
         let inputs = [gauss(&mut random, &[POINTS, 64]), gauss(&mut random, &[15, 64, 64]), gauss(&mut random, &[64])];
         let run = |t: &[Tensor]| {
@@ -66,7 +67,11 @@ fn kernel_points() {
         let variables: Vec<Tensor> = variables.iter().map(|v| v.as_tensor().clone()).collect();
         let both = fastest_us(7, || run(&variables).sum_all().and_then(|sum| sum.backward()).expect("has gradients"));
         let per_point = POINTS as f64;
-        println!("KPConv 64 -> 64, {order}: forward {:.2}, forward and backward {:.2} us/point", forward / per_point, both / per_point);
+        println!(
+            "KPConv 64 -> 64, {order}: forward {:.2}, forward and backward {:.2} us/point",
+            forward / per_point,
+            both / per_point
+        );
     }
 }
 

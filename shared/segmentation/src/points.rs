@@ -11,6 +11,7 @@
 //! Weights have the names and shapes of the `PyTorch` code of the publications. `benches/peers/point_networks.py` has the same networks
 //! in `PyTorch`; the tests compare outputs, gradients and running statistics with it.
 
+mod augmentation;
 mod batch;
 mod kernel_points;
 mod kpconv;
@@ -21,8 +22,10 @@ mod pointnet;
 mod pointnet2;
 mod search;
 mod spec;
+mod spheres;
 mod waffle_iron;
 
+pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
 pub use kpconv::KpConv;
 pub use parameters::{Parameter, Parameters, Start};
@@ -30,4 +33,5 @@ pub use pass::Pass;
 pub use pointnet::PointNet;
 pub use pointnet2::{Abstraction, PointNet2, Scale};
 pub use spec::{PointNetworkSpec, PointPlan};
+pub use spheres::{PointCloud, SphereSettings, TrainingSpheres, Votes, predict_spheres, sphere};
 pub use waffle_iron::{PlaneConvolution, WaffleIron};

@@ -4,7 +4,8 @@
 use super::batch::PointBatch;
 use super::kernel_points::{kernel_points, turned};
 use super::ops::{
-    Activation, KernelPoints, Lists, Neighborhood, add_activated, kernel_point_convolution, linear, maximum, weighted_sum,
+    Activation, KernelPoints, Lists, Neighborhood, add_activated, kernel_point_convolution, linear, maximum,
+    weighted_sum,
 };
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;

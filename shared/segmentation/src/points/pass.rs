@@ -61,7 +61,12 @@ impl<'a> Pass<'a> {
         if self.parameters.contains(&name) { Ok(self.get(&name)?.clone()) } else { zeros(channels) }
     }
     /// A linear layer.
-    pub(super) fn linear(&self, rows: &Tensor, name: &str, activation: Activation) -> Result<Tensor, SegmentationError> {
+    pub(super) fn linear(
+        &self,
+        rows: &Tensor,
+        name: &str,
+        activation: Activation,
+    ) -> Result<Tensor, SegmentationError> {
         let weight = self.matrix(name)?;
         Ok(linear(rows, &weight, &self.bias(name, weight.dim(0)?)?, activation)?)
     }
@@ -92,7 +97,12 @@ impl<'a> Pass<'a> {
         Ok(Some((scale, shift)))
     }
     /// Batch normalization and an activation.
-    pub(super) fn norm(&mut self, rows: &Tensor, name: &str, activation: Activation) -> Result<Tensor, SegmentationError> {
+    pub(super) fn norm(
+        &mut self,
+        rows: &Tensor,
+        name: &str,
+        activation: Activation,
+    ) -> Result<Tensor, SegmentationError> {
         let of = |suffix: &str| self.get(&format!("{name}.{suffix}"));
         let (weight, bias) = (of("weight")?, of("bias")?);
         if self.training.is_none() {

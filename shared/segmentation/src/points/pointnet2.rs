@@ -111,7 +111,8 @@ impl PointNet2 {
         let mut levels = Vec::new();
         for abstraction in &self.abstractions {
             let coarse = fine.chosen(&fine.farthest(abstraction.centers, seed));
-            let groups = abstraction.scales.iter().map(|scale| scale.group(&fine, &coarse)).collect::<Result<_, _>>()?;
+            let groups =
+                abstraction.scales.iter().map(|scale| scale.group(&fine, &coarse)).collect::<Result<_, _>>()?;
             let (nearest, weights) = interpolation(&fine, &coarse);
             levels.push(Level { groups, nearest: Arc::new(nearest), weights: Arc::new(weights) });
             fine = coarse;

@@ -25,7 +25,10 @@ impl Clouds {
     }
     /// The nearest points of this cloud within a radius of each query, nearest first, at most `k`.
     pub fn near(&self, queries: &Self, radius_m: f32, k: usize) -> Vec<Vec<u32>> {
-        self.nearest(queries, k, |squared| squared <= radius_m * radius_m).into_iter().map(|(points, _)| points).collect()
+        self.nearest(queries, k, |squared| squared <= radius_m * radius_m)
+            .into_iter()
+            .map(|(points, _)| points)
+            .collect()
     }
     /// The `k` nearest points of this cloud around each query and their squared distances, m², nearest first.
     pub fn nearest(&self, queries: &Self, k: usize, accept: impl Fn(f32) -> bool) -> Vec<(Vec<u32>, Vec<f32>)> {
@@ -62,7 +65,8 @@ impl Clouds {
     /// The points with these numbers, in order of their clouds.
     pub fn chosen(&self, points: &[u32]) -> Self {
         let positions = points.iter().map(|point| self.positions[*point as usize]).collect();
-        let of_cloud = |range: std::ops::Range<usize>| points.iter().filter(|p| range.contains(&(**p as usize))).count();
+        let of_cloud =
+            |range: std::ops::Range<usize>| points.iter().filter(|p| range.contains(&(**p as usize))).count();
         Self::new(positions, ranges(&self.lengths).map(of_cloud).collect())
     }
     /// Number of points.

@@ -3,7 +3,8 @@
 
 use super::batch::PointBatch;
 use super::ops::{
-    Activation, Lists, PlaneShape, add_activated, depth_wise_convolution, linear, maximum, plane_convolution, weighted_sum,
+    Activation, Lists, PlaneShape, add_activated, depth_wise_convolution, linear, maximum, plane_convolution,
+    weighted_sum,
 };
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
@@ -88,9 +89,7 @@ impl WaffleIron {
         list.layer("embed.final", &[w, 2 * w, 1], true);
         let channels = if self.convolution == PlaneConvolution::Dense { w } else { 1 };
         for block in 0..self.depth {
-            for (mix, layers, shape) in
-                [("spatial", "ffn", &[w, channels, 3, 3][..]), ("channel", "mlp", &[w, w, 1])]
-            {
+            for (mix, layers, shape) in [("spatial", "ffn", &[w, channels, 3, 3][..]), ("channel", "mlp", &[w, w, 1])] {
                 let name = format!("waffleiron.{mix}_mix.{block}");
                 list.norm(&format!("{name}.norm"), w);
                 list.layer(&format!("{name}.{layers}.0"), shape, true);

@@ -3,8 +3,8 @@
 use candle_core::{Device, Result, Tensor, Var};
 use random::Random;
 use segmentation::points::ops::{
-    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, PlaneShape, Source, add_activated, depth_wise_convolution,
-    kernel_point_convolution, linear, maximum, normalize, plane_convolution, weighted_sum,
+    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, PlaneShape, Source, add_activated,
+    depth_wise_convolution, kernel_point_convolution, linear, maximum, normalize, plane_convolution, weighted_sum,
 };
 use segmentation::points::{Parameters, Pass, PointBatch, PointNetworkSpec};
 use std::sync::Arc;
@@ -188,7 +188,8 @@ fn network_gradients_equal_finite_differences() {
             let starts: Vec<Tensor> = variables.iter().map(|v| v.as_tensor().copy().expect("f32")).collect();
             let directions: Vec<Tensor> =
                 variables.iter().map(|v| gradients.get(v).expect("reaches each parameter").clone()).collect();
-            let square = |t: &Tensor| t.sqr().and_then(|t| t.sum_all()).and_then(|t| t.to_scalar::<f32>()).expect("f32");
+            let square =
+                |t: &Tensor| t.sqr().and_then(|t| t.sum_all()).and_then(|t| t.to_scalar::<f32>()).expect("f32");
             let norm = f64::from(directions.iter().map(square).sum::<f32>()).sqrt();
             // The derivative along the gradient is its length.
             let at = |offset: f64| {
@@ -247,7 +248,9 @@ fn invalid_networks_and_batches_are_rejected() {
     assert_eq!(kpconv("18446744073709551612", "0.1"), "16388 channels or centers, must be 1 to 4096");
     let unknown = r#"{"kind": "pointnet", "inputs": 4, "outputs": 3, "width": 4, "depth": 2}"#;
     assert!(serde_json::from_str::<PointNetworkSpec>(unknown).is_err());
-    for (positions, lengths) in [(vec![[0.0; 3]], vec![2]), (vec![[0.0; 3]], vec![1, 0]), (vec![[f32::NAN; 3]], vec![1])] {
+    for (positions, lengths) in
+        [(vec![[0.0; 3]], vec![2]), (vec![[0.0; 3]], vec![1, 0]), (vec![[f32::NAN; 3]], vec![1])]
+    {
         assert!(PointBatch::new(positions, lengths).is_err());
     }
 }

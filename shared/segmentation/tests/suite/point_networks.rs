@@ -54,7 +54,8 @@ impl Reference {
         // The gradient of a bias before a normalization is 0 in exact numbers: its rounding errors are those of the weight's.
         let scale = name.strip_suffix(".bias").map(|layer| format!("{layer}.weight"));
         let file = SafeTensors::deserialize(&self.bytes).expect("safetensors");
-        let scale = scale.filter(|weight| file.tensor(weight).is_ok()).map(|weight| values(&tensor(&self.bytes, &weight)));
+        let scale =
+            scale.filter(|weight| file.tensor(weight).is_ok()).map(|weight| values(&tensor(&self.bytes, &weight)));
         let all = expected.iter().chain(scale.iter().flatten());
         let largest = all.fold(1e-4_f32, |largest, value| largest.max(value.abs()));
         for (i, (got, expected)) in got.iter().zip(&expected).enumerate() {

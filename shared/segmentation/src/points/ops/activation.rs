@@ -76,7 +76,13 @@ impl CustomOp2 for AddActivated {
         });
         Ok((CpuStorage::F32(out), la.shape().clone()))
     }
-    fn bwd(&self, _: &Tensor, _: &Tensor, result: &Tensor, gradient: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
+    fn bwd(
+        &self,
+        _: &Tensor,
+        _: &Tensor,
+        result: &Tensor,
+        gradient: &Tensor,
+    ) -> Result<(Option<Tensor>, Option<Tensor>)> {
         let gradient = self.0.gradient(result, gradient)?;
         Ok((Some(gradient.clone()), Some(gradient)))
     }

@@ -64,7 +64,9 @@ impl CustomOp1 for Maximum {
                             continue;
                         }
                         let range = *list as usize * n_columns..(*list as usize + 1) * n_columns;
-                        for ((out, chosen), gradient) in out.iter_mut().zip(&chosen[range.clone()]).zip(&gradient[range]) {
+                        for ((out, chosen), gradient) in
+                            out.iter_mut().zip(&chosen[range.clone()]).zip(&gradient[range])
+                        {
                             *out += if *chosen as usize == first + row { *gradient } else { 0.0 };
                         }
                     }

@@ -84,7 +84,12 @@ fn check(shape: PlaneShape, cells: &Layout, weight: &Layout, bias: &Layout, grou
     };
     let fits = if groups { of_weight == 1 && n_out == n_in } else { of_weight == n_in };
     if n != shape.n_cells() || !fits || bias.dims() != [n_out] {
-        bail!("plane convolution: cells {:?} of {shape:?}, weight {:?}, bias {:?}", cells.shape(), weight.shape(), bias.shape());
+        bail!(
+            "plane convolution: cells {:?} of {shape:?}, weight {:?}, bias {:?}",
+            cells.shape(),
+            weight.shape(),
+            bias.shape()
+        );
     }
     Ok((n_in, n_out))
 }
@@ -188,8 +193,7 @@ impl CustomOp3 for DepthWise {
         let n_channels = weight.dim(0)?;
         let of_cells = || {
             let by_tap = read(weight, |weight| weight_by_tap(weight, n_channels, true))?;
-            let out =
-                read(&gradient, |g| depth_wise(self.shape, g, n_channels, &by_tap, None, Activation::NONE))?;
+            let out = read(&gradient, |g| depth_wise(self.shape, g, n_channels, &by_tap, None, Activation::NONE))?;
             tensor(out, cells.shape().clone())
         };
         let of_weight = || {

@@ -29,11 +29,7 @@ pub(in crate::points) fn tensor(values: Vec<f32>, shape: impl Into<Shape>) -> Re
 }
 
 /// The sum of `f(row)` over the rows by column, in `f64`: fixed parts, added in order.
-pub(super) fn column_sums(
-    n_rows: usize,
-    n_columns: usize,
-    add: impl Fn(usize, &mut [f64]) + Sync,
-) -> Vec<f64> {
+pub(super) fn column_sums(n_rows: usize, n_columns: usize, add: impl Fn(usize, &mut [f64]) + Sync) -> Vec<f64> {
     let parts: Vec<Vec<f64>> = (0..n_rows.div_ceil(PART))
         .into_par_iter()
         .map(|part| {

@@ -145,7 +145,11 @@ impl CustomOp3 for KernelPointConvolution {
     ) -> Result<(CpuStorage, Shape)> {
         let (n, n_in) = features_layout.shape().dims2()?;
         let (n_points, of_weights, n_out) = weights_layout.shape().dims3()?;
-        if n != self.at.support.len() || of_weights != n_in || n_points != self.kernel.len() || bias_layout.dims() != [n_out] {
+        if n != self.at.support.len()
+            || of_weights != n_in
+            || n_points != self.kernel.len()
+            || bias_layout.dims() != [n_out]
+        {
             bail!(
                 "kernel point convolution: features {:?}, weights {:?}, {} support points, {} kernel points",
                 (n, n_in),

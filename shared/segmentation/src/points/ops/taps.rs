@@ -105,7 +105,8 @@ impl Taps for KernelTaps<'_> {
             for (block_idx, block) in self.kernel.blocks.iter().enumerate() {
                 let mut influences = [0.0_f32; LANES];
                 for lane in 0..LANES {
-                    let (dx, dy, dz) = (offset[0] - block[0][lane], offset[1] - block[1][lane], offset[2] - block[2][lane]);
+                    let (dx, dy, dz) =
+                        (offset[0] - block[0][lane], offset[1] - block[1][lane], offset[2] - block[2][lane]);
                     influences[lane] = 1.0 - (dx * dx + dy * dy + dz * dz).sqrt() * self.kernel.per_extent;
                 }
                 // The bits of the few kernel points with influence.
