@@ -589,7 +589,7 @@ def measure():
         tensors = {key: t for key, t in network.state_dict().items() if not key.endswith("tracked")}
         tensors.update({"test.positions": torch.from_numpy(np.concatenate(clouds)), "test.features": features})
         tensors["test.lengths"] = torch.tensor([len(c) for c in clouds])
-        with tempfile.NamedTemporaryFile(suffix=".safetensors") as file:
+        with tempfile.NamedTemporaryFile(prefix=name, suffix=".safetensors", delete="--keep" not in sys.argv) as file:
             card = {"architecture": "points", "version": 1, "settings": {"kind": kind, **sizes}}
             write_safetensors(file.name, tensors, {"model": json.dumps(card)})
             program = os.path.join(RELEASE, "examples", "bench_points")

@@ -106,7 +106,9 @@ fn network(path: &Path) {
 
 fn main() {
     let files: Vec<_> = std::env::args_os().skip(1).collect();
-    files.iter().for_each(|file| network(Path::new(file)));
+    for file in &files {
+        network(Path::new(file));
+    }
     if files.is_empty() {
         kernel_points();
     }

@@ -58,11 +58,11 @@ impl PointNet {
         let positions = batch.positions_tensor()?;
         let clouds = Arc::new(Lists::consecutive(batch.lengths()));
         let input = Tensor::cat(&[&positions, features], 1)?;
-        let transform = self.transform(pass, &input, &clouds, "feat.stn", 3)?;
+        let transform = transform_of_clouds(pass, &input, &clouds, "feat.stn", 3)?;
         let turned = transformed(&positions, &transform, batch)?;
         let input = Tensor::cat(&[&turned, features], 1)?;
         let x = pass.linear_norm(&input, "feat.conv1", "feat.bn1", RELU)?;
-        let transform = self.transform(pass, &x, &clouds, "feat.fstn", self.width)?;
+        let transform = transform_of_clouds(pass, &x, &clouds, "feat.fstn", self.width)?;
         pass.regularize(distance_to_orthogonal(&transform)?)?;
         let local = transformed(&x, &transform, batch)?;
         let x = pass.linear_norm(&local, "feat.conv2", "feat.bn2", RELU)?;
@@ -72,26 +72,6 @@ impl PointNet {
         let x = pass.linear_norm(&x, "conv2", "bn2", RELU)?;
         let x = pass.linear_norm(&x, "conv3", "bn3", RELU)?;
         pass.linear(&x, "conv4", Activation::NONE)
-    }
-    /// The transform of each cloud, `(clouds, side, side)`.
-    fn transform(
-        &self,
-        pass: &mut Pass<'_>,
-        rows: &Tensor,
-        clouds: &Arc<Lists>,
-        name: &str,
-        side: usize,
-    ) -> Result<Tensor, SegmentationError> {
-        let mut x = rows.clone();
-        for (i, layer) in TRANSFORM_LAYERS[..5].iter().enumerate() {
-            x = pass.linear_norm(&x, &format!("{name}.{layer}"), &format!("{name}.bn{}", i + 1), RELU)?;
-            if i == 2 {
-                x = maximum(&x, clouds, 0)?;
-            }
-        }
-        let x = pass.linear(&x, &format!("{name}.fc3"), Activation::NONE)?;
-        let identity = Tensor::eye(side, DType::F32, &Device::Cpu)?;
-        Ok(x.reshape((clouds.len(), side, side))?.broadcast_add(&identity)?)
     }
     /// The first layer of the head, on global and local features: the product with the global ones is the same for all points of a
     /// cloud.
@@ -117,6 +97,26 @@ impl PointNet {
 
 /// Names of the layers of a transform.
 const TRANSFORM_LAYERS: [&str; 6] = ["conv1", "conv2", "conv3", "fc1", "fc2", "fc3"];
+
+/// The transform of each cloud, `(clouds, side, side)`.
+fn transform_of_clouds(
+    pass: &mut Pass<'_>,
+    rows: &Tensor,
+    clouds: &Arc<Lists>,
+    name: &str,
+    side: usize,
+) -> Result<Tensor, SegmentationError> {
+    let mut x = rows.clone();
+    for (i, layer) in TRANSFORM_LAYERS[..5].iter().enumerate() {
+        x = pass.linear_norm(&x, &format!("{name}.{layer}"), &format!("{name}.bn{}", i + 1), RELU)?;
+        if i == 2 {
+            x = maximum(&x, clouds, 0)?;
+        }
+    }
+    let x = pass.linear(&x, &format!("{name}.fc3"), Activation::NONE)?;
+    let identity = Tensor::eye(side, DType::F32, &Device::Cpu)?;
+    Ok(x.reshape((clouds.len(), side, side))?.broadcast_add(&identity)?)
+}
 
 /// The rows of each cloud times its transform.
 fn transformed(rows: &Tensor, transforms: &Tensor, batch: &PointBatch) -> Result<Tensor, SegmentationError> {

@@ -1,4 +1,4 @@
-//! `PointNet++` with multi-scale grouping (Qi et al., NeurIPS 2017): set abstractions around farthest points, feature propagation by
+//! `PointNet++` with multi-scale grouping (Qi et al., NIPS 2017): set abstractions around farthest points, feature propagation by
 //! the 3 nearest points. Names of parameters follow `pointnet2_sem_seg_msg`.
 
 use super::batch::PointBatch;

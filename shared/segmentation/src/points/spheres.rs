@@ -37,7 +37,7 @@ impl SphereSettings {
         let overlaps = self.overlap_m >= 0.0 && self.overlap_m <= 1.9 * self.radius_m;
         (!overlaps).then(|| format!("overlap_m = {}; must be 0 to 1.9 radii", self.overlap_m))
     }
-    fn check(&self) -> Result<(), SegmentationError> {
+    fn check(self) -> Result<(), SegmentationError> {
         self.problem().map_or(Ok(()), |problem| Err(SegmentationError::Settings(problem)))
     }
     /// Centers of spheres that contain all points: those of a cubic grid, in the order of their first points, then points that no
@@ -201,7 +201,9 @@ impl Votes {
     /// The mean probabilities; 0 for points without votes.
     pub fn means(mut self) -> Vec<f32> {
         for (sums, count) in self.sums.chunks_exact_mut(self.n_classes.max(1)).zip(&self.counts) {
-            sums.iter_mut().for_each(|sum| *sum /= (*count).max(1) as f32);
+            for sum in sums {
+                *sum /= (*count).max(1) as f32;
+            }
         }
         self.sums
     }

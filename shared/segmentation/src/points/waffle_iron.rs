@@ -152,27 +152,12 @@ impl WaffleIron {
         plan: &WaffleIronPlan,
         features: &Tensor,
     ) -> Result<Tensor, SegmentationError> {
-        let mut x = self.embedding(pass, plan, features)?;
+        let mut x = embedding(pass, plan, features)?;
         for block in 0..self.depth {
             x = self.spatial_mix(pass, &x, block, &plan.planes[block % plan.planes.len()])?;
             x = self.channel_mix(pass, &x, block)?;
         }
         pass.linear(&x, "classif", NONE)
-    }
-    fn embedding(
-        &self,
-        pass: &mut Pass<'_>,
-        plan: &WaffleIronPlan,
-        features: &Tensor,
-    ) -> Result<Tensor, SegmentationError> {
-        let x = pass.norm(features, "embed.norm", NONE)?;
-        let of_point = pass.linear(&x, "embed.conv1", NONE)?;
-        let differences = weighted_sum(&x, &plan.differences, Some(&plan.signs))?;
-        let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
-        let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
-        let y = pass.linear(&y, "embed.conv2.4", NONE)?;
-        let of_neighbors = maximum(&y, &plan.of_point, 0)?;
-        pass.linear(&Tensor::cat(&[&of_point, &of_neighbors], 1)?, "embed.final", NONE)
     }
     fn spatial_mix(
         &self,
@@ -209,4 +194,15 @@ impl WaffleIron {
         let bias = (pass.bias(&format!("{name}.mlp.2"), self.width)? * scale.flatten_all()?)?;
         Ok(add_activated(x, &linear(&y, &weight, &bias, NONE)?, NONE)?)
     }
+}
+
+fn embedding(pass: &mut Pass<'_>, plan: &WaffleIronPlan, features: &Tensor) -> Result<Tensor, SegmentationError> {
+    let x = pass.norm(features, "embed.norm", NONE)?;
+    let of_point = pass.linear(&x, "embed.conv1", NONE)?;
+    let differences = weighted_sum(&x, &plan.differences, Some(&plan.signs))?;
+    let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
+    let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
+    let y = pass.linear(&y, "embed.conv2.4", NONE)?;
+    let of_neighbors = maximum(&y, &plan.of_point, 0)?;
+    pass.linear(&Tensor::cat(&[&of_point, &of_neighbors], 1)?, "embed.final", NONE)
 }

@@ -22,6 +22,19 @@ impl Activation {
     pub(super) fn of(self, x: f32) -> f32 {
         if x > 0.0 { x } else { self.slope * x }
     }
+    /// Applies it to values.
+    pub(super) fn apply(self, values: &mut [f32]) {
+        if self != Self::NONE {
+            wide_loops::run(
+                #[inline(always)]
+                || {
+                    for value in values {
+                        *value = self.of(*value);
+                    }
+                },
+            );
+        }
+    }
     /// The gradient of the argument, from the result and its gradient. At 0 the derivative is the slope, as in `PyTorch`.
     pub(super) fn gradient(self, result: &Tensor, gradient: &Tensor) -> Result<Tensor> {
         if self == Self::NONE {

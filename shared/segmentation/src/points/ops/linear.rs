@@ -83,12 +83,7 @@ fn products(
             out.chunks_exact_mut(n_out).for_each(|row| row.copy_from_slice(bias));
         }
         right.add_product(Matrix::of_rows(&rows[first * depth..], depth), out);
-        if activation != Activation::NONE {
-            wide_loops::run(
-                #[inline(always)]
-                || out.iter_mut().for_each(|out| *out = activation.of(*out)),
-            );
-        }
+        activation.apply(out);
     });
     out
 }

@@ -37,13 +37,17 @@ impl ColumnStatistics {
             let mut means = column_sums(n_rows, n_columns, |i, sums| {
                 sums.iter_mut().zip(row(i)).for_each(|(sum, value)| *sum += f64::from(*value));
             });
-            means.iter_mut().for_each(|mean| *mean *= per_row);
+            for mean in &mut means {
+                *mean *= per_row;
+            }
             let mut variances = column_sums(n_rows, n_columns, |i, sums| {
                 for ((sum, value), mean) in sums.iter_mut().zip(row(i)).zip(&means) {
                     *sum += (f64::from(*value) - mean).powi(2);
                 }
             });
-            variances.iter_mut().for_each(|variance| *variance *= per_row);
+            for variance in &mut variances {
+                *variance *= per_row;
+            }
             Self { n_rows, means, variances }
         };
         read(rows, statistics)

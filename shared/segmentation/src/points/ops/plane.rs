@@ -254,10 +254,10 @@ fn depth_wise(
                             out.iter_mut().zip(weights).zip(other).for_each(|((out, w), other)| *out += w * other);
                         }
                     }
-                    out.iter_mut().for_each(|out| *out = activation.of(*out));
                 }
             },
         );
+        activation.apply(out);
     });
     out
 }

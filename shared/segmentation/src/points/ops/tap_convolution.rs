@@ -45,9 +45,7 @@ pub(super) fn convolve(
             let n_rows = out.len() / n_out;
             collect(taps, input, n_columns, block_idx * block, &mut collected[..n_rows * depth]);
             right.add_product(Matrix::of_rows(collected, depth), out);
-            if activation != Activation::NONE {
-                out.iter_mut().for_each(|out| *out = activation.of(*out));
-            }
+            activation.apply(out);
         },
     );
     out
