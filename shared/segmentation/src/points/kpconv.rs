@@ -4,8 +4,8 @@
 use super::batch::PointBatch;
 use super::kernel_points::{kernel_points, turned};
 use super::ops::{
-    Activation, KernelPoints, Lists, Neighborhood, add_activated, kernel_point_convolution, linear, maximum,
-    weighted_sum,
+    Activation, KernelPoints, Lists, Neighborhood, add_activated, concatenate, kernel_point_convolution, linear,
+    maximum, weighted_sum,
 };
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
@@ -177,7 +177,7 @@ impl KpConv {
             level -= 1;
             let name = format!("decoder_blocks.{}", 2 * (self.levels - 2 - level) + 1);
             let Some((_, nearest)) = &plan.levels[level].coarser else { continue };
-            x = Tensor::cat(&[&weighted_sum(&x, nearest, None)?, &skip], 1)?;
+            x = concatenate(&weighted_sum(&x, nearest, None)?, &[&skip])?;
             x = unary(pass, &x, &name, LEAKY)?;
         }
         for (name, activation) in [("head_mlp", LEAKY), ("head_softmax", Activation::NONE)] {

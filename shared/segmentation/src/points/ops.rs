@@ -3,6 +3,7 @@
 //! All results and gradients are the same for every number of threads: a row has one thread, and sums over rows have fixed parts.
 
 mod activation;
+mod concatenate;
 mod linear;
 mod lists;
 mod maximum;
@@ -15,6 +16,7 @@ mod taps;
 mod weighted_sum;
 
 pub use activation::{Activation, add_activated};
+pub use concatenate::concatenate;
 pub use linear::linear;
 pub use lists::Lists;
 pub use maximum::maximum;

@@ -2,7 +2,7 @@
 //! global features. Names of parameters follow pointnet.pytorch with features (`pointnet_sem_seg`).
 
 use super::batch::PointBatch;
-use super::ops::{Activation, Lists, add_activated, linear, maximum, weighted_sum};
+use super::ops::{Activation, Lists, add_activated, concatenate, linear, maximum, weighted_sum};
 use super::parameters::ParameterList;
 use super::pass::Pass;
 use crate::SegmentationError;
@@ -57,10 +57,10 @@ impl PointNet {
     ) -> Result<Tensor, SegmentationError> {
         let positions = batch.positions_tensor()?;
         let clouds = Arc::new(Lists::consecutive(batch.lengths()));
-        let input = Tensor::cat(&[&positions, features], 1)?;
+        let input = concatenate(&positions, &[features])?;
         let transform = transform_of_clouds(pass, &input, &clouds, "feat.stn", 3)?;
         let turned = transformed(&positions, &transform, batch)?;
-        let input = Tensor::cat(&[&turned, features], 1)?;
+        let input = concatenate(&turned, &[features])?;
         let x = pass.linear_norm(&input, "feat.conv1", "feat.bn1", RELU)?;
         let transform = transform_of_clouds(pass, &x, &clouds, "feat.fstn", self.width)?;
         pass.regularize(distance_to_orthogonal(&transform)?)?;

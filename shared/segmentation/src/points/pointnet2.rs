@@ -2,7 +2,7 @@
 //! the 3 nearest points. Names of parameters follow `pointnet2_sem_seg_msg`.
 
 use super::batch::PointBatch;
-use super::ops::{Activation, Lists, maximum, tensor, weighted_sum};
+use super::ops::{Activation, Lists, concatenate, maximum, tensor, weighted_sum};
 use super::parameters::ParameterList;
 use super::pass::Pass;
 use super::search::{Clouds, interpolation};
@@ -130,19 +130,22 @@ impl PointNet2 {
         for (l, (level, abstraction)) in plan.levels.iter().zip(&self.abstractions).enumerate() {
             let mut of_scales = Vec::new();
             for (i, (group, scale)) in level.groups.iter().zip(&abstraction.scales).enumerate() {
-                let mut rows = Tensor::cat(&[&weighted_sum(&x, &group.points, None)?, &group.offsets], 1)?;
+                let mut rows = concatenate(&weighted_sum(&x, &group.points, None)?, &[&group.offsets])?;
                 for j in 0..scale.widths.len() {
                     let names = [format!("sa{}.conv_blocks.{i}.{j}", l + 1), format!("sa{}.bn_blocks.{i}.{j}", l + 1)];
                     rows = pass.linear_norm(&rows, &names[0], &names[1], RELU)?;
                 }
                 of_scales.push(maximum(&rows, &group.rows, 0)?);
             }
-            levels.push(std::mem::replace(&mut x, Tensor::cat(&of_scales, 1)?));
+            levels.push(std::mem::replace(
+                &mut x,
+                concatenate(&of_scales[0], &of_scales[1..].iter().collect::<Vec<_>>())?,
+            ));
         }
         for (l, (level, widths)) in plan.levels.iter().zip(&self.propagations).enumerate().rev() {
             x = weighted_sum(&x, &level.nearest, Some(&level.weights))?;
             if l > 0 {
-                x = Tensor::cat(&[&levels[l], &x], 1)?;
+                x = concatenate(&levels[l], &[&x])?;
             }
             for j in 0..widths.len() {
                 let names = [format!("fp{}.mlp_convs.{j}", l + 1), format!("fp{}.mlp_bns.{j}", l + 1)];

@@ -3,8 +3,8 @@
 
 use super::batch::PointBatch;
 use super::ops::{
-    Activation, Lists, PlaneShape, add_activated, depth_wise_convolution, linear, maximum, plane_convolution,
-    weighted_sum,
+    Activation, Lists, PlaneShape, add_activated, concatenate, depth_wise_convolution, linear, maximum,
+    plane_convolution, weighted_sum,
 };
 use super::parameters::{ParameterList, Start};
 use super::pass::Pass;
@@ -204,5 +204,5 @@ fn embedding(pass: &mut Pass<'_>, plan: &WaffleIronPlan, features: &Tensor) -> R
     let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
     let y = pass.linear(&y, "embed.conv2.4", NONE)?;
     let of_neighbors = maximum(&y, &plan.of_point, 0)?;
-    pass.linear(&Tensor::cat(&[&of_point, &of_neighbors], 1)?, "embed.final", NONE)
+    pass.linear(&concatenate(&of_point, &[&of_neighbors])?, "embed.final", NONE)
 }

@@ -63,6 +63,16 @@ fn linear_gradient_equals_finite_difference() {
 }
 
 #[test]
+fn concatenation_gradient_equals_finite_difference() {
+    let mut random = Random::new(9);
+    let inputs = [gauss(&mut random, &[5, 3]), gauss(&mut random, &[5, 1]), gauss(&mut random, &[5, 4])];
+    let joined = concatenate(&inputs[0], &[&inputs[1], &inputs[2]]).expect("runs");
+    let expected = Tensor::cat(&inputs, 1).expect("runs").to_vec2::<f32>().expect("rows");
+    assert_eq!(joined.to_vec2::<f32>().expect("rows"), expected);
+    assert_gradients(&inputs, 0.5, 1e-4, |t| concatenate(&t[0], &[&t[1], &t[2]]));
+}
+
+#[test]
 fn weighted_sum_gradient_equals_finite_difference() {
     let mut random = Random::new(2);
     let lists = Arc::new(Lists::new([vec![2, 0], vec![], vec![1, 1, 3]], 5));

@@ -1,5 +1,10 @@
 //! Leaky rectifier, and sums followed by it.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
+)]
+
 use super::rows::{for_each_block, read, tensor, values};
 use candle_core::{CpuStorage, CustomOp2, Layout, Result, Shape, Tensor, bail};
 
@@ -47,8 +52,10 @@ impl Activation {
                 wide_loops::run(
                     #[inline(always)]
                     || {
-                        for ((out, result), gradient) in out.iter_mut().zip(result).zip(gradient) {
-                            *out = if *result > 0.0 { *gradient } else { self.slope * gradient };
+                        let n = out.len();
+                        let (result, gradient) = (&result[..n], &gradient[..n]);
+                        for i in 0..n {
+                            out[i] = if result[i] > 0.0 { gradient[i] } else { self.slope * gradient[i] };
                         }
                     },
                 );
@@ -84,7 +91,13 @@ impl CustomOp2 for AddActivated {
             let (a, b) = (&a[start..], &b[start..]);
             wide_loops::run(
                 #[inline(always)]
-                || out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = self.0.of(a + b)),
+                || {
+                    let n = out.len();
+                    let (a, b) = (&a[..n], &b[..n]);
+                    for i in 0..n {
+                        out[i] = self.0.of(a[i] + b[i]);
+                    }
+                },
             );
         });
         Ok((CpuStorage::F32(out), la.shape().clone()))

@@ -1,5 +1,10 @@
 //! Linear layer, followed by an activation.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
+)]
+
 use super::activation::Activation;
 use super::product::{Matrix, Packed};
 use super::rows::{column_sums, for_each_block, read, tensor, values};
@@ -119,10 +124,17 @@ pub(super) fn sum_parts(parts: impl IndexedParallelIterator<Item = Vec<f32>>, le
 pub(super) fn row_sum(rows: &Tensor) -> Result<Tensor> {
     let (n, n_columns) = rows.dims2()?;
     let of_values = |values: &[f32]| {
-        column_sums(n, n_columns, |row, sums| {
-            let row = &values[row * n_columns..(row + 1) * n_columns];
-            sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += f64::from(*value));
-        })
+        column_sums(
+            n,
+            n_columns,
+            #[inline(always)]
+            |row, sums| {
+                let row = &values[row * n_columns..(row + 1) * n_columns];
+                for c in 0..n_columns {
+                    sums[c] += f64::from(row[c]);
+                }
+            },
+        )
     };
     tensor(read(rows, of_values)?.into_iter().map(|sum| sum as f32).collect(), n_columns)
 }

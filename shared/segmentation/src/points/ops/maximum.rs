@@ -1,5 +1,10 @@
 //! Maximum over the rows of lists, by column.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
+)]
+
 use super::lists::Lists;
 use super::rows::{for_each_block, read, tensor, values};
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
@@ -41,7 +46,9 @@ impl CustomOp1 for Maximum {
                         }
                         for row in list {
                             let row = &rows[*row as usize * n_columns..(*row as usize + 1) * n_columns];
-                            out.iter_mut().zip(row).for_each(|(out, row)| *out = if *row > *out { *row } else { *out });
+                            for c in 0..n_columns {
+                                out[c] = if row[c] > out[c] { row[c] } else { out[c] };
+                            }
                         }
                     }
                 },
@@ -56,21 +63,26 @@ impl CustomOp1 for Maximum {
         let gradient = read(gradient, |gradient| {
             let mut out = vec![0.0; n_rows * n_columns];
             for_each_block(&mut out, n_columns, BLOCK, |first, out| {
-                for (row, out) in out.chunks_exact_mut(n_columns).enumerate() {
-                    let mut last = u32::MAX;
-                    for list in lists.of(first + row) {
-                        // A row that is twice in a list gets its gradient once.
-                        if std::mem::replace(&mut last, *list) == *list {
-                            continue;
+                wide_loops::run(
+                    #[inline(always)]
+                    || {
+                        for (row, out) in out.chunks_exact_mut(n_columns).enumerate() {
+                            let mut last = u32::MAX;
+                            for list in lists.of(first + row) {
+                                // A row that is twice in a list gets its gradient once.
+                                if std::mem::replace(&mut last, *list) == *list {
+                                    continue;
+                                }
+                                let start = *list as usize * n_columns;
+                                let chosen = &chosen[start..start + n_columns];
+                                let gradient = &gradient[start..start + n_columns];
+                                for c in 0..n_columns {
+                                    out[c] += if chosen[c] as usize == first + row { gradient[c] } else { 0.0 };
+                                }
+                            }
                         }
-                        let range = *list as usize * n_columns..(*list as usize + 1) * n_columns;
-                        for ((out, chosen), gradient) in
-                            out.iter_mut().zip(&chosen[range.clone()]).zip(&gradient[range])
-                        {
-                            *out += if *chosen as usize == first + row { *gradient } else { 0.0 };
-                        }
-                    }
-                }
+                    },
+                );
             });
             out
         })?;
@@ -88,12 +100,17 @@ impl Maximum {
         }
         chosen.par_chunks_mut(n_columns).with_min_len(BLOCK).enumerate().for_each(|(list, chosen)| {
             let result = &result[list * n_columns..(list + 1) * n_columns];
-            for row in self.lists.of(list).iter().rev() {
-                let values = &rows[*row as usize * n_columns..(*row as usize + 1) * n_columns];
-                for ((chosen, result), value) in chosen.iter_mut().zip(result).zip(values) {
-                    *chosen = if result == value { *row } else { *chosen };
-                }
-            }
+            wide_loops::run(
+                #[inline(always)]
+                || {
+                    for row in self.lists.of(list).iter().rev() {
+                        let values = &rows[*row as usize * n_columns..(*row as usize + 1) * n_columns];
+                        for c in 0..n_columns {
+                            chosen[c] = if result[c] == values[c] { *row } else { chosen[c] };
+                        }
+                    }
+                },
+            );
         });
         chosen
     }

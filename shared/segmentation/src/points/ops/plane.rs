@@ -1,5 +1,10 @@
 //! 3 x 3 convolutions of stride 1 on planes with zeros around them. A row is a cell; the cells of a plane are in row-major order.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
+)]
+
 use super::activation::Activation;
 use super::linear::row_sum;
 use super::product::{Matrix, Packed};
@@ -198,17 +203,22 @@ impl CustomOp3 for DepthWise {
         };
         let of_weight = || {
             let sums = |cells: &[f32], gradient: &[f32]| {
-                column_sums(self.shape.n_cells(), TAPS * n_channels, |cell, sums| {
-                    let gradient = &gradient[cell * n_channels..(cell + 1) * n_channels];
-                    for (tap, sums) in sums.chunks_exact_mut(n_channels).enumerate() {
-                        if let Some(other) = self.shape.cell_at(cell, tap) {
-                            let other = &cells[other * n_channels..(other + 1) * n_channels];
-                            for ((sum, gradient), other) in sums.iter_mut().zip(gradient).zip(other) {
-                                *sum += f64::from(gradient * other);
+                column_sums(
+                    self.shape.n_cells(),
+                    TAPS * n_channels,
+                    #[inline(always)]
+                    |cell, sums| {
+                        let gradient = &gradient[cell * n_channels..(cell + 1) * n_channels];
+                        for (tap, sums) in sums.chunks_exact_mut(n_channels).enumerate() {
+                            if let Some(other) = self.shape.cell_at(cell, tap) {
+                                let other = &cells[other * n_channels..(other + 1) * n_channels];
+                                for c in 0..n_channels {
+                                    sums[c] += f64::from(gradient[c] * other[c]);
+                                }
                             }
                         }
-                    }
-                })
+                    },
+                )
             };
             let by_tap = read(cells, |cells| read(&gradient, |gradient| sums(cells, gradient)))??;
             let at = |i: usize| by_tap[i % TAPS * n_channels + i / TAPS] as f32;
@@ -251,7 +261,9 @@ fn depth_wise(
                     for (tap, weights) in by_tap.chunks_exact(n_channels).enumerate() {
                         if let Some(other) = shape.cell_at(first + cell, tap) {
                             let other = &cells[other * n_channels..(other + 1) * n_channels];
-                            out.iter_mut().zip(weights).zip(other).for_each(|((out, w), other)| *out += w * other);
+                            for c in 0..n_channels {
+                                out[c] += weights[c] * other[c];
+                            }
                         }
                     }
                 }

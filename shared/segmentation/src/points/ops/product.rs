@@ -135,11 +135,18 @@ impl Job<'_> {
         let mut sums = [[simd.splat_f32s(0.0); V]; R];
         for r in 0..R {
             let start = (row + r) * self.right.n_columns + first_column;
-            let mut old = [0.0_f32; PANEL];
-            old[..width].copy_from_slice(&self.out[start..start + width]);
-            let old = S::as_simd_f32s(&old).0;
-            for v in 0..V {
-                sums[r][v] = old[v];
+            if width == PANEL {
+                let old = S::as_simd_f32s(&self.out[start..start + PANEL]).0;
+                for v in 0..V {
+                    sums[r][v] = old[v];
+                }
+            } else {
+                let mut old = [0.0_f32; PANEL];
+                old[..width].copy_from_slice(&self.out[start..start + width]);
+                let old = S::as_simd_f32s(&old).0;
+                for v in 0..V {
+                    sums[r][v] = old[v];
+                }
             }
         }
         let left: [&[f32]; R] = std::array::from_fn(|r| &values[(row + r) * row_step + first_k * column_step..]);
@@ -158,12 +165,19 @@ impl Job<'_> {
         }
         for r in 0..R {
             let start = (row + r) * self.right.n_columns + first_column;
-            let mut new = [0.0_f32; PANEL];
-            let vectors = S::as_mut_simd_f32s(&mut new).0;
-            for v in 0..V {
-                vectors[v] = sums[r][v];
+            if width == PANEL {
+                let new = S::as_mut_simd_f32s(&mut self.out[start..start + PANEL]).0;
+                for v in 0..V {
+                    new[v] = sums[r][v];
+                }
+            } else {
+                let mut new = [0.0_f32; PANEL];
+                let vectors = S::as_mut_simd_f32s(&mut new).0;
+                for v in 0..V {
+                    vectors[v] = sums[r][v];
+                }
+                self.out[start..start + width].copy_from_slice(&new[..width]);
             }
-            self.out[start..start + width].copy_from_slice(&new[..width]);
         }
     }
 }

@@ -28,18 +28,22 @@ pub(in crate::points) fn tensor(values: Vec<f32>, shape: impl Into<Shape>) -> Re
     Tensor::from_vec(values, shape.into(), &Device::Cpu)
 }
 
-/// The sum of `f(row)` over the rows by column, in `f64`: fixed parts, added in order.
+/// Sums over the rows by column, in `f64`: fixed parts, added in order. `add` adds a row to the sums; it must be `#[inline(always)]`.
+#[inline(always)]
 pub(super) fn column_sums(n_rows: usize, n_columns: usize, add: impl Fn(usize, &mut [f64]) + Sync) -> Vec<f64> {
-    let parts: Vec<Vec<f64>> = (0..n_rows.div_ceil(PART))
-        .into_par_iter()
-        .map(|part| {
-            let mut sums = vec![0.0; n_columns];
-            for row in part * PART..((part + 1) * PART).min(n_rows) {
-                add(row, &mut sums);
-            }
-            sums
-        })
-        .collect();
+    let of_part = |part: usize| {
+        let mut sums = vec![0.0; n_columns];
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                for row in part * PART..((part + 1) * PART).min(n_rows) {
+                    add(row, &mut sums);
+                }
+            },
+        );
+        sums
+    };
+    let parts: Vec<Vec<f64>> = (0..n_rows.div_ceil(PART)).into_par_iter().map(of_part).collect();
     let mut total = vec![0.0; n_columns];
     for part in parts {
         total.iter_mut().zip(part).for_each(|(total, part)| *total += part);

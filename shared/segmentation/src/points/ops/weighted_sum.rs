@@ -1,5 +1,10 @@
 //! Weighted sums of the rows of lists: gather, mean of cells, interpolation.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over indices of slices of one length are what the compiler makes vectors of; calls in between are not"
+)]
+
 use super::lists::Lists;
 use super::rows::{for_each_block, values};
 use candle_core::{CpuStorage, CustomOp1, Layout, Result, Shape, Tensor, bail};
@@ -52,7 +57,9 @@ impl CustomOp1 for WeightedSum {
                             let row = &rows[row * n_columns..(row + 1) * n_columns];
                             let weighted = places.map_or(place, |places| places[place] as usize);
                             let weight = self.weights.as_ref().map_or(1.0, |weights| weights[weighted]);
-                            out.iter_mut().zip(row).for_each(|(out, row)| *out += weight * row);
+                            for c in 0..n_columns {
+                                out[c] += weight * row[c];
+                            }
                         }
                     }
                 },
