@@ -3,7 +3,7 @@
 use candle_core::{Device, Result, Tensor, Var};
 use random::Random;
 use segmentation::points::ops::{
-    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, PlaneShape, Source, add_activated,
+    Activation, ColumnStatistics, KernelPoints, Lists, Neighborhood, PlaneShape, Source, add_activated, concatenate,
     depth_wise_convolution, kernel_point_convolution, linear, maximum, normalize, plane_convolution, weighted_sum,
 };
 use segmentation::points::{Parameters, Pass, PointBatch, PointNetworkSpec};
