@@ -8,14 +8,17 @@
 use super::activation::Activation;
 use super::linear::row_sum;
 use super::product::{Matrix, Packed};
-use super::rows::{column_sums, for_each_block, read, tensor, values};
+use super::rows::{for_each_block, read, tensor, values};
 use super::tap_convolution::{convolve, weight_gradient};
 use super::taps::Taps;
 use candle_core::{CpuStorage, CustomOp3, Layout, Result, Shape, Tensor, bail};
 use pulp::Simd;
+use rayon::prelude::*;
 
 /// Taps of a 3 x 3 kernel.
 const TAPS: usize = 9;
+/// Rows of cells of a part of the gradient of the weights.
+const PART_ROWS: usize = 16;
 
 /// Planes of equal size, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,13 +36,19 @@ impl PlaneShape {
     pub fn n_cells(self) -> usize {
         self.planes * self.height * self.width
     }
-    /// The cell under a tap of the kernel at a cell.
+    /// Calls `visit` with each tap of the kernel at cell `x` of a row of cells, and the cell under it.
     #[inline(always)]
-    fn cell_at(self, cell: usize, tap: usize) -> Option<usize> {
-        let (y, x) = (cell / self.width % self.height, cell % self.width);
-        let (dy, dx) = (tap / 3, tap % 3);
-        let inside = (1..=self.height).contains(&(y + dy)) && (1..=self.width).contains(&(x + dx));
-        inside.then(|| cell + dy * self.width + dx - self.width - 1)
+    fn for_each_tap(self, row_start: usize, x: usize, mut visit: impl FnMut(usize, usize)) {
+        let y = row_start / self.width % self.height;
+        for dy in 0..3 {
+            if (1..=self.height).contains(&(y + dy)) {
+                for dx in 0..3 {
+                    if (1..=self.width).contains(&(x + dx)) {
+                        visit(3 * dy + dx, row_start + x + dy * self.width + dx - self.width - 1);
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -52,12 +61,16 @@ impl Taps for PlaneShape {
     }
     #[inline(always)]
     fn add<S: Simd>(&self, _: S, row: usize, input: &[f32], n_columns: usize, out: &mut [f32]) {
-        for tap in 0..TAPS {
-            if let Some(cell) = self.cell_at(row, tap) {
+        let x = row % self.width;
+        self.for_each_tap(
+            row - x,
+            x,
+            #[inline(always)]
+            |tap, cell| {
                 let input = &input[cell * n_columns..(cell + 1) * n_columns];
                 out[tap * n_columns..(tap + 1) * n_columns].copy_from_slice(input);
-            }
-        }
+            },
+        );
     }
 }
 
@@ -202,24 +215,8 @@ impl CustomOp3 for DepthWise {
             tensor(out, cells.shape().clone())
         };
         let of_weight = || {
-            let sums = |cells: &[f32], gradient: &[f32]| {
-                column_sums(
-                    self.shape.n_cells(),
-                    TAPS * n_channels,
-                    #[inline(always)]
-                    |cell, sums| {
-                        let gradient = &gradient[cell * n_channels..(cell + 1) * n_channels];
-                        for (tap, sums) in sums.chunks_exact_mut(n_channels).enumerate() {
-                            if let Some(other) = self.shape.cell_at(cell, tap) {
-                                let other = &cells[other * n_channels..(other + 1) * n_channels];
-                                for c in 0..n_channels {
-                                    sums[c] += f64::from(gradient[c] * other[c]);
-                                }
-                            }
-                        }
-                    },
-                )
-            };
+            let sums =
+                |cells: &[f32], gradient: &[f32]| depth_wise_weight_gradient(self.shape, cells, gradient, n_channels);
             let by_tap = read(cells, |cells| read(&gradient, |gradient| sums(cells, gradient)))??;
             let at = |i: usize| by_tap[i % TAPS * n_channels + i / TAPS] as f32;
             tensor((0..by_tap.len()).map(at).collect(), weight.shape().clone())
@@ -258,18 +255,60 @@ fn depth_wise(
                     if let Some(bias) = bias {
                         out.copy_from_slice(bias);
                     }
-                    for (tap, weights) in by_tap.chunks_exact(n_channels).enumerate() {
-                        if let Some(other) = shape.cell_at(first + cell, tap) {
+                    shape.for_each_tap(
+                        first,
+                        cell,
+                        #[inline(always)]
+                        |tap, other| {
+                            let weights = &by_tap[tap * n_channels..(tap + 1) * n_channels];
                             let other = &cells[other * n_channels..(other + 1) * n_channels];
                             for c in 0..n_channels {
                                 out[c] += weights[c] * other[c];
                             }
-                        }
-                    }
+                        },
+                    );
                 }
             },
         );
         activation.apply(out);
     });
     out
+}
+
+/// The gradient of the weights by tap: parts of some rows of cells in `f32`, added in order in `f64`.
+fn depth_wise_weight_gradient(shape: PlaneShape, cells: &[f32], gradient: &[f32], n_channels: usize) -> Vec<f64> {
+    let n_rows = shape.planes * shape.height;
+    let of_part = |part: usize| {
+        let mut sums = vec![0.0_f32; TAPS * n_channels];
+        wide_loops::run(
+            #[inline(always)]
+            || {
+                for row in part * PART_ROWS..((part + 1) * PART_ROWS).min(n_rows) {
+                    for x in 0..shape.width {
+                        let start = (row * shape.width + x) * n_channels;
+                        let gradient = &gradient[start..start + n_channels];
+                        shape.for_each_tap(
+                            row * shape.width,
+                            x,
+                            #[inline(always)]
+                            |tap, other| {
+                                let sums = &mut sums[tap * n_channels..(tap + 1) * n_channels];
+                                let other = &cells[other * n_channels..(other + 1) * n_channels];
+                                for c in 0..n_channels {
+                                    sums[c] += gradient[c] * other[c];
+                                }
+                            },
+                        );
+                    }
+                }
+            },
+        );
+        sums
+    };
+    let parts: Vec<Vec<f32>> = (0..n_rows.div_ceil(PART_ROWS)).into_par_iter().map(of_part).collect();
+    let mut total = vec![0.0; TAPS * n_channels];
+    for part in parts {
+        total.iter_mut().zip(part).for_each(|(total, part)| *total += f64::from(part));
+    }
+    total
 }
