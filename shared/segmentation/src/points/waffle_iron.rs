@@ -14,6 +14,9 @@ use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+/// Cells of the planes of a batch at most.
+const MOST_CELLS: usize = 1 << 25;
+
 /// First value of the scales of residuals.
 const LAYER_SCALE: f32 = 1e-5;
 
@@ -100,6 +103,14 @@ impl WaffleIron {
         list.layer("classif", &[self.outputs, w, 1], true);
     }
     pub(super) fn plan(&self, batch: &PointBatch) -> Result<WaffleIronPlan, SegmentationError> {
+        let [x, y, z] = self.n_cells();
+        let largest = [x * y, x * z, y * z].into_iter().max().unwrap_or(0);
+        if largest.saturating_mul(batch.lengths().len()) > MOST_CELLS {
+            return Err(SegmentationError::Settings(format!(
+                "{} clouds with planes of {largest} cells; a batch has planes of at most {MOST_CELLS} cells",
+                batch.lengths().len()
+            )));
+        }
         let clouds = Clouds::new(batch.positions().to_vec(), batch.lengths().to_vec());
         let nearest = clouds.nearest(&clouds, self.neighbors + 1, |_| true);
         let (mut pairs, mut of_point) = (Vec::new(), Vec::new());

@@ -258,6 +258,11 @@ fn invalid_networks_and_batches_are_rejected() {
     assert_eq!(kpconv("18446744073709551612", "0.1"), "16388 channels or centers, must be 1 to 4096");
     let unknown = r#"{"kind": "pointnet", "inputs": 4, "outputs": 3, "width": 4, "depth": 2}"#;
     assert!(serde_json::from_str::<PointNetworkSpec>(unknown).is_err());
+    let planes = r#"{"kind": "waffle_iron", "inputs": 1, "outputs": 3, "width": 8, "depth": 3, "neighbors": 4, "cell_m": 0.01,
+        "low_m": [-10, -10, -1], "high_m": [10, 10, 1], "convolution": "dense"}"#;
+    let spec: PointNetworkSpec = serde_json::from_str(planes).expect("a network");
+    let clouds = |n: usize| PointBatch::new(vec![[0.0; 3]; 2 * n], vec![2; n]).expect("valid");
+    assert!(spec.plan(clouds(1), 0).is_ok() && spec.plan(clouds(9), 0).is_err(), "planes of 4 million cells each");
     for (positions, lengths) in
         [(vec![[0.0; 3]], vec![2]), (vec![[0.0; 3]], vec![1, 0]), (vec![[f32::NAN; 3]], vec![1])]
     {
