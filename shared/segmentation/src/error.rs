@@ -111,6 +111,14 @@ pub enum SegmentationError {
         /// Divisors of rows and columns.
         multiple_of: [usize; 2],
     },
+    /// A position of a point is not finite.
+    #[error("point {point} is at {position:?} m; coordinates must be numbers within 1e18 m")]
+    Position {
+        /// Number of the point.
+        point: usize,
+        /// Its coordinates, m.
+        position: [f32; 3],
+    },
     /// The columns of a submap differ in length.
     #[error("{column} has {found} rows; the submap has {expected} points")]
     Length {

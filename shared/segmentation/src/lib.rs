@@ -20,6 +20,7 @@ pub mod ground;
 mod load;
 mod model_file;
 pub mod network;
+pub mod points;
 mod segmenter;
 pub mod spherical;
 

@@ -2,6 +2,9 @@
 
 mod convolution;
 mod model_files;
+mod point_gradients;
+mod point_networks;
+mod point_spheres;
 mod real_street;
 mod sloped_street;
 mod spherical_model;

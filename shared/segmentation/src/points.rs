@@ -1,0 +1,37 @@
+//! Networks on points: [`PointNetworkSpec`] names one, [`PointNetworkSpec::plan`] searches the neighborhoods of a batch, and
+//! [`PointNetworkSpec::run`] gives a score of each class for each point. All have gradients for training.
+//!
+//! | network | kind | uses |
+//! |---|---|---|
+//! | [`PointNet`] | `pointnet` | one global feature of a cloud |
+//! | [`PointNet2`] | `pointnet2` | groups around farthest points, on several scales |
+//! | [`KpConv`] | `kpconv` | kernel point convolutions on grids that get coarser |
+//! | [`WaffleIron`] | `waffle_iron` | 2D convolutions on three coordinate planes |
+//!
+//! Weights have the names and shapes of the `PyTorch` code of the publications. `benches/peers/point_networks.py` has the same networks
+//! in `PyTorch`; the tests compare outputs, gradients and running statistics with it.
+
+mod augmentation;
+mod batch;
+mod kernel_points;
+mod kpconv;
+pub mod ops;
+mod parameters;
+mod pass;
+mod pointnet;
+mod pointnet2;
+mod search;
+mod spec;
+mod spheres;
+mod waffle_iron;
+
+pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
+pub use batch::PointBatch;
+pub use kpconv::KpConv;
+pub use parameters::{Parameter, Parameters, Start};
+pub use pass::Pass;
+pub use pointnet::PointNet;
+pub use pointnet2::{Abstraction, PointNet2, Scale};
+pub use spec::{PointNetworkSpec, PointPlan};
+pub use spheres::{PointCloud, SphereSettings, TrainingSpheres, Votes, predict_spheres, sphere};
+pub use waffle_iron::{PlaneConvolution, WaffleIron};

@@ -1,0 +1,139 @@
+//! One pass of a network over a batch, for evaluation or training.
+
+use super::ops::{Activation, ColumnStatistics, Source, linear, normalize};
+use super::parameters::Parameters;
+use crate::SegmentationError;
+use candle_core::{Device, Tensor};
+use random::Random;
+use std::collections::BTreeMap;
+
+/// Added to variances by batch normalization.
+const EPSILON: f64 = 1e-5;
+
+/// Applies the layers of a network.
+///
+/// In evaluation, batch normalization uses the running statistics and becomes a part of the layer before it. In training it uses those
+/// of the batch, which the pass keeps for [`Parameters::update_statistics`].
+pub struct Pass<'a> {
+    parameters: &'a Parameters,
+    /// Random numbers of dropout; `None` in evaluation.
+    training: Option<Random>,
+    statistics: BTreeMap<String, ColumnStatistics>,
+    regularization: Option<Tensor>,
+}
+
+impl<'a> Pass<'a> {
+    /// A pass for prediction.
+    pub fn evaluation(parameters: &'a Parameters) -> Self {
+        Self { parameters, training: None, statistics: BTreeMap::new(), regularization: None }
+    }
+    /// A pass for training.
+    pub fn training(parameters: &'a Parameters, random: Random) -> Self {
+        Self { training: Some(random), ..Self::evaluation(parameters) }
+    }
+    /// Statistics of the batch by the name of the normalization.
+    pub fn statistics(&self) -> &BTreeMap<String, ColumnStatistics> {
+        &self.statistics
+    }
+    /// A term for the loss, if the network has one: the distance of `PointNet`'s transforms to orthogonal ones.
+    pub fn regularization(&self) -> Option<&Tensor> {
+        self.regularization.as_ref()
+    }
+    /// Adds a term for the loss.
+    pub(super) fn regularize(&mut self, term: Tensor) -> Result<(), SegmentationError> {
+        self.regularization = Some(match self.regularization.take() {
+            Some(sum) => (sum + term)?,
+            None => term,
+        });
+        Ok(())
+    }
+    /// A parameter.
+    pub(super) fn get(&self, name: &str) -> Result<&'a Tensor, SegmentationError> {
+        self.parameters.get(name)
+    }
+    /// The weight of a linear layer or of a convolution with one tap: `(out, in)`.
+    pub(super) fn matrix(&self, name: &str) -> Result<Tensor, SegmentationError> {
+        Ok(self.get(&format!("{name}.weight"))?.flatten_from(1)?)
+    }
+    /// The bias of a layer; zeros if it has none.
+    pub(super) fn bias(&self, name: &str, channels: usize) -> Result<Tensor, SegmentationError> {
+        let name = format!("{name}.bias");
+        if self.parameters.contains(&name) { Ok(self.get(&name)?.clone()) } else { zeros(channels) }
+    }
+    /// A linear layer.
+    pub(super) fn linear(
+        &self,
+        rows: &Tensor,
+        name: &str,
+        activation: Activation,
+    ) -> Result<Tensor, SegmentationError> {
+        let weight = self.matrix(name)?;
+        Ok(linear(rows, &weight, &self.bias(name, weight.dim(0)?)?, activation)?)
+    }
+    /// A linear layer, batch normalization, and an activation.
+    pub(super) fn linear_norm(
+        &mut self,
+        rows: &Tensor,
+        name: &str,
+        norm: &str,
+        activation: Activation,
+    ) -> Result<Tensor, SegmentationError> {
+        let weight = self.matrix(name)?;
+        let bias = self.bias(name, weight.dim(0)?)?;
+        let Some((scale, shift)) = self.running(norm)? else {
+            return self.norm(&linear(rows, &weight, &bias, Activation::NONE)?, norm, activation);
+        };
+        let weight = weight.broadcast_mul(&scale.unsqueeze(1)?)?;
+        Ok(linear(rows, &weight, &((bias * scale)? + shift)?, activation)?)
+    }
+    /// Scale and shift of batch normalization in evaluation; `None` in training.
+    pub(super) fn running(&self, norm: &str) -> Result<Option<(Tensor, Tensor)>, SegmentationError> {
+        if self.training.is_some() {
+            return Ok(None);
+        }
+        let of = |suffix: &str| self.get(&format!("{norm}.{suffix}"));
+        let scale = (of("weight")? / (of("running_var")? + EPSILON)?.sqrt()?)?;
+        let shift = (of("bias")? - (of("running_mean")? * &scale)?)?;
+        Ok(Some((scale, shift)))
+    }
+    /// Batch normalization and an activation.
+    pub(super) fn norm(
+        &mut self,
+        rows: &Tensor,
+        name: &str,
+        activation: Activation,
+    ) -> Result<Tensor, SegmentationError> {
+        let of = |suffix: &str| self.get(&format!("{name}.{suffix}"));
+        let (weight, bias) = (of("weight")?, of("bias")?);
+        if self.training.is_none() {
+            let values = |suffix: &str| -> Result<Vec<f64>, SegmentationError> {
+                Ok(of(suffix)?.to_vec1::<f32>()?.into_iter().map(f64::from).collect())
+            };
+            let (means, variances) = (values("running_mean")?, values("running_var")?);
+            let running = ColumnStatistics { n_rows: 0, means, variances };
+            return Ok(normalize(rows, (&running, Source::Constant), EPSILON, weight, bias, activation)?);
+        }
+        let statistics = ColumnStatistics::of(rows)?;
+        if statistics.n_rows < 2 {
+            return Err(SegmentationError::Settings(format!("{name}: a training batch needs at least two rows")));
+        }
+        let out = normalize(rows, (&statistics, Source::Rows), EPSILON, weight, bias, activation)?;
+        self.statistics.insert(name.to_owned(), statistics);
+        Ok(out)
+    }
+    /// In training, sets a share of the values to zero and scales the others to keep the mean.
+    pub(super) fn dropout(&mut self, rows: Tensor, rate: f32) -> Result<Tensor, SegmentationError> {
+        let Some(random) = &mut self.training else { return Ok(rows) };
+        if rate <= 0.0 {
+            return Ok(rows);
+        }
+        let kept = 1.0 / (1.0 - rate);
+        let mask: Vec<f32> = (0..rows.elem_count()).map(|_| if random.chance(rate) { 0.0 } else { kept }).collect();
+        Ok((&rows * Tensor::from_vec(mask, rows.shape(), &Device::Cpu)?)?)
+    }
+}
+
+/// Zeros of a bias.
+pub(super) fn zeros(channels: usize) -> Result<Tensor, SegmentationError> {
+    Ok(Tensor::zeros(channels, candle_core::DType::F32, &Device::Cpu)?)
+}

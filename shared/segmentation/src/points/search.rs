@@ -1,0 +1,88 @@
+//! Neighborhoods of clouds of a batch.
+
+use super::batch::ranges;
+use super::ops::Lists;
+use crate::SegmentationError;
+use neighbors::{SpatialIndex, VoxelGrid};
+
+/// Clouds of a batch at one resolution, with their indices.
+pub(super) struct Clouds {
+    pub positions: Vec<[f32; 3]>,
+    pub lengths: Vec<usize>,
+    indices: Vec<SpatialIndex>,
+}
+
+impl Clouds {
+    pub fn new(positions: Vec<[f32; 3]>, lengths: Vec<usize>) -> Self {
+        let indices = ranges(&lengths).map(|range| SpatialIndex::new(&positions[range])).collect();
+        Self { positions, lengths, indices }
+    }
+    /// Point numbers of all clouds, each cloud in Morton order.
+    pub fn order(&self) -> Vec<u32> {
+        let starts = ranges(&self.lengths).map(|range| range.start as u32);
+        let orders = starts.zip(&self.indices);
+        orders.flat_map(|(start, index)| index.order().iter().map(move |point| start + point)).collect()
+    }
+    /// The nearest points of this cloud within a radius of each query, nearest first, at most `k`.
+    pub fn near(&self, queries: &Self, radius_m: f32, k: usize) -> Vec<Vec<u32>> {
+        self.nearest(queries, k, |squared| squared <= radius_m * radius_m)
+            .into_iter()
+            .map(|(points, _)| points)
+            .collect()
+    }
+    /// The `k` nearest points of this cloud around each query and their squared distances, m², nearest first.
+    pub fn nearest(&self, queries: &Self, k: usize, accept: impl Fn(f32) -> bool) -> Vec<(Vec<u32>, Vec<f32>)> {
+        let mut out = Vec::with_capacity(queries.positions.len());
+        let mut start = 0;
+        for (index, range) in self.indices.iter().zip(ranges(&queries.lengths)) {
+            let n_queries = range.len();
+            let found = index.nearest_of_each(&queries.positions[range], k);
+            for query in 0..n_queries {
+                let accepted = found.of(query).iter().take_while(|neighbor| accept(neighbor.squared_m2));
+                out.push(accepted.map(|neighbor| (start + neighbor.index, neighbor.squared_m2)).unzip());
+            }
+            start += index.n_cloud() as u32;
+        }
+        out
+    }
+    /// The barycenters of the occupied voxels of each cloud.
+    pub fn subsampled(&self, cell_m: f32) -> Result<Self, SegmentationError> {
+        let (mut positions, mut lengths) = (Vec::new(), Vec::new());
+        for range in ranges(&self.lengths) {
+            let cloud = &self.positions[range];
+            let grid = VoxelGrid::new(cloud, cell_m).map_err(|error| SegmentationError::Settings(error.to_string()))?;
+            positions.extend(grid.barycenters(cloud));
+            lengths.push(grid.len());
+        }
+        Ok(Self::new(positions, lengths))
+    }
+    /// A sample of each cloud, each point the farthest from those before it. At least one point of each.
+    pub fn farthest(&self, n: usize, seed: u64) -> Vec<u32> {
+        let starts = ranges(&self.lengths).map(|range| range.start as u32);
+        let samples = starts.zip(&self.indices);
+        samples.flat_map(|(start, index)| index.farthest_points(n, seed).into_iter().map(move |p| start + p)).collect()
+    }
+    /// The points with these numbers, in order of their clouds.
+    pub fn chosen(&self, points: &[u32]) -> Self {
+        let positions = points.iter().map(|point| self.positions[*point as usize]).collect();
+        let of_cloud =
+            |range: std::ops::Range<usize>| points.iter().filter(|p| range.contains(&(**p as usize))).count();
+        Self::new(positions, ranges(&self.lengths).map(of_cloud).collect())
+    }
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+}
+
+/// Lists of points for the 3 nearest coarse points of each fine one, and weights by inverse squared distance that sum to 1.
+pub(super) fn interpolation(fine: &Clouds, coarse: &Clouds) -> (Lists, Vec<f32>) {
+    let found = coarse.nearest(fine, 3, |_| true);
+    let weights = found.iter().flat_map(|(_, squared)| {
+        let inverse: Vec<f32> = squared.iter().map(|squared| 1.0 / (squared + 1e-8)).collect();
+        let sum: f32 = inverse.iter().sum();
+        inverse.into_iter().map(move |inverse| inverse / sum)
+    });
+    let weights = weights.collect();
+    (Lists::new(found.into_iter().map(|(points, _)| points), coarse.len()), weights)
+}
