@@ -6,6 +6,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, SubmapTopic};
+use segmentation::spherical::IntensityUse;
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter};
 use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
 use std::path::Path;
@@ -17,6 +18,9 @@ stage::settings! {
         pub model: String = "models/street.safetensors".to_owned() => stage::any();
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
+        /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
+        /// the ground, `off` nothing, `auto` as recorded, but nothing where the scale is another.
+        pub intensity: String = "auto".to_owned() => stage::one_of(&["auto", "normalized", "raw", "off"]);
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
         /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
         pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);
@@ -29,6 +33,9 @@ stage::settings! {
         /// Share of submaps that are too wide for the grid of the model, above which the classes are doubtful: enlarged cells
         /// miss kerbs and thin objects. One submap in ten may contain a far outlier.
         pub max_coarsened_share: f64 = 0.1 => stage::within(0.0, 1.0);
+        /// Share of submaps whose intensities are on another scale than those of the training, above which the classes are doubtful.
+        /// One in ten may be a square of white stone.
+        pub max_foreign_intensity_share: f64 = 0.1 => stage::within(0.0, 1.0);
     }
 }
 
@@ -37,6 +44,9 @@ pub struct Infer {
     model: Box<dyn Segmenter>,
     max_unseen_share: f64,
     max_coarsened_share: f64,
+    max_foreign_intensity_share: f64,
+    /// What became of intensities on another scale.
+    intensity_use: &'static str,
 }
 
 impl Infer {
@@ -78,6 +88,17 @@ impl Infer {
             );
             outputs.doubt("submaps_coarsened", coarsened, text);
         }
+        let n_foreign = outputs.counted("submaps_foreign_intensity");
+        let (foreign, limit) = (share(n_foreign, n_submaps), self.max_foreign_intensity_share);
+        if foreign > limit {
+            let text = format!(
+                "the intensities of {n_foreign} of {n_submaps} submaps are on another scale than those of the training (limit {:.0} %): \
+                 {}; train with this sensor",
+                100.0 * limit,
+                self.intensity_use
+            );
+            outputs.doubt("foreign_intensities", foreign, text);
+        }
     }
 }
 
@@ -86,6 +107,7 @@ fn options(settings: &Settings) -> Options {
         every: settings.every as usize,
         batch: settings.batch as usize,
         device: ComputeDevice::from_word(&settings.device).unwrap_or_default(),
+        intensity: IntensityUse::from_word(&settings.intensity).unwrap_or_default(),
         ..Options::default()
     }
 }
@@ -98,6 +120,10 @@ fn count(report: Report, outputs: &mut Outputs) {
             "grid cells of the model enlarged by a factor of {}: the submap is too wide",
             report.coarsened
         ));
+    }
+    if let Some([found, trained]) = report.foreign_intensity {
+        outputs.count("submaps_foreign_intensity", 1);
+        outputs.note(format!("median intensity of the ground {found}; the model was trained with {trained}"));
     }
 }
 
@@ -129,6 +155,12 @@ impl Stage for Infer {
             model: segmentation::load(&path, &options(settings)).map_err(StepError::io)?,
             max_unseen_share: settings.max_unseen_share,
             max_coarsened_share: settings.max_coarsened_share,
+            max_foreign_intensity_share: settings.max_foreign_intensity_share,
+            intensity_use: match options(settings).intensity {
+                IntensityUse::Auto | IntensityUse::Off => "they were not used",
+                IntensityUse::Normalized => "they were normalized by those of the ground",
+                IntensityUse::Raw => "they were taken as recorded",
+            },
         })
     }
 

@@ -73,10 +73,10 @@ impl Segmenter for GroundQuasiFlat {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         classes.fill(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 });
-        let nothing = Report { n_unseen: input.points.len(), coarsened: 1 };
+        let nothing = Report { n_unseen: input.points.len(), coarsened: 1, foreign_intensity: None };
         let Some(elevation) = Elevation::of(input, &self.parameters.settings) else { return Ok(nothing) };
         let coarsened = elevation.coarsened(&self.parameters.settings);
-        let report = Report { n_unseen: elevation.n_outside, coarsened };
+        let report = Report { n_unseen: elevation.n_outside, coarsened, foreign_intensity: None };
         let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
         let heights_m = heights_above(&terrain, &elevation, input.points);
         let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = &self.parameters;

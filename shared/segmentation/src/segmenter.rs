@@ -21,6 +21,8 @@ pub struct Report {
     pub n_unseen: usize,
     /// Factor by which the cells of the model's grid were enlarged to stay within its memory limit; 1 if they were not.
     pub coarsened: u32,
+    /// Median intensity of the ground, and that of the training, if they show that the intensities are on another scale.
+    pub foreign_intensity: Option<[u8; 2]>,
 }
 
 /// Gives every point a class and a score.

@@ -4,6 +4,7 @@
 pub mod back_projection;
 mod elementary;
 mod features;
+mod intensity;
 mod model;
 mod neighbors;
 mod options;
@@ -16,6 +17,7 @@ mod surface;
 mod votes;
 
 pub use features::{FEATURES, N_FEATURES, features};
+pub use intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse};
 pub use model::SphericalModel;
 pub use neighbors::Neighbors;
 pub use options::Options;

@@ -6,7 +6,7 @@ use super::range_sweep::{PointRange, RangeSweep, point_ranges, range_sweep};
 use super::settings::{Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use super::{Neighbors, Options, PolarImage};
+use super::{GroundIntensities, IntensityMap, Neighbors, Options, PolarImage};
 use crate::engine::Border;
 use crate::engine::tensors::read_image;
 use crate::ground;
@@ -19,6 +19,9 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
+
+/// Quantiles of the ground in simulated towns, for models without their own.
+const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
 /// A network on range images.
 pub struct SphericalModel {
@@ -121,11 +124,16 @@ impl SphericalModel {
         &self,
         input: &ModelInput<'_>,
         heights_m: &[f32],
+        intensities: &IntensityMap,
         ranges: &[PointRange],
         votes: &mut [&mut [Vote]],
     ) -> Result<(), SegmentationError> {
         let columns = self.settings.columns;
-        let sweep = |(of, points): &PointRange| range_sweep(input, of, points.clone(), columns, heights_m);
+        let sweep = |(of, points): &PointRange| {
+            let mut sweep = range_sweep(input, of, points.clone(), columns, heights_m);
+            intensities.apply(&mut sweep.polar);
+            sweep
+        };
         let sweeps: Vec<RangeSweep> = ranges.par_iter().map(sweep).collect();
         let inputs: Vec<PooledImage<'_>> =
             sweeps.par_iter().map(|sweep| self.input(&sweep.polar)).collect::<Result<_, _>>()?;
@@ -167,12 +175,15 @@ impl Segmenter for SphericalModel {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let heights_m = ground::heights(input);
+        let trained = self.settings.ground_intensities.unwrap_or(SIMULATED);
+        let (intensities, foreign_intensity) =
+            IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
         let ranges: Vec<PointRange> = point_ranges(input).into_iter().step_by(self.options.every).collect();
         let mut of_points = self.point_votes.take(input.points.len());
         let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
         // Sweeps on all threads, not rows of one sweep: this scales better.
         let batches = ranges.par_chunks(self.options.batch).zip(of_sweeps.par_chunks_mut(self.options.batch));
-        batches.try_for_each(|(ranges, votes)| self.vote_together(input, &heights_m, ranges, votes))?;
+        batches.try_for_each(|(ranges, votes)| self.vote_together(input, &heights_m, &intensities, ranges, votes))?;
         let decided = Votes { of_points: &of_points }.decide(input.points, self.settings.vote_cell_m);
         self.point_votes.give_back(of_points);
         let mut n_unseen = 0;
@@ -185,7 +196,7 @@ impl Segmenter for SphericalModel {
             };
         }
         self.options.refinement.of_points(input.points, &heights_m, classes);
-        Ok(Report { n_unseen, coarsened: 1 })
+        Ok(Report { n_unseen, coarsened: 1, foreign_intensity })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Options of a run that are not part of the model.
 
-use super::Refinement;
+use super::{IntensityUse, Refinement};
 use crate::ComputeDevice;
 
 /// Options of a run that are not part of the model.
@@ -12,12 +12,20 @@ pub struct Options {
     pub batch: usize,
     /// What the network runs on.
     pub device: ComputeDevice,
+    /// What is taken from the intensities.
+    pub intensity: IntensityUse,
     /// Corrections of the classes, none by default.
     pub refinement: Refinement,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { every: 1, batch: 1, device: ComputeDevice::Cpu, refinement: Refinement::default() }
+        Self {
+            every: 1,
+            batch: 1,
+            device: ComputeDevice::Cpu,
+            intensity: IntensityUse::default(),
+            refinement: Refinement::default(),
+        }
     }
 }

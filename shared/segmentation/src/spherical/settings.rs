@@ -1,6 +1,7 @@
 //! Settings of a model file, and their rules.
 
 use super::N_FEATURES;
+use super::intensity::GroundIntensities;
 use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
 use crate::model_file::encode_model;
@@ -30,6 +31,10 @@ pub struct Settings {
     pub vote_cell_m: f32,
     /// Divisor of the logits that calibrates the scores, 0.1 to 10.
     pub temperature: f32,
+    /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
+    /// simulated towns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_intensities: Option<GroundIntensities>,
 }
 
 impl Settings {

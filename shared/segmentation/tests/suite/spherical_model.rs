@@ -16,7 +16,7 @@ const FIRINGS: u32 = 512;
 fn settings() -> Settings {
     let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
     let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16], head: None };
-    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0 }
+    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0, ground_intensities: None }
 }
 
 /// Random filters of mean 0, scaled as the first ones of a training, and biases of 0.

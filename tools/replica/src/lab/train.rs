@@ -84,7 +84,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     bar.finish_and_clear();
     if let Some(validation) = &validation {
-        let settings = Settings { temperature: trainer.best_trainer()?.temperature(validation)?, ..settings };
+        let temperature = trainer.best_trainer()?.temperature(validation)?;
+        let ground_intensities = data.as_ref().and_then(SweepDataset::ground_intensities);
+        let settings = Settings { temperature, ground_intensities, ..settings };
         write_state(&trainer, &settings, &args.out)?;
     }
     if let Some((epoch, mean_iou)) = trainer.curves().best() {

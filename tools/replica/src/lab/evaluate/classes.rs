@@ -13,7 +13,7 @@ use clap::ValueEnum;
 use messages::{ClassId, GROUND_CLASSES};
 use scores::ScoreTable;
 use segmentation::Options;
-use segmentation::spherical::Refinement;
+use segmentation::spherical::{IntensityUse, Refinement};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -50,6 +50,12 @@ pub struct Args {
     /// Use every N-th sweep of a submap for inference
     #[arg(long, default_value_t = 1)]
     every: usize,
+    /// What the model takes from the intensities [default: auto]
+    #[arg(long, requires = "model", value_enum, value_name = "USE")]
+    intensity: Option<Intensity>,
+    /// Multiply the intensities of the simulated sweeps, as another sensor would
+    #[arg(long, requires = "seeds", default_value_t = 1.0)]
+    gain: f32,
     /// Correct the classes by morphology
     #[arg(long, requires = "model", value_enum, value_delimiter = ',')]
     refine: Vec<Refine>,
@@ -84,6 +90,29 @@ enum Refine {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum Intensity {
+    /// As recorded if they are on the scale of the training, else nothing.
+    Auto,
+    /// Brought to the scale of the training by those of the ground.
+    Normalized,
+    /// As recorded.
+    Raw,
+    /// Nothing.
+    Off,
+}
+
+impl From<Intensity> for IntensityUse {
+    fn from(intensity: Intensity) -> Self {
+        match intensity {
+            Intensity::Auto => Self::Auto,
+            Intensity::Normalized => Self::Normalized,
+            Intensity::Raw => Self::Raw,
+            Intensity::Off => Self::Off,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
     /// Markdown tables.
     Markdown,
@@ -112,7 +141,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             small_regions: refine(Refine::SmallRegions),
             buildings: refine(Refine::Buildings),
         };
-        let options = Options { every: args.every, refinement, ..Options::default() };
+        let intensity = args.intensity.map_or(IntensityUse::default(), Into::into);
+        let options = Options { every: args.every, intensity, refinement, ..Options::default() };
         let model = match (args.knn, &args.examples) {
             (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
             _ => segmentation::load(path, &options)?,

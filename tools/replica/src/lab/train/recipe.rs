@@ -220,6 +220,7 @@ impl Recipe {
             classes: model.classes.clone(),
             vote_cell_m: model.vote_cell_m,
             temperature: 1.0,
+            ground_intensities: None,
         })
     }
 }
@@ -249,8 +250,9 @@ mod tests {
         recipe.check().expect("is right");
         let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");
         let (model, _) = segmentation::spherical::SphericalModel::load(Path::new(model)).expect("loads");
-        let temperature = model.settings().temperature;
-        assert_eq!(model.settings(), &Settings { temperature, ..recipe.settings().expect("settings") });
+        let &Settings { temperature, ground_intensities, .. } = model.settings();
+        let of_recipe = recipe.settings().expect("settings");
+        assert_eq!(model.settings(), &Settings { temperature, ground_intensities, ..of_recipe });
     }
 
     #[test]

@@ -9,7 +9,7 @@ use anyhow::ensure;
 use random::Random;
 use rayon::prelude::*;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{Settings, features};
+use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
 use town_sweeps::{Mount, TownDrive};
 use training::{Dataset, Example, UNKNOWN};
@@ -20,6 +20,8 @@ pub struct SweepDataset {
     sources: Vec<Source>,
     /// Number of pixels of each class.
     counts: Vec<u64>,
+    /// Intensities of the ground.
+    ground: GroundHistogram,
     settings: Settings,
     without_intensity: f32,
 }
@@ -39,8 +41,8 @@ impl SweepDataset {
         let settings = recipe.settings()?;
         let file = SweepFile::create(folder, settings.columns)?;
         let counts = vec![0; settings.classes.len()];
-        let without_intensity = recipe.data.without_intensity;
-        Ok(Self { file, sources: Vec::new(), counts, settings, without_intensity })
+        let (ground, without_intensity) = (GroundHistogram::default(), recipe.data.without_intensity);
+        Ok(Self { file, sources: Vec::new(), counts, ground, settings, without_intensity })
     }
 
     /// Simulates the sweeps of these drives. Calls `progress` with the number of finished drives and of all drives.
@@ -104,6 +106,10 @@ impl SweepDataset {
         for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
             self.counts[usize::from(*class)] += 1;
         }
+        if image.image.has_intensity {
+            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
+            self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
+        }
         self.file.push(image)
     }
 
@@ -121,6 +127,11 @@ impl SweepDataset {
     /// Number of pixels of each class of the recipe.
     pub fn counts(&self) -> &[u64] {
         &self.counts
+    }
+
+    /// Quantiles of the intensities of the ground.
+    pub fn ground_intensities(&self) -> Option<GroundIntensities> {
+        self.ground.quantiles()
     }
 
     /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of

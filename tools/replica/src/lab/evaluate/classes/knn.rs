@@ -14,9 +14,9 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     let (model, weights) = SphericalModel::load(path)?;
     let of_recipe = Recipe::load(recipe)?;
     let settings = model.settings().clone();
-    let temperature = settings.temperature;
+    let Settings { temperature, ground_intensities, .. } = settings;
     anyhow::ensure!(
-        settings == Settings { temperature, ..of_recipe.settings()? },
+        settings == Settings { temperature, ground_intensities, ..of_recipe.settings()? },
         "{} is not the recipe of {}",
         recipe.display(),
         path.display()

@@ -22,7 +22,10 @@ pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(Str
             let drive = TownDrive { town, seed, seconds: args.seconds };
             let mut confusion = Confusion::new(ClassId::ALL.len());
             let (mut n_sweeps, mut seconds, mut reliability) = (0, 0.0, Reliability::default());
-            for submap in drive.submaps(args.submaps, args.sweeps, 1, Mount::Rig)? {
+            for mut submap in drive.submaps(args.submaps, args.sweeps, 1, Mount::Rig)? {
+                for point in &mut submap.points {
+                    point.intensity = (f32::from(point.intensity) * args.gain).round() as u8;
+                }
                 let mut classes = vec![ClassRow::default(); submap.points.len()];
                 let begin = std::time::Instant::now();
                 let cloud = ModelInput { header: &submap.header, points: &submap.points, colors: None };
