@@ -5,7 +5,7 @@
   cargo build --release --manifest-path benches/peers/neighbors/Cargo.toml
   benches/peers/neighbors.py OUTPUT_FOLDER_OF_A_RUN [--points 2000000] [--k 16] [--radius 0.5] [--cores 1,2]
 
-The cloud is every n-th point of all submaps. Best of two rounds, of the radius and of SciPy one; wall time and CPU time. ours: lists of all points are kept; kiddo and SciPy: lists of the radius are counted and dropped. SciPy has f64, the others f32.
+The cloud is every n-th point of all submaps. Best of two rounds, of the radius and of SciPy one; wall time and CPU time. The lists of the radius are counted and dropped. SciPy has f64, the others f32.
 Exit code 1: the sums of the farthest neighbors' squared distances or the numbers of neighbors differ.
 """
 import argparse

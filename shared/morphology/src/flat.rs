@@ -62,8 +62,8 @@ fn twice<T: Level>(
     })
 }
 
-/// Bytes of the result that are collected in the cache: long copies write memory without reading it first.
-const BATCH: usize = 1 << 15;
+/// Bytes of the result that are initialized together. They are still in the second-level cache when they are written.
+const BATCH: usize = 1 << 18;
 
 /// Collects the result. `pair` receives the image and the number of a row, and writes this row and the next.
 fn of_pairs<T: Level>(
@@ -74,18 +74,19 @@ fn of_pairs<T: Level>(
     let (rows, cols) = image.dim();
     let image = image.as_standard_layout();
     let pixels = image.as_slice().expect("as_standard_layout was called");
-    let mut result = Vec::with_capacity(pixels.len());
+    // The second row of the last pair may lie below the image.
+    let mut result = Vec::with_capacity(pixels.len() + cols);
     if !pixels.is_empty() {
         let source = Source { pixels, cols, span: rows };
-        let n_pairs = BATCH.div_ceil(2 * cols * size_of::<T>()).min(rows.div_ceil(2));
-        let mut batch = vec![neutral; n_pairs * 2 * cols];
-        for start in (0..rows).step_by(2 * n_pairs) {
-            let end = rows.min(start + 2 * n_pairs);
-            for (row, into) in (start..end).step_by(2).zip(batch.chunks_exact_mut(2 * cols)) {
+        let n_batch = 2 * BATCH.div_ceil(2 * cols * size_of::<T>());
+        for start in (0..rows).step_by(n_batch) {
+            let end = rows.next_multiple_of(2).min(start + n_batch);
+            result.resize(end * cols, neutral);
+            for (row, into) in (start..end).step_by(2).zip(result[start * cols..].chunks_exact_mut(2 * cols)) {
                 pair(source, row, into);
             }
-            result.extend_from_slice(&batch[..(end - start) * cols]);
         }
+        result.truncate(pixels.len());
     }
     Array2::from_shape_vec((rows, cols), result).expect("one value for every pixel")
 }

@@ -27,6 +27,7 @@ pub(crate) fn pick_all<'a, T: Level + 'a>(
         1 => into.copy_from_slice(&row(0)[..into.len()]),
         2 => pick_rows(into, [0, 1].map(row), pick),
         3 => pick_rows(into, [0, 1, 2].map(row), pick),
+        6..=8 => return pick_rows(into, [0, 1, 2, 3, 4, 5, 6, 7].map(row), pick),
         _ => pick_rows(into, [0, 1, 2, 3, 4].map(row), pick),
     }
     for idx in (5..n).step_by(4) {

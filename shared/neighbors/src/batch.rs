@@ -55,10 +55,23 @@ impl<T> Neighborhoods<T> {
     }
 }
 
-/// Queries in the order of their rows.
+/// Valid queries in Morton order.
 struct Rows {
     positions: Vec<[f32; 3]>,
-    row_of: Vec<u32>,
+    /// Number of each query.
+    query_of: Vec<u32>,
+    n_queries: usize,
+}
+
+impl Rows {
+    /// Row of each query, `u32::MAX` for a query that is not valid.
+    fn row_of(&self) -> Vec<u32> {
+        let mut row_of = vec![u32::MAX; self.n_queries];
+        for (row, query) in (0..).zip(&self.query_of) {
+            row_of[*query as usize] = row;
+        }
+        row_of
+    }
 }
 
 impl SpatialIndex {
@@ -78,6 +91,27 @@ impl SpatialIndex {
     pub fn within_of_own(&self, radius_m: f32) -> Neighborhoods<u32> {
         self.within_of_rows(self.own_rows(), radius_m)
     }
+    /// What `map` makes of each query: it receives the number of the query and the numbers of the points within a radius, in Morton
+    /// order. No lists are kept, so the memory does not depend on the number of neighbors. `map` runs on all threads of the current
+    /// pool in any order; results are in the order of the queries. A query that is not valid has no points.
+    ///
+    /// ```
+    /// let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
+    /// let index = neighbors::SpatialIndex::new(&points);
+    /// assert_eq!(index.map_within_of_each(&points, 2.0, |_, found| found.len()), [2, 2, 1]);
+    /// ```
+    pub fn map_within_of_each<R: Send>(
+        &self,
+        queries: &[[f32; 3]],
+        radius_m: f32,
+        map: impl Fn(usize, &[u32]) -> R + Sync,
+    ) -> Vec<R> {
+        self.map_within_of_rows(&self.rows(queries), radius_m, map)
+    }
+    /// [`Self::map_within_of_each`] for each point of the cloud, which is within the radius itself.
+    pub fn map_within_of_own<R: Send>(&self, radius_m: f32, map: impl Fn(usize, &[u32]) -> R + Sync) -> Vec<R> {
+        self.map_within_of_rows(&self.own_rows(), radius_m, map)
+    }
 
     fn rows(&self, queries: &[[f32; 3]]) -> Rows {
         assert!(queries.len() < 1 << 31, "{} queries: query numbers have 31 bits", queries.len());
@@ -85,18 +119,14 @@ impl SpatialIndex {
         let mut entries: Vec<Entry> =
             valid.map(|(query_idx, p)| Entry { code: self.grid.code(*p), point: query_idx as u32 }).collect();
         entries.par_sort_unstable();
-        let mut row_of = vec![u32::MAX; queries.len()];
-        for (row, entry) in entries.iter().enumerate() {
-            row_of[entry.point as usize] = row as u32;
+        Rows {
+            positions: entries.iter().map(|entry| queries[entry.point as usize]).collect(),
+            query_of: entries.iter().map(|entry| entry.point).collect(),
+            n_queries: queries.len(),
         }
-        Rows { positions: entries.iter().map(|entry| queries[entry.point as usize]).collect(), row_of }
     }
     fn own_rows(&self) -> Rows {
-        let mut row_of = vec![u32::MAX; self.n_cloud()];
-        for (row, point) in self.order().iter().enumerate() {
-            row_of[*point as usize] = row as u32;
-        }
-        Rows { positions: self.positions().collect(), row_of }
+        Rows { positions: self.positions().collect(), query_of: self.order().to_vec(), n_queries: self.n_cloud() }
     }
     fn nearest_of_rows(&self, rows: Rows, k: usize) -> Neighborhoods<Neighbor> {
         let lists_of = |queries: &[[f32; 3]]| {
@@ -114,7 +144,7 @@ impl SpatialIndex {
             );
             Chunk { ends, items }
         };
-        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of }
+        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
     }
     fn within_of_rows(&self, rows: Rows, radius_m: f32) -> Neighborhoods<u32> {
         let lists_of = |queries: &[[f32; 3]]| {
@@ -131,6 +161,36 @@ impl SpatialIndex {
             );
             Chunk { ends, items }
         };
-        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of }
+        Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
+    }
+    fn map_within_of_rows<R: Send>(
+        &self,
+        rows: &Rows,
+        radius_m: f32,
+        map: impl Fn(usize, &[u32]) -> R + Sync,
+    ) -> Vec<R> {
+        let results_of = |(queries, numbers): (&[[f32; 3]], &[u32])| {
+            let (mut found, mut results) = (Vec::new(), Vec::with_capacity(queries.len()));
+            let mut stack = Vec::with_capacity(64);
+            wide_loops::run(
+                #[inline(always)]
+                || {
+                    for (query, number) in queries.iter().zip(numbers) {
+                        found.clear();
+                        append_within(self, *query, radius_m, &mut stack, &mut found);
+                        results.push(map(*number as usize, &found));
+                    }
+                },
+            );
+            results
+        };
+        let chunks = rows.positions.par_chunks(CHUNK).zip(rows.query_of.par_chunks(CHUNK));
+        let in_rows: Vec<Vec<R>> = chunks.map(results_of).collect();
+        let mut in_order: Vec<Option<R>> = (0..rows.n_queries).map(|_| None).collect();
+        for (query, result) in rows.query_of.iter().zip(in_rows.into_iter().flatten()) {
+            in_order[*query as usize] = Some(result);
+        }
+        let results = in_order.into_iter().enumerate();
+        results.map(|(query, result)| result.unwrap_or_else(|| map(query, &[]))).collect()
     }
 }

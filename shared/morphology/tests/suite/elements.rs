@@ -53,6 +53,38 @@ fn rectangles_of_all_sizes() {
     }
 }
 
+/// Long rows are filtered in parts, whose length depends on the type.
+#[test]
+fn long_rows_have_no_seams() {
+    let image = noise((6, 4500), 7);
+    let floats = image.mapv(|v| f32::from(v) * 0.25 - 100.0);
+    let bools = image.mapv(|v| v > 960);
+    let box_of = |r: isize, c: isize| (-r..=r).flat_map(|row| (-c..=c).map(move |col| (row, col))).collect();
+    let line_of = |rows: isize, cols: isize| (-4..=4).map(|t| (t * rows, t * cols)).collect();
+    let elements: [Vec<(isize, isize)>; 8] = [
+        box_of(1, 1),
+        box_of(2, 2),
+        box_of(3, 4),
+        box_of(0, 20),
+        box_of(1, 200),
+        line_of(1, 1),
+        line_of(0, 300),
+        line_of(1, -2),
+    ];
+    for offsets in elements {
+        let (rows, cols) = offsets.iter().fold((0, 0), |(r, c), &(row, col)| (r.max(row), c.max(col)));
+        let is_box = offsets.len() as isize == (2 * rows + 1) * (2 * cols + 1);
+        let element = if is_box {
+            Element::rectangle(rows as usize, cols as usize)
+        } else {
+            Element::of_offsets(offsets.iter().copied())
+        };
+        assert_eq!(dilate(&image, &element), extremum(&image, &offsets, -1, 0, u16::sup), "{element:?}");
+        assert_eq!(erode(&floats, &element), extremum(&floats, &offsets, 1, f32::INFINITY, f32::min), "{element:?}");
+        assert_eq!(dilate(&bools, &element), extremum(&bools, &offsets, -1, false, bool::sup), "{element:?}");
+    }
+}
+
 #[test]
 fn discs_contain_all_offsets_up_to_their_radius() {
     for radius in [0, 1, 2, 5, 12] {

@@ -12,8 +12,10 @@ fn results_are_equal_for_one_and_two_threads() {
             let within = index.within_of_own(1e-3);
             let lists =
                 (0..points.len()).map(|i| (nearest.of(i).to_vec(), within.of(i).len(), within.of(i).first().copied()));
+            let mapped =
+                index.map_within_of_own(1e-3, |point_idx, found| (point_idx, found.len(), found.last().copied()));
             let voxels = VoxelGrid::new(&points, 0.1).expect("a valid cell");
-            (index.order().to_vec(), lists.collect::<Vec<_>>(), index.farthest_points(100, 1), voxels)
+            (index.order().to_vec(), lists.collect::<Vec<_>>(), mapped, index.farthest_points(100, 1), voxels)
         })
     };
     let (one, two) = (results(1), results(2));

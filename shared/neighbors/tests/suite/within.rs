@@ -10,6 +10,8 @@ fn check(points: &[[f32; 3]], n_queries: usize, seed: u64) {
     }
     for radius_m in [0.0, 1e-3, 0.5, 3.0, 25.0, 1e15, f32::INFINITY] {
         let batch = index.within_of_each(&queries, radius_m);
+        let mapped = index.map_within_of_each(&queries, radius_m, |query, found| (query, found.to_vec()));
+        assert_eq!(mapped.len(), queries.len());
         for (query_idx, query) in queries.iter().enumerate() {
             let mut expected = sorted_by_distance(points, *query);
             expected.retain(|(squared, _)| *squared <= radius_m * radius_m);
@@ -19,6 +21,7 @@ fn check(points: &[[f32; 3]], n_queries: usize, seed: u64) {
             let mut numbers: Vec<u32> = expected.iter().map(|(_, point)| *point).collect();
             numbers.sort_unstable_by_key(|point| place[*point as usize]);
             assert_eq!(batch.of(query_idx), numbers, "batch, {radius_m} m around {query:?}, seed {seed}");
+            assert_eq!(mapped[query_idx], (query_idx, numbers), "mapped, {radius_m} m around {query:?}, seed {seed}");
         }
     }
 }
@@ -42,9 +45,12 @@ fn within_of_own_equal_those_of_the_same_queries() {
     let points = awkward(3000, 5);
     let index = SpatialIndex::new(&points);
     let (own, each) = (index.within_of_own(0.5), index.within_of_each(&points, 0.5));
+    let mapped = index.map_within_of_own(0.5, |point_idx, found| (point_idx, found.to_vec()));
     assert_eq!(own.n_items(), each.n_items());
+    assert_eq!(mapped.len(), points.len());
     for point_idx in 0..points.len() {
         assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");
+        assert_eq!(mapped[point_idx], (point_idx, own.of(point_idx).to_vec()), "{point_idx}");
     }
 }
 
