@@ -212,6 +212,29 @@ fn submaps_too_wide_for_the_model_are_doubted() {
     assert_eq!(bench.doubt("submaps_coarsened"), Some(0.5));
 }
 
+/// The ground of KITTI drives has a median of 66, that of the training 12.
+#[test]
+fn intensities_on_another_scale_are_doubted_and_not_used() {
+    let (header, points, _) = street_sweep();
+    let classes = |intensity: u8, setting: &str| {
+        let settings = Settings { intensity: setting.to_owned(), ..Settings::default() };
+        let mut bench = Bench::<Infer>::new(&settings, &at_root()).expect("the model loads");
+        let mut points = points.clone();
+        points.iter_mut().for_each(|point| point.intensity = intensity);
+        bench.send::<SubmapTopic>(0, header, points);
+        bench.tick().expect("steps");
+        bench.finish().expect("an end");
+        (bench.take::<ClassTopic>()[0].rows().to_vec(), bench.doubt("foreign_intensities"))
+    };
+    let (without, _) = classes(0, "raw");
+    assert!(classes(66, "auto") == (without.clone(), Some(1.0)));
+    assert!(classes(66, "off") == (without.clone(), Some(1.0)));
+    let (raw, doubt) = classes(66, "raw");
+    assert!(raw != without && doubt == Some(1.0));
+    let (on_scale, doubt) = classes(12, "auto");
+    assert!(on_scale != without && doubt.is_none());
+}
+
 #[test]
 fn restart_between_submaps_gives_same_output() {
     let outputs = |restart: bool| {
