@@ -220,7 +220,9 @@ fn intensities_on_another_scale_are_doubted_and_not_used() {
         let settings = Settings { intensity: setting.to_owned(), ..Settings::default() };
         let mut bench = Bench::<Infer>::new(&settings, &at_root()).expect("the model loads");
         let mut points = points.clone();
-        points.iter_mut().for_each(|point| point.intensity = intensity);
+        for point in &mut points {
+            point.intensity = intensity;
+        }
         bench.send::<SubmapTopic>(0, header, points);
         bench.tick().expect("steps");
         bench.finish().expect("an end");

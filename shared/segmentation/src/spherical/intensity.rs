@@ -10,7 +10,7 @@ use messages::SubmapPoint;
 const SHARES: [f32; N] = [0.05, 0.25, 0.5, 0.75, 0.95];
 const N: usize = 5;
 
-/// Intensities of the ground below which these [shares](SHARES) of its points lie.
+/// Intensities of the ground below which 5, 25, 50, 75 and 95 % of its points lie.
 pub type GroundIntensities = [u8; N];
 
 /// Points within this distance of the ground are taken for the ground, m.

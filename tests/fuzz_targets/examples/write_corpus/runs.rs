@@ -115,7 +115,15 @@ pub fn spherical_models() -> Vec<Vec<u8>> {
         let zeros = |(name, shape): (String, Vec<usize>)| (name, (shape.clone(), vec![0.0; shape.iter().product()]));
         let weights = Weights { tensors: tensors.map(zeros).collect() };
         let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
-        let settings = Settings { network, columns: 512, fold: 1, classes, vote_cell_m: 0.2, temperature: 1.0 };
+        let settings = Settings {
+            network,
+            columns: 512,
+            fold: 1,
+            classes,
+            vote_cell_m: 0.2,
+            temperature: 1.0,
+            ground_intensities: None,
+        };
         let file = settings.to_bytes(&weights).expect("encodes");
         let (length, rest) = file.split_first_chunk().expect("has a length");
         rest[..u64::from_le_bytes(*length) as usize].to_vec()
