@@ -80,13 +80,12 @@ pub(crate) fn usage(program: &dyn Program, text: &str) -> u8 {
 
 /// Prints an answer; the exit code.
 pub(crate) fn print_json<T: Serialize>(value: &T) -> u8 {
-    match serde_json::to_string(value) {
-        Ok(text) => {
-            println!("{text}");
-            exit::DONE
-        }
+    let text = serde_json::to_string(value).map_err(std::io::Error::from);
+    // Not `println!`, which panics if the reader has closed its end.
+    match text.and_then(|text| std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes())) {
+        Ok(()) => exit::DONE,
         Err(error) => {
-            eprintln!("{error}");
+            eprintln!("standard output: {error}");
             exit::FAILED
         }
     }
