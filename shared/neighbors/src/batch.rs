@@ -77,19 +77,19 @@ impl Rows {
 impl SpatialIndex {
     /// The k nearest points of each query, nearest first.
     pub fn nearest_of_each(&self, queries: &[[f32; 3]], k: usize) -> Neighborhoods<Neighbor> {
-        self.nearest_of_rows(self.rows(queries), k)
+        self.nearest_of_rows(&self.rows(queries), k)
     }
     /// The k nearest points of each point of the cloud: itself, or a copy of it, is first.
     pub fn nearest_of_own(&self, k: usize) -> Neighborhoods<Neighbor> {
-        self.nearest_of_rows(self.own_rows(), k)
+        self.nearest_of_rows(&self.own_rows(), k)
     }
     /// Numbers of the points within a radius of each query, in Morton order.
     pub fn within_of_each(&self, queries: &[[f32; 3]], radius_m: f32) -> Neighborhoods<u32> {
-        self.within_of_rows(self.rows(queries), radius_m)
+        self.within_of_rows(&self.rows(queries), radius_m)
     }
     /// Numbers of the points within a radius of each point of the cloud, with itself, in Morton order.
     pub fn within_of_own(&self, radius_m: f32) -> Neighborhoods<u32> {
-        self.within_of_rows(self.own_rows(), radius_m)
+        self.within_of_rows(&self.own_rows(), radius_m)
     }
     /// What `map` makes of each query: it receives the number of the query and the numbers of the points within a radius, in Morton
     /// order. No lists are kept, so the memory does not depend on the number of neighbors. `map` runs on all threads of the current
@@ -128,7 +128,7 @@ impl SpatialIndex {
     fn own_rows(&self) -> Rows {
         Rows { positions: self.positions().collect(), query_of: self.order().to_vec(), n_queries: self.n_cloud() }
     }
-    fn nearest_of_rows(&self, rows: Rows, k: usize) -> Neighborhoods<Neighbor> {
+    fn nearest_of_rows(&self, rows: &Rows, k: usize) -> Neighborhoods<Neighbor> {
         let lists_of = |queries: &[[f32; 3]]| {
             let mut search = NearestSearch::new(self, k);
             let mut items = Vec::with_capacity(queries.len() * search.k());
@@ -146,7 +146,7 @@ impl SpatialIndex {
         };
         Neighborhoods { chunks: rows.positions.par_chunks(CHUNK).map(lists_of).collect(), row_of: rows.row_of() }
     }
-    fn within_of_rows(&self, rows: Rows, radius_m: f32) -> Neighborhoods<u32> {
+    fn within_of_rows(&self, rows: &Rows, radius_m: f32) -> Neighborhoods<u32> {
         let lists_of = |queries: &[[f32; 3]]| {
             let (mut items, mut ends) = (Vec::new(), Vec::with_capacity(queries.len()));
             let mut stack = Vec::with_capacity(64);

@@ -48,9 +48,9 @@ fn within_of_own_equal_those_of_the_same_queries() {
     let mapped = index.map_within_of_own(0.5, |point_idx, found| (point_idx, found.to_vec()));
     assert_eq!(own.n_items(), each.n_items());
     assert_eq!(mapped.len(), points.len());
-    for point_idx in 0..points.len() {
+    for (point_idx, mapped) in mapped.into_iter().enumerate() {
         assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");
-        assert_eq!(mapped[point_idx], (point_idx, own.of(point_idx).to_vec()), "{point_idx}");
+        assert_eq!(mapped, (point_idx, own.of(point_idx).to_vec()));
     }
 }
 
