@@ -41,26 +41,36 @@ pub(crate) fn runs_of(mask: &Array2<bool>, connectivity: Connectivity) -> Runs {
 /// Label image of runs. `inside` are the pixels of the runs.
 pub(crate) fn labels_of(runs: &Runs, inside: &Array2<bool>) -> Labels {
     let mut areas = vec![0; runs.n_labels];
-    let mut pixels: Vec<u32> = Vec::with_capacity(inside.len());
-    let mut line = vec![0; inside.ncols() + BURST];
+    let (rows, cols) = inside.dim();
+    let mut pixels: Vec<u32> = Vec::with_capacity(inside.len() + BURST);
     for (row, inside) in inside.as_standard_layout().rows().into_iter().enumerate() {
         let inside = inside.to_slice().expect("rows of the standard layout are contiguous");
+        if row * cols + BURST >= pixels.len() {
+            // A few rows at a time, so that they are still in the cache when they are written.
+            let end = rows.min(row + BATCH.div_ceil(cols.max(1)));
+            pixels.resize(end * cols + BURST, 0);
+        }
+        // The pixels after this row are those of the next, which is written later.
+        let line = &mut pixels[row * cols..(row + 1) * cols + BURST];
         let of_row = runs.of_row(row);
         wide_loops::run(
             #[inline(always)]
             || {
                 for (&[start, end], &label) in runs.ends[of_row.clone()].iter().zip(&runs.labels[of_row]) {
-                    paint(&mut line, start as usize, end as usize, label);
+                    paint(line, start as usize, end as usize, label);
                     areas[label as usize - 1] += (end - start) as usize;
                 }
                 let n = inside.len();
-                in_blocks!(n, clear_in_block(&mut line, inside));
+                in_blocks!(n, clear_in_block(line, inside));
             },
         );
-        pixels.extend_from_slice(&line[..inside.len()]);
     }
+    pixels.truncate(inside.len());
     Labels { image: Array2::from_shape_vec(inside.dim(), pixels).expect("one label for every pixel"), areas }
 }
+
+/// Pixels that are initialized together.
+const BATCH: usize = 1 << 16;
 
 /// Pixels that are written together.
 const BURST: usize = 16;

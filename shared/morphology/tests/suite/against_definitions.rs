@@ -150,6 +150,36 @@ fn components_and_zones_are_the_transitive_closure_of_their_relation() {
     }
 }
 
+/// The label image is written in batches of rows.
+#[test]
+fn components_of_a_tall_image_are_those_of_a_flood_fill() {
+    let mut random = Images::new(6);
+    let mask = Array2::from_shape_fn((70_001, 3), |_| random.below(3) > 0);
+    for connectivity in BOTH {
+        let mut labels = Array2::<u32>::zeros(mask.dim());
+        let mut n = 0;
+        for (start, _) in mask.indexed_iter().filter(|(_, inside)| **inside) {
+            if labels[start] > 0 {
+                continue;
+            }
+            n += 1;
+            labels[start] = n;
+            let mut stack = vec![start];
+            while let Some(pixel) = stack.pop() {
+                for at in (pixel.0.saturating_sub(1)..=pixel.0 + 1).flat_map(|row| (0..3).map(move |col| (row, col))) {
+                    if mask.get(at) == Some(&true) && labels[at] == 0 && touch(pixel, at, connectivity) {
+                        labels[at] = n;
+                        stack.push(at);
+                    }
+                }
+            }
+        }
+        let components = connected_components(&mask, connectivity);
+        assert_eq!(components.image, labels);
+        assert_eq!(components.areas.iter().sum::<usize>(), mask.iter().filter(|inside| **inside).count());
+    }
+}
+
 #[test]
 fn zones_over_gaps_join_the_nearest_valid_pixels_of_a_line() {
     let mut random = Images::new(5);

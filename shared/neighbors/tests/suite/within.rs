@@ -50,7 +50,7 @@ fn within_of_own_equal_those_of_the_same_queries() {
     assert_eq!(mapped.len(), points.len());
     for (point_idx, mapped) in mapped.into_iter().enumerate() {
         assert_eq!(own.of(point_idx), each.of(point_idx), "{point_idx}");
-        assert_eq!(mapped, (point_idx, own.of(point_idx).to_vec()), "{point_idx}");
+        assert_eq!(mapped, (point_idx, own.of(point_idx).to_vec()));
     }
 }
 
