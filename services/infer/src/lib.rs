@@ -20,7 +20,7 @@ stage::settings! {
         pub every: u32 = 1 => stage::within(1, 16);
         /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
         /// the ground, `off` nothing, `auto` as recorded, but nothing where the scale is another.
-        pub intensity: String = "auto".to_owned() => stage::one_of(&["auto", "normalized", "raw", "off"]);
+        pub intensity: String = "auto".to_owned() => stage::one_of(&IntensityUse::WORDS);
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
         /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
         pub device: String = "cpu".to_owned() => stage::one_of(&["cpu", "cuda"]);

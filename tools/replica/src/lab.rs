@@ -3,6 +3,7 @@
 mod bench;
 mod evaluate;
 mod instances;
+mod recorded_classes;
 mod train;
 mod true_points;
 

@@ -15,6 +15,8 @@ pub type GroundIntensities = [u8; N];
 
 /// Points within this distance of the ground are taken for the ground, m.
 const GROUND_M: f32 = 0.15;
+/// About so many points of a submap are examined: a pass over all would read the whole submap once more.
+const SAMPLE: usize = 100_000;
 /// Ground points below which the scale is not known.
 const MIN_POINTS: u64 = 2000;
 /// Factor from the median of the ground in the training up to which intensities are on its scale, in both directions. Training varies
@@ -37,15 +39,13 @@ pub enum IntensityUse {
 }
 
 impl IntensityUse {
-    /// The use of a word of the settings; `None` if there is no such word.
+    /// The words of the settings.
+    pub const WORDS: [&str; 4] = ["auto", "normalized", "raw", "off"];
+
+    /// The use of a word; `None` if there is no such word.
     pub fn from_word(word: &str) -> Option<Self> {
-        match word {
-            "auto" => Some(Self::Auto),
-            "normalized" => Some(Self::Normalized),
-            "raw" => Some(Self::Raw),
-            "off" => Some(Self::Off),
-            _ => None,
-        }
+        let uses = [Self::Auto, Self::Normalized, Self::Raw, Self::Off];
+        Self::WORDS.iter().zip(uses).find(|(known, _)| **known == word).map(|(_, known)| known)
     }
 }
 
@@ -103,7 +103,10 @@ impl IntensityMap {
         trained: GroundIntensities,
     ) -> (Self, Option<[u8; 2]>) {
         let mut histogram = GroundHistogram::default();
-        histogram.add(points.iter().map(|point| point.intensity).zip(heights_m.iter().copied()));
+        // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
+        let step = (points.len() / SAMPLE) | 1;
+        let sample = points.iter().zip(heights_m).step_by(step);
+        histogram.add(sample.map(|(point, height_m)| (point.intensity, *height_m)));
         let found = histogram.quantiles();
         let foreign = found.filter(|found| !is_on_scale(*found, trained));
         let map = match (intensity_use, found) {

@@ -13,28 +13,21 @@ pub trait Real: Copy + Default + Send + Sync + Sum + Sub<Output = Self> + Mul<Ou
     fn max(self, other: Self) -> Self;
 }
 
-impl Real for f32 {
-    const LOWEST: Self = Self::NEG_INFINITY;
-    fn exp(self) -> Self {
-        self.exp()
-    }
-    fn ln(self) -> Self {
-        self.ln()
-    }
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
+macro_rules! real {
+    ($($number:ty)*) => {$(
+        impl Real for $number {
+            const LOWEST: Self = Self::NEG_INFINITY;
+            fn exp(self) -> Self {
+                self.exp()
+            }
+            fn ln(self) -> Self {
+                self.ln()
+            }
+            fn max(self, other: Self) -> Self {
+                self.max(other)
+            }
+        }
+    )*};
 }
 
-impl Real for f64 {
-    const LOWEST: Self = Self::NEG_INFINITY;
-    fn exp(self) -> Self {
-        self.exp()
-    }
-    fn ln(self) -> Self {
-        self.ln()
-    }
-    fn max(self, other: Self) -> Self {
-        self.max(other)
-    }
-}
+real! { f32 f64 }

@@ -154,6 +154,9 @@ fn print_class_counts(settings: &Settings, data: &SweepDataset) -> anyhow::Resul
     for (name, n) in settings.classes.iter().zip(counts) {
         writeln!(out, "{name:>14} {:7.3} %", 100.0 * *n as f64 / total as f64)?;
     }
+    if let Some(quantiles) = data.ground_intensities() {
+        writeln!(out, "intensities of the ground at 5, 25, 50, 75, 95 %: {quantiles:?}")?;
+    }
     Ok(())
 }
 

@@ -10,6 +10,7 @@ mod towns;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use messages::{ClassId, GROUND_CLASSES};
 use scores::ScoreTable;
 use segmentation::Options;
@@ -50,9 +51,9 @@ pub struct Args {
     /// Use every N-th sweep of a submap for inference
     #[arg(long, default_value_t = 1)]
     every: usize,
-    /// What the model takes from the intensities [default: auto]
-    #[arg(long, requires = "model", value_enum, value_name = "USE")]
-    intensity: Option<Intensity>,
+    /// What the model takes from the intensities
+    #[arg(long, value_name = "USE", default_value = "auto", value_parser = PossibleValuesParser::new(IntensityUse::WORDS))]
+    intensity: String,
     /// Multiply the intensities of the simulated sweeps, as another sensor would
     #[arg(long, requires = "seeds", default_value_t = 1.0)]
     gain: f32,
@@ -90,29 +91,6 @@ enum Refine {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Intensity {
-    /// As recorded if they are on the scale of the training, else nothing.
-    Auto,
-    /// Brought to the scale of the training by those of the ground.
-    Normalized,
-    /// As recorded.
-    Raw,
-    /// Nothing.
-    Off,
-}
-
-impl From<Intensity> for IntensityUse {
-    fn from(intensity: Intensity) -> Self {
-        match intensity {
-            Intensity::Auto => Self::Auto,
-            Intensity::Normalized => Self::Normalized,
-            Intensity::Raw => Self::Raw,
-            Intensity::Off => Self::Off,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
     /// Markdown tables.
     Markdown,
@@ -141,7 +119,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             small_regions: refine(Refine::SmallRegions),
             buildings: refine(Refine::Buildings),
         };
-        let intensity = args.intensity.map_or(IntensityUse::default(), Into::into);
+        let intensity = IntensityUse::from_word(&args.intensity).unwrap_or_default();
         let options = Options { every: args.every, intensity, refinement, ..Options::default() };
         let model = match (args.knn, &args.examples) {
             (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),

@@ -1,11 +1,11 @@
 //! The true labels of an imported recording: its submaps are those of the run, point by point.
 
+use crate::lab::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::lab::true_points::Labelled;
 use anyhow::{Context, bail, ensure};
 use formats::drive::NoLabel;
 use formats::ply::Vertices;
 use formats::recording::RecordingReader;
-use messages::pod::{Pod, rows_from_bytes};
 use messages::{ClassRow, ClassTopic, InstanceTopic, Message, SubmapPoint, SubmapTopic};
 use rayon::prelude::*;
 use scores::PointLabel;
@@ -35,13 +35,12 @@ impl RecordedTruth {
     /// An error unless the recording is that of an import.
     pub fn open(path: &Path) -> anyhow::Result<Self> {
         let reader = RecordingReader::open(path)?;
-        let has = |topic: &str| reader.topics().iter().any(|known| known.name == topic);
         ensure!(
-            reader.about().contains_key("imported") && has(SubmapTopic::TOPIC) && has(ClassTopic::TOPIC),
+            has_true_classes(&reader),
             "{}: must be a recording of labeled clouds, as `replica import` writes it",
             path.display()
         );
-        let has_instances = has(InstanceTopic::TOPIC);
+        let has_instances = has_topic(&reader, InstanceTopic::TOPIC);
         Ok(Self { path: path.to_owned(), reader, has_instances, last: None })
     }
 
@@ -104,8 +103,4 @@ impl RecordedTruth {
         }
         bail!("{}: has no submap {seq}: the run is of another recording", self.path.display())
     }
-}
-
-fn rows<T: Pod>(bytes: &[u8]) -> anyhow::Result<Vec<T>> {
-    rows_from_bytes(bytes).context("the recording was written by another version")
 }

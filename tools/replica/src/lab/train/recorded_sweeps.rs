@@ -1,11 +1,11 @@
 //! Labeled submaps of recordings: labeled clouds that `replica import` has written, and recorded runs over drives with labels.
 
 use super::recipe::RecordingSource;
+use crate::lab::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::lab::true_points::TruePoints;
 use anyhow::{Context, ensure};
 use formats::drive::{Drive, Shot};
 use formats::recording::RecordingReader;
-use messages::pod::{Pod, rows_from_bytes};
 use messages::{ClassId, ClassRow, ClassTopic, Message, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic};
 use std::path::{Path, PathBuf};
 
@@ -38,13 +38,12 @@ impl RecordedSweeps {
     pub fn open(source: &RecordingSource, folder: &Path) -> anyhow::Result<Self> {
         let path = folder.join(&source.file);
         let reader = RecordingReader::open(&path)?;
-        let has = |topic: &str| reader.topics().iter().any(|known| known.name == topic);
-        ensure!(has(SubmapTopic::TOPIC), "{}: has no topic `{}`", path.display(), SubmapTopic::TOPIC);
+        ensure!(has_topic(&reader, SubmapTopic::TOPIC), "{}: has no topic `{}`", path.display(), SubmapTopic::TOPIC);
         let truth = if let Some(drive) = &source.drive {
             Truth::Drive(Box::new(TruePoints::open(Drive::open(&folder.join(drive))?)?))
         } else {
             ensure!(
-                reader.about().contains_key("imported") && has(ClassTopic::TOPIC),
+                has_true_classes(&reader),
                 "{}: its classes are not the truth: `drive` must name the drive of this run, whose labels are; only \
                      labeled clouds that `replica import` has written need none",
                 path.display()
@@ -59,8 +58,8 @@ impl RecordedSweeps {
         while let Some(message) = self.reader.next()? {
             let (seq, path) = (message.envelope.seq, &self.path);
             if message.topic.name == SubmapTopic::TOPIC {
-                let header: Vec<SubmapHeader> = rows(message.header(), path)?;
-                let (header, points) = (header[0], rows(message.rows(), path)?);
+                let header: Vec<SubmapHeader> = rows(message.header()).with_context(|| path.display().to_string())?;
+                let (header, points) = (header[0], rows(message.rows()).with_context(|| path.display().to_string())?);
                 header
                     .checked(seq)
                     .and_then(|checked| checked.check_points(&points))
@@ -75,7 +74,7 @@ impl RecordedSweeps {
             } else if message.topic.name == ClassTopic::TOPIC
                 && let Some((_, header, points)) = self.waiting.take_if(|(submap, ..)| *submap == seq)
             {
-                let classes: Vec<ClassRow> = rows(message.rows(), path)?;
+                let classes: Vec<ClassRow> = rows(message.rows()).with_context(|| path.display().to_string())?;
                 let (n_points, n_classes) = (points.len(), classes.len());
                 ensure!(
                     n_points == n_classes,
@@ -115,8 +114,4 @@ fn shot(point: &SubmapPoint, sweep: &SubmapSweep) -> Shot {
 /// Classes that are not in the class table are unlabeled.
 fn known(class: u8) -> u8 {
     ClassId::from_id(class).unwrap_or(ClassId::Unlabeled) as u8
-}
-
-fn rows<T: Pod>(bytes: &[u8], path: &Path) -> anyhow::Result<Vec<T>> {
-    rows_from_bytes(bytes).with_context(|| format!("{}: was written by another version", path.display()))
 }
