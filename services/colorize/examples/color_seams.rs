@@ -15,8 +15,8 @@ mod lab;
 mod recorded;
 
 use coloring::{
-    AgeLimits, CHUNK, Candidates, Choices, ColorImage, ExposureGains, PointBuffers, PosedExposure, ProjectionCamera,
-    SubmapPoints, color_into, leveled_color, overlaps, visibility_maps,
+    AgeLimits, CHUNK, Candidates, Choices, Chunk, ColorImage, ExposureGains, PointBuffers, PosedExposure,
+    ProjectionCamera, SubmapPoints, color_into, leveled_color, overlaps, visibility_maps,
 };
 use formats::drive::Drive;
 use geometry::Stamp;
@@ -121,7 +121,11 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
     // Exposure, and color as recorded and leveled.
     let mut colors: Vec<Option<(usize, [ColorRow; 2])>> = vec![None; points.len()];
     let mut choices = Choices::default();
-    for (chunk, colors) in candidates.points.chunks().iter().zip(colors.chunks_mut(CHUNK)) {
+    let mut chunks: Vec<Chunk> = Vec::new();
+    for (index, colors) in colors.chunks_mut(CHUNK).enumerate() {
+        chunks.push(Chunk::default());
+        let chunk = &mut chunks[index];
+        candidates.points.read_chunk(index, chunk);
         choices.choose(chunk, candidates);
         for (i, exposure, pixel) in choices.chosen() {
             let plain = images[exposure].sample(pixel);
@@ -144,9 +148,8 @@ fn compare(sums: &mut Sums, candidates: &Candidates<'_>, images: &[ColorImage<'_
         let near = &points[before];
         let apart = [point.x - near.x, point.y - near.y, point.z - near.z].iter().map(|v| v * v).sum::<f32>().sqrt();
         if apart < 0.1 && point.flags == 0 && near.flags == 0 {
-            let sees = |exposure: usize, i: usize| {
-                candidates.visible_pixel(exposure, &candidates.points.chunks()[i / CHUNK], i % CHUNK).is_some()
-            };
+            let sees =
+                |exposure: usize, i: usize| candidates.visible_pixel(exposure, &chunks[i / CHUNK], i % CHUNK).is_some();
             let sums = if exposure == exposure_before {
                 &mut sums.within
             } else if sees(exposure, before) && sees(exposure_before, i) {

@@ -261,7 +261,9 @@ mod tests {
         let mut buffers = PointBuffers::default();
         let points = SubmapPoints::new(&points, &sweeps, 1000 * MS, 32, &mut buffers);
         let candidates = Candidates { points: &points, exposures: &exposures, visibility: &visibility, limits };
-        choices.choose(&points.chunks()[0], &candidates);
+        let mut chunk = Chunk::default();
+        points.read_chunk(0, &mut chunk);
+        choices.choose(&chunk, &candidates);
         let exposure_of = |point| choices.chosen().find(|(i, ..)| *i == point).map(|(_, exposure, _)| exposure);
         assert_eq!(exposure_of(3), None, "a point of an unknown sweep has no time");
         exposure_of(1)

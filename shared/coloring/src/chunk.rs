@@ -54,22 +54,18 @@ impl Default for Chunk {
 impl Chunk {
     /// Replaces all points.
     pub fn refill(&mut self, points: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) {
-        self.n_points = points.len().min(CHUNK);
-        for (i, point) in points.iter().enumerate().take(CHUNK) {
-            self.x[i] = point.x;
-            self.y[i] = point.y;
-            self.z[i] = point.z;
-            self.times[i] = time(point, sweeps, origin);
-            self.moves[i] = u32::from(point.flags & POINT_DYNAMIC != 0);
+        self.n_points = 0;
+        for point in points.iter().take(CHUNK) {
+            self.push(point, time(point, sweeps, origin));
         }
         self.finish();
     }
 
-    /// Adds a point of another chunk. Panics if there are already [`CHUNK`].
-    pub fn push(&mut self, from: &Self, i: usize) {
-        let n = self.n_points;
-        (self.x[n], self.y[n], self.z[n]) = (from.x[i], from.y[i], from.z[i]);
-        (self.times[n], self.moves[n]) = (from.times[i], from.moves[i]);
+    /// Adds a point with its [`time`]. Panics if there are already [`CHUNK`].
+    pub fn push(&mut self, point: &SubmapPoint, time: f32) {
+        let i = self.n_points;
+        (self.x[i], self.y[i], self.z[i], self.times[i]) = (point.x, point.y, point.z, time);
+        self.moves[i] = u32::from(point.flags & POINT_DYNAMIC != 0);
         self.n_points += 1;
     }
 
@@ -127,8 +123,9 @@ pub fn gap(time: f32, [first, last]: [f32; 2]) -> f32 {
     (first - time).max(time - last).max(0.0)
 }
 
+/// Time of the shot of a point, s after `origin`. NaN if its sweep is unknown.
 #[inline]
-fn time(point: &SubmapPoint, sweeps: &[SubmapSweep], origin: i64) -> f32 {
+pub fn time(point: &SubmapPoint, sweeps: &[SubmapSweep], origin: i64) -> f32 {
     let Some(sweep) = sweeps.get(usize::from(point.sweep_idx)) else { return f32::NAN };
     seconds(sweep.stamp.saturating_add(i64::from(point.offset_nanos)), origin)
 }

@@ -18,7 +18,8 @@ pub fn color_into(
     rows: &mut [ColorRow],
 ) -> u64 {
     let gains = is_leveled.then(|| ExposureGains::estimate(candidates, images));
-    let color_chunk = |choices: &mut Choices, (chunk, rows): (&Chunk, &mut [ColorRow])| {
+    let color_chunk = |(choices, chunk): &mut (Choices, Chunk), (index, rows): (usize, &mut [ColorRow])| {
+        candidates.points.read_chunk(index, chunk);
         choices.choose(chunk, candidates);
         rows.fill(UNSEEN_ROW);
         let mut n_seen = 0;
@@ -31,8 +32,7 @@ pub fn color_into(
         }
         n_seen
     };
-    let chunks = candidates.points.chunks().par_iter().zip(rows.par_chunks_mut(CHUNK));
-    chunks.map_init(Choices::default, color_chunk).sum()
+    rows.par_chunks_mut(CHUNK).enumerate().map_init(Default::default, color_chunk).sum()
 }
 
 /// The leveled color of point `i` of a chunk in the chosen exposure. If that is saturated or black there, the color of the

@@ -61,7 +61,9 @@ impl ExposureGains {
 /// Overlaps of static points: of every chunk, point `first` and each `every`-th after it. For each point, every exposure that
 /// sees it is paired with the next one that does.
 pub fn overlaps(candidates: &Candidates<'_>, every: usize, first: usize) -> Vec<Overlap> {
-    let of_chunk = |chunk: &Chunk| {
+    let of_chunk = |chunk: &mut Chunk, index: usize| {
+        candidates.points.read_chunk(index, chunk);
+        let chunk = &*chunk;
         let near: Vec<usize> =
             (0..candidates.exposures.len()).filter(|exposure| candidates.may_see(*exposure, chunk)).collect();
         let mut overlaps = Vec::new();
@@ -76,7 +78,8 @@ pub fn overlaps(candidates: &Candidates<'_>, every: usize, first: usize) -> Vec<
         }
         overlaps
     };
-    candidates.points.chunks().par_iter().flat_map_iter(of_chunk).collect()
+    let chunks = (0..candidates.points.n_chunks()).into_par_iter();
+    chunks.map_init(Chunk::default, of_chunk).flatten_iter().collect()
 }
 
 /// The logarithm of the brightness of a point in the first exposure, minus that in the second.

@@ -1,7 +1,7 @@
 //! The points of a submap, split into chunks.
 
-use crate::chunk::{CHUNK, Chunk};
-use messages::{RingCounts, SubmapPoint, SubmapSweep};
+use crate::chunk::{CHUNK, Chunk, time};
+use messages::{POINT_DYNAMIC, RingCounts, SubmapPoint, SubmapSweep};
 use rayon::prelude::*;
 
 /// Only one of so many points occludes: a cell has several points, and gaps between cells are closed. The number has no
@@ -11,7 +11,6 @@ const THINNING: usize = 3;
 /// Buffers that are reused for every submap: allocating this memory anew takes as long as coloring.
 #[derive(Default)]
 pub struct PointBuffers {
-    chunks: Vec<Chunk>,
     /// One list for every [`THINNING`] chunks.
     occluders: Vec<Vec<Chunk>>,
 }
@@ -39,16 +38,12 @@ impl<'a> SubmapPoints<'a> {
         rings: impl Into<RingCounts>,
         buffers: &'a mut PointBuffers,
     ) -> Self {
-        let PointBuffers { chunks, occluders } = buffers;
-        chunks.resize_with(rows.len().div_ceil(CHUNK), Chunk::default);
-        let pairs = chunks.par_iter_mut().zip(rows.par_chunks(CHUNK));
-        pairs.for_each(|(chunk, rows)| chunk.refill(rows, sweeps, origin));
-        occluders.resize_with(chunks.len().div_ceil(THINNING), Vec::new);
-        let pairs = occluders.par_iter_mut().zip(chunks.par_chunks(THINNING));
-        pairs.for_each(|(occluders, chunks)| thin_into(occluders, chunks));
-        let time_span = chunks.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[first, last], chunk| {
-            [first.min(chunk.time_span[0]), last.max(chunk.time_span[1])]
-        });
+        let PointBuffers { occluders } = buffers;
+        occluders.resize_with(rows.len().div_ceil(CHUNK * THINNING), Vec::new);
+        let thin = |(occluders, rows): (&mut Vec<Chunk>, &[SubmapPoint])| thin_into(occluders, rows, sweeps, origin);
+        let pairs = occluders.par_iter_mut().zip(rows.par_chunks(CHUNK * THINNING));
+        let spans = pairs.map(thin);
+        let time_span = spans.reduce(|| NEVER, |[first, last], [start, end]| [first.min(start), last.max(end)]);
         Self { rows, sweeps, origin, rings: rings.into(), buffers, time_span }
     }
 
@@ -63,9 +58,18 @@ impl<'a> SubmapPoints<'a> {
         self.time_span
     }
 
-    /// All points in their order, [`CHUNK`] per chunk.
-    pub fn chunks(&self) -> &'a [Chunk] {
-        &self.buffers.chunks
+    /// Number of chunks: [`CHUNK`] points each, in their order.
+    pub fn n_chunks(&self) -> usize {
+        self.rows.len().div_ceil(CHUNK)
+    }
+
+    /// Reads a chunk. Reading it again for every purpose takes less time and memory than keeping all.
+    ///
+    /// # Panics
+    /// If there is no such chunk.
+    pub fn read_chunk(&self, index: usize, into: &mut Chunk) {
+        let rows = &self.rows[index * CHUNK..];
+        into.refill(&rows[..rows.len().min(CHUNK)], self.sweeps, self.origin);
     }
 
     /// The points that occlude: all points on moving objects, because few sweeps hit those, and a part of the others.
@@ -74,21 +78,28 @@ impl<'a> SubmapPoints<'a> {
     }
 }
 
-/// Replaces `thinned` by the occluding points of `chunks`.
-fn thin_into(thinned: &mut Vec<Chunk>, chunks: &[Chunk]) {
+/// The time span without points.
+const NEVER: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// Replaces `thinned` by the points of `rows` that occlude. Returns the first and last shot of all.
+fn thin_into(thinned: &mut Vec<Chunk>, rows: &[SubmapPoint], sweeps: &[SubmapSweep], origin: i64) -> [f32; 2] {
+    let [mut first, mut last] = NEVER;
     let mut n_full = 0;
     thinned.resize_with(thinned.len().max(1), Chunk::default);
     thinned[0].n_points = 0;
-    for (chunk, i) in chunks.iter().flat_map(|chunk| (0..chunk.n_points).map(move |i| (chunk, i))) {
-        if i % THINNING == 0 || chunk.moves[i] != 0 {
+    for (i, point) in rows.iter().enumerate() {
+        let time = time(point, sweeps, origin);
+        (first, last) = (first.min(time), last.max(time));
+        if (i % CHUNK).is_multiple_of(THINNING) || point.flags & POINT_DYNAMIC != 0 {
             if thinned[n_full].n_points == CHUNK {
                 n_full += 1;
                 thinned.resize_with(thinned.len().max(n_full + 1), Chunk::default);
                 thinned[n_full].n_points = 0;
             }
-            thinned[n_full].push(chunk, i);
+            thinned[n_full].push(point, time);
         }
     }
     thinned.truncate(n_full + 1);
     thinned.iter_mut().for_each(Chunk::finish);
+    [first, last]
 }

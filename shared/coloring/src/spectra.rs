@@ -58,7 +58,8 @@ impl<'a> SpectraColumn<'a> {
         let candidates: Vec<Candidates<'_>> = pairs
             .map(|(camera, visibility)| Candidates { points, exposures: &camera.exposures, visibility, limits })
             .collect();
-        let find = |choices: &mut Choices, (chunk_idx, chunk): (usize, &Chunk)| {
+        let find = |(choices, chunk): &mut (Choices, Chunk), chunk_idx: usize| {
+            points.read_chunk(chunk_idx, chunk);
             let find_cells = |(camera, candidates): (&CameraCubes<'_>, &Candidates<'_>)| {
                 choices.choose(chunk, candidates);
                 find_cells(choices, camera)
@@ -66,8 +67,8 @@ impl<'a> SpectraColumn<'a> {
             let cells: Vec<Vec<Cell>> = cameras.iter().zip(&candidates).map(find_cells).collect();
             Batch::new(chunk_idx * CHUNK, &cells)
         };
-        let chunks = points.chunks().par_iter().enumerate();
-        let batches: Vec<Batch> = chunks.map_init(Choices::default, find).flatten_iter().collect();
+        let chunks = (0..points.n_chunks()).into_par_iter();
+        let batches: Vec<Batch> = chunks.map_init(Default::default, find).flatten_iter().collect();
         let n_spectra = batches.iter().map(|batch| batch.points.len()).sum();
         Self { bands, cameras, batches, n_points: points.rows.len(), n_spectra }
     }

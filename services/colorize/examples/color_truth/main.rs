@@ -114,9 +114,10 @@ impl Part<'_> {
             SubmapPoints::new(points, sweeps, self.header.stamp_begin, self.header.ring_counts(), &mut buffers);
         let visibility = &visibility_maps(&points, exposures);
         let candidates = Candidates { points: &points, exposures, visibility, limits: LIMITS };
-        let of_chunk = |(chunk, truth): (&Chunk, &[Option<TruePoint>])| {
-            let mut choices = Choices::default();
-            choices.choose(chunk, &candidates);
+        let of_chunk = |(index, truth): (usize, &[Option<TruePoint>])| {
+            let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
+            points.read_chunk(index, &mut chunk);
+            choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; truth.len()];
             choices.chosen().for_each(|(i, exposure, pixel)| chosen[i] = Some((exposure, pixel)));
             let mut table = Table::default();
@@ -128,7 +129,7 @@ impl Part<'_> {
             }
             table
         };
-        let parts: Vec<Table> = points.chunks().par_iter().zip(self.truth.par_chunks(CHUNK)).map(of_chunk).collect();
+        let parts: Vec<Table> = self.truth.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
         parts.into_iter().fold(Table::default(), score::sum)
     }
 

@@ -167,9 +167,10 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
     let untested: Vec<VisibilityMap> = exposures.iter().map(|_| VisibilityMap::unobstructed()).collect();
     [tested, untested].map(|visibility| {
         let candidates = Candidates { points: &submap, exposures: &exposures, visibility: &visibility, limits: LIMITS };
-        let of_chunk = |(chunk, points): (&Chunk, &[SubmapPoint])| {
-            let mut choices = Choices::default();
-            choices.choose(chunk, &candidates);
+        let of_chunk = |(index, points): (usize, &[SubmapPoint])| {
+            let (mut choices, mut chunk) = (Choices::default(), Chunk::default());
+            submap.read_chunk(index, &mut chunk);
+            choices.choose(&chunk, &candidates);
             let mut chosen = vec![None; points.len()];
             choices.chosen().for_each(|(i, exposure, _)| chosen[i] = Some(exposure));
             let mut table = [Score::default(); RANGES_M.len()];
@@ -197,7 +198,7 @@ fn scores(town: &Town) -> [[Score; RANGES_M.len()]; 2] {
             }
             table
         };
-        (submap.chunks().par_iter().zip(points.par_chunks(CHUNK)))
+        (points.par_chunks(CHUNK).enumerate())
             .map(of_chunk)
             .reduce(|| [Score::default(); RANGES_M.len()], |a, b| std::array::from_fn(|i| a[i].plus(b[i])))
     })

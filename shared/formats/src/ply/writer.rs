@@ -11,7 +11,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 /// Rows per block and thread: at 64 bytes a row, a block fits the second-level cache of a core.
-const BLOCK_ROWS: usize = 4096;
+const BLOCK_ROWS: usize = 16384;
 
 /// Writes one cloud on all threads of the rayon pool. The file gets its name in [`PlyWriter::finish`], when it is complete and on
 /// the disk. A writer that is dropped before leaves no file.
