@@ -37,6 +37,7 @@ use log::LogFormat;
 use plan::{Plan, Selection};
 use run::exit;
 use run_folder::EarlierResults;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use supervise::{Options, Start};
@@ -117,31 +118,40 @@ pub fn main() -> ExitCode {
         }
     };
     if arguments.graph {
-        print!("{}", check::dataflow::mermaid(&plan.stages));
-    } else if arguments.check {
-        print_checked(&arguments.launch_file, &plan);
-        if arguments.resume {
-            return ExitCode::from(supervise::check_resume(plan));
-        }
-    } else {
-        let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
-        let start = match (resume, overwrite) {
-            (true, _) => Start::Resume,
-            (false, true) => Start::Overwrite,
-            (false, false) => Start::New,
-        };
-        return ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }));
+        return print(&check::dataflow::mermaid(&plan.stages));
     }
-    ExitCode::from(exit::DONE)
+    if arguments.check {
+        let printed = print(&checked(&arguments.launch_file, &plan));
+        return if arguments.resume { ExitCode::from(supervise::check_resume(plan)) } else { printed };
+    }
+    let Arguments { resume, overwrite, log, metrics, record, .. } = arguments;
+    let start = match (resume, overwrite) {
+        (true, _) => Start::Resume,
+        (false, true) => Start::Overwrite,
+        (false, false) => Start::New,
+    };
+    ExitCode::from(supervise::run(plan, Options { start, log, metrics, record }))
 }
 
 /// The answer to `--check`: what a start will do, if it has no problems.
-fn print_checked(launch_file: &Path, plan: &Plan) {
-    println!("{}: {} stages, no problems", launch_file.display(), plan.stages.len());
+fn checked(launch_file: &Path, plan: &Plan) -> String {
+    let mut lines = vec![format!("{}: {} stages, no problems", launch_file.display(), plan.stages.len())];
     if plan.simulate.is_some() {
-        println!("{} does not exist: a start simulates it as [simulate] says", plan.context.drive.display());
+        lines.push(format!("{} does not exist: a start simulates it as [simulate] says", plan.context.drive.display()));
     }
     if let Some(results) = EarlierResults::find(&plan.context.output) {
-        println!("{}: holds the results of {results}", plan.context.output.display());
+        lines.push(format!("{}: holds the results of {results}", plan.context.output.display()));
+    }
+    lines.join("\n") + "\n"
+}
+
+/// Prints an answer. A reader that has closed its end has seen enough.
+fn print(text: &str) -> ExitCode {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            tracing::error!("standard output: {error}");
+            ExitCode::from(exit::FAILED)
+        }
+        _ => ExitCode::from(exit::DONE),
     }
 }

@@ -2,7 +2,7 @@
 
 mod configuration;
 
-use crate::command_line::{AloneArguments, print_json, usage};
+use crate::command_line::{AloneArguments, print_json, print_line, usage};
 use crate::diagnostics::Diagnostics;
 use crate::program::{ConfiguredStage, Program, RunningStage};
 use crate::{Context, Flow, Inputs, Outputs, Port, StepError, exit, log};
@@ -74,7 +74,8 @@ pub(crate) fn run(program: &dyn Program, arguments: &AloneArguments) -> u8 {
         Ok(report) => {
             let is_trusted = report.complete && report.doubts.is_empty();
             let code = if is_trusted { exit::DONE } else { exit::INCOMPLETE };
-            if arguments.json { print_json(&report).max(code) } else { print(&report, code) }
+            let printed = if arguments.json { print_json(&report) } else { print_line(&text(&report)) };
+            printed.max(code)
         }
         Err(error) => {
             tracing::error!("{error}");
@@ -290,28 +291,38 @@ fn count(traffic: &mut Traffic, rows: u64, row_bytes: usize) {
 }
 
 /// The report for people.
-fn print(report: &Report, code: u8) -> u8 {
+fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
     let Report { stage, ticks, step, .. } = report;
-    println!("{stage}: {ticks} ticks, {:.1} s of drive in {:.2} s", report.drive_s, report.wall_s);
-    println!(
+    lines.push(format!("{stage}: {ticks} ticks, {:.1} s of drive in {:.2} s", report.drive_s, report.wall_s));
+    lines.push(format!(
         "  {} steps with input in {:.3} s: median {:.3} ms, p99 {:.3} ms, longest {:.3} ms",
         step.count, report.steps_s, step.p50_ms, step.p99_ms, step.max_ms
-    );
-    println!("  {} points, {:.2} million points/s of step time", report.points, report.points_per_s * 1e-6);
-    println!("  {:.2} s of CPU, {:.0} MiB at most", report.cpu_s, report.peak_rss_bytes as f64 / f64::from(1 << 20));
+    ));
+    lines.push(format!("  {} points, {:.2} million points/s of step time", report.points, report.points_per_s * 1e-6));
+    lines.push(format!(
+        "  {:.2} s of CPU, {:.0} MiB at most",
+        report.cpu_s,
+        report.peak_rss_bytes as f64 / f64::from(1 << 20)
+    ));
     for (way, traffic) in [("in ", &report.inputs), ("out", &report.outputs)] {
         for (topic, t) in traffic {
-            println!("  {way} {topic}: {} messages, {} rows, {:.1} MB", t.messages, t.rows, t.bytes as f64 * 1e-6);
+            lines.push(format!(
+                "  {way} {topic}: {} messages, {} rows, {:.1} MB",
+                t.messages,
+                t.rows,
+                t.bytes as f64 * 1e-6
+            ));
         }
     }
     for (name, n) in &report.counters {
-        println!("  {name}: {n}");
+        lines.push(format!("  {name}: {n}"));
     }
     for note in &report.notes {
-        println!("  note: {note}");
+        lines.push(format!("  note: {note}"));
     }
     for doubt in &report.doubts {
-        println!("  doubt: {}: {}", doubt.name, doubt.text);
+        lines.push(format!("  doubt: {}: {}", doubt.name, doubt.text));
     }
-    code
+    lines.join("\n")
 }

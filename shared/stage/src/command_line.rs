@@ -78,17 +78,26 @@ pub(crate) fn usage(program: &dyn Program, text: &str) -> u8 {
     print(&command(program).error(ErrorKind::ValueValidation, text))
 }
 
-/// Prints an answer; the exit code.
+/// Prints an answer as one line of JSON; the exit code.
 pub(crate) fn print_json<T: Serialize>(value: &T) -> u8 {
-    let text = serde_json::to_string(value).map_err(std::io::Error::from);
-    // Not `println!`, which panics if the reader has closed its end.
-    match text.and_then(|text| std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes())) {
-        Ok(()) => exit::DONE,
-        Err(error) => {
-            eprintln!("standard output: {error}");
-            exit::FAILED
-        }
+    match serde_json::to_string(value) {
+        Ok(text) => print_line(&text),
+        Err(error) => unprinted(&error.into()),
     }
+}
+
+/// Prints an answer; the exit code. A reader that has closed its end has seen enough.
+pub(crate) fn print_line(text: &str) -> u8 {
+    // Not `println!`, which panics if the reader has closed its end.
+    match std::io::Write::write_all(&mut std::io::stdout(), format!("{text}\n").as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => unprinted(&error),
+        _ => exit::DONE,
+    }
+}
+
+fn unprinted(error: &std::io::Error) -> u8 {
+    eprintln!("standard output: {error}");
+    exit::FAILED
 }
 
 fn print(error: &clap::Error) -> u8 {

@@ -1,6 +1,7 @@
-//! How a command that runs until Ctrl-C ends.
+//! Ctrl-C, and a stdout whose reader has seen enough.
 
-use std::io::ErrorKind;
+use std::fmt::Arguments;
+use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,6 +25,20 @@ impl StopFlag {
     /// Whether a signal was received.
     pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Prints a line to stdout, like `println!`. A closed stdout is no error, and the command goes on with its work.
+macro_rules! say {
+    ($($line:tt)*) => { $crate::terminal::print_line(format_args!($($line)*)) };
+}
+pub(crate) use say;
+
+/// See [`say`].
+pub fn print_line(line: Arguments<'_>) -> io::Result<()> {
+    match writeln!(io::stdout(), "{line}") {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        printed => printed,
     }
 }
 

@@ -1,6 +1,7 @@
 //! `replica stop`: ends a running pipeline.
 
 use super::attach::RunArgument;
+use crate::terminal::say;
 use anyhow::bail;
 use run::control::{Answer, Request};
 use std::process::ExitCode;
@@ -24,7 +25,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let run = args.run.find_alive()?;
     match run.ask(&Request::Stop { now: args.now })? {
         Answer::Ended(outcome) => {
-            println!("{outcome}: see {}", run.output.join("summary.json").display());
+            say!("{outcome}: see {}", run.output.join("summary.json").display())?;
             Ok(if outcome == "failed" { ExitCode::FAILURE } else { ExitCode::SUCCESS })
         }
         Answer::Refused(reasons) => bail!("the supervisor refused to stop: {}", reasons.join("\n")),

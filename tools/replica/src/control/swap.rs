@@ -1,6 +1,7 @@
 //! `replica swap`: replaces a stage of a running pipeline by another program or other settings.
 
 use super::attach::RunArgument;
+use crate::terminal::say;
 use anyhow::bail;
 use run::control::{Answer, Request, SwapRequest};
 use std::path::PathBuf;
@@ -44,7 +45,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     });
     match args.run.find_alive()?.ask(&request)? {
         Answer::Swapped(swapped) if swapped.undone.is_none() => {
-            println!("{swapped}");
+            say!("{swapped}")?;
             Ok(ExitCode::SUCCESS)
         }
         Answer::Swapped(swapped) => bail!("{swapped}"),

@@ -5,6 +5,7 @@ mod message_reader;
 
 use crate::argument::InvalidValue;
 use crate::exit_code;
+use crate::terminal::say;
 use anyhow::Context;
 use fields::{Differences, FieldRule};
 use formats::recording::{RecordedTopic, RecordingReader};
@@ -98,22 +99,22 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
                 format!("{name}: only in {}\n", if a.is_some() { "a" } else { "b" })
             }
         };
-        print!("{text}");
+        say!("{}", text.trim_end())?;
     }
     for (file, faults) in ["a", "b"].iter().zip(&faults) {
         for fault in faults {
-            println!("{file} is not complete: {fault}");
+            say!("{file} is not complete: {fault}")?;
         }
     }
     let complete = faults.iter().all(BTreeSet::is_empty);
-    println!(
+    say!(
         "{}",
         match (equal, complete) {
             (true, true) => "equal",
             (true, false) => "equal as far as both go, but not complete",
             (false, _) => "different",
         }
-    );
+    )?;
     Ok(if equal && complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }
 

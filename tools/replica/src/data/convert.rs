@@ -2,6 +2,7 @@
 
 use crate::argument::InvalidValue;
 use crate::exit_code;
+use crate::terminal::say;
 use anyhow::Context;
 use clap::ValueEnum;
 use formats::lidar::{Lidar, LidarStats, Model, SweepInfo, SweepPoint, SweepReader};
@@ -56,14 +57,14 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let stem = args.capture.file_stem().unwrap_or_default().to_string_lossy().into_owned();
 
-    println!("{} of {}", args.capture.display(), reader.model().name());
-    println!("revolution    points  turn deg       ms  lost  file");
+    say!("{} of {}", args.capture.display(), reader.model().name())?;
+    say!("revolution    points  turn deg       ms  lost  file")?;
     let (mut returns, mut n_points) = (Vec::new(), 0);
     while let Some(info) = reader.next_sweep(|piece| returns.extend_from_slice(piece))? {
         let Format::Ply = args.format;
         let path = args.out.join(format!("{stem}_{:06}.ply", info.seq));
         write_ply(&path, &info, reader.model(), &returns)?;
-        println!(
+        say!(
             "{:10} {:9} {:9.1} {:8.2} {:5}  {}",
             info.seq,
             info.n_returns,
@@ -71,25 +72,26 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             f64::from(info.duration_nanos) * 1e-6,
             info.lost_packets,
             path.display()
-        );
+        )?;
         n_points += info.n_returns;
         returns.clear();
     }
     let stats = reader.stats();
-    print_counts(n_points, &stats);
+    print_counts(n_points, &stats)?;
     for damage in reader.damage() {
         eprintln!("warning: {damage}");
     }
     Ok(if stats.has_lost_data() { ExitCode::from(exit_code::INCOMPLETE) } else { ExitCode::SUCCESS })
 }
 
-fn print_counts(n_points: usize, stats: &LidarStats) {
-    println!("points {n_points}");
+fn print_counts(n_points: usize, stats: &LidarStats) -> std::io::Result<()> {
+    say!("points {n_points}")?;
     for (name, n) in stats.counts() {
         if n > 0 {
-            println!("{name} {n}");
+            say!("{name} {n}")?;
         }
     }
+    Ok(())
 }
 
 fn write_ply(path: &Path, info: &SweepInfo, model: Model, returns: &[SweepPoint]) -> anyhow::Result<()> {

@@ -3,6 +3,7 @@
 mod camera_setup;
 
 use crate::argument::{InvalidValue, rectangle};
+use crate::terminal::say;
 use anyhow::{Context, bail};
 use camera_setup::CameraSetup;
 use clap::builder::PossibleValuesParser;
@@ -146,7 +147,7 @@ fn write_cube(frame: &RawMosaic, setup: &CameraSetup, out: &Path, args: &Args) -
     header.fwhm.clone_from(&setup.fwhm_nm);
     header.data_ignore_value = Some(UNKNOWN);
     envi::write(out, &Image { header, values })?;
-    println!(
+    say!(
         "{}: {} x {} cells, {n_bands} bands, {}; samples saturated {}, clipped {}, dead {}; {:.2} % of the values unknown",
         out.display(),
         size[0],
@@ -156,6 +157,6 @@ fn write_cube(frame: &RawMosaic, setup: &CameraSetup, out: &Path, args: &Args) -
         counts.clipped,
         counts.dead,
         100.0 * f64::from(n_unknown) / (n_cells * n_bands) as f64
-    );
+    )?;
     Ok(())
 }

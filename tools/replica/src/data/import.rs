@@ -3,6 +3,7 @@
 
 mod ladybug;
 
+use crate::terminal::say;
 use anyhow::{bail, ensure};
 use formats::lidar::Model;
 use import::{Kind, Options, RosOptions};
@@ -84,7 +85,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ensure!(!args.out.exists(), "{} exists already", args.out.display());
         let [x, y, z] = args.position[..] else { bail!("--position {:?} must be three numbers", args.position) };
         let n_cameras = ladybug::import(&args.source, &args.out, [x, y, z])?;
-        println!("{}: {n_cameras} cameras", args.out.display());
+        say!("{}: {n_cameras} cameras", args.out.display())?;
         return Ok(ExitCode::SUCCESS);
     }
     let ros = RosOptions {
@@ -103,7 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ros,
     };
     for line in import::import(&args.source, &args.out, &options)? {
-        println!("{line}");
+        say!("{line}")?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -6,6 +6,7 @@ mod others;
 
 use crate::argument::InvalidValue;
 use crate::terminal::StopFlag;
+use crate::terminal::say;
 use anyhow::{Context, ensure};
 use formats::drive::Drive;
 use formats::lidar::Model;
@@ -143,7 +144,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let result = player.play_all(&files);
     let result = result.and(player.images.finish());
-    player.report();
+    player.report()?;
     result.map(|()| ExitCode::SUCCESS)
 }
 
@@ -342,23 +343,24 @@ impl Player<'_> {
         self.stop.is_set()
     }
 
-    fn report(&self) {
+    fn report(&self) -> std::io::Result<()> {
         let Sent { n_data, n_position, n_bytes, n_skipped, n_images, n_nmea, n_imu, max_delay } = self.sent;
         let seconds = self.begin.elapsed().as_secs_f64();
         let n_packets = n_data + n_position;
-        println!(
+        say!(
             "sent {n_packets} packets ({n_data} data, {n_position} position), {n_bytes} bytes in {seconds:.3} s, {:.0} packets/s",
             n_packets as f64 / seconds.max(1e-9)
-        );
+        )?;
         if n_images + n_nmea + n_imu > 0 {
-            println!("sent {n_images} images, {n_nmea} NMEA lines, {n_imu} IMU lines");
+            say!("sent {n_images} images, {n_nmea} NMEA lines, {n_imu} IMU lines")?;
         }
         if self.args.speed != Speed::Max {
-            println!("largest delay {:.3} ms", max_delay.as_secs_f64() * 1e3);
+            say!("largest delay {:.3} ms", max_delay.as_secs_f64() * 1e3)?;
         }
         if n_skipped > 0 {
-            println!("skipped {n_skipped} other packets");
+            say!("skipped {n_skipped} other packets")?;
         }
+        Ok(())
     }
 }
 

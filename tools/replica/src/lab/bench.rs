@@ -8,6 +8,7 @@ mod report;
 mod series;
 
 use crate::exit_code;
+use crate::terminal::say;
 use anyhow::{Context, bail};
 use configuration::Configuration;
 use ipc::Transport;
@@ -94,7 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             Err(Failure::Other(error)) => return Err(error),
         }
     }
-    print!("{}", report.markdown(args.stages));
+    say!("{}", report.markdown(args.stages).trim_end())?;
     let (text, data) = write(&report, args)?;
     eprintln!("{}\n{}", text.display(), data.display());
     Ok(ExitCode::from(if report.runs_agree() { 0 } else { exit_code::INCOMPLETE }))

@@ -19,6 +19,15 @@ fn simulated_capture_is_converted_and_inspected() {
     let n_clouds = std::fs::read_dir(&clouds).expect("a folder").count();
     assert!(n_clouds >= 3, "0.3 s have at least three revolutions, not {n_clouds}");
 
+    // `replica convert … | head -1` has its table cut off, not its clouds.
+    let again = folder.path().join("again");
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut convert = Command::new(env!("CARGO_BIN_EXE_replica"));
+    let status = convert.args(["convert", text(&capture), text(&again)]).stdout(writer).status().expect("starts");
+    assert!(status.success(), "{status}");
+    assert_eq!(std::fs::read_dir(&again).expect("a folder").count(), n_clouds);
+
     let picture = folder.path().join("picture.png");
     let table = succeeded(&replica(&["inspect", text(&clouds), "--picture", text(&picture), "--by", "intensity"]));
     assert!(table.contains("points"), "{table}");

@@ -1,6 +1,7 @@
 //! `replica rig calibrate`: refines a rig by its drive.
 
 use super::PartOfDrive;
+use crate::terminal::say;
 use anyhow::{Context, ensure};
 use formats::drive::{Drive, MANIFEST_FILE};
 use rig::refine::Refined;
@@ -31,15 +32,15 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let survey = Survey::of(&drive, &settings)?;
     let refined = Refined::of(&drive, &survey, &settings)?;
     for change in &refined.changes {
-        println!("{change}");
+        say!("{change}")?;
     }
     let in_place = args.write.then(|| drive.folder().join(MANIFEST_FILE));
     let Some(out) = args.out.clone().or(in_place) else {
-        println!("\nnothing written; --out FILE writes the refined drive.toml");
+        say!("\nnothing written; --out FILE writes the refined drive.toml")?;
         return Ok(ExitCode::SUCCESS);
     };
     if !refined.has_changes() {
-        println!("\nno value is replaced: nothing written");
+        say!("\nno value is replaced: nothing written")?;
         return Ok(ExitCode::SUCCESS);
     }
     let beside = out.parent().unwrap_or(Path::new(""));
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     for (path, text) in &files {
         std::fs::write(path, text).with_context(|| path.display().to_string())?;
-        println!("\nwritten: {}", path.display());
+        say!("\nwritten: {}", path.display())?;
     }
     Ok(ExitCode::SUCCESS)
 }

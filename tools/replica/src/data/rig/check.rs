@@ -2,6 +2,7 @@
 
 use super::PartOfDrive;
 use crate::exit_code;
+use crate::terminal::say;
 use formats::drive::Drive;
 use rig::check::Report;
 use rig::picture;
@@ -27,24 +28,27 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let settings = args.part.settings();
     let survey = Survey::of(&drive, &settings)?;
     let report = Report::of(&drive, &survey, &settings)?;
-    println!("{:<16} {:>8} {:>22} {:>22} {:>10} {:>8}", "sensor", "number", "first", "last", "interval s", "gap s");
+    say!("{:<16} {:>8} {:>22} {:>22} {:>10} {:>8}", "sensor", "number", "first", "last", "interval s", "gap s")?;
     for sensor in &survey.stamps {
         let [first, last] =
             sensor.span.map_or(["-".to_owned(), "-".to_owned()], |span| span.map(|stamp| stamp.to_string()));
-        println!(
+        say!(
             "{:<16} {:>8} {first:>22} {last:>22} {:>10.4} {:>8.3}",
-            sensor.name, sensor.n, sensor.interval_s, sensor.gap_s
-        );
+            sensor.name,
+            sensor.n,
+            sensor.interval_s,
+            sensor.gap_s
+        )?;
     }
-    println!();
+    say!("")?;
     for verdict in &report.verdicts {
-        println!("{verdict}");
+        say!("{verdict}")?;
     }
     if let Some(folder) = &args.pictures {
         let n = picture::write(folder, &drive, &survey, &report)?;
-        println!("\n{n} pictures: {}", folder.join("rig.html").display());
+        say!("\n{n} pictures: {}", folder.join("rig.html").display())?;
     }
     let n_doubts = report.doubts().count();
-    println!("\n{n_doubts} doubts");
+    say!("\n{n_doubts} doubts")?;
     Ok(if n_doubts == 0 { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }

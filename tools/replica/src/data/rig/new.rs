@@ -2,6 +2,7 @@
 
 use super::other_lidar::{self, OtherLidar};
 use super::questions::{Answers, ask, position};
+use crate::terminal::say;
 use anyhow::{Context, bail, ensure};
 use formats::drive::MANIFEST_FILE;
 use formats::lidar::Model;
@@ -142,9 +143,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     text.push_str(&toml::to_string(&manifest)?);
     std::fs::write(&out, text).with_context(|| out.display().to_string())?;
     for note in &parts.notes {
-        println!("{note}");
+        say!("{note}")?;
     }
-    println!("{}: {model_name}, {} cameras", out.display(), manifest.cameras.len(), model_name = model.name());
+    say!("{}: {model_name}, {} cameras", out.display(), manifest.cameras.len(), model_name = model.name())?;
     Ok(ExitCode::SUCCESS)
 }
 

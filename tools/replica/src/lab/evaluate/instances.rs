@@ -4,6 +4,7 @@
 use crate::cloud_files::cloud_files;
 use crate::exit_code;
 use crate::lab::true_points::TruePoints;
+use crate::terminal::say;
 use anyhow::{Context, bail, ensure};
 use formats::drive::{Drive, MANIFEST_FILE, NoLabel};
 use formats::ply::Vertices;
@@ -36,7 +37,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let (mut overlaps, n_unknown) = overlaps(&args.truth, &args.prediction)?;
     let void = ClassId::Unlabeled as u8;
     let scores = classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
-    print!("{}", table(&scores.collect::<Vec<_>>()));
+    say!("{}", table(&scores.collect::<Vec<_>>()).trim_end())?;
     if n_unknown == 0 {
         return Ok(ExitCode::SUCCESS);
     }
