@@ -143,6 +143,9 @@ pub enum SegmentationError {
          which needs the CUDA toolkit with nvcc, or set device = \"cpu\""
     )]
     BuiltWithoutCuda,
+    /// The device is a GPU, and the model is a network on points.
+    #[error("device \"cuda\": networks on points run on the CPU only; set device = \"cpu\"")]
+    PointsOnGpu,
     /// The GPU cannot be used.
     #[error("device \"cuda\": the first GPU cannot be used: {0}; set device = \"cpu\", or check it with nvidia-smi")]
     NoGpu(String),

@@ -31,6 +31,10 @@ impl<'a> Pass<'a> {
     pub fn training(parameters: &'a Parameters, random: Random) -> Self {
         Self { training: Some(random), ..Self::evaluation(parameters) }
     }
+    /// Whether the pass is one for training.
+    pub(super) fn is_training(&self) -> bool {
+        self.training.is_some()
+    }
     /// Statistics of the batch by the name of the normalization.
     pub fn statistics(&self) -> &BTreeMap<String, ColumnStatistics> {
         &self.statistics

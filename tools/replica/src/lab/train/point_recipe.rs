@@ -1,0 +1,118 @@
+//! Recipes of networks on points. Data and training are those of all recipes.
+
+use super::recipe::{Data, check_data_and_training};
+use anyhow::ensure;
+use segmentation::points::{Augmentation, PointFeature, PointNetworkSpec, PointSettings, SphereSettings};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use training::TrainSettings;
+
+/// Kinds of networks on points.
+pub const KINDS: [&str; 4] = ["kpconv", "pointnet", "pointnet2", "waffle_iron"];
+
+/// Examples of an epoch and of a validation at most.
+const MOST_SPHERES: usize = 1_000_000;
+
+/// A recipe of a network on points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointRecipe {
+    /// The network and its points.
+    pub model: PointModel,
+    /// The data of training and validation.
+    pub data: Data,
+    /// The spheres of an epoch.
+    #[serde(default)]
+    pub spheres: Spheres,
+    /// Random changes of the training spheres.
+    #[serde(default)]
+    pub augmentation: Augmentation,
+    /// The settings of the training.
+    pub train: TrainSettings,
+}
+
+/// Table `model`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointModel {
+    /// One of [`KINDS`].
+    pub kind: String,
+    /// Settings of the network without `kind`, `inputs` and `outputs`.
+    pub network: toml::Table,
+    /// Names of the classes to distinguish. Points of other classes are ignored.
+    pub classes: Vec<String>,
+    /// Features of a point.
+    pub features: Vec<PointFeature>,
+    /// Side of the cells that are one point of the network, m.
+    pub cell_m: f32,
+    /// Radius of the spheres, m.
+    pub radius_m: f32,
+    /// Overlap of neighboring spheres in prediction, m; a third of the radius without it.
+    pub overlap_m: Option<f32>,
+    /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
+    /// others with random values.
+    pub start: Option<PathBuf>,
+    /// Name prefixes of variables that are not trained.
+    #[serde(default)]
+    pub frozen: Vec<String>,
+}
+
+/// Table `spheres`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Spheres {
+    /// Training spheres of an epoch. Each class is the center's equally often.
+    pub epoch: usize,
+    /// Spheres on which epochs are compared, evenly chosen from all that cover the validation submaps.
+    pub validation: usize,
+}
+
+impl Default for Spheres {
+    fn default() -> Self {
+        Self { epoch: 100, validation: 100 }
+    }
+}
+
+impl PointRecipe {
+    pub fn check(&self) -> anyhow::Result<()> {
+        self.settings()?.check().map_err(|problem| anyhow::anyhow!("[model] {problem}"))?;
+        for (key, n) in [("epoch", self.spheres.epoch), ("validation", self.spheres.validation)] {
+            ensure!((1..=MOST_SPHERES).contains(&n), "[spheres] {key} = {n}, must be 1 to {MOST_SPHERES}");
+        }
+        if let Some(problem) = self.augmentation.problem() {
+            anyhow::bail!("[augmentation] {problem}");
+        }
+        check_data_and_training(&self.data, &self.train)
+    }
+    /// Settings of the model file.
+    pub fn settings(&self) -> anyhow::Result<PointSettings> {
+        let model = &self.model;
+        let count = |n: usize| toml::Value::Integer(i64::try_from(n).unwrap_or(i64::MAX));
+        let own = [
+            ("kind", toml::Value::String(model.kind.clone())),
+            ("inputs", count(PointFeature::channels(&model.features))),
+            ("outputs", count(model.classes.len())),
+        ];
+        let mut network = model.network.clone();
+        for (key, value) in own {
+            ensure!(
+                network.insert(key.to_owned(), value).is_none(),
+                "[model] network.{key}: must not be set; kind, features and classes of [model] determine it"
+            );
+        }
+        let network = PointNetworkSpec::deserialize(toml::Value::Table(network))
+            .map_err(|error| anyhow::anyhow!("[model] network: {}", error.to_string().trim_end()))?;
+        Ok(PointSettings {
+            network,
+            classes: model.classes.clone(),
+            features: model.features.clone(),
+            cell_m: model.cell_m,
+            spheres: SphereSettings {
+                radius_m: model.radius_m,
+                overlap_m: model.overlap_m.unwrap_or(model.radius_m / 3.0),
+            },
+            temperature: 1.0,
+            ground_intensities: None,
+        })
+    }
+}
