@@ -23,7 +23,8 @@ fn processor_s() -> f64 {
 /// Largest memory of the process so far, MB.
 fn peak_mb() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("a Linux kernel");
-    let kib = status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix("kB")?.trim().parse().ok());
+    let kib =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix("kB")?.trim().parse().ok());
     kib.map_or(f64::NAN, |kib: f64| kib * 1.024e-3)
 }
 

@@ -88,6 +88,12 @@ pub enum SegmentationError {
     /// The settings of a model contradict each other.
     #[error("model settings: {0}")]
     Settings(String),
+    /// A training batch has too few points or clouds.
+    #[error("{name}: a training batch needs at least two rows")]
+    TooFewRows {
+        /// Name of the normalization.
+        name: String,
+    },
     /// A tensor does not fit the network.
     #[error("tensor `{name}` has shape {found:?}; the network needs {expected:?}")]
     WeightShape {

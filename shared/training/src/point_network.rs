@@ -5,9 +5,9 @@ use crate::criterion::{Criterion, known_rows};
 use crate::network::{Derivatives, LabeledLogits, Network};
 use candle_core::{Device, Tensor, Var};
 use random::Random;
-use segmentation::PointExample;
 use segmentation::network::Weights;
 use segmentation::points::{Parameter, Parameters, Pass, PointBatch, PointNetworkSpec, Start};
+use segmentation::{PointExample, SegmentationError};
 use std::collections::BTreeMap;
 
 /// Share by which a step moves the running statistics of batch normalization, as `PyTorch` does.
@@ -109,7 +109,11 @@ impl Network for PointNetwork {
         }
         let seed = random.bits();
         let mut pass = Pass::training(&self.parameters, random);
-        let scores = self.run(&mut pass, &examples, seed)?;
+        let scores = match self.run(&mut pass, &examples, seed) {
+            // Spheres of a few points are one point on a coarse level, which has no statistics.
+            Err(TrainingError::Segmentation(SegmentationError::TooFewRows { .. })) => return Ok(None),
+            scores => scores?,
+        };
         let n_classes = criterion.n_classes;
         let logits = rows_of(&scores.flatten_all()?.to_vec1::<f32>()?, n_classes, &known);
         let classes: Vec<u8> = known.iter().map(|&point| truth[point as usize]).collect();

@@ -119,7 +119,7 @@ impl<'a> Pass<'a> {
         }
         let statistics = ColumnStatistics::of(rows)?;
         if statistics.n_rows < 2 {
-            return Err(SegmentationError::Settings(format!("{name}: a training batch needs at least two rows")));
+            return Err(SegmentationError::TooFewRows { name: name.to_owned() });
         }
         let out = normalize(rows, (&statistics, Source::Rows), EPSILON, weight, bias, activation)?;
         self.statistics.insert(name.to_owned(), statistics);

@@ -1,12 +1,12 @@
 //! Spheres of a cloud (thesis 6.3.2): training spheres of all classes, and spheres of a regular grid whose votes are averaged.
 
 use super::batch::PointBatch;
+use super::cells::is_valid;
 use super::ops::tensor;
 use super::parameters::Parameters;
 use super::pass::Pass;
 use super::spec::PointNetworkSpec;
 use crate::SegmentationError;
-use super::cells::is_valid;
 use neighbors::{SpatialIndex, VoxelGrid};
 use random::Random;
 use rayon::prelude::*;
@@ -155,7 +155,8 @@ impl SpherePrediction<'_> {
         let mut centers = self.spheres.centers(positions)?.into_iter().peekable();
         while centers.peek().is_some() {
             let (mut spheres, mut n_points) = (Vec::new(), 0);
-            while let Some(center) = centers.next_if(|_| spheres.len() < SPHERES_AT_A_TIME && n_points < POINTS_AT_A_TIME)
+            while let Some(center) =
+                centers.next_if(|_| spheres.len() < SPHERES_AT_A_TIME && n_points < POINTS_AT_A_TIME)
             {
                 let members = sphere(&index, center, self.spheres.radius_m);
                 n_points += members.len();

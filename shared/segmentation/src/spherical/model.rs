@@ -2,11 +2,11 @@
 
 use super::back_projection::pixel_for;
 use super::features::write_features;
+use super::intensity::SIMULATED;
 use super::range_sweep::{PointRange, RangeSweep, point_ranges, range_sweep};
 use super::settings::{Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use super::intensity::SIMULATED;
 use super::{IntensityMap, Neighbors, Options, PolarImage};
 use crate::engine::Border;
 use crate::engine::tensors::read_image;

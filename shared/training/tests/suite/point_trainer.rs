@@ -149,4 +149,9 @@ fn examples_without_neighbors_or_labels_are_passed_over() {
     trainer.epoch(&Unusual, &Unusual, &mut |_, _| {}).expect("trains");
     assert!(trainer.best() == &before);
     assert_eq!(trainer.curves().epochs[0].loss, 0.0);
+    // PointNet normalizes over the clouds of a batch: one cloud changes nothing.
+    let mut trainer = self::trainer(NETWORKS[2], TrainSettings { batch: 1, ..settings() });
+    let before = trainer.best().clone();
+    trainer.epoch(&Streets(1), &Streets(1), &mut |_, _| {}).expect("trains");
+    assert!(trainer.best() == &before);
 }

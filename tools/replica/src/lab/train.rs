@@ -103,8 +103,9 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
         trainer.resume(&checkpoint)?;
         eprintln!("resuming after epoch {} from {}", trainer.curves().epochs.len(), checkpoint.display());
     }
-    let is_done =
-        |trainer: &Trainer<R::Network>| trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n);
+    let is_done = |trainer: &Trainer<R::Network>| {
+        trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n)
+    };
     let bar = progress_bar();
     let (data, validation) = if is_done(&trainer) {
         (None, None)

@@ -82,6 +82,14 @@ impl PointRecipe {
         if let Some(problem) = self.augmentation.problem() {
             anyhow::bail!("[augmentation] {problem}");
         }
+        ensure!(
+            !self.model.features.contains(&PointFeature::ColorHeight),
+            "[model] features: color_height needs colors, and the sources of a recipe have none"
+        );
+        ensure!(
+            self.model.kind != "pointnet" || self.train.batch > 1,
+            "[train] batch = 1, must be at least 2 for pointnet: it normalizes over the spheres of a batch"
+        );
         check_data_and_training(&self.data, &self.train)
     }
     /// Settings of the model file.
@@ -114,5 +122,68 @@ impl PointRecipe {
             temperature: 1.0,
             ground_intensities: None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::recipe::AnyRecipe;
+    use std::path::Path;
+
+    fn shipped(name: &str) -> String {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models").join(name);
+        std::fs::read_to_string(path).expect("the recipe is part of the project")
+    }
+
+    fn load(text: &str) -> anyhow::Result<AnyRecipe> {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("recipe.toml");
+        std::fs::write(&path, text).expect("writes");
+        AnyRecipe::load(&path)
+    }
+
+    /// The error of a shipped recipe after a replacement.
+    fn error_after_replacing(name: &str, from: &str, to: &str) -> String {
+        let text = shipped(name);
+        assert!(text.contains(from), "no {from} in the recipe");
+        format!("{:#}", load(&text.replacen(from, to, 1)).err().expect("is wrong"))
+    }
+
+    #[test]
+    fn shipped_recipe_is_one_of_a_network_on_points() {
+        assert!(matches!(load(&shipped("points.toml")).expect("is right"), AnyRecipe::Points(_)));
+        assert!(matches!(load(&shipped("street.toml")).expect("is right"), AnyRecipe::Images(_)));
+    }
+
+    #[test]
+    fn recipe_with_keys_of_the_other_kind_is_refused_by_the_key() {
+        let check = |name: &str, from: &str, to: &str, rule: &str| {
+            let error = error_after_replacing(name, from, to);
+            assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
+        };
+        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
+        check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
+        check("points.toml", "waffle_iron", "unet", "unknown field `network`");
+        check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
+        check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
+        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `widths`");
+    }
+
+    #[test]
+    fn invalid_recipe_of_points_is_refused_with_the_rule() {
+        let check = |from: &str, to: &str, rule: &str| {
+            let error = error_after_replacing("points.toml", from, to);
+            assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
+        };
+        check("width = 48", "width = 48, inputs = 3", "network.inputs: must not be set");
+        check("width = 48", "width = 0", "0 channels or centers");
+        check("width = 48", "widths = 48", "unknown field `widths`");
+        check("\"offset\"", "\"color\"", "unknown variant `color`");
+        check("[\"offset\"", "[\"color_height\", \"offset\"", "color_height needs colors");
+        check("epoch = ", "epoch = 0 #", "[spheres] epoch = 0");
+        check("noise_m = ", "noise_m = -1 #", "[augmentation] noise_m = -1");
+        check("batch = ", "batch = 0 #", "[train] batch = 0");
+        check("last = 2008", "last = 4008", "seeds and validation_seeds overlap");
+        check("radius_m = 12.0", "radius_m = 0.0", "[model] model settings: spheres: radius_m = 0");
     }
 }

@@ -31,11 +31,7 @@ impl TrainingRecipe for PointRecipe {
             let start = folder.join(start);
             let (_, weights) = PointModel::load(&start)?;
             let (n_taken, n_tensors) = network.begin_with(&weights)?;
-            anyhow::ensure!(
-                n_taken > 0,
-                "{}: no tensor matches one of the recipe in name and shape",
-                start.display()
-            );
+            anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
             eprintln!("starting from {n_taken} of {n_tensors} tensors of {}", start.display());
         }
         Ok(network)

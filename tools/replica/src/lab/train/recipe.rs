@@ -205,7 +205,9 @@ impl Recipe {
             "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
             "spherical_dz" if model.head.is_some() => anyhow::bail!("[model] head requires kind = \"unet\""),
             "spherical_dz" => NetworkSpec::SphericalDz { inputs, outputs, widths },
-            other => anyhow::bail!("[model] kind = {other:?}, must be \"unet\" or \"spherical_dz\", or one of {KINDS:?}"),
+            other => {
+                anyhow::bail!("[model] kind = {other:?}, must be \"unet\" or \"spherical_dz\", or one of {KINDS:?}")
+            }
         };
         Ok(Settings {
             network,

@@ -1,7 +1,7 @@
 //! The data set of a recipe: sweeps of simulated towns and of recordings.
 
-use super::augmentation::augment;
 use super::TrainingData;
+use super::augmentation::augment;
 use super::labeled_image::{LabeledImage, images_of};
 use super::recipe::{Data, Range, Recipe, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
@@ -87,12 +87,7 @@ impl SweepDataset {
 }
 
 impl TrainingData for SweepDataset {
-    fn add_towns(
-        &mut self,
-        data: &Data,
-        seeds: Range,
-        progress: &mut dyn FnMut(usize, usize),
-    ) -> anyhow::Result<()> {
+    fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
         let first = self.file.len();
         let settings = self.settings.clone();
         let convert = |of: Labeled<'_>| Ok(images_of(of.header, of.points, of.classes, &settings));
