@@ -4,10 +4,13 @@
     python3 benches/peers/point_networks.py write shared/segmentation/tests/data/points
     cargo build --release -p segmentation --example bench_points
     python3 benches/peers/point_networks.py time
+    cargo build --release -p segmentation --example bench_point_model
+    python3 benches/peers/point_networks.py submap ../shared/data/annieway [POINTS]
 
 `write` makes the reference files of the test `networks_with_torch_weights_equal_torch`: a small network, a batch, outputs in evaluation
 and in training, gradients, and running statistics, computed in f64. `time` prints CPU us per point of both, one thread each.
-Needs torch and numpy, nothing else. The modules are written from the publications, with the names of the published code; neighbors are
+`submap` accumulates real sweeps to a submap of 2 million points and segments it with both: cells, spheres, neighbors, network, votes. There,
+PyTorch's side searches with scipy's cKDTree. `write` and `time` need torch and numpy, nothing else; `submap` also scipy and pillow. The modules are written from the publications, with the names of the published code; neighbors are
 searched by brute force in f32, which `time` does not time. The BLAS of Debian's torch is that of libblas.so.3: give it a fast one, e.g.
 `LD_PRELOAD=/usr/lib/x86_64-linux-gnu/openblas-pthread/libopenblas.so.0`.
 """
@@ -621,10 +624,117 @@ def measure():
     print(f"KPConv 64 -> 64 of torch: forward {forward:.2f}, forward and backward {both:.2f} us/point")
 
 
+# A large submap ------------------------------------------------------------------------------------------------------------------------
+
+
+def sweeps_of(folder, wanted):
+    """Points of the drive durlacher by its INS poses, in m around the first one, and origin and end of each sweep."""
+    from PIL import Image
+
+    numbers = [line for line in open(f"{folder}/range_image.cfg") if not line.startswith("#")][-1].split()
+    per_metre, width, height = float(numbers[0]), int(numbers[1]), int(numbers[2])
+    up = -np.radians(np.array(numbers[5 : 5 + height], float))[:, None]
+    azimuth = np.radians(180 - 360 * (np.arange(width) + 0.5) / width)[None]
+    rays = np.stack([np.cos(up) * np.cos(azimuth), np.cos(up) * np.sin(azimuth), np.sin(up) + 0 * azimuth], -1)
+    rows = [line.split(";") for line in open(f"{folder}/durlacher/ins.csv") if line.startswith("20")]
+    points, origins, ends = [], [], []
+    for i, row in enumerate(rows):
+        if sum(map(len, points)) >= wanted:
+            break
+        turn = float(row[5])
+        origin = np.array([float(v) for v in row[14:17]])
+        image = np.array(Image.open(f"{folder}/durlacher/scan{i:05d}.png")).astype(float) / per_metre
+        valid = (image > 1.5) & (image < 120)
+        x, y, z = (rays * image[..., None])[valid].T
+        here = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z], 1) + origin
+        points.append(here)
+        origins.append(origin)
+        ends.append(sum(map(len, points)))
+    points = np.concatenate(points)[:wanted] - origins[0]
+    return points.astype(np.float32), np.float32(origins - origins[0]), np.minimum(ends, wanted)
+
+
+def segmented(network, k, points, settings):
+    """The classes of all points with PyTorch and cKDTree, as `PointModel` does it, without heights. Seconds by part."""
+    from scipy.spatial import cKDTree
+
+    seconds, last = {}, [time.perf_counter()]
+
+    def part(name):
+        now = time.perf_counter()
+        seconds[name] = seconds.get(name, 0) + now - last[0]
+        last[0] = now
+
+    _, cell, counts = np.unique(np.floor(points / settings["cell_m"]).astype(np.int32), axis=0, return_inverse=True, return_counts=True)
+    cells = np.stack([np.bincount(cell, points[:, axis]) / counts for axis in range(3)], 1).astype(np.float32)
+    part("cells")
+    radius, overlap = settings["spheres"]["radius_m"], settings["spheres"]["overlap_m"]
+    spacing, tree = 2 * radius - overlap, cKDTree(cells)
+    centers = (np.unique(np.floor(cells / spacing), axis=0) + 0.5) * spacing
+    votes, covered, n_spheres, n_seen = np.zeros((len(cells), len(settings["classes"])), np.float32), np.zeros(len(cells), bool), 0, 0
+    while len(centers):
+        for center in centers:
+            members = np.array(tree.query_ball_point(center, radius))
+            covered[members.astype(int)] = True
+            if len(members) < 2:
+                continue
+            cloud = (cells[members] - center).astype(np.float32)
+            part("spheres")
+            near = cKDTree(cloud).query(cloud, min(k + 1, len(cloud)))[1][:, 1:]
+            part("neighbors")
+            n_cells = np.ceil((network.high - network.low) / network.cell).astype(int)
+            at, planes = np.clip(np.floor((cloud - network.low) / network.cell).astype(int), 0, n_cells - 1), []
+            for a, b in [(0, 1), (0, 2), (1, 2)]:
+                planes.append((torch.from_numpy(at[:, a] * n_cells[b] + at[:, b]), 1, int(n_cells[a]), int(n_cells[b])))
+            features = np.concatenate([cloud, np.zeros((len(cloud), 4), np.float32)], 1)
+            scores = network(torch.from_numpy(features), (torch.from_numpy(near), planes))
+            part("network")
+            votes[members] += torch.softmax(scores, 1).numpy()
+            n_spheres, n_seen = n_spheres + 1, n_seen + len(members)
+            part("votes")
+        left = cells[~covered]
+        centers = left[np.unique(np.floor(left / radius), axis=0, return_index=True)[1]]
+    classes = votes.argmax(1)[cell]
+    part("votes")
+    return classes, seconds, (len(cells), n_spheres, n_seen)
+
+
+def measure_submap(folder, wanted=2_000_000):
+    import resource, tempfile
+
+    torch.set_num_threads(2)
+    torch.manual_seed(3)
+    points, origins, ends = sweeps_of(folder, wanted)
+    classes = ["building", "fence", "pedestrian", "pole", "road-line", "road", "sidewalk", "vegetation", "vehicles", "wall"]
+    sizes = dict(inputs=7, outputs=len(classes), width=48, depth=9, neighbors=12, cell_m=0.6, low_m=[-12] * 3, high_m=[12] * 3, convolution="depth_wise")
+    settings = {"network": {"kind": "waffle_iron", **sizes}, "classes": classes, "features": ["offset", "height", "intensity"], "cell_m": 0.2}
+    settings.update(spheres={"radius_m": 12.0, "overlap_m": 4.0}, temperature=1.0)
+    network = WaffleIron(**sizes).eval()
+    with tempfile.TemporaryDirectory() as temporary:
+        tensors = {key: t for key, t in network.state_dict().items() if not key.endswith("tracked")}
+        card = {"model": json.dumps({"architecture": "points", "version": 1, "settings": settings})}
+        write_safetensors(f"{temporary}/model.safetensors", tensors, card)
+        submap = {"points": torch.from_numpy(points), "origins": torch.from_numpy(origins), "ends": torch.tensor(ends).float()}
+        write_safetensors(f"{temporary}/submap.safetensors", submap, {})
+        program = os.path.join(RELEASE, "examples", "bench_point_model")
+        environment = {k: v for k, v in os.environ.items() if k != "LD_PRELOAD"}
+        subprocess.run([program, f"{temporary}/model.safetensors", f"{temporary}/submap.safetensors"], env=environment, check=True)
+    begin, begin_cpu = time.perf_counter(), time.process_time()
+    with torch.no_grad():
+        _, seconds, (n_cells, n_spheres, n_seen) = segmented(network, sizes["neighbors"], points, settings)
+    wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1.024e-3
+    print(f"{len(points)} points, {n_cells} cells, {n_spheres} spheres with {n_seen} cells")
+    print(f"torch and cKDTree: {wall:.2f} s, {cpu:.2f} CPU s: {len(points) / wall:.0f} points/s, {len(points) / cpu:.0f} points per CPU second; peak {peak:.0f} MB")
+    print("seconds", {name: round(value, 2) for name, value in seconds.items()})
+
+
 if __name__ == "__main__":
     if sys.argv[1:2] == ["write"]:
         write(sys.argv[2])
     elif sys.argv[1:2] == ["time"]:
         measure()
+    elif sys.argv[1:2] == ["submap"]:
+        measure_submap(sys.argv[2], *map(int, sys.argv[3:4]))
     else:
         sys.exit(__doc__)

@@ -88,6 +88,12 @@ pub enum SegmentationError {
     /// The settings of a model contradict each other.
     #[error("model settings: {0}")]
     Settings(String),
+    /// A training batch has too few points or clouds.
+    #[error("{name}: a training batch needs at least two rows")]
+    TooFewRows {
+        /// Name of the normalization.
+        name: String,
+    },
     /// A tensor does not fit the network.
     #[error("tensor `{name}` has shape {found:?}; the network needs {expected:?}")]
     WeightShape {
@@ -143,6 +149,9 @@ pub enum SegmentationError {
          which needs the CUDA toolkit with nvcc, or set device = \"cpu\""
     )]
     BuiltWithoutCuda,
+    /// The device is a GPU, and the model is a network on points.
+    #[error("device \"cuda\": networks on points run on the CPU only; set device = \"cpu\"")]
+    PointsOnGpu,
     /// The GPU cannot be used.
     #[error("device \"cuda\": the first GPU cannot be used: {0}; set device = \"cpu\", or check it with nvidia-smi")]
     NoGpu(String),

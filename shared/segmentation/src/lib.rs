@@ -5,6 +5,7 @@
 //! | architecture | module |
 //! |---|---|
 //! | `ground_quasi_flat` | [`ground`]: ground by mathematical morphology, no training |
+//! | `points` | [`points`]: a network on points, in spheres that vote |
 //! | `spherical` | [`spherical`]: a network on range images, back-projection, votes of all sweeps |
 //!
 //! A further architecture is a module and a line in [`load()`]. Training is in the crate `training`; both run the same kernels
@@ -25,7 +26,7 @@ mod segmenter;
 pub mod spherical;
 
 pub use compute_device::ComputeDevice;
-pub use dataset::{Dataset, Example, UNKNOWN};
+pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
 pub use error::SegmentationError;
 pub use load::load;
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};

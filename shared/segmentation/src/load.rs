@@ -3,12 +3,13 @@
 use crate::SegmentationError;
 use crate::ground::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
+use crate::points::{self, PointModel};
 use crate::segmenter::Segmenter;
 use crate::spherical::{self, Options, SphericalModel};
 use std::path::Path;
 
 /// Names of the architectures.
-const KNOWN: &str = "ground_quasi_flat, spherical";
+const KNOWN: &str = "ground_quasi_flat, points, spherical";
 
 /// Reads a model file.
 ///
@@ -20,6 +21,7 @@ pub fn load(path: &Path, options: &Options) -> Result<Box<dyn Segmenter>, Segmen
     match file.card.architecture.as_str() {
         ground::ARCHITECTURE => Ok(Box::new(GroundQuasiFlat::from_file(&file)?)),
         spherical::ARCHITECTURE => Ok(Box::new(SphericalModel::from_file(&file)?.with_options(*options)?)),
+        points::ARCHITECTURE => Ok(Box::new(PointModel::from_file(&file)?.with_options(*options)?)),
         other => Err(SegmentationError::Architecture { path: path.into(), found: other.to_owned(), known: KNOWN }),
     }
 }

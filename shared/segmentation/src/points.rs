@@ -13,25 +13,33 @@
 
 mod augmentation;
 mod batch;
+mod cells;
+mod features;
 mod kernel_points;
 mod kpconv;
+mod model;
 pub mod ops;
 mod parameters;
 mod pass;
 mod pointnet;
 mod pointnet2;
 mod search;
+mod settings;
 mod spec;
 mod spheres;
 mod waffle_iron;
 
 pub use augmentation::{Augmentation, Elastic, add_noise, color_height_features, distort, rotate, scale};
 pub use batch::PointBatch;
+pub use cells::{CellCloud, NO_CELL};
+pub use features::PointFeature;
 pub use kpconv::KpConv;
+pub use model::PointModel;
 pub use parameters::{Parameter, Parameters, Start};
 pub use pass::Pass;
 pub use pointnet::PointNet;
 pub use pointnet2::{Abstraction, PointNet2, Scale};
+pub use settings::{ARCHITECTURE, PointSettings, VERSION};
 pub use spec::{PointNetworkSpec, PointPlan};
-pub use spheres::{PointCloud, SphereSettings, TrainingSpheres, Votes, predict_spheres, sphere};
+pub use spheres::{SpherePrediction, SphereRows, SphereSettings, TrainingSpheres, Votes, sphere};
 pub use waffle_iron::{PlaneConvolution, WaffleIron};

@@ -16,6 +16,8 @@ mod softmax;
 mod surface;
 mod votes;
 
+pub(crate) use intensity::SIMULATED;
+
 pub use features::{FEATURES, N_FEATURES, features};
 pub use intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse};
 pub use model::SphericalModel;

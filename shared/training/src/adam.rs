@@ -1,7 +1,7 @@
 //! The optimizer Adam (Kingma and Ba 2015).
 
 use crate::TrainingError;
-use crate::variables::Variables;
+use candle_core::{Device, Tensor, Var};
 use std::collections::BTreeMap;
 
 /// Decay of the mean of the derivatives.
@@ -38,7 +38,7 @@ impl Adam {
     /// If candle fails.
     pub fn step(
         &mut self,
-        variables: &Variables,
+        variables: &BTreeMap<String, Var>,
         mut gradients: BTreeMap<String, Vec<f32>>,
         frozen: &[String],
     ) -> Result<(), TrainingError> {
@@ -52,11 +52,11 @@ impl Adam {
         let rate = (self.rate * correct_2.sqrt() / correct_1) as f32;
         let epsilon = (EPSILON * correct_2.sqrt()) as f32;
         let [beta_1, beta_2] = [BETA_1 as f32, BETA_2 as f32];
-        for (name, var) in variables.iter() {
+        for (name, var) in variables {
             let Some(gradient) = gradients.get(name) else { continue };
             let mut values = var.flatten_all()?.to_vec1::<f32>()?;
             let zeros = || [vec![0.0; gradient.len()], vec![0.0; gradient.len()]];
-            let [mean, square] = self.means.entry(name.to_owned()).or_insert_with(zeros);
+            let [mean, square] = self.means.entry(name.clone()).or_insert_with(zeros);
             let state = mean.iter_mut().zip(square).zip(&mut values).zip(gradient);
             for (((mean, square), value), gradient) in state {
                 let gradient = gradient * scale;
@@ -64,7 +64,7 @@ impl Adam {
                 *square = beta_2 * *square + (1.0 - beta_2) * gradient * gradient;
                 *value -= rate * *mean / (square.sqrt() + epsilon);
             }
-            variables.set(name, values, var.dims())?;
+            var.set(&Tensor::from_vec(values, var.shape(), &Device::Cpu)?)?;
         }
         Ok(())
     }

@@ -7,20 +7,28 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod adam;
+mod criterion;
 mod curves;
 pub mod derivatives;
 mod differential;
 mod error;
+mod image_network;
 mod losses;
+mod network;
 mod pixels;
+mod point_network;
 mod trainer;
 mod variables;
 
 pub use adam::Adam;
+pub use criterion::Criterion;
 pub use curves::{Curves, Epoch};
 pub use differential::{Differential, Recording};
 pub use error::TrainingError;
+pub use image_network::ImageNetwork;
 pub use losses::{Hierarchy, Loss};
-pub use segmentation::{Dataset, Example, UNKNOWN};
+pub use network::{Derivatives, LabeledLogits, Network};
+pub use point_network::PointNetwork;
+pub use segmentation::{Dataset, Example, PointExample, UNKNOWN};
 pub use trainer::{Progress, TrainSettings, Trainer};
 pub use variables::Variables;

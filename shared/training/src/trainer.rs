@@ -4,17 +4,16 @@ mod checkpoint;
 mod evaluation;
 
 use crate::adam::Adam;
+use crate::criterion::Criterion;
 use crate::curves::{Curves, Epoch};
-use crate::differential::{Differential, Recording};
+use crate::image_network::ImageNetwork;
 use crate::losses::{Hierarchy, Loss};
-use crate::pixels::Pixels;
+use crate::network::{Network, move_to};
 use crate::variables::Variables;
-use crate::{Dataset, Example, TrainingError, UNKNOWN};
-use candle_core::{Device, Tensor, Var};
+use crate::{Dataset, TrainingError};
 use random::Random;
 use rayon::prelude::*;
-use segmentation::SegmentationError;
-use segmentation::engine::{Border, Feature, Planes};
+use segmentation::engine::Border;
 use segmentation::network::Weights;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +40,7 @@ pub struct TrainSettings {
     /// Whether the loss is added for the nodes of the class tree of thesis figure 6.11.
     #[serde(default)]
     pub hierarchy: bool,
-    /// Labeled pixels per step that the loss uses, drawn at random; 0 for all.
+    /// Labeled pixels or points per step that the loss uses, drawn at random; 0 for all.
     #[serde(default)]
     pub pixels: usize,
 }
@@ -67,16 +66,12 @@ impl TrainSettings {
 const WARM_UP: f64 = 0.01;
 
 /// A training in progress.
-pub struct Trainer {
+pub struct Trainer<N = ImageNetwork> {
     settings: TrainSettings,
-    /// Number of classes.
-    n_classes: usize,
-    fold: usize,
-    border: Border,
-    tree: Option<Hierarchy>,
-    variables: Variables,
-    /// Exponential mean of the variables.
-    averaged: Variables,
+    criterion: Criterion,
+    network: N,
+    /// Exponential mean of the values of the network.
+    averaged: N,
     adam: Adam,
     curves: Curves,
     best: Weights,
@@ -88,8 +83,8 @@ pub struct Trainer {
 pub type Progress<'a> = &'a mut dyn FnMut(usize, usize);
 
 impl Trainer {
-    /// Begins a training with initial variables. One column of the network holds `fold` columns of labels. `tree` is used with
-    /// `hierarchy` in the settings.
+    /// Begins a training on images with initial variables. One column of the network holds `fold` columns of labels. `tree` is used
+    /// with `hierarchy` in the settings.
     ///
     /// # Errors
     /// If candle fails.
@@ -100,23 +95,26 @@ impl Trainer {
         border: Border,
         tree: Hierarchy,
     ) -> Result<Self, TrainingError> {
-        let best = variables.weights()?;
+        Self::of_network(settings, ImageNetwork::new(variables, fold, border), n_classes, tree)
+    }
+}
+
+impl<N: Network> Trainer<N> {
+    /// Begins a training of a network. `tree` is used with `hierarchy` in the settings.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn of_network(
+        settings: TrainSettings,
+        network: N,
+        n_classes: usize,
+        tree: Hierarchy,
+    ) -> Result<Self, TrainingError> {
         let tree = settings.hierarchy.then_some(tree);
+        let criterion = Criterion { loss: settings.loss.clone(), tree, n_classes, n_rows: settings.pixels };
+        let (best, averaged) = (network.weights()?, network.copied()?);
         let (adam, curves) = (Adam::new(settings.learning_rate), Curves::default());
-        let averaged = variables.copied()?;
-        Ok(Self {
-            settings,
-            n_classes,
-            fold,
-            border,
-            tree,
-            variables,
-            averaged,
-            adam,
-            curves,
-            best,
-            frozen: Vec::new(),
-        })
+        Ok(Self { settings, criterion, network, averaged, adam, curves, best, frozen: Vec::new() })
     }
     /// Freezes the variables whose names have one of these prefixes: `["down."]` freezes the encoder.
     pub fn freeze(&mut self, prefixes: Vec<String>) {
@@ -135,9 +133,10 @@ impl Trainer {
     /// # Errors
     /// If candle fails.
     pub fn best_trainer(&self) -> Result<Self, TrainingError> {
-        let variables = Variables::from_weights(self.variables.spec(), &self.best)?;
-        let tree = self.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; self.n_classes]));
-        Self::new(self.settings.clone(), variables, (self.n_classes, self.fold), self.border, tree)
+        let network = self.network.with_weights(&self.best)?;
+        let n_classes = self.criterion.n_classes;
+        let tree = self.criterion.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; n_classes]));
+        Self::of_network(self.settings.clone(), network, n_classes, tree)
     }
     /// Whether all epochs are done, or validation has not improved within `patience`.
     pub fn is_done(&self) -> bool {
@@ -151,8 +150,8 @@ impl Trainer {
     /// If the data does not fit the network.
     pub fn epoch(
         &mut self,
-        data: &dyn Dataset,
-        validation: &dyn Dataset,
+        data: &dyn Dataset<N::Example>,
+        validation: &dyn Dataset<N::Example>,
         progress: Progress<'_>,
     ) -> Result<(), TrainingError> {
         let epoch = self.curves.epochs.len();
@@ -162,7 +161,7 @@ impl Trainer {
         for (i, batch) in batches.iter().enumerate() {
             self.adam.rate = self.learning_rate(epoch * batches.len() + i, self.settings.epochs * batches.len());
             let random = |index: usize| Random::of_stream(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
-            let examples: Vec<Example> =
+            let examples: Vec<N::Example> =
                 batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
             sum +=
                 self.step(&examples, Random::of_stream(self.settings.seed, (epoch * data.len() + i) as u64 | 1 << 63))?;
@@ -188,66 +187,12 @@ impl Trainer {
         self.settings.learning_rate * fall * (share / WARM_UP).min(1.0)
     }
     /// One step of the optimizer. Returns the loss before it.
-    fn step(&mut self, examples: &[Example], mut random: Random) -> Result<f64, TrainingError> {
-        let truth: Vec<u8> = examples.iter().flat_map(|example| example.truth.iter().copied()).collect();
-        let mut known: Vec<u32> = (0..truth.len() as u32).filter(|&i| truth[i as usize] != UNKNOWN).collect();
-        if known.is_empty() {
-            return Ok(0.0);
-        }
-        let wanted = self.settings.pixels;
-        if wanted > 0 && wanted < known.len() {
-            for i in 0..wanted {
-                let other = i + random.index(known.len() - i);
-                known.swap(i, other);
-            }
-            known.truncate(wanted);
-        }
-        let weights = self.variables.weights()?;
-        let network = Differential::new(self.variables.spec(), &weights, self.border)?;
-        let streams: Vec<Random> = examples.iter().map(|_| Random::of_stream(random.bits(), 0)).collect();
-        let of_example = |(example, random): (&Example, Random)| network.run(example.input.clone(), Some(random));
-        let recordings: Vec<Recording> =
-            examples.par_iter().zip(streams).map(of_example).collect::<Result<_, SegmentationError>>()?;
-        let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
-        let outputs: Vec<&Planes> = recordings.iter().map(Recording::output).collect();
-        let logits = pixels.gather(&outputs, &known);
-        let logits = Var::from_tensor(&Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?)?;
-        let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
-        let loss = self.loss_of_logits(&logits, &classes)?;
-        let by_logits = loss.backward()?.get(&logits).map(|by| by.flatten_all()?.to_vec1::<f32>()).transpose()?;
-        let by_outputs = pixels.scatter(&by_logits.unwrap_or_default(), &known, &outputs);
-        let backward = |(recording, by_output): (&Recording, Planes)| network.backward(recording, by_output);
-        let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
-        let gradients = self.variables.gradients(&sum_of(by_filters))?;
-        self.adam.step(&self.variables, gradients, &self.frozen)?;
+    fn step(&mut self, examples: &[N::Example], random: Random) -> Result<f64, TrainingError> {
+        let Some(derivatives) = self.network.derive(examples, &self.criterion, random)? else { return Ok(0.0) };
+        self.adam.step(self.network.variables(), derivatives.gradients, &self.frozen)?;
         // In the first steps, the plain mean: the initial variables must not dominate.
         let n = self.adam.steps() as f64;
-        self.averaged.move_to(&self.variables, 1.0 - self.settings.average.min((n - 1.0) / n))?;
-        Ok(f64::from(loss.to_scalar::<f32>()?))
+        move_to(&mut self.averaged, &self.network, 1.0 - self.settings.average.min((n - 1.0) / n))?;
+        Ok(derivatives.loss)
     }
-    /// Loss of logits, one row per pixel, against the class of each row.
-    fn loss_of_logits(&self, logits: &Tensor, classes: &[u8]) -> Result<Tensor, TrainingError> {
-        let mut y = vec![0.0_f32; classes.len() * self.n_classes];
-        for (row, &class) in y.chunks_exact_mut(self.n_classes).zip(classes) {
-            row[usize::from(class)] = 1.0;
-        }
-        let y = Tensor::from_vec(y, (classes.len(), self.n_classes), &Device::Cpu)?;
-        Ok(match &self.tree {
-            Some(tree) => self.settings.loss.of_hierarchy(logits, &y, tree)?,
-            None => self.settings.loss.of_logits(logits, &y)?,
-        })
-    }
-}
-
-/// Sums by layer, row and lane, in the order of the images.
-fn sum_of(by_images: Vec<Vec<Vec<Feature>>>) -> Vec<Vec<Feature>> {
-    let mut images = by_images.into_iter();
-    let mut sum = images.next().unwrap_or_default();
-    for by_layer in images {
-        for (sum, rows) in sum.iter_mut().zip(by_layer) {
-            let values = sum.as_flattened_mut().iter_mut().zip(rows.as_flattened());
-            values.for_each(|(sum, value)| *sum += value);
-        }
-    }
-    sum
 }

@@ -104,15 +104,9 @@ impl Variables {
         let vars = self.vars.iter().map(copied).collect::<Result<_, TrainingError>>()?;
         Ok(Self { spec: self.spec.clone(), vars })
     }
-    /// Moves every value by a share of its difference to that of `other`, of the same network.
-    ///
-    /// # Errors
-    /// If candle fails.
-    pub fn move_to(&self, other: &Self, share: f64) -> Result<(), TrainingError> {
-        for (var, to) in self.vars.values().zip(other.vars.values()) {
-            var.set(&(var.affine(1.0 - share, 0.0)? + to.affine(share, 0.0)?)?)?;
-        }
-        Ok(())
+    /// The variables by name.
+    pub(crate) fn by_name(&self) -> &BTreeMap<String, Var> {
+        &self.vars
     }
     /// Names and variables, in the order of the names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Var)> {

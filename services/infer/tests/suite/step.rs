@@ -4,6 +4,10 @@ use infer::{Infer, Settings};
 use messages::{
     CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, GROUND_CLASSES, SubmapHeader, SubmapPoint, SubmapTopic,
 };
+use random::Random;
+use segmentation::points::{
+    Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
+};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
 use std::path::Path;
@@ -274,4 +278,66 @@ fn missing_and_broken_models_are_reported_by_check() {
     let problems = Infer::check(&settings, &here);
     assert!(problems[0].text.contains("torn.safetensors: not a complete safetensors file"), "{}", problems[0].text);
     assert!(Infer::new(&settings, &here).is_err());
+}
+
+/// A small network on points with random weights, in a folder.
+fn point_model() -> (tempfile::TempDir, Settings) {
+    let network = PointNetworkSpec::WaffleIron(WaffleIron {
+        inputs: 7,
+        outputs: 3,
+        width: 8,
+        depth: 3,
+        neighbors: 6,
+        cell_m: 1.0,
+        low_m: [-8.0; 3],
+        high_m: [8.0; 3],
+        convolution: PlaneConvolution::DepthWise,
+    });
+    let parameters = Parameters::random(&network.parameters(), &mut Random::new(3)).expect("a start");
+    let settings = PointSettings {
+        network,
+        classes: ["road", "building", "vegetation"].map(str::to_owned).into(),
+        features: vec![PointFeature::Offset, PointFeature::Height, PointFeature::Intensity],
+        cell_m: 0.3,
+        spheres: SphereSettings { radius_m: 8.0, overlap_m: 2.0 },
+        temperature: 1.0,
+        ground_intensities: None,
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("points.safetensors");
+    let bytes = settings.to_bytes(&parameters.weights().expect("f32")).expect("encodes");
+    std::fs::write(&path, bytes).expect("writes");
+    let model = path.to_str().expect("UTF-8").to_owned();
+    (folder, Settings { model, ..Settings::default() })
+}
+
+#[test]
+fn model_on_points_gives_every_point_a_class_and_counts_points_with_nan() {
+    let (_folder, settings) = point_model();
+    let problems = Infer::check(&settings, &at_root());
+    assert!(problems.is_empty(), "{problems:?}");
+    let (header, mut points, _) = street_sweep();
+    points[7].x = f32::NAN;
+    points[8].z = f32::INFINITY;
+    let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the model loads");
+    bench.send::<SubmapTopic>(0, header, points);
+    bench.send::<SubmapTopic>(1, SubmapHeader::default(), Vec::new());
+    bench.tick().expect("steps");
+    let columns = bench.take::<ClassTopic>();
+    let known = [ClassId::Road, ClassId::Building, ClassId::Vegetation].map(|class| class as u8);
+    for (i, row) in columns[0].rows().iter().enumerate() {
+        let is_classified = known.contains(&row.class_id) && row.score > 0;
+        assert_eq!(is_classified, ![7, 8].contains(&i), "point {i}: {row:?}");
+    }
+    assert_eq!(columns[1].rows().len(), 0);
+    assert_eq!(bench.counter("points_unseen"), 2);
+    assert_ne!(columns[0].header().model_digest, 0);
+}
+
+#[test]
+fn model_on_points_on_a_gpu_is_refused_by_check() {
+    let (_folder, settings) = point_model();
+    let settings = Settings { device: "cuda".to_owned(), ..settings };
+    assert!(!Infer::check(&settings, &at_root()).is_empty());
+    assert!(Infer::new(&settings, &at_root()).is_err());
 }

@@ -54,8 +54,31 @@ impl Default for Augmentation {
 }
 
 impl Augmentation {
-    /// Changes positions, m, relative to the center of the sphere, and colors of 0 to 1.
-    pub fn apply(&self, positions: &mut [[f32; 3]], colors: &mut [[f32; 3]], random: &mut Random) {
+    /// The first violated rule, if any.
+    pub fn problem(&self) -> Option<String> {
+        // All are false for NaN.
+        let shares = [
+            ("elastic_probability", self.elastic_probability),
+            ("symmetry", self.symmetry),
+            ("color_dropout", self.color_dropout),
+        ];
+        let lengths = [("noise_m", self.noise_m), ("chromatic", self.chromatic)];
+        let elastic = self.elastic.iter().flat_map(|elastic| [elastic.cell_m, elastic.magnitude_m]);
+        let wrong = |what: &str, value: f32, rule: &str| Some(format!("{what} = {value}; must be {rule}"));
+        if let Some((key, value)) = shares.into_iter().find(|(_, value)| !(0.0..=1.0).contains(value)) {
+            return wrong(key, value, "0 to 1");
+        }
+        if let Some((key, value)) = lengths.into_iter().find(|(_, value)| !(0.0..=100.0).contains(value)) {
+            return wrong(key, value, "0 to 100");
+        }
+        if !(0.0..1.0).contains(&self.scale) {
+            return wrong("scale", self.scale, "at least 0 and less than 1");
+        }
+        let mut invalid = elastic.filter(|length| !(1e-3..=1e3).contains(length));
+        invalid.next().and_then(|length| wrong("a length of elastic", length, "0.001 to 1000"))
+    }
+    /// Changes positions, m, relative to the center of the sphere, and colors of 0 to 1. Returns the factor of the heights.
+    pub fn apply(&self, positions: &mut [[f32; 3]], colors: &mut [[f32; 3]], random: &mut Random) -> f32 {
         if random.chance(self.elastic_probability) {
             self.elastic.iter().for_each(|elastic| distort(positions, *elastic, random));
         }
@@ -63,7 +86,7 @@ impl Augmentation {
         if self.rotation {
             rotate(positions, random.range(0.0, std::f32::consts::TAU));
         }
-        let factors = std::array::from_fn(|_| random.range(1.0 - self.scale, 1.0 + self.scale));
+        let factors: [f32; 3] = std::array::from_fn(|_| random.range(1.0 - self.scale, 1.0 + self.scale));
         scale(positions, factors);
         let mirrored = [random.chance(self.symmetry), random.chance(self.symmetry), false];
         scale(positions, mirrored.map(|mirrored| if mirrored { -1.0 } else { 1.0 }));
@@ -72,6 +95,7 @@ impl Augmentation {
         if random.chance(self.color_dropout) {
             colors.fill([0.0; 3]);
         }
+        factors[2]
     }
 }
 

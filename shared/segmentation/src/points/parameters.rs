@@ -2,6 +2,7 @@
 
 use crate::SegmentationError;
 use crate::model_file::ModelFile;
+use crate::network::Weights;
 use candle_core::{Device, Tensor, Var};
 use random::Random;
 use std::collections::BTreeMap;
@@ -98,6 +99,51 @@ impl Parameters {
     /// If a tensor is missing, has another shape, or has values that are not finite.
     pub fn from_file(list: &[Parameter], file: &ModelFile) -> Result<Self, SegmentationError> {
         Self::from_values(list, |parameter| file.tensor(&parameter.name, &parameter.shape))
+    }
+    /// The values for a model file.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn weights(&self) -> Result<Weights, SegmentationError> {
+        let mut weights = Weights::default();
+        for (name, tensor) in &self.tensors {
+            let values = tensor.flatten_all()?.to_vec1::<f32>()?;
+            weights.tensors.insert(name.clone(), (tensor.dims().to_vec(), values));
+        }
+        Ok(weights)
+    }
+    /// Replaces the values of parameters whose names and shapes occur in the weights, which may be those of another network.
+    /// Returns their number.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn begin_with(&mut self, weights: &Weights) -> Result<usize, SegmentationError> {
+        let mut n_taken = 0;
+        for (name, tensor) in &mut self.tensors {
+            let Some((_, values)) = weights.tensors.get(name).filter(|(shape, _)| shape == tensor.dims()) else {
+                continue;
+            };
+            let new = Tensor::from_slice(values, tensor.shape(), &Device::Cpu)?;
+            match self.variables.get(name) {
+                Some(variable) => variable.set(&new)?,
+                None => *tensor = new,
+            }
+            n_taken += 1;
+        }
+        Ok(n_taken)
+    }
+    /// Replaces a value that is not trained: a running statistic.
+    ///
+    /// # Errors
+    /// If there is none of this name and shape.
+    pub fn set_statistic(&mut self, name: &str, value: Tensor) -> Result<(), SegmentationError> {
+        let expected = self.get(name)?.dims().to_vec();
+        if self.variables.contains_key(name) || value.dims() != expected {
+            let found = Some(value.dims().to_vec());
+            return Err(SegmentationError::WeightShape { name: name.to_owned(), found, expected });
+        }
+        self.tensors.insert(name.to_owned(), value);
+        Ok(())
     }
     /// Makes variables of the parameters that are trained: results then have gradients.
     pub fn trainable(mut self, list: &[Parameter]) -> Result<Self, SegmentationError> {

@@ -31,6 +31,10 @@ impl<'a> Pass<'a> {
     pub fn training(parameters: &'a Parameters, random: Random) -> Self {
         Self { training: Some(random), ..Self::evaluation(parameters) }
     }
+    /// Whether the pass is one for training.
+    pub(super) fn is_training(&self) -> bool {
+        self.training.is_some()
+    }
     /// Statistics of the batch by the name of the normalization.
     pub fn statistics(&self) -> &BTreeMap<String, ColumnStatistics> {
         &self.statistics
@@ -115,7 +119,7 @@ impl<'a> Pass<'a> {
         }
         let statistics = ColumnStatistics::of(rows)?;
         if statistics.n_rows < 2 {
-            return Err(SegmentationError::Settings(format!("{name}: a training batch needs at least two rows")));
+            return Err(SegmentationError::TooFewRows { name: name.to_owned() });
         }
         let out = normalize(rows, (&statistics, Source::Rows), EPSILON, weight, bias, activation)?;
         self.statistics.insert(name.to_owned(), statistics);

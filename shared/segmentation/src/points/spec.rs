@@ -44,6 +44,13 @@ const MOST_NEIGHBORS: usize = 256;
 /// Cells of a plane at most.
 const MOST_CELLS: usize = 1 << 22;
 
+impl PointPlan {
+    /// Number of points of the batch.
+    pub fn n_points(&self) -> usize {
+        self.batch.positions().len()
+    }
+}
+
 impl PointNetworkSpec {
     /// Features of a point and classes.
     pub fn channels(&self) -> (usize, usize) {

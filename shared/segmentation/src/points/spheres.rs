@@ -1,13 +1,15 @@
 //! Spheres of a cloud (thesis 6.3.2): training spheres of all classes, and spheres of a regular grid whose votes are averaged.
 
 use super::batch::PointBatch;
+use super::cells::is_valid;
 use super::ops::tensor;
 use super::parameters::Parameters;
 use super::pass::Pass;
 use super::spec::PointNetworkSpec;
 use crate::SegmentationError;
-use neighbors::{LIMIT_M, SpatialIndex, VoxelGrid};
+use neighbors::{SpatialIndex, VoxelGrid};
 use random::Random;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -79,44 +81,34 @@ impl SphereSettings {
     }
 }
 
-fn is_valid(point: [f32; 3]) -> bool {
-    point.iter().all(|v| v.abs() <= LIMIT_M)
-}
-
 /// The first point of each cell of a grid.
 fn first_points(points: &[[f32; 3]], cell_m: f32) -> Result<Vec<u32>, SegmentationError> {
     let grid = VoxelGrid::new(points, cell_m).map_err(|error| SegmentationError::Settings(error.to_string()))?;
     Ok(grid.first_points())
 }
 
-/// Centers of training spheres by class.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// What training spheres are drawn from, by class: points, or submaps that have points of a class.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainingSpheres {
-    /// Points of each class.
-    points: BTreeMap<u8, Vec<u32>>,
+    /// Items of each class, and the sum of their weights and of those before them.
+    items: BTreeMap<u8, Vec<(u32, f64)>>,
 }
 
 impl TrainingSpheres {
-    /// The points with a class are possible centers.
-    pub fn new(classes: impl IntoIterator<Item = Option<u8>>) -> Self {
-        let mut points: BTreeMap<u8, Vec<u32>> = BTreeMap::new();
-        for (point, class) in classes.into_iter().enumerate() {
-            if let Some(class) = class {
-                points.entry(class).or_default().push(point as u32);
-            }
-        }
-        Self { points }
+    /// Adds an item of a class. An item of twice the weight is drawn twice as often as others of its class.
+    pub fn add(&mut self, class: u8, item: u32, weight: f64) {
+        let items = self.items.entry(class).or_default();
+        let before = items.last().map_or(0.0, |(_, sum)| *sum);
+        items.push((item, before + weight));
     }
-    /// Center points of an epoch: each class that the cloud has is the center's equally often, but for one sphere; the order is random.
-    pub fn epoch(&self, n: usize, random: &mut Random) -> Vec<u32> {
-        let lists: Vec<&Vec<u32>> = self.points.values().collect();
-        if lists.is_empty() {
-            return Vec::new();
-        }
-        // Random classes get the rest.
-        let classes = random.permutation(lists.len());
-        let centers: Vec<u32> = (0..n).map(|i| *random.pick(lists[classes[i % lists.len()]])).collect();
-        random.permutation(n).into_iter().map(|i| centers[i]).collect()
+    /// Class and item of a sphere of an epoch, counted from 0. Each class is drawn equally often, but for one sphere; the item is
+    /// random. `None` without items.
+    pub fn draw(&self, sphere: usize, random: &mut Random) -> Option<(u8, u32)> {
+        let (class, items) = self.items.iter().nth(sphere % self.items.len().max(1))?;
+        let (_, total) = items.last()?;
+        let at = f64::from(random.unit()) * total;
+        let place = items.partition_point(|(_, sum)| *sum <= at).min(items.len() - 1);
+        Some((*class, items[place].0))
     }
 }
 
@@ -125,54 +117,71 @@ pub fn sphere(index: &SpatialIndex, center: [f32; 3], radius_m: f32) -> Vec<u32>
     index.within_of_each(&[center], radius_m).of(0).to_vec()
 }
 
-/// A cloud with the features that a network needs.
-#[derive(Clone, Copy, Debug)]
-pub struct PointCloud<'a> {
-    /// Positions, m.
-    pub positions: &'a [[f32; 3]],
-    /// Features of all points, one point after the other.
-    pub features: &'a [f32],
+/// A network with its parameters, and how it predicts.
+#[derive(Clone, Copy)]
+pub struct SpherePrediction<'a> {
+    /// The network.
+    pub network: &'a PointNetworkSpec,
+    /// Its parameters.
+    pub parameters: &'a Parameters,
+    /// The spheres that it sees.
+    pub spheres: SphereSettings,
+    /// Divisor of the scores before they become probabilities.
+    pub temperature: f32,
+    /// Seed of [`PointNetworkSpec::plan`].
+    pub seed: u64,
 }
 
-/// Mean probability of each class at each point, over the spheres that contain it. Points with coordinates that are not valid get 0.
-///
-/// Each sphere is predicted around its center. The seed is that of [`PointNetworkSpec::plan`].
-///
-/// # Errors
-/// If settings, network or cloud do not fit each other.
-pub fn predict_spheres(
-    spec: &PointNetworkSpec,
-    parameters: &Parameters,
-    cloud: PointCloud<'_>,
-    settings: SphereSettings,
-    seed: u64,
-) -> Result<Vec<f32>, SegmentationError> {
-    let (inputs, outputs) = spec.channels();
-    let n = cloud.positions.len();
-    if cloud.features.len() != n.saturating_mul(inputs) {
-        let (found, expected) = (cloud.features.len() / inputs.max(1), n);
-        return Err(SegmentationError::Length { column: "features", found, expected });
+/// Positions of the points of a sphere relative to its center, m, and their features.
+pub type SphereRows = (Vec<[f32; 3]>, Vec<f32>);
+
+/// Spheres, and points of them, that are predicted at a time at most. The memory of a prediction grows with them.
+const SPHERES_AT_A_TIME: usize = 8;
+const POINTS_AT_A_TIME: usize = 1 << 17;
+
+impl SpherePrediction<'_> {
+    /// Mean probability of each class at each point, over the spheres that contain it. Points with coordinates that are not valid,
+    /// and points that are alone in their spheres, get 0. `rows` gives the input of a sphere from its center and its points.
+    ///
+    /// # Errors
+    /// If settings, network or rows do not fit each other.
+    pub fn of_cloud(
+        &self,
+        positions: &[[f32; 3]],
+        rows: impl Fn([f32; 3], &[u32]) -> SphereRows + Sync,
+    ) -> Result<Vec<f32>, SegmentationError> {
+        let mut votes = Votes::new(positions.len(), self.network.channels().1);
+        let index = SpatialIndex::new(positions);
+        let mut centers = self.spheres.centers(positions)?.into_iter().peekable();
+        while centers.peek().is_some() {
+            let (mut spheres, mut n_points) = (Vec::new(), 0);
+            while let Some(center) =
+                centers.next_if(|_| spheres.len() < SPHERES_AT_A_TIME && n_points < POINTS_AT_A_TIME)
+            {
+                let members = sphere(&index, center, self.spheres.radius_m);
+                n_points += members.len();
+                // A single point has no neighbors.
+                if members.len() > 1 {
+                    spheres.push((center, members));
+                }
+            }
+            let scores = |(center, members): &([f32; 3], Vec<u32>)| self.scores(rows(*center, members));
+            let scores: Vec<Vec<f32>> = spheres.par_iter().map(scores).collect::<Result<_, _>>()?;
+            for ((_, members), scores) in spheres.iter().zip(scores) {
+                votes.add(members, &scores);
+            }
+        }
+        Ok(votes.means())
     }
-    let mut votes = Votes::new(n, outputs);
-    let index = SpatialIndex::new(cloud.positions);
-    for center in settings.centers(cloud.positions)? {
-        let members = sphere(&index, center, settings.radius_m);
-        let around = |point: &u32| {
-            let position = cloud.positions[*point as usize];
-            std::array::from_fn(|axis| position[axis] - center[axis])
-        };
-        let positions = members.iter().map(around).collect();
-        let features = members.iter().flat_map(|p| &cloud.features[*p as usize * inputs..(*p as usize + 1) * inputs]);
-        let features = tensor(features.copied().collect(), (members.len(), inputs))?;
-        let plan = match spec.plan(PointBatch::new(positions, vec![members.len()])?, seed) {
-            // A single point has no neighbors: it gets no vote of this sphere.
-            Err(SegmentationError::Settings(_)) if members.len() == 1 && spec.problem().is_none() => continue,
-            plan => plan?,
-        };
-        let scores = spec.run(&mut Pass::evaluation(parameters), &plan, &features)?;
-        votes.add(&members, &scores.flatten_all()?.to_vec1::<f32>()?);
+    fn scores(&self, (positions, features): SphereRows) -> Result<Vec<f32>, SegmentationError> {
+        let n = positions.len();
+        let features = tensor(features, (n, self.network.channels().0))?;
+        let plan = self.network.plan(PointBatch::new(positions, vec![n])?, self.seed)?;
+        let scores = self.network.run(&mut Pass::evaluation(self.parameters), &plan, &features)?;
+        let mut scores = scores.flatten_all()?.to_vec1::<f32>()?;
+        scores.iter_mut().for_each(|score| *score /= self.temperature);
+        Ok(scores)
     }
-    Ok(votes.means())
 }
 
 /// Sums of the probabilities of each point.

@@ -12,6 +12,7 @@ use super::search::Clouds;
 use crate::SegmentationError;
 use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Cells of the planes of a batch at most.
@@ -56,12 +57,39 @@ pub enum PlaneConvolution {
 
 /// Neighbors and cells of a batch.
 pub struct WaffleIronPlan {
+    neighbors: Neighbors,
+    planes: Vec<Plane>,
+}
+
+/// Neighbors of points.
+#[derive(Clone)]
+struct Neighbors {
     /// Each neighbor and its point, with weights 1 and -1.
     differences: Arc<Lists>,
     signs: Arc<Vec<f32>>,
     /// The differences of each point.
     of_point: Arc<Lists>,
-    planes: Vec<Plane>,
+}
+
+impl Neighbors {
+    /// Pairs of neighbor and point, and the number of pairs of each point.
+    fn new(pairs: &[[u32; 2]], n_of_point: &[usize], n_points: usize) -> Self {
+        Self {
+            differences: Arc::new(Lists::new(pairs.iter().copied(), n_points)),
+            signs: Arc::new([1.0, -1.0].repeat(pairs.len())),
+            of_point: Arc::new(Lists::consecutive(n_of_point)),
+        }
+    }
+    /// Those of some of the points.
+    fn of(&self, points: Range<usize>) -> Self {
+        let lists = || points.clone().map(|point| self.of_point.of(point));
+        let pair = |difference: &u32| {
+            let pair = self.differences.of(*difference as usize);
+            [pair[0], pair[1]]
+        };
+        let pairs: Vec<[u32; 2]> = lists().flatten().map(pair).collect();
+        Self::new(&pairs, &lists().map(<[u32]>::len).collect::<Vec<_>>(), self.differences.n_rows())
+    }
 }
 
 struct Plane {
@@ -124,11 +152,8 @@ impl WaffleIron {
                 "the cloud of point {point} has one point; a neighborhood needs two"
             )));
         }
-        let signs = Arc::new(pairs.iter().flat_map(|_| [1.0, -1.0]).collect());
-        let n = batch.positions().len();
         let planes = [[0, 1], [0, 2], [1, 2]].into_iter().map(|axes| self.plane(batch, axes)).collect();
-        let differences = Arc::new(Lists::new(pairs, n));
-        Ok(WaffleIronPlan { differences, signs, of_point: Arc::new(Lists::consecutive(&of_point)), planes })
+        Ok(WaffleIronPlan { neighbors: Neighbors::new(&pairs, &of_point, batch.positions().len()), planes })
     }
     fn plane(&self, batch: &PointBatch, axes: [usize; 2]) -> Plane {
         let n_cells = self.n_cells();
@@ -207,13 +232,24 @@ impl WaffleIron {
     }
 }
 
+/// Points of a part of the embedding in evaluation: it has a row for each neighbor of a point.
+const PART: usize = 4096;
+
 fn embedding(pass: &mut Pass<'_>, plan: &WaffleIronPlan, features: &Tensor) -> Result<Tensor, SegmentationError> {
     let x = pass.norm(features, "embed.norm", NONE)?;
     let of_point = pass.linear(&x, "embed.conv1", NONE)?;
-    let differences = weighted_sum(&x, &plan.differences, Some(&plan.signs))?;
-    let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
-    let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
-    let y = pass.linear(&y, "embed.conv2.4", NONE)?;
-    let of_neighbors = maximum(&y, &plan.of_point, 0)?;
+    // Training needs the rows of all neighbors: those of the statistics.
+    let n = plan.neighbors.of_point.len();
+    let is_whole = pass.is_training() || n <= PART;
+    let mut of_neighbors = Vec::new();
+    for first in (0..n).step_by(if is_whole { n } else { PART }) {
+        let part = if is_whole { plan.neighbors.clone() } else { plan.neighbors.of(first..n.min(first + PART)) };
+        let differences = weighted_sum(&x, &part.differences, Some(&part.signs))?;
+        let y = pass.norm(&differences, "embed.conv2.0", NONE)?;
+        let y = pass.linear_norm(&y, "embed.conv2.1", "embed.conv2.2", RELU)?;
+        let y = pass.linear(&y, "embed.conv2.4", NONE)?;
+        of_neighbors.push(maximum(&y, &part.of_point, 0)?);
+    }
+    let of_neighbors = if of_neighbors.len() == 1 { of_neighbors.remove(0) } else { Tensor::cat(&of_neighbors, 0)? };
     pass.linear(&concatenate(&of_point, &[&of_neighbors])?, "embed.final", NONE)
 }

@@ -2,11 +2,12 @@
 
 use super::back_projection::pixel_for;
 use super::features::write_features;
+use super::intensity::SIMULATED;
 use super::range_sweep::{PointRange, RangeSweep, point_ranges, range_sweep};
 use super::settings::{Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
-use super::{GroundIntensities, IntensityMap, Neighbors, Options, PolarImage};
+use super::{IntensityMap, Neighbors, Options, PolarImage};
 use crate::engine::Border;
 use crate::engine::tensors::read_image;
 use crate::ground;
@@ -19,10 +20,6 @@ use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
-
-/// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
-/// rural and tunnel, seeds 9001 and 9002. `replica train` prints and stores those of its images.
-const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
 /// A network on range images.
 pub struct SphericalModel {

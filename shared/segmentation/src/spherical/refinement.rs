@@ -46,7 +46,7 @@ impl Refinement {
     }
 
     /// Corrects the classes of the points of a submap from their heights above the ground.
-    pub(super) fn of_points(self, points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]) {
+    pub(crate) fn of_points(self, points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]) {
         if self.buildings {
             buildings(points, heights_m, classes);
         }

@@ -3,6 +3,7 @@
 mod convolution;
 mod model_files;
 mod point_gradients;
+mod point_model;
 mod point_networks;
 mod point_spheres;
 mod real_street;

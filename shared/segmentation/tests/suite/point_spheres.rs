@@ -4,8 +4,7 @@ use candle_core::{Device, Tensor};
 use neighbors::{SpatialIndex, squared_distance};
 use random::Random;
 use segmentation::points::{
-    Parameters, Pass, PointBatch, PointCloud, PointNetworkSpec, SphereSettings, TrainingSpheres, Votes,
-    predict_spheres, sphere,
+    Parameters, Pass, PointBatch, PointNetworkSpec, SpherePrediction, SphereSettings, TrainingSpheres, Votes, sphere,
 };
 
 /// A road of 60 x 8 m with facades of 12 m on both sides.
@@ -55,15 +54,43 @@ fn epoch_has_spheres_of_all_classes_equally_often() {
             }
         })
         .collect();
-    let spheres = TrainingSpheres::new(classes.iter().copied());
+    let mut spheres = TrainingSpheres::default();
+    for (point, class) in classes.iter().enumerate() {
+        class.iter().for_each(|class| spheres.add(*class, point as u32, 1.0));
+    }
     let mut random = Random::new(2);
-    let epoch = spheres.epoch(100, &mut random);
+    let mut epoch_of = |spheres: &TrainingSpheres| -> Vec<u32> {
+        let drawn = (0..100).filter_map(|sphere| spheres.draw(sphere, &mut random));
+        drawn
+            .map(|(class, point)| {
+                assert_eq!(classes[point as usize], Some(class));
+                point
+            })
+            .collect()
+    };
+    let epoch = epoch_of(&spheres);
     let count = |class: Option<u8>| epoch.iter().filter(|point| classes[**point as usize] == class).count();
     assert_eq!(epoch.len(), 100);
     assert!([Some(0), Some(1), Some(3)].iter().all(|class| (33..=34).contains(&count(*class))));
     assert_eq!(count(None), 0);
-    assert_ne!(epoch, spheres.epoch(100, &mut random));
-    assert!(TrainingSpheres::new([None, None]).epoch(100, &mut random).is_empty());
+    assert_ne!(epoch, epoch_of(&spheres));
+    assert!(epoch_of(&TrainingSpheres::default()).is_empty());
+}
+
+#[test]
+fn items_of_a_class_are_drawn_by_their_weights() {
+    let mut spheres = TrainingSpheres::default();
+    for (item, weight) in [(5, 1.0), (6, 3.0), (7, 0.0)] {
+        spheres.add(2, item, weight);
+    }
+    let mut random = Random::new(1);
+    let mut counts = [0; 3];
+    for sphere in 0..4000 {
+        let (class, item) = spheres.draw(sphere, &mut random).expect("an item");
+        assert_eq!(class, 2);
+        counts[item as usize - 5] += 1;
+    }
+    assert!((900..1100).contains(&counts[0]) && counts[2] == 0, "{counts:?}");
 }
 
 #[test]
@@ -94,9 +121,15 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     let parameters = Parameters::random(&spec.parameters(), &mut Random::new(3)).expect("a start");
     let points = street(1500);
     let features: Vec<f32> = points.iter().flat_map(|p| [p[0].sin(), p[1].cos(), 0.5, p[2]]).collect();
-    let cloud = PointCloud { positions: &points, features: &features };
     let settings = SphereSettings { radius_m: 10.0, overlap_m: 10.0 / 3.0 };
-    let means = predict_spheres(&spec, &parameters, cloud, settings, 0).expect("runs");
+    let prediction =
+        SpherePrediction { network: &spec, parameters: &parameters, spheres: settings, temperature: 1.0, seed: 0 };
+    let rows = |center: [f32; 3], members: &[u32]| {
+        let position = |p: &u32| std::array::from_fn(|axis| points[*p as usize][axis] - center[axis]);
+        let values = members.iter().flat_map(|p| features[4 * *p as usize..][..4].to_vec());
+        (members.iter().map(position).collect(), values.collect())
+    };
+    let means = prediction.of_cloud(&points, rows).expect("runs");
     assert_eq!(means.len(), 4500);
     assert!(means.chunks(3).all(|means| (means.iter().sum::<f32>() - 1.0).abs() < 1e-5));
 
@@ -120,6 +153,8 @@ fn prediction_is_the_mean_of_the_spheres_that_contain_a_point() {
     for class in 0..3 {
         assert!((means[3 * 77 + class] - sum[class] / n as f32).abs() < 1e-5);
     }
-    let short = PointCloud { positions: &points, features: &features[1..] };
-    assert!(predict_spheres(&spec, &parameters, short, settings, 0).is_err());
+    let short = |center: [f32; 3], members: &[u32]| (rows(center, members).0, vec![0.0]);
+    assert!(prediction.of_cloud(&points, short).is_err());
+    let flat = SpherePrediction { temperature: 1e6, ..prediction }.of_cloud(&points, rows).expect("runs");
+    assert!(flat.iter().all(|probability| (probability - 1.0 / 3.0).abs() < 1e-3), "a large temperature");
 }

@@ -3,8 +3,9 @@
 use super::{TrainSettings, Trainer};
 use crate::TrainingError;
 use crate::curves::Curves;
+use crate::network::{Network, values};
 use candle_core::{Device, Tensor};
-use segmentation::network::{NetworkSpec, Weights};
+use segmentation::network::Weights;
 use segmentation::{ModelFile, encode_model};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -15,24 +16,24 @@ const VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct State {
+struct State<S> {
     settings: TrainSettings,
-    network: NetworkSpec,
+    network: S,
     steps: u64,
     curves: Curves,
 }
 
-impl Trainer {
+impl<N: Network> Trainer<N> {
     /// The bytes of a checkpoint after the last epoch.
     ///
     /// # Errors
     /// If the file cannot be encoded.
     pub fn checkpoint(&self) -> Result<Vec<u8>, TrainingError> {
         let mut tensors: BTreeMap<String, Tensor> = BTreeMap::new();
-        for (name, var) in self.variables.iter() {
-            tensors.insert(format!("variable.{name}"), var.as_tensor().clone());
-            let averaged = self.averaged.iter().find(|(of, _)| *of == name).map(|(_, var)| var.as_tensor().clone());
-            tensors.extend(averaged.map(|averaged| (format!("averaged.{name}"), averaged)));
+        for (kind, network) in [("variable", &self.network), ("averaged", &self.averaged)] {
+            tensors.extend(values(network).into_iter().map(|(name, value)| (format!("{kind}.{name}"), value)));
+        }
+        for (name, var) in self.network.variables() {
             if let Some(means) = self.adam.means.get(name) {
                 for (kind, values) in ["mean", "square"].into_iter().zip(means) {
                     tensors.insert(format!("{kind}.{name}"), Tensor::from_slice(values, var.shape(), &Device::Cpu)?);
@@ -44,7 +45,7 @@ impl Trainer {
         }
         let state = State {
             settings: self.settings.clone(),
-            network: self.variables.spec().clone(),
+            network: self.network.spec().clone(),
             steps: self.adam.steps,
             curves: self.curves.clone(),
         };
@@ -63,18 +64,27 @@ impl Trainer {
         if file.card.architecture != ARCHITECTURE {
             return Err(wrong("this file is a model, not a checkpoint"));
         }
-        let state: State = file.settings()?;
-        if state.settings != self.settings || &state.network != self.variables.spec() {
+        let state: State<N::Spec> = file.settings()?;
+        if state.settings != self.settings || &state.network != self.network.spec() {
             return Err(wrong("checkpoint of another recipe; train into another folder, or remove the file"));
         }
         let mut means = BTreeMap::new();
-        for (name, var) in self.variables.iter() {
-            let shape = var.dims();
-            self.variables.set(name, file.tensor(&format!("variable.{name}"), shape)?, shape)?;
-            self.averaged.set(name, file.tensor(&format!("averaged.{name}"), shape)?, shape)?;
+        for (kind, network) in [("variable", &mut self.network), ("averaged", &mut self.averaged)] {
+            let read = |name: &str, of: &Tensor| -> Result<Tensor, TrainingError> {
+                let values = file.tensor(&format!("{kind}.{name}"), of.dims())?;
+                Ok(Tensor::from_vec(values, of.shape(), &Device::Cpu)?)
+            };
+            for (name, var) in network.variables() {
+                var.set(&read(name, var)?)?;
+            }
+            for (name, statistic) in network.statistics() {
+                network.set_statistic(&name, read(&name, &statistic)?)?;
+            }
+        }
+        for (name, var) in self.network.variables() {
             if state.steps > 0 && !self.frozen.iter().any(|prefix| name.starts_with(prefix)) {
-                let [mean, square] = ["mean", "square"].map(|kind| file.tensor(&format!("{kind}.{name}"), shape));
-                means.insert(name.to_owned(), [mean?, square?]);
+                let [mean, square] = ["mean", "square"].map(|kind| file.tensor(&format!("{kind}.{name}"), var.dims()));
+                means.insert(name.clone(), [mean?, square?]);
             }
         }
         let mut best = Weights::default();

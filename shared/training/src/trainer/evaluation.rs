@@ -1,30 +1,28 @@
 //! Evaluation: loss, confusion matrix and calibration of the averaged variables.
 
 use super::Trainer;
-use crate::pixels::Pixels;
-use crate::{Dataset, Example, TrainingError, UNKNOWN};
-use candle_core::{D, Device, Tensor};
+use crate::network::Network;
+use crate::{Dataset, TrainingError};
+use candle_core::{D, Tensor};
 use rayon::prelude::*;
 use scores::Confusion;
-use segmentation::engine::Planes;
-use segmentation::network::Inference;
 
-/// Receives logits and classes of the labeled pixels of a batch.
+/// Receives logits and classes of the labeled pixels or points of a batch.
 type OfBatch<'a> = &'a mut dyn FnMut(&Tensor, &[u8]) -> Result<(), TrainingError>;
 
 /// Number of temperatures that are compared: 0.5 to 3.9, each a tenth larger than the previous one.
 const N_TEMPERATURES: usize = 22;
 
-impl Trainer {
+impl<N: Network> Trainer<N> {
     /// Mean loss of a batch, and the confusion matrix of all examples.
     ///
     /// # Errors
     /// If the data does not fit the network.
-    pub fn evaluate(&self, data: &dyn Dataset) -> Result<(f64, Confusion), TrainingError> {
-        let mut confusion = Confusion::new(self.n_classes);
+    pub fn evaluate(&self, data: &dyn Dataset<N::Example>) -> Result<(f64, Confusion), TrainingError> {
+        let mut confusion = Confusion::new(self.criterion.n_classes);
         let (mut sum, mut n) = (0.0, 0);
         self.each_batch(data, &mut |logits, classes| {
-            sum += f64::from(self.loss_of_logits(logits, classes)?.to_scalar::<f32>()?);
+            sum += f64::from(self.criterion.of_logits(logits, classes)?.to_scalar::<f32>()?);
             n += 1;
             for (&truth, predicted) in classes.iter().zip(logits.argmax(D::Minus1)?.to_vec1::<u32>()?) {
                 confusion.add(usize::from(truth), predicted as usize);
@@ -39,7 +37,7 @@ impl Trainer {
     ///
     /// # Errors
     /// If the data does not fit the network.
-    pub fn temperature(&self, data: &dyn Dataset) -> Result<f32, TrainingError> {
+    pub fn temperature(&self, data: &dyn Dataset<N::Example>) -> Result<f32, TrainingError> {
         let temperatures: Vec<f32> = (0..N_TEMPERATURES as i32).map(|i| 0.5 * 1.1_f32.powi(i)).collect();
         let mut entropies = [0.0_f64; N_TEMPERATURES];
         self.each_batch(data, &mut |logits, classes| {
@@ -56,27 +54,15 @@ impl Trainer {
         Ok(best.map_or(1.0, |best| temperatures[best]))
     }
 
-    /// Runs `f` on the logits and classes of the labeled pixels of every batch.
-    fn each_batch(&self, data: &dyn Dataset, f: OfBatch<'_>) -> Result<(), TrainingError> {
-        let spec = self.averaged.spec().clone();
-        let network = Inference::new(spec, &self.averaged.weights()?, self.border)?;
+    /// Runs `f` on the logits and classes of the labeled pixels or points of every batch.
+    fn each_batch(&self, data: &dyn Dataset<N::Example>, f: OfBatch<'_>) -> Result<(), TrainingError> {
+        let logits_of = self.averaged.evaluator(self.criterion.n_classes)?;
         let indexes: Vec<usize> = (0..data.len()).collect();
         for batch in indexes.chunks(self.settings.batch) {
-            let examples: Vec<Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
-            let truth: Vec<u8> = examples.iter().flat_map(|example| example.truth.iter().copied()).collect();
-            let known: Vec<u32> = (0..truth.len() as u32).filter(|&i| truth[i as usize] != UNKNOWN).collect();
-            if known.is_empty() {
-                continue;
+            let examples: Vec<N::Example> = batch.par_iter().map(|&index| data.example(index, None)).collect();
+            if let Some((logits, classes)) = logits_of(&examples)? {
+                f(&logits, &classes)?;
             }
-            let inputs = examples.iter().map(|example| example.input.to_tensor()).collect::<Result<Vec<_>, _>>()?;
-            let results = network.run_batch(&inputs.iter().collect::<Vec<_>>())?;
-            let outputs = results.iter().map(|result| Planes::from_tensor(result, network.out_channels()));
-            let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
-            let pixels = Pixels { n_classes: self.n_classes, fold: self.fold, of_image: examples[0].truth.len() };
-            let logits = pixels.gather(&outputs.iter().collect::<Vec<_>>(), &known);
-            let logits = Tensor::from_vec(logits, (known.len(), self.n_classes), &Device::Cpu)?;
-            let classes: Vec<u8> = known.iter().map(|&pixel| truth[pixel as usize]).collect();
-            f(&logits, &classes)?;
         }
         Ok(())
     }

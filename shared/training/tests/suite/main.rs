@@ -3,6 +3,7 @@
 mod derivatives;
 mod gradients;
 mod losses;
+mod point_trainer;
 mod reference;
 mod trainer;
 mod variables;

@@ -1,9 +1,15 @@
 //! `replica train`: trains a model from a recipe.
 
 mod augmentation;
+mod images;
 mod labeled_image;
+mod point_dataset;
+mod point_recipe;
+mod points;
 pub mod recipe;
 mod recorded_sweeps;
+mod sources;
+mod submap_file;
 pub mod sweep_dataset;
 mod sweep_file;
 
@@ -11,16 +17,55 @@ use anyhow::Context;
 use formats::atomic_file::write_atomic;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use messages::ClassId;
-use recipe::{Range, Recipe};
-use segmentation::engine::Border;
-use segmentation::spherical::{Settings, SphericalModel};
+use recipe::{AnyRecipe, Data, Range, RecordingSource};
+use segmentation::network::Weights;
+use segmentation::spherical::GroundIntensities;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use sweep_dataset::SweepDataset;
-use training::Hierarchy;
-use training::Trainer;
-use training::Variables;
+use training::{Dataset, Hierarchy, Network, TrainSettings, Trainer};
+
+/// What a training needs of its recipe, for a network on images or on points.
+trait TrainingRecipe {
+    type Network: Network;
+    type Data: TrainingData + Dataset<<Self::Network as Network>::Example>;
+
+    fn data(&self) -> &Data;
+    fn train(&self) -> &TrainSettings;
+    /// Name prefixes of variables that are not trained.
+    fn frozen(&self) -> &[String];
+    /// Names of the classes.
+    fn class_names(&self) -> &[String];
+    /// The network before the first step. Paths are relative to `folder`, that of the recipe.
+    fn network(&self, folder: &Path) -> anyhow::Result<Self::Network>;
+    /// A data set without examples, with a file in `folder`.
+    fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<Self::Data>;
+    /// The bytes of the model file.
+    fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>>;
+}
+
+/// What a model file has beside settings of the recipe and weights.
+#[derive(Clone, Copy)]
+struct Calibration {
+    temperature: f32,
+    ground_intensities: Option<GroundIntensities>,
+}
+
+/// Labeled examples of the sources of a recipe.
+pub trait TrainingData {
+    /// Simulates drives. Calls `progress` with the number of finished drives and of all drives.
+    fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()>;
+    /// Reads a recording; paths are relative to `folder`.
+    fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()>;
+    /// Ends the sources.
+    fn finish(&mut self) {}
+    /// The size in words.
+    fn size(&self) -> String;
+    /// Number of pixels or points of each class of the recipe.
+    fn counts(&self) -> &[u64];
+    /// Quantiles of the intensities of the ground.
+    fn ground_intensities(&self) -> Option<GroundIntensities>;
+}
 
 /// Train a model that gives points their classes.
 ///
@@ -43,32 +88,39 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Runs the command. One line per epoch goes to stdout.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let recipe = Recipe::load(&args.recipe)?;
+    match AnyRecipe::load(&args.recipe)? {
+        AnyRecipe::Images(recipe) => train(&recipe, args),
+        AnyRecipe::Points(recipe) => train(&recipe, args),
+    }
+}
+
+fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
-    let settings = recipe.settings()?;
-    let mut trainer = trainer(&recipe, &settings, &args.recipe)?;
+    let mut trainer = trainer(recipe, &args.recipe)?;
+    let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
     let checkpoint = args.out.join(CHECKPOINT);
     if checkpoint.exists() {
         trainer.resume(&checkpoint)?;
         eprintln!("resuming after epoch {} from {}", trainer.curves().epochs.len(), checkpoint.display());
     }
-    let is_done =
-        |trainer: &Trainer| trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n);
+    let is_done = |trainer: &Trainer<R::Network>| {
+        trainer.is_done() || args.stop_after.is_some_and(|n| trainer.curves().epochs.len() >= n)
+    };
     let bar = progress_bar();
     let (data, validation) = if is_done(&trainer) {
         (None, None)
     } else {
-        let data = dataset(&recipe, args, recipe.data.seeds, false, &bar)?;
-        (Some(data), Some(dataset(&recipe, args, recipe.data.validation_seeds, true, &bar)?))
+        let data = dataset(recipe, args, recipe.data().seeds, false, &bar)?;
+        (Some(data), Some(dataset(recipe, args, recipe.data().validation_seeds, true, &bar)?))
     };
     if let (Some(data), Some(validation)) = (&data, &validation) {
-        print_class_counts(&settings, data)?;
+        print_class_counts(recipe, data)?;
         while !is_done(&trainer) {
             let number = trainer.curves().epochs.len();
             bar.set_message(format!("epoch {number}"));
             bar.reset();
             trainer.epoch(data, validation, &mut |done, all| set(&bar, done, all))?;
-            write_state(&trainer, &settings, &args.out)?;
+            write_state(recipe, &trainer, uncalibrated, &args.out)?;
             let last = trainer.curves().epochs[number];
             bar.suspend(|| {
                 writeln!(
@@ -85,9 +137,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     bar.finish_and_clear();
     if let Some(validation) = &validation {
         let temperature = trainer.best_trainer()?.temperature(validation)?;
-        let ground_intensities = data.as_ref().and_then(SweepDataset::ground_intensities);
-        let settings = Settings { temperature, ground_intensities, ..settings };
-        write_state(&trainer, &settings, &args.out)?;
+        let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
+        write_state(recipe, &trainer, Calibration { temperature, ground_intensities }, &args.out)?;
     }
     if let Some((epoch, mean_iou)) = trainer.curves().best() {
         writeln!(
@@ -100,58 +151,46 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The sweeps that are trained on, or those for validation. They lie in a file in the folder of the model.
-fn dataset(
-    recipe: &Recipe,
+/// The data that is trained on, or that for validation. It lies in a file in the folder of the model.
+fn dataset<R: TrainingRecipe>(
+    recipe: &R,
     args: &Args,
     seeds: Option<Range>,
     validation: bool,
     bar: &ProgressBar,
-) -> anyhow::Result<SweepDataset> {
-    let mut data = SweepDataset::new(recipe, &args.out)?;
+) -> anyhow::Result<R::Data> {
+    let mut data = recipe.empty_data(&args.out, validation)?;
     if let Some(seeds) = seeds {
         bar.set_message("simulating sweeps");
-        data.add_towns(recipe, seeds, &mut |done, all| set(bar, done, all))?;
+        data.add_towns(recipe.data(), seeds, &mut |done, all| set(bar, done, all))?;
     }
-    let folder = args.recipe.parent().unwrap_or(Path::new(""));
-    for source in recipe.data.recordings.iter().filter(|source| source.validation == validation) {
+    for source in recipe.data().recordings.iter().filter(|source| source.validation == validation) {
         bar.set_message(format!("reading {}", source.file.display()));
-        data.add_recording(source, folder)?;
+        data.add_recording(source, folder_of(&args.recipe))?;
     }
+    data.finish();
     Ok(data)
 }
 
-fn trainer(recipe: &Recipe, settings: &Settings, path: &Path) -> anyhow::Result<Trainer> {
-    let variables = match &recipe.model.start {
-        Some(start) => {
-            let start = path.parent().unwrap_or(Path::new("")).join(start);
-            let (_, weights) = SphericalModel::load(&start)?;
-            let variables = Variables::random(&settings.network, recipe.train.seed)?;
-            let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
-            anyhow::ensure!(
-                n_taken > 0,
-                "{}: no layer matches a layer of the recipe in name and shape",
-                start.display()
-            );
-            eprintln!("starting from {n_taken} of {n_layers} layers of {}", start.display());
-            variables
-        }
-        None => Variables::random(&settings.network, recipe.train.seed)?,
-    };
-    let classes: Vec<ClassId> = settings.check().map_err(anyhow::Error::msg)?;
+fn folder_of(recipe: &Path) -> &Path {
+    recipe.parent().unwrap_or(Path::new(""))
+}
+
+fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path) -> anyhow::Result<Trainer<R::Network>> {
+    let network = recipe.network(folder_of(path))?;
+    let classes: Vec<ClassId> = recipe.class_names().iter().filter_map(|name| ClassId::from_name(name)).collect();
     let tree = Hierarchy::of_classes(&classes);
-    let shape = (classes.len(), settings.fold);
-    let mut trainer = Trainer::new(recipe.train.clone(), variables, shape, Border::Circular, tree)?;
-    trainer.freeze(recipe.model.frozen.clone());
+    let mut trainer = Trainer::of_network(recipe.train().clone(), network, classes.len(), tree)?;
+    trainer.freeze(recipe.frozen().to_vec());
     Ok(trainer)
 }
 
-fn print_class_counts(settings: &Settings, data: &SweepDataset) -> anyhow::Result<()> {
+fn print_class_counts<R: TrainingRecipe>(recipe: &R, data: &R::Data) -> anyhow::Result<()> {
     let counts = data.counts();
     let total = counts.iter().sum::<u64>().max(1);
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{} sweeps, {total} labelled pixels", data.n_sweeps())?;
-    for (name, n) in settings.classes.iter().zip(counts) {
+    writeln!(out, "{}", data.size())?;
+    for (name, n) in recipe.class_names().iter().zip(counts) {
         writeln!(out, "{name:>14} {:7.3} %", 100.0 * *n as f64 / total as f64)?;
     }
     if let Some(quantiles) = data.ground_intensities() {
@@ -165,9 +204,14 @@ fn model_path(out: &Path) -> PathBuf {
 }
 
 /// Writes the model, the curves and, last, the checkpoint. Each file is complete or absent, also after a power loss.
-fn write_state(trainer: &Trainer, settings: &Settings, out: &Path) -> anyhow::Result<()> {
+fn write_state<R: TrainingRecipe>(
+    recipe: &R,
+    trainer: &Trainer<R::Network>,
+    calibration: Calibration,
+    out: &Path,
+) -> anyhow::Result<()> {
     let write = |path: &Path, bytes: &[u8]| write_atomic(path, bytes).with_context(|| path.display().to_string());
-    write(&model_path(out), &settings.to_bytes(trainer.best())?)?;
+    write(&model_path(out), &recipe.model(trainer.best(), calibration)?)?;
     write(&out.join("curves.csv"), trainer.curves().csv().as_bytes())?;
     write(&out.join("curves.svg"), trainer.curves().svg().as_bytes())?;
     write(&out.join(CHECKPOINT), &trainer.checkpoint()?)

@@ -1,5 +1,6 @@
 //! Recipes of trainings: TOML files.
 
+use super::point_recipe::{KINDS, PointRecipe};
 use anyhow::Context;
 use formats::text_file::read_toml;
 use segmentation::network::NetworkSpec;
@@ -153,6 +154,37 @@ impl RecordingSource {
     }
 }
 
+/// A recipe of a network on images or on points.
+pub enum AnyRecipe {
+    Images(Recipe),
+    Points(PointRecipe),
+}
+
+/// The kind of the network: it determines the other keys.
+#[derive(Deserialize)]
+struct Kind {
+    model: KindOfModel,
+}
+
+#[derive(Deserialize)]
+struct KindOfModel {
+    kind: String,
+}
+
+impl AnyRecipe {
+    /// Reads and checks a recipe.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let kind = read_toml::<Kind>(path).map_or(String::new(), |kind| kind.model.kind);
+        if !KINDS.contains(&kind.as_str()) {
+            return Recipe::load(path).map(Self::Images);
+        }
+        let about = || format!("{}: a recipe of a network on points, kind = {kind:?}", path.display());
+        let recipe: PointRecipe = read_toml(path).with_context(about)?;
+        recipe.check().with_context(about)?;
+        Ok(Self::Points(recipe))
+    }
+}
+
 impl Recipe {
     /// Reads and checks a recipe.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
@@ -162,10 +194,44 @@ impl Recipe {
     }
     fn check(&self) -> anyhow::Result<()> {
         self.settings()?.check().map_err(|problem| anyhow::anyhow!("[model] {problem}"))?;
-        if let Some(problem) = self.train.problem() {
-            anyhow::bail!("[train] {problem}");
-        }
-        let data = &self.data;
+        check_data_and_training(&self.data, &self.train)
+    }
+    /// Settings of the model file.
+    pub fn settings(&self) -> anyhow::Result<Settings> {
+        let model = &self.model;
+        let (inputs, outputs) = (model.fold * N_FEATURES, model.fold * model.classes.len());
+        let widths = model.widths.clone();
+        let network = match model.kind.as_str() {
+            "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
+            "spherical_dz" if model.head.is_some() => anyhow::bail!("[model] head requires kind = \"unet\""),
+            "spherical_dz" => NetworkSpec::SphericalDz { inputs, outputs, widths },
+            other => {
+                anyhow::bail!("[model] kind = {other:?}, must be \"unet\" or \"spherical_dz\", or one of {KINDS:?}")
+            }
+        };
+        Ok(Settings {
+            network,
+            columns: model.columns,
+            fold: model.fold,
+            classes: model.classes.clone(),
+            vote_cell_m: model.vote_cell_m,
+            temperature: 1.0,
+            ground_intensities: None,
+        })
+    }
+}
+
+/// Checks the tables of all recipes.
+pub fn check_data_and_training(data: &Data, train: &TrainSettings) -> anyhow::Result<()> {
+    if let Some(problem) = train.problem() {
+        anyhow::bail!("[train] {problem}");
+    }
+    data.check()
+}
+
+impl Data {
+    fn check(&self) -> anyhow::Result<()> {
+        let data = self;
         self.towns()?;
         for (name, range) in [("seeds", data.seeds), ("validation_seeds", data.validation_seeds)] {
             let Some(range) = range else { continue };
@@ -200,28 +266,7 @@ impl Recipe {
     }
     /// Kinds of town.
     pub fn towns(&self) -> anyhow::Result<Vec<Town>> {
-        Ok(self.data.towns.iter().map(|name| town_from_name(name)).collect::<Result<_, _>>()?)
-    }
-    /// Settings of the model file.
-    pub fn settings(&self) -> anyhow::Result<Settings> {
-        let model = &self.model;
-        let (inputs, outputs) = (model.fold * N_FEATURES, model.fold * model.classes.len());
-        let widths = model.widths.clone();
-        let network = match model.kind.as_str() {
-            "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
-            "spherical_dz" if model.head.is_some() => anyhow::bail!("[model] head requires kind = \"unet\""),
-            "spherical_dz" => NetworkSpec::SphericalDz { inputs, outputs, widths },
-            other => anyhow::bail!("[model] kind = {other:?}, must be \"unet\" or \"spherical_dz\""),
-        };
-        Ok(Settings {
-            network,
-            columns: model.columns,
-            fold: model.fold,
-            classes: model.classes.clone(),
-            vote_cell_m: model.vote_cell_m,
-            temperature: 1.0,
-            ground_intensities: None,
-        })
+        Ok(self.towns.iter().map(|name| town_from_name(name)).collect::<Result<_, _>>()?)
     }
 }
 
@@ -263,7 +308,7 @@ mod tests {
         };
         check("patience", "patients", "unknown field `patients`");
         check("\"vegetation\"", "\"trees\"", "not all are in the class table");
-        check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
+        check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\", or one of {KINDS:?}");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");

@@ -1,17 +1,17 @@
 //! The data set of a recipe: sweeps of simulated towns and of recordings.
 
+use super::TrainingData;
 use super::augmentation::augment;
 use super::labeled_image::{LabeledImage, images_of};
-use super::recipe::{Range, Recipe, RecordingSource};
+use super::recipe::{Data, Range, Recipe, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
+use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use random::Random;
-use rayon::prelude::*;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
-use town_sweeps::{Mount, TownDrive};
 use training::{Dataset, Example, UNKNOWN};
 
 /// Range images of sweeps, with the class of every pixel. Memory: the simulated drives of one step, or one submap.
@@ -45,38 +45,59 @@ impl SweepDataset {
         Ok(Self { file, sources: Vec::new(), counts, ground, settings, without_intensity })
     }
 
-    /// Simulates the sweeps of these drives. Calls `progress` with the number of finished drives and of all drives.
-    pub fn add_towns(
-        &mut self,
-        recipe: &Recipe,
-        seeds: Range,
-        progress: &mut dyn FnMut(usize, usize),
-    ) -> anyhow::Result<()> {
-        let (towns, data, settings) = (recipe.towns()?, &recipe.data, self.settings.clone());
-        let first = self.file.len();
-        let seeds: Vec<u64> = seeds.iter().collect();
-        let of_drive = |seed: &u64| -> anyhow::Result<Vec<LabeledImage>> {
-            let town = towns[(*seed % towns.len() as u64) as usize];
-            let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
-            let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
-            let images = submaps.iter().map(|submap| (&submap.header, &submap.points, &submap.truth));
-            Ok(images.flat_map(|(header, points, truth)| images_of(header, points, truth, &settings)).collect())
-        };
-        // A few drives at a time, so that the memory does not grow with the number of drives.
-        let at_a_time = rayon::current_num_threads();
-        for (n_done, seeds_of_step) in seeds.chunks(at_a_time).enumerate() {
-            let drives: Vec<anyhow::Result<Vec<LabeledImage>>> = seeds_of_step.par_iter().map(of_drive).collect();
-            for image in drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.iter().flatten() {
-                self.push(image)?;
-            }
-            progress(n_done * at_a_time + seeds_of_step.len(), seeds.len());
+    fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
+        for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
+            self.counts[usize::from(*class)] += 1;
         }
+        if image.image.has_intensity {
+            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
+            self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
+        }
+        self.file.push(image)
+    }
+
+    fn end_source(&mut self, first: usize, weight: f64) {
+        let n_sweeps = self.file.len() - first;
+        let n_examples = (n_sweeps as f64 * weight).ceil() as usize;
+        self.sources.push(Source { first, n_sweeps, n_examples });
+    }
+
+    /// Number of sweeps.
+    pub fn n_sweeps(&self) -> usize {
+        self.file.len()
+    }
+
+    /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of
+    /// each two neighbors, drawn at random in each epoch.
+    fn sweep_of(&self, mut index: usize, random: Option<&mut Random>) -> usize {
+        for source in &self.sources {
+            if index >= source.n_examples {
+                index -= source.n_examples;
+                continue;
+            }
+            if source.n_examples == source.n_sweeps {
+                return source.first + index;
+            }
+            let within = f64::from(random.map_or(0.5, Random::unit));
+            let share = (index as f64 + within) / source.n_examples as f64;
+            return source.first + ((share * source.n_sweeps as f64) as usize).min(source.n_sweeps - 1);
+        }
+        panic!("an example beyond the last");
+    }
+}
+
+impl TrainingData for SweepDataset {
+    fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
+        let first = self.file.len();
+        let settings = self.settings.clone();
+        let convert = |of: Labeled<'_>| Ok(images_of(of.header, of.points, of.classes, &settings));
+        let push = |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image));
+        simulate(data, seeds, convert, push, progress)?;
         self.end_source(first, 1.0);
         Ok(())
     }
 
-    /// Reads the sweeps of a recording.
-    pub fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
+    fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let first = self.file.len();
         let mut recording = RecordedSweeps::open(source, folder)?;
         let (mut n_sweeps, mut n_labeled) = (0, 0);
@@ -102,54 +123,16 @@ impl SweepDataset {
         Ok(())
     }
 
-    fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
-        for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
-            self.counts[usize::from(*class)] += 1;
-        }
-        if image.image.has_intensity {
-            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
-            self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
-        }
-        self.file.push(image)
+    fn size(&self) -> String {
+        format!("{} sweeps, {} labelled pixels", self.n_sweeps(), self.counts.iter().sum::<u64>())
     }
 
-    fn end_source(&mut self, first: usize, weight: f64) {
-        let n_sweeps = self.file.len() - first;
-        let n_examples = (n_sweeps as f64 * weight).ceil() as usize;
-        self.sources.push(Source { first, n_sweeps, n_examples });
-    }
-
-    /// Number of sweeps.
-    pub fn n_sweeps(&self) -> usize {
-        self.file.len()
-    }
-
-    /// Number of pixels of each class of the recipe.
-    pub fn counts(&self) -> &[u64] {
+    fn counts(&self) -> &[u64] {
         &self.counts
     }
 
-    /// Quantiles of the intensities of the ground.
-    pub fn ground_intensities(&self) -> Option<GroundIntensities> {
+    fn ground_intensities(&self) -> Option<GroundIntensities> {
         self.ground.quantiles()
-    }
-
-    /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of
-    /// each two neighbors, drawn at random in each epoch.
-    fn sweep_of(&self, mut index: usize, random: Option<&mut Random>) -> usize {
-        for source in &self.sources {
-            if index >= source.n_examples {
-                index -= source.n_examples;
-                continue;
-            }
-            if source.n_examples == source.n_sweeps {
-                return source.first + index;
-            }
-            let within = f64::from(random.map_or(0.5, Random::unit));
-            let share = (index as f64 + within) / source.n_examples as f64;
-            return source.first + ((share * source.n_sweeps as f64) as usize).min(source.n_sweeps - 1);
-        }
-        panic!("an example beyond the last");
     }
 }
 
@@ -178,7 +161,7 @@ mod tests {
     use messages::pod::bytes_from_rows;
     use messages::{ByteTable, ClassRow, ClassTopic, Envelope, Message, SubmapHeader, SubmapTopic};
     use std::collections::BTreeMap;
-    use town_sweeps::TownSubmap;
+    use town_sweeps::{Mount, TownDrive, TownSubmap};
 
     fn recipe(data: &str) -> Recipe {
         let text = format!(

@@ -1,5 +1,6 @@
 //! A model with a k-nearest-neighbor classifier in place of its last layer.
 
+use crate::lab::train::TrainingData;
 use crate::lab::train::recipe::{Range, Recipe};
 use crate::lab::train::sweep_dataset::SweepDataset;
 use anyhow::Context;
@@ -25,7 +26,7 @@ pub fn load(path: &Path, recipe: &Path, k: usize) -> anyhow::Result<SphericalMod
     let seeds = seeds.with_context(|| format!("{}: has no seeds of simulated towns", recipe.display()))?;
     let (first, last) = (seeds.first, seeds.last.min(seeds.first + of_recipe.data.towns.len() as u64 - 1));
     let mut dataset = SweepDataset::new(&of_recipe, &std::env::temp_dir())?;
-    dataset.add_towns(&of_recipe, Range { first, last }, &mut |_, _| ())?;
+    dataset.add_towns(&of_recipe.data, Range { first, last }, &mut |_, _| ())?;
     let neighbors = Neighbors::draw(&settings, &weights, &dataset, PER_CLASS, k)?;
     eprintln!("{} examples of drives {first} to {last}", neighbors.len());
     Ok(model.with_neighbors(neighbors, &weights)?)

@@ -1,0 +1,104 @@
+//! Settings of a model file of a network on points, and their rules.
+
+use super::features::PointFeature;
+use super::parameters::Parameters;
+use super::spec::PointNetworkSpec;
+use super::spheres::SphereSettings;
+use crate::SegmentationError;
+use crate::model_file::encode_model;
+use crate::network::Weights;
+use crate::spherical::GroundIntensities;
+use messages::ClassId;
+use serde::{Deserialize, Serialize};
+
+/// Name of the architecture in model files.
+pub const ARCHITECTURE: &str = "points";
+
+/// Version that this program writes and runs.
+pub const VERSION: u32 = 1;
+
+/// Most cells along the radius of a sphere: larger spheres would need more memory than the other stages leave.
+const MOST_CELLS: f32 = 500.0;
+
+/// Settings of a model file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PointSettings {
+    /// The network.
+    pub network: PointNetworkSpec,
+    /// Names of the classes, in the order of the outputs.
+    pub classes: Vec<String>,
+    /// Features of a point, in the order of the inputs.
+    pub features: Vec<PointFeature>,
+    /// Side of the cells that are one point of the network, m, 0.02 to 5.
+    pub cell_m: f32,
+    /// Spheres that the network sees.
+    pub spheres: SphereSettings,
+    /// Divisor of the logits that calibrates the scores, 0.1 to 10.
+    pub temperature: f32,
+    /// Intensities of the ground in the training, below which 5, 25, 50, 75 and 95 % of its points lie. Without them, those of the
+    /// simulated towns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_intensities: Option<GroundIntensities>,
+}
+
+impl PointSettings {
+    /// The class of every output.
+    ///
+    /// # Errors
+    /// [`SegmentationError::Settings`] with the violated rule.
+    pub fn check(&self) -> Result<Vec<ClassId>, SegmentationError> {
+        let wrong = SegmentationError::Settings;
+        let classes: Option<Vec<ClassId>> = self.classes.iter().map(|name| ClassId::from_name(name)).collect();
+        let classes =
+            classes.ok_or_else(|| wrong(format!("classes {:?}: not all are in the class table", self.classes)))?;
+        if let Some(problem) = self.network.problem() {
+            return Err(wrong(format!("network: {problem}")));
+        }
+        if let Some(problem) = self.spheres.problem() {
+            return Err(wrong(format!("spheres: {problem}")));
+        }
+        let (inputs, outputs) = self.network.channels();
+        let n_values = PointFeature::channels(&self.features);
+        let (cell_m, radius_m) = (self.cell_m, self.spheres.radius_m);
+        let rules = [
+            (
+                (1..=ClassId::ALL.len()).contains(&classes.len()),
+                format!("{} classes, must be 1 to {}", classes.len(), ClassId::ALL.len()),
+            ),
+            (inputs == n_values, format!("network.inputs = {inputs}, must be the {n_values} values of the features")),
+            (outputs == classes.len(), format!("network.outputs = {outputs}, must be the {} classes", classes.len())),
+            ((0.02..=5.0).contains(&cell_m), format!("cell_m = {cell_m}, must be 0.02 to 5")),
+            (
+                radius_m <= MOST_CELLS * cell_m,
+                format!("spheres.radius_m = {radius_m}, must be at most {MOST_CELLS} cells of {cell_m} m"),
+            ),
+            (
+                match &self.network {
+                    PointNetworkSpec::Kpconv(network) => network.cell_m == cell_m,
+                    _ => true,
+                },
+                format!("network.cell_m must be cell_m = {cell_m}: the neighborhoods of kpconv are multiples of it"),
+            ),
+            (
+                (0.1..=10.0).contains(&self.temperature),
+                format!("temperature = {}, must be 0.1 to 10", self.temperature),
+            ),
+        ];
+        match rules.into_iter().find(|(holds, _)| !holds) {
+            Some((_, text)) => Err(wrong(text)),
+            None => Ok(classes),
+        }
+    }
+    /// The bytes of a model file. Equal models give equal bytes.
+    ///
+    /// # Errors
+    /// If the file cannot be encoded.
+    pub fn to_bytes(&self, weights: &Weights) -> Result<Vec<u8>, SegmentationError> {
+        encode_model(ARCHITECTURE, VERSION, self, weights.to_tensors()?)
+    }
+    /// The parameters of a file of this architecture.
+    pub(super) fn parameters(&self, file: &crate::ModelFile) -> Result<Parameters, SegmentationError> {
+        Parameters::from_file(&self.network.parameters(), file)
+    }
+}

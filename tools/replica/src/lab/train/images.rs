@@ -1,0 +1,51 @@
+//! Training of networks on images.
+
+use super::recipe::{Data, Recipe};
+use super::sweep_dataset::SweepDataset;
+use super::{Calibration, TrainingRecipe};
+use segmentation::engine::Border;
+use segmentation::network::Weights;
+use segmentation::spherical::{Settings, SphericalModel};
+use std::path::Path;
+use training::{ImageNetwork, TrainSettings, Variables};
+
+impl TrainingRecipe for Recipe {
+    type Network = ImageNetwork;
+    type Data = SweepDataset;
+
+    fn data(&self) -> &Data {
+        &self.data
+    }
+    fn train(&self) -> &TrainSettings {
+        &self.train
+    }
+    fn frozen(&self) -> &[String] {
+        &self.model.frozen
+    }
+    fn class_names(&self) -> &[String] {
+        &self.model.classes
+    }
+    fn network(&self, folder: &Path) -> anyhow::Result<ImageNetwork> {
+        let settings = self.settings()?;
+        let variables = Variables::random(&settings.network, self.train.seed)?;
+        if let Some(start) = &self.model.start {
+            let start = folder.join(start);
+            let (_, weights) = SphericalModel::load(&start)?;
+            let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
+            anyhow::ensure!(
+                n_taken > 0,
+                "{}: no layer matches a layer of the recipe in name and shape",
+                start.display()
+            );
+            eprintln!("starting from {n_taken} of {n_layers} layers of {}", start.display());
+        }
+        Ok(ImageNetwork::new(variables, settings.fold, Border::Circular))
+    }
+    fn empty_data(&self, folder: &Path, _: bool) -> anyhow::Result<SweepDataset> {
+        SweepDataset::new(self, folder)
+    }
+    fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>> {
+        let Calibration { temperature, ground_intensities } = calibration;
+        Ok(Settings { temperature, ground_intensities, ..self.settings()? }.to_bytes(weights)?)
+    }
+}

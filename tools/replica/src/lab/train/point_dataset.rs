@@ -1,0 +1,327 @@
+//! The data set of a recipe for networks on points: spheres of submaps of simulated towns and of recordings.
+
+use super::TrainingData;
+use super::point_recipe::PointRecipe;
+use super::recipe::{Data, Range, RecordingSource};
+use super::recorded_sweeps::RecordedSweeps;
+use super::sources::{Labeled, simulate};
+use super::submap_file::{LabeledCloud, SubmapFile};
+use anyhow::ensure;
+use messages::ClassId;
+use neighbors::squared_distance;
+use random::Random;
+use segmentation::points::{Augmentation, CellCloud, PointSettings, TrainingSpheres};
+use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap};
+use segmentation::{ModelInput, ground};
+use std::path::Path;
+use training::{Dataset, PointExample, UNKNOWN};
+
+/// Standard deviation of the error of all heights of a training sphere, m, as for images.
+const HEIGHT_SIGMA_M: f32 = 0.04;
+/// Range of the factors of intensities in training, as for images.
+const GAINS: [f32; 2] = [0.7, 1.4];
+
+/// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
+pub struct PointDataset {
+    file: SubmapFile,
+    /// The submaps by the classes that they have.
+    spheres: TrainingSpheres,
+    /// Number of points of each class.
+    counts: Vec<u64>,
+    /// Intensities of the ground.
+    ground: GroundHistogram,
+    settings: PointSettings,
+    /// Output number by class id.
+    outputs: Vec<u8>,
+    augmentation: Augmentation,
+    without_intensity: f32,
+    n_spheres: usize,
+    /// Submap and center of the spheres for validation; `None` for training.
+    validation: Option<Vec<(usize, [f32; 3])>>,
+}
+
+impl PointDataset {
+    /// No submaps yet. They are kept in a file in `folder`.
+    pub fn new(recipe: &PointRecipe, folder: &Path, validation: bool) -> anyhow::Result<Self> {
+        let settings = recipe.settings()?;
+        let output = |class: &ClassId| settings.classes.iter().position(|name| name == class.name());
+        Ok(Self {
+            file: SubmapFile::create(folder)?,
+            spheres: TrainingSpheres::default(),
+            counts: vec![0; settings.classes.len()],
+            ground: GroundHistogram::default(),
+            outputs: ClassId::ALL.iter().map(|class| output(class).map_or(UNKNOWN, |output| output as u8)).collect(),
+            augmentation: recipe.augmentation.clone(),
+            without_intensity: recipe.data.without_intensity,
+            n_spheres: if validation { recipe.spheres.validation } else { recipe.spheres.epoch },
+            validation: validation.then(Vec::new),
+            settings,
+        })
+    }
+
+    fn push(&mut self, (labeled, ground): (LabeledCloud, GroundHistogram), weight: f64) -> anyhow::Result<()> {
+        for class in 0..self.counts.len() {
+            let n = labeled.truth.iter().filter(|of| usize::from(**of) == class).count();
+            self.counts[class] += n as u64;
+            if n > 0 {
+                self.spheres.add(class as u8, self.file.len() as u32, weight);
+            }
+        }
+        self.ground.join(&ground);
+        if let Some(spheres) = &mut self.validation {
+            let centers = self.settings.spheres.centers(&labeled.cloud.positions)?;
+            spheres.extend(centers.into_iter().map(|center| (self.file.len(), center)));
+        }
+        self.file.push(&labeled)
+    }
+
+    /// Positions and classes of the points of a sphere, and what its features are computed from.
+    fn sphere(&self, submap: &LabeledCloud, center: [f32; 3]) -> LabeledCloud {
+        let radius = self.settings.spheres.radius_m;
+        let is_inside = |position: [f32; 3]| squared_distance(position, center) <= radius * radius;
+        let positions = &submap.cloud.positions;
+        let members: Vec<u32> = (0..positions.len() as u32).filter(|p| is_inside(positions[*p as usize])).collect();
+        LabeledCloud {
+            cloud: submap.cloud.around(center, &members),
+            truth: members.iter().map(|point| submap.truth[*point as usize]).collect(),
+        }
+    }
+
+    fn training_sphere(&self, index: usize, random: &mut Random) -> Option<LabeledCloud> {
+        let (class, submap) = self.spheres.draw(index, random)?;
+        let submap = self.file.submap(submap as usize).expect("the file is open, and of the length that was written");
+        let points: Vec<usize> = (0..submap.truth.len()).filter(|point| submap.truth[*point] == class).collect();
+        let mut sphere = self.sphere(&submap, submap.cloud.positions[*random.pick(&points)]);
+        let cloud = &mut sphere.cloud;
+        let (factor, error_m) =
+            (self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random), HEIGHT_SIGMA_M * random.gauss());
+        cloud.heights_m.iter_mut().for_each(|height| *height = *height * factor + error_m);
+        let gain = random.range(GAINS[0], GAINS[1]);
+        cloud.intensities.iter_mut().for_each(|intensity| *intensity = (*intensity * gain).min(255.0));
+        if random.chance(self.without_intensity) {
+            cloud.intensities.clear();
+        }
+        Some(sphere)
+    }
+}
+
+/// The cells of a submap with the most frequent class of their points, and the intensities of its ground.
+fn cells_of(
+    of: &Labeled<'_>,
+    outputs: &[u8],
+    settings: &PointSettings,
+) -> anyhow::Result<(LabeledCloud, GroundHistogram)> {
+    let input = ModelInput { header: of.header, points: of.points, colors: None };
+    let heights_m = ground::heights(&input);
+    let (cloud, grid) = CellCloud::of(&input, &heights_m, &IntensityMap::Unchanged, settings.cell_m)?;
+    let class_of = |cell: usize| {
+        let mut counts = vec![0_u32; settings.classes.len()];
+        for point in grid.points_of(cell) {
+            let output = outputs[usize::from(of.classes[*point as usize])];
+            if let Some(count) = counts.get_mut(usize::from(output)) {
+                *count += 1;
+            }
+        }
+        let most = counts.iter().copied().max().filter(|most| *most > 0);
+        most.and_then(|most| counts.iter().position(|n| *n == most)).map_or(UNKNOWN, |class| class as u8)
+    };
+    let truth = (0..grid.len()).map(class_of).collect();
+    let mut ground = GroundHistogram::default();
+    if !cloud.intensities.is_empty() {
+        ground.add(of.points.iter().zip(&heights_m).map(|(point, height_m)| (point.intensity, *height_m)));
+    }
+    Ok((LabeledCloud { cloud, truth }, ground))
+}
+
+impl TrainingData for PointDataset {
+    fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
+        let (outputs, settings) = (self.outputs.clone(), self.settings.clone());
+        simulate(data, seeds, |of| cells_of(&of, &outputs, &settings), |cells| self.push(cells, 1.0), progress)
+    }
+
+    fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
+        let mut recording = RecordedSweeps::open(source, folder)?;
+        let (mut n_submaps, mut n_labeled) = (0, 0);
+        while let Some(submap) = recording.next()? {
+            if n_submaps % source.every == 0 {
+                let of = Labeled { header: &submap.header, points: &submap.points, classes: &submap.classes };
+                let cells = cells_of(&of, &self.outputs, &self.settings)?;
+                // Data sets label key frames only.
+                let is_labeled = cells.0.truth.iter().any(|class| *class != UNKNOWN);
+                if is_labeled {
+                    self.push(cells, source.weight)?;
+                }
+                n_labeled += usize::from(is_labeled);
+            }
+            n_submaps += 1;
+        }
+        ensure!(
+            n_labeled > 0,
+            "{}: none of its {n_submaps} submaps has a point of a class of the recipe",
+            folder.join(&source.file).display()
+        );
+        Ok(())
+    }
+
+    fn finish(&mut self) {
+        let wanted = self.n_spheres;
+        if let Some(spheres) = &mut self.validation {
+            let n = spheres.len();
+            if n > wanted {
+                *spheres = (0..wanted).map(|i| spheres[i * n / wanted]).collect();
+            }
+        }
+    }
+
+    fn size(&self) -> String {
+        format!("{} submaps, {} labelled points", self.file.len(), self.counts.iter().sum::<u64>())
+    }
+
+    fn counts(&self) -> &[u64] {
+        &self.counts
+    }
+
+    fn ground_intensities(&self) -> Option<GroundIntensities> {
+        self.ground.quantiles()
+    }
+}
+
+impl Dataset<PointExample> for PointDataset {
+    fn len(&self) -> usize {
+        self.validation.as_ref().map_or(self.n_spheres, Vec::len)
+    }
+    fn example(&self, index: usize, random: Option<&mut Random>) -> PointExample {
+        let sphere = match (&self.validation, random) {
+            (Some(spheres), _) => {
+                let (submap, center) = spheres[index];
+                let submap = self.file.submap(submap).expect("the file is open, and of the length that was written");
+                Some(self.sphere(&submap, center))
+            }
+            (None, Some(random)) => self.training_sphere(index, random),
+            (None, None) => self.training_sphere(index, &mut Random::of_stream(0, index as u64)),
+        };
+        let Some(LabeledCloud { cloud, truth }) = sphere else {
+            return PointExample { positions: Vec::new(), features: Vec::new(), truth: Vec::new() };
+        };
+        let features = cloud.features(&self.settings.features);
+        PointExample { positions: cloud.positions, features, truth }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lab::train::{Args, run};
+    use messages::{SubmapHeader, SubmapPoint};
+    use std::path::PathBuf;
+
+    /// A small network; the data are added to it.
+    fn recipe_text(data: &str, train: &str) -> String {
+        format!(
+            "[model]\nkind = 'waffle_iron'\nnetwork = {{ width = 8, depth = 3, neighbors = 4, cell_m = 1.0, low_m = [-5, -5, -5], \
+             high_m = [5, 5, 5], convolution = 'depth_wise' }}\nclasses = ['road', 'building', 'pole']\n\
+             features = ['offset', 'height', 'intensity']\ncell_m = 0.5\nradius_m = 5.0\n[data]\nwithout_intensity = 0.0\n{data}\n\
+             [spheres]\nepoch = 12\nvalidation = 6\n[train]\nseed = 1\nepochs = {train}\nbatch = 2\nlearning_rate = 0.01\n\
+             patience = 10\naverage = 0.5\nloss = {{ kind = 'cross_entropy' }}\n"
+        )
+    }
+
+    fn dataset(folder: &Path, validation: bool) -> PointDataset {
+        let recipe: PointRecipe = toml::from_str(&recipe_text("", "1")).expect("a recipe");
+        PointDataset::new(&recipe, folder, validation).expect("a file")
+    }
+
+    /// A road of 20 x 20 m in steps of 0.25 m; a wall of buildings along x = 0, and points without a class.
+    fn street() -> (Vec<SubmapPoint>, Vec<u8>) {
+        let at = |x: f32, y: f32, z: f32| SubmapPoint { x, y, z, intensity: 50, ..SubmapPoint::default() };
+        let steps = |n: u16| (0..n).map(|i| f32::from(i) * 0.25 + 0.1);
+        let road = steps(80).flat_map(|x| steps(80).map(move |y| (at(x, y, 0.1), ClassId::Road)));
+        let wall = steps(80).flat_map(|y| steps(16).map(move |z| (at(0.1, y, 1.0 + z), ClassId::Building)));
+        let other = steps(40).map(|y| (at(15.0, y, 2.0), ClassId::Vehicles));
+        road.chain(wall).chain(other).map(|(point, class)| (point, class as u8)).unzip()
+    }
+
+    fn push(data: &mut PointDataset, weight: f64) {
+        let (points, classes) = street();
+        let of = Labeled { header: &SubmapHeader::default(), points: &points, classes: &classes };
+        let cells = cells_of(&of, &data.outputs, &data.settings).expect("cells");
+        data.push(cells, weight).expect("written");
+        data.finish();
+    }
+
+    #[test]
+    fn cells_have_the_class_of_their_points() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut data = dataset(folder.path(), false);
+        push(&mut data, 1.0);
+        let LabeledCloud { cloud, truth } = data.file.submap(0).expect("read");
+        // Each cell of road and wall has four points.
+        assert_eq!(data.counts(), [1600, 320, 0]);
+        assert_eq!(truth.iter().filter(|class| **class == UNKNOWN).count(), 20, "vehicles");
+        for (position, class) in cloud.positions.iter().zip(&truth) {
+            let expected = match position {
+                [x, _, z] if *x > 14.9 && *z > 1.0 => UNKNOWN,
+                [.., z] => u8::from(*z > 0.5),
+            };
+            assert_eq!(*class, expected, "{position:?}");
+        }
+        assert!(cloud.intensities.iter().all(|intensity| *intensity == 50.0));
+        assert_eq!(data.size(), "1 submaps, 1920 labelled points");
+    }
+
+    #[test]
+    fn training_spheres_have_each_class_in_their_center_and_follow_the_random_numbers() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut data = dataset(folder.path(), false);
+        push(&mut data, 1.0);
+        data.augmentation = Augmentation { elastic: Vec::new(), noise_m: 0.0, scale: 0.0, ..data.augmentation };
+        assert_eq!(Dataset::len(&data), 12);
+        for index in 0..12 {
+            let example = |seed: u64| data.example(index, Some(&mut Random::new(seed)));
+            let PointExample { positions, features, truth } = example(7);
+            let center = positions.iter().position(|p| p.iter().all(|v| v.abs() < 1e-4)).expect("the center");
+            assert_eq!(usize::from(truth[center]), index % 2, "sphere {index}");
+            assert!(positions.iter().all(|p| p.iter().map(|v| v * v).sum::<f32>() < 25.01));
+            assert_eq!((features.len(), truth.len()), (7 * positions.len(), positions.len()));
+            assert!(example(7).positions == positions && example(8).positions != positions);
+        }
+    }
+
+    #[test]
+    fn validation_spheres_cover_the_submap_without_random_changes() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mut data = dataset(folder.path(), true);
+        data.n_spheres = 1000;
+        push(&mut data, 1.0);
+        let n = Dataset::len(&data);
+        let n_points: usize = (0..n).map(|index| data.example(index, None).positions.len()).sum();
+        assert!(n > 3 && n_points >= data.file.submap(0).expect("read").truth.len(), "{n} spheres, {n_points} points");
+        data.n_spheres = 3;
+        data.finish();
+        assert_eq!(Dataset::len(&data), 3);
+    }
+
+    #[test]
+    fn training_resumed_after_an_epoch_gives_same_files() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let data = "towns = ['urban']\nseeds = { first = 1, last = 1 }\nvalidation_seeds = { first = 2, last = 2 }\nseconds = 2.0\n\
+                    submaps = 1\nsweeps = 1\nstride = 1";
+        let recipe = folder.path().join("recipe.toml");
+        std::fs::write(&recipe, recipe_text(data, "2")).expect("writes");
+        let out = |name: &str| folder.path().join(name);
+        let train = |out: PathBuf, stop_after: Option<usize>| {
+            run(&Args { recipe: recipe.clone(), out, stop_after }).expect("trains");
+        };
+        train(out("whole"), None);
+        train(out("cut"), Some(1));
+        train(out("cut"), None);
+        for file in ["model.safetensors", "checkpoint.safetensors", "curves.csv"] {
+            let bytes = |name: &str| std::fs::read(out(name).join(file)).expect("written");
+            assert!(bytes("whole") == bytes("cut"), "{file}");
+        }
+        let curves = std::fs::read_to_string(out("whole").join("curves.csv")).expect("written");
+        assert_eq!(curves.lines().count(), 3);
+        let model = segmentation::load(&out("whole").join("model.safetensors"), &segmentation::Options::default());
+        assert_eq!(model.expect("loads").card().architecture, "points");
+    }
+}

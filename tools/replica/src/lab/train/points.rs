@@ -1,0 +1,46 @@
+//! Training of networks on points.
+
+use super::point_dataset::PointDataset;
+use super::point_recipe::PointRecipe;
+use super::recipe::Data;
+use super::{Calibration, TrainingRecipe};
+use segmentation::network::Weights;
+use segmentation::points::{PointModel, PointSettings};
+use std::path::Path;
+use training::{PointNetwork, TrainSettings};
+
+impl TrainingRecipe for PointRecipe {
+    type Network = PointNetwork;
+    type Data = PointDataset;
+
+    fn data(&self) -> &Data {
+        &self.data
+    }
+    fn train(&self) -> &TrainSettings {
+        &self.train
+    }
+    fn frozen(&self) -> &[String] {
+        &self.model.frozen
+    }
+    fn class_names(&self) -> &[String] {
+        &self.model.classes
+    }
+    fn network(&self, folder: &Path) -> anyhow::Result<PointNetwork> {
+        let mut network = PointNetwork::random(&self.settings()?.network, self.train.seed)?;
+        if let Some(start) = &self.model.start {
+            let start = folder.join(start);
+            let (_, weights) = PointModel::load(&start)?;
+            let (n_taken, n_tensors) = network.begin_with(&weights)?;
+            anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
+            eprintln!("starting from {n_taken} of {n_tensors} tensors of {}", start.display());
+        }
+        Ok(network)
+    }
+    fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<PointDataset> {
+        PointDataset::new(self, folder, validation)
+    }
+    fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>> {
+        let Calibration { temperature, ground_intensities } = calibration;
+        Ok(PointSettings { temperature, ground_intensities, ..self.settings()? }.to_bytes(weights)?)
+    }
+}

@@ -1,0 +1,45 @@
+//! Labeled submaps of the sources of a recipe, for networks on images and on points.
+
+use super::recipe::{Data, Range};
+use messages::{SubmapHeader, SubmapPoint};
+use rayon::prelude::*;
+use town_sweeps::{Mount, TownDrive};
+
+/// A submap in which each point has a class id.
+pub struct Labeled<'a> {
+    pub header: &'a SubmapHeader,
+    pub points: &'a [SubmapPoint],
+    pub classes: &'a [u8],
+}
+
+/// Simulates drives. `convert` runs in parallel on each submap; `push` receives the results in order. Calls `progress` with the number
+/// of finished drives and of all drives.
+pub fn simulate<T: Send>(
+    data: &Data,
+    seeds: Range,
+    convert: impl Fn(Labeled<'_>) -> anyhow::Result<T> + Sync,
+    mut push: impl FnMut(T) -> anyhow::Result<()>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> anyhow::Result<()> {
+    let towns = data.towns()?;
+    let seeds: Vec<u64> = seeds.iter().collect();
+    let of_drive = |seed: &u64| -> anyhow::Result<Vec<T>> {
+        let town = towns[(*seed % towns.len() as u64) as usize];
+        let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
+        let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
+        let labeled = submaps.iter().map(|submap| Labeled {
+            header: &submap.header,
+            points: &submap.points,
+            classes: &submap.truth,
+        });
+        labeled.map(&convert).collect()
+    };
+    // A few drives at a time, so that the memory does not grow with the number of drives.
+    let at_a_time = rayon::current_num_threads();
+    for (n_done, seeds_of_step) in seeds.chunks(at_a_time).enumerate() {
+        let drives: Vec<anyhow::Result<Vec<T>>> = seeds_of_step.par_iter().map(of_drive).collect();
+        drives.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().flatten().try_for_each(&mut push)?;
+        progress(n_done * at_a_time + seeds_of_step.len(), seeds.len());
+    }
+    Ok(())
+}
