@@ -84,7 +84,8 @@ fn is_known(row: &ClassRow) -> bool {
 fn model_of_each_kind_gives_every_point_a_class_and_does_not_depend_on_threads() {
     let points = street(6000);
     for network in NETWORKS {
-        let model = model(&settings(network));
+        // Scores that differ more than by their rounding.
+        let model = model(&PointSettings { temperature: 0.1, ..settings(network) });
         assert_eq!((model.card().architecture.as_str(), model.card().version), ("points", 1));
         let on_threads = |n: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
