@@ -183,7 +183,9 @@ impl SpherePrediction<'_> {
         let plan = self.network.plan(PointBatch::new(positions, vec![n])?, self.seed)?;
         let scores = self.network.run(&mut Pass::evaluation(self.parameters), &plan, &features)?;
         let mut scores = scores.flatten_all()?.to_vec1::<f32>()?;
-        scores.iter_mut().for_each(|score| *score /= self.temperature);
+        for score in &mut scores {
+            *score /= self.temperature;
+        }
         Ok(scores)
     }
 }

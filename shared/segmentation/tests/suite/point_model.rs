@@ -27,6 +27,9 @@ fn settings(network: &str) -> PointSettings {
 const WAFFLE_IRON: &str = r#"{"kind": "waffle_iron", "inputs": 8, "outputs": 3, "width": 8, "depth": 3, "neighbors": 6,
     "cell_m": 1.0, "low_m": [-8, -8, -8], "high_m": [8, 8, 8], "convolution": "depth_wise"}"#;
 
+/// Shapes and values by name.
+type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
+
 /// One network of each kind.
 const NETWORKS: [&str; 4] = [
     WAFFLE_IRON,
@@ -76,7 +79,7 @@ fn segment(model: &PointModel, points: &[SubmapPoint]) -> (Vec<ClassRow>, Report
     (classes, report)
 }
 
-fn is_known(row: &ClassRow) -> bool {
+fn is_known(row: ClassRow) -> bool {
     CLASSES.iter().any(|name| ClassId::from_name(name).expect("a class") as u8 == row.class_id) && row.score > 0
 }
 
@@ -92,7 +95,7 @@ fn model_of_each_kind_gives_every_point_a_class_and_does_not_depend_on_threads()
             pool.install(|| segment(&model, &points))
         };
         let (classes, report) = on_threads(1);
-        assert!(classes.iter().all(is_known), "{network}");
+        assert!(classes.iter().copied().all(is_known), "{network}");
         assert_eq!(report, Report { n_unseen: 0, coarsened: 1, foreign_intensity: None });
         assert!(on_threads(3).0 == classes, "{network}");
         // A random network distinguishes the points in some way.
@@ -143,7 +146,7 @@ fn unusual_submaps_are_classified_without_failure() {
         let (classes, report) = of(&points);
         assert_eq!(report.n_unseen, 3, "{network}");
         for (i, row) in classes.iter().enumerate() {
-            assert_eq!(is_known(row), ![10, 11, 12].contains(&i), "point {i} of {network}: {row:?}");
+            assert_eq!(is_known(*row), ![10, 11, 12].contains(&i), "point {i} of {network}: {row:?}");
         }
     }
 }
@@ -199,7 +202,7 @@ fn unsuitable_tensors_versions_and_devices_are_refused() {
         let error = load(&path, options).err().expect("is refused").to_string();
         assert!(error.contains(rule), "{error}");
     };
-    let bytes = |change: &dyn Fn(&mut BTreeMap<String, (Vec<usize>, Vec<f32>)>)| {
+    let bytes = |change: &dyn Fn(&mut Tensors)| {
         let mut weights = weights(&settings);
         change(&mut weights.tensors);
         settings.to_bytes(&weights).expect("encodes")
