@@ -71,7 +71,9 @@ fn main() {
     let report = model.segment(&input, &mut classes).expect("runs");
     let (wall_s, cpu_s) = (begin.elapsed().as_secs_f64(), processor_s() - begin_s);
     let mut counts: BTreeMap<u8, usize> = BTreeMap::new();
-    classes.iter().for_each(|row| *counts.entry(row.class_id).or_default() += 1);
+    for row in &classes {
+        *counts.entry(row.class_id).or_default() += 1;
+    }
     let n = points.len() as f64;
     println!(
         "{n} points, {} threads: {wall_s:.2} s, {cpu_s:.2} CPU s: {:.0} points/s, {:.0} points per CPU second; peak {:.0} MB, {before_mb:.0} MB of them before",

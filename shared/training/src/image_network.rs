@@ -87,10 +87,7 @@ impl Network for ImageNetwork {
         let by_filters: Vec<Vec<Vec<Feature>>> = recordings.par_iter().zip(by_outputs).map(backward).collect();
         Ok(Some(Derivatives { loss, gradients: self.variables.gradients(&sum_of(by_filters))? }))
     }
-    fn evaluator(
-        &self,
-        n_classes: usize,
-    ) -> Result<impl Fn(&[Example]) -> Result<Option<LabeledLogits>, TrainingError>, TrainingError> {
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Example]) -> LabeledLogits, TrainingError> {
         let network = Inference::new(self.spec().clone(), &self.weights()?, self.border)?;
         Ok(move |batch: &[Example]| {
             let truth = truth(batch);

@@ -16,8 +16,8 @@ pub struct Derivatives {
     pub gradients: BTreeMap<String, Vec<f32>>,
 }
 
-/// Logits of the labeled rows of a batch, and their classes.
-pub type LabeledLogits = (Tensor, Vec<u8>);
+/// Logits of the labeled rows of a batch, and their classes; `None` if nothing is labeled.
+pub type LabeledLogits = Result<Option<(Tensor, Vec<u8>)>, TrainingError>;
 
 /// A network in training.
 pub trait Network: Sized + Sync {
@@ -49,11 +49,8 @@ pub trait Network: Sized + Sync {
         criterion: &Criterion,
         random: Random,
     ) -> Result<Option<Derivatives>, TrainingError>;
-    /// A function for the logits of batches; `None` where nothing is labeled.
-    fn evaluator(
-        &self,
-        n_classes: usize,
-    ) -> Result<impl Fn(&[Self::Example]) -> Result<Option<LabeledLogits>, TrainingError>, TrainingError>;
+    /// A function for the logits of batches.
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[Self::Example]) -> LabeledLogits, TrainingError>;
 }
 
 /// Moves all values by a share of their difference to those of another network of the same architecture.

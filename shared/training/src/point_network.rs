@@ -140,10 +140,7 @@ impl Network for PointNetwork {
         self.parameters.update_statistics(&statistics, MOMENTUM)?;
         Ok(Some(Derivatives { loss, gradients }))
     }
-    fn evaluator(
-        &self,
-        n_classes: usize,
-    ) -> Result<impl Fn(&[PointExample]) -> Result<Option<LabeledLogits>, TrainingError>, TrainingError> {
+    fn evaluator(&self, n_classes: usize) -> Result<impl Fn(&[PointExample]) -> LabeledLogits, TrainingError> {
         Ok(move |batch: &[PointExample]| {
             let (examples, truth) = usable(batch);
             let known = known_rows(&truth);

@@ -70,6 +70,7 @@ impl CellCloud {
         self.positions.is_empty()
     }
     /// Some of the points, with positions relative to `center`.
+    #[must_use]
     pub fn around(&self, center: [f32; 3], points: &[u32]) -> Self {
         let chosen = |values: &[f32]| -> Vec<f32> {
             if values.is_empty() { Vec::new() } else { points.iter().map(|p| values[*p as usize]).collect() }
@@ -93,7 +94,9 @@ impl CellCloud {
     pub fn features(&self, features: &[PointFeature]) -> Vec<f32> {
         let mut values = Vec::with_capacity(self.len() * PointFeature::channels(features));
         for point in 0..self.len() {
-            features.iter().for_each(|feature| feature.add(self, point, &mut values));
+            for feature in features {
+                feature.add(self, point, &mut values);
+            }
         }
         values
     }

@@ -58,6 +58,7 @@ impl PointFeature {
 
 #[cfg(test)]
 mod tests {
+    use super::PointFeature::{ColorHeight, Height, Intensity, Offset, One};
     use super::*;
 
     #[test]
@@ -68,7 +69,6 @@ mod tests {
             intensities: vec![25.0],
             colors: vec![[0.25, 0.5, 1.0]],
         };
-        use PointFeature::{ColorHeight, Height, Intensity, Offset, One};
         let features = [One, Intensity, Offset, ColorHeight, Height];
         assert_eq!(PointFeature::channels(&features), 12);
         let values = cloud.features(&features);

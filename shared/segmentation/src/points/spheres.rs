@@ -174,12 +174,18 @@ impl SpherePrediction<'_> {
         Ok(votes.means())
     }
     fn scores(&self, (positions, features): SphereRows) -> Result<Vec<f32>, SegmentationError> {
-        let n = positions.len();
-        let features = tensor(features, (n, self.network.channels().0))?;
+        let (n, inputs) = (positions.len(), self.network.channels().0);
+        if features.len() != n * inputs {
+            let (found, expected) = (features.len() / inputs.max(1), n);
+            return Err(SegmentationError::Length { column: "features", found, expected });
+        }
+        let features = tensor(features, (n, inputs))?;
         let plan = self.network.plan(PointBatch::new(positions, vec![n])?, self.seed)?;
         let scores = self.network.run(&mut Pass::evaluation(self.parameters), &plan, &features)?;
         let mut scores = scores.flatten_all()?.to_vec1::<f32>()?;
-        scores.iter_mut().for_each(|score| *score /= self.temperature);
+        for score in &mut scores {
+            *score /= self.temperature;
+        }
         Ok(scores)
     }
 }

@@ -257,7 +257,8 @@ mod tests {
         let LabeledCloud { cloud, truth } = data.file.submap(0).expect("read");
         // Each cell of road and wall has four points.
         assert_eq!(data.counts(), [1600, 320, 0]);
-        assert_eq!(truth.iter().filter(|class| **class == UNKNOWN).count(), 20, "vehicles");
+        let unknown: Vec<&u8> = truth.iter().filter(|class| **class == UNKNOWN).collect();
+        assert_eq!(unknown.len(), 20, "vehicles");
         for (position, class) in cloud.positions.iter().zip(&truth) {
             let expected = match position {
                 [x, _, z] if *x > 14.9 && *z > 1.0 => UNKNOWN,

@@ -163,10 +163,10 @@ mod tests {
         };
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
-        check("points.toml", "waffle_iron", "unet", "unknown field `network`");
+        check("points.toml", "waffle_iron", "unet", "unknown field `augmentation`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
         check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
-        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `widths`");
+        check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `columns`");
     }
 
     #[test]

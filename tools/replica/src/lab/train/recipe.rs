@@ -308,7 +308,7 @@ mod tests {
         };
         check("patience", "patients", "unknown field `patients`");
         check("\"vegetation\"", "\"trees\"", "not all are in the class table");
-        check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\", or one of {KINDS:?}");
+        check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
