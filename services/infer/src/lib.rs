@@ -52,7 +52,7 @@ pub struct Infer {
 impl Infer {
     /// Publishes the class column of one submap.
     fn label(&self, submap: &Received<SubmapTopic>, outputs: &mut Outputs) -> Result<(), StepError> {
-        let input = ModelInput { header: submap.header(), points: submap.rows(), colors: None };
+        let input = ModelInput::new(submap.header(), submap.rows());
         let n_points = input.points.len();
         let mut loan = outputs.loan::<ClassTopic>(n_points)?;
         *loan.header_mut() =

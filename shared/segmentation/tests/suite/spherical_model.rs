@@ -5,7 +5,8 @@ use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
 use random::Random;
 use segmentation::network::{NetworkSpec, Weights};
 use segmentation::spherical::{
-    N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel, features, range_sweeps,
+    Features, GroundUse, N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel, features,
+    range_sweeps,
 };
 use segmentation::{Dataset, Example, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
 use std::path::PathBuf;
@@ -16,7 +17,17 @@ const FIRINGS: u32 = 512;
 fn settings() -> Settings {
     let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
     let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16], head: None };
-    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0, ground_intensities: None }
+    Settings {
+        network,
+        columns: 512,
+        fold: 2,
+        classes,
+        vote_cell_m: 0.2,
+        temperature: 1.0,
+        ground_intensities: None,
+        features: Features::default(),
+        ground: GroundUse::Kept,
+    }
 }
 
 /// Random filters of mean 0, scaled as the first ones of a training, and biases of 0.
@@ -101,7 +112,7 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
 #[test]
 fn range_sweeps_contain_all_rays_of_submap() {
     let (header, points, rays) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let heights: Vec<f32> = (0..points.len()).map(|i| i as f32).collect();
     let images = range_sweeps(&cloud, FIRINGS as usize, &heights);
     assert_eq!(images.len(), 2);
@@ -137,7 +148,7 @@ fn points_without_rings_are_placed_by_elevation() {
             points.swap(first + index, first + random.index(index + 1));
         }
     }
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let images = range_sweeps(&cloud, FIRINGS as usize, &vec![0.0; points.len()]);
     for sweep in &images {
         assert_eq!((sweep.image.rows, sweep.image.collision_rate()), (64, 0.0));
@@ -164,7 +175,7 @@ fn number_of_threads_does_not_change_classes() {
     let classes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let mut classes = vec![ClassRow::default(); points.len()];
-        let cloud = ModelInput { header: &header, points: &points, colors: None };
+        let cloud = ModelInput::new(&header, &points);
         let report = pool.install(|| model.segment(&cloud, &mut classes)).expect("segments");
         assert_eq!(report.n_unseen, 0);
         classes
@@ -188,13 +199,12 @@ fn points_without_sweep_or_ring_are_unlabeled() {
     header.n_sweeps = 1;
     let n_first = header.sweeps[0].n_points as usize;
     let mut classes = vec![ClassRow::default(); points.len()];
-    let report =
-        model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).expect("segments");
+    let report = model.segment(&ModelInput::new(&header, &points), &mut classes).expect("segments");
     assert_eq!((classes[5], classes[6]), (ClassRow::default(), ClassRow::default()));
     assert!(report.n_unseen >= 2 && report.n_unseen <= points.len() - n_first + 2, "{}", report.n_unseen);
     // A sweep beyond the points of the submap is skipped.
     header.sweeps[0].n_points = u32::MAX;
-    assert!(model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).is_ok());
+    assert!(model.segment(&ModelInput::new(&header, &points), &mut classes).is_ok());
 }
 
 #[test]
@@ -245,7 +255,7 @@ impl Dataset for Labeled {
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
         let (image, truth) = &self.0[index];
-        Example { input: features(image, 2, 2), truth: truth.clone() }
+        Example { input: features(image, &Features::default(), 2, 2), truth: truth.clone() }
     }
 }
 
@@ -254,7 +264,7 @@ fn nearest_examples_beat_untrained_last_layer() {
     let settings = settings();
     let weights = weights(&settings);
     let (header, points, _) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let heights_m = ground::heights(&cloud);
     // Low rings are road, middle ones vehicles, high ones buildings.
     let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
@@ -296,7 +306,7 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let settings = settings();
     let weights = weights(&settings);
     let (header, points, _) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let images = range_sweeps(&cloud, settings.columns, &ground::heights(&cloud));
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use formats::text_file::read_toml;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{N_FEATURES, Settings};
+use segmentation::spherical::{Features, GroundUse, Settings};
 use serde::{Deserialize, Serialize};
 use simulation::Town;
 use std::path::{Path, PathBuf};
@@ -40,6 +40,12 @@ pub struct Model {
     pub classes: Vec<String>,
     /// Side of the voting cells, m.
     pub vote_cell_m: f32,
+    /// Input features; by default those of the shipped model.
+    #[serde(default)]
+    pub features: Features,
+    /// `kept`, or `removed`: ground points are not in the image, and get the class `ground`.
+    #[serde(default)]
+    pub ground: GroundUse,
     /// A model to start from, relative to the folder of the recipe. Layers of the same name and shape start with its weights, the
     /// others with random weights.
     pub start: Option<PathBuf>,
@@ -205,7 +211,7 @@ impl Recipe {
     /// Settings of the model file.
     pub fn settings(&self) -> anyhow::Result<Settings> {
         let model = &self.model;
-        let (inputs, outputs) = (model.fold * N_FEATURES, model.fold * model.classes.len());
+        let (inputs, outputs) = (model.fold * model.features.len(), model.fold * model.classes.len());
         let widths = model.widths.clone();
         let network = match model.kind.as_str() {
             "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
@@ -221,6 +227,8 @@ impl Recipe {
             vote_cell_m: model.vote_cell_m,
             temperature: 1.0,
             ground_intensities: None,
+            features: model.features.clone(),
+            ground: model.ground,
         })
     }
 }

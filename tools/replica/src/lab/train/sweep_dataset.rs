@@ -8,10 +8,11 @@ use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use random::Random;
 use rayon::prelude::*;
+use segmentation::ModelInput;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
-use town_sweeps::{Mount, TownDrive};
+use town_sweeps::{Mount, TownDrive, TownSubmap};
 use training::{Dataset, Example, UNKNOWN};
 
 /// Range images of sweeps, with the class of every pixel. Memory: the simulated drives of one step, or one submap.
@@ -39,7 +40,7 @@ impl SweepDataset {
     /// No sweeps yet. They are kept in a file in `folder`.
     pub fn new(recipe: &Recipe, folder: &Path) -> anyhow::Result<Self> {
         let settings = recipe.settings()?;
-        let file = SweepFile::create(folder, settings.columns)?;
+        let file = SweepFile::create(folder, settings.columns, settings.features.camera_bands().len())?;
         let counts = vec![0; settings.classes.len()];
         let (ground, without_intensity) = (GroundHistogram::default(), recipe.data.without_intensity);
         Ok(Self { file, sources: Vec::new(), counts, ground, settings, without_intensity })
@@ -59,8 +60,8 @@ impl SweepDataset {
             let town = towns[(*seed % towns.len() as u64) as usize];
             let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
             let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
-            let images = submaps.iter().map(|submap| (&submap.header, &submap.points, &submap.truth));
-            Ok(images.flat_map(|(header, points, truth)| images_of(header, points, truth, &settings)).collect())
+            let cloud = |submap: &TownSubmap| ModelInput::new(&submap.header, &submap.points);
+            Ok(submaps.iter().flat_map(|submap| images_of(&cloud(submap), &submap.truth, &settings)).collect())
         };
         // A few drives at a time, so that the memory does not grow with the number of drives.
         let at_a_time = rayon::current_num_threads();
@@ -81,7 +82,8 @@ impl SweepDataset {
         let mut recording = RecordedSweeps::open(source, folder)?;
         let (mut n_sweeps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
-            for image in images_of(&submap.header, &submap.points, &submap.classes, &self.settings) {
+            let cloud = ModelInput::new(&submap.header, &submap.points);
+            for image in images_of(&cloud, &submap.classes, &self.settings) {
                 if n_sweeps % source.every == 0 {
                     let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
                     // Data sets label key frames only.
@@ -164,7 +166,12 @@ impl Dataset for SweepDataset {
         if let Some(random) = random {
             augment(&mut image, &mut truth, self.without_intensity, random);
         }
-        let input = features(&image, self.settings.fold, NetworkSpec::multiple_of(&self.settings.network)[0]);
+        let input = features(
+            &image,
+            &self.settings.features,
+            self.settings.fold,
+            NetworkSpec::multiple_of(&self.settings.network)[0],
+        );
         truth.resize(input.height() * image.columns, UNKNOWN);
         Example { input, truth }
     }
@@ -178,7 +185,6 @@ mod tests {
     use messages::pod::bytes_from_rows;
     use messages::{ByteTable, ClassRow, ClassTopic, Envelope, Message, SubmapHeader, SubmapTopic};
     use std::collections::BTreeMap;
-    use town_sweeps::TownSubmap;
 
     fn recipe(data: &str) -> Recipe {
         let text = format!(
@@ -238,8 +244,9 @@ mod tests {
         write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported");
         let data = dataset(folder.path(), &source(1.0, 1));
         let settings = recipe("").settings().expect("settings");
-        let images =
-            submaps.iter().flat_map(|submap| images_of(&submap.header, &submap.points, &submap.truth, &settings));
+        let images = submaps
+            .iter()
+            .flat_map(|submap| images_of(&ModelInput::new(&submap.header, &submap.points), &submap.truth, &settings));
         let images: Vec<LabeledImage> = images.collect();
         assert_eq!((data.len(), data.n_sweeps(), images.len()), (6, 6, 6));
         for (index, image) in images.iter().enumerate() {
