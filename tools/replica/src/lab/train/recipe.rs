@@ -168,6 +168,10 @@ impl Recipe {
     }
     fn check(&self) -> anyhow::Result<()> {
         self.settings()?.check().map_err(|problem| anyhow::anyhow!("[model] {problem}"))?;
+        let of_cameras = self.model.features.as_slice().iter().find(|feature| feature.camera_band().is_some());
+        if let Some(feature) = of_cameras {
+            anyhow::bail!("[model] features: {feature} needs cameras, and training data has none");
+        }
         if let Some(problem) = self.train.problem() {
             anyhow::bail!("[train] {problem}");
         }
@@ -272,6 +276,8 @@ mod tests {
         check("patience", "patients", "unknown field `patients`");
         check("\"vegetation\"", "\"trees\"", "not all are in the class table");
         check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
+        check("fold = 4", "fold = 4\nfeatures = ['colour']", "unknown feature \"colour\"; known are valid, range");
+        check("fold = 4", "fold = 4\nfeatures = ['red']", "features: red needs cameras");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
