@@ -60,8 +60,10 @@ impl SweepDataset {
             let town = towns[(*seed % towns.len() as u64) as usize];
             let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
             let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
-            let cloud = |submap: &TownSubmap| ModelInput::new(&submap.header, &submap.points);
-            Ok(submaps.iter().flat_map(|submap| images_of(&cloud(submap), &submap.truth, &settings)).collect())
+            let images = |submap: &TownSubmap| {
+                images_of(&ModelInput::new(&submap.header, &submap.points), &submap.truth, &settings)
+            };
+            Ok(submaps.iter().flat_map(images).collect())
         };
         // A few drives at a time, so that the memory does not grow with the number of drives.
         let at_a_time = rayon::current_num_threads();
