@@ -63,7 +63,7 @@ struct TopViews {
 
 impl TopView {
     fn new(submap: &TownSubmap, slice: &HeightSlice) -> Self {
-        let cloud = ModelInput { header: &submap.header, points: &submap.points, colors: None };
+        let cloud = ModelInput::new(&submap.header, &submap.points);
         let heights_m = ground::heights(&cloud);
         let empty = Pixel { lowest_m: f32::INFINITY, highest_m: 0.0, counts: [0; 3] };
         let mut pixels = vec![empty; SIDE * SIDE];

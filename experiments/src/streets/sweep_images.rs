@@ -6,7 +6,7 @@ use messages::ClassId;
 use random::Random;
 use rayon::prelude::*;
 use segmentation::engine::{BORDER, Border, LANES, Planes};
-use segmentation::spherical::{N_FEATURES, PolarImage, PolarPixel, features, range_sweeps};
+use segmentation::spherical::{Features, N_FEATURES, PolarImage, PolarPixel, features, range_sweeps};
 use segmentation::{ModelInput, ground};
 use simulation::Town;
 use std::ops::RangeInclusive;
@@ -57,7 +57,7 @@ pub fn simulate(scenario: SensorScenario, seeds: RangeInclusive<u64>, n: usize) 
         let simulation = drive.simulation()?;
         let mut of_drive = Vec::new();
         for submap in &drive.submaps_in(&simulation, n, 1, 1, mount)? {
-            let cloud = ModelInput { header: &submap.header, points: &submap.points, colors: None };
+            let cloud = ModelInput::new(&submap.header, &submap.points);
             let heights_m = ground::heights(&cloud);
             for sweep in range_sweeps(&cloud, COLUMNS, &heights_m) {
                 let class = |&point: &u32| if point == NO_POINT { UNKNOWN } else { submap.truth[point as usize] };
@@ -106,7 +106,7 @@ impl Dataset for SweepDataset<'_> {
         }
         image.pixels.chunks_exact_mut(COLUMNS).for_each(|row| row.rotate_left(turn));
         truth.chunks_exact_mut(COLUMNS).for_each(|row| row.rotate_left(turn));
-        let mut input = features(&image, FOLD, MULTIPLE);
+        let mut input = features(&image, &Features::default(), FOLD, MULTIPLE);
         if self.with_color {
             let color = |row: usize, column: usize| {
                 let pixel = row * COLUMNS + column;

@@ -1,14 +1,20 @@
 //! `infer`: gives every point of a submap a class, with the model file of the settings.
 //!
-//! The model file names its architecture (see the crate `segmentation`). The stage keeps no state between submaps. With the
+//! The model file names its architecture (see the crate `segmentation`) and the columns that it reads beside the points: colors,
+//! spectra. A submap waits for those and for nothing else; a model that reads none keeps no state between ticks. With the
 //! feature `cuda`, networks can run on an NVIDIA GPU.
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
-use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, SubmapTopic};
-use segmentation::spherical::IntensityUse;
+mod cameras;
+
+use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
+use segmentation::spherical::{AskedColumns, IntensityUse};
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter};
-use stage::{Context, Flow, Inputs, Outputs, Port, Problem, Received, Stage, StepError};
+use stage::{
+    Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
+    SubmapJoin, decode_head,
+};
 use std::path::Path;
 
 stage::settings! {
@@ -39,8 +45,13 @@ stage::settings! {
     }
 }
 
+/// Version of the saved state of a model with colors or spectra.
+const STATE_VERSION: u32 = 1;
+
 /// The stage.
 pub struct Infer {
+    /// Joins submaps with the columns that the model reads; `None` if it reads none.
+    join: Option<SubmapJoin>,
     model: Box<dyn Segmenter>,
     max_unseen_share: f64,
     max_coarsened_share: f64,
@@ -51,19 +62,35 @@ pub struct Infer {
 
 impl Infer {
     /// Publishes the class column of one submap.
-    fn label(&self, submap: &Received<SubmapTopic>, outputs: &mut Outputs) -> Result<(), StepError> {
-        let input = ModelInput { header: submap.header(), points: submap.rows(), colors: None };
+    fn label(
+        &self,
+        submap: &Received<SubmapTopic>,
+        input: &ModelInput<'_>,
+        outputs: &mut Outputs,
+    ) -> Result<(), StepError> {
         let n_points = input.points.len();
         let mut loan = outputs.loan::<ClassTopic>(n_points)?;
         *loan.header_mut() =
             ClassHeader { class_table_version: CLASS_TABLE_VERSION, model_digest: self.model.card().digest };
         let classes = loan.grow(n_points)?;
-        let report = self.model.segment(&input, classes).map_err(StepError::data)?;
+        let report = self.model.segment(input, classes).map_err(StepError::data)?;
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         outputs.count("submaps", 1);
         outputs.count("points", n_points as u64);
         count(report, outputs);
         Ok(())
+    }
+
+    /// As [`Self::label`]. Live, a lost column leaves its points without colors or spectra.
+    fn label_joined(&self, joined: &JoinedSubmap, outputs: &mut Outputs) -> Result<(), StepError> {
+        let submap = &joined.submap;
+        let spectra = joined.column::<SpectraTopic>().map(|column| (column.header(), column.rows()));
+        let colors = joined.rows::<ColorTopic>()?;
+        for topic in &joined.lost {
+            outputs.count(&format!("submaps_without_{topic}"), 1);
+        }
+        let input = ModelInput { colors, spectra, ..ModelInput::new(submap.header(), submap.rows()) };
+        self.label(submap, &input, outputs)
     }
 
     fn report_doubts(&self, outputs: &mut Outputs) {
@@ -132,7 +159,15 @@ impl Stage for Infer {
     type Settings = Settings;
 
     fn inputs() -> Vec<Port> {
-        vec![Port::of::<SubmapTopic>()]
+        vec![Port::of::<SubmapTopic>(), Port::optional::<ColorTopic>(), Port::optional::<SpectraTopic>()]
+    }
+
+    /// Those that the model reads. A model file that cannot be read is reported by [`Self::check`].
+    fn inputs_with(settings: &Settings, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        let columns = segmentation::asked_columns(&launch_folder.join(&settings.model)).unwrap_or_default();
+        let color = columns.color.then(Port::of::<ColorTopic>);
+        let spectra = (!columns.wavelengths_nm.is_empty()).then(Port::of::<SpectraTopic>);
+        Ok([Some(Port::of::<SubmapTopic>()), color, spectra].into_iter().flatten().collect())
     }
 
     fn outputs() -> Vec<Port> {
@@ -146,12 +181,20 @@ impl Stage for Infer {
         let on_cpu = Options { device: ComputeDevice::Cpu, ..options };
         let of_model = segmentation::load(&path, &on_cpu).err();
         let of_model = of_model.map(|error| Problem::of_key("model", error.to_string()));
-        of_device.into_iter().chain(of_model).collect()
+        let of_cameras = cameras::problem(settings, &path, context);
+        of_device.into_iter().chain(of_model).chain(of_cameras).collect()
     }
 
     fn new(settings: &Settings, context: &Context) -> Result<Self, StepError> {
         let path = context.resolve(Path::new(&settings.model));
+        let columns = segmentation::asked_columns(&path).map_err(StepError::io)?;
+        let reads_any = columns != AskedColumns::default();
+        let join = reads_any.then(|| {
+            let join = SubmapJoin::new(context.mode).column::<ColorTopic>(columns.color);
+            join.column::<SpectraTopic>(!columns.wavelengths_nm.is_empty())
+        });
         Ok(Self {
+            join,
             model: segmentation::load(&path, &options(settings)).map_err(StepError::io)?,
             max_unseen_share: settings.max_unseen_share,
             max_coarsened_share: settings.max_coarsened_share,
@@ -165,18 +208,42 @@ impl Stage for Infer {
     }
 
     fn step(&mut self, inputs: &mut Inputs, outputs: &mut Outputs) -> Result<Flow, StepError> {
-        for submap in inputs.take::<SubmapTopic>() {
-            self.label(&submap, outputs)?;
+        let Some(join) = &mut self.join else {
+            for submap in inputs.take::<SubmapTopic>() {
+                self.label(&submap, &ModelInput::new(submap.header(), submap.rows()), outputs)?;
+            }
+            return Ok(Flow::Continue);
+        };
+        join.take(inputs)?;
+        while let Some(joined) = self.join.as_mut().and_then(SubmapJoin::next_complete) {
+            self.label_joined(&joined, outputs)?;
         }
+        self.join.as_mut().map_or(Ok(()), SubmapJoin::check_bounds)?;
         Ok(Flow::Continue)
     }
 
     fn finish(&mut self, outputs: &mut Outputs) -> Result<(), StepError> {
+        while let Some(joined) = self.join.as_mut().and_then(SubmapJoin::take_oldest) {
+            self.label_joined(&joined, outputs)?;
+        }
         self.report_doubts(outputs);
         Ok(())
     }
 
-    fn save(&mut self) -> Result<stage::StateBytes<'_>, StepError> {
-        Ok(stage::StateBytes::default())
+    /// Nothing for a model without colors and spectra: any program may replace it.
+    fn save(&mut self) -> Result<StateBytes<'_>, StepError> {
+        let Some(join) = &self.join else { return Ok(StateBytes::default()) };
+        let mut state = StateBytes::with_head(STATE_VERSION, &join.save())?;
+        join.save_messages(&mut state);
+        Ok(state)
+    }
+
+    fn load(&mut self, state: &[u8]) -> Result<(), StepError> {
+        let Some(join) = &mut self.join else {
+            let text = "a model that reads no colors and spectra cannot load the state of one that does";
+            return Err(StepError::data(text));
+        };
+        let (saved, messages): (Vec<SavedColumn>, _) = decode_head(STATE_VERSION, state)?;
+        join.load(&saved, messages)
     }
 }

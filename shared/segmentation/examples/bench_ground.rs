@@ -48,7 +48,7 @@ fn main() {
     let mut nanos: Vec<u128> = Vec::new();
     for _ in 0..N_RUNS {
         let begin = Instant::now();
-        let report = model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes);
+        let report = model.segment(&ModelInput::new(&header, &points), &mut classes);
         nanos.push(begin.elapsed().as_nanos());
         assert!(report.is_ok(), "{report:?}");
     }

@@ -85,7 +85,7 @@ fn main() -> Result<(), segmentation::SegmentationError> {
     let (model, weights) = SphericalModel::load(&path)?;
     let settings = model.settings();
     let (header, points) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let mut classes = vec![ClassRow::default(); points.len()];
     let whole = mean_ms(4, || assert!(model.segment(&cloud, &mut classes).is_ok())) / SWEEPS as f64;
     let points = turn();
@@ -99,8 +99,8 @@ fn main() -> Result<(), segmentation::SegmentationError> {
         let point = &points[i];
         PolarPixel { ray: [point.x, point.y, point.z], height_m: point.z + 1.8, intensity: point.intensity }
     });
-    let mut input = features(&polar, settings.fold, 1);
-    let features_ms = mean_ms(50, || input = features(&polar, settings.fold, 1));
+    let mut input = features(&polar, &settings.features, settings.fold, 1);
+    let features_ms = mean_ms(50, || input = features(&polar, &settings.features, settings.fold, 1));
     let network = Inference::new(settings.network.clone(), &weights, engine::Border::Circular)?;
     let input = input.to_tensor()?;
     let network_ms = mean_ms(50, || assert!(network.run(&input).is_ok()));

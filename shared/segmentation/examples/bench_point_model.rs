@@ -67,7 +67,7 @@ fn main() {
     let before_mb = peak_mb();
     let mut classes = vec![ClassRow::default(); points.len()];
     let (begin, begin_s) = (Instant::now(), processor_s());
-    let input = ModelInput { header: &header, points: &points, colors: None };
+    let input = ModelInput::new(&header, &points);
     let report = model.segment(&input, &mut classes).expect("runs");
     let (wall_s, cpu_s) = (begin.elapsed().as_secs_f64(), processor_s() - begin_s);
     let mut counts: BTreeMap<u8, usize> = BTreeMap::new();

@@ -56,6 +56,23 @@ pub fn heights(input: &ModelInput<'_>) -> Vec<f32> {
     heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()])
 }
 
+/// As [`heights`], and the class of every point by the ground model with its default parameters: ground with a score, or unlabeled.
+pub fn heights_and_ground(input: &ModelInput<'_>) -> (Vec<f32>, Vec<ClassRow>) {
+    let parameters = Parameters::default();
+    let mut classes = vec![UNLABELED; input.points.len()];
+    let elevation = Elevation::of(input, &parameters.settings);
+    let heights = elevation.and_then(|elevation| {
+        let terrain = terrain::terrain(&elevation, &parameters)?;
+        let heights_m = heights_above(&terrain, &elevation, input.points);
+        mark_ground(&heights_m, &elevation, &parameters, terrain.len(), &mut classes);
+        Some(heights_m)
+    });
+    (heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()]), classes)
+}
+
+/// The class of a point that is not ground.
+const UNLABELED: ClassRow = ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 };
+
 /// Heights above the terrain. NaN for points outside of the grid, whose terrain is at infinity.
 fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint]) -> Vec<f32> {
     let height = |(point, &cell): (&SubmapPoint, &u32)| {
@@ -65,6 +82,34 @@ fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint])
     points.iter().zip(&elevation.cells).map(height).collect()
 }
 
+/// Gives ground points their class. The others keep theirs.
+fn mark_ground(
+    heights_m: &[f32],
+    elevation: &Elevation,
+    parameters: &Parameters,
+    n_cells: usize,
+    classes: &mut [ClassRow],
+) {
+    let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = parameters;
+    let object_heights = *above_m..settings.standing_m as f32;
+    let mut has_object = vec![false; n_cells];
+    for (height_m, &cell) in heights_m.iter().zip(&elevation.cells) {
+        has_object[cell as usize] |= object_heights.contains(height_m);
+    }
+    for ((row, &height_m), &cell) in classes.iter_mut().zip(heights_m).zip(&elevation.cells) {
+        let tolerance_m = match (height_m < 0.0, has_object[cell as usize]) {
+            (true, _) => below_m,
+            (false, true) => foot_m,
+            (false, false) => above_m,
+        };
+        let off = height_m.abs() / tolerance_m;
+        if off <= 1.0 {
+            let score = (255.0 - 127.5 * off).round() as u8;
+            *row = ClassRow { class_id: ClassId::Ground as u8, score };
+        }
+    }
+}
+
 impl Segmenter for GroundQuasiFlat {
     fn card(&self) -> &ModelCard {
         &self.card
@@ -72,31 +117,14 @@ impl Segmenter for GroundQuasiFlat {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        classes.fill(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 });
+        classes.fill(UNLABELED);
         let nothing = Report { n_unseen: input.points.len(), coarsened: 1, foreign_intensity: None };
         let Some(elevation) = Elevation::of(input, &self.parameters.settings) else { return Ok(nothing) };
         let coarsened = elevation.coarsened(&self.parameters.settings);
         let report = Report { n_unseen: elevation.n_outside, coarsened, foreign_intensity: None };
         let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
         let heights_m = heights_above(&terrain, &elevation, input.points);
-        let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = &self.parameters;
-        let object_heights = *above_m..settings.standing_m as f32;
-        let mut has_object = vec![false; terrain.len()];
-        for (height_m, &cell) in heights_m.iter().zip(&elevation.cells) {
-            has_object[cell as usize] |= object_heights.contains(height_m);
-        }
-        for ((row, &height_m), &cell) in classes.iter_mut().zip(&heights_m).zip(&elevation.cells) {
-            let tolerance_m = match (height_m < 0.0, has_object[cell as usize]) {
-                (true, _) => below_m,
-                (false, true) => foot_m,
-                (false, false) => above_m,
-            };
-            let off = height_m.abs() / tolerance_m;
-            if off <= 1.0 {
-                let score = (255.0 - 127.5 * off).round() as u8;
-                *row = ClassRow { class_id: ClassId::Ground as u8, score };
-            }
-        }
+        mark_ground(&heights_m, &elevation, &self.parameters, terrain.len(), classes);
         Ok(report)
     }
 }

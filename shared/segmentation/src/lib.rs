@@ -28,7 +28,7 @@ pub mod spherical;
 pub use compute_device::ComputeDevice;
 pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
 pub use error::SegmentationError;
-pub use load::load;
+pub use load::{asked_columns, load};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
 pub use segmenter::{ModelInput, Report, Segmenter};
 pub use spherical::Options;

@@ -3,13 +3,29 @@
 use crate::SegmentationError;
 use crate::ground::{self, GroundQuasiFlat};
 use crate::model_file::ModelFile;
-use crate::points::{self, PointModel};
+use crate::points::{self, PointFeature, PointModel, PointSettings};
 use crate::segmenter::Segmenter;
-use crate::spherical::{self, Options, SphericalModel};
+use crate::spherical::{self, AskedColumns, Options, SphericalModel};
 use std::path::Path;
 
 /// Names of the architectures.
 const KNOWN: &str = "ground_quasi_flat, points, spherical";
+
+/// The columns that a model file reads beside the points of a submap.
+///
+/// # Errors
+/// If the file or its settings cannot be read.
+pub fn asked_columns(path: &Path) -> Result<AskedColumns, SegmentationError> {
+    let file = ModelFile::read(path)?;
+    match file.card.architecture.as_str() {
+        spherical::ARCHITECTURE => Ok(file.settings::<spherical::Settings>()?.features.columns()),
+        points::ARCHITECTURE => {
+            let features = file.settings::<PointSettings>()?.features;
+            Ok(AskedColumns { color: features.contains(&PointFeature::ColorHeight), ..AskedColumns::default() })
+        }
+        _ => Ok(AskedColumns::default()),
+    }
+}
 
 /// Reads a model file.
 ///

@@ -1,7 +1,7 @@
 //! The interface of all models.
 
 use crate::{ModelCard, SegmentationError};
-use messages::{ClassRow, ColorRow, SubmapHeader, SubmapPoint};
+use messages::{ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 
 /// The input of a model: a submap, in place.
 #[derive(Clone, Copy)]
@@ -12,6 +12,8 @@ pub struct ModelInput<'a> {
     pub points: &'a [SubmapPoint],
     /// A color for every point, if the drive has cameras.
     pub colors: Option<&'a [ColorRow]>,
+    /// The spectra of the points, if the drive has hyperspectral cameras: header and rows of the topic.
+    pub spectra: Option<(&'a SpectraHeader, &'a [u32])>,
 }
 
 /// Diagnostics of one submap.
@@ -37,7 +39,11 @@ pub trait Segmenter: Send {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError>;
 }
 
-impl ModelInput<'_> {
+impl<'a> ModelInput<'a> {
+    /// A submap without colors and spectra.
+    pub fn new(header: &'a SubmapHeader, points: &'a [SubmapPoint]) -> Self {
+        Self { header, points, colors: None, spectra: None }
+    }
     /// Checks that all columns have one row per point.
     pub(crate) fn check(&self, classes: &[ClassRow]) -> Result<(), SegmentationError> {
         let expected = self.points.len();
@@ -45,6 +51,12 @@ impl ModelInput<'_> {
         for (column, len) in columns {
             if let Some(found) = len.filter(|&found| found != expected) {
                 return Err(SegmentationError::Length { column, found, expected });
+            }
+        }
+        if let Some((header, rows)) = self.spectra {
+            let found = header.n_points as usize;
+            if found != expected || SpectraView::new(header, rows).is_none() {
+                return Err(SegmentationError::Length { column: "spectra column", found: rows.len(), expected });
             }
         }
         Ok(())

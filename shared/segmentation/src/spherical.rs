@@ -2,10 +2,13 @@
 //! and votes of all sweeps of a submap.
 
 pub mod back_projection;
+mod camera_columns;
 mod elementary;
+mod feature;
 mod features;
 mod intensity;
 mod model;
+mod named_features;
 mod neighbors;
 mod options;
 mod polar_image;
@@ -18,12 +21,14 @@ mod votes;
 
 pub(crate) use intensity::SIMULATED;
 
-pub use features::{FEATURES, N_FEATURES, features};
+pub use camera_columns::BAND_REACH_NM;
+pub use feature::{AskedColumns, CameraBand, Feature, Features};
+pub use features::{N_FEATURES, features};
 pub use intensity::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse};
 pub use model::SphericalModel;
 pub use neighbors::Neighbors;
 pub use options::Options;
 pub use polar_image::{PolarImage, PolarPixel};
-pub use range_sweep::{RangeSweep, range_sweeps};
+pub use range_sweep::{ImageSource, RangeSweep, range_sweeps};
 pub use refinement::Refinement;
-pub use settings::{ARCHITECTURE, Settings, VERSION};
+pub use settings::{ARCHITECTURE, GroundUse, Settings, VERSION};

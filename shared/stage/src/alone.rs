@@ -113,7 +113,7 @@ impl<'a> Alone<'a> {
         barrier_s: f64,
     ) -> Result<Self, StepError> {
         let begun = monotonic_nanos();
-        let mut inputs = program.inputs();
+        let mut inputs = stage.inputs(&context.launch_folder)?;
         inputs.retain(|port| context.connected.iter().any(|topic| topic == port.topic()));
         let topics: Vec<&str> = inputs.iter().map(Port::topic).collect();
         let source = arguments.recording.as_ref().map(|path| TickReader::open(path, &topics)).transpose();

@@ -61,8 +61,12 @@ fn describe(program: &dyn Program, request: &DescribeRequest) -> u8 {
     let file = LaunchFile::load(&request.launch_file, &request.overrides).ok();
     if let Some(table) = file.and_then(|file| own_table(&file, &request.table).ok()) {
         let (stage, _) = program.configured(&table);
-        match stage.outputs(request.launch_file.parent().unwrap_or(Path::new("/"))) {
-            Ok(ports) => description.outputs = ports.iter().map(Port::describe).collect(),
+        let folder = request.launch_file.parent().unwrap_or(Path::new("/"));
+        match stage.inputs(folder).and_then(|inputs| Ok((inputs, stage.outputs(folder)?))) {
+            Ok((inputs, outputs)) => {
+                description.inputs = inputs.iter().map(Port::describe).collect();
+                description.outputs = outputs.iter().map(Port::describe).collect();
+            }
             Err(error) => {
                 eprintln!("{error}");
                 return exit::CONFIGURATION;

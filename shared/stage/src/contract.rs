@@ -24,6 +24,12 @@ pub trait Stage: Sized + 'static {
     /// Topics that it writes.
     fn outputs() -> Vec<Port>;
 
+    /// Topics that it reads with these settings: some or all of [`Stage::inputs`], where an optional one may be required here.
+    /// `launch_folder` is where relative paths start.
+    fn inputs_with(_settings: &Self::Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        Ok(Self::inputs())
+    }
+
     /// Topics that it writes with these settings: some or all of [`Stage::outputs`]. `launch_folder` is where relative
     /// paths start.
     fn outputs_with(_settings: &Self::Settings, _launch_folder: &Path) -> Result<Vec<Port>, StepError> {

@@ -20,6 +20,7 @@ pub(crate) trait Program {
 
 /// A stage with its settings, not built yet. See [`Stage`].
 pub(crate) trait ConfiguredStage {
+    fn inputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError>;
     fn outputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError>;
     fn check(&self, context: &Context) -> Vec<Problem>;
     fn settings_json(&self) -> Result<String, StepError>;
@@ -67,6 +68,9 @@ struct Configured<S: Stage> {
 }
 
 impl<S: Stage> ConfiguredStage for Configured<S> {
+    fn inputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
+        S::inputs_with(&self.settings, launch_folder)
+    }
     fn outputs(&self, launch_folder: &Path) -> Result<Vec<Port>, StepError> {
         S::outputs_with(&self.settings, launch_folder)
     }

@@ -114,7 +114,7 @@ impl<'a> Runner<'a> {
         let waiter = Rc::new(Waiter::new(Rc::clone(&node), wake, stop, Arc::clone(pulse)));
         let ports = PortContext { node, waiter, clock: Rc::new(Clock::default()) };
         let mut inputs = Vec::new();
-        for port in program.inputs() {
+        for port in stage.inputs(&assignment.context.launch_folder)? {
             // An optional topic without a producer has no channels and stays empty.
             if let Some(channels) = assignment.inputs.iter().find(|channels| channels.topic == port.topic()) {
                 inputs.push((port.make.shared_input)(&ports, channels, &wake_name(&assignment.stage))?);

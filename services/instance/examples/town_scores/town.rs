@@ -27,7 +27,7 @@ impl TownSubmap {
         let class = |label: &TrueLabel| ClassRow { class_id: label.class, score: 255 };
         let mut classes: Vec<ClassRow> = self.truth.iter().map(class).collect();
         if let Some(model) = model {
-            let cloud = ModelInput { header: &self.header, points: &self.points, colors: None };
+            let cloud = ModelInput::new(&self.header, &self.points);
             model.segment(&cloud, &mut classes).expect("the model takes any cloud");
         }
         classes

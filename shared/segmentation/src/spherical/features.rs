@@ -5,59 +5,38 @@
     reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
 )]
 
-use super::PolarImage;
 use super::elementary::tanh;
+use super::named_features::NamedFeatures;
 use super::surface::{Surface, SurfaceTile, Tile};
+use super::{Features, PolarImage};
 use crate::engine::{BORDER, Border, LANES, Planes, PlanesMut};
 use pulp::{Arch, NullaryFnOnce};
 
-/// Names of the features, in order. All values are about -1 to 3.
-///
-/// | feature | value |
-/// |---|---|
-/// | `valid` | 1 with a point; without one, all features are 0 |
-/// | `range` | ln(1 + range / m) - 2 |
-/// | `height_fine` | tanh(height above the ground / 0.3 m): resolves curbs |
-/// | `height_coarse` | height above the ground / 4 m, -1 to 3 |
-/// | `normal_up` | z of the unit normal; 0 without one |
-/// | `incidence` | cosine of ray and normal, 0 to 1; 0 without a normal |
-/// | `elevation` | sine of the ray's elevation |
-/// | `roughness` | tanh(distance from the line between the neighbors in the row / 0.1 m) |
-/// | `intensity` | return strength / 50; 0 if unknown |
-/// | `has_intensity` | 1 if intensities are known |
-pub const FEATURES: [&str; N_FEATURES] = [
-    "valid",
-    "range",
-    "height_fine",
-    "height_coarse",
-    "normal_up",
-    "incidence",
-    "elevation",
-    "roughness",
-    "intensity",
-    "has_intensity",
-];
-
-/// Number of features.
+/// Number of features of a model that names none.
 pub const N_FEATURES: usize = 10;
 
-/// The input image. The channels hold `fold` neighboring columns: feature f of column c is in channel
-/// `c % fold * N_FEATURES + f` of column `c / fold`. Rows are padded with zeros to a multiple of `row_multiple`.
+/// The input image. The channels hold `fold` neighboring columns: feature f of n of column c is in channel
+/// `c % fold * n + f` of column `c / fold`. Rows are padded with zeros to a multiple of `row_multiple`.
 ///
 /// # Panics
 /// If `fold` does not divide the columns.
-pub fn features(image: &PolarImage, fold: usize, row_multiple: usize) -> Planes {
+pub fn features(image: &PolarImage, features: &Features, fold: usize, row_multiple: usize) -> Planes {
     assert!(image.columns.is_multiple_of(fold), "{} columns by {fold}", image.columns);
-    let mut planes = Planes::zeros(fold * N_FEATURES, image.rows.next_multiple_of(row_multiple), image.columns / fold);
-    write_features(image, &mut planes.view_mut());
+    let rows = image.rows.next_multiple_of(row_multiple);
+    let mut planes = Planes::zeros(fold * features.len(), rows, image.columns / fold);
+    write_features(image, features, &mut planes.view_mut());
     planes.fill_border(Border::Circular);
     planes
 }
 
 /// Writes the input image except its border. Its number of channels defines the number of folded columns.
-pub(super) fn write_features(image: &PolarImage, planes: &mut PlanesMut<'_>) {
+pub(super) fn write_features(image: &PolarImage, features: &Features, planes: &mut PlanesMut<'_>) {
     assert!(planes.width() >= BORDER);
-    Arch::new().dispatch(Job { image, planes: planes.view_mut() });
+    if features.is_default() {
+        Arch::new().dispatch(Job { image, planes: planes.view_mut() });
+    } else {
+        Arch::new().dispatch(NamedFeatures { image, features, planes: planes.view_mut() });
+    }
     for block in 0..planes.n_blocks() {
         (image.rows..planes.height()).for_each(|row| planes.row_mut(block, row).fill([0.0; LANES]));
     }
@@ -92,18 +71,29 @@ impl NullaryFnOnce for Job<'_> {
                     }
                 }
             }
-            let folded = of_row[..image.columns].as_flattened().chunks_exact(fold * N_FEATURES);
-            for (column, channels) in folded.enumerate() {
-                for (block, channels) in channels.chunks(LANES).enumerate() {
-                    planes.row_mut(block, row)[column][..channels.len()].copy_from_slice(channels);
-                }
-            }
+            write_folded(of_row[..image.columns].as_flattened(), fold * N_FEATURES, row, &mut planes);
         }
     }
 }
 
+/// Writes the features of a row. `n_channels` of them are one column of the planes.
 #[inline(always)]
-fn of_tile(surface: &SurfaceTile, height_m: &Tile, intensity: &Tile, has_intensity: bool) -> [Tile; N_FEATURES] {
+pub(super) fn write_folded(of_row: &[f32], n_channels: usize, row: usize, planes: &mut PlanesMut<'_>) {
+    for (column, channels) in of_row.chunks_exact(n_channels).enumerate() {
+        for (block, channels) in channels.chunks(LANES).enumerate() {
+            planes.row_mut(block, row)[column][..channels.len()].copy_from_slice(channels);
+        }
+    }
+}
+
+/// The features of a model that names none.
+#[inline(always)]
+pub(super) fn of_tile(
+    surface: &SurfaceTile,
+    height_m: &Tile,
+    intensity: &Tile,
+    has_intensity: bool,
+) -> [Tile; N_FEATURES] {
     let known = f32::from(u8::from(has_intensity));
     let (mut features, mut log_range) = ([[0.0; LANES]; N_FEATURES], [0.0; LANES]);
     // A separate loop: the logarithm of the library is not vectorized.

@@ -227,7 +227,8 @@ mod tests {
         assert_eq!([values[0], values[33], values[39], values[255]], [0, 10, 12, 255]);
         assert!(values.is_sorted());
         let pixel = PolarPixel { ray: [1.0; 3], intensity: 39, ..PolarPixel::default() };
-        let mut image = PolarImage { rows: 1, columns: 1, pixels: vec![pixel], has_intensity: true };
+        let mut image =
+            PolarImage { rows: 1, columns: 1, pixels: vec![pixel], has_intensity: true, camera: Vec::new() };
         IntensityMap::To(values).apply(&mut image);
         assert_eq!((image.pixels[0].intensity, image.has_intensity), (12, true));
         IntensityMap::Unknown.apply(&mut image);

@@ -3,8 +3,8 @@
 use super::back_projection::pixel_for;
 use super::features::write_features;
 use super::intensity::SIMULATED;
-use super::range_sweep::{PointRange, RangeSweep, point_ranges, range_sweep};
-use super::settings::{Settings, VERSION};
+use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
+use super::settings::{GroundUse, Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
 use super::votes::Votes;
 use super::{IntensityMap, Neighbors, Options, PolarImage};
@@ -104,7 +104,9 @@ impl SphericalModel {
     /// The input of the network for a sweep.
     fn input(&self, image: &PolarImage) -> Result<PooledImage<'_>, SegmentationError> {
         let rows = image.rows.next_multiple_of(self.network.spec().multiple_of()[0]);
-        self.network.input(rows, image.columns / self.settings.fold, |input| write_features(image, input))
+        self.network.input(rows, image.columns / self.settings.fold, |input| {
+            write_features(image, &self.settings.features, input);
+        })
     }
     /// Votes of the pixels of an image in raster order from the output of the network. Those of pixels without a point are not
     /// written.
@@ -120,15 +122,13 @@ impl SphericalModel {
     /// Writes the votes of the points of some sweeps.
     fn vote_together(
         &self,
-        input: &ModelInput<'_>,
-        heights_m: &[f32],
+        source: &ImageSource<'_>,
         intensities: &IntensityMap,
         ranges: &[PointRange],
         votes: &mut [&mut [Vote]],
     ) -> Result<(), SegmentationError> {
-        let columns = self.settings.columns;
         let sweep = |(of, points): &PointRange| {
-            let mut sweep = range_sweep(input, of, points.clone(), columns, heights_m);
+            let mut sweep = source.sweep(of, points.clone());
             intensities.apply(&mut sweep.polar);
             sweep
         };
@@ -172,7 +172,14 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let heights_m = ground::heights(input);
+        let (heights_m, ground) = match self.settings.ground {
+            GroundUse::Kept => (ground::heights(input), None),
+            GroundUse::Removed => {
+                let (heights_m, ground) = ground::heights_and_ground(input);
+                (heights_m, Some(ground))
+            }
+        };
+        let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().map(|row| is_given(*row)).collect());
         let trained = self.settings.ground_intensities.unwrap_or(SIMULATED);
         let (intensities, foreign_intensity) =
             IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
@@ -180,13 +187,19 @@ impl Segmenter for SphericalModel {
         let mut of_points = self.point_votes.take(input.points.len());
         let mut of_sweeps = votes_of_sweeps(&mut of_points, ranges.iter().map(|(_, points)| points));
         // Sweeps on all threads, not rows of one sweep: this scales better.
+        let bands = self.settings.features.camera_bands();
+        let source = ImageSource::new(input, self.settings.columns, &heights_m);
+        let source = source.without(removed.as_deref()).with_camera(&bands);
         let batches = ranges.par_chunks(self.options.batch).zip(of_sweeps.par_chunks_mut(self.options.batch));
-        batches.try_for_each(|(ranges, votes)| self.vote_together(input, &heights_m, &intensities, ranges, votes))?;
+        batches.try_for_each(|(ranges, votes)| self.vote_together(&source, &intensities, ranges, votes))?;
         let decided = Votes { of_points: &of_points }.decide(input.points, self.settings.vote_cell_m);
         self.point_votes.give_back(of_points);
         let mut n_unseen = 0;
-        for (row, decision) in classes.iter_mut().zip(decided) {
-            *row = if let Some((class, share)) = decision {
+        for (point, (row, decision)) in classes.iter_mut().zip(decided).enumerate() {
+            let given = ground.as_ref().map(|ground| ground[point]).filter(|row| is_given(*row));
+            *row = if let Some(given) = given {
+                given
+            } else if let Some((class, share)) = decision {
                 ClassRow { class_id: self.classes[class] as u8, score: (share * 255.0).round() as u8 }
             } else {
                 n_unseen += 1;
@@ -196,6 +209,11 @@ impl Segmenter for SphericalModel {
         self.options.refinement.of_points(input.points, &heights_m, classes);
         Ok(Report { n_unseen, coarsened: 1, foreign_intensity })
     }
+}
+
+/// Whether a point has its class before the network runs.
+fn is_given(row: ClassRow) -> bool {
+    row.class_id != ClassId::Unlabeled as u8
 }
 
 /// The votes of each sweep; those of points between the sweeps become zero.

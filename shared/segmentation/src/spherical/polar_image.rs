@@ -38,6 +38,8 @@ pub struct PolarImage {
     pub pixels: Vec<PolarPixel>,
     /// Whether intensities are known.
     pub has_intensity: bool,
+    /// What the cameras measured, equally many values for each pixel, NaN where unknown; empty if the model does not ask for it.
+    pub camera: Vec<f32>,
 }
 
 impl PolarImage {
@@ -45,7 +47,11 @@ impl PolarImage {
     pub fn of(image: &RangeImage, has_intensity: bool, pixel: impl Fn(usize) -> PolarPixel) -> Self {
         let show = |&point: &u32| if point == NO_POINT { PolarPixel::default() } else { pixel(point as usize) };
         let pixels = image.nearest.iter().map(show).collect();
-        Self { rows: image.rows, columns: image.columns, pixels, has_intensity }
+        Self { rows: image.rows, columns: image.columns, pixels, has_intensity, camera: Vec::new() }
+    }
+    /// Number of values in [`Self::camera`] for each pixel.
+    pub fn n_camera_bands(&self) -> usize {
+        self.camera.len() / self.pixels.len().max(1)
     }
 }
 
@@ -69,7 +75,13 @@ mod tests {
             }
             PolarPixel { ray: ray.map(|v| v * range), ..PolarPixel::default() }
         };
-        PolarImage { rows, columns, pixels: (0..rows * columns).map(pixel).collect(), has_intensity: false }
+        PolarImage {
+            rows,
+            columns,
+            pixels: (0..rows * columns).map(pixel).collect(),
+            has_intensity: false,
+            camera: Vec::new(),
+        }
     }
 
     #[test]

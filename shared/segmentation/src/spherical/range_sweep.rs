@@ -1,8 +1,9 @@
 //! The range images of the sweeps of a submap. Ring and azimuth of a point give its pixel; without rings, elevation and azimuth.
 
-use super::{PolarImage, PolarPixel};
+use super::camera_columns::CameraColumns;
+use super::{CameraBand, PolarImage, PolarPixel};
 use crate::ModelInput;
-use geometry::{RangeImage, column_of_azimuth};
+use geometry::{NO_POINT, RangeImage, column_of_azimuth};
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapHeader, SubmapPoint, SubmapSweep};
 use std::ops::Range;
 
@@ -68,15 +69,54 @@ impl ElevationRows {
     }
 }
 
-/// The range image of one sweep: row 0 is the highest ring or elevation, columns count azimuths. `heights_m` are the heights of all points above
-/// the ground; where they are NaN, the LiDAR is assumed 2 m above it.
-pub fn range_sweep(
-    input: &ModelInput<'_>,
-    sweep: &SubmapSweep,
-    points: Range<usize>,
+/// What the range images of a submap show.
+pub struct ImageSource<'a> {
+    input: &'a ModelInput<'a>,
     columns: usize,
-    heights_m: &[f32],
-) -> RangeSweep {
+    heights_m: &'a [f32],
+    removed: Option<&'a [bool]>,
+    camera: CameraColumns<'a>,
+}
+
+impl<'a> ImageSource<'a> {
+    /// Images of so many columns. `heights_m` are the heights of all points above the ground; where they are NaN, the LiDAR is
+    /// assumed 2 m above it.
+    pub fn new(input: &'a ModelInput<'a>, columns: usize, heights_m: &'a [f32]) -> Self {
+        Self { input, columns, heights_m, removed: None, camera: CameraColumns::default() }
+    }
+    /// Leaves out points.
+    #[must_use]
+    pub fn without(self, removed: Option<&'a [bool]>) -> Self {
+        Self { removed, ..self }
+    }
+    /// Adds measurements of the cameras.
+    #[must_use]
+    pub fn with_camera(self, bands: &[CameraBand]) -> Self {
+        Self { camera: CameraColumns::new(self.input, bands), ..self }
+    }
+    /// The range images of all sweeps of the submap, in order.
+    pub fn sweeps(&self) -> Vec<RangeSweep> {
+        point_ranges(self.input).into_iter().map(|(of, points)| self.sweep(&of, points)).collect()
+    }
+    /// The range image of one sweep.
+    pub(super) fn sweep(&self, sweep: &SubmapSweep, points: Range<usize>) -> RangeSweep {
+        let mut of_sweep = range_sweep(self, sweep, points);
+        if !self.camera.is_empty() {
+            let RangeSweep { points, image, polar } = &mut of_sweep;
+            for &shown in &image.nearest {
+                match shown {
+                    NO_POINT => self.camera.push_nothing(&mut polar.camera),
+                    point => self.camera.push_point(points.start + point as usize, &mut polar.camera),
+                }
+            }
+        }
+        of_sweep
+    }
+}
+
+/// The range image of one sweep: row 0 is the highest ring or elevation, columns count azimuths.
+fn range_sweep(source: &ImageSource<'_>, sweep: &SubmapSweep, points: Range<usize>) -> RangeSweep {
+    let ImageSource { input, columns, heights_m, removed, .. } = *source;
     let rows = rows_of(input.header, sweep);
     let of_sweep = &input.points[points.clone()];
     let ray = |point: &SubmapPoint| {
@@ -86,14 +126,15 @@ pub fn range_sweep(
         [point.x - origin(0), point.y - origin(1), point.z - origin(2)]
     };
     let elevation_rows = n_rings(input.header, sweep).is_none().then(|| ElevationRows::of(of_sweep));
-    let placed = of_sweep.iter().map(|point| {
+    let placed = of_sweep.iter().enumerate().map(|(index, point)| {
         let [x, y, z] = ray(point);
         let range_m = (x * x + y * y + z * z).sqrt();
         let row = match &elevation_rows {
             Some(by_elevation) => Some(by_elevation.row(point.elevation)),
             None => rows.checked_sub(1 + usize::from(point.ring)),
         };
-        let row = row.filter(|_| range_m > 0.0);
+        let is_removed = removed.is_some_and(|removed| removed[points.start + index]);
+        let row = row.filter(|_| range_m > 0.0 && !is_removed);
         (row.map(|row| (row, column_of_azimuth(point.azimuth, columns))), range_m)
     });
     let image = RangeImage::new(rows, columns, placed);
@@ -108,6 +149,5 @@ pub fn range_sweep(
 
 /// The range images of all sweeps of a submap, in order.
 pub fn range_sweeps(input: &ModelInput<'_>, columns: usize, heights_m: &[f32]) -> Vec<RangeSweep> {
-    let ranges = point_ranges(input).into_iter();
-    ranges.map(|(of, points)| range_sweep(input, &of, points, columns, heights_m)).collect()
+    ImageSource::new(input, columns, heights_m).sweeps()
 }

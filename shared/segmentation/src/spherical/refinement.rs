@@ -172,7 +172,7 @@ mod tests {
         let pixels = vec![PolarPixel { ray: [9.0, 0.0, 0.0], height_m: 1.0, intensity: 0 }; rows * columns];
         let mut vote = [0; super::super::softmax::MAX_CLASSES];
         vote[class] = 200;
-        (PolarImage { rows, columns, pixels, has_intensity: false }, vec![vote; rows * columns])
+        (PolarImage { rows, columns, pixels, has_intensity: false, camera: Vec::new() }, vec![vote; rows * columns])
     }
 
     #[test]

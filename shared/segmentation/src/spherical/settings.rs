@@ -1,6 +1,6 @@
 //! Settings of a model file, and their rules.
 
-use super::N_FEATURES;
+use super::Features;
 use super::intensity::GroundIntensities;
 use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
@@ -35,6 +35,30 @@ pub struct Settings {
     /// simulated towns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground_intensities: Option<GroundIntensities>,
+    /// Input features, in order.
+    #[serde(default, skip_serializing_if = "Features::is_default")]
+    pub features: Features,
+    /// What becomes of ground points.
+    #[serde(default, skip_serializing_if = "GroundUse::is_default")]
+    pub ground: GroundUse,
+}
+
+/// What becomes of the points that are ground for the ground model with its default parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GroundUse {
+    /// They are in the image, and the network gives them their classes.
+    #[default]
+    Kept,
+    /// They are not in the image. Their class is `ground`, with the score of the ground model (thesis section 6.3.2).
+    Removed,
+}
+
+impl GroundUse {
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 impl Settings {
@@ -50,6 +74,10 @@ impl Settings {
         if let Some(problem) = self.network.problem() {
             return Err(wrong(format!("network: {problem}")));
         }
+        if let Some(problem) = self.features.problem() {
+            return Err(wrong(problem));
+        }
+        let n_features = self.features.len();
         let (inputs, outputs, _) = self.network.channels();
         let [rows, columns] = self.network.multiple_of();
         let rules = [
@@ -65,8 +93,8 @@ impl Settings {
             ),
             (rows <= 64, format!("network: rows must be a multiple of {rows}, the limit is 64")),
             (
-                inputs == self.fold * N_FEATURES,
-                format!("network.inputs = {inputs}, must be fold x {N_FEATURES} features"),
+                inputs == self.fold * n_features,
+                format!("network.inputs = {inputs}, must be fold x {n_features} features"),
             ),
             (
                 outputs == self.fold * classes.len(),

@@ -99,7 +99,8 @@ fn missing_file_and_columns_of_wrong_length_are_errors() {
     ));
     let model = segmentation::load(&shipped_model(), &segmentation::Options::default()).expect("loads");
     let header = SubmapHeader::default();
-    let cloud = ModelInput { header: &header, points: &[SubmapPoint::default(); 3], colors: None };
+    let points = [SubmapPoint::default(); 3];
+    let cloud = ModelInput::new(&header, &points);
     let outcome = model.segment(&cloud, &mut [ClassRow::default(); 2]);
     assert!(matches!(outcome, Err(SegmentationError::Length { found: 2, expected: 3, .. })));
     let cloud = ModelInput { colors: Some(&[]), ..cloud };

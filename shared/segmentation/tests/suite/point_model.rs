@@ -74,7 +74,7 @@ fn street(n: usize) -> Vec<SubmapPoint> {
 fn segment(model: &PointModel, points: &[SubmapPoint]) -> (Vec<ClassRow>, Report) {
     let header = SubmapHeader::default();
     let mut classes = vec![ClassRow { class_id: 77, score: 77 }; points.len()];
-    let input = ModelInput { header: &header, points, colors: None };
+    let input = ModelInput::new(&header, points);
     let report = model.segment(&input, &mut classes).expect("runs");
     (classes, report)
 }
@@ -160,7 +160,7 @@ fn color_of_a_point_is_used_where_it_is_a_feature() {
     let header = SubmapHeader::default();
     let classes = |colors: Option<&[ColorRow]>| {
         let mut classes = vec![ClassRow::default(); points.len()];
-        model.segment(&ModelInput { header: &header, points: &points, colors }, &mut classes).expect("runs");
+        model.segment(&ModelInput { colors, ..ModelInput::new(&header, &points) }, &mut classes).expect("runs");
         classes
     };
     let red: Vec<ColorRow> = (0..2000).map(|i| ColorRow { r: (i % 256) as u8, g: 9, b: 250, camera: 0 }).collect();

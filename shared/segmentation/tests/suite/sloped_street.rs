@@ -196,7 +196,7 @@ fn too_large_grid_is_coarsened() {
     }
     let header = messages::SubmapHeader::default();
     let mut classes = vec![messages::ClassRow::default(); cloud.points.len()];
-    let input = segmentation::ModelInput { header: &header, points: &cloud.points, colors: None };
+    let input = segmentation::ModelInput::new(&header, &cloud.points);
     let report = model.segment(&input, &mut classes).expect("segments");
     assert_eq!((report.n_unseen, report.coarsened), (0, 8));
     let confusion = GroundConfusion::of(&cloud, &classes);

@@ -1,11 +1,13 @@
 //! Models on range images: range sweeps, classes, invalid files, nearest examples.
 
 use geometry::NO_POINT;
-use messages::{ClassId, ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use messages::{ClassId, ClassRow, ColorRow, SubmapHeader, SubmapPoint, SubmapSweep, UNSEEN};
 use random::Random;
+use segmentation::engine::Planes;
 use segmentation::network::{NetworkSpec, Weights};
 use segmentation::spherical::{
-    N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel, features, range_sweeps,
+    Feature, Features, GroundUse, ImageSource, N_FEATURES, Neighbors, PolarImage, RangeSweep, Settings, SphericalModel,
+    features, range_sweeps,
 };
 use segmentation::{Dataset, Example, ModelInput, SegmentationError, Segmenter, UNKNOWN, ground};
 use std::path::PathBuf;
@@ -16,7 +18,17 @@ const FIRINGS: u32 = 512;
 fn settings() -> Settings {
     let classes = ["road", "building", "vehicles"].map(str::to_owned).to_vec();
     let network = NetworkSpec::Unet { inputs: 2 * N_FEATURES, outputs: 6, widths: vec![16, 16], head: None };
-    Settings { network, columns: 512, fold: 2, classes, vote_cell_m: 0.2, temperature: 1.0, ground_intensities: None }
+    Settings {
+        network,
+        columns: 512,
+        fold: 2,
+        classes,
+        vote_cell_m: 0.2,
+        temperature: 1.0,
+        ground_intensities: None,
+        features: Features::default(),
+        ground: GroundUse::Kept,
+    }
 }
 
 /// Random filters of mean 0, scaled as the first ones of a training, and biases of 0.
@@ -101,7 +113,7 @@ fn submap() -> (Box<SubmapHeader>, Vec<SubmapPoint>, Vec<[f32; 3]>) {
 #[test]
 fn range_sweeps_contain_all_rays_of_submap() {
     let (header, points, rays) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let heights: Vec<f32> = (0..points.len()).map(|i| i as f32).collect();
     let images = range_sweeps(&cloud, FIRINGS as usize, &heights);
     assert_eq!(images.len(), 2);
@@ -137,7 +149,7 @@ fn points_without_rings_are_placed_by_elevation() {
             points.swap(first + index, first + random.index(index + 1));
         }
     }
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let images = range_sweeps(&cloud, FIRINGS as usize, &vec![0.0; points.len()]);
     for sweep in &images {
         assert_eq!((sweep.image.rows, sweep.image.collision_rate()), (64, 0.0));
@@ -164,7 +176,7 @@ fn number_of_threads_does_not_change_classes() {
     let classes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let mut classes = vec![ClassRow::default(); points.len()];
-        let cloud = ModelInput { header: &header, points: &points, colors: None };
+        let cloud = ModelInput::new(&header, &points);
         let report = pool.install(|| model.segment(&cloud, &mut classes)).expect("segments");
         assert_eq!(report.n_unseen, 0);
         classes
@@ -188,13 +200,12 @@ fn points_without_sweep_or_ring_are_unlabeled() {
     header.n_sweeps = 1;
     let n_first = header.sweeps[0].n_points as usize;
     let mut classes = vec![ClassRow::default(); points.len()];
-    let report =
-        model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).expect("segments");
+    let report = model.segment(&ModelInput::new(&header, &points), &mut classes).expect("segments");
     assert_eq!((classes[5], classes[6]), (ClassRow::default(), ClassRow::default()));
     assert!(report.n_unseen >= 2 && report.n_unseen <= points.len() - n_first + 2, "{}", report.n_unseen);
     // A sweep beyond the points of the submap is skipped.
     header.sweeps[0].n_points = u32::MAX;
-    assert!(model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes).is_ok());
+    assert!(model.segment(&ModelInput::new(&header, &points), &mut classes).is_ok());
 }
 
 #[test]
@@ -245,7 +256,7 @@ impl Dataset for Labeled {
     }
     fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
         let (image, truth) = &self.0[index];
-        Example { input: features(image, 2, 2), truth: truth.clone() }
+        Example { input: features(image, &Features::default(), 2, 2), truth: truth.clone() }
     }
 }
 
@@ -254,7 +265,7 @@ fn nearest_examples_beat_untrained_last_layer() {
     let settings = settings();
     let weights = weights(&settings);
     let (header, points, _) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let heights_m = ground::heights(&cloud);
     // Low rings are road, middle ones vehicles, high ones buildings.
     let truth = |point: &SubmapPoint| [0, 2, 1][usize::from(point.ring) / 6];
@@ -296,7 +307,7 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     let settings = settings();
     let weights = weights(&settings);
     let (header, points, _) = submap();
-    let cloud = ModelInput { header: &header, points: &points, colors: None };
+    let cloud = ModelInput::new(&header, &points);
     let images = range_sweeps(&cloud, settings.columns, &ground::heights(&cloud));
     let rejected = |change: &dyn Fn(&mut Vec<u8>)| {
         let known = images.iter().map(|sweep| (sweep.polar.clone(), vec![0; sweep.polar.pixels.len()]));
@@ -314,4 +325,100 @@ fn examples_of_unknown_classes_are_rejected_by_position_and_value() {
     );
     let too_long = rejected(&|truth| truth.resize(truth.len() + columns, 0));
     assert!(too_long.starts_with("example 1 of the data: ") && too_long.contains("pixels have a class"), "{too_long}");
+}
+
+/// Named features in the usual order are written by other code than those of a model that names none.
+#[test]
+fn shipped_model_keeps_its_bytes_and_default_features() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/street.safetensors");
+    let (model, weights) = SphericalModel::load(path.as_ref()).expect("loads");
+    assert!(model.settings().features.is_default() && model.settings().ground == GroundUse::Kept);
+    assert!(model.settings().to_bytes(&weights).expect("encodes") == std::fs::read(path).expect("reads"));
+}
+
+#[test]
+fn features_by_name_have_the_values_of_the_default_ones() {
+    let (header, points, _) = submap();
+    let cloud = ModelInput::new(&header, &points);
+    let image = range_sweeps(&cloud, 512, &ground::heights(&cloud)).remove(0).polar;
+    let usual = features(&image, &Features::default(), 1, 1);
+    let mut named = Features::default().as_slice().to_vec();
+    named.reverse();
+    named.push(Feature::Depth);
+    let named = features(&image, &Features::new(named), 1, 1);
+    for row in 0..image.rows {
+        for column in 0..image.columns {
+            let (usual, named) = (usual.row(0, row)[column], named.row(0, row)[column]);
+            assert!((0..10).all(|feature| usual[feature] == named[9 - feature]), "{row} {column}");
+            let range_m = image.pixels[row * image.columns + column].range_m();
+            assert!((named[10] - range_m / 50.0).abs() < 1e-6, "{row} {column}");
+        }
+    }
+}
+
+#[test]
+fn points_without_color_have_flag_zero() {
+    let (header, points, _) = submap();
+    let color = |i: usize| match i % 3 {
+        0 => ColorRow { camera: UNSEEN, ..ColorRow::default() },
+        _ => ColorRow { r: 51, g: 102, b: 255, camera: 1 },
+    };
+    let colors: Vec<ColorRow> = (0..points.len()).map(color).collect();
+    let features_of = Features::new(vec![Feature::HasColor, Feature::Blue, Feature::Red, Feature::Valid]);
+    let planes = |colors: Option<&[ColorRow]>| {
+        let cloud = ModelInput { colors, ..ModelInput::new(&header, &points) };
+        let heights_m = ground::heights(&cloud);
+        let source = ImageSource::new(&cloud, 512, &heights_m).with_camera(&features_of.camera_bands());
+        let sweep = source.sweeps().remove(1);
+        (features(&sweep.polar, &features_of, 1, 1), sweep)
+    };
+    let (with, sweep) = planes(Some(&colors));
+    let (without, _) = planes(None);
+    let (mut n_known, mut n_unknown) = (0, 0);
+    for (pixel, &shown) in sweep.image.nearest.iter().enumerate() {
+        let at = |planes: &Planes| planes.row(0, pixel / 512)[pixel % 512];
+        let [known, blue, red, valid, ..] = at(&with);
+        let is_known = shown != NO_POINT && (sweep.points.start + shown as usize) % 3 != 0;
+        let expected = if is_known { [1.0, 1.0, 0.2] } else { [0.0; 3] };
+        assert_eq!([known, blue, red], expected, "pixel {pixel}");
+        assert_eq!(at(&without)[..4], [0.0, 0.0, 0.0, valid]);
+        (n_known, n_unknown) = (n_known + usize::from(is_known), n_unknown + usize::from(!is_known));
+    }
+    assert!(n_known > 1000 && n_unknown > 1000);
+}
+
+#[test]
+fn removed_ground_has_the_class_of_the_ground_model() {
+    let (header, mut points, _) = submap();
+    // A floor under the returns; every third of its points is far above it.
+    points.iter_mut().enumerate().for_each(|(i, point)| point.z = if i % 3 == 0 { 4.0 } else { -2.0 });
+    let settings = Settings { ground: GroundUse::Removed, ..settings() };
+    let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
+    assert_eq!(model.settings().ground, GroundUse::Removed);
+    let cloud = ModelInput::new(&header, &points);
+    let (_, given) = ground::heights_and_ground(&cloud);
+    let mut classes = vec![ClassRow::default(); points.len()];
+    model.segment(&cloud, &mut classes).expect("segments");
+    let n_ground = given.iter().filter(|row| row.class_id == ClassId::Ground as u8).count();
+    assert!(n_ground > points.len() / 2 && n_ground < points.len(), "{n_ground}");
+    for (row, given) in classes.iter().zip(&given) {
+        if given.class_id == ClassId::Ground as u8 {
+            assert_eq!(row, given);
+        } else {
+            assert!(row.class_id != ClassId::Unlabeled as u8 && row.class_id != ClassId::Ground as u8);
+        }
+    }
+}
+
+#[test]
+fn unknown_or_repeated_features_are_refused() {
+    let bytes = file_of(&settings(), &weights(&settings()));
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    assert!(!text.contains("features") && !text.contains("\\\"ground\\\""), "defaults are not written");
+    let wrong = Settings { features: Features::new(vec![Feature::Valid, Feature::Valid]), ..settings() };
+    let error = wrong.check().expect_err("is refused").to_string();
+    assert!(error.contains("features: valid is listed twice"), "{error}");
+    let wrong = Settings { features: Features::new(vec![Feature::Valid, Feature::Red]), ..settings() };
+    let error = wrong.check().expect_err("is refused").to_string();
+    assert!(error.contains("network.inputs = 20, must be fold x 2 features"), "{error}");
 }

@@ -95,8 +95,9 @@ pub(super) fn configure(
         _ => None,
     }
     .filter(|seconds| *seconds > 0.0);
+    let inputs = stage.inputs(&folder).map_err(|error| ConfigurationError::Launch(error.to_string()));
     let recorded = match &arguments.recording {
-        Some(path) => recorded_topics(program, path).unwrap_or_else(|error| {
+        Some(path) => inputs.and_then(|inputs| recorded_topics(name, &inputs, path)).unwrap_or_else(|error| {
             faults.push(error);
             Vec::new()
         }),
@@ -121,12 +122,12 @@ pub(super) fn configure(
 
 /// Topics of the recording. Fails if it lacks a topic that the stage needs, has none of its topics, or has one of another
 /// layout.
-fn recorded_topics(program: &dyn Program, path: &Path) -> Result<Vec<String>, ConfigurationError> {
+fn recorded_topics(stage: &'static str, inputs: &[Port], path: &Path) -> Result<Vec<String>, ConfigurationError> {
     let reader = RecordingReader::open(path)?;
     let recorded: Vec<String> =
         reader.topics().iter().filter_map(|topic| topic.ticks_of()).map(str::to_owned).collect();
-    for port in program.inputs().iter().map(Port::describe) {
-        let (path, topic, stage) = (path.to_owned(), port.topic, program.name());
+    for port in inputs.iter().map(Port::describe) {
+        let (path, topic) = (path.to_owned(), port.topic);
         let Some(found) = reader.topics().iter().find(|found| found.name == topic) else {
             if port.optional {
                 tracing::info!(topic, recording = %path.display(), "the optional topic is not recorded and stays empty");
@@ -139,17 +140,16 @@ fn recorded_topics(program: &dyn Program, path: &Path) -> Result<Vec<String>, Co
             return Err(ConfigurationError::Layout { path, topic, stage, recorded, expected });
         }
     }
-    let wanted: Vec<String> = program.inputs().iter().map(|port| port.topic().to_owned()).collect();
+    let wanted: Vec<String> = inputs.iter().map(|port| port.topic().to_owned()).collect();
     if wanted.iter().any(|topic| recorded.contains(topic)) {
         return Ok(recorded);
     }
-    Err(ConfigurationError::NoInput { path: path.to_owned(), stage: program.name(), wanted, recorded })
+    Err(ConfigurationError::NoInput { path: path.to_owned(), stage, wanted, recorded })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::program::ProgramOf;
     use crate::{Flow, Inputs, Outputs, Stage, StateBytes, StepError};
     use formats::recording::RecordingWriter;
     use messages::{ByteTable, ClassTopic, GnssTopic, ImuTopic};
@@ -190,7 +190,7 @@ mod tests {
         let mut writer = RecordingWriter::create(&path, &BTreeMap::new(), &[table]).expect("creates");
         writer.tick(&topic, &messages::TickRow { end: 1, ..Default::default() }).expect("writes");
         writer.finish().expect("finishes");
-        recorded_topics(&ProgramOf::<Optional>::new(), &path)
+        recorded_topics(Optional::NAME, &Optional::inputs(), &path)
     }
 
     #[test]

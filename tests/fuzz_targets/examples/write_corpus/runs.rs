@@ -10,7 +10,7 @@ use run::health::{Activity, Doubt, Health, Traffic};
 use run::summary::{StageSummary, Summary};
 use run::wiring::{WiredStage, WiredTopic, Wiring};
 use segmentation::network::{NetworkSpec, Weights};
-use segmentation::spherical::{N_FEATURES, Settings};
+use segmentation::spherical::{Features, GroundUse, N_FEATURES, Settings};
 use stage::{Received, StateBytes};
 use std::collections::BTreeMap;
 
@@ -123,6 +123,8 @@ pub fn spherical_models() -> Vec<Vec<u8>> {
             vote_cell_m: 0.2,
             temperature: 1.0,
             ground_intensities: None,
+            features: Features::default(),
+            ground: GroundUse::Kept,
         };
         let file = settings.to_bytes(&weights).expect("encodes");
         let (length, rest) = file.split_first_chunk().expect("has a length");

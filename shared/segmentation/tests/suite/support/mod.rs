@@ -82,6 +82,6 @@ pub fn model_of(parameters: &Parameters) -> Box<dyn Segmenter> {
 pub fn classes_of(model: &dyn Segmenter, points: &[SubmapPoint]) -> Vec<ClassRow> {
     let header = SubmapHeader::default();
     let mut classes = vec![ClassRow::default(); points.len()];
-    model.segment(&ModelInput { header: &header, points, colors: None }, &mut classes).expect("segments");
+    model.segment(&ModelInput::new(&header, points), &mut classes).expect("segments");
     classes
 }

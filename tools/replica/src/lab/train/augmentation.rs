@@ -19,6 +19,7 @@ pub fn augment(image: &mut PolarImage, truth: &mut [u8], without_intensity: f32,
     if random.chance(without_intensity) {
         image.has_intensity = false;
     }
+    turn_camera(image, turn, mirror);
     for (row, truth) in image.pixels.chunks_exact_mut(columns).zip(truth.chunks_exact_mut(columns)) {
         let row_lost = random.chance(lost_rows);
         row.rotate_left(turn);
@@ -38,6 +39,21 @@ pub fn augment(image: &mut PolarImage, truth: &mut [u8], without_intensity: f32,
             pixel.ray = [(cos * x - sin * y) * scale, (sin * x + cos * y) * scale, z * scale];
             pixel.height_m = pixel.height_m * range_scale + height_error_m;
             pixel.intensity = (f32::from(pixel.intensity) * gain).min(255.0) as u8;
+        }
+    }
+}
+
+/// Rotates and mirrors the measurements of the cameras. Those of removed returns stay: a pixel without a point has no features.
+fn turn_camera(image: &mut PolarImage, turn: usize, mirror: bool) {
+    let n_bands = image.n_camera_bands();
+    if n_bands == 0 {
+        return;
+    }
+    for row in image.camera.chunks_exact_mut(image.columns * n_bands) {
+        row.rotate_left(turn * n_bands);
+        if mirror {
+            row.reverse();
+            row.chunks_exact_mut(n_bands).for_each(<[f32]>::reverse);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Sweeps of labeled submaps as images.
 
 use geometry::NO_POINT;
-use messages::{ClassId, SubmapHeader, SubmapPoint};
+use messages::{ClassId, ClassRow};
 use random::Random;
-use segmentation::spherical::{PolarImage, PolarPixel, RangeSweep, Settings, range_sweeps};
+use segmentation::spherical::{GroundUse, ImageSource, PolarImage, PolarPixel, RangeSweep, Settings};
 use segmentation::{ModelInput, ground};
 use training::UNKNOWN;
 
@@ -17,14 +17,15 @@ pub struct LabeledImage {
 }
 
 /// The sweeps of a submap as images of [`ROWS`] rows. `classes` has the class id of each point.
-pub fn images_of(
-    header: &SubmapHeader,
-    points: &[SubmapPoint],
-    classes: &[u8],
-    settings: &Settings,
-) -> Vec<LabeledImage> {
-    let cloud = ModelInput { header, points, colors: None };
-    let heights_m = ground::heights(&cloud);
+pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) -> Vec<LabeledImage> {
+    let (heights_m, removed) = match settings.ground {
+        GroundUse::Kept => (ground::heights(cloud), None),
+        GroundUse::Removed => {
+            let (heights_m, rows) = ground::heights_and_ground(cloud);
+            let is_ground = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8;
+            (heights_m, Some(rows.iter().map(is_ground).collect::<Vec<bool>>()))
+        }
+    };
     let output = output_of_class(settings);
     let mut random = Random::of_stream(classes.len() as u64, 0);
     let of_sweep = |sweep: RangeSweep| {
@@ -35,7 +36,9 @@ pub fn images_of(
         let truth: Vec<u8> = sweep.image.nearest.iter().map(class).collect();
         with_rows(&sweep.polar, &truth, ROWS, &mut random)
     };
-    range_sweeps(&cloud, settings.columns, &heights_m).into_iter().map(of_sweep).collect()
+    let bands = settings.features.camera_bands();
+    let source = ImageSource::new(cloud, settings.columns, &heights_m).without(removed.as_deref()).with_camera(&bands);
+    source.sweeps().into_iter().map(of_sweep).collect()
 }
 
 /// Reduces or extends an image to `rows` rows. Missing rows are empty. Of a denser sensor, a random choice of neighboring rows or
@@ -48,10 +51,15 @@ fn with_rows(image: &PolarImage, truth: &[u8], rows: usize, random: &mut Random)
     let range = |row: usize| row * image.columns..(row + 1) * image.columns;
     let n = rows * image.columns;
     let mut pixels: Vec<PolarPixel> = chosen.clone().flat_map(|row| &image.pixels[range(row)]).copied().collect();
-    let mut classes: Vec<u8> = chosen.flat_map(|row| &truth[range(row)]).copied().collect();
+    let mut classes: Vec<u8> = chosen.clone().flat_map(|row| &truth[range(row)]).copied().collect();
+    let n_bands = image.n_camera_bands();
+    let of_bands = |row: usize| &image.camera[range(row).start * n_bands..range(row).end * n_bands];
+    let mut camera: Vec<f32> = chosen.flat_map(of_bands).copied().collect();
     pixels.resize(n, PolarPixel::default());
     classes.resize(n, UNKNOWN);
-    LabeledImage { image: PolarImage { rows, pixels, ..*image }, truth: classes }
+    camera.resize(n * n_bands, f32::NAN);
+    let (columns, has_intensity) = (image.columns, image.has_intensity);
+    LabeledImage { image: PolarImage { rows, columns, pixels, has_intensity, camera }, truth: classes }
 }
 
 /// Output number of a network by class id; [`UNKNOWN`] for classes that it does not distinguish.

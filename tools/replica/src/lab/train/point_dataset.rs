@@ -111,7 +111,7 @@ fn cells_of(
     outputs: &[u8],
     settings: &PointSettings,
 ) -> anyhow::Result<(LabeledCloud, GroundHistogram)> {
-    let input = ModelInput { header: of.header, points: of.points, colors: None };
+    let input = ModelInput::new(of.header, of.points);
     let heights_m = ground::heights(&input);
     let (cloud, grid) = CellCloud::of(&input, &heights_m, &IntensityMap::Unchanged, settings.cell_m)?;
     let class_of = |cell: usize| {

@@ -4,7 +4,7 @@ use super::point_recipe::{KINDS, PointRecipe};
 use anyhow::Context;
 use formats::text_file::read_toml;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{N_FEATURES, Settings};
+use segmentation::spherical::{Features, GroundUse, Settings};
 use serde::{Deserialize, Serialize};
 use simulation::Town;
 use std::path::{Path, PathBuf};
@@ -41,6 +41,12 @@ pub struct Model {
     pub classes: Vec<String>,
     /// Side of the voting cells, m.
     pub vote_cell_m: f32,
+    /// Input features; by default those of the shipped model.
+    #[serde(default)]
+    pub features: Features,
+    /// `kept`, or `removed`: ground points are not in the image, and get the class `ground`.
+    #[serde(default)]
+    pub ground: GroundUse,
     /// A model to start from, relative to the folder of the recipe. Layers of the same name and shape start with its weights, the
     /// others with random weights.
     pub start: Option<PathBuf>,
@@ -194,12 +200,16 @@ impl Recipe {
     }
     fn check(&self) -> anyhow::Result<()> {
         self.settings()?.check().map_err(|problem| anyhow::anyhow!("[model] {problem}"))?;
+        let of_cameras = self.model.features.as_slice().iter().find(|feature| feature.camera_band().is_some());
+        if let Some(feature) = of_cameras {
+            anyhow::bail!("[model] features: {feature} needs cameras, and training data has none");
+        }
         check_data_and_training(&self.data, &self.train)
     }
     /// Settings of the model file.
     pub fn settings(&self) -> anyhow::Result<Settings> {
         let model = &self.model;
-        let (inputs, outputs) = (model.fold * N_FEATURES, model.fold * model.classes.len());
+        let (inputs, outputs) = (model.fold * model.features.len(), model.fold * model.classes.len());
         let widths = model.widths.clone();
         let network = match model.kind.as_str() {
             "unet" => NetworkSpec::Unet { inputs, outputs, widths, head: model.head },
@@ -217,6 +227,8 @@ impl Recipe {
             vote_cell_m: model.vote_cell_m,
             temperature: 1.0,
             ground_intensities: None,
+            features: model.features.clone(),
+            ground: model.ground,
         })
     }
 }
@@ -309,6 +321,8 @@ mod tests {
         check("patience", "patients", "unknown field `patients`");
         check("\"vegetation\"", "\"trees\"", "not all are in the class table");
         check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
+        check("fold = 4", "fold = 4\nfeatures = ['colour']", "unknown feature \"colour\"; known are valid, range");
+        check("fold = 4", "fold = 4\nfeatures = ['red']", "features: red needs cameras");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");

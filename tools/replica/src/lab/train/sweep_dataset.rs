@@ -9,6 +9,7 @@ use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use random::Random;
+use segmentation::ModelInput;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
@@ -39,7 +40,7 @@ impl SweepDataset {
     /// No sweeps yet. They are kept in a file in `folder`.
     pub fn new(recipe: &Recipe, folder: &Path) -> anyhow::Result<Self> {
         let settings = recipe.settings()?;
-        let file = SweepFile::create(folder, settings.columns)?;
+        let file = SweepFile::create(folder, settings.columns, settings.features.camera_bands().len())?;
         let counts = vec![0; settings.classes.len()];
         let (ground, without_intensity) = (GroundHistogram::default(), recipe.data.without_intensity);
         Ok(Self { file, sources: Vec::new(), counts, ground, settings, without_intensity })
@@ -90,7 +91,7 @@ impl TrainingData for SweepDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
         let first = self.file.len();
         let settings = self.settings.clone();
-        let convert = |of: Labeled<'_>| Ok(images_of(of.header, of.points, of.classes, &settings));
+        let convert = |of: Labeled<'_>| Ok(images_of(&ModelInput::new(of.header, of.points), of.classes, &settings));
         let push = |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image));
         simulate(data, seeds, convert, push, progress)?;
         self.end_source(first, 1.0);
@@ -102,7 +103,8 @@ impl TrainingData for SweepDataset {
         let mut recording = RecordedSweeps::open(source, folder)?;
         let (mut n_sweeps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
-            for image in images_of(&submap.header, &submap.points, &submap.classes, &self.settings) {
+            let cloud = ModelInput::new(&submap.header, &submap.points);
+            for image in images_of(&cloud, &submap.classes, &self.settings) {
                 if n_sweeps % source.every == 0 {
                     let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
                     // Data sets label key frames only.
@@ -147,7 +149,12 @@ impl Dataset for SweepDataset {
         if let Some(random) = random {
             augment(&mut image, &mut truth, self.without_intensity, random);
         }
-        let input = features(&image, self.settings.fold, NetworkSpec::multiple_of(&self.settings.network)[0]);
+        let input = features(
+            &image,
+            &self.settings.features,
+            self.settings.fold,
+            NetworkSpec::multiple_of(&self.settings.network)[0],
+        );
         truth.resize(input.height() * image.columns, UNKNOWN);
         Example { input, truth }
     }
@@ -221,8 +228,9 @@ mod tests {
         write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported");
         let data = dataset(folder.path(), &source(1.0, 1));
         let settings = recipe("").settings().expect("settings");
-        let images =
-            submaps.iter().flat_map(|submap| images_of(&submap.header, &submap.points, &submap.truth, &settings));
+        let images = submaps
+            .iter()
+            .flat_map(|submap| images_of(&ModelInput::new(&submap.header, &submap.points), &submap.truth, &settings));
         let images: Vec<LabeledImage> = images.collect();
         assert_eq!((data.len(), data.n_sweeps(), images.len()), (6, 6, 6));
         for (index, image) in images.iter().enumerate() {

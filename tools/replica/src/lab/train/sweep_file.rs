@@ -8,7 +8,7 @@ use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// Bytes of a pixel: ray and height as `f32`, intensity, and class.
+/// Bytes of a pixel: ray and height as `f32`, intensity, and class. The measurements of the cameras follow all pixels, as `f32`.
 const PIXEL_BYTES: usize = 18;
 /// Bytes before the pixels of an image: whether intensities are known.
 const HEADER_BYTES: usize = 1;
@@ -17,14 +17,16 @@ const HEADER_BYTES: usize = 1;
 pub struct SweepFile {
     file: File,
     columns: usize,
+    /// Measurements of the cameras at each pixel.
+    n_camera_bands: usize,
     len: usize,
 }
 
 impl SweepFile {
     /// An empty file in a folder.
-    pub fn create(folder: &Path, columns: usize) -> anyhow::Result<Self> {
+    pub fn create(folder: &Path, columns: usize, n_camera_bands: usize) -> anyhow::Result<Self> {
         let file = tempfile::tempfile_in(folder).with_context(|| folder.display().to_string())?;
-        Ok(Self { file, columns, len: 0 })
+        Ok(Self { file, columns, n_camera_bands, len: 0 })
     }
     /// Number of images.
     pub fn len(&self) -> usize {
@@ -40,6 +42,7 @@ impl SweepFile {
             }
             bytes.extend([pixel.intensity, *class]);
         }
+        bytes.extend(image.camera.iter().flat_map(|value| value.to_le_bytes()));
         anyhow::ensure!(bytes.len() == self.record_bytes(), "an image of {} pixels", image.pixels.len());
         self.file.write_all(&bytes).context("the file of the training sweeps")?;
         self.len += 1;
@@ -55,17 +58,22 @@ impl SweepFile {
             height_m: number(&bytes[12..]),
             intensity: bytes[16],
         };
-        let (pixels, _) = bytes[HEADER_BYTES..].as_chunks::<PIXEL_BYTES>();
+        let (pixels, camera) = bytes[HEADER_BYTES..].split_at(self.n_pixels() * PIXEL_BYTES);
+        let (pixels, _) = pixels.as_chunks::<PIXEL_BYTES>();
         let image = PolarImage {
             rows: ROWS,
             columns: self.columns,
             pixels: pixels.iter().map(pixel).collect(),
             has_intensity: bytes[0] != 0,
+            camera: camera.as_chunks::<4>().0.iter().map(|bytes| number(bytes)).collect(),
         };
         Ok(LabeledImage { image, truth: pixels.iter().map(|bytes| bytes[17]).collect() })
     }
+    fn n_pixels(&self) -> usize {
+        ROWS * self.columns
+    }
     fn record_bytes(&self) -> usize {
-        HEADER_BYTES + ROWS * self.columns * PIXEL_BYTES
+        HEADER_BYTES + self.n_pixels() * (PIXEL_BYTES + 4 * self.n_camera_bands)
     }
 }
 
@@ -85,6 +93,7 @@ mod tests {
             columns,
             pixels: (0..n).map(pixel).collect(),
             has_intensity: seed.is_multiple_of(2),
+            camera: (0..2 * n).map(|i| 0.01 * i as f32).collect(),
         };
         LabeledImage { image, truth: (0..n).map(|i| (i % 7) as u8).collect() }
     }
@@ -92,7 +101,7 @@ mod tests {
     #[test]
     fn images_are_read_as_they_were_written_in_any_order() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut file = SweepFile::create(folder.path(), 64).expect("created");
+        let mut file = SweepFile::create(folder.path(), 64, 2).expect("created");
         let images: Vec<LabeledImage> = (0..3).map(|seed| image(seed, 64)).collect();
         for image in &images {
             file.push(image).expect("written");

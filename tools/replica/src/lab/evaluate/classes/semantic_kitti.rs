@@ -67,7 +67,7 @@ pub fn confusions(model: &dyn Segmenter, folder: &Path) -> anyhow::Result<Vec<(S
 fn confusion(model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<Confusion> {
     let (header, rows) = submap(&sweep.points);
     let mut classes = vec![ClassRow::default(); rows.len()];
-    model.segment(&ModelInput { header: &header, points: &rows, colors: None }, &mut classes)?;
+    model.segment(&ModelInput::new(&header, &rows), &mut classes)?;
     let truth: Vec<u8> = sweep.ids.iter().map(|&id| CLASS_OF_BENCHMARK_ID[id as usize] as u8).collect();
     let predicted: Vec<u8> = classes.iter().map(|row| as_labelled(row.class_id)).collect();
     Ok(point_confusion(&truth, &predicted, |class| class != Unlabeled as u8))

@@ -28,7 +28,7 @@ pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(Str
                 }
                 let mut classes = vec![ClassRow::default(); submap.points.len()];
                 let begin = std::time::Instant::now();
-                let cloud = ModelInput { header: &submap.header, points: &submap.points, colors: None };
+                let cloud = ModelInput::new(&submap.header, &submap.points);
                 model.segment(&cloud, &mut classes)?;
                 seconds += begin.elapsed().as_secs_f64();
                 n_sweeps += args.sweeps;

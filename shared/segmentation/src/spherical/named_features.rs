@@ -1,0 +1,123 @@
+//! Input features of a model that names its features. Slower than [`super::features`], whose number of features is constant.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over constant bounds become vector instructions; iterators and calls in between do not"
+)]
+
+use super::features::{N_FEATURES, of_tile, write_folded};
+use super::surface::{Surface, SurfaceTile, Tile};
+use super::{Feature, Features, PolarImage};
+use crate::engine::{LANES, PlanesMut};
+use pulp::NullaryFnOnce;
+use std::ops::Range;
+
+/// Writes the input image except its border.
+pub(super) struct NamedFeatures<'a> {
+    pub(super) image: &'a PolarImage,
+    pub(super) features: &'a Features,
+    pub(super) planes: PlanesMut<'a>,
+}
+
+/// Where the values of a feature come from.
+#[derive(Clone, Copy)]
+enum Source {
+    /// The feature of this number of a model that names none.
+    Usual(usize),
+    /// Further features of the LiDAR.
+    Further(Feature),
+    /// The measurement of this number of the cameras.
+    Camera(usize),
+    /// Whether it is known.
+    HasCamera(usize),
+}
+
+impl NullaryFnOnce for NamedFeatures<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { image, features, mut planes } = self;
+        let n = features.len();
+        let (sources, surface) = (sources(features), Surface::of(image));
+        let mut of_row = vec![0.0_f32; n * image.columns.next_multiple_of(LANES)];
+        for row in 0..image.rows {
+            let first = row * image.columns;
+            let pixels = &image.pixels[first..][..image.columns];
+            for (tile, (values, pixels)) in of_row.chunks_exact_mut(n * LANES).zip(pixels.chunks(LANES)).enumerate() {
+                let (mut height_m, mut intensity) = ([0.0; LANES], [0.0; LANES]);
+                for (i, pixel) in pixels.iter().enumerate() {
+                    (height_m[i], intensity[i]) = (pixel.height_m, f32::from(pixel.intensity));
+                }
+                let surface = surface.tile(row, tile * LANES);
+                let usual = of_tile(&surface, &height_m, &intensity, image.has_intensity);
+                for (feature, source) in sources.iter().enumerate() {
+                    let pixels = first + tile * LANES..first + tile * LANES + pixels.len();
+                    let of_feature = match *source {
+                        Source::Usual(number) => usual[number],
+                        Source::Further(feature) => further(feature, &surface),
+                        Source::Camera(number) => camera(image, pixels, &surface.range_m, number, |value| value),
+                        Source::HasCamera(number) => camera(image, pixels, &surface.range_m, number, |_| 1.0),
+                    };
+                    for i in 0..LANES {
+                        values[i * n + feature] = of_feature[i];
+                    }
+                }
+            }
+            let n_channels = planes.channels();
+            write_folded(&of_row[..n * image.columns], n_channels, row, &mut planes);
+        }
+    }
+}
+
+fn sources(features: &Features) -> Vec<Source> {
+    let (usual, bands) = (Features::default(), features.camera_bands());
+    let source = |feature: &Feature| {
+        let band = feature.camera_band().and_then(|band| bands.iter().position(|of| *of == band));
+        match (band, usual.as_slice().iter().position(|of| of == feature)) {
+            (Some(band), _) if matches!(feature, Feature::HasColor | Feature::HasBand(_)) => Source::HasCamera(band),
+            (Some(band), _) => Source::Camera(band),
+            (None, Some(number)) if number < N_FEATURES => Source::Usual(number),
+            _ => Source::Further(*feature),
+        }
+    };
+    features.as_slice().iter().map(source).collect()
+}
+
+/// Features of the LiDAR that are not among the usual ones.
+#[inline(always)]
+fn further(feature: Feature, surface: &SurfaceTile) -> Tile {
+    let mut values = [0.0; LANES];
+    for i in 0..LANES {
+        let (range_m, ray, normal) = (surface.range_m[i], &surface.ray, &surface.normal);
+        if range_m <= 0.0 {
+            continue;
+        }
+        let flat_m = (ray[0][i] * ray[0][i] + ray[1][i] * ray[1][i]).sqrt().max(1e-6);
+        let (x, y) = (ray[0][i] / flat_m, ray[1][i] / flat_m);
+        values[i] = match feature {
+            Feature::NormalX => x * normal[0][i] + y * normal[1][i],
+            Feature::NormalY => x * normal[1][i] - y * normal[0][i],
+            Feature::Depth => (range_m / 50.0).min(3.0),
+            Feature::Z => (ray[2][i] / 10.0).clamp(-3.0, 3.0),
+            _ => 0.0,
+        };
+    }
+    values
+}
+
+/// A measurement of the cameras at up to 16 pixels; 0 where it is unknown or there is no point.
+#[inline(always)]
+fn camera(image: &PolarImage, pixels: Range<usize>, range_m: &Tile, number: usize, value: impl Fn(f32) -> f32) -> Tile {
+    let (mut values, n) = ([0.0; LANES], image.n_camera_bands());
+    if n == 0 {
+        return values;
+    }
+    let of_pixels = image.camera[pixels.start * n..pixels.end * n].chunks_exact(n);
+    for ((found, of_pixel), range_m) in values.iter_mut().zip(of_pixels).zip(range_m) {
+        if *range_m > 0.0 && !of_pixel[number].is_nan() {
+            *found = value(of_pixel[number]);
+        }
+    }
+    values
+}
