@@ -152,7 +152,7 @@ fn ground() -> anyhow::Result<Round> {
     let (header, points) = submap();
     let mut classes = vec![ClassRow::default(); points.len()];
     Ok(Box::new(move || {
-        model.segment(&ModelInput { header: &header, points: &points, colors: None }, &mut classes)?;
+        model.segment(&ModelInput::new(&header, &points), &mut classes)?;
         Ok(())
     }))
 }

@@ -378,7 +378,7 @@ fn points_without_color_have_flag_zero() {
     for (pixel, &shown) in sweep.image.nearest.iter().enumerate() {
         let at = |planes: &Planes| planes.row(0, pixel / 512)[pixel % 512];
         let [known, blue, red, valid, ..] = at(&with);
-        let is_known = shown != NO_POINT && (sweep.points.start + shown as usize) % 3 != 0;
+        let is_known = shown != NO_POINT && !(sweep.points.start + shown as usize).is_multiple_of(3);
         let expected = if is_known { [1.0, 1.0, 0.2] } else { [0.0; 3] };
         assert_eq!([known, blue, red], expected, "pixel {pixel}");
         assert_eq!(at(&without)[..4], [0.0, 0.0, 0.0, valid]);
