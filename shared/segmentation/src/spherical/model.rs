@@ -182,7 +182,7 @@ impl Segmenter for SphericalModel {
                 (heights_m, Some(ground))
             }
         };
-        let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().map(is_given).collect());
+        let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().copied().map(is_given).collect());
         let trained = self.settings.ground_intensities.unwrap_or(SIMULATED);
         let (intensities, foreign_intensity) =
             IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
@@ -199,7 +199,7 @@ impl Segmenter for SphericalModel {
         self.point_votes.give_back(of_points);
         let mut n_unseen = 0;
         for (point, (row, decision)) in classes.iter_mut().zip(decided).enumerate() {
-            let given = ground.as_ref().map(|ground| ground[point]).filter(is_given);
+            let given = ground.as_ref().map(|ground| ground[point]).filter(|row| is_given(*row));
             *row = if let Some(given) = given {
                 given
             } else if let Some((class, share)) = decision {
@@ -215,7 +215,7 @@ impl Segmenter for SphericalModel {
 }
 
 /// Whether a point has its class before the network runs.
-fn is_given(row: &ClassRow) -> bool {
+fn is_given(row: ClassRow) -> bool {
     row.class_id != ClassId::Unlabeled as u8
 }
 
