@@ -2,12 +2,15 @@
 
 use infer::{Infer, Settings};
 use messages::{
-    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, GROUND_CLASSES, SubmapHeader, SubmapPoint, SubmapTopic,
+    CLASS_TABLE_VERSION, ClassId, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, GROUND_CLASSES,
+    SubmapHeader, SubmapPoint, SubmapTopic, UNSEEN,
 };
 use random::Random;
+use segmentation::network::{NetworkSpec, Weights};
 use segmentation::points::{
     Parameters, PlaneConvolution, PointFeature, PointNetworkSpec, PointSettings, SphereSettings, WaffleIron,
 };
+use segmentation::spherical::{Feature, Features, GroundUse};
 use stage::testing::{Bench, context};
 use stage::{Context, Stage};
 use std::path::Path;
@@ -340,4 +343,89 @@ fn model_on_points_on_a_gpu_is_refused_by_check() {
     let settings = Settings { device: "cuda".to_owned(), ..settings };
     assert!(!Infer::check(&settings, &at_root()).is_empty());
     assert!(Infer::new(&settings, &at_root()).is_err());
+}
+
+/// A network on images with random weights that reads heights, one color, and the reflectance at 650 nm if `with_band`.
+fn color_model(with_band: bool) -> (tempfile::TempDir, Settings) {
+    let mut features = vec![Feature::Valid, Feature::HeightCoarse, Feature::Red, Feature::HasColor];
+    features.extend(with_band.then_some(Feature::Band(650)));
+    let network = NetworkSpec::Unet { inputs: 2 * features.len(), outputs: 6, widths: vec![16, 16], head: None };
+    let mut weights = Weights::default();
+    for (stream, layer) in (0..).zip(network.layers()) {
+        let mut random = Random::of_stream(5, stream);
+        for (name, shape) in layer.tensors() {
+            let values = (0..shape.iter().product()).map(|_| 0.3 * random.gauss()).collect();
+            weights.tensors.insert(name, (shape, values));
+        }
+    }
+    let settings = segmentation::spherical::Settings {
+        network,
+        columns: 512,
+        fold: 2,
+        classes: ["road", "building", "vegetation"].map(str::to_owned).into(),
+        vote_cell_m: 0.2,
+        temperature: 1.0,
+        ground_intensities: None,
+        features: Features::new(features),
+        ground: GroundUse::Kept,
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("color.safetensors");
+    std::fs::write(&path, settings.to_bytes(&weights).expect("encodes")).expect("writes");
+    let model = path.to_str().expect("UTF-8").to_owned();
+    (folder, Settings { model, ..Settings::default() })
+}
+
+#[test]
+fn model_with_colors_waits_for_them_and_is_the_same_after_a_restart() {
+    let (_folder, settings) = color_model(false);
+    let names = |settings: &Settings| -> Vec<&'static str> {
+        let ports = Infer::inputs_with(settings, Path::new("")).expect("a model");
+        ports.iter().map(stage::Port::topic).collect()
+    };
+    assert_eq!(names(&settings), ["submap", "color"]);
+    assert_eq!(names(&color_model(true).1), ["submap", "color", "spectra"]);
+
+    let (header, points, _) = street_sweep();
+    let colored = |red: u8, camera: u8| vec![ColorRow { r: red, g: 0, b: 0, camera }; points.len()];
+    let classes = |colors: [Vec<ColorRow>; 2], is_restarted: bool| {
+        let mut bench: Bench<Infer> = Bench::new(&settings, &at_root()).expect("the model loads");
+        for seq in 0..2 {
+            bench.send::<SubmapTopic>(seq, header, points.clone());
+        }
+        bench.tick().expect("steps");
+        assert_eq!(bench.take::<ClassTopic>().len(), 0, "the colors have not come");
+        if is_restarted {
+            bench = bench.restarted(&settings, &at_root()).expect("restarts");
+        }
+        for (seq, colors) in (0..).zip(colors) {
+            bench.send::<ColorTopic>(seq, ColorHeader::default(), colors);
+        }
+        bench.tick().expect("steps");
+        bench.take::<ClassTopic>().iter().map(|column| column.rows().to_vec()).collect::<Vec<_>>()
+    };
+    let undisturbed = classes([colored(255, 0), colored(0, UNSEEN)], false);
+    assert_eq!(undisturbed.len(), 2);
+    assert!(undisturbed[0] != undisturbed[1], "the same points in other colors");
+    assert!(classes([colored(255, 0), colored(0, UNSEEN)], true) == undisturbed);
+}
+
+#[test]
+fn columns_that_nothing_gives_are_refused_by_check() {
+    let (_folder, with_colors) = color_model(false);
+    let (_other, with_band) = color_model(true);
+    // Without the drive, whose sensors would be missing, too.
+    let connected = |topics: &[&str]| Context {
+        drive: Path::new("").into(),
+        connected: topics.iter().map(|topic| (*topic).to_owned()).collect(),
+        ..at_root()
+    };
+    let problem = |settings: &Settings, topics: &[&str]| {
+        let problems = Infer::check(settings, &connected(topics));
+        problems.first().map_or(String::new(), |problem| problem.text.clone())
+    };
+    assert!(problem(&with_colors, &["submap"]).contains("reads colors, and no stage produces topic color"));
+    assert!(problem(&with_band, &["submap", "color"]).contains("reads spectra, and no stage produces topic spectra"));
+    assert_eq!(problem(&with_colors, &["submap", "color"]), "");
+    assert_eq!(problem(&with_band, &["submap", "color", "spectra"]), "");
 }
