@@ -670,10 +670,13 @@ def segmented(network, k, points, settings):
     part("cells")
     radius, overlap = settings["spheres"]["radius_m"], settings["spheres"]["overlap_m"]
     spacing, tree = 2 * radius - overlap, cKDTree(cells)
-    centers = (np.unique(np.floor(cells / spacing), axis=0) + 0.5) * spacing
+    # The center of each occupied cell of the grid; later single cells that no sphere contains.
+    centers, open_cells = (np.unique(np.floor(cells / spacing), axis=0) + 0.5) * spacing, None
     votes, covered, n_spheres, n_seen = np.zeros((len(cells), len(settings["classes"])), np.float32), np.zeros(len(cells), bool), 0, 0
     while len(centers):
-        for center in centers:
+        for i, center in enumerate(centers):
+            if open_cells is not None and covered[open_cells[i]]:
+                continue
             members = np.array(tree.query_ball_point(center, radius))
             covered[members.astype(int)] = True
             if len(members) < 2:
@@ -692,8 +695,9 @@ def segmented(network, k, points, settings):
             votes[members] += torch.softmax(scores, 1).numpy()
             n_spheres, n_seen = n_spheres + 1, n_seen + len(members)
             part("votes")
-        left = cells[~covered]
-        centers = left[np.unique(np.floor(left / radius), axis=0, return_index=True)[1]]
+        left = np.flatnonzero(~covered)
+        open_cells = left[np.sort(np.unique(np.floor(cells[left] / radius), axis=0, return_index=True)[1])]
+        centers = cells[open_cells]
     classes = votes.argmax(1)[cell]
     part("votes")
     return classes, seconds, (len(cells), n_spheres, n_seen)

@@ -4,8 +4,10 @@
 //! `benches/peers/point_networks.py submap` writes the submap and runs the same network in `PyTorch` beside this program.
 
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
+use neighbors::{SpatialIndex, VoxelGrid};
 use safetensors::SafeTensors;
-use segmentation::{ModelInput, Options, load};
+use segmentation::points::{PointModel, sphere};
+use segmentation::{ModelInput, Segmenter};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -62,7 +64,7 @@ fn submap(path: &Path) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
 fn main() {
     let arguments: Vec<_> = std::env::args_os().skip(1).collect();
     let [model, submap_file] = arguments.as_slice() else { panic!("give MODEL SUBMAP") };
-    let model = load(Path::new(model), &Options::default()).expect("a model file");
+    let (model, _) = PointModel::load(Path::new(model)).expect("a model file");
     let (header, points) = submap(Path::new(submap_file));
     let before_mb = peak_mb();
     let mut classes = vec![ClassRow::default(); points.len()];
@@ -82,5 +84,11 @@ fn main() {
         n / cpu_s,
         peak_mb()
     );
+    let positions: Vec<[f32; 3]> = points.iter().map(|point| [point.x, point.y, point.z]).collect();
+    let cells = VoxelGrid::new(&positions, model.settings().cell_m).expect("a side").barycenters(&positions);
+    let (index, spheres) = (SpatialIndex::new(&cells), model.settings().spheres);
+    let centers = spheres.centers(&cells).expect("valid");
+    let n_seen: usize = centers.iter().map(|center| sphere(&index, *center, spheres.radius_m).len()).sum();
+    println!("{} cells, {} spheres with {n_seen} cells", cells.len(), centers.len());
     println!("{} points without class; points of each class {counts:?}", report.n_unseen);
 }
