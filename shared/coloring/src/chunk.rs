@@ -61,7 +61,7 @@ impl Chunk {
         self.finish();
     }
 
-    /// Adds a point with its [`time`]. Panics if there are already [`CHUNK`].
+    /// Adds a point with the time of its shot, s after the origin. Panics if there are already [`CHUNK`].
     pub fn push(&mut self, point: &SubmapPoint, time: f32) {
         let i = self.n_points;
         (self.x[i], self.y[i], self.z[i], self.times[i]) = (point.x, point.y, point.z, time);
