@@ -117,11 +117,11 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
         experiment.name()
     );
     let (mut sum, mut columns): (f64, Vec<&str>) = (0.0, Vec::new());
-    recipes.iter().for_each(|recipe| {
+    for recipe in recipes {
         if !columns.contains(&recipe.column.as_str()) {
             columns.push(&recipe.column);
         }
-    });
+    }
     for column in columns {
         let of_column: Vec<&Recipe> = recipes.iter().filter(|recipe| recipe.column == column).collect();
         let (mut done, mut seconds, mut left) = (Vec::new(), 0.0, Vec::new());

@@ -38,8 +38,9 @@ impl Recipe {
     /// Filters of the first level.
     pub fn filters(&self) -> usize {
         match &self.network {
-            NetworkSpec::Unet { widths, .. } => widths.first().copied().unwrap_or(0),
-            _ => 0,
+            NetworkSpec::Unet { widths, .. } | NetworkSpec::SphericalDz { widths, .. } => {
+                widths.first().copied().unwrap_or(0)
+            }
         }
     }
 }

@@ -64,7 +64,7 @@ impl Store {
     pub fn set_aside(&self, recipe: &Recipe, reason: &str) -> anyhow::Result<String> {
         let (name, folder) = (recipe.name(), self.folder.join(recipe.name()));
         let old = |n: usize| self.folder.join(format!("{name}.old-{n}"));
-        let free = (1..).map(old).find(|path| !path.exists()).context("all names are taken")?;
+        let free = (1..10_000).map(old).find(|path| !path.exists()).context("all names are taken")?;
         fs::rename(&folder, &free).with_context(|| format!("cannot rename {}", folder.display()))?;
         Ok(format!("{name}: the stored training is not used ({reason}); moved to {}", free.display()))
     }

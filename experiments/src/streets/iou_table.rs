@@ -88,15 +88,18 @@ pub fn iou_table(columns: &[Column<'_>], n_shared: usize) -> String {
     text
 }
 
+type Score = fn(&ClassScores) -> Option<f64>;
+
+/// Precision, recall, IoU.
+const SCORES: [Score; 3] = [|scores| scores.precision, |scores| scores.recall, |scores| scores.iou];
+
 /// Precision, recall and IoU of each class in percent, mean over the seeds, for each column: the form of tables 6.4, 6.5 and 6.7.
 pub fn precision_table(columns: &[Column<'_>]) -> String {
     let mut text = String::from("| class |");
-    columns.iter().for_each(|column| {
+    for column in columns {
         let _ = write!(text, " {} P | R | IoU |", column.name);
-    });
+    }
     let _ = writeln!(text, "\n|---|{}", "---|".repeat(3 * columns.len()));
-    type Score = fn(&ClassScores) -> Option<f64>;
-    const SCORES: [Score; 3] = [|scores| scores.precision, |scores| scores.recall, |scores| scores.iou];
     // Scores of a class without predictions are 0, as in the thesis.
     let values = |column: &Column<'_>, score: Score, class: ClassId| -> Vec<f64> {
         let of = |outcome: &&Outcome| {

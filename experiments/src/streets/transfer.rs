@@ -43,7 +43,7 @@ impl Experiment for Transfer {
         let target = |(n_drives, seed, method): (u64, u64, &Method)| {
             let column = format!("{} sweeps", 4 * n_drives);
             let mut recipe = recipe((loss, &column), (StreetData::Rural(n_drives), &ALL), seed);
-            recipe.row = method.name.to_owned();
+            method.name.clone_into(&mut recipe.row);
             recipe.start = method.is_transferred.then(|| Box::new(source(seed)));
             recipe.frozen = method.frozen.unwrap_or_default().iter().map(|&prefix| prefix.to_owned()).collect();
             if method.frozen.is_none() {
@@ -67,7 +67,7 @@ impl Experiment for Transfer {
         for n_drives in TARGETS {
             let name = format!("{} sweeps", 4 * n_drives);
             let of_target = columns(results, |recipe| (recipe.column == name).then(|| recipe.row.clone()));
-            text += &format!("{name}:\n\n{}\n", iou_table(&of_target, ALL.len()));
+            text += &[name.as_str(), ":\n\n", &iou_table(&of_target, ALL.len()), "\n"].concat();
         }
         let best = |recipe: &Recipe| {
             let is_shown = recipe.column != SOURCE && matches!(recipe.row.as_str(), "nothing frozen" | "no transfer");

@@ -139,7 +139,9 @@ impl Variables {
             let fan_in = values.len() / gains.len();
             for (filter, gain) in values.chunks_exact_mut(fan_in).zip(gains) {
                 let norm = center(filter);
-                filter.iter_mut().for_each(|value| *value *= gain / norm);
+                for value in filter {
+                    *value *= gain / norm;
+                }
             }
             weights.tensors.insert(weight_name, (shape, values));
             let bias = self.vars[&bias_name].to_vec1::<f32>()?;
@@ -188,6 +190,8 @@ fn center(filter: &mut [f32]) -> f32 {
 fn subtract_mean(values: &mut [f32]) {
     if values.len() > 1 {
         let mean = (values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64) as f32;
-        values.iter_mut().for_each(|value| *value -= mean);
+        for value in values {
+            *value -= mean;
+        }
     }
 }
