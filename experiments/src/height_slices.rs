@@ -2,11 +2,13 @@
 //! vegetation). As in the thesis the ground is removed first (by ground segmentation, not by ground truth), and poles count as
 //! background.
 
-use crate::loss_table::{Task, losses, settings, weights};
+use crate::experiment::{Experiment, Results};
+use crate::loss_table::{loss, table_of_losses};
+use crate::recipe::{Recipe, settings, unet};
+use crate::task::Task;
 use messages::ClassId;
 use random::Random;
 use segmentation::engine::{Border, Planes};
-use segmentation::network::NetworkSpec;
 use segmentation::{ModelInput, ground};
 use simulation::Town;
 use std::ops::RangeInclusive;
@@ -17,6 +19,7 @@ use training::{Dataset, Example};
 /// A range of heights above the ground, m, and the classes to distinguish in it.
 #[derive(Clone, Copy)]
 pub struct HeightSlice {
+    name: &'static str,
     from_m: f32,
     to_m: f32,
     classes: [ClassId; 2],
@@ -25,11 +28,21 @@ pub struct HeightSlice {
 }
 
 /// As in section 5.6.3.
-pub const LOW: HeightSlice =
-    HeightSlice { from_m: 0.3, to_m: 2.5, classes: [ClassId::Building, ClassId::Vehicles], n_features: 2 };
+pub const LOW: HeightSlice = HeightSlice {
+    name: "slice-low",
+    from_m: 0.3,
+    to_m: 2.5,
+    classes: [ClassId::Building, ClassId::Vehicles],
+    n_features: 2,
+};
 /// As in section 5.6.3.
-pub const HIGH: HeightSlice =
-    HeightSlice { from_m: 2.5, to_m: 30.0, classes: [ClassId::Building, ClassId::Vegetation], n_features: 3 };
+pub const HIGH: HeightSlice = HeightSlice {
+    name: "slice-high",
+    from_m: 2.5,
+    to_m: 30.0,
+    classes: [ClassId::Building, ClassId::Vegetation],
+    n_features: 3,
+};
 
 /// Pixels per side, and their size, m: 51 m around the vehicle.
 const SIDE: usize = 128;
@@ -124,20 +137,41 @@ fn top_views(seeds: RangeInclusive<u64>, slice: &HeightSlice) -> anyhow::Result<
     Ok(TopViews { views, n_features: slice.n_features })
 }
 
-/// Prints the table of one slice.
-pub fn run(slice: HeightSlice, n_seeds: u64) -> anyhow::Result<()> {
-    let [train, validation, test] =
-        [top_views(TRAIN, &slice)?, top_views(VALIDATION, &slice)?, top_views(TEST, &slice)?];
-    let task = Task {
-        train: &train,
-        validation: &validation,
-        test: &test,
-        spec: NetworkSpec::Unet { inputs: slice.n_features, outputs: 3, widths: vec![8, 16, 32], head: None },
-        shape: (3, 1),
-        border: Border::Zero,
-        tree: Hierarchy::new(vec![0; 3]),
-        settings: settings(12, 2, 2e-3),
-    };
-    let names = ["background", slice.classes[0].name(), slice.classes[1].name()];
-    task.table_of_losses(&losses(weights(&train, 3), &[1.5, 2.0]), &names, n_seeds)
+/// Rows of the tables.
+const LOSSES: [&str; 6] = ["CE", "focal", "Dice", "Jac. 1", "Jac. 1.5", "Jac. 2"];
+
+impl Experiment for HeightSlice {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
+        let recipe = |(seed, row): (u64, &str)| Recipe {
+            row: row.to_owned(),
+            column: self.name.replace('-', " "),
+            data: format!(
+                "top views of urban drives {TRAIN:?} to learn, {VALIDATION:?} to validate, {TEST:?} to score"
+            ),
+            network: unet(self.n_features, 3, 8),
+            frozen: Vec::new(),
+            start: None,
+            settings: settings(2, 2e-3, loss(row), seed),
+        };
+        (0..n_seeds).flat_map(|seed| LOSSES.map(|row| (seed, row))).map(recipe).collect()
+    }
+    fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
+        Ok(Task {
+            train: Box::new(top_views(TRAIN, self)?),
+            validation: Box::new(top_views(VALIDATION, self)?),
+            tests: vec![("urban", Box::new(top_views(TEST, self)?))],
+            shape: (3, 1),
+            border: Border::Zero,
+            tree: Hierarchy::new(vec![0; 3]),
+        })
+    }
+    fn cpu_seconds(&self, _: &Recipe) -> f64 {
+        60.0
+    }
+    fn table(&self, results: &Results) -> String {
+        table_of_losses(results)
+    }
 }

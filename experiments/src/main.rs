@@ -1,64 +1,119 @@
-//! Claims of the thesis, repeated on own data. Each prints one or two tables and takes minutes.
-//! Results: `experiments/README.md`.
+//! Claims of the thesis, repeated on own data. Results: `experiments/README.md`.
 //!
-//! `cargo run --release -p experiments -- mnist-binary` runs one; `--help` lists all.
+//! `cargo run --release -p experiments -- mnist-binary` trains what is not finished and prints the table; `--help` lists all tables.
 
+mod experiment;
 mod height_slices;
 mod loss_table;
 mod mnist;
+mod one_training;
+mod outcome;
 mod power_jaccard_minimum;
+mod recipe;
+mod statistics;
+mod store;
 mod streets;
+mod task;
+#[cfg(test)]
+mod tests;
 
+use anyhow::ensure;
 use clap::{Parser, ValueEnum};
+use experiment::{Experiment, Job, print_plan, run};
+use one_training::Budget;
+use std::path::PathBuf;
+use store::Store;
+use streets::StreetTable;
 
 /// Repeat a claim of the thesis on own data and print its table.
 #[derive(Parser)]
 #[command(name = "experiments")]
 struct Args {
-    /// The experiment
-    #[arg(value_enum)]
-    experiment: Experiment,
-    /// Number of trainings per row; seed N of a training is N - 1
-    #[arg(default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
-    seeds: u64,
+    /// The table; with --plan, all tables if none is named
+    #[arg(value_enum, required_unless_present = "plan")]
+    table: Option<Table>,
+    /// Trainings per cell; seed N of a training is N - 1 [default: 3, 5]
+    seeds: Option<u64>,
+    /// Folder of results and checkpoints; a second start continues
+    #[arg(long, default_value = "out/experiments")]
+    out: PathBuf,
+    /// CPU hours after which training stops with a checkpoint
+    #[arg(long)]
+    budget_hours: Option<f64>,
+    /// Part I of N of the trainings, for example 2/4
+    #[arg(long, default_value = "1/1")]
+    job: Job,
+    /// Threads; results do not depend on their number
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Print the number of trainings and their CPU hours only
+    #[arg(long)]
+    plan: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Experiment {
-    /// Minimum of the Power Jaccard loss of a pixel (section 5.5.3, figure 5.4); no data.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Table {
+    /// Minimum of the Power Jaccard loss (section 5.5.3); no data
     Minimum,
-    /// Losses on MNIST, digit or background (table 5.1); data: mnist/ of the real data.
+    /// Losses on MNIST, digit or background (table 5.1)
     MnistBinary,
-    /// Losses on MNIST, ten digits and background (table 5.2); data: mnist/ of the real data.
+    /// Losses on MNIST, ten digits and background (table 5.2)
     MnistMulticlass,
-    /// Losses on the low height slice (table 5.6); data: top views of simulated towns.
+    /// Losses on the low height slice (table 5.6)
     SliceLow,
-    /// Losses on the high height slice (table 5.7); data: top views of simulated towns.
+    /// Losses on the high height slice (table 5.7)
     SliceHigh,
-    /// Transfer to another sensor and kind of town (table 6.6); data: simulated sweeps.
+    /// Scores by class in two kinds of towns (form of tables 6.4, 6.5)
+    Towns,
+    /// Transfer to another sensor and kind of town (tables 6.6, 6.7)
     Transfer,
-    /// Hierarchical loss (tables 6.9 and 6.10); data: simulated sweeps.
-    Hierarchy,
-    /// Models of fewer classes (table 6.8); data: simulated sweeps.
+    /// Models of fewer classes (table 6.8)
     Specialized,
-    /// Color as an additional input (table 6.12); data: simulated sweeps.
+    /// Hierarchical loss (tables 6.9, 6.10)
+    Hierarchy,
+    /// Color as an additional input (table 6.12)
     Color,
 }
 
-fn main() -> anyhow::Result<()> {
-    let Args { experiment, seeds } = Args::parse();
-    match experiment {
-        Experiment::Minimum => {
-            power_jaccard_minimum::run();
-            Ok(())
-        }
-        Experiment::MnistBinary => mnist::run(true, seeds),
-        Experiment::MnistMulticlass => mnist::run(false, seeds),
-        Experiment::SliceLow => height_slices::run(height_slices::LOW, seeds),
-        Experiment::SliceHigh => height_slices::run(height_slices::HIGH, seeds),
-        Experiment::Transfer => streets::transfer::run(seeds),
-        Experiment::Hierarchy => streets::hierarchy(seeds),
-        Experiment::Specialized => streets::specialized(seeds),
-        Experiment::Color => streets::color(seeds),
+impl Table {
+    /// The experiment, and its number of seeds. `None`: nothing is trained.
+    fn experiment(self) -> Option<(Box<dyn Experiment>, u64)> {
+        Some(match self {
+            Self::Minimum => return None,
+            Self::MnistBinary => (Box::new(mnist::Mnist { is_binary: true }), 5),
+            Self::MnistMulticlass => (Box::new(mnist::Mnist { is_binary: false }), 5),
+            Self::SliceLow => (Box::new(height_slices::LOW), 5),
+            Self::SliceHigh => (Box::new(height_slices::HIGH), 5),
+            Self::Towns => (Box::new(StreetTable::towns()), 3),
+            Self::Transfer => (Box::new(streets::transfer::Transfer(streets::Streets::default())), 3),
+            Self::Specialized => (Box::new(StreetTable::specialized()), 3),
+            Self::Hierarchy => (Box::new(StreetTable::hierarchy()), 3),
+            Self::Color => (Box::new(StreetTable::color()), 3),
+        })
     }
+}
+
+fn main() -> anyhow::Result<()> {
+    let Args { table, seeds, out, budget_hours, job, threads, plan } = Args::parse();
+    // Seeds of 9000 and above are for test drives only.
+    ensure!(seeds.is_none_or(|seeds| (1..=1000).contains(&seeds)), "the number of seeds must be 1 to 1000");
+    ensure!(budget_hours.is_none_or(|hours| hours >= 0.0), "--budget-hours must be at least 0");
+    let of_table = |table: Table| -> anyhow::Result<()> {
+        let Some((experiment, default_seeds)) = table.experiment() else {
+            if !plan {
+                power_jaccard_minimum::run();
+            }
+            return Ok(());
+        };
+        let seeds = seeds.unwrap_or(default_seeds);
+        if plan {
+            let store = Store::new(out.join(experiment.name()));
+            return print_plan(experiment.as_ref(), &experiment.recipes(seeds), &store);
+        }
+        run(experiment.as_ref(), &out, seeds, (&Budget::new(budget_hours), job))
+    };
+    // Inside of the pool: a call from outside waits for another thread several times per step.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let tables = table.map_or_else(|| Table::value_variants().to_vec(), |table| vec![table]);
+    pool.install(|| tables.into_iter().try_for_each(of_table))
 }

@@ -1,21 +1,29 @@
 //! Tables 5.1 and 5.2: a U-Net of three levels on MNIST digits. A pixel above half of the full value belongs to the digit. In the
 //! multiclass table its class is the digit; background is a class, too.
 //!
-//! Only the 10 000 test images of MNIST are used: the first ones for training, 200 or 500 others for validation, and 500 others for
-//! testing.
+//! As in the published code of the thesis 1000 images are for training and 200 for validation. Only the 10 000 test images of MNIST
+//! are used: the first ones for training, others for validation, and 500 others for testing.
 
-use crate::loss_table::{Task, losses, settings, weights};
+use crate::experiment::{Experiment, Results};
+use crate::loss_table::{loss, table_of_losses};
+use crate::recipe::{Recipe, settings, unet};
+use crate::task::Task;
 use anyhow::Context;
 use flate2::read::GzDecoder;
 use random::Random;
 use segmentation::engine::{Border, Planes};
-use segmentation::network::NetworkSpec;
 use std::io::{Error, ErrorKind, Read};
+use std::ops::Range;
 use std::path::Path;
-use training::Hierarchy;
-use training::{Dataset, Example};
+use training::{Dataset, Example, Hierarchy};
 
 const SIDE: usize = 28;
+const LOSSES: [&str; 6] = ["CE", "Jac. 1", "Jac. 1.25", "Jac. 1.5", "Jac. 1.75", "Jac. 2"];
+const FILTERS: [usize; 3] = [2, 4, 8];
+const BATCHES: [usize; 3] = [1, 10, 50];
+const TRAIN: Range<usize> = 0..1000;
+const VALIDATION: Range<usize> = 9300..9500;
+const TEST: Range<usize> = 9500..10_000;
 
 /// A data set of images of digits.
 struct Digits {
@@ -51,42 +59,64 @@ fn unzipped(path: &Path, header: usize) -> Result<Vec<u8>, Error> {
         .ok_or_else(|| Error::new(ErrorKind::UnexpectedEof, "shorter than its header"))
 }
 
-fn digits(folder: &Path, range: std::ops::Range<usize>, is_binary: bool) -> Result<Digits, Error> {
-    let pixels = unzipped(&folder.join("t10k-images-idx3-ubyte.gz"), 16)?;
-    let labels = unzipped(&folder.join("t10k-labels-idx1-ubyte.gz"), 8)?;
-    let images = pixels.chunks_exact(SIDE * SIDE).skip(range.start).take(range.len()).map(<[u8]>::to_vec).collect();
-    Ok(Digits { images, digits: labels[range].to_vec(), is_binary })
+/// A table of MNIST: the binary or the multiclass one.
+pub struct Mnist {
+    pub is_binary: bool,
 }
 
-/// Prints table 5.1 (2 and 4 filters, batch of 1) or table 5.2 (8 filters, batch of 10).
-pub fn run(is_binary: bool, n_seeds: u64) -> anyhow::Result<()> {
-    let folder =
-        real_data::find("mnist").context("mnist/ is not in the folder of real data\nhint: see tests/real_data")?;
-    let (n_images, n_validation, n_classes) = if is_binary { (400, 500, 2) } else { (1000, 200, 11) };
-    let train = digits(&folder, 0..n_images, is_binary)?;
-    let validation = digits(&folder, 9500 - n_validation..9500, is_binary)?;
-    let test = digits(&folder, 9500..10_000, is_binary)?;
-    let (filter_counts, settings): (&[usize], _) =
-        if is_binary { (&[2, 4], settings(5, 1, 1e-3)) } else { (&[8], settings(10, 10, 3e-3)) };
-    let names: &[&str] = if is_binary {
-        &["background", "digit"]
-    } else {
-        &["background", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
-    };
-    for &filters in filter_counts {
-        println!("\n{filters} filters\n");
-        let widths = vec![filters, 2 * filters, 4 * filters];
-        let task = Task {
-            train: &train,
-            validation: &validation,
-            test: &test,
-            spec: NetworkSpec::Unet { inputs: 1, outputs: n_classes, widths, head: None },
-            shape: (n_classes, 1),
-            border: Border::Zero,
-            tree: Hierarchy::new(vec![0; n_classes]),
-            settings: settings.clone(),
-        };
-        task.table_of_losses(&losses(weights(&train, n_classes), &[1.25, 1.5, 1.75, 2.0]), names, n_seeds)?;
+impl Mnist {
+    fn n_classes(&self) -> usize {
+        if self.is_binary { 2 } else { 11 }
     }
-    Ok(())
+}
+
+impl Experiment for Mnist {
+    fn name(&self) -> &'static str {
+        if self.is_binary { "mnist-binary" } else { "mnist-multiclass" }
+    }
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
+        let mut recipes = Vec::new();
+        let kinds = FILTERS.into_iter().flat_map(|filters| BATCHES.map(|batch| (filters, batch)));
+        for (filters, batch) in kinds {
+            for (seed, row) in (0..n_seeds).flat_map(|seed| LOSSES.map(|row| (seed, row))) {
+                recipes.push(Recipe {
+                    row: row.to_owned(),
+                    column: format!("{filters} filters, batch {batch}"),
+                    data: format!(
+                        "MNIST test images: {TRAIN:?} to learn, {VALIDATION:?} to validate, {TEST:?} to score"
+                    ),
+                    network: unet(1, self.n_classes(), filters),
+                    frozen: Vec::new(),
+                    start: None,
+                    settings: settings(batch, 1e-3, loss(row), seed),
+                });
+            }
+        }
+        recipes
+    }
+    fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
+        let folder =
+            real_data::find("mnist").context("mnist/ is not in the folder of real data\nhint: see tests/real_data")?;
+        let pixels = unzipped(&folder.join("t10k-images-idx3-ubyte.gz"), 16)?;
+        let labels = unzipped(&folder.join("t10k-labels-idx1-ubyte.gz"), 8)?;
+        let digits = |range: Range<usize>| -> anyhow::Result<Box<dyn Dataset>> {
+            let images = pixels.chunks_exact(SIDE * SIDE).skip(range.start).take(range.len()).map(<[u8]>::to_vec);
+            let digits = labels.get(range).context("mnist/ has less than 10 000 labels")?.to_vec();
+            Ok(Box::new(Digits { images: images.collect(), digits, is_binary: self.is_binary }))
+        };
+        Ok(Task {
+            train: digits(TRAIN)?,
+            validation: digits(VALIDATION)?,
+            tests: vec![("test", digits(TEST)?)],
+            shape: (self.n_classes(), 1),
+            border: Border::Zero,
+            tree: Hierarchy::new(vec![0; self.n_classes()]),
+        })
+    }
+    fn cpu_seconds(&self, _: &Recipe) -> f64 {
+        30.0
+    }
+    fn table(&self, results: &Results) -> String {
+        table_of_losses(results)
+    }
 }

@@ -1,64 +1,172 @@
-//! Tables 6.6, 6.8, 6.9, 6.10 and 6.12 on sweeps of simulated towns, with a small U-Net on range images instead of `KPConv`.
+//! Tables 6.4 to 6.12 on sweeps of simulated towns, with a small U-Net on range images instead of `KPConv`.
 
+mod classes;
 mod ideal_colors;
 mod iou_table;
 mod street_data;
 mod sweep_images;
 pub mod transfer;
 
-use crate::loss_table::mean_and_deviation;
-use iou_table::{ALL, Column, print_iou_table};
+use crate::experiment::{Experiment, Results};
+use crate::loss_table::loss;
+use crate::recipe::{Recipe, settings};
+use crate::statistics::mean_and_deviation;
+use crate::task::Task;
+use anyhow::Context;
+use classes::{ALL, NO_GROUND, NO_GROUND_AND_BUILDINGS};
+use iou_table::{columns, iou_table, precision_table};
 use messages::ClassId;
-use street_data::StreetData;
-use training::Loss;
+use segmentation::network::NetworkSpec;
+use std::cell::RefCell;
+use std::fmt::Write;
+use street_data::{StreetData, Sweeps};
+use sweep_images::{FOLD, N_INPUTS, N_INPUTS_WITH_COLOR};
+use training::TrainSettings;
 
-/// All classes except ground.
-const M2: &[ClassId] = ALL.split_at(10).0;
-/// All classes except ground and buildings.
-const M3: &[ClassId] = ALL.split_at(9).0;
+/// CPU seconds of a training on 80 sweeps until convergence.
+const CPU_SECONDS: f64 = 1500.0;
 
-const POWER_2: Loss = Loss::PowerJaccard { power: 2.0 };
-pub const CE_AND_POWER_2: Loss = Loss::CrossEntropyPowerJaccard { power: 2.0 };
+const HIERARCHICAL: &str = "hierarchical Jac. 2";
 
-/// Prints tables 6.9 and 6.10.
-pub fn hierarchy(n_seeds: u64) -> anyhow::Result<()> {
-    let data = StreetData::urban(false)?;
-    let column = |name, loss, hierarchy| -> anyhow::Result<Column<'_>> {
-        Ok((name, &ALL, data.confusions(&ALL, false, (loss, hierarchy), n_seeds)?))
+/// The recipe of a loss (row) in a column of a table.
+fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId]), seed: u64) -> Recipe {
+    let n_inputs = if data == StreetData::UrbanInColor { N_INPUTS_WITH_COLOR } else { N_INPUTS };
+    let widths = vec![16, 24, 32];
+    Recipe {
+        row: row.to_owned(),
+        column: column.to_owned(),
+        data: format!("{}; {} classes", data.description(), classes.len()),
+        network: NetworkSpec::Unet { inputs: n_inputs, outputs: FOLD * classes.len(), widths, head: None },
+        frozen: Vec::new(),
+        start: None,
+        settings: TrainSettings {
+            average: 0.95,
+            pixels: 12_000,
+            hierarchy: row == HIERARCHICAL,
+            ..settings(2, 4e-3, loss(row), seed)
+        },
+    }
+}
+
+/// The simulated sweeps that were used last: the tables use the same ones for several sets of classes.
+#[derive(Default)]
+pub struct Streets(RefCell<Option<(StreetData, Sweeps)>>);
+
+impl Streets {
+    /// The task of a recipe whose data are one of `all`.
+    fn load(
+        &self,
+        recipe: &Recipe,
+        all: impl IntoIterator<Item = StreetData>,
+        classes: &[ClassId],
+    ) -> anyhow::Result<Task> {
+        let data = all.into_iter().find(|data| recipe.data.starts_with(&data.description()));
+        let data = data.with_context(|| format!("no data of this experiment: {}", recipe.data))?;
+        let mut last = self.0.borrow_mut();
+        if last.as_ref().is_none_or(|(of, _)| *of != data) {
+            *last = Some((data, data.simulate()?));
+        }
+        let (_, sweeps) = last.as_ref().context("sweeps are simulated above")?;
+        Ok(sweeps.task(classes, data == StreetData::UrbanInColor))
+    }
+}
+
+/// One kind of training of a table: row, column, data, classes.
+type Kind = (&'static str, &'static str, StreetData, &'static [ClassId]);
+
+/// A table of trainings that differ in losses, classes or color.
+pub struct StreetTable {
+    name: &'static str,
+    kinds: &'static [Kind],
+    table: fn(&Results) -> String,
+    streets: Streets,
+}
+
+impl StreetTable {
+    /// Tables 6.4 and 6.5 in form: training and test in urban and in rural towns.
+    pub fn towns() -> Self {
+        const KINDS: [Kind; 2] =
+            [("CE + Jac. 2", "urban", StreetData::Urban, &ALL), ("CE + Jac. 2", "rural", StreetData::Rural(20), &ALL)];
+        let table = |results: &Results| precision_table(&columns(results, |recipe| Some(recipe.column.clone())));
+        Self { name: "towns", kinds: &KINDS, table, streets: Streets::default() }
+    }
+    /// Table 6.8.
+    pub fn specialized() -> Self {
+        const KINDS: [Kind; 3] = [
+            ("CE + Jac. 2", "M1", StreetData::Urban, &ALL),
+            ("CE + Jac. 2", "M2", StreetData::Urban, NO_GROUND),
+            ("CE + Jac. 2", "M3", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
+        ];
+        let table = |results: &Results| {
+            iou_table(&columns(results, |recipe| Some(recipe.column.clone())), NO_GROUND_AND_BUILDINGS.len())
+        };
+        Self { name: "specialized", kinds: &KINDS, table, streets: Streets::default() }
+    }
+    /// Tables 6.9 and 6.10.
+    pub fn hierarchy() -> Self {
+        const KINDS: [Kind; 4] = [
+            ("CE", "losses", StreetData::Urban, &ALL),
+            ("CE + Jac. 2", "losses", StreetData::Urban, &ALL),
+            ("Jac. 2", "losses", StreetData::Urban, &ALL),
+            (HIERARCHICAL, "losses", StreetData::Urban, &ALL),
+        ];
+        Self { name: "hierarchy", kinds: &KINDS, table: hierarchy_table, streets: Streets::default() }
+    }
+    /// Table 6.12.
+    pub fn color() -> Self {
+        const KINDS: [Kind; 8] = [
+            ("Jac. 2", "P1", StreetData::Urban, NO_GROUND_AND_BUILDINGS),
+            ("Jac. 2", "P2", StreetData::Urban, NO_GROUND),
+            ("Jac. 2", "P3", StreetData::Urban, &ALL),
+            (HIERARCHICAL, "P4", StreetData::Urban, &ALL),
+            ("Jac. 2", "P1 RGB", StreetData::UrbanInColor, NO_GROUND_AND_BUILDINGS),
+            ("Jac. 2", "P2 RGB", StreetData::UrbanInColor, NO_GROUND),
+            ("Jac. 2", "P3 RGB", StreetData::UrbanInColor, &ALL),
+            (HIERARCHICAL, "P4 RGB", StreetData::UrbanInColor, &ALL),
+        ];
+        let table = |results: &Results| iou_table(&columns(results, |recipe| Some(recipe.column.clone())), ALL.len());
+        Self { name: "color", kinds: &KINDS, table, streets: Streets::default() }
+    }
+}
+
+impl Experiment for StreetTable {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
+        let of_kind = |seed| {
+            self.kinds.iter().map(move |&(row, column, data, classes)| recipe((row, column), (data, classes), seed))
+        };
+        (0..n_seeds).flat_map(of_kind).collect()
+    }
+    fn load(&self, recipe: &Recipe) -> anyhow::Result<Task> {
+        let kind = self.kinds.iter().find(|(row, column, ..)| recipe.row == *row && recipe.column == *column);
+        let &(_, _, data, classes) = kind.with_context(|| format!("no training of this table: {}", recipe.name()))?;
+        self.streets.load(recipe, [data], classes)
+    }
+    fn cpu_seconds(&self, _: &Recipe) -> f64 {
+        CPU_SECONDS
+    }
+    fn table(&self, results: &Results) -> String {
+        (self.table)(results)
+    }
+}
+
+/// The losses, and the gain of the hierarchical one over the same loss without hierarchy.
+fn hierarchy_table(results: &Results) -> String {
+    let mut text = iou_table(&columns(results, |recipe| Some(recipe.row.clone())), ALL.len());
+    let percent = |row: &str, seed: u64| {
+        let found = results.iter().find(|(recipe, _)| recipe.row == row && recipe.settings.seed == seed);
+        found.map(|(_, outcome)| 100.0 * outcome.mean_iou())
     };
-    let columns = [
-        column("CE", &Loss::CrossEntropy, false)?,
-        column("CE + Jac. 2", &CE_AND_POWER_2, false)?,
-        column("Jac. 2", &POWER_2, false)?,
-        column("hierarchical Jac. 2", &POWER_2, true)?,
-    ];
-    print_iou_table(&columns, &ALL);
-    let percents =
-        |column: &Column<'_>| column.2.iter().map(|c| 100.0 * c.mean_iou().unwrap_or(0.0)).collect::<Vec<_>>();
+    let seeds = results.iter().filter(|(recipe, _)| recipe.row == HIERARCHICAL).map(|(recipe, _)| recipe.settings.seed);
     let gains: Vec<f64> =
-        percents(&columns[3]).iter().zip(percents(&columns[2])).map(|(with, flat)| with - flat).collect();
-    let (mean, deviation) = mean_and_deviation(&gains);
-    let error = deviation / (gains.len() as f64 - 1.0).sqrt();
-    println!("\nGain of the hierarchy by seed: {gains:.1?}, mean {mean:.1} with a standard error of {error:.1}");
-    Ok(())
-}
-
-/// Prints table 6.8.
-pub fn specialized(n_seeds: u64) -> anyhow::Result<()> {
-    let data = StreetData::urban(false)?;
-    let column = |name, classes| -> anyhow::Result<Column<'_>> {
-        Ok((name, classes, data.confusions(classes, false, (&CE_AND_POWER_2, false), n_seeds)?))
-    };
-    print_iou_table(&[column("M1", &ALL)?, column("M2", M2)?, column("M3", M3)?], M3);
-    Ok(())
-}
-
-/// Prints table 6.12, column P3, with cross-entropy added to the thesis' Jac. 2: alone it learns too slowly for these short trainings.
-pub fn color(n_seeds: u64) -> anyhow::Result<()> {
-    let data = StreetData::urban(true)?;
-    let column = |name, with_color| -> anyhow::Result<Column<'_>> {
-        Ok((name, &ALL, data.confusions(&ALL, with_color, (&CE_AND_POWER_2, false), n_seeds)?))
-    };
-    print_iou_table(&[column("geometry", false)?, column("geometry and RGB", true)?], &ALL);
-    Ok(())
+        seeds.filter_map(|seed| Some(percent(HIERARCHICAL, seed)? - percent("Jac. 2", seed)?)).collect();
+    if gains.len() > 1 {
+        let (mean, deviation) = mean_and_deviation(&gains);
+        let error = deviation / (gains.len() as f64 - 1.0).sqrt();
+        let _ =
+            writeln!(text, "\nGain of the hierarchy by seed: {gains:.1?}, mean {mean:.1}, standard error {error:.1}");
+    }
+    text
 }

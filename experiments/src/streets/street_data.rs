@@ -1,73 +1,95 @@
-//! The data sets of the street experiments, and the trainings on them.
+//! The data sets of the street experiments.
 
-use super::sweep_images::{self, FOLD, N_INPUTS, N_INPUTS_WITH_COLOR, SensorScenario, SweepDataset, TownSweep};
-use crate::loss_table::{Task, settings};
+use super::sweep_images::{self, FOLD, SensorScenario, SweepDataset, TownSweep};
+use crate::task::Task;
 use messages::ClassId;
-use scores::Confusion;
 use segmentation::engine::Border;
-use segmentation::network::NetworkSpec;
+use simulation::Town;
 use std::ops::RangeInclusive;
-use training::TrainSettings;
-use training::{Hierarchy, Loss};
+use std::sync::Arc;
+use town_sweeps::Mount;
+use training::{Dataset, Hierarchy};
 
-/// Sweeps for training, validation and testing.
-pub struct StreetData {
-    pub train: Vec<TownSweep>,
-    validation: Vec<TownSweep>,
-    test: Vec<TownSweep>,
+/// Drives for validation; two sweeps of each.
+const VALIDATION: RangeInclusive<u64> = 2001..=2006;
+/// Drives that are only scored; three sweeps of each.
+const TEST: RangeInclusive<u64> = 9501..=9508;
+/// Sweeps of a training drive.
+const N_SWEEPS: usize = 4;
+
+/// Simulated sweeps to learn, to validate and to score.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreetData {
+    /// Urban towns, the tilted HDL-32E of the L3D2 vehicle.
+    Urban,
+    /// The same with colors.
+    UrbanInColor,
+    /// Urban towns, an upright HDL-64E as on KITTI's vehicle.
+    UrbanUpright,
+    /// Rural towns, the sensor of the L3D2 vehicle; number of drives to learn.
+    Rural(u64),
 }
 
 impl StreetData {
-    /// Simulates `n` sweeps of each training drive, and sweeps of fixed validation and test drives. The test drives are not used for
-    /// training or validation.
-    pub fn simulate(scenery: SensorScenario, seeds: RangeInclusive<u64>, n: usize) -> anyhow::Result<Self> {
-        Ok(Self {
-            train: sweep_images::simulate(scenery, seeds, n)?,
-            validation: sweep_images::simulate(scenery, 2001..=2006, 2)?,
-            test: sweep_images::simulate(scenery, 9501..=9508, 3)?,
+    pub fn description(self) -> String {
+        let name = match self {
+            Self::Urban => "urban, HDL-32E",
+            Self::UrbanInColor => "urban, HDL-32E, color",
+            Self::UrbanUpright => "urban, upright HDL-64E",
+            Self::Rural(_) => "rural, HDL-32E",
+        };
+        let train = self.train();
+        format!(
+            "{name}: {N_SWEEPS} sweeps each of drives {train:?} to learn, {VALIDATION:?} to validate, {TEST:?} to score"
+        )
+    }
+    fn train(self) -> RangeInclusive<u64> {
+        match self {
+            Self::Rural(n_drives) => 601..=600 + n_drives,
+            _ => 501..=520,
+        }
+    }
+    fn scenario(self) -> SensorScenario {
+        match self {
+            Self::Urban => SensorScenario::URBAN,
+            Self::UrbanInColor => SensorScenario { with_color: true, ..SensorScenario::URBAN },
+            Self::UrbanUpright => SensorScenario { mount: Mount::Kitti, ..SensorScenario::URBAN },
+            Self::Rural(_) => SensorScenario { town: Town::Rural, ..SensorScenario::URBAN },
+        }
+    }
+    pub fn simulate(self) -> anyhow::Result<Sweeps> {
+        let of = |seeds, n| Ok::<_, anyhow::Error>(Arc::new(sweep_images::simulate(self.scenario(), seeds, n)?));
+        Ok(Sweeps {
+            train: of(self.train(), N_SWEEPS)?,
+            validation: of(VALIDATION, 2)?,
+            test: of(TEST, 3)?,
+            scene: if matches!(self, Self::Rural(_)) { "rural" } else { "urban" },
         })
     }
+}
 
-    /// The data of tables 6.8 to 6.12.
-    pub fn urban(with_color: bool) -> anyhow::Result<Self> {
-        Self::simulate(SensorScenario { with_color, ..SensorScenario::URBAN }, 501..=520, 4)
-    }
+/// Simulated sweeps.
+#[derive(Clone)]
+pub struct Sweeps {
+    train: Arc<Vec<TownSweep>>,
+    validation: Arc<Vec<TownSweep>>,
+    test: Arc<Vec<TownSweep>>,
+    scene: &'static str,
+}
 
-    /// Calls `f` with the task of distinguishing these classes, trained for `epochs` epochs.
-    pub fn with_task<T>(
-        &self,
-        classes: &[ClassId],
-        with_color: bool,
-        epochs: usize,
-        f: impl FnOnce(&Task<'_>) -> anyhow::Result<T>,
-    ) -> anyhow::Result<T> {
-        let [train, validation, test] =
-            [&self.train, &self.validation, &self.test].map(|sweeps| SweepDataset::new(sweeps, classes, with_color));
-        f(&Task {
-            train: &train,
-            validation: &validation,
-            test: &test,
-            spec: NetworkSpec::Unet {
-                inputs: if with_color { N_INPUTS_WITH_COLOR } else { N_INPUTS },
-                outputs: FOLD * classes.len(),
-                widths: vec![16, 24, 32],
-                head: None,
-            },
+impl Sweeps {
+    /// The task of distinguishing these classes, with colors as input or without.
+    pub fn task(&self, classes: &[ClassId], with_color: bool) -> Task {
+        let data = |sweeps: &Arc<Vec<TownSweep>>| -> Box<dyn Dataset> {
+            Box::new(SweepDataset::new(Arc::clone(sweeps), classes, with_color))
+        };
+        Task {
+            train: data(&self.train),
+            validation: data(&self.validation),
+            tests: vec![(self.scene, data(&self.test))],
             shape: (classes.len(), FOLD),
             border: Border::Circular,
             tree: Hierarchy::of_classes(classes),
-            settings: TrainSettings { average: 0.95, pixels: 12_000, patience: 100, ..settings(epochs, 2, 4e-3) },
-        })
-    }
-
-    /// The confusion matrix on the test set for each seed.
-    pub fn confusions(
-        &self,
-        classes: &[ClassId],
-        with_color: bool,
-        (loss, hierarchy): (&Loss, bool),
-        n_seeds: u64,
-    ) -> anyhow::Result<Vec<Confusion>> {
-        self.with_task(classes, with_color, 12, |task| task.confusions(loss, hierarchy, n_seeds))
+        }
     }
 }

@@ -10,6 +10,7 @@ use segmentation::spherical::{Features, N_FEATURES, PolarImage, PolarPixel, feat
 use segmentation::{ModelInput, ground};
 use simulation::Town;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 use town_sweeps::{Mount, TownDrive};
 use training::{Dataset, Example, UNKNOWN};
 
@@ -74,21 +75,21 @@ pub fn simulate(scenario: SensorScenario, seeds: RangeInclusive<u64>, n: usize) 
 }
 
 /// A data set of sweeps for some classes. Points of other classes are removed.
-pub struct SweepDataset<'a> {
-    sweeps: &'a [TownSweep],
+pub struct SweepDataset {
+    sweeps: Arc<Vec<TownSweep>>,
     /// By class id.
     output_of_class: Vec<u8>,
     with_color: bool,
 }
 
-impl<'a> SweepDataset<'a> {
-    pub fn new(sweeps: &'a [TownSweep], classes: &[ClassId], with_color: bool) -> Self {
+impl SweepDataset {
+    pub fn new(sweeps: Arc<Vec<TownSweep>>, classes: &[ClassId], with_color: bool) -> Self {
         let output = |class: &ClassId| classes.iter().position(|of| of == class).map_or(UNKNOWN, |i| i as u8);
         Self { sweeps, output_of_class: ClassId::ALL.iter().map(output).collect(), with_color }
     }
 }
 
-impl Dataset for SweepDataset<'_> {
+impl Dataset for SweepDataset {
     fn len(&self) -> usize {
         self.sweeps.len()
     }

@@ -1,21 +1,12 @@
-//! Table 6.6: transfer of a model to another sensor and another kind of town.
+//! Tables 6.6 and 6.7: transfer of a model to another sensor and another kind of town.
 
-use super::CE_AND_POWER_2;
-use super::iou_table::{ALL, Column, print_iou_table};
+use super::classes::ALL;
+use super::iou_table::{columns, iou_table, precision_table};
 use super::street_data::StreetData;
-use super::sweep_images::SensorScenario;
-use crate::loss_table::{Task, mean_and_deviation};
-use scores::Confusion;
-use segmentation::network::Weights;
-use simulation::Town;
-use town_sweeps::Mount;
-use training::Variables;
-use training::{TrainSettings, Trainer};
-
-/// An upright HDL-64E, mounted as KITTI's.
-const SOURCE: SensorScenario = SensorScenario { mount: Mount::Kitti, ..SensorScenario::URBAN };
-/// The tilted HDL-32E of the L3D2 vehicle.
-const TARGET: SensorScenario = SensorScenario { town: Town::Rural, ..SensorScenario::URBAN };
+use super::{Streets, recipe};
+use crate::experiment::{Experiment, Results};
+use crate::recipe::Recipe;
+use crate::task::Task;
 
 /// A method to train a model for the target.
 struct Method {
@@ -34,55 +25,54 @@ const METHODS: [Method; 5] = [
     Method { name: "no transfer", is_transferred: false, frozen: Some(&[]) },
 ];
 
-/// Number of training drives of the target, with four sweeps each, and number of epochs: 240 and 480 steps.
-const TARGETS: [(u64, usize); 2] = [(2, 60), (20, 12)];
+/// Numbers of training drives of the target, with four sweeps each.
+const TARGETS: [u64; 2] = [2, 20];
 
-/// Prints table 6.6.
-pub fn run(n_seeds: u64) -> anyhow::Result<()> {
-    let source = StreetData::simulate(SOURCE, 501..=520, 4)?;
-    let learn = |task: &Task<'_>| -> anyhow::Result<Vec<Weights>> {
-        let of_seed =
-            |seed| Ok(task.trained(settings(task, seed), Variables::random(&task.spec, seed)?, &[])?.best().clone());
-        (0..n_seeds).map(of_seed).collect()
-    };
-    let sources = source.with_task(&ALL, false, 12, learn)?;
-    for (n_drives, epochs) in TARGETS {
-        let target = StreetData::simulate(TARGET, 601..=600 + n_drives, 4)?;
-        println!("{} sweeps:\n", target.train.len());
-        target.with_task(&ALL, false, epochs, |task| table(task, &sources))?;
-        println!();
+const SOURCE: &str = "source";
+
+/// Tables 6.6 and 6.7.
+pub struct Transfer(pub Streets);
+
+impl Experiment for Transfer {
+    fn name(&self) -> &'static str {
+        "transfer"
     }
-    Ok(())
-}
-
-fn settings(task: &Task<'_>, seed: u64) -> TrainSettings {
-    TrainSettings { seed, loss: CE_AND_POWER_2, ..task.settings.clone() }
-}
-
-/// Prints one column per method. The last row is the epoch with the best validation.
-fn table(task: &Task<'_>, sources: &[Weights]) -> anyhow::Result<()> {
-    let (mut columns, mut passes): (Vec<Column<'_>>, Vec<String>) = (Vec::new(), Vec::new());
-    for Method { name, is_transferred, frozen } in METHODS {
-        let of_seed = |(seed, source): (u64, &Weights)| -> anyhow::Result<(Confusion, f64)> {
-            let variables = if is_transferred {
-                Variables::from_weights(&task.spec, source)?
-            } else {
-                Variables::random(&task.spec, seed)?
-            };
-            let trainer = match frozen {
-                Some(frozen) => task.trained(settings(task, seed), variables, frozen)?,
-                None => Trainer::new(settings(task, seed), variables, task.shape, task.border, task.tree.clone())?,
-            };
-            let (_, confusion) = trainer.best_trainer()?.evaluate(task.test)?;
-            Ok((confusion, trainer.curves().best().map_or(0.0, |(epoch, _)| 1.0 + epoch as f64)))
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
+        let loss = "CE + Jac. 2";
+        let source = |seed| recipe((loss, SOURCE), (StreetData::UrbanUpright, &ALL), seed);
+        let target = |(n_drives, seed, method): (u64, u64, &Method)| {
+            let column = format!("{} sweeps", 4 * n_drives);
+            let mut recipe = recipe((loss, &column), (StreetData::Rural(n_drives), &ALL), seed);
+            method.name.clone_into(&mut recipe.row);
+            recipe.start = method.is_transferred.then(|| Box::new(source(seed)));
+            recipe.frozen = method.frozen.unwrap_or_default().iter().map(|&prefix| prefix.to_owned()).collect();
+            if method.frozen.is_none() {
+                recipe.settings.epochs = 0;
+            }
+            recipe
         };
-        let results = (0..).zip(sources).map(of_seed).collect::<anyhow::Result<Vec<_>>>()?;
-        let (confusions, best): (Vec<Confusion>, Vec<f64>) = results.into_iter().unzip();
-        passes.push(format!("{:.1}", mean_and_deviation(&best).0));
-        columns.push((name, &ALL, confusions));
-        eprintln!("{name} is done");
+        let kinds =
+            TARGETS.iter().flat_map(|&n| (0..n_seeds).flat_map(move |seed| METHODS.iter().map(move |m| (n, seed, m))));
+        (0..n_seeds).map(source).chain(kinds.map(target)).collect()
     }
-    print_iou_table(&columns, &ALL);
-    println!("| best epoch | {} |", passes.join(" | "));
-    Ok(())
+    fn load(&self, recipe: &Recipe) -> anyhow::Result<Task> {
+        let all = [StreetData::UrbanUpright].into_iter().chain(TARGETS.map(StreetData::Rural));
+        self.0.load(recipe, all, &ALL)
+    }
+    fn cpu_seconds(&self, recipe: &Recipe) -> f64 {
+        if recipe.settings.epochs == 0 { 1.0 } else { super::CPU_SECONDS }
+    }
+    fn table(&self, results: &Results) -> String {
+        let mut text = String::new();
+        for n_drives in TARGETS {
+            let name = format!("{} sweeps", 4 * n_drives);
+            let of_target = columns(results, |recipe| (recipe.column == name).then(|| recipe.row.clone()));
+            text += &[name.as_str(), ":\n\n", &iou_table(&of_target, ALL.len()), "\n"].concat();
+        }
+        let best = |recipe: &Recipe| {
+            let is_shown = recipe.column != SOURCE && matches!(recipe.row.as_str(), "nothing frozen" | "no transfer");
+            is_shown.then(|| format!("{}, {}", recipe.row, recipe.column))
+        };
+        text + "Table 6.7:\n\n" + &precision_table(&columns(results, best))
+    }
 }

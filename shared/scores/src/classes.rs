@@ -36,8 +36,15 @@ impl Confusion {
     /// # Panics
     /// If a class is not below the number of classes.
     pub fn add(&mut self, truth: usize, predicted: usize) {
+        self.add_n(truth, predicted, 1);
+    }
+    /// Adds `n` points.
+    ///
+    /// # Panics
+    /// If a class is not below the number of classes.
+    pub fn add_n(&mut self, truth: usize, predicted: usize, n: u64) {
         assert!(truth < self.n_classes && predicted < self.n_classes, "class {truth} or {predicted}");
-        self.counts[truth * self.n_classes + predicted] += 1;
+        self.counts[truth * self.n_classes + predicted] += n;
     }
     /// Adds another matrix.
     ///

@@ -116,17 +116,10 @@ impl Variables {
     pub fn spec(&self) -> &NetworkSpec {
         &self.spec
     }
-    /// The standardized filter of a layer.
-    fn weight(&self, layer: &Layer) -> Result<Tensor, TrainingError> {
-        let [raw, gain] = ["raw", "gain"].map(|kind| &self.vars[&format!("{}.{kind}", layer.name)]);
-        let n_out = layer.shape.out_channels;
-        let rows = raw.reshape((n_out, ()))?;
-        let fan_in = rows.dim(1)? as f64;
-        let centered = if fan_in > 1.0 { rows.broadcast_sub(&rows.mean_keepdim(1)?)? } else { rows };
-        let variance = centered.sqr()?.mean_keepdim(1)?;
-        let scale = ((variance + MIN_VARIANCE)? * fan_in)?.sqrt()?.recip()?;
-        let scale = scale.mul(&gain.reshape((n_out, 1))?)?;
-        Ok(centered.broadcast_mul(&scale)?.reshape(raw.shape())?)
+    /// Raw filters of a layer, one after the other, and their gains.
+    fn raw_and_gains(&self, layer: &Layer) -> Result<[Vec<f32>; 2], TrainingError> {
+        let [raw, gains] = ["raw", "gain"].map(|kind| &self.vars[&format!("{}.{kind}", layer.name)]);
+        Ok([raw.flatten_all()?.to_vec1()?, gains.to_vec1()?])
     }
     /// The current standardized filters and biases.
     ///
@@ -136,7 +129,14 @@ impl Variables {
         let mut weights = Weights::default();
         for layer in self.spec.layers() {
             let [(weight_name, shape), (bias_name, bias_shape)] = layer.tensors();
-            let values = self.weight(&layer)?.flatten_all()?.to_vec1::<f32>()?;
+            let [mut values, gains] = self.raw_and_gains(&layer)?;
+            let fan_in = values.len() / gains.len();
+            for (filter, gain) in values.chunks_exact_mut(fan_in).zip(gains) {
+                let norm = center(filter);
+                for value in filter {
+                    *value *= gain / norm;
+                }
+            }
             weights.tensors.insert(weight_name, (shape, values));
             let bias = self.vars[&bias_name].to_vec1::<f32>()?;
             weights.tensors.insert(bias_name, (bias_shape, bias));
@@ -149,20 +149,43 @@ impl Variables {
     /// If candle fails.
     pub fn gradients(&self, by_filters: &[Vec<Feature>]) -> Result<BTreeMap<String, Vec<f32>>, TrainingError> {
         let mut gradients = BTreeMap::new();
-        // A sum with the derivatives of the loss: candle differentiates the standardization with it.
-        let mut sum = Tensor::new(0.0_f32, &Device::Cpu)?;
         for (layer, packed) in self.spec.layers().iter().zip(by_filters) {
-            let [(_, shape), (bias_name, _)] = layer.tensors();
-            let (by_weights, by_biases) = layer.shape.unpacked(packed);
-            sum = (sum + (self.weight(layer)? * Tensor::from_vec(by_weights, shape, &Device::Cpu)?)?.sum_all()?)?;
-            gradients.insert(bias_name, by_biases);
-        }
-        let derived = sum.backward()?;
-        for (name, var) in &self.vars {
-            if let Some(gradient) = derived.get(var) {
-                gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1::<f32>()?);
+            let (mut by_weights, by_biases) = layer.shape.unpacked(packed);
+            let [mut raw, gains] = self.raw_and_gains(layer)?;
+            let fan_in = raw.len() / gains.len();
+            let mut by_gains = Vec::with_capacity(gains.len());
+            let filters = raw.chunks_exact_mut(fan_in).zip(by_weights.chunks_exact_mut(fan_in)).zip(gains);
+            for ((filter, by_filter), gain) in filters {
+                // weight = gain * centered / norm, with norm^2 = sum(centered^2) + a constant.
+                let norm = center(filter);
+                let dot = filter.iter().zip(&*by_filter).map(|(value, by)| value * by).sum::<f32>();
+                by_gains.push(dot / norm);
+                for (by, value) in by_filter.iter_mut().zip(&*filter) {
+                    *by = gain / norm * (*by - value * dot / (norm * norm));
+                }
+                subtract_mean(by_filter);
             }
+            gradients.insert(format!("{}.raw", layer.name), by_weights);
+            gradients.insert(format!("{}.gain", layer.name), by_gains);
+            gradients.insert(format!("{}.bias", layer.name), by_biases);
         }
         Ok(gradients)
+    }
+}
+
+/// Subtracts the mean of a filter, and returns the norm that standardization divides by.
+fn center(filter: &mut [f32]) -> f32 {
+    subtract_mean(filter);
+    let squares = filter.iter().map(|value| f64::from(*value) * f64::from(*value)).sum::<f64>();
+    (squares + MIN_VARIANCE * filter.len() as f64).sqrt() as f32
+}
+
+/// Subtracts the mean, unless there is only one value.
+fn subtract_mean(values: &mut [f32]) {
+    if values.len() > 1 {
+        let mean = (values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64) as f32;
+        for value in values {
+            *value -= mean;
+        }
     }
 }

@@ -1,0 +1,164 @@
+//! Trains all recipes of a table that are not finished, and prints the table.
+
+use crate::one_training::{Budget, best_weights, train};
+use crate::outcome::Outcome;
+use crate::recipe::Recipe;
+use crate::store::Store;
+use crate::task::Task;
+use anyhow::Context;
+use std::path::Path;
+
+/// Finished trainings.
+pub type Results = [(Recipe, Outcome)];
+
+/// A table of the thesis.
+pub trait Experiment {
+    /// Name of the command and of the folder.
+    fn name(&self) -> &'static str;
+    /// All trainings in their order. A training comes after the one that it starts from.
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe>;
+    /// Loads or simulates the data of a recipe.
+    fn load(&self, recipe: &Recipe) -> anyhow::Result<Task>;
+    /// Estimated CPU seconds of a training, from measurements.
+    fn cpu_seconds(&self, recipe: &Recipe) -> f64;
+    /// The text of the table of the finished trainings.
+    fn table(&self, results: &Results) -> String;
+}
+
+/// Part `.0` of `.1` parts of the trainings, from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Job(pub usize, pub usize);
+
+impl std::str::FromStr for Job {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((i, n)) if (1..=n).contains(&i) => Ok(Self(i, n)),
+            _ => Err(format!("`{text}` must be I/N with 1 <= I <= N, for example 2/4")),
+        }
+    }
+}
+
+impl Job {
+    /// Whether the training at this index belongs to the job.
+    fn has(self, index: usize) -> bool {
+        index % self.1 == self.0 - 1
+    }
+}
+
+/// Trains what is not finished, as far as the budget goes. Returns the number of trainings of the job that remain.
+pub fn train_all(
+    experiment: &dyn Experiment,
+    recipes: &[Recipe],
+    (store, budget, job): (&Store, &Budget<'_>, Job),
+) -> anyhow::Result<usize> {
+    for recipe in recipes {
+        if let Some(text) = store.set_aside_if_changed(recipe)? {
+            eprintln!("{text}");
+        }
+    }
+    let mut loaded: Option<(&str, Task, u64)> = None;
+    let mut n_left = 0;
+    for (index, recipe) in recipes.iter().enumerate() {
+        // All jobs need the weights of sources.
+        let is_source = recipes.iter().any(|of| of.start.as_deref() == Some(recipe));
+        if !(job.has(index) || is_source && job.0 == 1) || store.result(recipe)?.is_some() {
+            continue;
+        }
+        let source = recipe.start.as_deref();
+        let is_ready = source.map_or(Ok(true), |source| Ok::<_, anyhow::Error>(store.result(source)?.is_some()))?;
+        if budget.is_spent() || !is_ready {
+            n_left += 1;
+            continue;
+        }
+        if loaded.as_ref().is_none_or(|(data, ..)| *data != recipe.data) {
+            eprintln!("data: {}", recipe.data);
+            let task = experiment.load(recipe)?;
+            let checksum = task.checksum();
+            if set_aside_other_inputs(store, recipes, &recipe.data, checksum)? {
+                // Trainings before this one are to be repeated.
+                return train_all(experiment, recipes, (store, budget, job));
+            }
+            loaded = Some((&recipe.data, task, checksum));
+        }
+        let (_, task, checksum) = loaded.as_ref().context("data are loaded above")?;
+        let start = source.map(|source| best_weights(source, task, store)).transpose()?;
+        let before = budget.used();
+        let Some(outcome) = train(recipe, task, (start.as_ref(), *checksum), store, budget)? else {
+            n_left += 1;
+            continue;
+        };
+        let (percent, seconds) = (100.0 * outcome.mean_iou(), budget.used() - before);
+        eprintln!("{}: {} epochs, mIoU {percent:.1} %, {seconds:.0} CPU s", recipe.name(), outcome.epochs);
+    }
+    Ok(n_left)
+}
+
+/// Sets trainings aside that used other data under the same description, and those that start from them. Returns whether there were any.
+fn set_aside_other_inputs(store: &Store, recipes: &[Recipe], data: &str, checksum: u64) -> anyhow::Result<bool> {
+    let mut changed: Vec<&Recipe> = Vec::new();
+    for recipe in recipes {
+        let is_other = recipe.data == data && store.inputs(recipe)?.is_some_and(|inputs| inputs != checksum);
+        let starts_from_other = recipe.start.as_deref().is_some_and(|start| changed.contains(&start));
+        if is_other || starts_from_other && store.inputs(recipe)?.is_some() {
+            eprintln!("{}", store.set_aside(recipe, "its data have changed")?);
+            changed.push(recipe);
+        }
+    }
+    Ok(!changed.is_empty())
+}
+
+/// Prints the number of trainings, and the CPU hours that they take.
+pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store) -> anyhow::Result<()> {
+    println!(
+        "{}\n\n| column | trainings | done | converged | CPU hours left |\n|---|---|---|---|---|",
+        experiment.name()
+    );
+    let (mut sum, mut columns): (f64, Vec<&str>) = (0.0, Vec::new());
+    for recipe in recipes {
+        if !columns.contains(&recipe.column.as_str()) {
+            columns.push(&recipe.column);
+        }
+    }
+    for column in columns {
+        let of_column: Vec<&Recipe> = recipes.iter().filter(|recipe| recipe.column == column).collect();
+        let (mut done, mut seconds, mut left) = (Vec::new(), 0.0, Vec::new());
+        for recipe in &of_column {
+            match store.result(recipe)? {
+                Some(outcome) => {
+                    seconds += store.cpu_seconds(recipe)?;
+                    done.push(outcome);
+                }
+                None => left.push(experiment.cpu_seconds(recipe)),
+            }
+        }
+        // The finished trainings of the column are the best estimate of the others.
+        let estimate =
+            if done.is_empty() { left.iter().sum() } else { seconds / done.len() as f64 * left.len() as f64 };
+        let converged = done.iter().filter(|outcome| outcome.converged).count();
+        println!("| {column} | {} | {} | {converged} | {:.2} |", of_column.len(), done.len(), estimate / 3600.0);
+        sum += estimate;
+    }
+    println!("\n{:.1} CPU hours left\n", sum / 3600.0);
+    Ok(())
+}
+
+/// Trains, writes the results, and prints the table.
+pub fn run(
+    experiment: &dyn Experiment,
+    out: &Path,
+    n_seeds: u64,
+    (budget, job): (&Budget<'_>, Job),
+) -> anyhow::Result<()> {
+    let (recipes, store) = (experiment.recipes(n_seeds), Store::new(out.join(experiment.name())));
+    let n_left = train_all(experiment, &recipes, (&store, budget, job))?;
+    let results = store.collect(&recipes)?;
+    println!("{}", experiment.table(&results));
+    println!("{} of {} trainings are done; {:.2} CPU hours used", results.len(), recipes.len(), budget.used() / 3600.0);
+    if n_left > 0 {
+        println!("{n_left} trainings of this job remain; start the command again to continue");
+    }
+    Ok(())
+}

@@ -1,0 +1,223 @@
+//! Trainings that stop and continue, on a table of tiny images.
+
+use crate::experiment::{Experiment, Job, Results, train_all};
+use crate::loss_table::{loss, table_of_losses};
+use crate::one_training::{Budget, End, end};
+use crate::recipe::{Recipe, settings, unet};
+use crate::store::Store;
+use crate::task::Task;
+use random::Random;
+use segmentation::engine::{Border, Planes};
+use std::cell::RefCell;
+use std::path::Path;
+use training::{Curves, Dataset, Epoch, Example, Hierarchy, TrainSettings};
+
+const SIDE: usize = 8;
+
+/// Noise with a bright row, which is the class.
+struct Rows(u64);
+
+impl Dataset for Rows {
+    fn len(&self) -> usize {
+        6
+    }
+    fn example(&self, index: usize, _: Option<&mut Random>) -> Example {
+        let mut random = Random::of_stream(self.0, index as u64);
+        let mut input = Planes::zeros(1, SIDE, SIDE);
+        let mut truth = vec![0; SIDE * SIDE];
+        let bright = random.index(SIDE);
+        for y in 0..SIDE {
+            for pixel in input.row_mut(0, y) {
+                pixel[0] = 0.3 * random.gauss() + if y == bright { 1.0 } else { 0.0 };
+            }
+        }
+        truth[bright * SIDE..(bright + 1) * SIDE].fill(1);
+        Example { input, truth }
+    }
+}
+
+/// Two losses, and a training that starts from the first one.
+struct Tiny {
+    learning_rate: f64,
+    data: u64,
+    /// Names of data that were loaded.
+    loaded: RefCell<usize>,
+}
+
+impl Tiny {
+    fn new() -> Self {
+        Self { learning_rate: 1e-2, data: 1, loaded: RefCell::new(0) }
+    }
+}
+
+impl Experiment for Tiny {
+    fn name(&self) -> &'static str {
+        "tiny"
+    }
+    fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
+        let of = |(seed, row): (u64, &str)| Recipe {
+            row: row.to_owned(),
+            column: "2 filters".to_owned(),
+            data: "rows".to_owned(),
+            network: unet(1, 2, 2),
+            frozen: Vec::new(),
+            start: None,
+            settings: TrainSettings { epochs: 4, ..settings(2, self.learning_rate, loss(row), seed) },
+        };
+        let mut recipes: Vec<Recipe> =
+            (0..n_seeds).flat_map(|seed| ["CE", "Jac. 2"].map(|row| (seed, row))).map(of).collect();
+        let source = recipes[0].clone();
+        recipes.push(Recipe { row: "transfer".into(), start: Some(Box::new(source.clone())), ..source });
+        recipes
+    }
+    fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
+        *self.loaded.borrow_mut() += 1;
+        Ok(Task {
+            train: Box::new(Rows(self.data)),
+            validation: Box::new(Rows(2)),
+            tests: vec![("test", Box::new(Rows(3)))],
+            shape: (2, 1),
+            border: Border::Zero,
+            tree: Hierarchy::new(vec![0; 2]),
+        })
+    }
+    fn cpu_seconds(&self, _: &Recipe) -> f64 {
+        1.0
+    }
+    fn table(&self, results: &Results) -> String {
+        table_of_losses(results)
+    }
+}
+
+const ALL: Job = Job(1, 1);
+
+/// Trains as far as the budget and the job allow; returns the number of trainings left and the bytes of the results.
+fn trained(experiment: &Tiny, folder: &Path, budget: &Budget<'_>, job: Job) -> (usize, String) {
+    let (recipes, store) = (experiment.recipes(2), Store::new(folder.into()));
+    let n_left = train_all(experiment, &recipes, (&store, budget, job)).expect("trains");
+    store.collect(&recipes).expect("writes");
+    (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+#[test]
+fn interrupted_training_gives_same_results_file() {
+    let (whole, cut) = (folder(), folder());
+    let unlimited = Budget::new(None);
+    let (n_left, expected) = trained(&Tiny::new(), whole.path(), &unlimited, ALL);
+    assert_eq!((n_left, expected.lines().count()), (0, 5));
+    let mut starts = 0;
+    let found = loop {
+        let (n_left, text) = trained_one_epoch(cut.path());
+        starts += 1;
+        if n_left == 0 {
+            break text;
+        }
+        assert!(starts < 100, "no progress");
+    };
+    assert!(starts > 5, "{starts} starts: nothing was interrupted");
+    assert_eq!(found, expected);
+}
+
+/// One more epoch of one training.
+fn trained_one_epoch(folder: &Path) -> (usize, String) {
+    let experiment = Tiny::new();
+    let (recipes, store) = (experiment.recipes(2), Store::new(folder.into()));
+    let n_checks = std::cell::Cell::new(0);
+    // Before the first training, before its first epoch, before its second one.
+    let budget = Budget::until(|_| n_checks.replace(n_checks.get() + 1) >= 2);
+    let n_left = train_all(&experiment, &recipes, (&store, &budget, ALL)).expect("trains");
+    store.collect(&recipes).expect("writes");
+    (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
+}
+
+#[test]
+fn jobs_together_give_same_results_file() {
+    let (whole, parts) = (folder(), folder());
+    let budget = Budget::new(None);
+    let (_, expected) = trained(&Tiny::new(), whole.path(), &budget, ALL);
+    let (_, half) = trained(&Tiny::new(), parts.path(), &budget, Job(1, 2));
+    assert!(half.lines().count() < 5, "{half}");
+    let (n_left, found) = trained(&Tiny::new(), parts.path(), &budget, Job(2, 2));
+    assert_eq!((n_left, found), (0, expected));
+}
+
+#[test]
+fn finished_table_loads_no_data() {
+    let folder = folder();
+    let tiny = Tiny::new();
+    trained(&tiny, folder.path(), &Budget::new(None), ALL);
+    trained(&tiny, folder.path(), &Budget::new(None), ALL);
+    assert_eq!(*tiny.loaded.borrow(), 1);
+}
+
+#[test]
+fn changed_setting_sets_results_aside_by_name() {
+    let folder = folder();
+    trained(&Tiny::new(), folder.path(), &Budget::new(None), ALL);
+    let changed = Tiny { learning_rate: 2e-2, ..Tiny::new() };
+    let (recipes, store) = (changed.recipes(2), Store::new(folder.path().into()));
+    assert!(store.collect(&recipes).expect("reads").is_empty(), "results of other settings are not in the table");
+    let text = store.set_aside_if_changed(&recipes[0]).expect("renames").expect("was changed");
+    assert!(text.contains("2-filters_ce_seed-0") && text.contains("learning_rate = 0.01, now 0.02"), "{text}");
+    assert!(folder.path().join("2-filters_ce_seed-0.old-1/result.json").exists());
+    // The training that starts from the changed one has changed, too.
+    let transfer = recipes.last().expect("some");
+    assert!(store.set_aside_if_changed(transfer).expect("renames").expect("was changed").contains("start"));
+}
+
+#[test]
+fn changed_data_sets_results_aside() {
+    let folder = folder();
+    trained(&Tiny::new(), folder.path(), &Budget::new(None), ALL);
+    let changed = Tiny { data: 4, ..Tiny::new() };
+    // As long as all results are there, no data are loaded: one missing result shows the change.
+    let path = folder.path().join("2-filters_jac.2_seed-1/result.json");
+    std::fs::remove_file(&path).expect("removes");
+    let (n_left, after) = trained(&changed, folder.path(), &Budget::new(None), ALL);
+    assert_eq!((n_left, after.lines().count()), (0, 5));
+    for recipe in changed.recipes(2) {
+        assert!(folder.path().join(format!("{}.old-1", recipe.name())).exists(), "{}", recipe.name());
+    }
+}
+
+#[test]
+fn table_of_partial_results_counts_seeds() {
+    let folder = folder();
+    let tiny = Tiny::new();
+    let (recipes, store) = (tiny.recipes(2), Store::new(folder.path().into()));
+    train_all(&tiny, &recipes, (&store, &Budget::new(None), Job(1, 3))).expect("trains");
+    let results = store.collect(&recipes).expect("reads");
+    let table = tiny.table(&results);
+    assert_eq!(results.len(), 2, "{table}");
+    assert!(table.lines().any(|line| line.starts_with("| CE |") && line.ends_with("0/1 |")), "{table}");
+    assert!(table.lines().any(|line| line.starts_with("| Jac. 2 |") && line.ends_with("0/1 |")), "{table}");
+}
+
+fn curves(losses: &[f64]) -> Curves {
+    let epoch = |&validation_loss: &f64| Epoch { loss: 0.0, validation_loss, mean_iou: 0.5, accuracy: 0.5 };
+    Curves { epochs: losses.iter().map(epoch).collect() }
+}
+
+#[test]
+fn training_ends_after_patience_without_lower_loss() {
+    let settings = TrainSettings { patience: 3, epochs: 8, ..settings(1, 1e-3, loss("CE"), 0) };
+    let of = |losses: &[f64]| end(&curves(losses), &settings);
+    assert_eq!(of(&[]), None);
+    assert_eq!(of(&[3.0, 2.0, 2.0, 2.5]), None);
+    assert_eq!(of(&[3.0, 2.0, 2.0, 2.5, 2.0]), Some(End::Converged));
+    assert_eq!(of(&[8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0]), Some(End::EpochLimit));
+    assert_eq!(of(&[f64::NAN, f64::NAN, f64::NAN]), Some(End::Converged));
+    assert_eq!(end(&curves(&[]), &TrainSettings { epochs: 0, ..settings.clone() }), Some(End::EpochLimit));
+}
+
+#[test]
+fn job_is_read_from_its_part_and_number() {
+    assert_eq!("2/4".parse(), Ok(Job(2, 4)));
+    for wrong in ["0/4", "5/4", "2", "a/b", "1/0"] {
+        assert!(wrong.parse::<Job>().is_err(), "{wrong}");
+    }
+}
