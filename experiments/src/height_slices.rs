@@ -168,8 +168,9 @@ impl Experiment for HeightSlice {
             tree: Hierarchy::new(vec![0; 3]),
         })
     }
+    /// Estimated from the number of pixels.
     fn cpu_seconds(&self, _: &Recipe) -> f64 {
-        60.0
+        30.0
     }
     fn table(&self, results: &Results) -> String {
         table_of_losses(results)
