@@ -50,7 +50,7 @@ pub enum End {
 /// fall for many epochs before the first pixel changes its class.
 pub fn end(curves: &Curves, settings: &TrainSettings) -> Option<End> {
     let losses: Vec<f64> = curves.epochs.iter().map(|epoch| epoch.validation_loss).collect();
-    // The first of equals: a constant loss is no improvement. A loss that is not a number is none, either.
+    // The first of equals: a constant loss is no improvement. Losses that are not numbers do not count.
     let best = losses.iter().enumerate().filter(|(_, loss)| loss.is_finite()).min_by(|a, b| a.1.total_cmp(b.1));
     let since_best = losses.len() - best.map_or(0, |(epoch, _)| epoch + 1);
     if since_best >= settings.patience {

@@ -41,8 +41,8 @@ pub struct PlyWriter {
     n_written: usize,
 }
 
-/// Reserves the blocks of a file on the disk. The kernel then needs a third less time for its writes, and a full disk is found before the
-/// first row. Not all file systems can.
+/// Reserves the blocks of a file on the disk: the kernel then needs less time for each write, and a full disk is found before the first
+/// row. Not all file systems can.
 fn reserve_space(file: &File, n_bytes: u64) -> io::Result<()> {
     match fallocate(file, FallocateFlags::empty(), 0, n_bytes) {
         Err(error @ (Errno::NOSPC | Errno::DQUOT)) => Err(error.into()),

@@ -135,7 +135,7 @@ impl Parameters {
     /// Replaces a value that is not trained: a running statistic.
     ///
     /// # Errors
-    /// If there is none of this name and shape.
+    /// If the network has no statistic of this name and shape.
     pub fn set_statistic(&mut self, name: &str, value: Tensor) -> Result<(), SegmentationError> {
         let expected = self.get(name)?.dims().to_vec();
         if self.variables.contains_key(name) || value.dims() != expected {
