@@ -63,7 +63,7 @@ impl<'a> SubmapPoints<'a> {
         self.rows.len().div_ceil(CHUNK)
     }
 
-    /// Reads a chunk. Keeping all chunks would save a few percent of the time, and take 40 % more memory.
+    /// Reads a chunk. Keeping all chunks would save a few percent of the time, and take two thirds more memory.
     ///
     /// # Panics
     /// If there is no such chunk.

@@ -23,6 +23,7 @@ mod model_file;
 pub mod network;
 pub mod points;
 mod segmenter;
+mod settings_rules;
 pub mod spherical;
 
 pub use compute_device::ComputeDevice;

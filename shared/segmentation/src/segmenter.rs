@@ -1,7 +1,7 @@
 //! The interface of all models.
 
 use crate::{ModelCard, SegmentationError};
-use messages::{ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
+use messages::{ClassId, ClassRow, ColorRow, SpectraHeader, SpectraView, SubmapHeader, SubmapPoint};
 
 /// The input of a model: a submap, in place.
 #[derive(Clone, Copy)]
@@ -61,4 +61,13 @@ impl<'a> ModelInput<'a> {
         }
         Ok(())
     }
+}
+
+/// The row of a point from its class and the probability of that, 0 to 1; without them, unlabeled.
+pub(crate) fn class_row(decision: Option<(ClassId, f32)>) -> ClassRow {
+    let row = |(class, probability): (ClassId, f32)| ClassRow {
+        class_id: class as u8,
+        score: (probability * 255.0).round() as u8,
+    };
+    decision.map_or(ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }, row)
 }

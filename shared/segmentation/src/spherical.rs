@@ -19,8 +19,6 @@ mod softmax;
 mod surface;
 mod votes;
 
-pub(crate) use intensity::SIMULATED;
-
 pub use camera_columns::BAND_REACH_NM;
 pub use feature::{AskedColumns, CameraBand, Feature, Features};
 pub use features::{N_FEATURES, features};

@@ -7,7 +7,8 @@ use super::spheres::SpherePrediction;
 use crate::ground;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
-use crate::spherical::{IntensityMap, Options, SIMULATED};
+use crate::segmenter::class_row;
+use crate::spherical::{IntensityMap, Options};
 use crate::{ComputeDevice, ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use messages::{ClassId, ClassRow};
 use neighbors::SpatialIndex;
@@ -107,7 +108,7 @@ impl Segmenter for PointModel {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         let heights_m = ground::heights(input);
-        let trained = self.settings.ground_intensities.unwrap_or(SIMULATED);
+        let trained = self.settings.ground_intensities;
         let (intensities, foreign_intensity) =
             IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
         let (cloud, grid) = CellCloud::of(input, &heights_m, &intensities, self.settings.cell_m)?;
@@ -117,12 +118,8 @@ impl Segmenter for PointModel {
         let mut n_unseen = 0;
         for (row, cell) in classes.iter_mut().zip(cells) {
             let decision = if cell == NO_CELL { None } else { decisions[cell as usize] };
-            *row = if let Some((class, probability)) = decision {
-                ClassRow { class_id: self.classes[class] as u8, score: (probability * 255.0).round() as u8 }
-            } else {
-                n_unseen += 1;
-                ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }
-            };
+            *row = class_row(decision.map(|(class, probability)| (self.classes[class], probability)));
+            n_unseen += usize::from(decision.is_none());
         }
         self.options.refinement.of_points(input.points, &heights_m, classes);
         Ok(Report { n_unseen, coarsened: 1, foreign_intensity })

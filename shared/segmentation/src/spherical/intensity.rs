@@ -55,7 +55,7 @@ pub struct GroundHistogram([u64; 256]);
 
 /// Quantiles of the ground in simulated towns, for models without their own: points of the HDL-32E of the survey rig, urban, suburban,
 /// rural and tunnel, seeds 9001 and 9002. `replica train` prints and stores those of its data.
-pub(crate) const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
+const SIMULATED: GroundIntensities = [6, 10, 12, 14, 30];
 
 impl Default for GroundHistogram {
     fn default() -> Self {
@@ -103,13 +103,15 @@ pub enum IntensityMap {
 }
 
 impl IntensityMap {
-    /// The map for a submap; and the medians of its ground and of that of the training, if it is on another scale.
+    /// The map for a submap; and the medians of its ground and of that of the training, if it is on another scale. Without intensities
+    /// of the training, those of simulated towns are taken.
     pub fn of(
         intensity_use: IntensityUse,
         points: &[SubmapPoint],
         heights_m: &[f32],
-        trained: GroundIntensities,
+        trained: Option<GroundIntensities>,
     ) -> (Self, Option<[u8; 2]>) {
+        let trained = trained.unwrap_or(SIMULATED);
         let mut histogram = GroundHistogram::default();
         // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
         let step = (points.len() / SAMPLE) | 1;
@@ -202,7 +204,7 @@ mod tests {
 
     fn map(intensity_use: IntensityUse, gain: f32) -> (IntensityMap, Option<[u8; 2]>) {
         let (points, heights_m) = street(gain);
-        IntensityMap::of(intensity_use, &points, &heights_m, TRAINED)
+        IntensityMap::of(intensity_use, &points, &heights_m, Some(TRAINED))
     }
 
     #[test]
@@ -238,9 +240,12 @@ mod tests {
     #[test]
     fn scale_of_little_ground_or_of_zeros_is_not_known() {
         let (points, heights_m) = street(5.0);
-        let few = IntensityMap::of(IntensityUse::Auto, &points[..2000], &heights_m[..2000], TRAINED);
+        let few = IntensityMap::of(IntensityUse::Auto, &points[..2000], &heights_m[..2000], Some(TRAINED));
         assert_eq!(few, (IntensityMap::Unchanged, None));
         let zeros = vec![SubmapPoint::default(); 9000];
-        assert_eq!(IntensityMap::of(IntensityUse::Auto, &zeros, &heights_m, TRAINED), (IntensityMap::Unchanged, None));
+        assert_eq!(
+            IntensityMap::of(IntensityUse::Auto, &zeros, &heights_m, Some(TRAINED)),
+            (IntensityMap::Unchanged, None)
+        );
     }
 }

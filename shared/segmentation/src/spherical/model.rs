@@ -2,7 +2,6 @@
 
 use super::back_projection::pixel_for;
 use super::features::write_features;
-use super::intensity::SIMULATED;
 use super::range_sweep::{ImageSource, PointRange, RangeSweep, point_ranges};
 use super::settings::{GroundUse, Settings, VERSION};
 use super::softmax::{NO_VOTE, Softmax, Vote};
@@ -13,6 +12,7 @@ use crate::engine::tensors::read_image;
 use crate::ground;
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
+use crate::segmenter::class_row;
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use candle_core::Tensor;
 use messages::{ClassId, ClassRow};
@@ -180,7 +180,7 @@ impl Segmenter for SphericalModel {
             }
         };
         let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().map(|row| is_given(*row)).collect());
-        let trained = self.settings.ground_intensities.unwrap_or(SIMULATED);
+        let trained = self.settings.ground_intensities;
         let (intensities, foreign_intensity) =
             IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
         let ranges: Vec<PointRange> = point_ranges(input).into_iter().step_by(self.options.every).collect();
@@ -197,14 +197,8 @@ impl Segmenter for SphericalModel {
         let mut n_unseen = 0;
         for (point, (row, decision)) in classes.iter_mut().zip(decided).enumerate() {
             let given = ground.as_ref().map(|ground| ground[point]).filter(|row| is_given(*row));
-            *row = if let Some(given) = given {
-                given
-            } else if let Some((class, share)) = decision {
-                ClassRow { class_id: self.classes[class] as u8, score: (share * 255.0).round() as u8 }
-            } else {
-                n_unseen += 1;
-                ClassRow { class_id: ClassId::Unlabeled as u8, score: 0 }
-            };
+            n_unseen += usize::from(given.is_none() && decision.is_none());
+            *row = given.unwrap_or_else(|| class_row(decision.map(|(class, share)| (self.classes[class], share))));
         }
         self.options.refinement.of_points(input.points, &heights_m, classes);
         Ok(Report { n_unseen, coarsened: 1, foreign_intensity })

@@ -6,6 +6,7 @@ use super::softmax::MAX_CLASSES;
 use crate::SegmentationError;
 use crate::model_file::encode_model;
 use crate::network::{NetworkSpec, Weights};
+use crate::settings_rules::{check_rules, classes_of_names, temperature_rule};
 use messages::ClassId;
 use serde::{Deserialize, Serialize};
 
@@ -68,9 +69,7 @@ impl Settings {
     /// [`SegmentationError::Settings`] with the violated rule.
     pub fn check(&self) -> Result<Vec<ClassId>, SegmentationError> {
         let wrong = SegmentationError::Settings;
-        let classes: Option<Vec<ClassId>> = self.classes.iter().map(|name| ClassId::from_name(name)).collect();
-        let classes =
-            classes.ok_or_else(|| wrong(format!("classes {:?}: not all are in the class table", self.classes)))?;
+        let classes = classes_of_names(&self.classes)?;
         if let Some(problem) = self.network.problem() {
             return Err(wrong(format!("network: {problem}")));
         }
@@ -104,15 +103,10 @@ impl Settings {
                 (0.02..=5.0).contains(&self.vote_cell_m),
                 format!("vote_cell_m = {}, must be 0.02 to 5", self.vote_cell_m),
             ),
-            (
-                (0.1..=10.0).contains(&self.temperature),
-                format!("temperature = {}, must be 0.1 to 10", self.temperature),
-            ),
+            temperature_rule(self.temperature),
         ];
-        match rules.into_iter().find(|(holds, _)| !holds) {
-            Some((_, text)) => Err(wrong(text)),
-            None => Ok(classes),
-        }
+        check_rules(rules)?;
+        Ok(classes)
     }
     /// The bytes of a model file. Equal models give equal bytes.
     ///

@@ -1,0 +1,27 @@
+//! Rules that the settings of all models on networks share.
+
+use crate::SegmentationError;
+use messages::ClassId;
+
+/// The classes of these names.
+///
+/// # Errors
+/// [`SegmentationError::Settings`] if a name is not in the class table.
+pub fn classes_of_names(names: &[String]) -> Result<Vec<ClassId>, SegmentationError> {
+    let classes: Option<Vec<ClassId>> = names.iter().map(|name| ClassId::from_name(name)).collect();
+    classes.ok_or_else(|| SegmentationError::Settings(format!("classes {names:?}: not all are in the class table")))
+}
+
+/// The rule of the divisor of logits, with its text.
+pub fn temperature_rule(temperature: f32) -> (bool, String) {
+    ((0.1..=10.0).contains(&temperature), format!("temperature = {temperature}, must be 0.1 to 10"))
+}
+
+/// # Errors
+/// [`SegmentationError::Settings`] with the text of the first rule that does not hold.
+pub fn check_rules<const N: usize>(rules: [(bool, String); N]) -> Result<(), SegmentationError> {
+    match rules.into_iter().find(|(holds, _)| !holds) {
+        Some((_, text)) => Err(SegmentationError::Settings(text)),
+        None => Ok(()),
+    }
+}
