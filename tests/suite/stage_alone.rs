@@ -130,3 +130,22 @@ fn unsuitable_recording_is_refused() {
         assert!(output_text(&output).contains(words), "{words:?} is not in {}", output_text(&output));
     }
 }
+
+#[test]
+fn closed_stdout_is_no_failure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let launch_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("launch.toml");
+    let drive = folder.path().to_str().expect("UTF-8");
+    let check = launch_file.to_str().expect("UTF-8");
+    for (program, arguments) in [
+        ("misbehaving-source", &["run", "--drive", drive][..]),
+        ("misbehaving-source", &["run", "--drive", drive, "--json"]),
+        ("replica-launch", &[check, "--graph"]),
+        ("replica-launch", &[check, "--check"]),
+    ] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let output = Command::new(binary(program)).args(arguments).stdout(writer).output().expect("starts");
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", output_text(&output));
+    }
+}

@@ -30,18 +30,24 @@ trait TrainingRecipe {
     type Network: Network;
     type Data: TrainingData + Dataset<<Self::Network as Network>::Example>;
 
-    fn data(&self) -> &Data;
-    fn train(&self) -> &TrainSettings;
-    /// Name prefixes of variables that are not trained.
-    fn frozen(&self) -> &[String];
-    /// Names of the classes.
-    fn class_names(&self) -> &[String];
+    /// What both kinds of recipe have.
+    fn shared(&self) -> SharedRecipe<'_>;
     /// The network before the first step. Paths are relative to `folder`, that of the recipe.
     fn network(&self, folder: &Path) -> anyhow::Result<Self::Network>;
     /// A data set without examples, with a file in `folder`.
     fn empty_data(&self, folder: &Path, validation: bool) -> anyhow::Result<Self::Data>;
     /// The bytes of the model file.
     fn model(&self, weights: &Weights, calibration: Calibration) -> anyhow::Result<Vec<u8>>;
+}
+
+/// Tables and settings of all recipes.
+struct SharedRecipe<'a> {
+    data: &'a Data,
+    train: &'a TrainSettings,
+    /// Name prefixes of variables that are not trained.
+    frozen: &'a [String],
+    /// Names of the classes.
+    classes: &'a [String],
 }
 
 /// What a model file has beside settings of the recipe and weights.
@@ -110,8 +116,8 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
     let (data, validation) = if is_done(&trainer) {
         (None, None)
     } else {
-        let data = dataset(recipe, args, recipe.data().seeds, false, &bar)?;
-        (Some(data), Some(dataset(recipe, args, recipe.data().validation_seeds, true, &bar)?))
+        let data = dataset(recipe, args, recipe.shared().data.seeds, false, &bar)?;
+        (Some(data), Some(dataset(recipe, args, recipe.shared().data.validation_seeds, true, &bar)?))
     };
     if let (Some(data), Some(validation)) = (&data, &validation) {
         print_class_counts(recipe, data)?;
@@ -162,9 +168,9 @@ fn dataset<R: TrainingRecipe>(
     let mut data = recipe.empty_data(&args.out, validation)?;
     if let Some(seeds) = seeds {
         bar.set_message("simulating sweeps");
-        data.add_towns(recipe.data(), seeds, &mut |done, all| set(bar, done, all))?;
+        data.add_towns(recipe.shared().data, seeds, &mut |done, all| set(bar, done, all))?;
     }
-    for source in recipe.data().recordings.iter().filter(|source| source.validation == validation) {
+    for source in recipe.shared().data.recordings.iter().filter(|source| source.validation == validation) {
         bar.set_message(format!("reading {}", source.file.display()));
         data.add_recording(source, folder_of(&args.recipe))?;
     }
@@ -178,10 +184,10 @@ fn folder_of(recipe: &Path) -> &Path {
 
 fn trainer<R: TrainingRecipe>(recipe: &R, path: &Path) -> anyhow::Result<Trainer<R::Network>> {
     let network = recipe.network(folder_of(path))?;
-    let classes: Vec<ClassId> = recipe.class_names().iter().filter_map(|name| ClassId::from_name(name)).collect();
+    let classes: Vec<ClassId> = recipe.shared().classes.iter().filter_map(|name| ClassId::from_name(name)).collect();
     let tree = Hierarchy::of_classes(&classes);
-    let mut trainer = Trainer::of_network(recipe.train().clone(), network, classes.len(), tree)?;
-    trainer.freeze(recipe.frozen().to_vec());
+    let mut trainer = Trainer::of_network(recipe.shared().train.clone(), network, classes.len(), tree)?;
+    trainer.freeze(recipe.shared().frozen.to_vec());
     Ok(trainer)
 }
 
@@ -190,7 +196,7 @@ fn print_class_counts<R: TrainingRecipe>(recipe: &R, data: &R::Data) -> anyhow::
     let total = counts.iter().sum::<u64>().max(1);
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", data.size())?;
-    for (name, n) in recipe.class_names().iter().zip(counts) {
+    for (name, n) in recipe.shared().classes.iter().zip(counts) {
         writeln!(out, "{name:>14} {:7.3} %", 100.0 * *n as f64 / total as f64)?;
     }
     if let Some(quantiles) = data.ground_intensities() {

@@ -1,8 +1,18 @@
-//! Random changes of sweeps in training.
+//! Random changes of sweeps in training; those of gain and height are for points, too.
 
 use random::Random;
 use segmentation::spherical::{PolarImage, PolarPixel};
 use training::UNKNOWN;
+
+/// A factor of all intensities.
+pub fn random_gain(random: &mut Random) -> f32 {
+    random.range(0.7, 1.4)
+}
+
+/// An error of all heights above the ground, m.
+pub fn random_height_error_m(random: &mut Random) -> f32 {
+    0.04 * random.gauss()
+}
 
 /// Rotates and mirrors a sweep at random, adds noise, and removes returns as a worse sensor would.
 pub fn augment(image: &mut PolarImage, truth: &mut [u8], without_intensity: f32, random: &mut Random) {
@@ -11,11 +21,11 @@ pub fn augment(image: &mut PolarImage, truth: &mut [u8], without_intensity: f32,
     let (mirror, turn_up) = (random.chance(0.5), random.range(-std::f32::consts::PI, std::f32::consts::PI));
     let (sin, cos) = turn_up.sin_cos();
     let range_scale = random.range(0.95, 1.05);
-    let height_error_m = 0.04 * random.gauss();
+    let height_error_m = random_height_error_m(random);
     let noise_m = 0.03 * random.unit();
     let lost = if random.chance(0.3) { 0.3 * random.unit() } else { 0.0 };
     let lost_rows = if random.chance(0.2) { 0.5 * random.unit() } else { 0.0 };
-    let gain = random.range(0.7, 1.4);
+    let gain = random_gain(random);
     if random.chance(without_intensity) {
         image.has_intensity = false;
     }

@@ -1,29 +1,21 @@
 //! Training of networks on images.
 
-use super::recipe::{Data, Recipe};
+use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
-use super::{Calibration, TrainingRecipe};
+use super::{Calibration, SharedRecipe, TrainingRecipe};
 use segmentation::engine::Border;
 use segmentation::network::Weights;
 use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;
-use training::{ImageNetwork, TrainSettings, Variables};
+use training::{ImageNetwork, Variables};
 
 impl TrainingRecipe for Recipe {
     type Network = ImageNetwork;
     type Data = SweepDataset;
 
-    fn data(&self) -> &Data {
-        &self.data
-    }
-    fn train(&self) -> &TrainSettings {
-        &self.train
-    }
-    fn frozen(&self) -> &[String] {
-        &self.model.frozen
-    }
-    fn class_names(&self) -> &[String] {
-        &self.model.classes
+    fn shared(&self) -> SharedRecipe<'_> {
+        let model = &self.model;
+        SharedRecipe { data: &self.data, train: &self.train, frozen: &model.frozen, classes: &model.classes }
     }
     fn network(&self, folder: &Path) -> anyhow::Result<ImageNetwork> {
         let settings = self.settings()?;

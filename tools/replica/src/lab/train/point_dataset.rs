@@ -1,6 +1,7 @@
 //! The data set of a recipe for networks on points: spheres of submaps of simulated towns and of recordings.
 
 use super::TrainingData;
+use super::augmentation::{random_gain, random_height_error_m};
 use super::point_recipe::PointRecipe;
 use super::recipe::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
@@ -15,11 +16,6 @@ use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap};
 use segmentation::{ModelInput, ground};
 use std::path::Path;
 use training::{Dataset, PointExample, UNKNOWN};
-
-/// Standard deviation of the error of all heights of a training sphere, m, as for images.
-const HEIGHT_SIGMA_M: f32 = 0.04;
-/// Range of the factors of intensities in training, as for images.
-const GAINS: [f32; 2] = [0.7, 1.4];
 
 /// Spheres of submaps. Memory: the simulated drives of one step, or one submap.
 pub struct PointDataset {
@@ -94,9 +90,9 @@ impl PointDataset {
         let mut sphere = self.sphere(&submap, submap.cloud.positions[*random.pick(&points)]);
         let cloud = &mut sphere.cloud;
         let (factor, error_m) =
-            (self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random), HEIGHT_SIGMA_M * random.gauss());
+            (self.augmentation.apply(&mut cloud.positions, &mut cloud.colors, random), random_height_error_m(random));
         cloud.heights_m.iter_mut().for_each(|height| *height = *height * factor + error_m);
-        let gain = random.range(GAINS[0], GAINS[1]);
+        let gain = random_gain(random);
         cloud.intensities.iter_mut().for_each(|intensity| *intensity = (*intensity * gain).min(255.0));
         if random.chance(self.without_intensity) {
             cloud.intensities.clear();

@@ -2,28 +2,19 @@
 
 use super::point_dataset::PointDataset;
 use super::point_recipe::PointRecipe;
-use super::recipe::Data;
-use super::{Calibration, TrainingRecipe};
+use super::{Calibration, SharedRecipe, TrainingRecipe};
 use segmentation::network::Weights;
 use segmentation::points::{PointModel, PointSettings};
 use std::path::Path;
-use training::{PointNetwork, TrainSettings};
+use training::PointNetwork;
 
 impl TrainingRecipe for PointRecipe {
     type Network = PointNetwork;
     type Data = PointDataset;
 
-    fn data(&self) -> &Data {
-        &self.data
-    }
-    fn train(&self) -> &TrainSettings {
-        &self.train
-    }
-    fn frozen(&self) -> &[String] {
-        &self.model.frozen
-    }
-    fn class_names(&self) -> &[String] {
-        &self.model.classes
+    fn shared(&self) -> SharedRecipe<'_> {
+        let model = &self.model;
+        SharedRecipe { data: &self.data, train: &self.train, frozen: &model.frozen, classes: &model.classes }
     }
     fn network(&self, folder: &Path) -> anyhow::Result<PointNetwork> {
         let mut network = PointNetwork::random(&self.settings()?.network, self.train.seed)?;
