@@ -53,6 +53,7 @@ pub fn settings(batch: usize, learning_rate: f64, loss: Loss, seed: u64) -> Trai
         batch,
         learning_rate,
         average: 0.0,
+        fixed_statistics: 1.0,
         patience: PATIENCE,
         loss,
         hierarchy: false,

@@ -63,6 +63,7 @@ fn main() -> Result<(), TrainingError> {
             batch: BATCH,
             learning_rate: 1e-3,
             average: 0.998,
+            fixed_statistics: 1.0,
             patience: EPOCHS,
             loss,
             hierarchy,

@@ -34,6 +34,8 @@ pub trait Network: Sized + Sync {
     fn statistics(&self) -> BTreeMap<String, Tensor> {
         BTreeMap::new()
     }
+    /// From now on, the statistics are constants, in training as in prediction.
+    fn fix_statistics(&mut self) {}
     /// Replaces one of the statistics.
     fn set_statistic(&mut self, name: &str, value: Tensor) -> Result<(), TrainingError>;
     /// A copy with variables of its own.

@@ -22,6 +22,7 @@ pub struct PointNetwork {
     parameters: Parameters,
     /// Names of the running statistics.
     statistics: Vec<String>,
+    has_fixed_statistics: bool,
 }
 
 impl PointNetwork {
@@ -34,7 +35,7 @@ impl PointNetwork {
         let parameters = Parameters::random(&list, &mut Random::new(seed))?.trainable(&list)?;
         let is_statistic = |parameter: &Parameter| matches!(parameter.start, Start::Statistic(_));
         let statistics = list.into_iter().filter(is_statistic).map(|parameter| parameter.name).collect();
-        Ok(Self { spec: spec.clone(), parameters, statistics })
+        Ok(Self { spec: spec.clone(), parameters, statistics, has_fixed_statistics: false })
     }
     /// Takes the parameters whose names and shapes occur in the weights. Returns their number and that of all parameters.
     ///
@@ -82,6 +83,9 @@ impl Network for PointNetwork {
         let tensors = self.parameters.tensors();
         self.statistics.iter().map(|name| (name.clone(), tensors[name].clone())).collect()
     }
+    fn fix_statistics(&mut self) {
+        self.has_fixed_statistics = true;
+    }
     fn set_statistic(&mut self, name: &str, value: Tensor) -> Result<(), TrainingError> {
         Ok(self.parameters.set_statistic(name, value)?)
     }
@@ -108,7 +112,8 @@ impl Network for PointNetwork {
             return Ok(None);
         }
         let seed = random.bits();
-        let mut pass = Pass::training(&self.parameters, random);
+        let pass = if self.has_fixed_statistics { Pass::training_with_running_statistics } else { Pass::training };
+        let mut pass = pass(&self.parameters, random);
         let scores = match self.run(&mut pass, &examples, seed) {
             // Spheres of a few points are one point on a coarse level, which has no statistics.
             Err(TrainingError::Segmentation(SegmentationError::TooFewRows { .. })) => return Ok(None),

@@ -33,6 +33,10 @@ pub struct TrainSettings {
     /// and Juditsky 1992); 0 keeps the variables themselves.
     #[serde(default)]
     pub average: f64,
+    /// Share of the steps after which batch normalization uses its running statistics as constants, as prediction does. They never fit
+    /// batches of a few spheres well. From 0 to 1, the default: never. Without batch normalization it has no effect.
+    #[serde(default = "never", skip_serializing_if = "is_never")]
+    pub fixed_statistics: f64,
     /// Training ends if validation has not improved for this number of epochs.
     pub patience: usize,
     /// The loss function.
@@ -43,6 +47,15 @@ pub struct TrainSettings {
     /// Labeled pixels or points per step that the loss uses, drawn at random; 0 for all.
     #[serde(default)]
     pub pixels: usize,
+}
+
+fn never() -> f64 {
+    1.0
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature is that of serde")]
+fn is_never(share: &f64) -> bool {
+    *share >= never()
 }
 
 impl TrainSettings {
@@ -57,6 +70,10 @@ impl TrainSettings {
             ),
             (self.patience > 0, format!("patience = {}, must be at least 1", self.patience)),
             ((0.0..1.0).contains(&self.average), format!("average = {}, must be at least 0 and below 1", self.average)),
+            (
+                (0.0..=1.0).contains(&self.fixed_statistics),
+                format!("fixed_statistics = {}, must be 0 to 1", self.fixed_statistics),
+            ),
         ];
         rules.into_iter().find(|(holds, _)| !holds).map(|(_, text)| text)
     }
@@ -159,7 +176,9 @@ impl<N: Network> Trainer<N> {
         let batches: Vec<&[usize]> = order.chunks(self.settings.batch).collect();
         let mut sum = 0.0;
         for (i, batch) in batches.iter().enumerate() {
-            self.adam.rate = self.learning_rate(epoch * batches.len() + i, self.settings.epochs * batches.len());
+            let (step, n_steps) = (epoch * batches.len() + i, self.settings.epochs * batches.len());
+            self.adam.rate = self.learning_rate(step, n_steps);
+            self.fix_statistics(step, n_steps)?;
             let random = |index: usize| Random::of_stream(self.settings.seed ^ (epoch as u64) << 32, 2 * index as u64);
             let examples: Vec<N::Example> =
                 batch.par_iter().map(|&index| data.example(index, Some(&mut random(index)))).collect();
@@ -178,6 +197,19 @@ impl<N: Network> Trainer<N> {
         self.curves.epochs.push(Epoch { loss, validation_loss, mean_iou, accuracy });
         if is_best {
             self.best = self.averaged.weights()?;
+        }
+        Ok(())
+    }
+    /// Fixes the statistics, if a step is one of those with fixed statistics: their means over the last steps.
+    fn fix_statistics(&mut self, step: usize, n_steps: usize) -> Result<(), TrainingError> {
+        let first = (self.settings.fixed_statistics * n_steps as f64).ceil() as usize;
+        if step == first {
+            for (name, mean) in self.averaged.statistics() {
+                self.network.set_statistic(&name, mean)?;
+            }
+        }
+        if step >= first {
+            self.network.fix_statistics();
         }
         Ok(())
     }

@@ -13,11 +13,13 @@ const EPSILON: f64 = 1e-5;
 /// Applies the layers of a network.
 ///
 /// In evaluation, batch normalization uses the running statistics and becomes a part of the layer before it. In training it uses those
-/// of the batch, which the pass keeps for [`Parameters::update_statistics`].
+/// of the batch, which the pass keeps for [`Parameters::update_statistics`], or the running ones as constants.
 pub struct Pass<'a> {
     parameters: &'a Parameters,
     /// Random numbers of dropout; `None` in evaluation.
     training: Option<Random>,
+    /// Whether batch normalization uses the statistics of the batch.
+    of_batch: bool,
     statistics: BTreeMap<String, ColumnStatistics>,
     regularization: Option<Tensor>,
 }
@@ -25,17 +27,21 @@ pub struct Pass<'a> {
 impl<'a> Pass<'a> {
     /// A pass for prediction.
     pub fn evaluation(parameters: &'a Parameters) -> Self {
-        Self { parameters, training: None, statistics: BTreeMap::new(), regularization: None }
+        Self { parameters, training: None, of_batch: false, statistics: BTreeMap::new(), regularization: None }
     }
-    /// A pass for training.
+    /// A pass for training, with the statistics of the batch.
     pub fn training(parameters: &'a Parameters, random: Random) -> Self {
+        Self { of_batch: true, ..Self::training_with_running_statistics(parameters, random) }
+    }
+    /// A pass for training with the running statistics, as in prediction.
+    pub fn training_with_running_statistics(parameters: &'a Parameters, random: Random) -> Self {
         Self { training: Some(random), ..Self::evaluation(parameters) }
     }
     /// Whether the pass is one for training.
     pub(super) fn is_training(&self) -> bool {
         self.training.is_some()
     }
-    /// Statistics of the batch by the name of the normalization.
+    /// Statistics of the batch by the name of the normalization; empty if the pass uses the running ones.
     pub fn statistics(&self) -> &BTreeMap<String, ColumnStatistics> {
         &self.statistics
     }
@@ -109,7 +115,7 @@ impl<'a> Pass<'a> {
     ) -> Result<Tensor, SegmentationError> {
         let of = |suffix: &str| self.get(&format!("{name}.{suffix}"));
         let (weight, bias) = (of("weight")?, of("bias")?);
-        if self.training.is_none() {
+        if !self.of_batch {
             let values = |suffix: &str| -> Result<Vec<f64>, SegmentationError> {
                 Ok(of(suffix)?.to_vec1::<f32>()?.into_iter().map(f64::from).collect())
             };

@@ -54,6 +54,8 @@ fn settings() -> TrainSettings {
         loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
         hierarchy: true,
         average: 0.5,
+        // Within the second epoch.
+        fixed_statistics: 0.4,
         pixels: 300,
     }
 }
@@ -144,6 +146,26 @@ fn frozen_point_variables_do_not_change_and_statistics_do() {
     assert_eq!(before.tensors["embed.conv1.weight"], after.tensors["embed.conv1.weight"]);
     assert_ne!(before.tensors["classif.weight"], after.tensors["classif.weight"]);
     assert_ne!(before.tensors["embed.norm.running_mean"], after.tensors["embed.norm.running_mean"]);
+}
+
+#[test]
+fn fixed_statistics_stay_and_variables_do_not() {
+    let mut trainer = trainer(NETWORKS[0], TrainSettings { fixed_statistics: 0.5, ..settings() });
+    let values = |trainer: &Trainer<PointNetwork>, name: &str| {
+        let checkpoint = trainer.checkpoint().expect("encodes");
+        let tensors = candle_core::safetensors::load_buffer(&checkpoint, &candle_core::Device::Cpu).expect("decodes");
+        tensors[name].flatten_all().and_then(|tensor| tensor.to_vec1::<f32>()).expect("numbers")
+    };
+    let of_norm = |trainer: &Trainer<PointNetwork>| values(trainer, "variable.embed.norm.running_mean");
+    train(&mut trainer, 1);
+    let first = of_norm(&trainer);
+    train(&mut trainer, 2);
+    let third = (of_norm(&trainer), values(&trainer, "variable.classif.weight"));
+    train(&mut trainer, 1);
+    let fourth = (of_norm(&trainer), values(&trainer, "variable.classif.weight"));
+    assert_ne!(first, third.0);
+    assert_eq!(third.0, fourth.0);
+    assert_ne!(third.1, fourth.1);
 }
 
 #[test]

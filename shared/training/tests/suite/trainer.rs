@@ -45,6 +45,7 @@ fn settings() -> TrainSettings {
         batch: 4,
         learning_rate: 1e-2,
         patience: 100,
+        fixed_statistics: 1.0,
         loss: Loss::CrossEntropyPowerJaccard { power: 2.0 },
         hierarchy: true,
         average: 0.5,

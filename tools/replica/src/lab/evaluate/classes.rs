@@ -1,6 +1,7 @@
 //! `replica evaluate classes`: scores the classes of label files, or of a model on simulated towns or SemanticKITTI.
 
 mod error_picture;
+mod fused;
 mod knn;
 mod label_files;
 mod point_confusion;
@@ -11,6 +12,7 @@ mod towns;
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
+use fused::Fused;
 use messages::{ClassId, GROUND_CLASSES};
 use scores::ScoreTable;
 use segmentation::Options;
@@ -33,6 +35,9 @@ pub struct Args {
     /// Model file to evaluate instead
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Second model; each point takes the class with the higher score
+    #[arg(long, requires = "model", value_name = "FILE")]
+    fused_with: Option<PathBuf>,
     /// Kinds of simulated towns; each is used with all seeds
     #[arg(long, requires = "model", value_delimiter = ',', default_value = "urban")]
     towns: Vec<String>,
@@ -124,6 +129,10 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let model = match (args.knn, &args.examples) {
             (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
             _ => segmentation::load(path, &options)?,
+        };
+        let model = match &args.fused_with {
+            Some(second) => Box::new(Fused([model, segmentation::load(second, &options)?])),
+            None => model,
         };
         table.clouds.extend(towns::confusions(model.as_ref(), args)?);
         if let Some(folder) = &args.semantickitti {
