@@ -1,6 +1,6 @@
 //! Trains all recipes of a table that are not finished, and prints the table.
 
-use crate::one_training::{Budget, best_weights, train};
+use crate::one_training::{Budget, train};
 use crate::outcome::Outcome;
 use crate::recipe::Recipe;
 use crate::store::Store;
@@ -15,7 +15,7 @@ pub type Results = [(Recipe, Outcome)];
 pub trait Experiment {
     /// Name of the command and of the folder.
     fn name(&self) -> &'static str;
-    /// All trainings in their order. A training comes after the one that it starts from.
+    /// All trainings in their order. A training comes after its sources.
     fn recipes(&self, n_seeds: u64) -> Vec<Recipe>;
     /// Loads or simulates the data of a recipe.
     fn load(&self, recipe: &Recipe) -> anyhow::Result<Task>;
@@ -63,12 +63,14 @@ pub fn train_all(
     let mut n_left = 0;
     for (index, recipe) in recipes.iter().enumerate() {
         // All jobs need the weights of sources.
-        let is_source = recipes.iter().any(|of| of.start.as_deref() == Some(recipe));
+        let is_source = recipes.iter().any(|of| of.sources().any(|source| source == recipe));
         if !(job.has(index) || is_source && job.0 == 1) || store.result(recipe)?.is_some() {
             continue;
         }
-        let source = recipe.start.as_deref();
-        let is_ready = source.map_or(Ok(true), |source| Ok::<_, anyhow::Error>(store.result(source)?.is_some()))?;
+        let mut is_ready = true;
+        for source in recipe.sources() {
+            is_ready &= store.result(source)?.is_some();
+        }
         if budget.is_spent() || !is_ready {
             n_left += 1;
             continue;
@@ -84,9 +86,8 @@ pub fn train_all(
             loaded = Some((&recipe.data, task, checksum));
         }
         let (_, task, checksum) = loaded.as_ref().context("data are loaded above")?;
-        let start = source.map(|source| best_weights(source, task, store)).transpose()?;
         let before = budget.used();
-        let Some(outcome) = train(recipe, task, (start.as_ref(), *checksum), store, budget)? else {
+        let Some(outcome) = train(recipe, task, *checksum, store, budget)? else {
             n_left += 1;
             continue;
         };
@@ -96,13 +97,13 @@ pub fn train_all(
     Ok(n_left)
 }
 
-/// Sets trainings aside that used other data under the same description, and those that start from them. Returns whether there were any.
+/// Sets trainings aside that used other data under the same description, and those that depend on them. Returns whether there were any.
 fn set_aside_other_inputs(store: &Store, recipes: &[Recipe], data: &str, checksum: u64) -> anyhow::Result<bool> {
     let mut changed: Vec<&Recipe> = Vec::new();
     for recipe in recipes {
         let is_other = recipe.data == data && store.inputs(recipe)?.is_some_and(|inputs| inputs != checksum);
-        let starts_from_other = recipe.start.as_deref().is_some_and(|start| changed.contains(&start));
-        if is_other || starts_from_other && store.inputs(recipe)?.is_some() {
+        let has_other_source = recipe.sources().any(|source| changed.contains(&source));
+        if is_other || has_other_source && store.inputs(recipe)?.is_some() {
             eprintln!("{}", store.set_aside(recipe, "its data have changed")?);
             changed.push(recipe);
         }

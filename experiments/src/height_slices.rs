@@ -154,6 +154,7 @@ impl Experiment for HeightSlice {
             network: unet(self.n_features, 3, 8),
             frozen: Vec::new(),
             start: None,
+            tree_of: None,
             settings: settings(2, 2e-3, loss(row), seed),
         };
         (0..n_seeds).flat_map(|seed| LOSSES.map(|row| (seed, row))).map(recipe).collect()

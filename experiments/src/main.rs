@@ -23,7 +23,7 @@ use experiment::{Experiment, Job, print_plan, run};
 use one_training::Budget;
 use std::path::PathBuf;
 use store::Store;
-use streets::StreetTable;
+use streets::{StreetTable, Streets};
 
 /// Repeat a claim of the thesis on own data and print its table.
 #[derive(Parser)]
@@ -73,6 +73,8 @@ enum Table {
     Hierarchy,
     /// Color as an additional input (table 6.12)
     Color,
+    /// Curriculum, and a class tree grown from confusions (section 7.3)
+    Perspectives,
 }
 
 impl Table {
@@ -85,10 +87,11 @@ impl Table {
             Self::SliceLow => (Box::new(height_slices::LOW), 5),
             Self::SliceHigh => (Box::new(height_slices::HIGH), 5),
             Self::Towns => (Box::new(StreetTable::towns()), 3),
-            Self::Transfer => (Box::new(streets::transfer::Transfer(streets::Streets::default())), 3),
+            Self::Transfer => (Box::new(streets::transfer::Transfer(Streets::default())), 3),
             Self::Specialized => (Box::new(StreetTable::specialized()), 3),
             Self::Hierarchy => (Box::new(StreetTable::hierarchy()), 3),
             Self::Color => (Box::new(StreetTable::color()), 3),
+            Self::Perspectives => (Box::new(streets::perspectives::Perspectives(Streets::default())), 3),
         })
     }
 }

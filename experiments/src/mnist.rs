@@ -88,6 +88,7 @@ impl Experiment for Mnist {
                     network: unet(1, self.n_classes(), filters),
                     frozen: Vec::new(),
                     start: None,
+                    tree_of: None,
                     settings: settings(batch, 1e-3, loss(row), seed),
                 });
             }

@@ -5,8 +5,7 @@ use crate::recipe::Recipe;
 use crate::store::Store;
 use crate::task::Task;
 use rustix::time::{ClockId, clock_gettime};
-use segmentation::network::Weights;
-use training::{Curves, TrainSettings, Trainer, Variables};
+use training::{Curves, Hierarchy, TrainSettings, Trainer, Variables};
 
 /// When training stops with a checkpoint: asked before each epoch.
 pub struct Budget<'a> {
@@ -60,36 +59,38 @@ pub fn end(curves: &Curves, settings: &TrainSettings) -> Option<End> {
     }
 }
 
-fn new_trainer(recipe: &Recipe, task: &Task, start: Option<&Weights>) -> anyhow::Result<Trainer> {
-    let variables = match start {
-        Some(weights) => Variables::from_weights(&recipe.network, weights)?,
+/// A training before its first epoch, or as its checkpoint has it.
+fn trainer(recipe: &Recipe, task: &Task, store: &Store) -> anyhow::Result<Trainer> {
+    let variables = match &recipe.start {
+        Some(source) => Variables::from_weights(&recipe.network, trainer(source, task, store)?.best())?,
         None => Variables::random(&recipe.network, recipe.settings.seed)?,
     };
-    let mut trainer = Trainer::new(recipe.settings.clone(), variables, task.shape, task.border, task.tree.clone())?;
+    let tree = match &recipe.tree_of {
+        Some(source) => {
+            let source = trainer(source, task, store)?.best_trainer()?;
+            let (_, confusion) = source.evaluate(task.validation.as_ref())?;
+            Hierarchy::of_confusions(&confusion, task.shape.0, task.tree.n_used_nodes())
+        }
+        None => task.tree.clone(),
+    };
+    let mut trainer = Trainer::new(recipe.settings.clone(), variables, task.shape, task.border, tree)?;
     trainer.freeze(recipe.frozen.clone());
+    if store.checkpoint(recipe).exists() {
+        trainer.resume(&store.checkpoint(recipe))?;
+    }
     Ok(trainer)
-}
-
-/// The best weights of a finished training.
-pub fn best_weights(recipe: &Recipe, task: &Task, store: &Store) -> anyhow::Result<Weights> {
-    let mut trainer = new_trainer(recipe, task, None)?;
-    trainer.resume(&store.checkpoint(recipe))?;
-    Ok(trainer.best().clone())
 }
 
 /// Begins or continues a training, with a checkpoint after each epoch. `None`: the budget is spent.
 pub fn train(
     recipe: &Recipe,
     task: &Task,
-    (start, inputs): (Option<&Weights>, u64),
+    inputs: u64,
     store: &Store,
     budget: &Budget<'_>,
 ) -> anyhow::Result<Option<Outcome>> {
-    let mut trainer = new_trainer(recipe, task, start)?;
+    let mut trainer = trainer(recipe, task, store)?;
     store.begin(recipe, inputs)?;
-    if store.checkpoint(recipe).exists() {
-        trainer.resume(&store.checkpoint(recipe))?;
-    }
     let (before, begin) = (store.cpu_seconds(recipe)?, cpu_now());
     let end = loop {
         if let Some(end) = end(trainer.curves(), &recipe.settings) {

@@ -24,6 +24,9 @@ pub struct Recipe {
     pub frozen: Vec<String>,
     /// The training whose best weights this one starts from; `None`: random weights.
     pub start: Option<Box<Recipe>>,
+    /// The training whose confusions in validation determine the class tree; `None`: the tree of the thesis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tree_of: Option<Box<Recipe>>,
     pub settings: TrainSettings,
 }
 
@@ -34,6 +37,10 @@ impl Recipe {
         let of_file = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '.' | '_') { c } else { '-' };
         let with_dashes: String = text.replace(", ", "-").replace(". ", ".").chars().map(of_file).collect();
         with_dashes.replace("---", "-")
+    }
+    /// The trainings that must be finished before this one.
+    pub fn sources(&self) -> impl Iterator<Item = &Recipe> {
+        [&self.start, &self.tree_of].into_iter().filter_map(Option::as_deref)
     }
     /// Filters of the first level.
     pub fn filters(&self) -> usize {

@@ -3,6 +3,7 @@
 mod classes;
 mod ideal_colors;
 mod iou_table;
+pub mod perspectives;
 mod street_data;
 mod sweep_images;
 pub mod transfer;
@@ -39,6 +40,7 @@ fn recipe((row, column): (&str, &str), (data, classes): (StreetData, &[ClassId])
         network: NetworkSpec::Unet { inputs: n_inputs, outputs: FOLD * classes.len(), widths, head: None },
         frozen: Vec::new(),
         start: None,
+        tree_of: None,
         settings: TrainSettings {
             average: 0.95,
             pixels: 12_000,
@@ -134,10 +136,11 @@ impl Experiment for StreetTable {
         self.name
     }
     fn recipes(&self, n_seeds: u64) -> Vec<Recipe> {
-        let of_kind = |seed| {
-            self.kinds.iter().map(move |&(row, column, data, classes)| recipe((row, column), (data, classes), seed))
+        // All seeds of a kind in turn: only the sweeps that were used last are kept.
+        let of_kind = |&(row, column, data, classes): &Kind| {
+            (0..n_seeds).map(move |seed| recipe((row, column), (data, classes), seed))
         };
-        (0..n_seeds).flat_map(of_kind).collect()
+        self.kinds.iter().flat_map(of_kind).collect()
     }
     fn load(&self, recipe: &Recipe) -> anyhow::Result<Task> {
         let kind = self.kinds.iter().find(|(row, column, ..)| recipe.row == *row && recipe.column == *column);

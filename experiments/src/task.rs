@@ -1,7 +1,30 @@
 //! Data of a training.
 
+use random::Random;
 use segmentation::engine::Border;
-use training::{Dataset, Hierarchy};
+use training::{Dataset, Example, Hierarchy, UNKNOWN};
+
+/// Data of which some classes have no labels.
+pub struct Masked {
+    pub data: Box<dyn Dataset>,
+    /// Whether the labels of a class are kept.
+    pub is_kept: Vec<bool>,
+}
+
+impl Dataset for Masked {
+    fn len(&self) -> usize {
+        self.data.len()
+    }
+    fn example(&self, index: usize, random: Option<&mut Random>) -> Example {
+        let mut example = self.data.example(index, random);
+        for class in &mut example.truth {
+            if self.is_kept.get(usize::from(*class)) == Some(&false) {
+                *class = UNKNOWN;
+            }
+        }
+        example
+    }
+}
 
 /// Data sets of a training, and how their examples are read.
 pub struct Task {

@@ -5,12 +5,12 @@ use crate::loss_table::{loss, table_of_losses};
 use crate::one_training::{Budget, End, end};
 use crate::recipe::{Recipe, settings, unet};
 use crate::store::Store;
-use crate::task::Task;
+use crate::task::{Masked, Task};
 use random::Random;
 use segmentation::engine::{Border, Planes};
 use std::cell::RefCell;
 use std::path::Path;
-use training::{Curves, Dataset, Epoch, Example, Hierarchy, TrainSettings};
+use training::{Curves, Dataset, Epoch, Example, Hierarchy, TrainSettings, UNKNOWN};
 
 const SIDE: usize = 8;
 
@@ -36,7 +36,7 @@ impl Dataset for Rows {
     }
 }
 
-/// Two losses, and a training that starts from the first one.
+/// Two losses with two seeds, a training that starts from the first one, and one with a class tree from its confusions.
 struct Tiny {
     learning_rate: f64,
     data: u64,
@@ -62,12 +62,16 @@ impl Experiment for Tiny {
             network: unet(1, 2, 2),
             frozen: Vec::new(),
             start: None,
+            tree_of: None,
             settings: TrainSettings { epochs: 4, ..settings(2, self.learning_rate, loss(row), seed) },
         };
         let mut recipes: Vec<Recipe> =
             (0..n_seeds).flat_map(|seed| ["CE", "Jac. 2"].map(|row| (seed, row))).map(of).collect();
         let source = recipes[0].clone();
-        recipes.push(Recipe { row: "transfer".into(), start: Some(Box::new(source.clone())), ..source });
+        let of_source = |row: &str| Recipe { row: row.into(), ..source.clone() };
+        recipes.push(Recipe { start: Some(Box::new(source.clone())), ..of_source("transfer") });
+        let settings = TrainSettings { hierarchy: true, ..source.settings.clone() };
+        recipes.push(Recipe { tree_of: Some(Box::new(source.clone())), settings, ..of_source("grown tree") });
         recipes
     }
     fn load(&self, _: &Recipe) -> anyhow::Result<Task> {
@@ -108,7 +112,7 @@ fn interrupted_training_gives_same_results_file() {
     let (whole, cut) = (folder(), folder());
     let unlimited = Budget::new(None);
     let (n_left, expected) = trained(&Tiny::new(), whole.path(), &unlimited, ALL);
-    assert_eq!((n_left, expected.lines().count()), (0, 5));
+    assert_eq!((n_left, expected.lines().count()), (0, 6));
     let mut starts = 0;
     let found = loop {
         let (n_left, text) = trained_one_epoch(cut.path());
@@ -118,7 +122,7 @@ fn interrupted_training_gives_same_results_file() {
         }
         assert!(starts < 100, "no progress");
     };
-    assert!(starts > 5, "{starts} starts: nothing was interrupted");
+    assert!(starts > 6, "{starts} starts: nothing was interrupted");
     assert_eq!(found, expected);
 }
 
@@ -140,7 +144,7 @@ fn jobs_together_give_same_results_file() {
     let budget = Budget::new(None);
     let (_, expected) = trained(&Tiny::new(), whole.path(), &budget, ALL);
     let (_, half) = trained(&Tiny::new(), parts.path(), &budget, Job(1, 2));
-    assert!(half.lines().count() < 5, "{half}");
+    assert!(half.lines().count() < 6, "{half}");
     let (n_left, found) = trained(&Tiny::new(), parts.path(), &budget, Job(2, 2));
     assert_eq!((n_left, found), (0, expected));
 }
@@ -164,9 +168,10 @@ fn changed_setting_sets_results_aside_by_name() {
     let text = store.set_aside_if_changed(&recipes[0]).expect("renames").expect("was changed");
     assert!(text.contains("2-filters_ce_seed-0") && text.contains("learning_rate = 0.01, now 0.02"), "{text}");
     assert!(folder.path().join("2-filters_ce_seed-0.old-1/result.json").exists());
-    // The training that starts from the changed one has changed, too.
-    let transfer = recipes.last().expect("some");
-    assert!(store.set_aside_if_changed(transfer).expect("renames").expect("was changed").contains("start"));
+    // The trainings that depend on the changed one have changed, too.
+    for (recipe, key) in recipes[4..].iter().zip(["start", "tree_of"]) {
+        assert!(store.set_aside_if_changed(recipe).expect("renames").expect("was changed").contains(key));
+    }
 }
 
 #[test]
@@ -178,7 +183,7 @@ fn changed_data_sets_results_aside() {
     let path = folder.path().join("2-filters_jac.2_seed-1/result.json");
     std::fs::remove_file(&path).expect("removes");
     let (n_left, after) = trained(&changed, folder.path(), &Budget::new(None), ALL);
-    assert_eq!((n_left, after.lines().count()), (0, 5));
+    assert_eq!((n_left, after.lines().count()), (0, 6));
     for recipe in changed.recipes(2) {
         assert!(folder.path().join(format!("{}.old-1", recipe.name())).exists(), "{}", recipe.name());
     }
@@ -220,4 +225,13 @@ fn job_is_read_from_its_part_and_number() {
     for wrong in ["0/4", "5/4", "2", "a/b", "1/0"] {
         assert!(wrong.parse::<Job>().is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn masked_labels_are_unknown_and_others_stay() {
+    let masked = Masked { data: Box::new(Rows(1)), is_kept: vec![false, true] };
+    let (plain, example) = (Rows(1).example(0, None), masked.example(0, None));
+    assert!(example.input.values() == plain.input.values());
+    let expected = |class: &u8| if *class == 0 { UNKNOWN } else { *class };
+    assert_eq!(example.truth, plain.truth.iter().map(expected).collect::<Vec<_>>());
 }

@@ -22,6 +22,8 @@ pub const ALL: [ClassId; 14] = [
     Sidewalk,
     Terrain,
 ];
+/// Classes of low complexity by section 7.3: large surfaces, and frequent.
+pub const SIMPLE: &[ClassId] = &[Building, Road, Sidewalk, Terrain, Vegetation];
 /// All classes except ground: M2 of table 6.8, P2 of table 6.12.
 pub const NO_GROUND: &[ClassId] = ALL.split_at(10).0;
 /// All classes except ground and buildings: M3, P1.

@@ -157,6 +157,21 @@ fn power_above_two_penalizes_certainty() {
     assert!(of(1.5, nearly) > of(1.5, sure));
 }
 
+/// A power that training may change as well therefore ends at its upper limit, whatever the data.
+#[test]
+fn power_jaccard_never_rises_with_its_power() {
+    let mut random = Random::new(11);
+    for _ in 0..20 {
+        let (logits, truth) = pixels(&mut random);
+        let of_power = |power: f64| {
+            let loss = Loss::PowerJaccard { power }.of_logits(&matrix(&logits), &matrix(&truth)).expect("a loss");
+            value(&loss)
+        };
+        let losses: Vec<f64> = (0..=20).map(|i| of_power(1.0 + 0.1 * f64::from(i))).collect();
+        assert!(losses.windows(2).all(|pair| pair[1] < pair[0]), "{losses:?}");
+    }
+}
+
 #[test]
 fn class_tree_equals_figure_6_11() {
     use ClassId::{Building, Pole, Road, RoadLine, TrafficLight, Vegetation};
