@@ -1,6 +1,5 @@
 //! One stage's process: started, observed, commanded, killed.
 
-mod allocator;
 mod log_tail;
 
 use crate::decision::ObservedStage;
@@ -185,7 +184,7 @@ fn spawn(stage: &PlannedStage, assignment: &Path, log: &Path, format: LogFormat)
     let file = OpenOptions::new().create(true).append(true).open(log).map_err(failed)?;
     let mut command = Command::new(&stage.program);
     command.arg("run").arg(assignment).stdin(Stdio::null()).process_group(0);
-    allocator::keep_freed_memory(&mut command);
+    allocator::keep_freed_memory(&mut command, allocator::Keep::Sweeps);
     if stage.table.threads > 0 {
         command.env("RAYON_NUM_THREADS", stage.table.threads.to_string());
     }

@@ -7,6 +7,7 @@ mod recorded_classes;
 mod train;
 mod true_points;
 
+use allocator::{Keep, restart_with_kept_memory};
 use std::process::ExitCode;
 
 /// The subcommands.
@@ -22,7 +23,10 @@ impl Command {
     /// Runs the command.
     pub fn run(&self) -> anyhow::Result<ExitCode> {
         match self {
-            Command::Train(args) => train::run(args),
+            Command::Train(args) => {
+                restart_with_kept_memory(Keep::Activations);
+                train::run(args)
+            }
             Command::Evaluate(args) => evaluate::run(args),
             Command::Instances(args) => instances::run(args),
             Command::Bench(args) => bench::run(args),
