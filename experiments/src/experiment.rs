@@ -6,7 +6,6 @@ use crate::recipe::Recipe;
 use crate::store::Store;
 use crate::task::Task;
 use anyhow::Context;
-use std::path::Path;
 
 /// Finished trainings.
 pub type Results = [(Recipe, Outcome)];
@@ -59,17 +58,26 @@ pub fn train_all(
             eprintln!("{text}");
         }
     }
+    // The weights of a source are needed as long as a training that starts from it is not finished.
+    let needs_weights = |recipe: &Recipe| -> anyhow::Result<bool> {
+        for of in recipes.iter().filter(|of| of.sources().any(|source| source == recipe)) {
+            if store.result(of)?.is_none() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    };
     let mut loaded: Option<(&str, Task, u64)> = None;
     let mut n_left = 0;
     for (index, recipe) in recipes.iter().enumerate() {
         // All jobs need the weights of sources.
         let is_source = recipes.iter().any(|of| of.sources().any(|source| source == recipe));
-        if !(job.has(index) || is_source && job.0 == 1) || store.result(recipe)?.is_some() {
+        if !(job.has(index) || is_source && job.0 == 1) || store.is_finished(recipe, needs_weights(recipe)?)? {
             continue;
         }
         let mut is_ready = true;
         for source in recipe.sources() {
-            is_ready &= store.result(source)?.is_some();
+            is_ready &= store.is_finished(source, true)?;
         }
         if budget.is_spent() || !is_ready {
             n_left += 1;
@@ -149,12 +157,12 @@ pub fn print_plan(experiment: &dyn Experiment, recipes: &[Recipe], store: &Store
 /// Trains, writes the results, and prints the table.
 pub fn run(
     experiment: &dyn Experiment,
-    out: &Path,
+    store: &Store,
     n_seeds: u64,
     (budget, job): (&Budget<'_>, Job),
 ) -> anyhow::Result<()> {
-    let (recipes, store) = (experiment.recipes(n_seeds), Store::new(out.join(experiment.name())));
-    let n_left = train_all(experiment, &recipes, (&store, budget, job))?;
+    let recipes = experiment.recipes(n_seeds);
+    let n_left = train_all(experiment, &recipes, (store, budget, job))?;
     let results = store.collect(&recipes)?;
     println!("{}", experiment.table(&results));
     println!("{} of {} trainings are done; {:.2} CPU hours used", results.len(), recipes.len(), budget.used() / 3600.0);

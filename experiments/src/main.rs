@@ -37,6 +37,9 @@ struct Args {
     /// Folder of results and checkpoints; a second start continues
     #[arg(long, default_value = "out/experiments")]
     out: PathBuf,
+    /// Folder of published results, one file for each table; their trainings are not repeated
+    #[arg(long, default_value = "experiments/results")]
+    published: PathBuf,
     /// CPU hours after which training stops with a checkpoint
     #[arg(long)]
     budget_hours: Option<f64>,
@@ -98,7 +101,7 @@ impl Table {
 
 fn main() -> anyhow::Result<()> {
     allocator::restart_with_kept_memory(allocator::Keep::Activations);
-    let Args { table, seeds, out, budget_hours, job, threads, plan } = Args::parse();
+    let Args { table, seeds, out, published, budget_hours, job, threads, plan } = Args::parse();
     // Seeds of 9000 and above are for test drives only.
     ensure!(seeds.is_none_or(|seeds| (1..=1000).contains(&seeds)), "the number of seeds must be 1 to 1000");
     ensure!(budget_hours.is_none_or(|hours| hours >= 0.0), "--budget-hours must be at least 0");
@@ -110,11 +113,12 @@ fn main() -> anyhow::Result<()> {
             return Ok(());
         };
         let seeds = seeds.unwrap_or(default_seeds);
+        let name = experiment.name();
+        let store = Store::with_published(out.join(name), &published.join(format!("{name}.jsonl")))?;
         if plan {
-            let store = Store::new(out.join(experiment.name()));
             return print_plan(experiment.as_ref(), &experiment.recipes(seeds), &store);
         }
-        run(experiment.as_ref(), &out, seeds, (&Budget::new(budget_hours), job))
+        run(experiment.as_ref(), &store, seeds, (&Budget::new(budget_hours), job))
     };
     // Inside of the pool: a call from outside waits for another thread several times per step.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;

@@ -66,33 +66,13 @@ impl Outcome {
     }
 }
 
-/// A line of the results of a table.
-#[derive(Serialize)]
-pub struct Line<'a> {
-    training: String,
-    row: &'a str,
-    column: &'a str,
-    loss: &'a training::Loss,
-    hierarchy: bool,
-    filters: usize,
-    batch: usize,
-    seed: u64,
-    #[serde(flatten)]
-    outcome: &'a Outcome,
-}
-
-impl<'a> Line<'a> {
-    pub fn new(recipe: &'a Recipe, outcome: &'a Outcome) -> Self {
-        Self {
-            training: recipe.name(),
-            row: &recipe.row,
-            column: &recipe.column,
-            loss: &recipe.settings.loss,
-            hierarchy: recipe.settings.hierarchy,
-            filters: recipe.filters(),
-            batch: recipe.settings.batch,
-            seed: recipe.settings.seed,
-            outcome,
-        }
-    }
+/// A line of the results of a table: a finished training.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    pub training: String,
+    /// Checksum of its data.
+    pub inputs: u64,
+    pub recipe: Recipe,
+    pub outcome: Outcome,
 }

@@ -1,15 +1,18 @@
 //! The folder of a table: one folder per training, and files with the results and costs of all.
 //!
 //! A training's folder holds `recipe.json`, the checksum of its data, a checkpoint and the CPU seconds so far, and at its end
-//! `result.json`.
+//! `result.json`. Trainings whose results are published are not repeated.
 
 use crate::outcome::{Line, Outcome};
 use crate::recipe::Recipe;
 use anyhow::{Context, bail};
 use formats::atomic_file::write_atomic;
 use serde::de::DeserializeOwned;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 const RECIPE: &str = "recipe.json";
@@ -20,11 +23,33 @@ const SECONDS: &str = "cpu_seconds.json";
 /// The folder of a table.
 pub struct Store {
     folder: PathBuf,
+    /// Published results by the name of the training; those of other settings or data are removed.
+    published: RefCell<BTreeMap<String, Line>>,
 }
 
 impl Store {
     pub fn new(folder: PathBuf) -> Self {
-        Self { folder }
+        Self { folder, published: RefCell::default() }
+    }
+    /// With the results of a file, if it exists.
+    pub fn with_published(folder: PathBuf, results: &Path) -> anyhow::Result<Self> {
+        let text = match fs::read_to_string(results) {
+            Err(error) if error.kind() == ErrorKind::NotFound => String::new(),
+            text => text.with_context(|| results.display().to_string())?,
+        };
+        let line = |(number, line): (usize, &str)| {
+            let line: Line =
+                serde_json::from_str(line).with_context(|| format!("{}:{}", results.display(), number + 1))?;
+            Ok((line.training.clone(), line))
+        };
+        let published = text.lines().enumerate().map(line).collect::<anyhow::Result<_>>()?;
+        Ok(Self { folder, published: RefCell::new(published) })
+    }
+    /// A published result, unless there is a training of the same name in the folder.
+    fn published<T>(&self, recipe: &Recipe, of_line: impl Fn(&Line) -> T) -> Option<T> {
+        let published = self.published.borrow();
+        let line = published.get(&recipe.name()).filter(|_| !self.path(recipe, RECIPE).exists());
+        line.filter(|line| line.recipe == *recipe).map(of_line)
     }
     fn path(&self, recipe: &Recipe, file: &str) -> PathBuf {
         self.folder.join(recipe.name()).join(file)
@@ -34,14 +59,24 @@ impl Store {
     }
     /// The result of a finished training with exactly these settings.
     pub fn result(&self, recipe: &Recipe) -> anyhow::Result<Option<Outcome>> {
+        if let Some(outcome) = self.published(recipe, |line| line.outcome.clone()) {
+            return Ok(Some(outcome));
+        }
         if self.difference(recipe)?.is_some() {
             return Ok(None);
         }
         read(&self.path(recipe, RESULT))
     }
+    /// Whether a training is finished, with its weights if `with_weights`: published results have none.
+    pub fn is_finished(&self, recipe: &Recipe, with_weights: bool) -> anyhow::Result<bool> {
+        Ok(self.result(recipe)?.is_some() && (!with_weights || self.checkpoint(recipe).exists()))
+    }
     /// Checksum of the data of a stored training.
     pub fn inputs(&self, recipe: &Recipe) -> anyhow::Result<Option<u64>> {
-        read(&self.path(recipe, INPUTS))
+        match self.published(recipe, |line| line.inputs) {
+            Some(inputs) => Ok(Some(inputs)),
+            None => read(&self.path(recipe, INPUTS)),
+        }
     }
     /// CPU seconds that a training has taken so far.
     pub fn cpu_seconds(&self, recipe: &Recipe) -> anyhow::Result<f64> {
@@ -60,9 +95,12 @@ impl Store {
         let difference = self.difference(recipe)?;
         difference.map(|difference| self.set_aside(recipe, &difference)).transpose()
     }
-    /// Renames the folder of a stored training to the first free name.
+    /// Renames the folder of a stored training to the first free name. A published result is left out.
     pub fn set_aside(&self, recipe: &Recipe, reason: &str) -> anyhow::Result<String> {
         let (name, folder) = (recipe.name(), self.folder.join(recipe.name()));
+        if self.published.borrow_mut().remove(&name).is_some() && !folder.exists() {
+            return Ok(format!("{name}: the published result is not used ({reason})"));
+        }
         let old = |n: usize| self.folder.join(format!("{name}.old-{n}"));
         let free = (1..10_000).map(old).find(|path| !path.exists()).context("all names are taken")?;
         fs::rename(&folder, &free).with_context(|| format!("cannot rename {}", folder.display()))?;
@@ -86,7 +124,9 @@ impl Store {
         let (mut results, mut lines, mut costs) = (Vec::new(), String::new(), String::from("training,epochs,cpu_s\n"));
         for recipe in recipes {
             let Some(outcome) = self.result(recipe)? else { continue };
-            let _ = writeln!(lines, "{}", serde_json::to_string(&Line::new(recipe, &outcome))?);
+            let inputs = self.inputs(recipe)?.context("a finished training has data")?;
+            let line = Line { training: recipe.name(), inputs, recipe: recipe.clone(), outcome: outcome.clone() };
+            let _ = writeln!(lines, "{}", serde_json::to_string(&line)?);
             let _ = writeln!(costs, "{},{},{:.1}", recipe.name(), outcome.epochs, self.cpu_seconds(recipe)?);
             results.push((recipe.clone(), outcome));
         }
@@ -105,7 +145,7 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 fn read<T: DeserializeOwned>(path: &Path) -> anyhow::Result<Option<T>> {
     let bytes = match fs::read(path) {
         Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => bail!("cannot read {}: {error}", path.display()),
     };
     let value = serde_json::from_slice(&bytes);

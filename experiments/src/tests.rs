@@ -190,6 +190,39 @@ fn changed_data_sets_results_aside() {
 }
 
 #[test]
+fn published_results_are_not_trained_again_unless_their_weights_or_other_data_are_needed() {
+    let (first, second, third) = (folder(), folder(), folder());
+    let (_, expected) = trained(&Tiny::new(), first.path(), &Budget::new(None), ALL);
+    let again = |folder: &Path, results: &Path, tiny: &Tiny| {
+        let (recipes, store) =
+            (tiny.recipes(2), Store::with_published(folder.into(), results).expect("reads the results"));
+        let n_left = train_all(tiny, &recipes, (&store, &Budget::new(None), ALL)).expect("trains");
+        store.collect(&recipes).expect("writes");
+        (n_left, std::fs::read_to_string(folder.join("results.jsonl")).expect("reads"))
+    };
+    let published = first.path().join("results.jsonl");
+    let tiny = Tiny::new();
+    assert_eq!(again(second.path(), &published, &tiny), (0, expected.clone()));
+    assert_eq!(*tiny.loaded.borrow(), 0, "nothing is trained");
+    // Without a training that starts from another one, the weights of that are needed.
+    let partial = second.path().join("partial.jsonl");
+    let lines: Vec<&str> = expected.lines().collect();
+    std::fs::write(&partial, lines[..5].join("\n")).expect("writes");
+    assert_eq!(again(second.path(), &partial, &tiny), (0, expected.clone()));
+    assert!((1..6).contains(&n_folders(second.path())), "{} trainings", n_folders(second.path()));
+    // Other data: none of the published results counts.
+    let changed = Tiny { data: 4, ..Tiny::new() };
+    std::fs::write(&partial, lines[..5].join("\n")).expect("writes");
+    let (n_left, other) = again(third.path(), &partial, &changed);
+    assert!(n_left == 0 && other != expected);
+    assert_eq!(n_folders(third.path()), 6);
+}
+
+fn n_folders(folder: &Path) -> usize {
+    std::fs::read_dir(folder).expect("lists").filter(|entry| entry.as_ref().is_ok_and(|e| e.path().is_dir())).count()
+}
+
+#[test]
 fn table_of_partial_results_counts_seeds() {
     let folder = folder();
     let tiny = Tiny::new();
