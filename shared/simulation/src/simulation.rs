@@ -67,7 +67,10 @@ impl Simulation {
     }
     /// A lidar of any model at any mounting, with the errors of the spec.
     pub fn lidar_of(&self, model: LidarModel, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
-        let errors = &self.spec.lidar_errors;
+        self.lidar_unit(model, &self.spec.lidar_errors, body_from_lidar, seed)
+    }
+    /// A lidar of any model at any mounting, with errors of its own.
+    pub fn lidar_unit(&self, model: LidarModel, errors: &LidarErrors, body_from_lidar: Pose, seed: u64) -> Lidar<'_> {
         Lidar::new(&self.scene, &self.motion, model, errors, body_from_lidar, seed, self.spec.lidar_step)
     }
     /// Stamps of the exposures.

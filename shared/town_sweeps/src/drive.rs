@@ -1,7 +1,7 @@
 //! Drives through simulated towns.
 
 use crate::error::TownSweepsError;
-use crate::mount::Mount;
+use crate::mount::{Mount, MountedLidar};
 use crate::submap::{TURN_SECONDS, TownSubmap};
 use messages::{MAX_SWEEPS_PER_SUBMAP, SubmapSweep, pose_numbers};
 use random::Random;
@@ -65,16 +65,17 @@ impl TownDrive {
         mount: Mount,
     ) -> TownSubmap {
         let mut random = Random::of_stream(self.seed, index as u64);
-        let (model, body_from_lidar) = mount.lidar(&mut random);
+        let MountedLidar { model, body_from_lidar, errors, has_rings } = mount.lidar(&mut random);
         let seed = self.seed ^ (index as u64) << 32;
-        let lidar = simulation.lidar_of(LidarModel::of(model), body_from_lidar, seed);
+        let lidar = simulation.lidar_unit(LidarModel::of(model), &errors, body_from_lidar, seed);
         let packets_per_turn = lidar.model().n_packets(TURN_SECONDS);
         let begin = lidar.packet_stamp(first_turn * packets_per_turn);
         let submap_from_world = simulation.motion.pose_at(begin).inverse();
         let pose_at =
             |nanos: i64| submap_from_world * simulation.motion.pose_at(begin.plus_nanos(nanos)) * body_from_lidar;
         let mut submap = TownSubmap { header: Box::default(), points: Vec::new(), truth: Vec::new() };
-        submap.header.n_rings = model.n_rings() as u32;
+        // The number of a lidar without rings.
+        submap.header.n_rings = if has_rings { model.n_rings() as u32 } else { 0 };
         for sweep in 0..n_sweeps.min(MAX_SWEEPS_PER_SUBMAP) {
             let turn = first_turn + sweep as u64 * stride;
             let stamp = lidar.packet_stamp(turn * packets_per_turn);

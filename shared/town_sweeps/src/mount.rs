@@ -4,40 +4,73 @@ use formats::velodyne::Model;
 use geometry::{Isometry3, Pose, UnitQuaternion, Vector3};
 use random::Random;
 use simulation::rig::RigSpec;
+use simulation::sensors::lidar::LidarErrors;
 
 /// The lidar and its mounting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mount {
     /// The HDL-32E of the L3D2 vehicle.
     Rig,
-    /// With equal probability: either the same with random errors of up to 3 degrees and 20 cm; or an HDL-64E, HDL-32E or VLP-16
-    /// upright on a roof, 1.6 to 2.4 m above the road.
+    /// A lidar of any model on any vehicle:
+    ///
+    /// - in three of ten cases that of [`Mount::Rig`], with random errors of up to 3 degrees and 20 cm; else an HDL-64E (half of these),
+    ///   HDL-32E, VLP-32C or VLP-16 on a roof, 1 to 3 m above the road, upright within 3 degrees;
+    /// - its unit is perfect, typical or poor ([`LidarErrors`]);
+    /// - one of four has no rings.
     Random,
     /// The HDL-64E of KITTI, upright 1.73 m above the road.
     Kitti,
 }
 
+/// A lidar on a vehicle.
+pub(crate) struct MountedLidar {
+    pub model: Model,
+    pub body_from_lidar: Pose,
+    pub errors: LidarErrors,
+    /// Whether its driver numbers the rings.
+    pub has_rings: bool,
+}
+
+/// Height of the body frame above the road, m.
+const BODY_M: f64 = 1.0;
+
 impl Mount {
-    /// Model and `body_from_lidar`, which may be random.
-    pub(crate) fn lidar(self, random: &mut Random) -> (Model, Pose) {
-        let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
-        let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
+    /// The lidar, which may be random.
+    pub(crate) fn lidar(self, random: &mut Random) -> MountedLidar {
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
+        let perfect = |model, body_from_lidar| MountedLidar {
+            model,
+            body_from_lidar,
+            errors: LidarErrors::NONE,
+            has_rings: true,
+        };
         match self {
-            Self::Rig => (Model::Hdl32e, rig),
-            // The body frame is 1 m above the road.
-            Self::Kitti => (Model::Hdl64e, Isometry3::translation(0.0, 0.0, 0.73)),
-            Self::Random if random.chance(0.5) => {
-                let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
-                let pose = Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter);
-                (Model::Hdl32e, pose)
-            }
-            Self::Random => {
-                let height = f64::from(random.range(0.6, 1.4));
-                let along = f64::from(random.range(-1.0, 0.5));
-                let model = [Model::Hdl64e, Model::Hdl64e, Model::Hdl32e, Model::Vlp16][random.index(4)];
-                (model, Isometry3::from_parts(Vector3::new(along, 0.0, height).into(), jitter))
-            }
+            Self::Rig => perfect(Model::Hdl32e, rig),
+            Self::Kitti => perfect(Model::Hdl64e, Isometry3::translation(0.0, 0.0, 1.73 - BODY_M)),
+            Self::Random => random_lidar(rig, random),
         }
+    }
+}
+
+fn random_lidar(rig: Pose, random: &mut Random) -> MountedLidar {
+    let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
+    let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
+    let (model, body_from_lidar) = if random.chance(0.3) {
+        let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
+        (Model::Hdl32e, Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter))
+    } else {
+        // Half of the vehicles are cars.
+        let height_m = if random.chance(0.5) { random.range(1.5, 2.1) } else { random.range(1.0, 3.0) };
+        let along_m = random.range(-1.0, 0.5);
+        let position = Vector3::new(f64::from(along_m), 0.0, f64::from(height_m) - BODY_M);
+        let models = [Model::Hdl64e, Model::Hdl64e, Model::Hdl64e, Model::Hdl32e, Model::Vlp32c, Model::Vlp16];
+        (*random.pick(&models), Isometry3::from_parts(position.into(), jitter))
+    };
+    let grade = *random.pick(&[LidarErrors::NONE, LidarErrors::TYPICAL, LidarErrors::POOR]);
+    MountedLidar {
+        model,
+        body_from_lidar,
+        errors: LidarErrors { unit_seed: random.bits(), ..grade },
+        has_rings: random.chance(0.75),
     }
 }

@@ -30,7 +30,12 @@ impl ImageNetwork {
         Self { variables, fold: self.fold, border: self.border }
     }
     fn pixels(&self, n_classes: usize, batch: &[Example]) -> Pixels {
-        Pixels { n_classes, fold: self.fold, of_image: batch[0].truth.len() }
+        let mut end = 0;
+        let ends = batch.iter().map(|example| {
+            end += example.truth.len();
+            end
+        });
+        Pixels { n_classes, fold: self.fold, ends: ends.collect() }
     }
 }
 

@@ -12,14 +12,15 @@ pub(crate) struct Pixels {
     pub(crate) n_classes: usize,
     /// Pixels per column.
     pub(crate) fold: usize,
-    /// Pixels per image. Indices of pixels continue from image to image, in raster order.
-    pub(crate) of_image: usize,
+    /// Number of pixels up to the end of each image. Indices of pixels continue from image to image, in raster order.
+    pub(crate) ends: Vec<usize>,
 }
 
 impl Pixels {
     /// Image, row, column and first channel of a pixel.
     fn position(&self, pixel: u32, outputs: &[&Planes]) -> [usize; 4] {
-        let (image, within) = (pixel as usize / self.of_image, pixel as usize % self.of_image);
+        let image = self.ends.partition_point(|end| *end <= pixel as usize);
+        let within = pixel as usize - image.checked_sub(1).map_or(0, |before| self.ends[before]);
         let columns = outputs[image].width() * self.fold;
         let (row, column) = (within / columns, within % columns);
         [image, row, column / self.fold, column % self.fold * self.n_classes]

@@ -1,3 +1,4 @@
 //! Properties of the simulated sweeps.
 
+mod mounts;
 mod submaps;

@@ -1,8 +1,14 @@
 //! Random changes of sweeps in training; those of gain and height are for points, too.
 
+mod intensities;
+mod view;
+
+use super::labeled_image::LabeledImage;
+use intensities::augment_intensities;
 use random::Random;
-use segmentation::spherical::{PolarImage, PolarPixel};
+use segmentation::spherical::{GroundIntensities, PolarImage, PolarPixel};
 use training::UNKNOWN;
+use view::random_view;
 
 /// A factor of all intensities.
 pub fn random_gain(random: &mut Random) -> f32 {
@@ -14,41 +20,115 @@ pub fn random_height_error_m(random: &mut Random) -> f32 {
     0.04 * random.gauss()
 }
 
-/// Rotates and mirrors a sweep at random, adds noise, and removes returns as a worse sensor would.
-pub fn augment(image: &mut PolarImage, truth: &mut [u8], without_intensity: f32, random: &mut Random) {
-    let columns = image.columns;
-    let turn = random.index(columns);
-    let (mirror, turn_up) = (random.chance(0.5), random.range(-std::f32::consts::PI, std::f32::consts::PI));
-    let (sin, cos) = turn_up.sin_cos();
-    let range_scale = random.range(0.95, 1.05);
-    let height_error_m = random_height_error_m(random);
-    let noise_m = 0.03 * random.unit();
-    let lost = if random.chance(0.3) { 0.3 * random.unit() } else { 0.0 };
-    let lost_rows = if random.chance(0.2) { 0.5 * random.unit() } else { 0.0 };
-    let gain = random_gain(random);
+/// Changes a sweep at random, as another sensor at another place would see it: see the functions that it calls.
+pub fn augment(
+    of: LabeledImage,
+    without_intensity: f32,
+    trained: Option<GroundIntensities>,
+    rough_class: Option<u8>,
+    random: &mut Random,
+) -> LabeledImage {
+    let mut of = random_view(of, random);
+    let LabeledImage { image, truth } = &mut of;
+    lose_returns(image, truth, random);
+    if random.chance(0.3) {
+        thin_out(image, truth, random.range(0.03, 0.12));
+    }
+    turn(image, truth, random);
+    roughen(image, truth, rough_class, random);
+    disturb(image, random);
     if random.chance(without_intensity) {
         image.has_intensity = false;
+    } else {
+        augment_intensities(image, truth, trained, random);
     }
-    turn_camera(image, turn, mirror);
+    of
+}
+
+/// Removes single returns, rows, a sector, or what is far, as a worse or covered sensor would.
+fn lose_returns(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
+    let columns = image.columns;
+    let lost = if random.chance(0.4) { 0.5 * random.unit() } else { 0.0 };
+    let lost_rows = if random.chance(0.2) { 0.5 * random.unit() } else { 0.0 };
+    let far_m = if random.chance(0.3) { random.range(20.0, 100.0) } else { f32::INFINITY };
+    let hidden = if random.chance(0.15) { random.index(columns / 4) } else { 0 };
+    let first_hidden = random.index(columns);
     for (row, truth) in image.pixels.chunks_exact_mut(columns).zip(truth.chunks_exact_mut(columns)) {
         let row_lost = random.chance(lost_rows);
+        for (column, (pixel, truth)) in row.iter_mut().zip(truth).enumerate() {
+            let is_hidden = (column + columns - first_hidden) % columns < hidden;
+            // The farther beyond the limit, the fewer returns.
+            let is_far = random.unit() * pixel.range_m() > far_m;
+            if row_lost || is_hidden || is_far || !pixel.is_valid() || random.chance(lost) {
+                (*pixel, *truth) = (PolarPixel::default(), UNKNOWN);
+            }
+        }
+    }
+}
+
+/// Removes returns closer to the one before than `step_m`: many published clouds have one point for each small cell.
+fn thin_out(image: &mut PolarImage, truth: &mut [u8], step_m: f32) {
+    for (row, truth) in image.pixels.chunks_exact_mut(image.columns).zip(truth.chunks_exact_mut(image.columns)) {
+        let mut last = [f32::INFINITY; 3];
+        for (pixel, truth) in row.iter_mut().zip(truth).filter(|(pixel, _)| pixel.is_valid()) {
+            let square: f32 = pixel.ray.iter().zip(last).map(|(v, last)| (v - last) * (v - last)).sum();
+            if square < step_m * step_m {
+                (*pixel, *truth) = (PolarPixel::default(), UNKNOWN);
+            } else {
+                last = pixel.ray;
+            }
+        }
+    }
+}
+
+/// Scatters the heights of a class: grass and soil are rougher than in the simulator.
+fn roughen(image: &mut PolarImage, truth: &[u8], class: Option<u8>, random: &mut Random) {
+    let (Some(class), sigma_m) = (class, 0.06 * random.unit()) else { return };
+    for (pixel, _) in image.pixels.iter_mut().zip(truth).filter(|(_, of)| **of == class) {
+        let error_m = sigma_m * random.gauss();
+        pixel.ray[2] += error_m;
+        pixel.height_m += error_m;
+    }
+}
+
+/// Rotates and mirrors the image: the sensor starts its revolution anywhere, and streets have no right and left.
+fn turn(image: &mut PolarImage, truth: &mut [u8], random: &mut Random) {
+    let columns = image.columns;
+    let (turn, mirror) = (random.index(columns), random.chance(0.5));
+    let (sin, cos) = random.range(-std::f32::consts::PI, std::f32::consts::PI).sin_cos();
+    turn_camera(image, turn, mirror);
+    for (row, truth) in image.pixels.chunks_exact_mut(columns).zip(truth.chunks_exact_mut(columns)) {
         row.rotate_left(turn);
         truth.rotate_left(turn);
         if mirror {
             row.reverse();
             truth.reverse();
         }
-        for (pixel, truth) in row.iter_mut().zip(truth) {
-            if row_lost || !pixel.is_valid() || random.chance(lost) {
-                (*pixel, *truth) = (PolarPixel::default(), UNKNOWN);
-                continue;
-            }
+        for pixel in row {
             let [x, y, z] = pixel.ray;
             let y = if mirror { -y } else { y };
-            let scale = range_scale + noise_m * random.gauss() / pixel.range_m();
-            pixel.ray = [(cos * x - sin * y) * scale, (sin * x + cos * y) * scale, z * scale];
-            pixel.height_m = pixel.height_m * range_scale + height_error_m;
-            pixel.intensity = (f32::from(pixel.intensity) * gain).min(255.0) as u8;
+            pixel.ray = [cos * x - sin * y, sin * x + cos * y, z];
+        }
+    }
+}
+
+/// Adds errors of single ranges, of the ranges and elevations of whole rows, of the scale, and of the ground's height.
+fn disturb(image: &mut PolarImage, random: &mut Random) {
+    let scale = random.range(0.95, 1.05);
+    let height_error_m = random_height_error_m(random);
+    let noise_m = if random.chance(0.5) { 0.05 * random.unit() } else { 0.0 };
+    // The rows of an HDL-64E are off by a few centimeters and up to 0.2 degrees.
+    let [row_noise_m, row_noise] =
+        if random.chance(0.4) { [0.03, 0.003].map(|most| most * random.unit()) } else { [0.0; 2] };
+    for row in image.pixels.chunks_exact_mut(image.columns) {
+        let [range_error_m, elevation_error] = [row_noise_m, row_noise].map(|sigma| sigma * random.gauss());
+        for pixel in row.iter_mut().filter(|pixel| pixel.is_valid()) {
+            let range_m = pixel.range_m();
+            let factor = scale + (range_error_m + noise_m * random.gauss()) / range_m;
+            let before_m = scale * pixel.ray[2];
+            pixel.ray = pixel.ray.map(|v| v * factor);
+            pixel.ray[2] += elevation_error * range_m;
+            pixel.height_m = scale * pixel.height_m + pixel.ray[2] - before_m + height_error_m;
         }
     }
 }
@@ -64,6 +144,74 @@ fn turn_camera(image: &mut PolarImage, turn: usize, mirror: bool) {
         if mirror {
             row.reverse();
             row.chunks_exact_mut(n_bands).for_each(<[f32]>::reverse);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A floor 2 m below the sensor, in 32 rows; class 0 on the left and 1 on the right.
+    fn floor() -> LabeledImage {
+        let (rows, columns) = (32, 512);
+        let pixel = |i: usize| {
+            let down = (5.0 + (i / columns) as f32).to_radians();
+            let azimuth = (i % columns) as f32 / columns as f32 * std::f32::consts::TAU;
+            let flat_m = 2.0 / down.tan();
+            let ray = [flat_m * azimuth.cos(), flat_m * azimuth.sin(), -2.0];
+            PolarPixel { ray, height_m: 0.0, intensity: 8 + (i % 9) as u8 }
+        };
+        LabeledImage {
+            image: PolarImage {
+                rows,
+                columns,
+                pixels: (0..rows * columns).map(pixel).collect(),
+                has_intensity: true,
+                camera: Vec::new(),
+            },
+            truth: (0..rows * columns).map(|i| u8::from(i % columns < columns / 2)).collect(),
+        }
+    }
+
+    #[test]
+    fn heights_follow_the_points_and_lost_points_have_no_class() {
+        let mut n_lost = 0;
+        for seed in 0..40 {
+            let augmented = || augment(floor(), 0.5, Some([8, 10, 12, 14, 16]), Some(1), &mut Random::new(seed));
+            let LabeledImage { image, truth } = augmented();
+            assert!(augmented().image == image, "seed {seed} gives the same image again");
+            let mut offsets: Vec<f32> = Vec::new();
+            for (pixel, class) in image.pixels.iter().zip(&truth) {
+                assert_eq!(pixel.is_valid(), *class != UNKNOWN);
+                if pixel.is_valid() {
+                    offsets.push(pixel.height_m - pixel.ray[2]);
+                } else {
+                    n_lost += 1;
+                }
+            }
+            offsets.sort_by(f32::total_cmp);
+            let [first, last] = [offsets[0], offsets[offsets.len() - 1]];
+            assert!(last - first < 1e-3 && (1.7..2.3).contains(&first), "seed {seed}: {first} to {last} m");
+        }
+        assert!(n_lost > 10_000, "{n_lost}");
+    }
+
+    #[test]
+    fn thinned_points_keep_their_distance() {
+        let LabeledImage { mut image, mut truth } = floor();
+        thin_out(&mut image, &mut truth, 0.1);
+        let kept = |row: usize| image.pixels[row * 512..][..512].iter().filter(|pixel| pixel.is_valid()).count();
+        // 23 m around the lowest row: steps of 4 cm; 144 m around the highest: steps of 28 cm.
+        assert!((100..250).contains(&kept(31)) && kept(0) == 512, "{} {}", kept(31), kept(0));
+    }
+
+    #[test]
+    fn only_the_rough_class_is_roughened() {
+        let LabeledImage { mut image, truth } = floor();
+        roughen(&mut image, &truth, Some(1), &mut Random::new(2));
+        for (pixel, class) in image.pixels.iter().zip(&truth) {
+            assert_eq!(pixel.height_m == 0.0, *class == 0);
         }
     }
 }

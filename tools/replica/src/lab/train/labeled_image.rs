@@ -2,13 +2,9 @@
 
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
-use random::Random;
-use segmentation::spherical::{GroundUse, ImageSource, PolarImage, PolarPixel, RangeSweep, Settings};
+use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
 use segmentation::{ModelInput, ground};
 use training::UNKNOWN;
-
-/// Rows of the training images: those of an HDL-32E. The trained networks accept any number of rows.
-pub const ROWS: usize = 32;
 
 /// A sweep as an image, with the output number of the class of each pixel, [`UNKNOWN`] without one.
 pub struct LabeledImage {
@@ -16,7 +12,7 @@ pub struct LabeledImage {
     pub truth: Vec<u8>,
 }
 
-/// The sweeps of a submap as images of [`ROWS`] rows. `classes` has the class id of each point.
+/// The sweeps of a submap as images. `classes` has the class id of each point.
 pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) -> Vec<LabeledImage> {
     let (heights_m, removed) = match settings.ground {
         GroundUse::Kept => (ground::heights(cloud), None),
@@ -27,43 +23,25 @@ pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) ->
         }
     };
     let output = output_of_class(settings);
-    let mut random = Random::of_stream(classes.len() as u64, 0);
     let of_sweep = |sweep: RangeSweep| {
         let class = |&shown: &u32| match shown {
             NO_POINT => UNKNOWN,
             point => output[usize::from(classes[sweep.points.start + point as usize])],
         };
         let truth: Vec<u8> = sweep.image.nearest.iter().map(class).collect();
-        with_rows(&sweep.polar, &truth, ROWS, &mut random)
+        LabeledImage { image: sweep.polar, truth }
     };
     let bands = settings.features.camera_bands();
     let source = ImageSource::new(cloud, settings.columns, &heights_m).without(removed.as_deref()).with_camera(&bands);
     source.sweeps().into_iter().map(of_sweep).collect()
 }
 
-/// Reduces or extends an image to `rows` rows. Missing rows are empty. Of a denser sensor, a random choice of neighboring rows or
-/// of every n-th row is used.
-fn with_rows(image: &PolarImage, truth: &[u8], rows: usize, random: &mut Random) -> LabeledImage {
-    let step = if image.rows >= 2 * rows && random.chance(0.5) { image.rows / rows } else { 1 };
-    let spare = image.rows.saturating_sub((rows - 1) * step + 1);
-    let first = random.index(spare + 1);
-    let chosen = (0..rows).map(|row| first + row * step).filter(|&row| row < image.rows);
-    let range = |row: usize| row * image.columns..(row + 1) * image.columns;
-    let n = rows * image.columns;
-    let mut pixels: Vec<PolarPixel> = chosen.clone().flat_map(|row| &image.pixels[range(row)]).copied().collect();
-    let mut classes: Vec<u8> = chosen.clone().flat_map(|row| &truth[range(row)]).copied().collect();
-    let n_bands = image.n_camera_bands();
-    let of_bands = |row: usize| &image.camera[range(row).start * n_bands..range(row).end * n_bands];
-    let mut camera: Vec<f32> = chosen.flat_map(of_bands).copied().collect();
-    pixels.resize(n, PolarPixel::default());
-    classes.resize(n, UNKNOWN);
-    camera.resize(n * n_bands, f32::NAN);
-    let (columns, has_intensity) = (image.columns, image.has_intensity);
-    LabeledImage { image: PolarImage { rows, columns, pixels, has_intensity, camera }, truth: classes }
+/// Output number of a class; `None` for classes that the network does not distinguish.
+pub fn output_of(class: ClassId, settings: &Settings) -> Option<u8> {
+    settings.classes.iter().position(|name| name == class.name()).map(|output| output as u8)
 }
 
-/// Output number of a network by class id; [`UNKNOWN`] for classes that it does not distinguish.
+/// Output numbers by class id; [`UNKNOWN`] for classes that the network does not distinguish.
 fn output_of_class(settings: &Settings) -> Vec<u8> {
-    let output = |class: &ClassId| settings.classes.iter().position(|name| name == class.name());
-    ClassId::ALL.iter().map(|class| output(class).map_or(UNKNOWN, |output| output as u8)).collect()
+    ClassId::ALL.iter().map(|class| output_of(*class, settings).unwrap_or(UNKNOWN)).collect()
 }

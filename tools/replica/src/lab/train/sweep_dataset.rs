@@ -2,12 +2,13 @@
 
 use super::TrainingData;
 use super::augmentation::augment;
-use super::labeled_image::{LabeledImage, images_of};
+use super::labeled_image::{LabeledImage, images_of, output_of};
 use super::recipe::{Data, Range, Recipe, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
 use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
+use messages::ClassId;
 use random::Random;
 use segmentation::ModelInput;
 use segmentation::network::NetworkSpec;
@@ -21,8 +22,9 @@ pub struct SweepDataset {
     sources: Vec<Source>,
     /// Number of pixels of each class.
     counts: Vec<u64>,
-    /// Intensities of the ground.
+    /// Intensities of the ground, and their quantiles when all sources have been read.
     ground: GroundHistogram,
+    ground_intensities: Option<GroundIntensities>,
     settings: Settings,
     without_intensity: f32,
 }
@@ -43,7 +45,7 @@ impl SweepDataset {
         let file = SweepFile::create(folder, settings.columns, settings.features.camera_bands().len())?;
         let counts = vec![0; settings.classes.len()];
         let (ground, without_intensity) = (GroundHistogram::default(), recipe.data.without_intensity);
-        Ok(Self { file, sources: Vec::new(), counts, ground, settings, without_intensity })
+        Ok(Self { file, sources: Vec::new(), counts, ground, ground_intensities: None, settings, without_intensity })
     }
 
     fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
@@ -125,6 +127,10 @@ impl TrainingData for SweepDataset {
         Ok(())
     }
 
+    fn finish(&mut self) {
+        self.ground_intensities = self.ground.quantiles();
+    }
+
     fn size(&self) -> String {
         format!("{} sweeps, {} labelled pixels", self.n_sweeps(), self.counts.iter().sum::<u64>())
     }
@@ -134,7 +140,7 @@ impl TrainingData for SweepDataset {
     }
 
     fn ground_intensities(&self) -> Option<GroundIntensities> {
-        self.ground.quantiles()
+        self.ground_intensities
     }
 }
 
@@ -144,11 +150,12 @@ impl Dataset for SweepDataset {
     }
     fn example(&self, index: usize, mut random: Option<&mut Random>) -> Example {
         let sweep = self.sweep_of(index, random.as_deref_mut());
-        let LabeledImage { mut image, mut truth } =
-            self.file.image(sweep).expect("the file is open, and of the length that was written");
+        let mut of_sweep = self.file.image(sweep).expect("the file is open, and of the length that was written");
         if let Some(random) = random {
-            augment(&mut image, &mut truth, self.without_intensity, random);
+            let terrain = output_of(ClassId::Terrain, &self.settings);
+            of_sweep = augment(of_sweep, self.without_intensity, self.ground_intensities, terrain, random);
         }
+        let LabeledImage { image, mut truth } = of_sweep;
         let input = features(
             &image,
             &self.settings.features,

@@ -1,6 +1,6 @@
 //! Images in a file: a data set may be larger than the memory.
 
-use super::labeled_image::{LabeledImage, ROWS};
+use super::labeled_image::LabeledImage;
 use anyhow::Context;
 use segmentation::spherical::{PolarImage, PolarPixel};
 use std::fs::File;
@@ -10,32 +10,38 @@ use std::path::Path;
 
 /// Bytes of a pixel: ray and height as `f32`, intensity, and class. The measurements of the cameras follow all pixels, as `f32`.
 const PIXEL_BYTES: usize = 18;
-/// Bytes before the pixels of an image: whether intensities are known.
-const HEADER_BYTES: usize = 1;
 
-/// Images of [`ROWS`] rows in a file without a name, which the system removes with the process.
+/// Images of equally many columns in a file without a name, which the system removes with the process.
 pub struct SweepFile {
     file: File,
     columns: usize,
     /// Measurements of the cameras at each pixel.
     n_camera_bands: usize,
-    len: usize,
+    images: Vec<Stored>,
+    n_bytes: u64,
+}
+
+/// An image in the file.
+struct Stored {
+    start: u64,
+    rows: usize,
+    has_intensity: bool,
 }
 
 impl SweepFile {
     /// An empty file in a folder.
     pub fn create(folder: &Path, columns: usize, n_camera_bands: usize) -> anyhow::Result<Self> {
         let file = tempfile::tempfile_in(folder).with_context(|| folder.display().to_string())?;
-        Ok(Self { file, columns, n_camera_bands, len: 0 })
+        Ok(Self { file, columns, n_camera_bands, images: Vec::new(), n_bytes: 0 })
     }
     /// Number of images.
     pub fn len(&self) -> usize {
-        self.len
+        self.images.len()
     }
     /// Appends an image.
     pub fn push(&mut self, LabeledImage { image, truth }: &LabeledImage) -> anyhow::Result<()> {
-        let mut bytes = Vec::with_capacity(self.record_bytes());
-        bytes.push(u8::from(image.has_intensity));
+        let n_bytes = self.record_bytes(image.rows);
+        let mut bytes = Vec::with_capacity(n_bytes);
         for (pixel, class) in image.pixels.iter().zip(truth) {
             for number in pixel.ray.into_iter().chain([pixel.height_m]) {
                 bytes.extend(number.to_le_bytes());
@@ -43,37 +49,36 @@ impl SweepFile {
             bytes.extend([pixel.intensity, *class]);
         }
         bytes.extend(image.camera.iter().flat_map(|value| value.to_le_bytes()));
-        anyhow::ensure!(bytes.len() == self.record_bytes(), "an image of {} pixels", image.pixels.len());
+        anyhow::ensure!(bytes.len() == n_bytes, "{} rows with {} pixels", image.rows, image.pixels.len());
         self.file.write_all(&bytes).context("the file of the training sweeps")?;
-        self.len += 1;
+        self.images.push(Stored { start: self.n_bytes, rows: image.rows, has_intensity: image.has_intensity });
+        self.n_bytes += n_bytes as u64;
         Ok(())
     }
     /// Reads an image.
     pub fn image(&self, index: usize) -> std::io::Result<LabeledImage> {
-        let mut bytes = vec![0; self.record_bytes()];
-        self.file.read_exact_at(&mut bytes, (index * self.record_bytes()) as u64)?;
+        let &Stored { start, rows, has_intensity } = self.images.get(index).ok_or(std::io::ErrorKind::NotFound)?;
+        let mut bytes = vec![0; self.record_bytes(rows)];
+        self.file.read_exact_at(&mut bytes, start)?;
         let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
         let pixel = |bytes: &[u8; PIXEL_BYTES]| PolarPixel {
             ray: [number(&bytes[0..]), number(&bytes[4..]), number(&bytes[8..])],
             height_m: number(&bytes[12..]),
             intensity: bytes[16],
         };
-        let (pixels, camera) = bytes[HEADER_BYTES..].split_at(self.n_pixels() * PIXEL_BYTES);
+        let (pixels, camera) = bytes.split_at(rows * self.columns * PIXEL_BYTES);
         let (pixels, _) = pixels.as_chunks::<PIXEL_BYTES>();
         let image = PolarImage {
-            rows: ROWS,
+            rows,
             columns: self.columns,
             pixels: pixels.iter().map(pixel).collect(),
-            has_intensity: bytes[0] != 0,
+            has_intensity,
             camera: camera.as_chunks::<4>().0.iter().map(|bytes| number(bytes)).collect(),
         };
         Ok(LabeledImage { image, truth: pixels.iter().map(|bytes| bytes[17]).collect() })
     }
-    fn n_pixels(&self) -> usize {
-        ROWS * self.columns
-    }
-    fn record_bytes(&self) -> usize {
-        HEADER_BYTES + self.n_pixels() * (PIXEL_BYTES + 4 * self.n_camera_bands)
+    fn record_bytes(&self, rows: usize) -> usize {
+        rows * self.columns * (PIXEL_BYTES + 4 * self.n_camera_bands)
     }
 }
 
@@ -87,9 +92,10 @@ mod tests {
             height_m: 0.3 * i as f32,
             intensity: (i % 251) as u8,
         };
-        let n = ROWS * columns;
+        let rows = 2 + usize::from(seed);
+        let n = rows * columns;
         let image = PolarImage {
-            rows: ROWS,
+            rows,
             columns,
             pixels: (0..n).map(pixel).collect(),
             has_intensity: seed.is_multiple_of(2),
@@ -114,5 +120,6 @@ mod tests {
         assert!(file.image(3).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).expect("listed").count(), 0, "the file has no name");
         assert!(file.push(&image(0, 32)).is_err(), "another width");
+        assert!(file.push(&image(3, 64)).is_ok_and(|()| file.image(3).is_ok()), "after an error");
     }
 }
