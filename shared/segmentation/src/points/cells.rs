@@ -3,6 +3,7 @@
 use super::features::PointFeature;
 use crate::spherical::IntensityMap;
 use crate::{ModelInput, SegmentationError};
+use messages::SubmapPoint;
 use neighbors::{LIMIT_M, VoxelGrid};
 
 /// Cell of a point whose coordinates are not valid.
@@ -49,7 +50,10 @@ impl CellCloud {
             positions: grid.barycenters(&positions),
             heights_m: mean(&|point| if heights_m[point].is_nan() { 0.0 } else { heights_m[point] }),
             intensities: if has_intensity {
-                mean(&|point| f32::from(intensities.of_intensity(input.points[point].intensity)))
+                mean(&|point| {
+                    let SubmapPoint { ring, intensity, .. } = input.points[point];
+                    f32::from(intensities.of_intensity(usize::from(ring), intensity))
+                })
             } else {
                 Vec::new()
             },

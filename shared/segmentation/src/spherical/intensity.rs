@@ -4,11 +4,12 @@
 //! ground is in every street, and its intensities have similar shares of asphalt, paint and grass; so they show the scale.
 
 use super::PolarImage;
+use super::ring_gains::GroundByRing;
 use messages::SubmapPoint;
 
 /// Shares of the ground points whose intensities are compared.
 const SHARES: [f32; N] = [0.05, 0.25, 0.5, 0.75, 0.95];
-const N: usize = 5;
+pub(super) const N: usize = 5;
 
 /// Intensities of the ground below which 5, 25, 50, 75 and 95 % of its points lie.
 pub type GroundIntensities = [u8; N];
@@ -30,7 +31,7 @@ pub enum IntensityUse {
     /// As recorded if they are on the scale of the training, else nothing.
     #[default]
     Auto,
-    /// Brought to the scale of the training.
+    /// Brought to the scale of the training, ring by ring.
     Normalized,
     /// As recorded.
     Raw,
@@ -70,6 +71,14 @@ impl GroundHistogram {
             self.0[usize::from(intensity)] += 1;
         }
     }
+    /// Adds points of one intensity.
+    pub(super) fn add_counts(&mut self, intensity: u8, n: u64) {
+        self.0[usize::from(intensity)] += n;
+    }
+    /// Numbers of points by intensity.
+    pub(super) fn counts(&self) -> &[u64; 256] {
+        &self.0
+    }
     /// Adds the counts of another histogram.
     pub fn join(&mut self, other: &Self) {
         self.0.iter_mut().zip(other.0).for_each(|(sum, n)| *sum += n);
@@ -96,8 +105,9 @@ impl GroundHistogram {
 pub enum IntensityMap {
     /// It stays.
     Unchanged,
-    /// It gets the value of the training at the same share of the ground.
-    To(Box<[u8; 256]>),
+    /// It gets the value of the training at the same share of the ground: values by intensity for each ring, the last ones also for
+    /// the rings above.
+    ByRing(Vec<[u8; 256]>),
     /// It is not known.
     Unknown,
 }
@@ -112,60 +122,44 @@ impl IntensityMap {
         trained: Option<GroundIntensities>,
     ) -> (Self, Option<[u8; 2]>) {
         let trained = trained.unwrap_or(SIMULATED);
-        let mut histogram = GroundHistogram::default();
         // An odd step: points are ordered by firings of 2^n rings, and all rings are to be counted.
         let step = (points.len() / SAMPLE) | 1;
         let sample = points.iter().zip(heights_m).step_by(step);
-        histogram.add(sample.map(|(point, height_m)| (point.intensity, *height_m)));
-        let found = histogram.quantiles();
+        let ground =
+            GroundByRing::of(sample.map(|(point, height_m)| (usize::from(point.ring), point.intensity, *height_m)));
+        let found = ground.quantiles();
         let foreign = found.filter(|found| !is_on_scale(*found, trained));
-        let map = match (intensity_use, found) {
-            (IntensityUse::Off, _) => Self::Unknown,
+        let map = match intensity_use {
+            IntensityUse::Off => Self::Unknown,
             // Of another sensor, not only the scale differs: normalized, the road of a KITTI drive becomes terrain.
-            (IntensityUse::Auto, _) if foreign.is_some() => Self::Unknown,
-            (IntensityUse::Normalized, Some(found)) => Self::between(found, trained),
+            IntensityUse::Auto if foreign.is_some() => Self::Unknown,
+            IntensityUse::Normalized => ground.normalizing(trained).unwrap_or(Self::Unchanged),
             _ => Self::Unchanged,
         };
         (map, foreign.map(|found| [found[N / 2], trained[N / 2]]))
     }
 
-    /// Linear between the quantiles; above the last, the rest of both scales.
-    fn between(found: GroundIntensities, trained: GroundIntensities) -> Self {
-        let mut knots = vec![(0.0_f32, 0.0_f32)];
-        for (from, to) in found.into_iter().zip(trained).map(|(from, to)| (f32::from(from), f32::from(to))) {
-            // Equal quantiles of a coarse scale are one knot.
-            if knots.last().is_some_and(|last| from > last.0) {
-                knots.push((from, to));
-            }
-        }
-        if knots.last().is_some_and(|last| last.0 < 255.0) {
-            knots.push((255.0, 255.0));
-        }
-        let value = |intensity: f32| {
-            let after = knots.iter().position(|knot| knot.0 >= intensity).unwrap_or(knots.len() - 1).max(1);
-            let ((x0, y0), (x1, y1)) = (knots[after - 1], knots[after]);
-            (y0 + (y1 - y0) * (intensity - x0) / (x1 - x0)).round() as u8
-        };
-        Self::To(Box::new(std::array::from_fn(|intensity| value(intensity as f32))))
-    }
-
     /// What becomes of an intensity that is known.
-    pub fn of_intensity(&self, intensity: u8) -> u8 {
+    pub fn of_intensity(&self, ring: usize, intensity: u8) -> u8 {
         match self {
             Self::Unchanged => intensity,
-            Self::To(values) => values[usize::from(intensity)],
+            Self::ByRing(maps) => {
+                maps.get(ring).or(maps.last()).map_or(intensity, |values| values[usize::from(intensity)])
+            }
             Self::Unknown => 0,
         }
     }
 
-    /// Changes the intensities of a sweep.
+    /// Changes the intensities of a sweep. Its lowest row is ring 0.
     pub fn apply(&self, image: &mut PolarImage) {
         match self {
             Self::Unchanged => {}
             Self::Unknown => image.has_intensity = false,
-            Self::To(_) => {
-                for pixel in &mut image.pixels {
-                    pixel.intensity = self.of_intensity(pixel.intensity);
+            Self::ByRing(_) => {
+                for (ring, row) in image.pixels.chunks_exact_mut(image.columns.max(1)).rev().enumerate() {
+                    for pixel in row {
+                        pixel.intensity = self.of_intensity(ring, pixel.intensity);
+                    }
                 }
             }
         }
@@ -225,13 +219,13 @@ mod tests {
 
     #[test]
     fn normalized_intensities_of_the_ground_are_those_of_the_training() {
-        let (IntensityMap::To(values), _) = map(IntensityUse::Normalized, 3.0) else { panic!("a map") };
-        assert_eq!([values[0], values[33], values[39], values[255]], [0, 10, 12, 255]);
-        assert!(values.is_sorted());
+        let (map, _) = map(IntensityUse::Normalized, 3.0);
+        assert_eq!([0, 33, 39, 255].map(|intensity| map.of_intensity(0, intensity)), [0, 10, 12, 255]);
+        assert!((0..=255).map(|intensity| map.of_intensity(0, intensity)).is_sorted());
         let pixel = PolarPixel { ray: [1.0; 3], intensity: 39, ..PolarPixel::default() };
         let mut image =
             PolarImage { rows: 1, columns: 1, pixels: vec![pixel], has_intensity: true, camera: Vec::new() };
-        IntensityMap::To(values).apply(&mut image);
+        map.apply(&mut image);
         assert_eq!((image.pixels[0].intensity, image.has_intensity), (12, true));
         IntensityMap::Unknown.apply(&mut image);
         assert!(!image.has_intensity);
