@@ -1,3 +1,4 @@
 //! Properties of the simulated sweeps.
 
+mod ideal_camera;
 mod submaps;
