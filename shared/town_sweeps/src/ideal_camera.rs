@@ -3,6 +3,7 @@
 
 use geometry::{Point3, Pose, Stamp};
 use messages::{SubmapHeader, SubmapPoint, SubmapSweep};
+use random::hash;
 use raytrace::{Ray, Vec3};
 use simulation::Simulation;
 use simulation::light::sun_on;
@@ -33,6 +34,8 @@ pub struct IdealCamera {
     n_bands: usize,
     /// Value of a signal; a white target in the sun has the signal 1.
     value: fn(f32) -> f32,
+    /// Rays of a point at most.
+    n_rays: u64,
 }
 
 impl IdealCamera {
@@ -52,14 +55,20 @@ impl IdealCamera {
     fn new(filters: &[Filter], value: fn(f32) -> f32) -> Self {
         // A white target in the sun has the value 1, as after the white balance of the cameras.
         let palette = Palette::new(filters, |sun, sky| sun + 0.4 * sky);
-        Self { palette, n_bands: filters.len(), value }
+        Self { palette, n_bands: filters.len(), value, n_rays: 1 }
+    }
+    /// Up to `n_rays` rays for a point, until one meets its surface. Rays go through leaves and fences at random: with one ray, most
+    /// points of vegetation have no value and all others have one, which would tell the class.
+    #[must_use]
+    pub fn with_rays(self, n_rays: u64) -> Self {
+        Self { n_rays, ..self }
     }
     /// Number of values of a point.
     pub fn n_bands(&self) -> usize {
         self.n_bands
     }
-    /// The values of some points of a submap of a simulation, one point after the other; NaN where the ray does not meet the
-    /// surface of the point. `shown` has the index of each point.
+    /// The values of some points of a submap of a simulation, one point after the other; NaN where no ray meets the surface of the
+    /// point. `shown` has the index of each point.
     pub fn values(
         &self,
         simulation: &Simulation,
@@ -68,6 +77,21 @@ impl IdealCamera {
         shown: &[usize],
     ) -> Vec<f32> {
         let mut values = vec![f32::NAN; shown.len() * self.n_bands];
+        let mut places: Vec<usize> = (0..shown.len()).collect();
+        for number in 0..self.n_rays {
+            self.trace(simulation, (header, points), (shown, &mut places, number), &mut values);
+            places.retain(|place| values[place * self.n_bands].is_nan());
+        }
+        values
+    }
+    /// Traces the ray of this number to each place of `shown`.
+    fn trace(
+        &self,
+        simulation: &Simulation,
+        (header, points): (&SubmapHeader, &[SubmapPoint]),
+        (shown, places, number): (&[usize], &mut [usize], u64),
+        values: &mut [f32],
+    ) {
         // The submap frame is the body frame at the start of the first sweep.
         let world_from_submap: Pose = simulation.motion.pose_at(Stamp(header.sweeps[0].stamp));
         let world = |[x, y, z]: [f32; 3]| -> Vec3 {
@@ -77,7 +101,6 @@ impl IdealCamera {
             let point = &points[shown[*place]];
             (point.sweep_idx, point.offset_nanos / GROUP_NANOS)
         };
-        let mut places: Vec<usize> = (0..shown.len()).collect();
         places.sort_by_key(time_group);
         for group in places.chunk_by(|a, b| time_group(a) == time_group(b)) {
             let first = &points[shown[group[0]]];
@@ -89,7 +112,9 @@ impl IdealCamera {
                 .map(|place| {
                     let (eye, at) = eye_and_point(sweep, &points[shown[*place]]);
                     let [eye, at] = [world(eye), world(at)];
-                    let ray = Ray { origin: eye, direction: (at - eye).normalize(), seed: shown[*place] as u64 };
+                    let point = shown[*place] as u64;
+                    let seed = if number == 0 { point } else { hash(point, number) };
+                    let ray = Ray { origin: eye, direction: (at - eye).normalize(), seed };
                     (ray, (at - eye).norm())
                 })
                 .unzip();
@@ -110,7 +135,6 @@ impl IdealCamera {
                 }
             }
         }
-        values
     }
 }
 

@@ -5,6 +5,29 @@ use simulation::Town;
 use town_sweeps::{IdealCamera, Mount, TownDrive};
 
 #[test]
+fn further_rays_reach_leaves_and_change_no_other_values() {
+    let drive = TownDrive { town: Town::Urban, seed: 41, seconds: 2.0 };
+    let simulation = drive.simulation().expect("makes a town");
+    let submap = &drive.submaps_in(&simulation, 1, 1, 1, Mount::Rig).expect("long enough")[0];
+    let shown: Vec<usize> = (0..submap.points.len()).collect();
+    let values = |n_rays: u64| {
+        let camera = IdealCamera::of_bands(&[650]).with_rays(n_rays);
+        camera.values(&simulation, &submap.header, &submap.points, &shown)
+    };
+    let (one, many) = (values(1), values(32));
+    let share = |values: &[f32], class: ClassId| {
+        let of: Vec<bool> =
+            values.iter().zip(&submap.truth).filter(|(_, c)| **c == class as u8).map(|(v, _)| !v.is_nan()).collect();
+        assert!(of.len() > 500, "{} points of {}", of.len(), class.name());
+        of.iter().filter(|is_known| **is_known).count() as f32 / of.len() as f32
+    };
+    let [before, after] = [&one, &many].map(|values| share(values, ClassId::Vegetation));
+    assert!(before < 0.6 && after > 0.9, "{before} {after}");
+    assert!(share(&many, ClassId::Building) > 0.98);
+    assert!(one.iter().zip(&many).all(|(one, many)| one.is_nan() || one == many));
+}
+
+#[test]
 fn vegetation_is_green_and_bright_in_infrared() {
     let drive = TownDrive { town: Town::Rural, seed: 9100, seconds: 2.0 };
     let simulation = drive.simulation().expect("makes a town");
