@@ -1,10 +1,12 @@
 //! Sweeps of labeled submaps as images.
 
+use super::removed_classes::RemovedClasses;
+use super::sources::Labeled;
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
 use random::Random;
+use segmentation::ground;
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, PolarPixel, RangeSweep, Settings};
-use segmentation::{ModelInput, ground};
 use training::UNKNOWN;
 
 /// Rows of the training images: those of an HDL-32E. The trained networks accept any number of rows.
@@ -16,8 +18,12 @@ pub struct LabeledImage {
     pub truth: Vec<u8>,
 }
 
-/// The sweeps of a submap as images of [`ROWS`] rows. `classes` has the class id of each point.
-pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) -> Vec<LabeledImage> {
+/// The sweeps of a submap as images of [`ROWS`] rows, without the points of removed classes.
+pub fn images_of(
+    Labeled { input: cloud, classes }: &Labeled<'_>,
+    settings: &Settings,
+    removed_classes: &RemovedClasses,
+) -> Vec<LabeledImage> {
     let (heights_m, removed) = match settings.ground {
         GroundUse::Kept => (ground::heights(cloud), None),
         GroundUse::Removed => {
@@ -26,6 +32,7 @@ pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) ->
             (heights_m, Some(rows.iter().map(is_ground).collect::<Vec<bool>>()))
         }
     };
+    let removed = removed_classes.with_points(removed, classes);
     let output = output_of_class(settings);
     let mut random = Random::of_stream(classes.len() as u64, 0);
     let of_sweep = |sweep: RangeSweep| {
