@@ -44,6 +44,9 @@ pub enum NetworkSpec {
     },
 }
 
+/// Name of the last layer of all networks on images, whose outputs are the classes.
+pub const CLASS_LAYER: &str = "classes";
+
 /// A named convolution of a network. Its tensors are `<name>.weight` and `<name>.bias` in the order of `PyTorch`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {

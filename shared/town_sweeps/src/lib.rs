@@ -2,11 +2,13 @@
 
 mod drive;
 mod error;
+mod ideal_camera;
 mod mount;
 mod submap;
 
 pub use drive::TownDrive;
 pub use error::TownSweepsError;
+pub use ideal_camera::{BANDS_NM, IdealCamera};
 pub use mount::Mount;
 pub use submap::TownSubmap;
 

@@ -7,6 +7,7 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod adam;
+mod class_rows;
 mod criterion;
 mod curves;
 pub mod derivatives;
@@ -21,6 +22,7 @@ mod trainer;
 mod variables;
 
 pub use adam::Adam;
+pub use class_rows::{ClassLayer, match_classes};
 pub use criterion::Criterion;
 pub use curves::{Curves, Epoch};
 pub use differential::{Differential, Recording};

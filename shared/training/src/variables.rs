@@ -57,8 +57,8 @@ impl Variables {
         variables.begin_with(weights)?;
         Ok(variables)
     }
-    /// Initializes the layers whose names and shapes occur in the weights, which may be those of another network. Returns the number
-    /// of these layers.
+    /// Initializes the layers whose names and shapes occur in the weights, which may be those of another network with the same classes;
+    /// see [`crate::match_classes`] for others. Returns the number of these layers.
     ///
     /// # Errors
     /// If the mean of a filter is not zero, as it is in all filters trained here.

@@ -1,6 +1,6 @@
 //! Spherical `DZNet` after thesis figure 6.10. The thesis does not state its widths; they are settings here.
 
-use super::{Executor, Layer, layer};
+use super::{CLASS_LAYER, Executor, Layer, layer};
 use crate::SegmentationError;
 use crate::engine::Shape;
 
@@ -21,7 +21,7 @@ pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize]) -> Vec<Lay
         layers.push(layer(format!("up.{level}"), 1, vec![widths[level], channels], widths[level], true));
         channels = widths[level];
     }
-    layers.push(layer("classes".to_owned(), 1, vec![inputs, channels], outputs, false));
+    layers.push(layer(CLASS_LAYER.to_owned(), 1, vec![inputs, channels], outputs, false));
     layers
 }
 

@@ -3,7 +3,7 @@
 //! A 1 x 1 convolution reduces the coarser level to the width of the finer one before upsampling: cheaper than upsampling first,
 //! and equivalent.
 
-use super::{Executor, Layer, layer};
+use super::{CLASS_LAYER, Executor, Layer, layer};
 use crate::SegmentationError;
 
 pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize], head: Option<usize>) -> Vec<Layer> {
@@ -20,7 +20,7 @@ pub(super) fn layers(inputs: usize, outputs: usize, widths: &[usize], head: Opti
         channels = head.filter(|_| level == 0).unwrap_or(width);
         layers.push(layer(format!("up.{level}.1"), 3, vec![width, width], channels, true));
     }
-    layers.push(layer("classes".to_owned(), 1, vec![channels], outputs, false));
+    layers.push(layer(CLASS_LAYER.to_owned(), 1, vec![channels], outputs, false));
     layers
 }
 

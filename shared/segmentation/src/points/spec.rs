@@ -139,6 +139,15 @@ impl PointNetworkSpec {
         }
         list.0
     }
+    /// Names of the tensors of the last layer: weights and biases, both with one row per class.
+    pub fn class_tensors(&self) -> [&'static str; 2] {
+        match self {
+            Self::Pointnet(_) => ["conv4.weight", "conv4.bias"],
+            Self::Pointnet2(_) => ["conv2.weight", "conv2.bias"],
+            Self::Kpconv(_) => ["head_softmax.mlp.weight", "head_softmax.batch_norm.bias"],
+            Self::WaffleIron(_) => ["classif.weight", "classif.bias"],
+        }
+    }
     /// Searches the neighborhoods of a batch. The seed determines the first centers of `PointNet++`.
     ///
     /// # Errors

@@ -104,6 +104,27 @@ fn model_of_each_kind_gives_every_point_a_class_and_does_not_depend_on_threads()
 }
 
 #[test]
+fn rows_of_the_class_tensors_are_classes() {
+    for network in NETWORKS {
+        let settings = settings(network);
+        for (class, name) in CLASSES.iter().enumerate() {
+            let mut weights = weights(&settings);
+            for tensor in settings.network.class_tensors() {
+                let (shape, values) = weights.tensors.get_mut(tensor).expect("is in the file");
+                assert_eq!(shape[0], CLASSES.len(), "{tensor}");
+                // The last one has the biases.
+                values.fill(0.0);
+                values[class] = if shape.len() == 1 { 10.0 } else { 0.0 };
+            }
+            let (_folder, path) = file(&settings.to_bytes(&weights).expect("encodes"));
+            let (classes, _) = segment(&PointModel::load(&path).expect("loads").0, &street(600));
+            let id = ClassId::from_name(name).expect("a class") as u8;
+            assert!(classes.iter().all(|row| row.class_id == id), "{network} {name}");
+        }
+    }
+}
+
+#[test]
 fn points_of_one_cell_get_one_class() {
     let mut points = street(3000);
     points.extend(points.clone());

@@ -1,4 +1,5 @@
 //! Properties of the simulated sweeps.
 
+mod ideal_camera;
 mod mounts;
 mod submaps;

@@ -1,5 +1,6 @@
 //! Derivatives, losses, variables and the training loop.
 
+mod class_rows;
 mod derivatives;
 mod gradients;
 mod losses;

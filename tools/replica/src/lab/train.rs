@@ -1,6 +1,9 @@
 //! `replica train`: trains a model from a recipe.
 
 mod augmentation;
+mod camera_columns;
+mod camera_dropout;
+mod ideal_columns;
 mod images;
 mod labeled_image;
 mod point_dataset;
@@ -8,10 +11,16 @@ mod point_recipe;
 mod points;
 pub mod recipe;
 mod recorded_sweeps;
+mod removed_classes;
 mod sources;
 mod submap_file;
+mod submap_join;
 pub mod sweep_dataset;
 mod sweep_file;
+#[cfg(test)]
+mod test_recordings;
+#[cfg(test)]
+mod tests;
 
 use anyhow::Context;
 use formats::atomic_file::write_atomic;

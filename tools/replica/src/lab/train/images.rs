@@ -4,10 +4,10 @@ use super::recipe::Recipe;
 use super::sweep_dataset::SweepDataset;
 use super::{Calibration, SharedRecipe, TrainingRecipe};
 use segmentation::engine::Border;
-use segmentation::network::Weights;
+use segmentation::network::{CLASS_LAYER, Weights};
 use segmentation::spherical::{Settings, SphericalModel};
 use std::path::Path;
-use training::{ImageNetwork, Variables};
+use training::{ClassLayer, ImageNetwork, Variables, match_classes};
 
 impl TrainingRecipe for Recipe {
     type Network = ImageNetwork;
@@ -22,14 +22,23 @@ impl TrainingRecipe for Recipe {
         let variables = Variables::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {
             let start = folder.join(start);
-            let (_, weights) = SphericalModel::load(&start)?;
+            let (model, mut weights) = SphericalModel::load(&start)?;
+            let tensors = &["weight", "bias"].map(|kind| format!("{CLASS_LAYER}.{kind}"));
+            let n_classes = match_classes(
+                (&mut weights, class_layer(tensors, model.settings())),
+                (&variables.weights()?, class_layer(tensors, &settings)),
+            );
             let (n_taken, n_layers) = (variables.begin_with(&weights)?, settings.network.layers().len());
             anyhow::ensure!(
                 n_taken > 0,
                 "{}: no layer matches a layer of the recipe in name and shape",
                 start.display()
             );
-            eprintln!("starting from {n_taken} of {n_layers} layers of {}", start.display());
+            eprintln!(
+                "starting from {n_taken} of {n_layers} layers of {}, and {n_classes} of {} classes",
+                start.display(),
+                settings.classes.len()
+            );
         }
         Ok(ImageNetwork::new(variables, settings.fold, Border::Circular))
     }
@@ -40,4 +49,8 @@ impl TrainingRecipe for Recipe {
         let Calibration { temperature, ground_intensities } = calibration;
         Ok(Settings { temperature, ground_intensities, ..self.settings()? }.to_bytes(weights)?)
     }
+}
+
+fn class_layer<'a>([weight, bias]: &'a [String; 2], settings: &'a Settings) -> ClassLayer<'a> {
+    ClassLayer { tensors: [weight, bias], classes: &settings.classes, fold: settings.fold }
 }

@@ -1,9 +1,11 @@
 //! Sweeps of labeled submaps as images.
 
+use super::removed_classes::RemovedClasses;
+use super::sources::Labeled;
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
+use segmentation::ground;
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
-use segmentation::{ModelInput, ground};
 use training::UNKNOWN;
 
 /// A sweep as an image, with the output number of the class of each pixel, [`UNKNOWN`] without one.
@@ -12,8 +14,12 @@ pub struct LabeledImage {
     pub truth: Vec<u8>,
 }
 
-/// The sweeps of a submap as images. `classes` has the class id of each point.
-pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) -> Vec<LabeledImage> {
+/// The sweeps of a submap as images, without the points of removed classes.
+pub fn images_of(
+    Labeled { input: cloud, classes }: &Labeled<'_>,
+    settings: &Settings,
+    removed_classes: &RemovedClasses,
+) -> Vec<LabeledImage> {
     let (heights_m, removed) = match settings.ground {
         GroundUse::Kept => (ground::heights(cloud), None),
         GroundUse::Removed => {
@@ -22,6 +28,7 @@ pub fn images_of(cloud: &ModelInput<'_>, classes: &[u8], settings: &Settings) ->
             (heights_m, Some(rows.iter().map(is_ground).collect::<Vec<bool>>()))
         }
     };
+    let removed = removed_classes.with_points(removed, classes);
     let output = output_of_class(settings);
     let of_sweep = |sweep: RangeSweep| {
         let class = |&shown: &u32| match shown {

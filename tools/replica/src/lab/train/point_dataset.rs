@@ -2,9 +2,11 @@
 
 use super::TrainingData;
 use super::augmentation::{random_gain, random_height_error_m};
+use super::camera_columns::CameraNeeds;
 use super::point_recipe::PointRecipe;
 use super::recipe::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
+use super::removed_classes::RemovedClasses;
 use super::sources::{Labeled, simulate};
 use super::submap_file::{LabeledCloud, SubmapFile};
 use anyhow::ensure;
@@ -29,6 +31,8 @@ pub struct PointDataset {
     settings: PointSettings,
     /// Output number by class id.
     outputs: Vec<u8>,
+    needs: CameraNeeds,
+    removed_classes: RemovedClasses,
     augmentation: Augmentation,
     without_intensity: f32,
     n_spheres: usize,
@@ -47,6 +51,8 @@ impl PointDataset {
             counts: vec![0; settings.classes.len()],
             ground: GroundHistogram::default(),
             outputs: ClassId::ALL.iter().map(|class| output(class).map_or(UNKNOWN, |output| output as u8)).collect(),
+            needs: CameraNeeds::of_points(&settings.features),
+            removed_classes: RemovedClasses::of_names(&recipe.data.removed_classes, &settings.classes)?,
             augmentation: recipe.augmentation.clone(),
             without_intensity: recipe.data.without_intensity,
             n_spheres: if validation { recipe.spheres.validation } else { recipe.spheres.epoch },
@@ -101,19 +107,23 @@ impl PointDataset {
     }
 }
 
-/// The cells of a submap with the most frequent class of their points, and the intensities of its ground.
+/// The cells of a submap with the most frequent class of their points, without those of removed classes, and the intensities of its
+/// ground.
 fn cells_of(
-    of: &Labeled<'_>,
-    outputs: &[u8],
+    Labeled { input: whole, classes }: &Labeled<'_>,
+    (outputs, removed_classes): (&[u8], &RemovedClasses),
     settings: &PointSettings,
 ) -> anyhow::Result<(LabeledCloud, GroundHistogram)> {
-    let input = ModelInput::new(of.header, of.points);
-    let heights_m = ground::heights(&input);
+    let of_all_m = ground::heights(whole);
+    let (points, heights_m) = (removed_classes.kept(whole.points, classes), removed_classes.kept(&of_all_m, classes));
+    let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
+    let kept_classes = removed_classes.kept(classes, classes);
+    let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
     let (cloud, grid) = CellCloud::of(&input, &heights_m, &IntensityMap::Unchanged, settings.cell_m)?;
     let class_of = |cell: usize| {
         let mut counts = vec![0_u32; settings.classes.len()];
         for point in grid.points_of(cell) {
-            let output = outputs[usize::from(of.classes[*point as usize])];
+            let output = outputs[usize::from(kept_classes[*point as usize])];
             if let Some(count) = counts.get_mut(usize::from(output)) {
                 *count += 1;
             }
@@ -124,24 +134,25 @@ fn cells_of(
     let truth = (0..grid.len()).map(class_of).collect();
     let mut ground = GroundHistogram::default();
     if !cloud.intensities.is_empty() {
-        ground.add(of.points.iter().zip(&heights_m).map(|(point, height_m)| (point.intensity, *height_m)));
+        ground.add(whole.points.iter().zip(&of_all_m).map(|(point, height_m)| (point.intensity, *height_m)));
     }
     Ok((LabeledCloud { cloud, truth }, ground))
 }
 
 impl TrainingData for PointDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
-        let (outputs, settings) = (self.outputs.clone(), self.settings.clone());
-        simulate(data, seeds, |of| cells_of(&of, &outputs, &settings), |cells| self.push(cells, 1.0), progress)
+        let (outputs, settings, needs) = (self.outputs.clone(), self.settings.clone(), self.needs.clone());
+        let removed_classes = self.removed_classes.clone();
+        let convert = |of: Labeled<'_>| cells_of(&of, (&outputs, &removed_classes), &settings);
+        simulate((data, seeds), &needs, convert, |cells| self.push(cells, 1.0), progress)
     }
 
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
-        let mut recording = RecordedSweeps::open(source, folder)?;
+        let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
         let (mut n_submaps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
             if n_submaps % source.every == 0 {
-                let of = Labeled { header: &submap.header, points: &submap.points, classes: &submap.classes };
-                let cells = cells_of(&of, &self.outputs, &self.settings)?;
+                let cells = cells_of(&submap.labeled(), (&self.outputs, &self.removed_classes), &self.settings)?;
                 // Data sets label key frames only.
                 let is_labeled = cells.0.truth.iter().any(|class| *class != UNKNOWN);
                 if is_labeled {
@@ -239,8 +250,9 @@ mod tests {
 
     fn push(data: &mut PointDataset, weight: f64) {
         let (points, classes) = street();
-        let of = Labeled { header: &SubmapHeader::default(), points: &points, classes: &classes };
-        let cells = cells_of(&of, &data.outputs, &data.settings).expect("cells");
+        let header = SubmapHeader::default();
+        let of = Labeled { input: ModelInput::new(&header, &points), classes: &classes };
+        let cells = cells_of(&of, (&data.outputs, &data.removed_classes), &data.settings).expect("cells");
         data.push(cells, weight).expect("written");
         data.finish();
     }

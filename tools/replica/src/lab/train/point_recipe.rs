@@ -50,7 +50,7 @@ pub struct PointModel {
     /// Overlap of neighboring spheres in prediction, m; a third of the radius without it.
     pub overlap_m: Option<f32>,
     /// A model to start from, relative to the folder of the recipe. Tensors of the same name and shape start with its values, the
-    /// others with random values.
+    /// others with random values; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]
@@ -83,14 +83,10 @@ impl PointRecipe {
             anyhow::bail!("[augmentation] {problem}");
         }
         ensure!(
-            !self.model.features.contains(&PointFeature::ColorHeight),
-            "[model] features: color_height needs colors, and the sources of a recipe have none"
-        );
-        ensure!(
             self.model.kind != "pointnet" || self.train.batch > 1,
             "[train] batch = 1, must be at least 2 for pointnet: it normalizes over the spheres of a batch"
         );
-        check_data_and_training(&self.data, &self.train)
+        check_data_and_training(&self.data, &self.train, &self.model.classes)
     }
     /// Settings of the model file.
     pub fn settings(&self) -> anyhow::Result<PointSettings> {
@@ -163,7 +159,7 @@ mod tests {
         };
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\ncolumns = 2048", "unknown field `columns`");
         check("points.toml", "cell_m = 0.2", "cell_m = 0.2\nwidths = [3]", "unknown field `widths`");
-        check("points.toml", "waffle_iron", "unet", "unknown field `augmentation`");
+        check("points.toml", "waffle_iron", "unet", "unknown field `elastic`");
         check("street.toml", "fold = 4", "fold = 4\nradius_m = 4.0", "unknown field `radius_m`");
         check("street.toml", "[train]", "[spheres]\n[train]", "unknown field `spheres`");
         check("street.toml", "kind = \"unet\"", "kind = \"kpconv\"", "unknown field `columns`");
@@ -179,10 +175,10 @@ mod tests {
         check("width = 48", "width = 0", "0 channels or centers");
         check("width = 48", "widths = 48", "unknown field `widths`");
         check("\"offset\"", "\"color\"", "unknown variant `color`");
-        check("[\"offset\"", "[\"color_height\", \"offset\"", "color_height needs colors");
         check("epoch = ", "epoch = 0 #", "[spheres] epoch = 0");
         check("noise_m = ", "noise_m = -1 #", "[augmentation] noise_m = -1");
         check("batch = ", "batch = 0 #", "[train] batch = 0");
+        check("towns = [", "removed_classes = ['pole']\ntowns = [", "pole is in classes of [model]");
         check("last = 2008", "last = 4008", "seeds and validation_seeds overlap");
         check("radius_m = 12.0", "radius_m = 0.0", "[model] model settings: spheres: radius_m = 0");
     }

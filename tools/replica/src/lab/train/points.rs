@@ -6,7 +6,7 @@ use super::{Calibration, SharedRecipe, TrainingRecipe};
 use segmentation::network::Weights;
 use segmentation::points::{PointModel, PointSettings};
 use std::path::Path;
-use training::PointNetwork;
+use training::{ClassLayer, Network, PointNetwork, match_classes};
 
 impl TrainingRecipe for PointRecipe {
     type Network = PointNetwork;
@@ -17,13 +17,22 @@ impl TrainingRecipe for PointRecipe {
         SharedRecipe { data: &self.data, train: &self.train, frozen: &model.frozen, classes: &model.classes }
     }
     fn network(&self, folder: &Path) -> anyhow::Result<PointNetwork> {
-        let mut network = PointNetwork::random(&self.settings()?.network, self.train.seed)?;
+        let settings = self.settings()?;
+        let mut network = PointNetwork::random(&settings.network, self.train.seed)?;
         if let Some(start) = &self.model.start {
             let start = folder.join(start);
-            let (_, weights) = PointModel::load(&start)?;
+            let (model, mut weights) = PointModel::load(&start)?;
+            let n_classes = match_classes(
+                (&mut weights, class_layer(model.settings())),
+                (&network.weights()?, class_layer(&settings)),
+            );
             let (n_taken, n_tensors) = network.begin_with(&weights)?;
             anyhow::ensure!(n_taken > 0, "{}: no tensor matches one of the recipe in name and shape", start.display());
-            eprintln!("starting from {n_taken} of {n_tensors} tensors of {}", start.display());
+            eprintln!(
+                "starting from {n_taken} of {n_tensors} tensors of {}, and {n_classes} of {} classes",
+                start.display(),
+                settings.classes.len()
+            );
         }
         Ok(network)
     }
@@ -34,4 +43,8 @@ impl TrainingRecipe for PointRecipe {
         let Calibration { temperature, ground_intensities } = calibration;
         Ok(PointSettings { temperature, ground_intensities, ..self.settings()? }.to_bytes(weights)?)
     }
+}
+
+fn class_layer(settings: &PointSettings) -> ClassLayer<'_> {
+    ClassLayer { tensors: settings.network.class_tensors(), classes: &settings.classes, fold: 1 }
 }

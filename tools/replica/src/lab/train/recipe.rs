@@ -1,6 +1,9 @@
 //! Recipes of trainings: TOML files.
 
+use super::camera_columns::CameraNeeds;
+use super::camera_dropout::ImageAugmentation;
 use super::point_recipe::{KINDS, PointRecipe};
+use super::removed_classes::RemovedClasses;
 use anyhow::Context;
 use formats::text_file::read_toml;
 use segmentation::network::NetworkSpec;
@@ -8,7 +11,7 @@ use segmentation::spherical::{Features, GroundUse, Settings};
 use serde::{Deserialize, Serialize};
 use simulation::Town;
 use std::path::{Path, PathBuf};
-use town_sweeps::town_from_name;
+use town_sweeps::{BANDS_NM, town_from_name};
 use training::TrainSettings;
 
 /// A recipe.
@@ -19,6 +22,9 @@ pub struct Recipe {
     pub model: Model,
     /// The data of training and validation.
     pub data: Data,
+    /// Random changes of the training images.
+    #[serde(default)]
+    pub augmentation: ImageAugmentation,
     /// The settings of the training.
     pub train: TrainSettings,
 }
@@ -48,7 +54,7 @@ pub struct Model {
     #[serde(default)]
     pub ground: GroundUse,
     /// A model to start from, relative to the folder of the recipe. Layers of the same name and shape start with its weights, the
-    /// others with random weights.
+    /// others with random weights; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]
@@ -78,6 +84,9 @@ pub struct Data {
     /// Revolutions from one simulated sweep to the next.
     #[serde(default = "stride")]
     pub stride: u64,
+    /// Names of classes whose points are left out, by their true labels. The model must not have them.
+    #[serde(default)]
+    pub removed_classes: Vec<String>,
     /// Probability that a sweep is used without its intensities.
     pub without_intensity: f32,
     /// Recordings.
@@ -200,11 +209,16 @@ impl Recipe {
     }
     fn check(&self) -> anyhow::Result<()> {
         self.settings()?.check().map_err(|problem| anyhow::anyhow!("[model] {problem}"))?;
-        let of_cameras = self.model.features.as_slice().iter().find(|feature| feature.camera_band().is_some());
-        if let Some(feature) = of_cameras {
-            anyhow::bail!("[model] features: {feature} needs cameras, and training data has none");
+        if let Some(problem) = self.augmentation.problem() {
+            anyhow::bail!("[augmentation] {problem}");
         }
-        check_data_and_training(&self.data, &self.train)
+        let needs = CameraNeeds::of_images(&self.model.features);
+        let beyond = needs.bands.iter().find(|(nm, _)| !BANDS_NM.contains(nm) && !self.data.towns.is_empty());
+        if let Some((_, feature)) = beyond {
+            let [first, last] = [BANDS_NM.start(), BANDS_NM.end()];
+            anyhow::bail!("[model] features: {feature}: simulated towns have reflectances at {first} to {last} nm");
+        }
+        check_data_and_training(&self.data, &self.train, &self.model.classes)
     }
     /// Settings of the model file.
     pub fn settings(&self) -> anyhow::Result<Settings> {
@@ -233,11 +247,12 @@ impl Recipe {
     }
 }
 
-/// Checks the tables of all recipes.
-pub fn check_data_and_training(data: &Data, train: &TrainSettings) -> anyhow::Result<()> {
+/// Checks the tables of all recipes against the classes of the model.
+pub fn check_data_and_training(data: &Data, train: &TrainSettings, classes: &[String]) -> anyhow::Result<()> {
     if let Some(problem) = train.problem() {
         anyhow::bail!("[train] {problem}");
     }
+    RemovedClasses::of_names(&data.removed_classes, classes)?;
     data.check()
 }
 
@@ -322,7 +337,19 @@ mod tests {
         check("\"vegetation\"", "\"trees\"", "not all are in the class table");
         check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
         check("fold = 4", "fold = 4\nfeatures = ['colour']", "unknown feature \"colour\"; known are valid, range");
-        check("fold = 4", "fold = 4\nfeatures = ['red']", "features: red needs cameras");
+        check("fold = 4", "fold = 4\nfeatures = ['band_399']", "band_399: simulated towns have reflectances at 400 to");
+        check(
+            "[train]",
+            "[augmentation]\ncolor_dropout = 1.5\n[train]",
+            "[augmentation] color_dropout = 1.5; must be 0 to 1",
+        );
+        check("[train]", "[augmentation]\nnoise_m = 0.1\n[train]", "unknown field `noise_m`");
+        check(
+            "towns = [",
+            "removed_classes = ['roads']\ntowns = [",
+            "removed_classes: unknown class \"roads\"; known are",
+        );
+        check("towns = [", "removed_classes = ['road']\ntowns = [", "removed_classes: road is in classes of [model]");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
         check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");

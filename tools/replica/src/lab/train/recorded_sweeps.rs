@@ -1,20 +1,18 @@
 //! Labeled submaps of recordings: labeled clouds that `replica import` has written, and recorded runs over drives with labels.
 
+use super::camera_columns::CameraNeeds;
 use super::recipe::RecordingSource;
+use super::submap_join::{LabeledSubmap, SubmapJoin};
 use crate::lab::recorded_classes::{has_topic, has_true_classes, rows};
 use crate::lab::true_points::TruePoints;
 use anyhow::{Context, ensure};
 use formats::drive::{Drive, Shot};
-use formats::recording::RecordingReader;
-use messages::{ClassId, ClassRow, ClassTopic, Message, SubmapHeader, SubmapPoint, SubmapSweep, SubmapTopic};
+use formats::recording::{Recorded, RecordingReader};
+use messages::{
+    ClassId, ClassRow, ClassTopic, ColorTopic, Message, SpectraHeader, SpectraTopic, SubmapHeader, SubmapPoint,
+    SubmapSweep, SubmapTopic,
+};
 use std::path::{Path, PathBuf};
-
-/// A submap with the class id of each point.
-pub struct LabeledSubmap {
-    pub header: SubmapHeader,
-    pub points: Vec<SubmapPoint>,
-    pub classes: Vec<u8>,
-}
 
 /// Where the classes are.
 enum Truth {
@@ -24,21 +22,28 @@ enum Truth {
     Drive(Box<TruePoints>),
 }
 
-/// Reads a recording submap by submap. Memory: one submap, and the labels of its sweeps.
+/// Reads a recording submap by submap. Memory: the submaps that wait for columns, and the labels of a submap.
 pub struct RecordedSweeps {
     path: PathBuf,
     reader: RecordingReader,
     truth: Truth,
-    /// A submap whose classes have not been read yet.
-    waiting: Option<(u64, SubmapHeader, Vec<SubmapPoint>)>,
+    join: SubmapJoin,
 }
 
 impl RecordedSweeps {
-    /// Opens the recording of a source; paths are relative to `folder`. An error if its truth is nowhere.
-    pub fn open(source: &RecordingSource, folder: &Path) -> anyhow::Result<Self> {
+    /// Opens the recording of a source; paths are relative to `folder`. An error if its truth is nowhere, or it lacks a topic.
+    pub fn open(source: &RecordingSource, folder: &Path, needs: &CameraNeeds) -> anyhow::Result<Self> {
         let path = folder.join(&source.file);
         let reader = RecordingReader::open(&path)?;
         ensure!(has_topic(&reader, SubmapTopic::TOPIC), "{}: has no topic `{}`", path.display(), SubmapTopic::TOPIC);
+        for (topic, feature) in [(ColorTopic::TOPIC, needs.color.as_deref()), (SpectraTopic::TOPIC, needs.spectra())] {
+            let Some(feature) = feature.filter(|_| !has_topic(&reader, topic)) else { continue };
+            anyhow::bail!(
+                "{}: has no topic `{topic}`, and the feature {feature} of the recipe needs it: record the run with \
+                 `--topics submap,{topic}`, or remove the feature",
+                path.display()
+            );
+        }
         let truth = if let Some(drive) = &source.drive {
             Truth::Drive(Box::new(TruePoints::open(Drive::open(&folder.join(drive))?)?))
         } else {
@@ -50,43 +55,66 @@ impl RecordedSweeps {
             );
             Truth::Recorded
         };
-        Ok(Self { path, reader, truth, waiting: None })
+        Ok(Self { path, reader, truth, join: SubmapJoin::new(needs.clone()) })
     }
 
     /// The next submap; `None` at the end.
     pub fn next(&mut self) -> anyhow::Result<Option<LabeledSubmap>> {
-        while let Some(message) = self.reader.next()? {
-            let (seq, path) = (message.envelope.seq, &self.path);
-            if message.topic.name == SubmapTopic::TOPIC {
-                let header: Vec<SubmapHeader> = rows(message.header()).with_context(|| path.display().to_string())?;
-                let (header, points) = (header[0], rows(message.rows()).with_context(|| path.display().to_string())?);
-                header
-                    .checked(seq)
-                    .and_then(|checked| checked.check_points(&points))
-                    .with_context(|| path.display().to_string())?;
-                match &mut self.truth {
-                    Truth::Drive(labels) => {
-                        let classes = classes_of_drive(labels, &header, &points)?;
-                        return Ok(Some(LabeledSubmap { header, points, classes }));
-                    }
-                    Truth::Recorded => self.waiting = Some((seq, header, points)),
-                }
-            } else if message.topic.name == ClassTopic::TOPIC
-                && let Some((_, header, points)) = self.waiting.take_if(|(submap, ..)| *submap == seq)
-            {
-                let classes: Vec<ClassRow> = rows(message.rows()).with_context(|| path.display().to_string())?;
-                let (n_points, n_classes) = (points.len(), classes.len());
-                ensure!(
-                    n_points == n_classes,
-                    "{}: submap {seq} has {n_points} points and {n_classes} classes",
-                    path.display()
-                );
-                let classes = classes.iter().map(|row| known(row.class_id)).collect();
-                return Ok(Some(LabeledSubmap { header, points, classes }));
-            }
-        }
-        Ok(None)
+        let path = self.path.display().to_string();
+        self.read_next().context(path)
     }
+
+    fn read_next(&mut self) -> anyhow::Result<Option<LabeledSubmap>> {
+        loop {
+            if let Some(submap) = self.join.next(false)? {
+                return Ok(Some(submap));
+            }
+            let Some(message) = self.reader.next()? else { return self.join.next(true) };
+            add(&mut self.join, &mut self.truth, message)?;
+        }
+    }
+}
+
+/// Adds a message to its submap.
+fn add(join: &mut SubmapJoin, truth: &mut Truth, message: Recorded<'_>) -> anyhow::Result<()> {
+    let (seq, topic) = (message.envelope.seq, message.topic.name.as_str());
+    let (needs_color, needs_spectra) = (join.needs().color.is_some(), join.needs().spectra().is_some());
+    if topic == SubmapTopic::TOPIC {
+        let header: Vec<SubmapHeader> = rows(message.header())?;
+        let (header, points) = (header[0], rows(message.rows())?);
+        header.checked(seq).and_then(|checked| checked.check_points(&points))?;
+        let classes = match truth {
+            Truth::Drive(labels) => Some(classes_of_drive(labels, &header, &points)?),
+            Truth::Recorded => None,
+        };
+        if let Some(parts) = join.parts(seq) {
+            parts.submap = Some((header, points));
+            parts.classes = classes.or(parts.classes.take());
+        }
+    } else if topic == ClassTopic::TOPIC && matches!(truth, Truth::Recorded) {
+        let classes: Vec<ClassRow> = rows(message.rows())?;
+        if let Some(parts) = join.parts(seq) {
+            parts.classes = Some(classes.iter().map(|row| known(row.class_id)).collect());
+        }
+    } else if topic == ColorTopic::TOPIC && needs_color {
+        let colors = rows(message.rows())?;
+        if let Some(parts) = join.parts(seq) {
+            parts.camera.colors = Some(colors);
+        }
+    } else if topic == SpectraTopic::TOPIC && needs_spectra {
+        let header: Vec<SpectraHeader> = rows(message.header())?;
+        let (header, spectra) = (Box::new(header[0]), rows(message.rows())?);
+        let missing = join.needs().without_band(&header).filter(|_| header.n_bands > 0);
+        ensure!(
+            missing.is_none(),
+            "its spectra have no band near the one of the feature {} of the recipe",
+            missing.unwrap_or_default()
+        );
+        if let Some(parts) = join.parts(seq) {
+            parts.camera.spectra = Some((header, spectra));
+        }
+    }
+    Ok(())
 }
 
 /// The classes of the returns of a drive; points without a label are unlabeled.

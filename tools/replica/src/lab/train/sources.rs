@@ -1,38 +1,40 @@
 //! Labeled submaps of the sources of a recipe, for networks on images and on points.
 
+use super::camera_columns::CameraNeeds;
+use super::ideal_columns::IdealCameras;
 use super::recipe::{Data, Range};
-use messages::{SubmapHeader, SubmapPoint};
 use rayon::prelude::*;
-use town_sweeps::{Mount, TownDrive};
+use segmentation::ModelInput;
+use town_sweeps::{Mount, TownDrive, TownSubmap};
 
 /// A submap in which each point has a class id.
 pub struct Labeled<'a> {
-    pub header: &'a SubmapHeader,
-    pub points: &'a [SubmapPoint],
+    /// Points, and the columns of the cameras that the features of the recipe need.
+    pub input: ModelInput<'a>,
     pub classes: &'a [u8],
 }
 
 /// Simulates drives. `convert` runs in parallel on each submap; `push` receives the results in order. Calls `progress` with the number
 /// of finished drives and of all drives.
 pub fn simulate<T: Send>(
-    data: &Data,
-    seeds: Range,
+    (data, seeds): (&Data, Range),
+    needs: &CameraNeeds,
     convert: impl Fn(Labeled<'_>) -> anyhow::Result<T> + Sync,
     mut push: impl FnMut(T) -> anyhow::Result<()>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> anyhow::Result<()> {
-    let towns = data.towns()?;
+    let (towns, cameras) = (data.towns()?, IdealCameras::new(needs));
     let seeds: Vec<u64> = seeds.iter().collect();
     let of_drive = |seed: &u64| -> anyhow::Result<Vec<T>> {
         let town = towns[(*seed % towns.len() as u64) as usize];
         let drive = TownDrive { town, seed: *seed, seconds: data.seconds };
-        let submaps = drive.submaps(data.submaps, data.sweeps, data.stride, Mount::Random)?;
-        let labeled = submaps.iter().map(|submap| Labeled {
-            header: &submap.header,
-            points: &submap.points,
-            classes: &submap.truth,
-        });
-        labeled.map(&convert).collect()
+        let simulation = drive.simulation()?;
+        let submaps = drive.submaps_in(&simulation, data.submaps, data.sweeps, data.stride, Mount::Random)?;
+        let of_submap = |submap: &TownSubmap| {
+            let columns = cameras.columns(&simulation, submap);
+            convert(Labeled { input: columns.input(&submap.header, &submap.points), classes: &submap.truth })
+        };
+        submaps.iter().map(of_submap).collect()
     };
     // A few drives at a time, so that the memory does not grow with the number of drives.
     let at_a_time = rayon::current_num_threads();

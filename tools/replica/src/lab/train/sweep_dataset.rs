@@ -2,15 +2,17 @@
 
 use super::TrainingData;
 use super::augmentation::augment;
+use super::camera_columns::CameraNeeds;
+use super::camera_dropout::ImageAugmentation;
 use super::labeled_image::{LabeledImage, images_of, output_of};
 use super::recipe::{Data, Range, Recipe, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
+use super::removed_classes::RemovedClasses;
 use super::sources::{Labeled, simulate};
 use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
-use segmentation::ModelInput;
 use segmentation::network::NetworkSpec;
 use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
@@ -26,6 +28,9 @@ pub struct SweepDataset {
     ground: GroundHistogram,
     ground_intensities: Option<GroundIntensities>,
     settings: Settings,
+    needs: CameraNeeds,
+    removed_classes: RemovedClasses,
+    augmentation: ImageAugmentation,
     without_intensity: f32,
 }
 
@@ -43,9 +48,18 @@ impl SweepDataset {
     pub fn new(recipe: &Recipe, folder: &Path) -> anyhow::Result<Self> {
         let settings = recipe.settings()?;
         let file = SweepFile::create(folder, settings.columns, settings.features.camera_bands().len())?;
-        let counts = vec![0; settings.classes.len()];
-        let (ground, without_intensity) = (GroundHistogram::default(), recipe.data.without_intensity);
-        Ok(Self { file, sources: Vec::new(), counts, ground, ground_intensities: None, settings, without_intensity })
+        Ok(Self {
+            file,
+            sources: Vec::new(),
+            counts: vec![0; settings.classes.len()],
+            ground: GroundHistogram::default(),
+            ground_intensities: None,
+            needs: CameraNeeds::of_images(&settings.features),
+            removed_classes: RemovedClasses::of_names(&recipe.data.removed_classes, &settings.classes)?,
+            augmentation: recipe.augmentation,
+            without_intensity: recipe.data.without_intensity,
+            settings,
+        })
     }
 
     fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
@@ -70,6 +84,12 @@ impl SweepDataset {
         self.file.len()
     }
 
+    #[cfg(test)]
+    /// A sweep as it is kept, without random changes.
+    pub fn image(&self, sweep: usize) -> segmentation::spherical::PolarImage {
+        self.file.image(sweep).expect("the file is open, and of the length that was written").image
+    }
+
     /// The sweep of an example. A source of twice as many examples as sweeps has each sweep twice; one of half as many has one of
     /// each two neighbors, drawn at random in each epoch.
     fn sweep_of(&self, mut index: usize, random: Option<&mut Random>) -> usize {
@@ -92,21 +112,21 @@ impl SweepDataset {
 impl TrainingData for SweepDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
         let first = self.file.len();
-        let settings = self.settings.clone();
-        let convert = |of: Labeled<'_>| Ok(images_of(&ModelInput::new(of.header, of.points), of.classes, &settings));
+        let (settings, removed_classes, needs) =
+            (self.settings.clone(), self.removed_classes.clone(), self.needs.clone());
+        let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes));
         let push = |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image));
-        simulate(data, seeds, convert, push, progress)?;
+        simulate((data, seeds), &needs, convert, push, progress)?;
         self.end_source(first, 1.0);
         Ok(())
     }
 
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let first = self.file.len();
-        let mut recording = RecordedSweeps::open(source, folder)?;
+        let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
         let (mut n_sweeps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
-            let cloud = ModelInput::new(&submap.header, &submap.points);
-            for image in images_of(&cloud, &submap.classes, &self.settings) {
+            for image in images_of(&submap.labeled(), &self.settings, &self.removed_classes) {
                 if n_sweeps % source.every == 0 {
                     let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
                     // Data sets label key frames only.
@@ -128,7 +148,8 @@ impl TrainingData for SweepDataset {
     }
 
     fn finish(&mut self) {
-        self.ground_intensities = self.ground.quantiles();
+        // Without the ground, points near it are other things.
+        self.ground_intensities = self.ground.quantiles().filter(|_| !self.removed_classes.has_ground());
     }
 
     fn size(&self) -> String {
@@ -154,6 +175,7 @@ impl Dataset for SweepDataset {
         if let Some(random) = random {
             let terrain = output_of(ClassId::Terrain, &self.settings);
             of_sweep = augment(of_sweep, self.without_intensity, self.ground_intensities, terrain, random);
+            self.augmentation.apply(&mut of_sweep.image, &self.settings.features.camera_bands(), random);
         }
         let LabeledImage { image, mut truth } = of_sweep;
         let input = features(
@@ -170,12 +192,9 @@ impl Dataset for SweepDataset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use formats::recording::RecordingWriter;
-    use geometry::Pose;
-    use messages::pod::bytes_from_rows;
-    use messages::{ByteTable, ClassRow, ClassTopic, Envelope, Message, SubmapHeader, SubmapTopic};
-    use std::collections::BTreeMap;
-    use town_sweeps::{Mount, TownDrive, TownSubmap};
+    use crate::lab::train::test_recordings::{submaps, write_recording};
+    use segmentation::ModelInput;
+    use town_sweeps::TownSubmap;
 
     fn recipe(data: &str) -> Recipe {
         let text = format!(
@@ -186,36 +205,8 @@ mod tests {
         toml::from_str(&text).expect("a recipe")
     }
 
-    /// Three submaps of two sweeps.
-    fn submaps() -> Vec<TownSubmap> {
-        let drive = TownDrive { town: simulation::Town::Urban, seed: 41, seconds: 4.0 };
-        let mut submaps = drive.submaps(3, 2, 5, Mount::Rig).expect("long enough");
-        for submap in &mut submaps {
-            submap.header.world_from_submap = Pose::identity().into();
-        }
-        submaps
-    }
-
-    fn header_bytes(header: &SubmapHeader) -> &[u8] {
-        bytes_from_rows(std::slice::from_ref(header))
-    }
-
-    /// As `replica import` writes labeled clouds.
-    fn write_recording(path: &Path, submaps: &[TownSubmap], about: &str) {
-        let about = BTreeMap::from([(about.to_owned(), String::new())]);
-        let tables = [ByteTable::of::<SubmapTopic>(), ByteTable::of::<ClassTopic>()];
-        let mut writer = RecordingWriter::create(path, &about, &tables).expect("created");
-        for (seq, submap) in (0..).zip(submaps) {
-            let envelope = Envelope { seq, len: submap.points.len() as u32, ..Envelope::default() };
-            let points = bytes_from_rows(&submap.points);
-            writer.message(SubmapTopic::TOPIC, 0, &envelope, header_bytes(&submap.header), points).expect("written");
-            let class = |class: &u8| ClassRow { class_id: *class, ..ClassRow::default() };
-            let classes: Vec<ClassRow> = submap.truth.iter().map(class).collect();
-            let header = messages::ClassHeader::default();
-            let header = bytes_from_rows(std::slice::from_ref(&header));
-            writer.message(ClassTopic::TOPIC, 0, &envelope, header, bytes_from_rows(&classes)).expect("written");
-        }
-        writer.finish().expect("written");
+    fn labeled(submap: &TownSubmap) -> Labeled<'_> {
+        Labeled { input: ModelInput::new(&submap.header, &submap.points), classes: &submap.truth }
     }
 
     fn source(weight: f64, every: usize) -> RecordingSource {
@@ -232,12 +223,11 @@ mod tests {
     fn recording_of_submaps_gives_their_sweeps_and_classes() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let submaps = submaps();
-        write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported", &[]);
         let data = dataset(folder.path(), &source(1.0, 1));
         let settings = recipe("").settings().expect("settings");
-        let images = submaps
-            .iter()
-            .flat_map(|submap| images_of(&ModelInput::new(&submap.header, &submap.points), &submap.truth, &settings));
+        let images =
+            submaps.iter().flat_map(|submap| images_of(&labeled(submap), &settings, &RemovedClasses::default()));
         let images: Vec<LabeledImage> = images.collect();
         assert_eq!((data.len(), data.n_sweeps(), images.len()), (6, 6, 6));
         for (index, image) in images.iter().enumerate() {
@@ -254,7 +244,7 @@ mod tests {
     #[test]
     fn weight_sets_how_often_sweeps_are_used() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "imported");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "imported", &[]);
         let twice = dataset(folder.path(), &source(2.0, 1));
         let mut random = Random::new(3);
         let sweeps: Vec<usize> = (0..twice.len()).map(|index| twice.sweep_of(index, Some(&mut random))).collect();
@@ -278,14 +268,14 @@ mod tests {
             format!("{:#}", data.add_recording(source, folder.path()).expect_err("is refused"))
         };
         assert!(add(&source(1.0, 1)).contains("clouds.mcap"), "no file");
-        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "launch");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "launch", &[]);
         let error = add(&source(1.0, 1));
         assert!(error.contains("clouds.mcap: its classes are not the truth: `drive` must name"), "{error}");
         let mut unlabeled = submaps();
         for submap in &mut unlabeled {
             submap.truth.fill(0);
         }
-        write_recording(&folder.path().join("clouds.mcap"), &unlabeled, "imported");
+        write_recording(&folder.path().join("clouds.mcap"), &unlabeled, "imported", &[]);
         let error = add(&source(1.0, 1));
         assert!(error.contains("none of its 6 sweeps has a point of a class of the recipe"), "{error}");
     }
