@@ -119,6 +119,9 @@ pub struct RecordingSource {
     pub file: PathBuf,
     /// For a recorded run, the drive whose labels are the truth, relative to the folder of the recipe.
     pub drive: Option<PathBuf>,
+    /// For self-training: the classes of the recorded run, which a model has predicted, are taken for the truth where their score is at
+    /// least this, 0 to 1.
+    pub predicted_above: Option<f32>,
     /// Whether epochs are compared on it. Otherwise it is trained on.
     #[serde(default)]
     pub validation: bool,
@@ -162,6 +165,14 @@ impl RecordingSource {
             "weight = {weight}, must be 1 for validation: each sweep counts once"
         );
         anyhow::ensure!(self.every > 0, "every = 0, must be at least 1");
+        if let Some(score) = self.predicted_above {
+            anyhow::ensure!((0.0..=1.0).contains(&score), "predicted_above = {score}, must be 0 to 1");
+            anyhow::ensure!(
+                self.drive.is_none(),
+                "predicted_above: the labels of `drive` are the truth; remove one of both"
+            );
+            anyhow::ensure!(!self.validation, "predicted_above: predictions are no truth to validate on");
+        }
         let is_same = |other: &Self| other.file == self.file || (self.drive.is_some() && other.drive == self.drive);
         let crosses = before.iter().any(|other| is_same(other) && other.validation != self.validation);
         anyhow::ensure!(!crosses, "is trained on and validated on: validation needs other drives");

@@ -20,6 +20,8 @@ enum Truth {
     Recorded,
     /// Beside the returns of a drive.
     Drive(Box<TruePoints>),
+    /// Predicted by a model, in the recording, after each submap; those with this score or more are taken.
+    Predicted { least_score: u8 },
 }
 
 /// Reads a recording submap by submap. Memory: the submaps that wait for columns, and the labels of a submap.
@@ -46,11 +48,20 @@ impl RecordedSweeps {
         }
         let truth = if let Some(drive) = &source.drive {
             Truth::Drive(Box::new(TruePoints::open(Drive::open(&folder.join(drive))?)?))
+        } else if let Some(score) = source.predicted_above {
+            let topic = ClassTopic::TOPIC;
+            ensure!(
+                has_topic(&reader, topic),
+                "{}: has no topic `{topic}`, which predicted_above needs: record the run with `--topics submap,{topic}`",
+                path.display()
+            );
+            Truth::Predicted { least_score: (255.0 * score).round() as u8 }
         } else {
             ensure!(
                 has_true_classes(&reader),
                 "{}: its classes are not the truth: `drive` must name the drive of this run, whose labels are; only \
-                     labeled clouds that `replica import` has written need none",
+                     labeled clouds that `replica import` has written need none; with `predicted_above`, predicted classes are \
+                     taken for the truth",
                 path.display()
             );
             Truth::Recorded
@@ -85,16 +96,19 @@ fn add(join: &mut SubmapJoin, truth: &mut Truth, message: Recorded<'_>) -> anyho
         header.checked(seq).and_then(|checked| checked.check_points(&points))?;
         let classes = match truth {
             Truth::Drive(labels) => Some(classes_of_drive(labels, &header, &points)?),
-            Truth::Recorded => None,
+            Truth::Recorded | Truth::Predicted { .. } => None,
         };
         if let Some(parts) = join.parts(seq) {
             parts.submap = Some((header, points));
             parts.classes = classes.or(parts.classes.take());
         }
-    } else if topic == ClassTopic::TOPIC && matches!(truth, Truth::Recorded) {
+    } else if topic == ClassTopic::TOPIC && !matches!(truth, Truth::Drive(_)) {
         let classes: Vec<ClassRow> = rows(message.rows())?;
+        let least_score = if let Truth::Predicted { least_score } = truth { *least_score } else { 0 };
+        let class =
+            |row: &ClassRow| if row.score >= least_score { known(row.class_id) } else { ClassId::Unlabeled as u8 };
         if let Some(parts) = join.parts(seq) {
-            parts.classes = Some(classes.iter().map(|row| known(row.class_id)).collect());
+            parts.classes = Some(classes.iter().map(class).collect());
         }
     } else if topic == ColorTopic::TOPIC && needs_color {
         let colors = rows(message.rows())?;

@@ -210,7 +210,14 @@ mod tests {
     }
 
     fn source(weight: f64, every: usize) -> RecordingSource {
-        RecordingSource { file: "clouds.mcap".into(), drive: None, validation: false, weight, every }
+        RecordingSource {
+            file: "clouds.mcap".into(),
+            drive: None,
+            predicted_above: None,
+            validation: false,
+            weight,
+            every,
+        }
     }
 
     fn dataset(folder: &Path, source: &RecordingSource) -> SweepDataset {
@@ -278,5 +285,19 @@ mod tests {
         write_recording(&folder.path().join("clouds.mcap"), &unlabeled, "imported", &[]);
         let error = add(&source(1.0, 1));
         assert!(error.contains("none of its 6 sweeps has a point of a class of the recipe"), "{error}");
+    }
+
+    #[test]
+    fn predicted_classes_count_from_their_score_on() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        write_recording(&folder.path().join("clouds.mcap"), &submaps(), "launch", &[]);
+        let predicted = |above: f32| {
+            let source = RecordingSource { predicted_above: Some(above), ..source(1.0, 1) };
+            dataset(folder.path(), &source).counts().to_vec()
+        };
+        // The score of a class is 10 times its id, of 255: road 70, building 10, vegetation 90.
+        let [all, few] = [predicted(0.0), predicted(0.3)];
+        assert!(all.iter().all(|n| *n > 100), "{all:?}");
+        assert_eq!(few, [0, 0, all[2]]);
     }
 }

@@ -37,7 +37,8 @@ pub fn write_recording(path: &Path, submaps: &[TownSubmap], about: &str, camera:
         let n_points = submap.points.len();
         let header = bytes_from_rows(std::slice::from_ref(&*submap.header));
         write(SubmapTopic::TOPIC, header, bytes_from_rows(&submap.points), n_points);
-        let class = |class: &u8| ClassRow { class_id: *class, ..ClassRow::default() };
+        // Scores distinguish the classes.
+        let class = |class: &u8| ClassRow { class_id: *class, score: 10 * class };
         let classes: Vec<ClassRow> = submap.truth.iter().map(class).collect();
         let header = ClassHeader::default();
         write(ClassTopic::TOPIC, bytes_from_rows(&[header]), bytes_from_rows(&classes), n_points);

@@ -31,7 +31,14 @@ fn recipe(classes: &str, model: &str, data: &str) -> Recipe {
 }
 
 fn clouds() -> RecordingSource {
-    RecordingSource { file: "clouds.mcap".into(), drive: None, validation: false, weight: 1.0, every: 1 }
+    RecordingSource {
+        file: "clouds.mcap".into(),
+        drive: None,
+        predicted_above: None,
+        validation: false,
+        weight: 1.0,
+        every: 1,
+    }
 }
 
 /// Trains in a folder, and returns the path of the model.
@@ -142,7 +149,8 @@ fn simulated_towns_have_colors_and_reflectances() {
     let shown = || image.pixels.iter().zip(image.camera.as_chunks::<4>().0).zip(&truth);
     let n_valid = shown().filter(|((pixel, _), _)| pixel.is_valid()).count();
     let n_known = shown().filter(|((_, values), _)| !values[0].is_nan() && !values[3].is_nan()).count();
-    assert!(n_valid > 1000 && n_known * 10 > n_valid * 9, "{n_known} of {n_valid}");
+    // Rays of a unit with poor elevations hit the ground elsewhere.
+    assert!(n_valid > 1000 && n_known * 2 > n_valid, "{n_known} of {n_valid}");
     let plants: Vec<&[f32; 4]> = shown().filter(|(_, class)| **class == 2).map(|((_, values), _)| values).collect();
     let n_known = plants.iter().filter(|[red, ..]| !red.is_nan()).count();
     assert!(plants.len() > 20 && n_known * 10 > plants.len() * 8, "{n_known} of {} plants", plants.len());
@@ -157,6 +165,7 @@ fn removed_classes_are_absent_from_the_images() {
     let images = |data: &str| {
         let mut images = SweepDataset::new(&recipe("['building', 'pole']", "", data), folder.path()).expect("a file");
         images.add_recording(&clouds(), folder.path()).expect("read");
+        images.finish();
         let counts = images.counts().to_vec();
         let n_valid: usize = (0..images.n_sweeps())
             .map(|index| images.image(index).pixels.iter().filter(|pixel| pixel.is_valid()).count())
