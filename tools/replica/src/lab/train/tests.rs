@@ -142,15 +142,16 @@ fn recorded_colors_come_into_the_points() {
 #[test]
 fn simulated_towns_have_colors_and_reflectances() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let recipe = recipe(CLASSES, "features = ['valid', 'red', 'green', 'band_670', 'band_800']", TOWNS);
+    // A drive with a perfect LiDAR: points of other units lie beside what their rays hit.
+    let towns = TOWNS.replace("first = 1, last = 1", "first = 3, last = 3");
+    let recipe = recipe(CLASSES, "features = ['valid', 'red', 'green', 'band_670', 'band_800']", &towns);
     let mut data = SweepDataset::new(&recipe, folder.path()).expect("a file");
     data.add_towns(&recipe.data, recipe.data.seeds.expect("seeds"), &mut |_, _| ()).expect("simulated");
     let (image, truth) = (data.image(0), data.example(0, None).truth);
     let shown = || image.pixels.iter().zip(image.camera.as_chunks::<4>().0).zip(&truth);
     let n_valid = shown().filter(|((pixel, _), _)| pixel.is_valid()).count();
     let n_known = shown().filter(|((_, values), _)| !values[0].is_nan() && !values[3].is_nan()).count();
-    // Rays of a unit with poor elevations hit the ground elsewhere.
-    assert!(n_valid > 1000 && n_known * 2 > n_valid, "{n_known} of {n_valid}");
+    assert!(n_valid > 1000 && n_known * 10 > n_valid * 9, "{n_known} of {n_valid}");
     let plants: Vec<&[f32; 4]> = shown().filter(|(_, class)| **class == 2).map(|((_, values), _)| values).collect();
     let n_known = plants.iter().filter(|[red, ..]| !red.is_nan()).count();
     assert!(plants.len() > 20 && n_known * 10 > plants.len() * 8, "{n_known} of {} plants", plants.len());
