@@ -3,6 +3,7 @@
 mod drive;
 mod error;
 mod mount;
+mod mount_name;
 mod submap;
 
 pub use drive::TownDrive;
