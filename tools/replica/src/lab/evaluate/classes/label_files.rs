@@ -38,7 +38,7 @@ pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result
             }
         }
         let name = truth.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Source { name, origin: Origin::Files, n_sweeps: 0, tally, other_uses: Vec::new() })
+        Ok(Source { name, origin: Origin::Files, n_sweeps: 0, has_intensities: false, tally, other_uses: Vec::new() })
     };
     pairs.iter().map(of_pair).collect()
 }

@@ -50,13 +50,17 @@ impl ClassReport {
         if let Some(comparability) = &self.comparability {
             let _ = writeln!(text, "SemanticKITTI: {comparability}.\n");
         }
+        if let Some(without) = tables::without_intensities(&self.sources) {
+            let _ = writeln!(text, "{without}\n");
+        }
         if self.all.n_unknown > 0 {
             let _ = writeln!(text, "{}\n", tables::unknown(&self.all));
         }
         if self.all.seven.n() > 0 {
             let names = seven::NAMES.map(str::to_owned).to_vec();
-            let table = ScoreTable { names, clouds: vec![("seven classes".to_owned(), self.all.seven.clone())] };
-            let _ = write!(text, "## Seven classes of LiDOG\n\n{}", table.markdown());
+            let table = ScoreTable { names, clouds: vec![("all data".to_owned(), self.all.seven.clone())] };
+            let absent = tables::absent_of_seven(&self.all.seven);
+            let _ = write!(text, "## Seven classes of LiDOG\n\n{}{absent}", table.markdown());
         }
         if self.all.ranges.iter().any(|range| range.classes.n() > 0) {
             let _ = writeln!(text, "## Ranges\n\n{}", tables::ranges(&self.all));
@@ -67,7 +71,7 @@ impl ClassReport {
             let _ = writeln!(text, "## Calibration\n\nExpected calibration error: {percent:.1} %\n\n{calibration}");
             let _ = writeln!(text, "## Coverage and accuracy\n\n{}", tables::coverage(&self.all.coverage));
         }
-        let _ = writeln!(text, "## Confusion\n\n{}", tables::confusion(&self.all.classes));
+        let _ = write!(text, "## Confusion\n\n{}", tables::confusion(&self.all.classes));
         text
     }
 
@@ -119,7 +123,7 @@ mod tests {
     }
 
     fn source(name: &str, origin: Origin, n_sweeps: usize, tally: Tally) -> Source {
-        Source { name: name.to_owned(), origin, n_sweeps, tally, other_uses: Vec::new() }
+        Source { name: name.to_owned(), origin, n_sweeps, has_intensities: false, tally, other_uses: Vec::new() }
     }
 
     fn report() -> ClassReport {
@@ -149,6 +153,8 @@ mod tests {
             "| **SemanticKITTI** | 2 | 2 | 100.0 % | 100.0 % | 100.0 % | 0.0 % |",
             "| **all** | 10 | 7 | 75.0 % | 75.0 % | 85.7 % | 2.9 % |",
             "SemanticKITTI: 2 sweeps: not comparable with published benchmarks.",
+            "Sweeps without intensities: those of 08.",
+            "Mean over 2 of the seven classes. Without labeled points: vehicle, person, sidewalk, manmade, vegetation.",
             "| beyond 40 m | 1 | 0.0 % | 0.0 % | 0.0 % |",
             "| 0.30 | 85.7 % | 100.0 % |",
             "| terrain | 2 | . | 50.0 | 50.0 |",

@@ -58,9 +58,10 @@ pub fn sources(models: &Models, folder: &Path, empty: &Tally) -> anyhow::Result<
 
 fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> anyhow::Result<Source> {
     let (name, n_sweeps) = (sequence.name.clone(), sequence.sweeps.len());
-    let mut source = Source { name, origin: Origin::Real, n_sweeps, tally: empty.clone(), other_uses: Vec::new() };
+    let (origin, tally) = (Origin::Real, empty.clone());
+    let mut source = Source { name, origin, n_sweeps, has_intensities: false, tally, other_uses: Vec::new() };
     let mut other_uses: Vec<Tally> = models.other_uses.iter().map(|_| empty.clone()).collect();
-    let (begin, mut has_intensities) = (Instant::now(), false);
+    let begin = Instant::now();
     for (number, files) in (1..).zip(&sequence.sweeps) {
         let sweep = LabelledSweep::read(files)?;
         let mut asked = empty.clone();
@@ -68,7 +69,7 @@ fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> a
         source.tally.merge(&asked);
         // A sweep without intensities gets the same classes for every use.
         let is_used = sweep.intensities.iter().any(|intensity| *intensity > 0);
-        has_intensities |= is_used;
+        source.has_intensities |= is_used;
         for (tally, (_, model)) in other_uses.iter_mut().zip(&models.other_uses) {
             if is_used {
                 add(tally, model.as_ref(), &sweep)?;
@@ -80,13 +81,11 @@ fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> a
             eprintln!("{}: {number} of {n_sweeps} sweeps", source.name);
         }
     }
-    if has_intensities {
+    if source.has_intensities {
         source.other_uses = models.other_uses.iter().map(|(word, _)| *word).zip(other_uses).collect();
-    } else {
-        eprintln!("{}: no intensities", source.name);
     }
     let ms = 1e3 * begin.elapsed().as_secs_f64() / n_sweeps.max(1) as f64;
-    eprintln!("{}: {n_sweeps} sweeps, {ms:.0} ms each", source.name);
+    eprintln!("{}: {ms:.0} ms per sweep", source.name);
     Ok(source)
 }
 
@@ -148,6 +147,7 @@ mod tests {
             name: name.to_owned(),
             origin: Origin::Real,
             n_sweeps,
+            has_intensities: true,
             tally: Tally::new(),
             other_uses: Vec::new(),
         };

@@ -3,7 +3,7 @@
 use super::tally::Tally;
 
 /// Where points come from.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// Label files, without scores and positions.
     Files,
@@ -32,6 +32,8 @@ pub struct Source {
     pub origin: Origin,
     /// Number of sweeps; 0 if unknown.
     pub n_sweeps: usize,
+    /// Whether any of its points has an intensity.
+    pub has_intensities: bool,
     /// The scores.
     pub tally: Tally,
     /// The scores with other uses of the intensities: a word of `--intensity` and the tally.
@@ -48,11 +50,14 @@ pub struct Group {
     pub tally: Tally,
 }
 
-/// All sources of each origin.
+/// All sources of each origin, in the order of their first source.
 pub fn groups(sources: &[Source]) -> Vec<Group> {
-    let mut origins: Vec<&Origin> = sources.iter().map(|source| &source.origin).collect();
-    origins.sort();
-    origins.dedup();
+    let mut origins: Vec<&Origin> = Vec::new();
+    for Source { origin, .. } in sources {
+        if !origins.contains(&origin) {
+            origins.push(origin);
+        }
+    }
     let group = |origin: &Origin| {
         let members = || sources.iter().filter(|source| source.origin == *origin);
         Group {

@@ -37,7 +37,7 @@ pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Res
                 let ms = 1e3 * time.as_secs_f64() / n_sweeps.max(1) as f64;
                 eprintln!("{name}: {ms:.1} ms per sweep");
                 let origin = Origin::Simulated(sensor.clone());
-                sources.push(Source { name, origin, n_sweeps, tally, other_uses: Vec::new() });
+                sources.push(Source { name, origin, n_sweeps, has_intensities: true, tally, other_uses: Vec::new() });
             }
         }
     }

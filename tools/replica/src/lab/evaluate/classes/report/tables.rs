@@ -1,9 +1,9 @@
 //! Markdown tables.
 
 use crate::lab::evaluate::classes::coverage::{Coverage, Kept, THRESHOLDS};
-use crate::lab::evaluate::classes::ranges;
-use crate::lab::evaluate::classes::source::{Group, Source};
+use crate::lab::evaluate::classes::source::{Group, Origin, Source};
 use crate::lab::evaluate::classes::tally::Tally;
+use crate::lab::evaluate::classes::{ranges, seven};
 use messages::ClassId;
 use scores::Confusion;
 use std::fmt::Write;
@@ -50,6 +50,24 @@ pub fn unknown(tally: &Tally) -> String {
     let n_known = n - n_unknown;
     let accuracy = percent((n_known > 0).then(|| n_correct as f64 / n_known as f64));
     format!("Points without a predicted class: {n_unknown} ({share}). Correct points of the others: {accuracy}.")
+}
+
+/// Which real sweeps have no intensities, so that they are scored once only.
+pub fn without_intensities(sources: &[Source]) -> Option<String> {
+    let real = sources.iter().filter(|source| source.origin == Origin::Real && !source.has_intensities);
+    let names: Vec<&str> = real.map(|source| source.name.as_str()).collect();
+    (!names.is_empty()).then(|| format!("Sweeps without intensities: those of {}.", names.join(", ")))
+}
+
+/// The classes that have no part in the mean of the seven.
+pub fn absent_of_seven(confusion: &Confusion) -> String {
+    let absent = (0..seven::N).filter(|class| confusion.class(*class).n_truth == 0);
+    let absent: Vec<&str> = absent.map(|class| seven::NAMES[class]).collect();
+    if absent.is_empty() {
+        return String::new();
+    }
+    let n = seven::N - absent.len();
+    format!("Mean over {n} of the seven classes. Without labeled points: {}.\n\n", absent.join(", "))
 }
 
 /// Scores by distance from the LiDAR.

@@ -80,7 +80,7 @@ fn read_npy<T: npyz::Deserialize>(path: &Path) -> anyhow::Result<Vec<T>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use formats::CloudPoint;
+    use formats::cloud::CloudPoint;
     use formats::kitti::{Label, bin_from_points, bytes_from_labels};
 
     fn written(folder: &Path, labels: &[Label]) -> SweepFiles {
