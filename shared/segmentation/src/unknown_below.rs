@@ -66,7 +66,8 @@ mod tests {
         assert_eq!(model.card().digest, 7);
         let points = [SubmapPoint::default(); 4];
         let mut classes = [ClassRow::default(); 4];
-        let input = ModelInput::new(&SubmapHeader::default(), &points);
+        let header = SubmapHeader::default();
+        let input = ModelInput::new(&header, &points);
         let report = model.segment(&input, &mut classes).expect("runs");
         (classes, report)
     }

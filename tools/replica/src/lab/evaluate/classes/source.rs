@@ -9,7 +9,7 @@ pub enum Origin {
     Files,
     /// Simulated towns, with the name of the sensor and its mounting.
     Simulated(String),
-    /// Sweeps of `SemanticKITTI`.
+    /// Sweeps of SemanticKITTI.
     Real,
 }
 

@@ -1,4 +1,4 @@
-//! Finds labelled sweeps: in the layout of `SemanticKITTI`, or as NumPy arrays.
+//! Finds labelled sweeps: in the layout of SemanticKITTI, or as NumPy arrays.
 
 use anyhow::Context;
 use std::path::{Path, PathBuf};
