@@ -35,7 +35,7 @@ mod tests {
     fn colors_of_simulated_sweeps_stay_the_same() {
         for (town, seed, mount, n_expected, expected) in [
             (Town::Urban, 501, Mount::Rig, 71_352_u32, [0.269_258, 0.264_597, 0.256_388]),
-            (Town::Rural, 601, Mount::Kitti, 90_006, [0.283_768, 0.274_915, 0.261_687]),
+            (Town::Rural, 601, Mount::KITTI, 90_006, [0.283_768, 0.274_915, 0.261_687]),
         ] {
             let drive = TownDrive { town, seed, seconds: 30.0 };
             let simulation = drive.simulation().expect("makes a town");

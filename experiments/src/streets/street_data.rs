@@ -53,7 +53,7 @@ impl StreetData {
         match self {
             Self::Urban => SensorScenario::URBAN,
             Self::UrbanInColor => SensorScenario { with_color: true, ..SensorScenario::URBAN },
-            Self::UrbanUpright => SensorScenario { mount: Mount::Kitti, ..SensorScenario::URBAN },
+            Self::UrbanUpright => SensorScenario { mount: Mount::KITTI, ..SensorScenario::URBAN },
             Self::Rural(_) => SensorScenario { town: Town::Rural, ..SensorScenario::URBAN },
         }
     }

@@ -10,7 +10,7 @@ mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
 use segmentation::spherical::{AskedColumns, IntensityUse};
-use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter};
+use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
     SubmapJoin, decode_head,
@@ -33,6 +33,10 @@ stage::settings! {
         /// Sweeps that go through the network together: in parallel on a CPU, as one tensor on a GPU. On a CPU, every value uses all
         /// threads and gives the same classes; larger values need more memory.
         pub batch: u32 = 1 => stage::within(1, 64);
+        /// Score below which a point gets the class `unlabeled`, 0 to 1. It keeps its score. The counter `unknown_points` has the number
+        /// of these points. 0 keeps every class. `replica evaluate classes` prints how many points a threshold keeps, and how many of
+        /// those are correct.
+        pub unknown_below: f64 = 0.0 => stage::within(0.0, 1.0);
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
         /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
         pub max_unseen_share: f64 = 0.2 => stage::within(0.0, 1.0);
@@ -53,6 +57,8 @@ pub struct Infer {
     /// Joins submaps with the columns that the model reads; `None` if it reads none.
     join: Option<SubmapJoin>,
     model: Box<dyn Segmenter>,
+    /// Whether points with a low score lose their class.
+    has_unknown: bool,
     max_unseen_share: f64,
     max_coarsened_share: f64,
     max_foreign_intensity_share: f64,
@@ -77,6 +83,9 @@ impl Infer {
         outputs.publish_column(loan, submap.stamp(), submap.seq())?;
         outputs.count("submaps", 1);
         outputs.count("points", n_points as u64);
+        if self.has_unknown {
+            outputs.count("unknown_points", report.n_unknown as u64);
+        }
         count(report, outputs);
         Ok(())
     }
@@ -193,9 +202,11 @@ impl Stage for Infer {
             let join = SubmapJoin::new(context.mode).column::<ColorTopic>(columns.color);
             join.column::<SpectraTopic>(!columns.wavelengths_nm.is_empty())
         });
+        let model = segmentation::load(&path, &options(settings)).map_err(StepError::io)?;
         Ok(Self {
             join,
-            model: segmentation::load(&path, &options(settings)).map_err(StepError::io)?,
+            model: UnknownBelow::wrap(model, settings.unknown_below),
+            has_unknown: settings.unknown_below > 0.0,
             max_unseen_share: settings.max_unseen_share,
             max_coarsened_share: settings.max_coarsened_share,
             max_foreign_intensity_share: settings.max_foreign_intensity_share,

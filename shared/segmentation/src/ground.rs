@@ -118,10 +118,10 @@ impl Segmenter for GroundQuasiFlat {
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
         classes.fill(UNLABELED);
-        let nothing = Report { n_unseen: input.points.len(), coarsened: 1, foreign_intensity: None };
+        let nothing = Report { n_unseen: input.points.len(), coarsened: 1, ..Report::default() };
         let Some(elevation) = Elevation::of(input, &self.parameters.settings) else { return Ok(nothing) };
         let coarsened = elevation.coarsened(&self.parameters.settings);
-        let report = Report { n_unseen: elevation.n_outside, coarsened, foreign_intensity: None };
+        let report = Report { n_unseen: elevation.n_outside, coarsened, ..Report::default() };
         let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
         let heights_m = heights_above(&terrain, &elevation, input.points);
         mark_ground(&heights_m, &elevation, &self.parameters, terrain.len(), classes);

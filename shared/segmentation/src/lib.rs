@@ -25,6 +25,7 @@ pub mod points;
 mod segmenter;
 mod settings_rules;
 pub mod spherical;
+mod unknown_below;
 
 pub use compute_device::ComputeDevice;
 pub use dataset::{Dataset, Example, PointExample, UNKNOWN};
@@ -33,3 +34,4 @@ pub use load::{asked_columns, load};
 pub use model_file::{MAX_MODEL_BYTES, ModelCard, ModelFile, encode_model};
 pub use segmenter::{ModelInput, Report, Segmenter};
 pub use spherical::Options;
+pub use unknown_below::UnknownBelow;

@@ -21,6 +21,8 @@ pub struct ModelInput<'a> {
 pub struct Report {
     /// Points that the model could not classify: not finite, or too far from the LiDAR.
     pub n_unseen: usize,
+    /// Points that lost their class because of their score, see [`crate::UnknownBelow`].
+    pub n_unknown: usize,
     /// Factor by which the cells of the model's grid were enlarged to stay within its memory limit; 1 if they were not.
     pub coarsened: u32,
     /// Median intensity of the ground, and that of the training, if they show that the intensities are on another scale.
@@ -35,7 +37,7 @@ pub trait Segmenter: Send {
     /// Writes the class of each point, in order. Equal inputs give equal classes.
     ///
     /// Scores are 0 to 255 for 0 to 1. A point that the model cannot classify is
-    /// [`messages::ClassId::Unlabeled`] with score 0.
+    /// [`messages::ClassId::Unlabeled`] with score 0. [`crate::UnknownBelow`] makes further points unlabeled, which keep their score.
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError>;
 }
 

@@ -4,6 +4,7 @@ mod drive;
 mod error;
 mod ideal_camera;
 mod mount;
+mod mount_name;
 mod submap;
 
 pub use drive::TownDrive;

@@ -18,8 +18,15 @@ pub enum Mount {
     /// - its unit is perfect, typical or poor ([`LidarErrors`]);
     /// - one of four has no rings.
     Random,
-    /// The HDL-64E of KITTI, upright 1.73 m above the road.
-    Kitti,
+    /// A perfect unit, upright on a roof.
+    Roof {
+        /// Its model.
+        model: Model,
+        /// Height above the road, m.
+        height_m: f64,
+        /// Whether its driver numbers the rings.
+        has_rings: bool,
+    },
 }
 
 /// A lidar on a vehicle.
@@ -35,18 +42,19 @@ pub(crate) struct MountedLidar {
 const BODY_M: f64 = 1.0;
 
 impl Mount {
+    /// The HDL-64E of KITTI, 1.73 m above the road.
+    pub const KITTI: Self = Self::Roof { model: Model::Hdl64e, height_m: 1.73, has_rings: true };
+
     /// The lidar, which may be random.
     pub(crate) fn lidar(self, random: &mut Random) -> MountedLidar {
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
-        let perfect = |model, body_from_lidar| MountedLidar {
-            model,
-            body_from_lidar,
-            errors: LidarErrors::NONE,
-            has_rings: true,
-        };
+        let errors = LidarErrors::NONE;
         match self {
-            Self::Rig => perfect(Model::Hdl32e, rig),
-            Self::Kitti => perfect(Model::Hdl64e, Isometry3::translation(0.0, 0.0, 1.73 - BODY_M)),
+            Self::Rig => MountedLidar { model: Model::Hdl32e, body_from_lidar: rig, errors, has_rings: true },
+            Self::Roof { model, height_m, has_rings } => {
+                let body_from_lidar = Isometry3::translation(0.0, 0.0, height_m - BODY_M);
+                MountedLidar { model, body_from_lidar, errors, has_rings }
+            }
             Self::Random => random_lidar(rig, random),
         }
     }

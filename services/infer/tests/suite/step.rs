@@ -101,6 +101,31 @@ fn classes_do_not_depend_on_batch() {
     assert!([2, 3, 64].into_iter().all(|batch| classes(batch) == one_by_one));
 }
 
+/// Scores of the ground model fall from 1 on the ground to 1/2 at the tolerance of 25 cm; some points are 10 cm above the road.
+#[test]
+fn points_with_score_below_setting_are_unlabeled_and_counted() {
+    let run = |unknown_below: f64| {
+        let mut bench =
+            Bench::<Infer>::new(&Settings { unknown_below, ..ground() }, &at_root()).expect("the model loads");
+        let (mut points, _) = road_with_box();
+        points.iter_mut().step_by(7).for_each(|point| point.z += 0.1);
+        bench.send::<SubmapTopic>(0, SubmapHeader::default(), points);
+        bench.tick().expect("steps");
+        (bench.take::<ClassTopic>()[0].rows().to_vec(), bench.counter("unknown_points"), bench.counter("points_unseen"))
+    };
+    let (all, n_unknown, n_unseen) = run(0.0);
+    assert_eq!((n_unknown, n_unseen), (0, 0));
+    let threshold = 230;
+    let is_low = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8 && row.score < threshold;
+    let expected: Vec<ClassRow> = all
+        .iter()
+        .map(|row| ClassRow { class_id: if is_low(row) { ClassId::Unlabeled as u8 } else { row.class_id }, ..*row })
+        .collect();
+    let n_low = all.iter().filter(|row| is_low(row)).count() as u64;
+    assert!(n_low > 1000, "{n_low}");
+    assert!(run(f64::from(threshold) / 255.0) == (expected, n_low, 0));
+}
+
 /// This build has no CUDA, unless its features say so.
 #[test]
 fn device_that_is_not_built_in_is_refused_by_check() {

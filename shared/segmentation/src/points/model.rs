@@ -122,6 +122,6 @@ impl Segmenter for PointModel {
             n_unseen += usize::from(decision.is_none());
         }
         self.options.refinement.of_points(input.points, &heights_m, classes);
-        Ok(Report { n_unseen, coarsened: 1, foreign_intensity })
+        Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
     }
 }

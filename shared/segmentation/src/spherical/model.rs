@@ -201,7 +201,7 @@ impl Segmenter for SphericalModel {
             *row = given.unwrap_or_else(|| class_row(decision.map(|(class, share)| (self.classes[class], share))));
         }
         self.options.refinement.of_points(input.points, &heights_m, classes);
-        Ok(Report { n_unseen, coarsened: 1, foreign_intensity })
+        Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
     }
 }
 

@@ -1,27 +1,34 @@
 //! `replica evaluate classes`: scores the classes of label files, or of a model on simulated towns or SemanticKITTI.
 
+mod coverage;
 mod error_picture;
 mod fused;
 mod knn;
 mod label_files;
-mod point_confusion;
+mod models;
+mod ranges;
 mod reliability;
+mod report;
 pub mod semantic_kitti;
+mod seven;
+mod source;
+mod tally;
 mod towns;
 
 use anyhow::Context;
 use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
-use fused::Fused;
-use messages::{ClassId, GROUND_CLASSES};
-use scores::ScoreTable;
-use segmentation::Options;
-use segmentation::spherical::{IntensityUse, Refinement};
+use models::Models;
+use report::ClassReport;
+use segmentation::spherical::IntensityUse;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use tally::Tally;
+use town_sweeps::Mount;
 
-/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix.
+/// Score classes: precision, recall and IoU of each class, mIoU, overall accuracy, confusion matrix; the same for the seven classes of
+/// LiDOG and by range; calibration of the scores, and accuracy of the points with the highest scores.
 ///
 /// Scores TRUTH against PREDICTION, or a model (--model) on simulated towns (--seeds) or on SemanticKITTI (--semantickitti).
 #[derive(Debug, clap::Args)]
@@ -44,6 +51,10 @@ pub struct Args {
     /// Seeds of the simulated drives
     #[arg(long, requires = "model", value_delimiter = ',')]
     seeds: Vec<u64>,
+    /// LiDAR and mounting in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle, `kitti`
+    /// the HDL-64E of KITTI
+    #[arg(long, requires = "seeds", value_name = "NAME", value_delimiter = ',', default_value = "rig", value_parser = sensors())]
+    sensor: Vec<String>,
     /// Length of each drive, s
     #[arg(long, default_value_t = 20.0)]
     seconds: f64,
@@ -71,18 +82,36 @@ pub struct Args {
     /// Recipe of the model; its first drives, one for each of its towns, provide the examples
     #[arg(long, requires = "knn", value_name = "RECIPE")]
     examples: Option<PathBuf>,
-    /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy) to evaluate the model on
+    /// Folder of SemanticKITTI to evaluate the model on: the data set, a sequence (velodyne/*.bin and labels/*.label), or sweeps as NumPy
+    /// arrays (*_points_*.npy beside *_labels_*.npy). Sweeps with intensities are also scored with `--intensity raw` and `off`
     #[arg(long, requires = "model", value_name = "DIR")]
     semantickitti: Option<PathBuf>,
+    /// Points with a score below this become `unlabeled`, as with `[infer] unknown_below`, 0 to 1
+    #[arg(long, requires = "model", value_name = "SCORE", default_value_t = 0.0, value_parser = share)]
+    unknown_below: f64,
     /// Draw a top view of truth, prediction and errors of the first submap into this PNG
     #[arg(long, requires = "seeds", value_name = "PNG")]
     picture: Option<PathBuf>,
     /// Score ground (road, road line, sidewalk, ground, rail track, terrain) against all other classes
     #[arg(long)]
     ground: bool,
-    /// Format of the scores
+    /// Format of the scores on stdout
     #[arg(long, value_enum, default_value_t = Format::Markdown)]
     format: Format,
+    /// Also write scores.md, scores.json and coverage.svg to this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Names of the sensors.
+fn sensors() -> PossibleValuesParser {
+    PossibleValuesParser::new(Mount::NAMED.iter().map(|(name, _)| *name))
+}
+
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "must be between 0 and 1".to_owned())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -99,18 +128,18 @@ enum Refine {
 enum Format {
     /// Markdown tables.
     Markdown,
-    /// CSV, one line per cloud and class.
+    /// CSV, one line per cloud and class: only the scores of the classes.
     Csv,
-    /// JSON, including confusion matrices.
+    /// JSON of all scores, including confusion matrices.
     Json,
 }
 
 /// Runs the command. Scores go to stdout, diagnostics to stderr.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let names = ClassId::ALL.iter().map(|class| class.name().to_owned()).collect();
-    let mut table = ScoreTable { names, clouds: Vec::new() };
+    let empty = if args.ground { Tally::of_ground() } else { Tally::new() };
+    let mut sources = Vec::new();
     if let (Some(truth), Some(prediction)) = (&args.truth, &args.prediction) {
-        table.clouds = label_files::confusions(truth, prediction)?;
+        sources = label_files::sources(truth, prediction, &empty)?;
     }
     if let Some(path) = &args.model {
         anyhow::ensure!(
@@ -118,43 +147,36 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             "--model needs data to evaluate the model on\nhint: --seeds 901,902 or --semantickitti DIR"
         );
         anyhow::ensure!(args.every > 0, "--every 0: must be at least 1");
-        let refine = |correction: Refine| args.refine.contains(&correction);
-        let refinement = Refinement {
-            poles: refine(Refine::Poles),
-            small_regions: refine(Refine::SmallRegions),
-            buildings: refine(Refine::Buildings),
-        };
-        let intensity = IntensityUse::from_word(&args.intensity).unwrap_or_default();
-        let options = Options { every: args.every, intensity, refinement, ..Options::default() };
-        let model = match (args.knn, &args.examples) {
-            (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
-            _ => segmentation::load(path, &options)?,
-        };
-        let model = match &args.fused_with {
-            Some(second) => Box::new(Fused([model, segmentation::load(second, &options)?])),
-            None => model,
-        };
-        table.clouds.extend(towns::confusions(model.as_ref(), args)?);
+        let models = Models::load(path, args)?;
+        sources.extend(towns::sources(models.asked.as_ref(), args, &empty)?);
         if let Some(folder) = &args.semantickitti {
-            table.clouds.extend(semantic_kitti::confusions(model.as_ref(), folder)?);
+            sources.extend(semantic_kitti::sources(&models, folder, &empty)?);
         }
     }
     anyhow::ensure!(
-        !table.clouds.is_empty(),
+        !sources.is_empty(),
         "nothing to score\nhint: give TRUTH and PREDICTION, or --model FILE --seeds 901"
     );
-    if args.ground {
-        let is_ground = |class: usize| GROUND_CLASSES.iter().any(|ground| *ground as usize == class);
-        let of_class = |class: usize| if is_ground(class) { ClassId::Ground } else { ClassId::Other } as usize;
-        for (_, confusion) in &mut table.clouds {
-            *confusion = confusion.merged(of_class);
-        }
-    }
+    let report = ClassReport::new(sources, &args.intensity);
     let text = match args.format {
-        Format::Markdown => table.markdown(),
-        Format::Csv => table.csv(),
-        Format::Json => serde_json::to_string_pretty(&table.json())?,
+        Format::Markdown => report.markdown(),
+        Format::Csv => report.csv(),
+        Format::Json => serde_json::to_string_pretty(&report.json())?,
     };
     writeln!(std::io::stdout(), "{text}").context("stdout")?;
+    if let Some(out) = &args.out {
+        write_files(&report, out)?;
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+fn write_files(report: &ClassReport, out: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    let write = |name: &str, text: String| {
+        let path = out.join(name);
+        std::fs::write(&path, text).with_context(|| path.display().to_string())
+    };
+    write("scores.md", report.markdown())?;
+    write("scores.json", serde_json::to_string_pretty(&report.json())? + "\n")?;
+    report.chart().map_or(Ok(()), |svg| write("coverage.svg", svg))
 }

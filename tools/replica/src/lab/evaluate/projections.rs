@@ -14,7 +14,8 @@ use town_sweeps::{Mount, TownDrive, town_from_name};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, 2 wrong usage")]
 pub struct Args {
-    /// Folder of labelled SemanticKITTI sweeps (*_points_*.npy beside *_labels_*.npy)
+    /// Folder of labelled SemanticKITTI sweeps, all of which are read: velodyne/*.bin and labels/*.label, or *_points_*.npy beside
+    /// *_labels_*.npy
     #[arg(long, value_name = "DIR", required_unless_present = "seeds")]
     semantickitti: Option<PathBuf>,
     /// Kind of simulated town; the lidar is an HDL-64E mounted as KITTI's
@@ -75,11 +76,12 @@ fn town_sweeps(args: &Args) -> anyhow::Result<Vec<LabelledSweep>> {
     let town = town_from_name(&args.town)?;
     let mut sweeps = Vec::new();
     for &seed in &args.seeds {
-        for submap in (TownDrive { town, seed, seconds: 20.0 }).submaps(5, 1, 1, Mount::Kitti)? {
+        for submap in (TownDrive { town, seed, seconds: 20.0 }).submaps(5, 1, 1, Mount::KITTI)? {
             let [x, y, z, ..] = submap.header.sweeps[0].submap_from_lidar_begin;
             let points = submap.points.iter().map(|point| [point.x - x, point.y - y, point.z - z]).collect();
+            let intensities = submap.points.iter().map(|point| point.intensity).collect();
             let ids = submap.truth.iter().map(|&class| u32::from(class)).collect();
-            sweeps.push(LabelledSweep { name: format!("{town:?} {seed}"), points, ids });
+            sweeps.push(LabelledSweep { points, intensities, ids });
         }
     }
     Ok(sweeps)

@@ -1,13 +1,13 @@
 //! Compares label files.
 
-use super::point_confusion::{name_of, point_confusion};
+use super::source::{Origin, Source};
+use super::tally::{Tally, TrueClass};
 use anyhow::Context;
 use messages::ClassId;
-use scores::Confusion;
 use std::path::{Path, PathBuf};
 
-/// The confusion matrix of each pair of files.
-pub fn confusions(truth: &Path, prediction: &Path) -> anyhow::Result<Vec<(String, Confusion)>> {
+/// Scores each pair of files.
+pub fn sources(truth: &Path, prediction: &Path, empty: &Tally) -> anyhow::Result<Vec<Source>> {
     let pairs = if truth.is_dir() {
         let mut files: Vec<PathBuf> = std::fs::read_dir(truth)
             .with_context(|| truth.display().to_string())?
@@ -31,8 +31,14 @@ pub fn confusions(truth: &Path, prediction: &Path) -> anyhow::Result<Vec<(String
             prediction.display(),
             predicted.len()
         );
-        let is_scored = |class: u8| class != ClassId::Unlabeled as u8;
-        Ok((name_of(truth), point_confusion(&true_classes, &predicted, is_scored)))
+        let mut tally = empty.clone();
+        for (class, found) in true_classes.into_iter().zip(predicted) {
+            if class != ClassId::Unlabeled as u8 {
+                tally.add_class(TrueClass::of(class), found);
+            }
+        }
+        let name = truth.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Source { name, origin: Origin::Files, n_sweeps: 0, has_intensities: false, tally, other_uses: Vec::new() })
     };
     pairs.iter().map(of_pair).collect()
 }

@@ -11,7 +11,7 @@ struct Bin {
 }
 
 /// A reliability diagram: scores and correct classes in ten bins of the score.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Reliability {
     bins: [Bin; 10],
 }

@@ -1,14 +1,27 @@
 //! Evaluates a model on labelled sweeps of SemanticKITTI.
 
-use super::point_confusion::{name_of, point_confusion};
-use anyhow::Context;
+mod labelled_sweep;
+mod sweep_files;
+
+pub use labelled_sweep::{LabelledSweep, labelled_sweeps};
+
+use super::models::Models;
+use super::seven;
+use super::source::{Origin, Source};
+use super::tally::{Tally, TrueClass};
 use formats::semantic_kitti::CLASS_OF_BENCHMARK_ID;
 use geometry::SphericalGrid;
 use messages::ClassId::{self, Fence, GuardRail, Road, RoadLine, Unlabeled, Wall};
 use messages::{ClassRow, SubmapHeader, SubmapPoint, SubmapSweep};
-use scores::Confusion;
 use segmentation::{ModelInput, Segmenter};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::time::Instant;
+
+/// Sweeps of sequence 08, the validation set of the benchmark.
+const BENCHMARK_SWEEPS: usize = 4071;
+
+/// Sweeps after which progress is printed.
+const PROGRESS: usize = 500;
 
 /// Merges classes that the benchmark does not distinguish: road lines are road; walls and guard rails are fences.
 fn as_labelled(class: u8) -> u8 {
@@ -22,60 +35,78 @@ fn as_labelled(class: u8) -> u8 {
 /// The HDL-64E of KITTI, upright 1.73 m above the road.
 pub const GRID: SphericalGrid = SphericalGrid { rows: 64, columns: 36_000, up: 0.035, down: -0.436 };
 
-/// A sweep with the benchmark's ids, 0 to 19.
-pub struct LabelledSweep {
-    /// Name of its file.
-    pub name: String,
-    /// Sensor frame, m.
-    pub points: Vec<[f32; 3]>,
-    /// Id of each point.
-    pub ids: Vec<u32>,
+/// Whether the figures of these sweeps can be compared with published ones.
+pub fn comparability(sources: &[Source]) -> Option<String> {
+    let real: Vec<&Source> = sources.iter().filter(|source| source.origin == Origin::Real).collect();
+    let n_sweeps: usize = real.iter().map(|source| source.n_sweeps).sum();
+    let sweeps = if n_sweeps == 1 { "sweep" } else { "sweeps" };
+    match real[..] {
+        [] => None,
+        [of_sequence] if of_sequence.name == "08" && n_sweeps == BENCHMARK_SWEEPS => Some(format!(
+            "{n_sweeps} {sweeps}, all of sequence 08: the seven classes compare with published benchmarks; our classes do not, because \
+             they merge those of SemanticKITTI"
+        )),
+        _ => Some(format!("{n_sweeps} {sweeps}: not comparable with published benchmarks")),
+    }
 }
 
-/// All sweeps of a folder, sorted by name.
-pub fn labelled_sweeps(folder: &Path) -> anyhow::Result<Vec<LabelledSweep>> {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
-        .with_context(|| folder.display().to_string())?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<std::io::Result<_>>()?;
-    files.retain(|path| path.to_string_lossy().ends_with(".npy") && name_of(path).contains("_points_"));
-    files.sort();
-    anyhow::ensure!(!files.is_empty(), "{}: no *_points_*.npy file in this folder", folder.display());
-    files.iter().map(|path| labelled_sweep(path)).collect()
+/// Scores the model on each sequence of a folder, one sweep in memory at a time.
+pub fn sources(models: &Models, folder: &Path, empty: &Tally) -> anyhow::Result<Vec<Source>> {
+    let sequences = sweep_files::sequences(folder)?;
+    sequences.into_iter().map(|sequence| source(models, &sequence, empty)).collect()
 }
 
-fn labelled_sweep(path: &Path) -> anyhow::Result<LabelledSweep> {
-    let name = name_of(path);
-    let labels = path.with_file_name(name.replace("_points_", "_labels_")).with_extension("npy");
-    let coordinates: Vec<f32> = read_npy(path)?;
-    let points = coordinates.as_chunks::<3>().0.to_vec();
-    let ids: Vec<i32> = read_npy(&labels)?;
-    let (n_points, n_labels) = (points.len(), ids.len());
-    anyhow::ensure!(n_points == n_labels, "{}: {n_labels} labels for {n_points} points", labels.display());
-    let last = CLASS_OF_BENCHMARK_ID.len() - 1;
-    let checked = |id: i32| u32::try_from(id).ok().filter(|&id| id as usize <= last);
-    let ids: Option<Vec<u32>> = ids.into_iter().map(checked).collect();
-    let ids = ids.with_context(|| format!("{}: ids must be 0 to {last}", labels.display()))?;
-    Ok(LabelledSweep { name, points, ids })
+fn source(models: &Models, sequence: &sweep_files::Sequence, empty: &Tally) -> anyhow::Result<Source> {
+    let (name, n_sweeps) = (sequence.name.clone(), sequence.sweeps.len());
+    let (origin, tally) = (Origin::Real, empty.clone());
+    let mut source = Source { name, origin, n_sweeps, has_intensities: false, tally, other_uses: Vec::new() };
+    let mut other_uses: Vec<Tally> = models.other_uses.iter().map(|_| empty.clone()).collect();
+    let begin = Instant::now();
+    for (number, files) in (1..).zip(&sequence.sweeps) {
+        let sweep = LabelledSweep::read(files)?;
+        let mut asked = empty.clone();
+        add(&mut asked, models.asked.as_ref(), &sweep)?;
+        source.tally.merge(&asked);
+        // A sweep without intensities gets the same classes for every use.
+        let is_used = sweep.intensities.iter().any(|intensity| *intensity > 0);
+        source.has_intensities |= is_used;
+        for (tally, (_, model)) in other_uses.iter_mut().zip(&models.other_uses) {
+            if is_used {
+                add(tally, model.as_ref(), &sweep)?;
+            } else {
+                tally.merge(&asked);
+            }
+        }
+        if number % PROGRESS == 0 && number < n_sweeps {
+            eprintln!("{}: {number} of {n_sweeps} sweeps", source.name);
+        }
+    }
+    if source.has_intensities {
+        source.other_uses = models.other_uses.iter().map(|(word, _)| *word).zip(other_uses).collect();
+    }
+    let ms = 1e3 * begin.elapsed().as_secs_f64() / n_sweeps.max(1) as f64;
+    eprintln!("{}: {ms:.0} ms per sweep", source.name);
+    Ok(source)
 }
 
-/// The confusion matrix of each sweep.
-pub fn confusions(model: &dyn Segmenter, folder: &Path) -> anyhow::Result<Vec<(String, Confusion)>> {
-    labelled_sweeps(folder)?.iter().map(|sweep| Ok((sweep.name.clone(), confusion(model, sweep)?))).collect()
-}
-
-fn confusion(model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<Confusion> {
-    let (header, rows) = submap(&sweep.points);
+fn add(tally: &mut Tally, model: &dyn Segmenter, sweep: &LabelledSweep) -> anyhow::Result<()> {
+    let (header, rows) = submap(sweep);
     let mut classes = vec![ClassRow::default(); rows.len()];
     model.segment(&ModelInput::new(&header, &rows), &mut classes)?;
-    let truth: Vec<u8> = sweep.ids.iter().map(|&id| CLASS_OF_BENCHMARK_ID[id as usize] as u8).collect();
-    let predicted: Vec<u8> = classes.iter().map(|row| as_labelled(row.class_id)).collect();
-    Ok(point_confusion(&truth, &predicted, |class| class != Unlabeled as u8))
+    for ((&id, row), [x, y, z]) in sweep.ids.iter().zip(classes).zip(&sweep.points) {
+        let class = CLASS_OF_BENCHMARK_ID[id as usize];
+        if class != Unlabeled {
+            let truth = TrueClass { class: class as u8, seven: seven::of_benchmark_id(id) };
+            let predicted = ClassRow { class_id: as_labelled(row.class_id), ..row };
+            tally.add(truth, predicted, (x * x + y * y + z * z).sqrt());
+        }
+    }
+    Ok(())
 }
 
 /// Converts a sweep to a submap. Ring and azimuth come from the spherical projection.
-fn submap(points: &[[f32; 3]]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
-    let row = |xyz: &[f32; 3]| {
+fn submap(sweep: &LabelledSweep) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
+    let row = |(xyz, &intensity): (&[f32; 3], &u8)| {
         // Points slightly outside the range of elevations belong to the outermost lasers.
         let [x, y, z] = *xyz;
         let flat = (x * x + y * y).sqrt();
@@ -88,10 +119,11 @@ fn submap(points: &[[f32; 3]]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
             // Columns of the projection count counter-clockwise, azimuths clockwise.
             azimuth: (35_999 - column) as u16,
             ring: (GRID.rows - 1 - ring_row) as u8,
+            intensity,
             ..SubmapPoint::default()
         }
     };
-    let rows: Vec<SubmapPoint> = points.iter().map(row).collect();
+    let rows: Vec<SubmapPoint> = sweep.points.iter().zip(&sweep.intensities).map(row).collect();
     let mut header: Box<SubmapHeader> = Box::default();
     (header.n_rings, header.n_sweeps) = (GRID.rows as u32, 1);
     let here = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -105,12 +137,26 @@ fn submap(points: &[[f32; 3]]) -> (Box<SubmapHeader>, Vec<SubmapPoint>) {
     (header, rows)
 }
 
-/// The numbers of a `.npy` file in C order.
-fn read_npy<T: npyz::Deserialize>(path: &Path) -> anyhow::Result<Vec<T>> {
-    let about = || path.display().to_string();
-    let bytes = std::fs::read(path).with_context(about)?;
-    formats::npy::check_header(&bytes).with_context(about)?;
-    let file = npyz::NpyFile::new(&bytes[..]).with_context(about)?;
-    anyhow::ensure!(file.order() == npyz::Order::C, "{}: Fortran order; must be C order", path.display());
-    file.into_vec().with_context(about)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_whole_validation_sequence_is_comparable() {
+        let source = |name: &str, n_sweeps: usize| Source {
+            name: name.to_owned(),
+            origin: Origin::Real,
+            n_sweeps,
+            has_intensities: true,
+            tally: Tally::new(),
+            other_uses: Vec::new(),
+        };
+        let said = |sources: &[Source]| comparability(sources).expect("real sweeps");
+        let three = [source("a", 1), source("b", 1), source("c", 1)];
+        assert_eq!(said(&three), "3 sweeps: not comparable with published benchmarks");
+        assert_eq!(said(&[source("00", 4541)]), "4541 sweeps: not comparable with published benchmarks");
+        assert_eq!(said(&[source("08", 1)]), "1 sweep: not comparable with published benchmarks");
+        assert!(said(&[source("08", 4071)]).starts_with("4071 sweeps, all of sequence 08: the seven classes compare"));
+        assert_eq!(comparability(&[]), None);
+    }
 }

@@ -2,57 +2,78 @@
 
 use super::Args;
 use super::error_picture;
-use super::point_confusion::point_confusion;
-use super::reliability::Reliability;
+use super::source::{Origin, Source};
+use super::tally::{Tally, TrueClass};
+use anyhow::Context;
 use messages::{ClassId, ClassRow};
-use scores::Confusion;
 use segmentation::{ModelInput, Segmenter};
-use town_sweeps::{Mount, TownDrive, town_from_name};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use town_sweeps::{Mount, TownDrive, TownSubmap, town_from_name};
 
 /// True classes that are not scored: thesis section 6.2 leaves out unlabeled, other, dynamic and sky.
 const NOT_SCORED: [ClassId; 4] = [ClassId::Unlabeled, ClassId::Other, ClassId::Dynamic, ClassId::Sky];
 
-/// The confusion matrix of each drive.
-pub fn confusions(model: &dyn Segmenter, args: &Args) -> anyhow::Result<Vec<(String, Confusion)>> {
-    let (mut clouds, mut pooled) = (Vec::new(), Reliability::default());
+/// Scores the model on each drive, with each sensor.
+pub fn sources(model: &dyn Segmenter, args: &Args, empty: &Tally) -> anyhow::Result<Vec<Source>> {
+    let mut sources = Vec::new();
     let mut picture = args.picture.as_deref();
     for name in &args.towns {
         let town = town_from_name(name)?;
         for &seed in &args.seeds {
             let drive = TownDrive { town, seed, seconds: args.seconds };
-            let mut confusion = Confusion::new(ClassId::ALL.len());
-            let (mut n_sweeps, mut seconds, mut reliability) = (0, 0.0, Reliability::default());
-            for mut submap in drive.submaps(args.submaps, args.sweeps, 1, Mount::Rig)? {
-                for point in &mut submap.points {
-                    point.intensity = (f32::from(point.intensity) * args.gain).round() as u8;
+            let simulation = drive.simulation()?;
+            for sensor in &args.sensor {
+                let mount = Mount::from_name(sensor).with_context(|| format!("unknown sensor {sensor}"))?;
+                let (mut tally, mut time) = (empty.clone(), Duration::ZERO);
+                for mut submap in drive.submaps_in(&simulation, args.submaps, args.sweeps, 1, mount)? {
+                    scale_intensities(&mut submap, args.gain);
+                    time += add(&mut tally, model, &submap, picture.take())?;
                 }
-                let mut classes = vec![ClassRow::default(); submap.points.len()];
-                let begin = std::time::Instant::now();
-                let cloud = ModelInput::new(&submap.header, &submap.points);
-                model.segment(&cloud, &mut classes)?;
-                seconds += begin.elapsed().as_secs_f64();
-                n_sweeps += args.sweeps;
-                let predicted: Vec<u8> = classes.iter().map(|row| row.class_id).collect();
-                if let Some(path) = picture.take() {
-                    error_picture::write(path, &submap.points, &submap.truth, &predicted)?;
-                }
-                let is_scored = |class: u8| !NOT_SCORED.iter().any(|not| *not as u8 == class);
-                for (row, truth) in classes.iter().zip(&submap.truth).filter(|(_, truth)| is_scored(**truth)) {
-                    reliability.add(f64::from(row.score) / 255.0, row.class_id == *truth);
-                }
-                confusion.merge(&point_confusion(&submap.truth, &predicted, is_scored));
+                // Names without sensor as long as there is one only.
+                let of_sensor = if args.sensor.len() > 1 { format!("{sensor}-") } else { String::new() };
+                let name = format!("{of_sensor}{name}-{seed}");
+                let n_sweeps = args.submaps * args.sweeps;
+                let ms = 1e3 * time.as_secs_f64() / n_sweeps.max(1) as f64;
+                eprintln!("{name}: {ms:.1} ms per sweep");
+                let origin = Origin::Simulated(sensor.clone());
+                sources.push(Source { name, origin, n_sweeps, has_intensities: true, tally, other_uses: Vec::new() });
             }
-            eprintln!(
-                "{name} {seed}: {:.1} ms per sweep, expected calibration error {:.1} %",
-                1e3 * seconds / f64::from(n_sweeps.max(1) as u32),
-                100.0 * reliability.calibration_error()
-            );
-            pooled.merge(&reliability);
-            clouds.push((format!("{name}-{seed}"), confusion));
         }
     }
-    if !clouds.is_empty() {
-        eprint!("{pooled}");
+    Ok(sources)
+}
+
+/// As another sensor would report them.
+fn scale_intensities(submap: &mut TownSubmap, gain: f32) {
+    for point in &mut submap.points {
+        point.intensity = (f32::from(point.intensity) * gain).round() as u8;
     }
-    Ok(clouds)
+}
+
+/// Adds the points of a submap. Returns the time of the model.
+fn add(
+    tally: &mut Tally,
+    model: &dyn Segmenter,
+    submap: &TownSubmap,
+    picture: Option<&Path>,
+) -> anyhow::Result<Duration> {
+    let TownSubmap { header, points, truth } = submap;
+    let mut classes = vec![ClassRow::default(); points.len()];
+    let begin = Instant::now();
+    model.segment(&ModelInput::new(header, points), &mut classes)?;
+    let time = begin.elapsed();
+    if let Some(path) = picture {
+        let predicted: Vec<u8> = classes.iter().map(|row| row.class_id).collect();
+        error_picture::write(path, points, truth, &predicted)?;
+    }
+    for ((point, row), &class) in points.iter().zip(classes).zip(truth) {
+        if !NOT_SCORED.iter().any(|not| *not as u8 == class) {
+            let [x, y, z, ..] = header.sweeps[usize::from(point.sweep_idx)].submap_from_lidar_begin;
+            let [x, y, z] = [point.x - x, point.y - y, point.z - z];
+            let range_m = (x * x + y * y + z * z).sqrt();
+            tally.add(TrueClass::of(class), row, range_m);
+        }
+    }
+    Ok(time)
 }

@@ -1,0 +1,51 @@
+//! The models that are evaluated.
+
+use super::fused::Fused;
+use super::{Args, Refine, knn};
+use segmentation::spherical::{IntensityUse, Refinement};
+use segmentation::{Options, Segmenter, UnknownBelow, ground};
+use std::path::Path;
+
+/// A model, and the same model with other uses of the intensities.
+pub struct Models {
+    /// With the use of `--intensity`.
+    pub asked: Box<dyn Segmenter>,
+    /// With intensities as they come and without, unless that is the use of `--intensity`: a word of `--intensity` and the model.
+    pub other_uses: Vec<(&'static str, Box<dyn Segmenter>)>,
+}
+
+impl Models {
+    /// Reads the model files. Other uses of the intensities are for real sweeps only.
+    pub fn load(path: &Path, args: &Args) -> anyhow::Result<Self> {
+        let asked = load(path, args, &args.intensity)?;
+        let reads_intensities = asked.card().architecture != ground::ARCHITECTURE;
+        let mut other_uses = Vec::new();
+        // A model with examples would have to draw them again.
+        if args.semantickitti.is_some() && args.knn.is_none() && reads_intensities {
+            for word in ["raw", "off"].into_iter().filter(|word| *word != args.intensity) {
+                other_uses.push((word, load(path, args, word)?));
+            }
+        }
+        Ok(Self { asked, other_uses })
+    }
+}
+
+fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Segmenter>> {
+    let refine = |correction: Refine| args.refine.contains(&correction);
+    let refinement = Refinement {
+        poles: refine(Refine::Poles),
+        small_regions: refine(Refine::SmallRegions),
+        buildings: refine(Refine::Buildings),
+    };
+    let intensity = IntensityUse::from_word(intensity).unwrap_or_default();
+    let options = Options { every: args.every, intensity, refinement, ..Options::default() };
+    let model: Box<dyn Segmenter> = match (args.knn, &args.examples) {
+        (Some(k), Some(recipe)) => Box::new(knn::load(path, recipe, usize::from(k))?.with_options(options)?),
+        _ => segmentation::load(path, &options)?,
+    };
+    let model = match &args.fused_with {
+        Some(second) => Box::new(Fused([model, segmentation::load(second, &options)?])),
+        None => model,
+    };
+    Ok(UnknownBelow::wrap(model, args.unknown_below))
+}

@@ -1,0 +1,70 @@
+//! What was scored: a label file, a simulated drive, real sweeps.
+
+use super::tally::Tally;
+
+/// Where points come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Label files, without scores and positions.
+    Files,
+    /// Simulated towns, with the name of the sensor and its mounting.
+    Simulated(String),
+    /// Sweeps of SemanticKITTI.
+    Real,
+}
+
+impl Origin {
+    /// Name in tables.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Files => "label files".to_owned(),
+            Self::Simulated(sensor) => format!("simulated, {sensor}"),
+            Self::Real => "SemanticKITTI".to_owned(),
+        }
+    }
+}
+
+/// The points of one file, drive or sequence.
+pub struct Source {
+    /// Name in tables.
+    pub name: String,
+    /// Where its points come from.
+    pub origin: Origin,
+    /// Number of sweeps; 0 if unknown.
+    pub n_sweeps: usize,
+    /// Whether any of its points has an intensity.
+    pub has_intensities: bool,
+    /// The scores.
+    pub tally: Tally,
+    /// The scores with other uses of the intensities: a word of `--intensity` and the tally.
+    pub other_uses: Vec<(&'static str, Tally)>,
+}
+
+/// The sources of one origin together.
+pub struct Group {
+    /// Name in tables.
+    pub name: String,
+    /// Number of sweeps; 0 if unknown.
+    pub n_sweeps: usize,
+    /// The scores.
+    pub tally: Tally,
+}
+
+/// All sources of each origin, in the order of their first source.
+pub fn groups(sources: &[Source]) -> Vec<Group> {
+    let mut origins: Vec<&Origin> = Vec::new();
+    for Source { origin, .. } in sources {
+        if !origins.contains(&origin) {
+            origins.push(origin);
+        }
+    }
+    let group = |origin: &Origin| {
+        let members = || sources.iter().filter(|source| source.origin == *origin);
+        Group {
+            name: origin.name(),
+            n_sweeps: members().map(|source| source.n_sweeps).sum(),
+            tally: Tally::sum(members().map(|source| &source.tally)),
+        }
+    };
+    origins.into_iter().map(group).collect()
+}
