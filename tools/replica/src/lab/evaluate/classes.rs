@@ -51,8 +51,9 @@ pub struct Args {
     /// Seeds of the simulated drives
     #[arg(long, requires = "model", value_delimiter = ',')]
     seeds: Vec<u64>,
-    /// LiDAR and mounting in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle, `kitti`
-    /// the HDL-64E of KITTI
+    /// LiDARs and mountings in the simulated towns; each drive is scored with each of them: `rig` is the HDL-32E of the L3D2 vehicle,
+    /// `kitti` the HDL-64E of KITTI, `no_rings` the same without numbers of the rings; the others are upright 1.73 m above the road, `low`
+    /// 1 m, `high` 3 m
     #[arg(long, requires = "seeds", value_name = "NAME", value_delimiter = ',', default_value = "rig", value_parser = sensors())]
     sensor: Vec<String>,
     /// Length of each drive, s
