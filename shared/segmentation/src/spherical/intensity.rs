@@ -128,7 +128,8 @@ impl IntensityMap {
         let ground =
             GroundByRing::of(sample.map(|(point, height_m)| (usize::from(point.ring), point.intensity, *height_m)));
         let found = ground.quantiles();
-        let foreign = found.filter(|found| !is_on_scale(*found, trained));
+        // Who asks for no intensities knows that they are not used.
+        let foreign = found.filter(|found| intensity_use != IntensityUse::Off && !is_on_scale(*found, trained));
         let map = match intensity_use {
             IntensityUse::Off => Self::Unknown,
             // Of another sensor, not only the scale differs: normalized, the road of a KITTI drive becomes terrain.
@@ -214,7 +215,9 @@ mod tests {
             assert_eq!(map(IntensityUse::Auto, gain), (IntensityMap::Unknown, Some([median, 12])), "gain {gain}");
         }
         assert_eq!(map(IntensityUse::Raw, 5.0), (IntensityMap::Unchanged, Some([65, 12])));
-        assert_eq!(map(IntensityUse::Off, 1.0), (IntensityMap::Unknown, None));
+        for gain in [1.0, 5.0] {
+            assert_eq!(map(IntensityUse::Off, gain), (IntensityMap::Unknown, None));
+        }
     }
 
     #[test]
