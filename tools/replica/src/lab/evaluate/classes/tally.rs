@@ -20,7 +20,7 @@ pub struct Tally {
     pub coverage: Coverage,
     /// By range; without points if positions are unknown.
     pub ranges: [OfRange; ranges::NAMES.len()],
-    /// Points without a predicted class.
+    /// Points without a predicted class; not counted with [`Self::of_ground`].
     pub n_unknown: u64,
     ground_only: bool,
 }
@@ -63,7 +63,8 @@ impl Tally {
     pub fn add_class(&mut self, truth: TrueClass, predicted: u8) {
         let [true_class, found] = self.merged(truth.class, predicted);
         self.classes.add(true_class, found);
-        self.n_unknown += u64::from(predicted == ClassId::Unlabeled as u8);
+        // Ground against the rest: a point without class is not ground.
+        self.n_unknown += u64::from(!self.ground_only && predicted == ClassId::Unlabeled as u8);
         if let Some(truth) = self.scored_seven(truth) {
             self.seven.add(truth, seven::of_prediction(predicted));
         }
@@ -162,7 +163,7 @@ mod tests {
         let tally = tally(true);
         assert_eq!((tally.classes.n(), tally.classes.overall_accuracy()), (4, Some(1.0)));
         assert_eq!((tally.seven.n(), tally.calibration_error(), tally.coverage.is_empty()), (0, None, true));
-        assert_eq!(tally.ranges[0].classes.n(), 1);
+        assert_eq!((tally.ranges[0].classes.n(), tally.n_unknown), (1, 0));
     }
 
     #[test]
