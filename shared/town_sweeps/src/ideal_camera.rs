@@ -45,7 +45,7 @@ impl IdealCamera {
         // The square root approximates the sRGB curve.
         Self::new(&filters, |signal| signal.clamp(0.0, 1.0).sqrt())
     }
-    /// Reflectances of 0 to 2 in bands at these wavelengths, which lie in [`BANDS_NM`]. As `calibrate` measures them, they are
+    /// Reflectances of 0 to 2 in bands at one or more wavelengths in [`BANDS_NM`]. As `calibrate` measures them, they are
     /// relative to a white target in the sun: a surface in the shade has lower ones.
     pub fn of_bands(wavelengths_nm: &[u16]) -> Self {
         let filters: Vec<Filter> =

@@ -22,14 +22,14 @@ impl Default for ImageAugmentation {
 
 impl ImageAugmentation {
     /// The first violated rule, if any.
-    pub fn problem(&self) -> Option<String> {
+    pub fn problem(self) -> Option<String> {
         let keys = [("color_dropout", self.color_dropout), ("spectrum_dropout", self.spectrum_dropout)];
         // False for NaN.
         let wrong = keys.into_iter().find(|(_, value)| !(0.0..=1.0).contains(value));
         wrong.map(|(key, value)| format!("{key} = {value}; must be 0 to 1"))
     }
     /// Changes the measurements of the cameras, which are those of `bands`. Models without cameras use no random numbers.
-    pub fn apply(&self, image: &mut PolarImage, bands: &[CameraBand], random: &mut Random) {
+    pub fn apply(self, image: &mut PolarImage, bands: &[CameraBand], random: &mut Random) {
         let is_spectral = |band: &CameraBand| matches!(band, CameraBand::Nm(_));
         for (spectral, probability) in [(false, self.color_dropout), (true, self.spectrum_dropout)] {
             let dropped: Vec<bool> = bands.iter().map(|band| is_spectral(band) == spectral).collect();

@@ -52,11 +52,12 @@ fn train(folder: &Path, name: &str, text: &str) -> PathBuf {
 
 /// Each third point has no color and no spectrum.
 fn columns_of(n_points: usize) -> CameraColumns {
-    let color = |point: usize| ColorRow { r: 51, g: 102, b: 204, camera: if point % 3 == 0 { UNSEEN } else { 0 } };
+    let color =
+        |point: usize| ColorRow { r: 51, g: 102, b: 204, camera: if point.is_multiple_of(3) { UNSEEN } else { 0 } };
     let mut header =
         Box::new(SpectraHeader { n_points: n_points as u32, n_spectra: 1, n_bands: 2, ..SpectraHeader::default() });
     header.wavelengths_nm[..2].copy_from_slice(&[640.0, 790.0]);
-    let mut rows: Vec<u32> = (0..n_points).map(|point| if point % 3 == 0 { u32::MAX } else { 0 }).collect();
+    let mut rows: Vec<u32> = (0..n_points).map(|point| if point.is_multiple_of(3) { u32::MAX } else { 0 }).collect();
     rows.extend([0b11, 0, 0.25_f32.to_bits(), 0.75_f32.to_bits()]);
     CameraColumns { colors: Some((0..n_points).map(color).collect()), spectra: Some((header, rows)) }
 }
@@ -135,7 +136,7 @@ fn recorded_colors_come_into_the_points() {
     assert!((10..20).contains(&n_colored), "{n_colored} of 20 spheres");
     let example = data.example(0, None);
     // The truth of the other points is unknown, and there are no buildings.
-    let n_road = example.truth.iter().filter(|class| **class == 0).count();
+    let n_road: usize = example.truth.iter().map(|class| usize::from(*class == 0)).sum();
     assert!(n_road > 10 && n_road < example.truth.len());
 }
 
