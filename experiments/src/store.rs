@@ -28,6 +28,8 @@ pub struct Store {
 }
 
 impl Store {
+    /// Without published results.
+    #[cfg(test)]
     pub fn new(folder: PathBuf) -> Self {
         Self { folder, published: RefCell::default() }
     }

@@ -25,6 +25,8 @@ const SKY_VIEW: f32 = 0.6;
 const GROUP_NANOS: u32 = 2_000_000;
 /// Largest distance between the hit of the ray and the point, m: the edge of a LiDAR beam may hit another surface than its center.
 const NEAR_M: f32 = 0.3;
+/// Rays of a point at most: nearly all leaves then have a color, as all other surfaces.
+const N_RAYS: u64 = 32;
 /// Range of the rays, m: the range of the LiDAR.
 const REACH_M: f32 = 120.0;
 
@@ -55,10 +57,10 @@ impl IdealCamera {
     fn new(filters: &[Filter], value: fn(f32) -> f32) -> Self {
         // A white target in the sun has the value 1, as after the white balance of the cameras.
         let palette = Palette::new(filters, |sun, sky| sun + 0.4 * sky);
-        Self { palette, n_bands: filters.len(), value, n_rays: 1 }
+        Self { palette, n_bands: filters.len(), value, n_rays: N_RAYS }
     }
-    /// Up to `n_rays` rays for a point, until one meets its surface. Rays go through leaves and fences at random: with one ray, most
-    /// points of vegetation have no value and all others have one, which would tell the class.
+    /// Up to `n_rays` rays for a point, until one meets its surface; 32 by default. Rays go through leaves and fences at random: with
+    /// one ray, most points of vegetation have no value and all others have one, which would tell the class.
     #[must_use]
     pub fn with_rays(self, n_rays: u64) -> Self {
         Self { n_rays, ..self }

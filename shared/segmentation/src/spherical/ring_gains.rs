@@ -44,9 +44,12 @@ impl GroundByRing {
     }
 
     /// Brings all rings to the same median, and their intensities to the scale of the training: linear between the quantiles; above the
-    /// last, the rest of both scales. `None` if the ground is not known.
+    /// last, the rest of both scales. Equal intensities of the whole ground say nothing. `None` if the ground is not known.
     pub fn normalizing(&self, trained: GroundIntensities) -> Option<IntensityMap> {
         let factors = self.factors()?;
+        if self.quantiles().is_some_and(|found| found[0] == found[N - 1]) {
+            return Some(IntensityMap::Unknown);
+        }
         let mut balanced = GroundHistogram::default();
         for (ring, factor) in self.0.iter().zip(&factors) {
             for (intensity, n) in (0_u8..=255).zip(ring.counts()) {
@@ -119,6 +122,8 @@ mod tests {
         // Without ground, rings keep their gain; rings that were not counted are like the last one.
         let high = map.of_intensity(9, 50);
         assert!(high == map.of_intensity(5, 50) && high == map.of_intensity(200, 50));
+        let equal = GroundByRing::of((0..5000).map(|_| (0, 76, 0.0)));
+        assert_eq!(equal.normalizing(TRAINED), Some(IntensityMap::Unknown));
         let few = GroundByRing::of((0..1999).map(|_| (0, 10, 0.0)));
         assert!(few.normalizing(TRAINED).is_none());
     }

@@ -5,9 +5,6 @@ use messages::{ColorRow, MAX_BANDS, NO_SPECTRUM, SpectraHeader, UNSEEN};
 use simulation::Simulation;
 use town_sweeps::{IdealCamera, TownSubmap};
 
-/// Rays of a point at most: nearly all leaves then have a color, as all other surfaces.
-const N_RAYS: u64 = 32;
-
 /// The cameras that the features of a recipe need.
 pub struct IdealCameras {
     color: Option<IdealCamera>,
@@ -20,8 +17,8 @@ impl IdealCameras {
         let mut wavelengths_nm = needs.wavelengths_nm();
         wavelengths_nm.truncate(MAX_BANDS);
         Self {
-            color: needs.color.as_ref().map(|_| IdealCamera::of_color().with_rays(N_RAYS)),
-            bands: (!wavelengths_nm.is_empty()).then(|| IdealCamera::of_bands(&wavelengths_nm).with_rays(N_RAYS)),
+            color: needs.color.as_ref().map(|_| IdealCamera::of_color()),
+            bands: (!wavelengths_nm.is_empty()).then(|| IdealCamera::of_bands(&wavelengths_nm)),
             wavelengths_nm,
         }
     }
@@ -91,13 +88,13 @@ mod tests {
         let shown: Vec<usize> = (0..submap.points.len()).collect();
         let values = |camera: IdealCamera| camera.values(&simulation, &submap.header, &submap.points, &shown);
         let (colors, spectra) = (columns.colors.expect("colors"), columns.spectra.expect("spectra"));
-        let of_color = values(IdealCamera::of_color().with_rays(N_RAYS));
+        let of_color = values(IdealCamera::of_color());
         for (row, values) in colors.iter().zip(of_color.chunks_exact(3)) {
             assert_eq!(row.camera == UNSEEN, values[0].is_nan());
             assert!(values[0].is_nan() || (f32::from(row.g) / 255.0 - values[1]).abs() < 0.002, "{row:?} {values:?}");
         }
         let view = SpectraView::new(&spectra.0, &spectra.1).expect("rows that fit the header");
-        let of_bands = values(IdealCamera::of_bands(&[550, 800]).with_rays(N_RAYS));
+        let of_bands = values(IdealCamera::of_bands(&[550, 800]));
         let mut n_seen = 0;
         for (point, values) in of_bands.chunks_exact(2).enumerate() {
             match view.spectrum(point) {

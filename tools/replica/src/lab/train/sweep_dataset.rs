@@ -13,8 +13,9 @@ use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
+use segmentation::ground;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
+use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse, Settings, features};
 use std::path::Path;
 use training::{Dataset, Example, UNKNOWN};
 
@@ -66,11 +67,20 @@ impl SweepDataset {
         for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
             self.counts[usize::from(*class)] += 1;
         }
-        if image.image.has_intensity {
-            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
+        self.file.push(image)
+    }
+
+    fn count_ground(&mut self, LabeledImage { image, .. }: &LabeledImage) {
+        if image.has_intensity {
+            let pixels = image.pixels.iter().filter(|pixel| pixel.is_valid());
             self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
         }
-        self.file.push(image)
+    }
+
+    /// The intensities of a submap on the scale of the data so far.
+    fn normalized(&self, Labeled { input, .. }: &Labeled<'_>) -> IntensityMap {
+        let heights_m = ground::heights(input);
+        IntensityMap::of(IntensityUse::Normalized, input.points, &heights_m, self.ground.quantiles()).0
     }
 
     fn end_source(&mut self, first: usize, weight: f64) {
@@ -115,7 +125,12 @@ impl TrainingData for SweepDataset {
         let (settings, removed_classes, needs) =
             (self.settings.clone(), self.removed_classes.clone(), self.needs.clone());
         let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes));
-        let push = |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image));
+        let push = |images: Vec<LabeledImage>| {
+            images.iter().try_for_each(|image| {
+                self.count_ground(image);
+                self.push(image)
+            })
+        };
         simulate((data, seeds), &needs, convert, push, progress)?;
         self.end_source(first, 1.0);
         Ok(())
@@ -126,9 +141,17 @@ impl TrainingData for SweepDataset {
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
         let (mut n_sweeps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
-            for image in images_of(&submap.labeled(), &self.settings, &self.removed_classes) {
+            let labeled = submap.labeled();
+            // Predicted classes are of other sensors: the model will see their intensities as `infer` brings them to its scale.
+            let intensities = source.predicted_above.map(|_| self.normalized(&labeled));
+            for mut image in images_of(&labeled, &self.settings, &self.removed_classes) {
                 if n_sweeps % source.every == 0 {
                     let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
+                    if let Some(intensities) = &intensities {
+                        intensities.apply(&mut image.image);
+                    } else if is_labeled {
+                        self.count_ground(&image);
+                    }
                     // Data sets label key frames only.
                     if is_labeled {
                         self.push(&image)?;
