@@ -25,7 +25,7 @@ stage::settings! {
         /// One of this many sweeps of a submap goes through the network; points of the others get the votes of nearby points. 1 is all sweeps.
         pub every: u32 = 1 => stage::within(1, 16);
         /// What the model takes from the intensities: `raw` as recorded, `normalized` brought to the scale of the training by those of
-        /// the ground, `off` nothing, `auto` as recorded, but nothing where the scale is another.
+        /// the ground ring by ring, `off` nothing, `auto` as recorded, but normalized where the scale is another.
         pub intensity: String = "auto".to_owned() => stage::one_of(&IntensityUse::WORDS);
         /// Where the network runs: `cpu`, or `cuda` for the first NVIDIA GPU. `cuda` needs a program built with
         /// `cargo build --release -p infer --features cuda`. Its sums are rounded differently, so some classes can differ from those of `cpu`.
@@ -211,9 +211,9 @@ impl Stage for Infer {
             max_coarsened_share: settings.max_coarsened_share,
             max_foreign_intensity_share: settings.max_foreign_intensity_share,
             intensity_use: match options(settings).intensity {
-                IntensityUse::Auto | IntensityUse::Off => "they were not used",
-                IntensityUse::Normalized => "they were normalized by those of the ground",
+                IntensityUse::Auto | IntensityUse::Normalized => "they were normalized by those of the ground",
                 IntensityUse::Raw => "they were taken as recorded",
+                IntensityUse::Off => "they were not used",
             },
         })
     }

@@ -246,14 +246,14 @@ fn submaps_too_wide_for_the_model_are_doubted() {
 
 /// The ground of KITTI drives has a median of 66, that of the training 12.
 #[test]
-fn intensities_on_another_scale_are_doubted_and_not_used() {
+fn intensities_on_another_scale_are_doubted_and_normalized() {
     let (header, points, _) = street_sweep();
     let classes = |intensity: u8, setting: &str| {
         let settings = Settings { intensity: setting.to_owned(), ..Settings::default() };
         let mut bench = Bench::<Infer>::new(&settings, &at_root()).expect("the model loads");
         let mut points = points.clone();
-        for point in &mut points {
-            point.intensity = intensity;
+        for (i, point) in points.iter_mut().enumerate() {
+            point.intensity = (f32::from(intensity) * (0.6 + 0.2 * (i % 5) as f32)) as u8;
         }
         bench.send::<SubmapTopic>(0, header, points);
         bench.tick().expect("steps");
@@ -261,10 +261,12 @@ fn intensities_on_another_scale_are_doubted_and_not_used() {
         (bench.take::<ClassTopic>()[0].rows().to_vec(), bench.doubt("foreign_intensities"))
     };
     let (without, _) = classes(0, "raw");
-    assert!(classes(66, "auto") == (without.clone(), Some(1.0)));
-    assert!(classes(66, "off") == (without.clone(), Some(1.0)));
+    assert!(classes(66, "off") == (without.clone(), None));
     let (raw, doubt) = classes(66, "raw");
     assert!(raw != without && doubt == Some(1.0));
+    let (normalized, doubt) = classes(66, "auto");
+    assert!(normalized != without && normalized != raw && doubt == Some(1.0));
+    assert!(classes(66, "normalized") == (normalized, Some(1.0)));
     let (on_scale, doubt) = classes(12, "auto");
     assert!(on_scale != without && doubt.is_none());
 }
