@@ -1,20 +1,13 @@
 //! Footprints of one class in the top-down view, by morphological operators.
 
+use crate::candidates::Candidate;
 use crate::settings::{FootprintSettings, Kind};
-use crate::top_view::{Cell, TopView};
-use messages::SubmapPoint;
+use crate::top_view::TopView;
 use morphology::{Connectivity, area_closing, connected_components, dilate, h_maxima, watershed};
 use ndarray::Array2;
 
 /// Width of the ring around a component in which ground is expected, m: beyond the sill of a car, before the next parked car.
 const RING_M: f64 = 0.5;
-
-/// A point below the height limit of the class.
-#[derive(Clone, Copy)]
-pub(crate) struct Candidate {
-    pub(crate) point_idx: u32,
-    pub(crate) cell: Cell,
-}
 
 /// Footprints of a class.
 pub(crate) struct Footprints {
@@ -31,26 +24,14 @@ pub(crate) struct Footprints {
 impl Footprints {
     /// Occupancy, dilation, area closing and components (thesis section 6.5.2). If the class has `peak_m`, components are split into one
     /// part for each peak of the elevation.
-    pub(crate) fn of(
-        view: &TopView,
-        points: &[SubmapPoint],
-        class: &[bool],
-        kind: &Kind,
-        settings: &FootprintSettings,
-    ) -> Self {
+    pub(crate) fn of(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &FootprintSettings) -> Self {
         let mut occupied = Array2::from_elem(view.seen.dim(), false);
         let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, EMPTY_M);
-        let mut candidates = Vec::new();
-        for (&(point_idx, cell), _) in view.thing_points.iter().zip(class).filter(|(_, is_class)| **is_class) {
-            let above_m = view.above_ground(&points[point_idx as usize], cell);
-            if view.terrain_m.is_some() && above_m > kind.max_height_m {
-                continue;
-            }
+        for &Candidate { cell, above_m, .. } in &candidates {
             occupied[cell] = true;
             if let Some(highest_m) = elevation_m.get_mut(cell) {
                 *highest_m = above_m.max(*highest_m);
             }
-            candidates.push(Candidate { point_idx, cell });
         }
         let grown = dilate(&occupied, view.in_cells(settings.dilation_m));
         // Holes of eight-connected components are four-connected, so filling them never joins two components.

@@ -15,13 +15,22 @@
 
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
+mod blobs;
+mod candidates;
+mod density;
 mod footprints;
+mod joining;
+mod movers;
 mod objects;
+mod sets;
 mod settings;
 mod top_view;
 mod tracker;
+mod tracks;
 mod visits;
 
+pub use density::Density;
+pub use movers::Motion;
 pub use objects::{Object, find};
 pub use settings::{FootprintSettings, Kind};
 pub use top_view::{Cell, TopView};

@@ -1,0 +1,89 @@
+//! Blobs: nearby points of a class within one time slice. A moving object is not smeared in a slice.
+
+use crate::candidates::Candidate;
+use crate::sets::Sets;
+use crate::top_view::TopView;
+use messages::{POINT_DYNAMIC, SubmapPoint};
+
+/// Duration of a slice, ns: one revolution of a LiDAR at 10 Hz.
+pub(crate) const SLICE_NANOS: i64 = 100_000_000;
+
+/// Nearby points of one slice.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Blob {
+    pub(crate) slice: u32,
+    /// Mean time of its points, ns after the first candidate.
+    pub(crate) nanos: i64,
+    /// Mean position of its points, m.
+    pub(crate) center: [f64; 2],
+    pub(crate) n_points: u32,
+    /// Points that slam_aggregate has marked as moving.
+    pub(crate) n_flagged: u32,
+}
+
+/// Blobs in the order of slices.
+pub(crate) struct Blobs {
+    pub(crate) all: Vec<Blob>,
+    /// Blob of each candidate.
+    pub(crate) of_candidate: Vec<u32>,
+}
+
+impl Blobs {
+    /// Points up to about `link_m` apart are one blob.
+    pub(crate) fn of(view: &TopView, points: &[SubmapPoint], candidates: &[Candidate], link_m: f64) -> Self {
+        let begin = candidates.iter().map(|candidate| candidate.time).min().unwrap_or_default();
+        let width = view.in_cells(link_m).max(1);
+        // Slice, row and column of a coarse cell, candidate.
+        let key = |(idx, candidate): (usize, &Candidate)| {
+            let slice = (candidate.time.saturating_sub(begin) / SLICE_NANOS).min(i64::from(u32::MAX)) as u32;
+            ([slice, (candidate.cell.0 / width) as u32, (candidate.cell.1 / width) as u32], idx as u32)
+        };
+        let mut keys: Vec<([u32; 3], u32)> = candidates.iter().enumerate().map(key).collect();
+        keys.sort_unstable();
+        let cells: Vec<([u32; 3], &[([u32; 3], u32)])> =
+            keys.chunk_by(|a, b| a.0 == b.0).map(|members| (members[0].0, members)).collect();
+        let (blob_of_cell, n) = connected(&cells);
+
+        let mut all = vec![Blob::default(); n];
+        let mut of_candidate = vec![0; candidates.len()];
+        for (&([slice, ..], members), &number) in cells.iter().zip(&blob_of_cell) {
+            let blob = &mut all[number as usize];
+            blob.slice = slice;
+            for &(_, idx) in members {
+                let candidate = &candidates[idx as usize];
+                let point = &points[candidate.point_idx as usize];
+                blob.center[0] += f64::from(point.x);
+                blob.center[1] += f64::from(point.y);
+                blob.nanos += candidate.time.saturating_sub(begin);
+                blob.n_points += 1;
+                blob.n_flagged += u32::from(point.flags & POINT_DYNAMIC != 0);
+                of_candidate[idx as usize] = number;
+            }
+        }
+        for blob in &mut all {
+            blob.center = blob.center.map(|sum| sum / f64::from(blob.n_points));
+            blob.nanos /= i64::from(blob.n_points);
+        }
+        Self { all, of_candidate }
+    }
+}
+
+/// Number of the blob of each coarse cell: eight-connected cells of one slice. `cells` are sorted.
+fn connected<T>(cells: &[([u32; 3], T)]) -> (Vec<u32>, usize) {
+    let mut sets = Sets::new(cells.len());
+    for (idx, &([slice, row, col], _)) in cells.iter().enumerate() {
+        // The other neighbors are visited from their side.
+        let later = [
+            Some((row, col + 1)),
+            col.checked_sub(1).map(|left| (row + 1, left)),
+            Some((row + 1, col)),
+            Some((row + 1, col + 1)),
+        ];
+        for (row, col) in later.into_iter().flatten() {
+            if let Ok(other) = cells.binary_search_by_key(&[slice, row, col], |cell| cell.0) {
+                sets.union(idx, other);
+            }
+        }
+    }
+    sets.numbers()
+}
