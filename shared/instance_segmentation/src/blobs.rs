@@ -12,7 +12,7 @@ pub(crate) const SLICE_NANOS: i64 = 100_000_000;
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Blob {
     pub(crate) slice: u32,
-    /// Mean time of its points, ns after the first candidate.
+    /// Mean time of its points, ns since the Unix epoch.
     pub(crate) nanos: i64,
     /// Mean position of its points, m.
     pub(crate) center: [f64; 2],
@@ -62,7 +62,7 @@ impl Blobs {
         }
         for blob in &mut all {
             blob.center = blob.center.map(|sum| sum / f64::from(blob.n_points));
-            blob.nanos /= i64::from(blob.n_points);
+            blob.nanos = begin + blob.nanos / i64::from(blob.n_points);
         }
         Self { all, of_candidate }
     }

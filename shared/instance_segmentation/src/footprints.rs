@@ -5,6 +5,7 @@ use crate::settings::{FootprintSettings, Kind};
 use crate::top_view::TopView;
 use morphology::{Connectivity, area_closing, connected_components, dilate, h_maxima, watershed};
 use ndarray::Array2;
+use std::collections::BTreeMap;
 
 /// Width of the ring around a component in which ground is expected, m: beyond the sill of a car, before the next parked car.
 const RING_M: f64 = 0.5;
@@ -41,7 +42,8 @@ impl Footprints {
         if kind.peak_m == 0.0 {
             return Self { candidates, n: components.n(), parts: components.image, ground_around: shares };
         }
-        let parts = split_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
+        let mut parts = split_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
+        undo_sparse_splits(&mut parts, &components.image, &candidates, kind.min_points);
         let mut ground_around = vec![None; parts.iter().max().map_or(0, |&n| n as usize) + 1];
         for (&part, &component) in parts.iter().zip(&components.image) {
             ground_around[part as usize] = shares[component as usize];
@@ -63,6 +65,28 @@ fn split_by_peaks(elevation_m: &Array2<f32>, footprint: &Array2<bool>, peak_m: f
     let markers = connected_components(&peaks, Connectivity::Eight);
     // Empty cells are flooded last, so each outline is assigned to its roof before the flood crosses a gap.
     watershed(&elevation_m.mapv(|z| -z), &markers.image, footprint, Connectivity::Eight)
+}
+
+/// Gives parts with fewer candidates than `min_points` to the largest part of their component: on few points most peaks are gaps between
+/// rings.
+fn undo_sparse_splits(parts: &mut Array2<u32>, components: &Array2<u32>, candidates: &[Candidate], min_points: usize) {
+    let mut n_of_part = vec![0_usize; parts.iter().max().map_or(0, |&n| n as usize) + 1];
+    for candidate in candidates {
+        n_of_part[parts[candidate.cell] as usize] += 1;
+    }
+    let mut largest_of_component: BTreeMap<u32, u32> = BTreeMap::new();
+    for (&part, &component) in parts.iter().zip(components).filter(|(part, _)| **part != 0) {
+        let largest = largest_of_component.entry(component).or_insert(part);
+        let size = |part: u32| (n_of_part[part as usize], std::cmp::Reverse(part));
+        if size(part) > size(*largest) {
+            *largest = part;
+        }
+    }
+    parts.zip_mut_with(components, |part, component| {
+        if *part != 0 && n_of_part[*part as usize] < min_points {
+            *part = largest_of_component[component];
+        }
+    });
 }
 
 fn ground_shares(components: &Array2<u32>, n: usize, view: &TopView) -> Vec<Option<f64>> {

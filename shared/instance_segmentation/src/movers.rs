@@ -9,6 +9,7 @@ use crate::settings::Kind;
 use crate::top_view::TopView;
 use crate::tracks::{Track, follow};
 use messages::{POINT_DYNAMIC, SubmapPoint};
+use serde::{Deserialize, Serialize};
 
 /// A track moves if slam_aggregate has marked at least this share of its points.
 const FLAGGED_SHARE: f64 = 0.2;
@@ -22,13 +23,13 @@ const MAX_PAUSE_NANOS: i64 = 500_000_000;
 /// A piece belongs to a mover that has at least this share of its points.
 const SHARE_OF_PIECE: f64 = 0.5;
 
-/// Motion of an object over a submap, in the submap frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Motion of an object over a submap.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
-    /// Center where it was seen first, m.
-    pub first: [f64; 2],
-    /// Center where it was seen last, m.
-    pub last: [f64; 2],
+    /// Time, ns since the Unix epoch, and center, m, of its first blob.
+    pub first: (i64, [f64; 2]),
+    /// The same of its last blob.
+    pub last: (i64, [f64; 2]),
     /// Mean velocity, m/s.
     pub velocity: [f64; 2],
 }
@@ -166,8 +167,8 @@ impl Path {
 
 /// Motion of a mover with these paths: the velocity is that of the path with most blobs.
 fn motion<'a>(paths: impl Iterator<Item = &'a Path> + Clone) -> Option<Motion> {
-    let first = paths.clone().min_by_key(|path| path.span().0)?.centers.first()?.1;
-    let last = paths.clone().max_by_key(|path| path.span().1)?.centers.last()?.1;
+    let first = paths.clone().min_by_key(|path| path.span().0)?.centers.first()?;
+    let last = paths.clone().max_by_key(|path| path.span().1)?.centers.last()?;
     let velocity = paths.max_by_key(|path| path.centers.len())?.velocity;
-    Some(Motion { first, last, velocity })
+    Some(Motion { first: *first, last: *last, velocity })
 }

@@ -4,6 +4,7 @@
 //! objects of the last submaps, in cells of the world frame. Submaps are not delayed: the later part of an object gets the id of the
 //! earlier part.
 
+use crate::movers::Motion;
 use crate::objects::Object;
 use crate::visits::overlap;
 use geometry::{BevGrid, Point3, Pose, Vector3};
@@ -44,8 +45,8 @@ pub struct TrackedObject {
     cells: [Vec<WorldCell>; 3],
     begin: i64,
     end: i64,
-    /// Of a moving object: first and last center, m, and velocity, m/s.
-    motion: Option<[[f64; 2]; 3]>,
+    /// Of a moving object, in the world frame.
+    motion: Option<Motion>,
     /// Submaps since it was observed.
     age: u32,
 }
@@ -64,10 +65,13 @@ impl TrackedObject {
             cells.dedup();
             cells
         });
-        let motion = object.motion.map(|motion| {
-            let place = |[x, y]: [f64; 2]| world_from_submap * Point3::new(x, y, 0.0);
-            let velocity = world_from_submap.rotation * Vector3::new(motion.velocity[0], motion.velocity[1], 0.0);
-            [place(motion.first).coords, place(motion.last).coords, velocity].map(|v| [v.x, v.y])
+        let motion = object.motion.map(|Motion { first, last, velocity: [vx, vy] }| {
+            let place = |(nanos, [x, y]): (i64, [f64; 2])| {
+                let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
+                (nanos, [p_in_world.x, p_in_world.y])
+            };
+            let velocity = world_from_submap.rotation * Vector3::new(vx, vy, 0.0);
+            Motion { first: place(first), last: place(last), velocity: [velocity.x, velocity.y] }
         });
         Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, motion, age: 0 }
     }
@@ -78,9 +82,10 @@ impl TrackedObject {
 
     /// How well the predicted center of this object fits the first center of `later`: 1 exactly, 0 at the gate.
     fn predicts(&self, later: &Self) -> f64 {
-        let (Some([_, last, velocity]), Some([first, ..])) = (self.motion, later.motion) else { return 0.0 };
-        let seconds = (later.begin - self.end).max(0) as f64 * 1e-9;
-        let off = |axis: usize| last[axis] + velocity[axis] * seconds - first[axis];
+        let (Some(motion), Some(next)) = (self.motion, later.motion) else { return 0.0 };
+        let seconds = (next.first.0 - motion.last.0).max(0) as f64 * 1e-9;
+        let velocity = motion.velocity;
+        let off = |axis: usize| motion.last.1[axis] + velocity[axis] * seconds - next.first.1[axis];
         let gate_m = GATE_M + GATE_SHARE * velocity[0].hypot(velocity[1]) * seconds;
         (1.0 - off(0).hypot(off(1)) / gate_m).max(0.0)
     }

@@ -47,6 +47,7 @@ fn main() {
         let kind = Town::ALL.into_iter().find(|kind| kind.name() == town);
         let kind = kind.unwrap_or_else(|| panic!("{town:?} is no kind of town"));
         let mut pooled: Vec<Vec<InstanceScores>> = vec![Vec::new(); variants.len()];
+        let mut bound: Vec<InstanceScores> = Vec::new();
         for &seed in &seeds {
             let name = format!("{town}_{seed}_{seconds}");
             let drive = Path::new(folder).join(&name);
@@ -57,6 +58,7 @@ fn main() {
             if recordings.is_none() || with_true_classes {
                 classes = submaps.iter().map(|submap| submap.classes(model.as_deref())).collect();
             }
+            bound.extend(bound_by_classes(&submaps, &classes));
             for (pool, (_, settings)) in pooled.iter_mut().zip(&variants) {
                 pool.extend(evaluate(&submaps, &classes, settings));
             }
@@ -65,6 +67,7 @@ fn main() {
             for ((name, _), scores) in variants.iter().zip(&pooled) {
                 print(town, name, &together(class, scores));
             }
+            print(town, "true instances of these classes", &together(class, &bound));
         }
     }
 }
@@ -116,6 +119,19 @@ fn evaluate(submaps: &[TownSubmap], classes: &[Vec<ClassRow>], settings: &Settin
                 let predicted = PointLabel { class: row.class_id, instance };
                 overlaps.add(PointLabel { class: truth.class, instance: truth.instance.into() }, predicted);
             }
+        }
+    }
+    CLASSES.map(|class| overlaps.score(class as u8, ClassId::Unlabeled as u8, MIN_POINTS)).into()
+}
+
+/// The scores if each point of the right class had its true instance: what the classes allow.
+fn bound_by_classes(submaps: &[TownSubmap], classes: &[Vec<ClassRow>]) -> Vec<InstanceScores> {
+    let mut overlaps = Overlaps::default();
+    for (submap, classes) in submaps.iter().zip(classes) {
+        for (truth, row) in submap.truth.iter().zip(classes) {
+            let truth = PointLabel { class: truth.class, instance: truth.instance.into() };
+            let instance = if truth.class == row.class_id { truth.instance } else { 0 };
+            overlaps.add(truth, PointLabel { class: row.class_id, instance });
         }
     }
     CLASSES.map(|class| overlaps.score(class as u8, ClassId::Unlabeled as u8, MIN_POINTS)).into()
