@@ -8,6 +8,9 @@ use messages::{POINT_DYNAMIC, SubmapPoint};
 /// Duration of a slice, ns: one revolution of a LiDAR at 10 Hz.
 pub(crate) const SLICE_NANOS: i64 = 100_000_000;
 
+/// Slice, row and column of a cell of the size of the links.
+type CoarseCell = [u32; 3];
+
 /// Nearby points of one slice.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Blob {
@@ -17,7 +20,7 @@ pub(crate) struct Blob {
     /// Mean position of its points, m.
     pub(crate) center: [f64; 2],
     pub(crate) n_points: u32,
-    /// Points that slam_aggregate has marked as moving.
+    /// Points that `slam_aggregate` has marked as moving.
     pub(crate) n_flagged: u32,
 }
 
@@ -33,14 +36,13 @@ impl Blobs {
     pub(crate) fn of(view: &TopView, points: &[SubmapPoint], candidates: &[Candidate], link_m: f64) -> Self {
         let begin = candidates.iter().map(|candidate| candidate.time).min().unwrap_or_default();
         let width = view.in_cells(link_m).max(1);
-        // Slice, row and column of a coarse cell, candidate.
         let key = |(idx, candidate): (usize, &Candidate)| {
             let slice = (candidate.time.saturating_sub(begin) / SLICE_NANOS).min(i64::from(u32::MAX)) as u32;
             ([slice, (candidate.cell.0 / width) as u32, (candidate.cell.1 / width) as u32], idx as u32)
         };
-        let mut keys: Vec<([u32; 3], u32)> = candidates.iter().enumerate().map(key).collect();
+        let mut keys: Vec<(CoarseCell, u32)> = candidates.iter().enumerate().map(key).collect();
         keys.sort_unstable();
-        let cells: Vec<([u32; 3], &[([u32; 3], u32)])> =
+        let cells: Vec<(CoarseCell, &[(CoarseCell, u32)])> =
             keys.chunk_by(|a, b| a.0 == b.0).map(|members| (members[0].0, members)).collect();
         let (blob_of_cell, n) = connected(&cells);
 
@@ -69,7 +71,7 @@ impl Blobs {
 }
 
 /// Number of the blob of each coarse cell: eight-connected cells of one slice. `cells` are sorted.
-fn connected<T>(cells: &[([u32; 3], T)]) -> (Vec<u32>, usize) {
+fn connected<T>(cells: &[(CoarseCell, T)]) -> (Vec<u32>, usize) {
     let mut sets = Sets::new(cells.len());
     for (idx, &([slice, row, col], _)) in cells.iter().enumerate() {
         // The other neighbors are visited from their side.

@@ -11,7 +11,7 @@ use crate::tracks::{Track, follow};
 use messages::{POINT_DYNAMIC, SubmapPoint};
 use serde::{Deserialize, Serialize};
 
-/// A track moves if slam_aggregate has marked at least this share of its points.
+/// A track moves if `slam_aggregate` has marked at least this share of its points.
 const FLAGGED_SHARE: f64 = 0.2;
 
 /// If no point of the submap is marked: a track moves if it goes farther than this number of lengths of a usual object.

@@ -11,7 +11,7 @@ fn ids_of(scans: &[&Scan], settings: &Settings) -> Vec<Vec<u32>> {
     let mut bench = bench(settings);
     let mut ids = Vec::new();
     for scan in scans {
-        bench.send::<SubmapTopic>(0, scan.header, scan.street.points.clone());
+        bench.send::<SubmapTopic>(0, *scan.header, scan.street.points.clone());
         bench.send::<ClassTopic>(0, ClassHeader::default(), scan.street.classes.clone());
         bench.tick().expect("steps");
         ids.extend(bench.take::<InstanceTopic>().iter().map(|column| column.rows().to_vec()));
@@ -70,9 +70,9 @@ fn parked_cars_half_a_meter_apart_stay_two() {
     }
     let mut sparse = Scan::new(HDL64);
     sparse.sweep(HDL64, [10.0, -4.0], 0, &cars);
-    for scan in [dense, sparse] {
-        let ids = &ids_of(&[&scan], &Settings::default())[0];
-        let (first, second) = (ids_of_thing(ids, &scan, 1), ids_of_thing(ids, &scan, 2));
+    for scan in [&dense, &sparse] {
+        let ids = &ids_of(&[scan], &Settings::default())[0];
+        let (first, second) = (ids_of_thing(ids, scan, 1), ids_of_thing(ids, scan, 2));
         assert_eq!((first.len(), second.len()), (1, 1), "{first:?} {second:?}");
         assert!(first != second && first != [0] && second != [0], "{first:?} {second:?}");
     }

@@ -78,10 +78,14 @@ fn found(settings: &Settings) -> (usize, usize, usize) {
     let columns = bench.take::<InstanceTopic>();
     let (mut of_box, mut of_id, mut both) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     for (&id, in_box) in columns[0].rows().iter().zip(&box_of) {
-        in_box.iter().for_each(|&cuboid| *of_box.entry(cuboid).or_insert(0) += 1);
+        if let Some(cuboid) = *in_box {
+            *of_box.entry(cuboid).or_insert(0) += 1;
+        }
         if id != 0 {
             *of_id.entry(id).or_insert(0) += 1;
-            in_box.iter().for_each(|&cuboid| *both.entry((cuboid, id)).or_insert(0) += 1);
+            if let Some(cuboid) = *in_box {
+                *both.entry((cuboid, id)).or_insert(0) += 1;
+            }
         }
     }
     of_box.retain(|_, n: &mut i32| *n >= 20);

@@ -44,14 +44,15 @@ pub fn car([x, y]: [f32; 2], thing: u32) -> [Block; 2] {
 
 /// A submap under construction.
 pub struct Scan {
-    pub header: SubmapHeader,
+    pub header: Box<SubmapHeader>,
     pub street: Street,
 }
 
 impl Scan {
     /// At the origin of the world.
     pub fn new(lidar: Lidar) -> Self {
-        let header = SubmapHeader { n_rings: u32::from(lidar.n_rings), ..super::at([0.0; 3]) };
+        let mut header = Box::new(super::at([0.0; 3]));
+        header.n_rings = u32::from(lidar.n_rings);
         Self { header, street: Street::default() }
     }
 
