@@ -21,7 +21,7 @@ pub(crate) struct Blob {
     pub(crate) center: [f64; 2],
     pub(crate) n_points: u32,
     /// Points that `slam_aggregate` has marked as moving.
-    pub(crate) n_flagged: u32,
+    pub(crate) n_marked: u32,
 }
 
 /// Blobs in the order of slices.
@@ -58,7 +58,7 @@ impl Blobs {
                 blob.center[1] += f64::from(point.y);
                 blob.nanos += candidate.time.saturating_sub(begin);
                 blob.n_points += 1;
-                blob.n_flagged += u32::from(point.flags & POINT_DYNAMIC != 0);
+                blob.n_marked += u32::from(point.flags & POINT_DYNAMIC != 0);
                 of_candidate[idx as usize] = number;
             }
         }

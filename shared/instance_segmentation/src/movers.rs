@@ -1,6 +1,6 @@
 //! Movers: tracks of blobs that do not stay in their place. They unite the pieces of the path of one moving object.
 
-use crate::blobs::Blobs;
+use crate::blobs::{Blob, Blobs};
 use crate::candidates::Candidate;
 use crate::joining::united;
 use crate::objects::Object;
@@ -11,10 +11,14 @@ use crate::tracks::{Track, follow};
 use messages::{POINT_DYNAMIC, SubmapPoint};
 use serde::{Deserialize, Serialize};
 
-/// A track moves if `slam_aggregate` has marked at least this share of its points.
-const FLAGGED_SHARE: f64 = 0.2;
+/// A track moves if `slam_aggregate` has marked at least this share of its points, and it goes at least this number of lengths of a
+/// usual object. The pieces of a shorter path overlap. In the narrow view of a tilted LiDAR, one car after another is seen in the same
+/// place; their tracks must unite nothing.
+const MARKED_SHARE: f64 = 0.2;
+const MARKED_LENGTHS: f64 = 1.0;
 
-/// If no point of the submap is marked: a track moves if it goes farther than this number of lengths of a usual object.
+/// If no point of the submap is marked: a track moves if it goes this number of lengths, farther than the visible part of a standing
+/// object can.
 const UNMARKED_LENGTHS: f64 = 2.0;
 
 /// Tracks of one object overlap in time or follow each other within this time, ns.
@@ -55,8 +59,12 @@ impl Movers {
         let blobs = Blobs::of(view, points, candidates, link_m);
         let mut tracks = follow(&blobs.all, kind.max_speed_mps);
         let is_marked = points.iter().any(|point| point.flags & POINT_DYNAMIC != 0);
-        tracks
-            .retain(|track| if is_marked { is_flagged(track, &blobs) } else { leaves_its_place(track, &blobs, kind) });
+        let is_mover = |track: &Track| {
+            let lengths = way_m(track, &blobs) / kind.length_m;
+            let is_marked_track = marked_share(track, &blobs) >= MARKED_SHARE && lengths >= MARKED_LENGTHS;
+            if is_marked { is_marked_track } else { lengths >= UNMARKED_LENGTHS }
+        };
+        tracks.retain(is_mover);
         let paths: Vec<Path> = tracks.iter().map(|track| Path::of(track, &blobs)).collect();
         let mut sets = Sets::new(tracks.len());
         for (a, path) in paths.iter().enumerate() {
@@ -102,18 +110,18 @@ impl Movers {
     }
 }
 
-fn is_flagged(track: &Track, blobs: &Blobs) -> bool {
-    let sum = |count: fn(&crate::blobs::Blob) -> u32| -> f64 {
-        track.blobs.iter().map(|&blob| f64::from(count(&blobs.all[blob]))).sum()
-    };
-    sum(|blob| blob.n_flagged) >= FLAGGED_SHARE * sum(|blob| blob.n_points)
+/// Share of the points that are marked as moving.
+fn marked_share(track: &Track, blobs: &Blobs) -> f64 {
+    let sum =
+        |count: fn(&Blob) -> u32| -> f64 { track.blobs.iter().map(|&idx| f64::from(count(&blobs.all[idx]))).sum() };
+    sum(|blob| blob.n_marked) / sum(|blob| blob.n_points)
 }
 
-/// Without marks: it goes farther than the visible part of a standing object can.
-fn leaves_its_place(track: &Track, blobs: &Blobs, kind: &Kind) -> bool {
+/// Distance between the first and the last center, m.
+fn way_m(track: &Track, blobs: &Blobs) -> f64 {
     let center = |idx: usize| blobs.all[idx].center;
     let (first, last) = (center(track.blobs[0]), center(track.blobs[track.blobs.len() - 1]));
-    (last[0] - first[0]).hypot(last[1] - first[1]) > UNMARKED_LENGTHS * kind.length_m
+    (last[0] - first[0]).hypot(last[1] - first[1])
 }
 
 /// The way of a track: centers of its blobs, and the velocity that fits them best.

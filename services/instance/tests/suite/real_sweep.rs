@@ -107,3 +107,80 @@ fn car_and_truck_of_one_real_sweep_are_found() {
     assert_eq!((n_boxes, n_found, n_false), (2, 2, 1));
     assert_eq!(n_found_before, 0, "they have 51 and 494 points");
 }
+
+/// The numbers of a NumPy file with values of four bytes.
+fn npy(name: &str) -> Vec<[u8; 4]> {
+    let bytes = std::fs::read(real_data::path(name)).expect("reads");
+    let begin = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[begin..].chunks_exact(4).map(|value| value.try_into().expect("four bytes")).collect()
+}
+
+/// A sweep of an HDL-64E with true classes (SemanticKITTI): header, points, classes.
+fn labeled_sweep(number: usize) -> (SubmapHeader, Vec<SubmapPoint>, Vec<ClassRow>) {
+    let values = npy(&format!("semantickitti/kitti_01_points_00000{number}.npy"));
+    let labels = npy(&format!("semantickitti/kitti_01_labels_00000{number}.npy"));
+    let point = |row: &[[u8; 4]]| {
+        let [x, y, z] = std::array::from_fn(|axis| f32::from_le_bytes(row[axis]));
+        let elevation_deg = z.atan2(x.hypot(y)).to_degrees();
+        // 64 rings from -24.8 to 2 degrees.
+        let ring = (63.0 * (elevation_deg + 24.8) / 26.8).round().clamp(0.0, 63.0) as u8;
+        SubmapPoint { x, y, z, elevation: (elevation_deg * 100.0) as i16, ring, ..SubmapPoint::default() }
+    };
+    let class = |label: &[u8; 4]| match i32::from_le_bytes(*label) {
+        1 => ClassId::Vehicles,
+        9 => ClassId::Road,
+        17 => ClassId::Terrain,
+        15 => ClassId::Vegetation,
+        0 => ClassId::Unlabeled,
+        _ => ClassId::Fence,
+    };
+    let points: Vec<SubmapPoint> = values.chunks_exact(3).map(point).collect();
+    let classes = labels.iter().map(|label| ClassRow { class_id: class(label) as u8, score: 255 }).collect();
+    let mut header = SubmapHeader { n_rings: 64, n_sweeps: 1, ..at([0.0; 3]) };
+    header.sweeps[0] = SubmapSweep {
+        n_points: points.len() as u32,
+        submap_from_lidar_begin: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        submap_from_lidar_end: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        ..SubmapSweep::default()
+    };
+    (header, points, classes)
+}
+
+/// Sizes of the groups of car points with gaps below 1 m.
+fn groups(points: &[SubmapPoint], classes: &[ClassRow]) -> Vec<usize> {
+    let is_car = |(_, row): &(&SubmapPoint, &ClassRow)| row.class_id == ClassId::Vehicles as u8;
+    let mut waiting: Vec<&SubmapPoint> = points.iter().zip(classes).filter(is_car).map(|(point, _)| point).collect();
+    let mut sizes = Vec::new();
+    while let Some(first) = waiting.pop() {
+        let mut group = vec![first];
+        let mut next = 0;
+        while let Some(&member) = group.get(next) {
+            let is_near = |p: &&SubmapPoint| (p.x - member.x).hypot(p.y - member.y) < 1.0;
+            let (near, far) = waiting.into_iter().partition(is_near);
+            group.extend::<Vec<_>>(near);
+            (waiting, next) = (far, next + 1);
+        }
+        sizes.push(group.len());
+    }
+    sizes
+}
+
+#[real_data::test("semantickitti/kitti_01_points_000000.npy")]
+fn cars_of_real_motorway_sweeps_are_found() {
+    let mut of_thesis = Settings::default();
+    of_thesis.things[0].min_share = 0.0;
+    for number in 0..3 {
+        let (header, points, classes) = labeled_sweep(number);
+        let n_groups = groups(&points, &classes).into_iter().filter(|n| *n >= 20).count() as u32;
+        let n_found = |settings: &Settings| {
+            let mut bench = bench(settings);
+            bench.send::<SubmapTopic>(0, header, points.clone());
+            bench.send::<ClassTopic>(0, ClassHeader::default(), classes.clone());
+            bench.tick().expect("steps");
+            bench.take::<InstanceTopic>()[0].header().n_instances
+        };
+        let (now, by_count) = (n_found(&Settings::default()), n_found(&of_thesis));
+        println!("sweep {number}: {n_groups} groups with 20 points, {now} instances, {by_count} by 500 points");
+        assert!(now.abs_diff(n_groups) <= 1 && by_count < now, "sweep {number}: {n_groups} groups, {now} found");
+    }
+}
