@@ -115,7 +115,7 @@ fn npy(name: &str) -> Vec<[u8; 4]> {
     bytes[begin..].chunks_exact(4).map(|value| value.try_into().expect("four bytes")).collect()
 }
 
-/// A sweep of an HDL-64E with true classes (SemanticKITTI): header, points, classes.
+/// A sweep of an HDL-64E with true classes (`SemanticKITTI`): header, points, classes.
 fn labeled_sweep(number: usize) -> (SubmapHeader, Vec<SubmapPoint>, Vec<ClassRow>) {
     let values = npy(&format!("semantickitti/kitti_01_points_00000{number}.npy"));
     let labels = npy(&format!("semantickitti/kitti_01_labels_00000{number}.npy"));
