@@ -5,12 +5,13 @@
 //! 2. Cells with points of the class below a height above the terrain are occupied.
 //! 3. Occupied cells are dilated with a square of 5 cells, holes of fewer than 10 cells are filled, and connected components are
 //!    extracted.
-//! 4. Components with too few points, or without ground around them, are removed.
+//! 4. Components with too few points for their distance, or without ground around them, are removed.
 //! 5. The points of a component get its id.
 //!
-//! Steps 1 to 4 are in the crate `instance_segmentation`. Extensions of the thesis, each controlled by a setting: objects that pass
-//! the same cells at different times are separated, touching roofs and heads are separated by a watershed, nearby parts are joined,
-//! and an object of an earlier submap keeps its id, even if it has few points now.
+//! Steps 1 to 4 are in the crate `instance_segmentation`. Extensions of the thesis, each controlled by a setting: the required number
+//! of points follows from the density of the LiDAR, objects that pass the same cells at different times are separated, moving objects
+//! are followed from sweep to sweep, touching roofs and heads are separated by a watershed, nearby parts are joined, and an object of
+//! an earlier submap keeps its id, even if it has few points now.
 //!
 //! New ids increase over the whole drive, in the order of the classes in `things`, then of the first points of the objects. In
 //! submaps without ground points, the height and ground-contact filters are disabled.
@@ -21,7 +22,7 @@ mod settings;
 
 pub use settings::{Settings, Thing};
 
-use instance_segmentation::{Kind, Object, TopView, TrackedObject, Tracker, find};
+use instance_segmentation::{Density, Kind, Object, TopView, TrackedObject, Tracker, find};
 use messages::{ClassRow, ClassTopic, InstanceHeader, InstanceTopic, SubmapHeader, SubmapPoint, SubmapTopic};
 use serde::{Deserialize, Serialize};
 use stage::{
@@ -29,7 +30,7 @@ use stage::{
 };
 
 /// Increased when the meaning of the saved state changes.
-const STATE_VERSION: u32 = 3;
+const STATE_VERSION: u32 = 4;
 
 /// The stage.
 pub struct InstanceStage {
@@ -75,7 +76,9 @@ impl InstanceStage {
         let mut header = InstanceHeader::default();
         let mut seen: Vec<TrackedObject> = Vec::new();
         let view = self.view(submap.rows(), classes, outputs);
-        let world_from_submap = submap.header().checked(submap.seq())?.world_from_submap;
+        let checked = submap.header().checked(submap.seq())?;
+        let world_from_submap = checked.world_from_submap;
+        let density = Density::of(checked.sweeps, submap.rows());
         for kind in self.kinds.clone() {
             let Some(view) = &view else { break };
             let found = self.find(view, submap, classes, &kind);
@@ -84,13 +87,14 @@ impl InstanceStage {
                 found.iter().map(|object| TrackedObject::of(object, class, &view.grid, &world_from_submap)).collect();
             let known = self.tracker.associate(&tracked, self.settings.min_overlap);
             for ((object, track), known) in found.iter().zip(&mut tracked).zip(known) {
+                let required = kind.required_points(density.expected(submap.rows(), &object.points, &kind));
                 if !object.is_grounded {
-                    outputs.count("things_without_ground_around", u64::from(object.points.len() >= kind.min_points));
+                    outputs.count("things_without_ground_around", u64::from(object.points.len() >= required));
                     continue;
                 }
                 track.id = match known {
                     Some(id) => id,
-                    None if object.points.len() < kind.min_points => continue,
+                    None if object.points.len() < required => continue,
                     None if mean_score(object, classes) < kind.min_score => continue,
                     None => self.new_id()?,
                 };

@@ -35,8 +35,21 @@ pub struct Thing {
     pub class: String,
     /// Maximum height of points above the ground, m.
     pub max_height_m: f64,
-    /// Minimum number of points of an instance in a submap.
+    /// Number of points in a submap with which an instance is accepted at any distance: the rule of the thesis.
     pub min_points: u32,
+    /// Share of the points that the LiDAR is expected to have on an instance at this distance, over all sweeps of the submap. An instance
+    /// is accepted with fewer points than `min_points` if it has this share. 0 always requires `min_points`.
+    #[serde(default)]
+    pub min_share: f64,
+    /// Minimum number of points of an instance that is accepted by `min_share`.
+    #[serde(default)]
+    pub min_points_sparse: u32,
+    /// Length of a usual instance, m: its expected points, and parts of a moving one.
+    #[serde(default)]
+    pub length_m: f64,
+    /// Height of a usual instance, m.
+    #[serde(default)]
+    pub height_m: f64,
     /// Minimum mean class score of the points, 0 to 1.
     #[serde(default)]
     pub min_score: f64,
@@ -44,27 +57,50 @@ pub struct Thing {
     /// people in a group. 0 disables splitting.
     #[serde(default)]
     pub peak_m: f64,
-    /// Parts up to this distance are joined if the result is not longer than `max_length_m`, m; 0 disables joining.
+    /// Parts up to this distance are joined if no ground was seen between them and the result is not longer than `max_length_m` and not
+    /// wider than half of it, m; 0 disables joining.
     #[serde(default)]
     pub join_m: f64,
     /// Maximum length of an instance that is joined of parts, m.
     #[serde(default)]
     pub max_length_m: f64,
+    /// Largest speed at which a moving instance is followed from sweep to sweep, m/s; 0 disables tracking within a submap.
+    #[serde(default)]
+    pub max_speed_mps: f64,
 }
 
 impl Thing {
-    /// Heights and points of the thesis. Touching roofs and heads are split, and pedestrians need a mean score of 0.5.
+    /// Heights and points of the thesis; objects with fewer points by their density. Touching roofs and heads are split.
     fn defaults() -> Vec<Self> {
-        let thing = |class: ClassId, max_height_m: f64, min_points: u32, min_score: f64, peak_m: f64| Self {
-            class: class.name().to_owned(),
-            max_height_m,
-            min_points,
-            min_score,
-            peak_m,
+        let vehicles = Self {
+            class: ClassId::Vehicles.name().to_owned(),
+            max_height_m: 4.0,
+            min_points: 500,
+            min_share: 0.2,
+            min_points_sparse: 20,
+            length_m: 4.5,
+            height_m: 1.5,
+            min_score: 0.5,
+            peak_m: 0.2,
+            join_m: 0.8,
+            max_length_m: 5.6,
+            max_speed_mps: 30.0,
+        };
+        let pedestrian = Self {
+            class: ClassId::Pedestrian.name().to_owned(),
+            max_height_m: 3.0,
+            min_points: 100,
+            min_share: 0.2,
+            min_points_sparse: 10,
+            length_m: 0.8,
+            height_m: 1.7,
+            min_score: 0.5,
+            peak_m: 0.4,
             join_m: 0.0,
             max_length_m: 0.0,
+            max_speed_mps: 6.0,
         };
-        vec![thing(ClassId::Vehicles, 4.0, 500, 0.0, 0.2), thing(ClassId::Pedestrian, 3.0, 100, 0.5, 0.4)]
+        vec![vehicles, pedestrian]
     }
 }
 
@@ -79,15 +115,21 @@ impl Rule<Vec<Thing>> for EachThingIsValid {
                 && things[..idx].iter().all(|other| other.class != thing.class)
                 && (0.1..=100.0).contains(&thing.max_height_m)
                 && thing.min_points >= 1
-                && (0.0..=1.0).contains(&thing.min_score)
+                && [thing.min_score, thing.min_share].iter().all(|share| (0.0..=1.0).contains(share))
+                && [thing.length_m, thing.height_m].iter().all(|side| (0.0..=50.0).contains(side))
+                && (thing.min_share == 0.0 || (thing.length_m > 0.0 && thing.height_m > 0.0))
+                && (0.0..=100.0).contains(&thing.max_speed_mps)
+                && (thing.max_speed_mps == 0.0 || thing.length_m > 0.0)
                 && [thing.peak_m, thing.join_m].iter().all(|length| (0.0..=5.0).contains(length))
                 && (0.0..=50.0).contains(&thing.max_length_m)
         };
         things.iter().enumerate().all(is_valid)
     }
     fn text(&self) -> String {
-        "must be a list of { class, max_height_m, min_points, min_score, peak_m, join_m, max_length_m }: each class of the class table but \
-         unlabeled once at most, max_height_m 0.1 to 100, min_points at least 1, min_score 0 to 1, peak_m and join_m 0 to 5, max_length_m 0 to 50"
+        "must be a list of { class, max_height_m, min_points, min_share, min_points_sparse, length_m, height_m, min_score, peak_m, join_m, \
+         max_length_m, max_speed_mps }: each class of the class table but unlabeled once at most, max_height_m 0.1 to 100, min_points at \
+         least 1, min_share and min_score 0 to 1, length_m and height_m 0 to 50, peak_m and join_m 0 to 5, max_length_m 0 to 50, \
+         max_speed_mps 0 to 100; min_share needs length_m and height_m, max_speed_mps needs length_m"
             .to_owned()
     }
 }
@@ -114,6 +156,11 @@ impl Settings {
                 peak_m: thing.peak_m,
                 join_m: thing.join_m,
                 max_length_m: thing.max_length_m,
+                max_speed_mps: thing.max_speed_mps,
+                length_m: thing.length_m,
+                height_m: thing.height_m,
+                min_share: thing.min_share,
+                min_points_sparse: thing.min_points_sparse as usize,
             })
         };
         self.things.iter().filter_map(kind).collect()

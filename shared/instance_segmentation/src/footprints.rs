@@ -1,20 +1,14 @@
 //! Footprints of one class in the top-down view, by morphological operators.
 
+use crate::candidates::Candidate;
 use crate::settings::{FootprintSettings, Kind};
-use crate::top_view::{Cell, TopView};
-use messages::SubmapPoint;
+use crate::top_view::TopView;
 use morphology::{Connectivity, area_closing, connected_components, dilate, h_maxima, watershed};
 use ndarray::Array2;
+use std::collections::BTreeMap;
 
 /// Width of the ring around a component in which ground is expected, m: beyond the sill of a car, before the next parked car.
 const RING_M: f64 = 0.5;
-
-/// A point below the height limit of the class.
-#[derive(Clone, Copy)]
-pub(crate) struct Candidate {
-    pub(crate) point_idx: u32,
-    pub(crate) cell: Cell,
-}
 
 /// Footprints of a class.
 pub(crate) struct Footprints {
@@ -31,26 +25,14 @@ pub(crate) struct Footprints {
 impl Footprints {
     /// Occupancy, dilation, area closing and components (thesis section 6.5.2). If the class has `peak_m`, components are split into one
     /// part for each peak of the elevation.
-    pub(crate) fn of(
-        view: &TopView,
-        points: &[SubmapPoint],
-        class: &[bool],
-        kind: &Kind,
-        settings: &FootprintSettings,
-    ) -> Self {
+    pub(crate) fn of(view: &TopView, candidates: Vec<Candidate>, kind: &Kind, settings: &FootprintSettings) -> Self {
         let mut occupied = Array2::from_elem(view.seen.dim(), false);
         let mut elevation_m = Array2::from_elem(if kind.peak_m > 0.0 { view.seen.dim() } else { (0, 0) }, EMPTY_M);
-        let mut candidates = Vec::new();
-        for (&(point_idx, cell), _) in view.thing_points.iter().zip(class).filter(|(_, is_class)| **is_class) {
-            let above_m = view.above_ground(&points[point_idx as usize], cell);
-            if view.terrain_m.is_some() && above_m > kind.max_height_m {
-                continue;
-            }
+        for &Candidate { cell, above_m, .. } in &candidates {
             occupied[cell] = true;
             if let Some(highest_m) = elevation_m.get_mut(cell) {
                 *highest_m = above_m.max(*highest_m);
             }
-            candidates.push(Candidate { point_idx, cell });
         }
         let grown = dilate(&occupied, view.in_cells(settings.dilation_m));
         // Holes of eight-connected components are four-connected, so filling them never joins two components.
@@ -60,7 +42,8 @@ impl Footprints {
         if kind.peak_m == 0.0 {
             return Self { candidates, n: components.n(), parts: components.image, ground_around: shares };
         }
-        let parts = split_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
+        let mut parts = split_by_peaks(&elevation_m, &closed, kind.peak_m, view.in_cells(settings.dilation_m));
+        undo_sparse_splits(&mut parts, &components.image, &candidates, kind.min_points);
         let mut ground_around = vec![None; parts.iter().max().map_or(0, |&n| n as usize) + 1];
         for (&part, &component) in parts.iter().zip(&components.image) {
             ground_around[part as usize] = shares[component as usize];
@@ -82,6 +65,28 @@ fn split_by_peaks(elevation_m: &Array2<f32>, footprint: &Array2<bool>, peak_m: f
     let markers = connected_components(&peaks, Connectivity::Eight);
     // Empty cells are flooded last, so each outline is assigned to its roof before the flood crosses a gap.
     watershed(&elevation_m.mapv(|z| -z), &markers.image, footprint, Connectivity::Eight)
+}
+
+/// Gives parts with fewer candidates than `min_points` to the largest part of their component: on few points most peaks are gaps between
+/// rings.
+fn undo_sparse_splits(parts: &mut Array2<u32>, components: &Array2<u32>, candidates: &[Candidate], min_points: usize) {
+    let mut n_of_part = vec![0_usize; parts.iter().max().map_or(0, |&n| n as usize) + 1];
+    for candidate in candidates {
+        n_of_part[parts[candidate.cell] as usize] += 1;
+    }
+    let mut largest_of_component: BTreeMap<u32, u32> = BTreeMap::new();
+    for (&part, &component) in parts.iter().zip(components).filter(|(part, _)| **part != 0) {
+        let largest = largest_of_component.entry(component).or_insert(part);
+        let size = |part: u32| (n_of_part[part as usize], std::cmp::Reverse(part));
+        if size(part) > size(*largest) {
+            *largest = part;
+        }
+    }
+    parts.zip_mut_with(components, |part, component| {
+        if *part != 0 && n_of_part[*part as usize] < min_points {
+            *part = largest_of_component[component];
+        }
+    });
 }
 
 fn ground_shares(components: &Array2<u32>, n: usize, view: &TopView) -> Vec<Option<f64>> {

@@ -4,9 +4,10 @@
 //! objects of the last submaps, in cells of the world frame. Submaps are not delayed: the later part of an object gets the id of the
 //! earlier part.
 
+use crate::movers::Motion;
 use crate::objects::Object;
 use crate::visits::overlap;
-use geometry::{BevGrid, Point3, Pose};
+use geometry::{BevGrid, Point3, Pose, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Cell size for comparing footprints of two submaps, m: larger than the errors of their poses.
@@ -17,6 +18,10 @@ const SAME_PLACE: f64 = 0.2;
 
 /// Longest gap in the observation of a moving object, ns.
 const MAX_PAUSE_NANOS: i64 = 1_000_000_000;
+
+/// Error of the predicted center of a moving object, m, and as a share of the predicted way.
+const GATE_M: f64 = 1.0;
+const GATE_SHARE: f64 = 0.5;
 
 /// Most tracked objects. The oldest are removed first.
 const MAX_OBJECTS: usize = 4096;
@@ -40,6 +45,8 @@ pub struct TrackedObject {
     cells: [Vec<WorldCell>; 3],
     begin: i64,
     end: i64,
+    /// Of a moving object, in the world frame.
+    motion: Option<Motion>,
     /// Submaps since it was observed.
     age: u32,
 }
@@ -58,14 +65,32 @@ impl TrackedObject {
             cells.dedup();
             cells
         });
-        Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, age: 0 }
+        let motion = object.motion.map(|Motion { first, last, velocity: [vx, vy] }| {
+            let place = |(nanos, [x, y]): (i64, [f64; 2])| {
+                let p_in_world = world_from_submap * Point3::new(x, y, 0.0);
+                (nanos, [p_in_world.x, p_in_world.y])
+            };
+            let velocity = world_from_submap.rotation * Vector3::new(vx, vy, 0.0);
+            Motion { first: place(first), last: place(last), velocity: [velocity.x, velocity.y] }
+        });
+        Self { id: 0, class, cells, begin: object.span.0, end: object.span.1, motion, age: 0 }
     }
 
     fn is_moving(&self) -> bool {
-        overlap(&self.cells[1], &self.cells[2]) < SAME_PLACE
+        self.motion.is_some() || overlap(&self.cells[1], &self.cells[2]) < SAME_PLACE
     }
 
-    /// Overlap with the footprint of `later`; 0 if it cannot be the same object.
+    /// How well the predicted center of this object fits the first center of `later`: 1 exactly, 0 at the gate.
+    fn predicts(&self, later: &Self) -> f64 {
+        let (Some(motion), Some(next)) = (self.motion, later.motion) else { return 0.0 };
+        let seconds = (next.first.0 - motion.last.0).max(0) as f64 * 1e-9;
+        let velocity = motion.velocity;
+        let off = |axis: usize| motion.last.1[axis] + velocity[axis] * seconds - next.first.1[axis];
+        let gate_m = GATE_M + GATE_SHARE * velocity[0].hypot(velocity[1]) * seconds;
+        (1.0 - off(0).hypot(off(1)) / gate_m).max(0.0)
+    }
+
+    /// Overlap with the footprint of `later`, or how well the prediction of a moving object fits it; 0 if it cannot be the same object.
     fn overlap_with(&self, later: &Self) -> f64 {
         if self.class != later.class {
             return 0.0;
@@ -74,7 +99,7 @@ impl TrackedObject {
             return overlap(&self.cells[0], &later.cells[0]);
         }
         let is_continued = later.begin - self.end <= MAX_PAUSE_NANOS;
-        if is_continued { overlap(&self.cells[2], &later.cells[1]) } else { 0.0 }
+        if is_continued { overlap(&self.cells[2], &later.cells[1]).max(self.predicts(later)) } else { 0.0 }
     }
 }
 
@@ -85,7 +110,11 @@ impl Tracker {
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (new_idx, new) in objects.iter().enumerate() {
             for (old_idx, old) in self.objects.iter().enumerate() {
-                let share = if old.rows_overlap(new) { old.overlap_with(new) } else { 0.0 };
+                let share = if old.rows_overlap(new) || (old.motion.is_some() && new.motion.is_some()) {
+                    old.overlap_with(new)
+                } else {
+                    0.0
+                };
                 if share > 0.0 && share >= min_overlap {
                     pairs.push((share, new_idx, old_idx));
                 }

@@ -6,7 +6,9 @@
 //! groups in one place, which are joined. A lane with several passing objects also has several groups, which are not joined because
 //! they are *moving*: the first and the last footprint of a moving group are in different places.
 
+use crate::candidates::Candidate;
 use crate::footprints::Footprints;
+use crate::sets::Sets;
 use crate::top_view::Cell;
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -41,20 +43,20 @@ pub(crate) struct Visits {
 }
 
 impl Visits {
-    /// `times` are the times of the candidates, ns. Candidates are sorted by time except within a sweep.
-    pub(crate) fn of(footprints: &Footprints, times: impl Iterator<Item = i64>, apart_nanos: i64) -> Self {
+    /// Candidates are sorted by time except within a sweep.
+    pub(crate) fn of(footprints: &Footprints, apart_nanos: i64) -> Self {
         let mut latest = Array2::from_elem(footprints.parts.dim(), NONE);
         let mut all: Vec<Visit> = Vec::new();
         let mut of_candidate: Vec<u32> = Vec::with_capacity(footprints.candidates.len());
-        for (candidate, time) in footprints.candidates.iter().zip(times) {
-            let latest = &mut latest[candidate.cell];
+        for &Candidate { cell, time, .. } in &footprints.candidates {
+            let latest = &mut latest[cell];
             match all.get_mut(*latest as usize) {
                 Some(visit) if time.saturating_sub(visit.end) <= apart_nanos => {
                     (visit.begin, visit.end) = (visit.begin.min(time), visit.end.max(time));
                 }
                 _ => {
                     let before = std::mem::replace(latest, all.len() as u32);
-                    all.push(Visit { cell: candidate.cell, begin: time, end: time, before });
+                    all.push(Visit { cell, begin: time, end: time, before });
                 }
             }
             of_candidate.push(*latest);
@@ -160,47 +162,4 @@ pub(crate) fn overlap<T: Ord>(a: &[T], b: &[T]) -> f64 {
     let (small, large) = if a.len() <= b.len() { (a, b) } else { (b, a) };
     let n_both = small.iter().filter(|member| large.binary_search(member).is_ok()).count();
     n_both as f64 / small.len().max(1) as f64
-}
-
-/// Disjoint sets, each named by its first member.
-pub(crate) struct Sets(Vec<u32>);
-
-impl Sets {
-    pub(crate) fn new(n: usize) -> Self {
-        Self((0..n as u32).collect())
-    }
-    fn find(&mut self, member: usize) -> usize {
-        let mut at = member;
-        while self.0[at] as usize != at {
-            self.0[at] = self.0[self.0[at] as usize];
-            at = self.0[at] as usize;
-        }
-        at
-    }
-    pub(crate) fn union(&mut self, a: usize, b: usize) {
-        let a = self.find(a);
-        self.union_firsts(a, b);
-    }
-    /// Joins the set with first member `first` and the set of `member`. Returns the first member of the union.
-    fn union_firsts(&mut self, first: usize, member: usize) -> usize {
-        let other = self.find(member);
-        let before = first.min(other);
-        self.0[first.max(other)] = before as u32;
-        before
-    }
-    /// Number of the set of each member, in the order of first members, and the number of sets.
-    pub(crate) fn numbers(&mut self) -> (Vec<u32>, usize) {
-        let mut numbers = vec![0; self.0.len()];
-        let mut n = 0;
-        for member in 0..numbers.len() {
-            let first = self.find(member);
-            if first == member {
-                numbers[member] = n;
-                n += 1;
-            } else {
-                numbers[member] = numbers[first];
-            }
-        }
-        (numbers, n as usize)
-    }
 }

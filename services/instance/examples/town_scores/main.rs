@@ -1,15 +1,18 @@
-//! Instances in simulated towns with true poses, by true classes (what the method reaches at best) or by those of a model, and
-//! what each setting is worth.
+//! Instances in simulated towns and what each setting is worth: with true poses and true classes (a bound of the method), with true
+//! poses and the classes of a model, or with the poses and classes of recorded runs.
 //!
 //! ```sh
-//! cargo run --release -p instance --example town_scores -- FOLDER urban,suburban 10 9301,9302
-//! cargo run --release -p instance --example town_scores -- FOLDER urban,suburban 10 9301,9302 models/street.safetensors
+//! cargo run --release -p instance --example town_scores -- FOLDER urban,suburban 10 9401,9402
+//! cargo run --release -p instance --example town_scores -- FOLDER urban,suburban 10 9401,9402 models/street.safetensors
+//! cargo run --release -p instance --example town_scores -- FOLDER urban,suburban 10 9401,9402 RECORDINGS [true]
 //! ```
 //!
-//! Folder of the drives, kinds of towns, length of a drive in s, seeds, model. Drives that are not there are simulated, with
-//! the lidar alone. The scores are those of `replica evaluate instances` over all submaps of a drive together, so an
-//! object that changes its number at a border is missed and made up; then over all drives.
+//! Folder of the drives, kinds of towns, length of a drive in s, seeds, then a model or a folder of recordings. Drives that are not
+//! there are simulated as `TOWN_SEED_SECONDS`, with the lidar alone. The recording of a drive is `TOWN_SEED_SECONDS.mcap` with the
+//! topics submap and class; `true` replaces its classes by the true ones. The scores are those of `replica evaluate instances` over
+//! all submaps of a drive together, so an object that changes its number at a border is missed and made up; then over all drives.
 
+mod recorded;
 mod town;
 
 use instance::{InstanceStage, Settings, Thing};
@@ -26,14 +29,17 @@ const CLASSES: [ClassId; 2] = [ClassId::Vehicles, ClassId::Pedestrian];
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, towns, seconds, seeds, model @ ..] = words.as_slice() else {
+    let [folder, towns, seconds, seeds, model_words @ ..] = words.as_slice() else {
         panic!("usage: town_scores FOLDER TOWN,TOWN... SECONDS SEED,SEED... [MODEL]")
     };
     let seconds: f64 = seconds.parse().expect("seconds");
     let seeds: Vec<u64> = seeds.split(',').map(|seed| seed.parse().expect("a seed")).collect();
-    let model = model.first().map(|path| {
-        segmentation::load(Path::new(path), &segmentation::Options::default()).expect("the model can be read")
-    });
+    let source = model_words.first().map(Path::new);
+    let recordings = source.filter(|path| path.is_dir());
+    let model = source
+        .filter(|path| path.is_file())
+        .map(|path| segmentation::load(path, &segmentation::Options::default()).expect("the model can be read"));
+    let with_true_classes = model_words.get(1).is_some_and(|word| word == "true");
     println!("| town | settings | class | true | found | SM % | PQ % | SQ % | RQ % | mIoU % |");
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let variants = variants();
@@ -41,9 +47,18 @@ fn main() {
         let kind = Town::ALL.into_iter().find(|kind| kind.name() == town);
         let kind = kind.unwrap_or_else(|| panic!("{town:?} is no kind of town"));
         let mut pooled: Vec<Vec<InstanceScores>> = vec![Vec::new(); variants.len()];
+        let mut bound: Vec<InstanceScores> = Vec::new();
         for &seed in &seeds {
-            let submaps = town::submaps(Path::new(folder), kind, seed, seconds);
-            let classes: Vec<Vec<ClassRow>> = submaps.iter().map(|submap| submap.classes(model.as_deref())).collect();
+            let name = format!("{town}_{seed}_{seconds}");
+            let drive = Path::new(folder).join(&name);
+            let (submaps, mut classes) = match recordings {
+                Some(recordings) => recorded::submaps(&drive, &recordings.join(format!("{name}.mcap"))),
+                None => (town::submaps(&drive, kind, seed, seconds), Vec::new()),
+            };
+            if recordings.is_none() || with_true_classes {
+                classes = submaps.iter().map(|submap| submap.classes(model.as_deref())).collect();
+            }
+            bound.extend(bound_by_classes(&submaps, &classes));
             for (pool, (_, settings)) in pooled.iter_mut().zip(&variants) {
                 pool.extend(evaluate(&submaps, &classes, settings));
             }
@@ -52,45 +67,39 @@ fn main() {
             for ((name, _), scores) in variants.iter().zip(&pooled) {
                 print(town, name, &together(class, scores));
             }
+            print(town, "bound by the classes", &together(class, &bound));
         }
     }
 }
 
 /// The thesis' rules, the default, and the default with one thing changed.
 fn variants() -> Vec<(String, Settings)> {
-    let of_class = |idx: usize, change: &dyn Fn(&mut Thing)| {
+    let of_all = |change: &dyn Fn(&mut Thing)| {
         let mut settings = Settings::default();
-        change(&mut settings.things[idx]);
+        settings.things.iter_mut().for_each(change);
         settings
     };
-    let mut thesis = Settings { apart_s: 0.0, remembered_submaps: 0, dilation_m: 0.2, ..Settings::default() };
-    for (thing, min_points) in thesis.things.iter_mut().zip([500, 100]) {
-        (thing.peak_m, thing.min_score, thing.min_points) = (0.0, 0.0, min_points);
-    }
+    let mut thesis = of_all(&|thing| {
+        (thing.peak_m, thing.min_score, thing.min_share) = (0.0, 0.0, 0.0);
+        (thing.max_speed_mps, thing.join_m) = (0.0, 0.0);
+    });
+    (thesis.apart_s, thesis.remembered_submaps) = (0.0, 0);
+    let before = |thing: &mut Thing| {
+        (thing.min_share, thing.max_speed_mps, thing.join_m) = (0.0, 0.0, 0.0);
+        thing.min_score = if thing.class == ClassId::Vehicles.name() { 0.0 } else { 0.5 };
+    };
     let mut variants = vec![
         ("the thesis' rules".to_owned(), thesis),
+        ("fixed counts, no tracks, no joining".to_owned(), of_all(&before)),
         ("default".to_owned(), Settings::default()),
-        ("remembered_submaps = 0".to_owned(), Settings { remembered_submaps: 0, ..Settings::default() }),
-        ("apart_s = 0".to_owned(), Settings { apart_s: 0.0, ..Settings::default() }),
+        ("max_speed_mps = 0".to_owned(), of_all(&|thing| thing.max_speed_mps = 0.0)),
+        ("join_m = 0".to_owned(), of_all(&|thing| thing.join_m = 0.0)),
     ];
-    for dilation_m in [0.1, 0.2, 0.3] {
-        variants.push((format!("dilation_m = {dilation_m}"), Settings { dilation_m, ..Settings::default() }));
+    for min_share in [0.0, 0.1] {
+        variants.push((format!("min_share = {min_share}"), of_all(&|thing| thing.min_share = min_share)));
     }
-    for (idx, name) in ["vehicles", "pedestrian"].into_iter().enumerate() {
-        for peak_m in [0.0, 0.2, 0.4, 0.8] {
-            variants.push((format!("{name}: peak_m = {peak_m}"), of_class(idx, &|thing| thing.peak_m = peak_m)));
-        }
-        for min_points in [[100, 200, 300, 500], [25, 50, 75, 100]][idx] {
-            let change = |thing: &mut Thing| thing.min_points = min_points;
-            variants.push((format!("{name}: min_points = {min_points}"), of_class(idx, &change)));
-        }
-        for min_score in [[0.7, 0.8, 0.9], [0.0, 0.4, 0.6]][idx] {
-            let change = |thing: &mut Thing| thing.min_score = min_score;
-            variants.push((format!("{name}: min_score = {min_score}"), of_class(idx, &change)));
-        }
-        let (join_m, max_length_m) = [(0.8, 6.0), (0.3, 1.2)][idx];
-        let join = |thing: &mut Thing| (thing.join_m, thing.max_length_m) = (join_m, max_length_m);
-        variants.push((format!("{name}: join_m = {join_m}, max_length_m = {max_length_m}"), of_class(idx, &join)));
+    for min_score in [0.0, 0.7] {
+        variants.push((format!("min_score = {min_score}"), of_all(&|thing| thing.min_score = min_score)));
     }
     variants
 }
@@ -111,6 +120,24 @@ fn evaluate(submaps: &[TownSubmap], classes: &[Vec<ClassRow>], settings: &Settin
         }
     }
     CLASSES.map(|class| overlaps.score(class as u8, ClassId::Unlabeled as u8, MIN_POINTS)).into()
+}
+
+/// The best scores that these classes allow: each point of the right class has its true instance, and all instances without a match are
+/// left out.
+fn bound_by_classes(submaps: &[TownSubmap], classes: &[Vec<ClassRow>]) -> Vec<InstanceScores> {
+    let mut overlaps = Overlaps::default();
+    for (submap, classes) in submaps.iter().zip(classes) {
+        for (truth, row) in submap.truth.iter().zip(classes) {
+            let truth = PointLabel { class: truth.class, instance: truth.instance.into() };
+            let instance = if truth.class == row.class_id { truth.instance } else { 0 };
+            overlaps.add(truth, PointLabel { class: row.class_id, instance });
+        }
+    }
+    let best = |class: ClassId| {
+        let score = overlaps.score(class as u8, ClassId::Unlabeled as u8, MIN_POINTS);
+        InstanceScores { n_predicted: score.matches.len(), ..score }
+    };
+    CLASSES.map(best).into()
 }
 
 /// The scores of several drives as one.

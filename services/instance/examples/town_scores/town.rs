@@ -82,14 +82,13 @@ struct Truth {
     body_from_lidar: Pose,
 }
 
-/// The submaps of a drive of the lidar alone, which is simulated if it is not in `folder`.
-pub fn submaps(folder: &Path, town: Town, seed: u64, seconds: f64) -> Vec<TownSubmap> {
-    let path = folder.join(format!("{}_{seed}_{seconds}", town.name()));
+/// The submaps of a drive of the lidar alone, which is simulated if it does not exist.
+pub fn submaps(path: &Path, town: Town, seed: u64, seconds: f64) -> Vec<TownSubmap> {
     if !path.exists() {
         let spec = DriveSpec { town, cameras: false, mosaics: false, ..DriveSpec::urban(seed, seconds) };
-        simulation::write_drive(&spec, &path, &mut |_| {}).expect("simulates");
+        simulation::write_drive(&spec, path, &mut |_| {}).expect("simulates");
     }
-    let drive = Drive::open(&path).expect("opens");
+    let drive = Drive::open(path).expect("opens");
     let truth = Truth {
         world_from_body: drive.true_trajectory().expect("has a truth").expect("reads"),
         labels: drive.true_labels().expect("has labels"),

@@ -159,17 +159,23 @@ fn cars_bumper_to_bumper_are_split_between_their_roofs() {
 }
 
 #[test]
-fn two_halves_of_a_van_are_joined_and_two_cars_are_not_joined() {
+fn parts_of_a_van_are_joined_unless_too_long_or_with_ground_between() {
     let halves = [[5.0, 4.0, 7.2, 5.8], [7.9, 4.0, 10.0, 5.8]];
-    let mut street = Street::road(&halves);
-    for half in halves {
-        street.object(half, [0.2, 2.2], 2000, ClassId::Vehicles, 1);
-    }
-    let join = |length_m: f64| with_first_thing(|thing| (thing.join_m, thing.max_length_m) = (0.8, length_m));
-    let ids = |settings: &Settings| ids_of_thing(&ids_of(&[(HERE, &street)], settings)[0], &street, 1);
-    assert_eq!(ids(&Settings::default()), [1, 2]);
-    assert_eq!(ids(&join(6.0)), [1]);
-    assert_eq!(ids(&join(4.5)), [1, 2], "together they are 5 m long");
+    let street = |holes: &[[f32; 4]]| {
+        let mut street = Street::road(holes);
+        for half in halves {
+            street.object(half, [0.2, 2.2], 2000, ClassId::Vehicles, 1);
+        }
+        street
+    };
+    let join =
+        |join_m: f64, length_m: f64| with_first_thing(|thing| (thing.join_m, thing.max_length_m) = (join_m, length_m));
+    let ids = |street: &Street, settings: &Settings| ids_of_thing(&ids_of(&[(HERE, street)], settings)[0], street, 1);
+    let hidden = street(&[[5.0, 4.0, 10.0, 5.8]]);
+    assert_eq!(ids(&hidden, &join(0.0, 0.0)), [1, 2]);
+    assert_eq!(ids(&hidden, &join(0.8, 6.0)), [1]);
+    assert_eq!(ids(&hidden, &join(0.8, 4.5)), [1, 2], "together they are 5 m long");
+    assert_eq!(ids(&street(&halves), &join(0.8, 6.0)), [1, 2], "the road between them was seen");
 }
 
 #[test]

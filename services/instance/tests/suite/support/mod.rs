@@ -1,5 +1,7 @@
 //! Streets with known objects, and the stage on a test bench.
 
+pub mod lidar;
+
 use instance::{InstanceStage, Settings};
 use messages::{ClassHeader, ClassId, ClassRow, ClassTopic, PoseRow, SubmapHeader, SubmapPoint, SubmapTopic};
 use stage::testing::{Bench, context};
