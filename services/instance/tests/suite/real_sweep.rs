@@ -108,7 +108,7 @@ fn car_and_truck_of_one_real_sweep_are_found() {
     assert_eq!(n_found_before, 0, "they have 51 and 494 points");
 }
 
-/// The numbers of a NumPy file with values of four bytes.
+/// The numbers of a `.npy` file with values of four bytes.
 fn npy(name: &str) -> Vec<[u8; 4]> {
     let bytes = std::fs::read(real_data::path(name)).expect("reads");
     let begin = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
