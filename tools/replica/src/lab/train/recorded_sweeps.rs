@@ -1,4 +1,5 @@
-//! Labeled submaps of recordings: labeled clouds that `replica import` has written, and recorded runs over drives with labels.
+//! Labeled submaps of recordings: labeled clouds that `replica import` has written, recorded runs over drives with labels, and recorded
+//! runs whose predicted classes are taken for the truth.
 
 use super::camera_columns::CameraNeeds;
 use super::recipe::RecordingSource;
