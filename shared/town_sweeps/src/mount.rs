@@ -47,6 +47,9 @@ impl Mount {
 
     /// The lidar, which may be random.
     pub(crate) fn lidar(self, random: &mut Random) -> MountedLidar {
+        // Drawn for every mount: the numbers after it, those of the noise, must stay the same.
+        let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
+        let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
         let rig = RigSpec::l3d2().lidar.body_from_lidar;
         let errors = LidarErrors::NONE;
         match self {
@@ -55,14 +58,12 @@ impl Mount {
                 let body_from_lidar = Isometry3::translation(0.0, 0.0, height_m - BODY_M);
                 MountedLidar { model, body_from_lidar, errors, has_rings }
             }
-            Self::Random => random_lidar(rig, random),
+            Self::Random => random_lidar(rig, jitter, random),
         }
     }
 }
 
-fn random_lidar(rig: Pose, random: &mut Random) -> MountedLidar {
-    let mut near = |degrees: f32| f64::from(random.range(-degrees, degrees)).to_radians();
-    let jitter = UnitQuaternion::from_euler_angles(near(3.0), near(3.0), near(3.0));
+fn random_lidar(rig: Pose, jitter: UnitQuaternion<f64>, random: &mut Random) -> MountedLidar {
     let (model, body_from_lidar) = if random.chance(0.3) {
         let moved = Vector3::from_fn(|_, _| f64::from(random.range(-0.2, 0.2)));
         (Model::Hdl32e, Isometry3::from_parts((rig.translation.vector + moved).into(), rig.rotation * jitter))

@@ -128,6 +128,9 @@ impl IntensityMap {
         let ground =
             GroundByRing::of(sample.map(|(point, height_m)| (usize::from(point.ring), point.intensity, *height_m)));
         let found = ground.quantiles();
+        if intensity_use != IntensityUse::Raw && ground.is_constant() {
+            return (Self::Unknown, None);
+        }
         let foreign = found.filter(|found| !is_on_scale(*found, trained));
         let is_normalized = match intensity_use {
             IntensityUse::Off => return (Self::Unknown, None),
@@ -235,6 +238,18 @@ mod tests {
         assert_eq!((image.pixels[0].intensity, image.has_intensity), (12, true));
         IntensityMap::Unknown.apply(&mut image);
         assert!(!image.has_intensity);
+    }
+
+    #[test]
+    fn equal_intensities_of_the_ground_are_no_intensities() {
+        let (mut points, heights_m) = street(1.0);
+        points.iter_mut().for_each(|point| point.intensity = 76);
+        for intensity_use in [IntensityUse::Auto, IntensityUse::Normalized, IntensityUse::Off] {
+            let map = IntensityMap::of(intensity_use, &points, &heights_m, Some(TRAINED));
+            assert_eq!(map, (IntensityMap::Unknown, None));
+        }
+        let raw = IntensityMap::of(IntensityUse::Raw, &points, &heights_m, Some(TRAINED));
+        assert_eq!(raw, (IntensityMap::Unchanged, Some([76, 12])));
     }
 
     #[test]

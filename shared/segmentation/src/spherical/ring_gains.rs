@@ -31,6 +31,11 @@ impl GroundByRing {
         all.quantiles()
     }
 
+    /// Whether nearly the whole ground has one intensity: a constant in the place of intensities.
+    pub(super) fn is_constant(&self) -> bool {
+        self.quantiles().is_some_and(|found| found[0] == found[N - 1])
+    }
+
     /// Factor of each ring to the median of all.
     fn factors(&self) -> Option<Vec<f32>> {
         let median_of_all = f32::from(self.quantiles()?[N / 2]);
@@ -44,10 +49,10 @@ impl GroundByRing {
     }
 
     /// Brings all rings to the same median, and their intensities to the scale of the training: linear between the quantiles; above the
-    /// last, the rest of both scales. Equal intensities of the whole ground say nothing. `None` if the ground is not known.
+    /// last, the rest of both scales. A constant says nothing. `None` if the ground is not known.
     pub fn normalizing(&self, trained: GroundIntensities) -> Option<IntensityMap> {
         let factors = self.factors()?;
-        if self.quantiles().is_some_and(|found| found[0] == found[N - 1]) {
+        if self.is_constant() {
             return Some(IntensityMap::Unknown);
         }
         let mut balanced = GroundHistogram::default();

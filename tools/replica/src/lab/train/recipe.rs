@@ -362,7 +362,7 @@ mod tests {
         );
         check("towns = [", "removed_classes = ['road']\ntowns = [", "removed_classes: road is in classes of [model]");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
-        check("last = 2008", "last = 3108", "seeds and validation_seeds overlap");
+        check("last = 2008", "last = 3400", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
         check("validation_seeds = { first = 2001, last = 2008 }", "", "has nothing to compare epochs on");
         check("\"suburban\"", "\"atlantis\"", "unknown kind of town \"atlantis\", must be one of urban");
