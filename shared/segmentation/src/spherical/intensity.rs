@@ -243,7 +243,9 @@ mod tests {
     #[test]
     fn equal_intensities_of_the_ground_are_no_intensities() {
         let (mut points, heights_m) = street(1.0);
-        points.iter_mut().for_each(|point| point.intensity = 76);
+        for point in &mut points {
+            point.intensity = 76;
+        }
         for intensity_use in [IntensityUse::Auto, IntensityUse::Normalized, IntensityUse::Off] {
             let map = IntensityMap::of(intensity_use, &points, &heights_m, Some(TRAINED));
             assert_eq!(map, (IntensityMap::Unknown, None));
