@@ -38,7 +38,7 @@ pub fn of_truth(class: u8) -> Option<usize> {
     })
 }
 
-/// The class of a predicted class: [`N`] if it is none of the seven.
+/// Number of the seven classes that a predicted class id counts as; [`N`] for ids outside of the seven.
 pub fn of_prediction(class: u8) -> usize {
     match ClassId::from_id(class) {
         Some(TrafficLight | Static) => MANMADE,
