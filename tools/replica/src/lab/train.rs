@@ -5,6 +5,7 @@ mod camera_columns;
 mod camera_dropout;
 mod ideal_columns;
 mod images;
+mod intensity_scale;
 mod labeled_image;
 mod point_dataset;
 mod point_recipe;

@@ -1,5 +1,6 @@
 //! Sweeps of labeled submaps as images.
 
+use super::intensity_scale::IntensityScale;
 use super::removed_classes::RemovedClasses;
 use super::sources::Labeled;
 use geometry::NO_POINT;
@@ -19,6 +20,7 @@ pub fn images_of(
     Labeled { input: cloud, classes }: &Labeled<'_>,
     settings: &Settings,
     removed_classes: &RemovedClasses,
+    scale: IntensityScale,
 ) -> Vec<LabeledImage> {
     let (heights_m, removed) = match settings.ground {
         GroundUse::Kept => (ground::heights(cloud), None),
@@ -30,7 +32,9 @@ pub fn images_of(
     };
     let removed = removed_classes.with_points(removed, classes);
     let output = output_of_class(settings);
-    let of_sweep = |sweep: RangeSweep| {
+    let intensities = scale.map(cloud.points, &heights_m);
+    let of_sweep = |mut sweep: RangeSweep| {
+        intensities.apply(&mut sweep.polar);
         let class = |&shown: &u32| match shown {
             NO_POINT => UNKNOWN,
             point => output[usize::from(classes[sweep.points.start + point as usize])],

@@ -3,6 +3,7 @@
 use super::TrainingData;
 use super::augmentation::{random_gain, random_height_error_m};
 use super::camera_columns::CameraNeeds;
+use super::intensity_scale::IntensityScale;
 use super::point_recipe::PointRecipe;
 use super::recipe::{Data, Range, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
@@ -14,7 +15,7 @@ use messages::ClassId;
 use neighbors::squared_distance;
 use random::Random;
 use segmentation::points::{Augmentation, CellCloud, PointSettings, TrainingSpheres};
-use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap};
+use segmentation::spherical::{GroundHistogram, GroundIntensities};
 use segmentation::{ModelInput, ground};
 use std::path::Path;
 use training::{Dataset, PointExample, UNKNOWN};
@@ -113,13 +114,14 @@ fn cells_of(
     Labeled { input: whole, classes }: &Labeled<'_>,
     (outputs, removed_classes): (&[u8], &RemovedClasses),
     settings: &PointSettings,
+    scale: IntensityScale,
 ) -> anyhow::Result<(LabeledCloud, GroundHistogram)> {
     let of_all_m = ground::heights(whole);
     let (points, heights_m) = (removed_classes.kept(whole.points, classes), removed_classes.kept(&of_all_m, classes));
     let colors = whole.colors.map(|colors| removed_classes.kept(colors, classes));
     let kept_classes = removed_classes.kept(classes, classes);
     let input = ModelInput { points: &points, colors: colors.as_deref(), spectra: None, ..*whole };
-    let (cloud, grid) = CellCloud::of(&input, &heights_m, &IntensityMap::Unchanged, settings.cell_m)?;
+    let (cloud, grid) = CellCloud::of(&input, &heights_m, &scale.map(whole.points, &of_all_m), settings.cell_m)?;
     let class_of = |cell: usize| {
         let mut counts = vec![0_u32; settings.classes.len()];
         for point in grid.points_of(cell) {
@@ -133,7 +135,7 @@ fn cells_of(
     };
     let truth = (0..grid.len()).map(class_of).collect();
     let mut ground = GroundHistogram::default();
-    if !cloud.intensities.is_empty() {
+    if !cloud.intensities.is_empty() && scale == IntensityScale::Own {
         ground.add(whole.points.iter().zip(&of_all_m).map(|(point, height_m)| (point.intensity, *height_m)));
     }
     Ok((LabeledCloud { cloud, truth }, ground))
@@ -143,16 +145,18 @@ impl TrainingData for PointDataset {
     fn add_towns(&mut self, data: &Data, seeds: Range, progress: &mut dyn FnMut(usize, usize)) -> anyhow::Result<()> {
         let (outputs, settings, needs) = (self.outputs.clone(), self.settings.clone(), self.needs.clone());
         let removed_classes = self.removed_classes.clone();
-        let convert = |of: Labeled<'_>| cells_of(&of, (&outputs, &removed_classes), &settings);
+        let convert = |of: Labeled<'_>| cells_of(&of, (&outputs, &removed_classes), &settings, IntensityScale::Own);
         simulate((data, seeds), &needs, convert, |cells| self.push(cells, 1.0), progress)
     }
 
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
+        let scale = IntensityScale::of(source, &self.ground);
         let (mut n_submaps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
             if n_submaps % source.every == 0 {
-                let cells = cells_of(&submap.labeled(), (&self.outputs, &self.removed_classes), &self.settings)?;
+                let removed = (self.outputs.as_slice(), &self.removed_classes);
+                let cells = cells_of(&submap.labeled(), removed, &self.settings, scale)?;
                 // Data sets label key frames only.
                 let is_labeled = cells.0.truth.iter().any(|class| *class != UNKNOWN);
                 if is_labeled {
@@ -252,7 +256,8 @@ mod tests {
         let (points, classes) = street();
         let header = SubmapHeader::default();
         let of = Labeled { input: ModelInput::new(&header, &points), classes: &classes };
-        let cells = cells_of(&of, (&data.outputs, &data.removed_classes), &data.settings).expect("cells");
+        let cells =
+            cells_of(&of, (&data.outputs, &data.removed_classes), &data.settings, IntensityScale::Own).expect("cells");
         data.push(cells, weight).expect("written");
         data.finish();
     }

@@ -4,6 +4,7 @@ use super::TrainingData;
 use super::augmentation::augment;
 use super::camera_columns::CameraNeeds;
 use super::camera_dropout::ImageAugmentation;
+use super::intensity_scale::IntensityScale;
 use super::labeled_image::{LabeledImage, images_of, output_of};
 use super::recipe::{Data, Range, Recipe, RecordingSource};
 use super::recorded_sweeps::RecordedSweeps;
@@ -13,9 +14,8 @@ use super::sweep_file::SweepFile;
 use anyhow::ensure;
 use messages::ClassId;
 use random::Random;
-use segmentation::ground;
 use segmentation::network::NetworkSpec;
-use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse, Settings, features};
+use segmentation::spherical::{GroundHistogram, GroundIntensities, Settings, features};
 use std::path::Path;
 use training::{Dataset, Example, UNKNOWN};
 
@@ -63,24 +63,15 @@ impl SweepDataset {
         })
     }
 
-    fn push(&mut self, image: &LabeledImage) -> anyhow::Result<()> {
+    fn push(&mut self, image: &LabeledImage, scale: IntensityScale) -> anyhow::Result<()> {
         for class in image.truth.iter().filter(|class| **class != UNKNOWN) {
             self.counts[usize::from(*class)] += 1;
         }
-        self.file.push(image)
-    }
-
-    fn count_ground(&mut self, LabeledImage { image, .. }: &LabeledImage) {
-        if image.has_intensity {
-            let pixels = image.pixels.iter().filter(|pixel| pixel.is_valid());
+        if image.image.has_intensity && scale == IntensityScale::Own {
+            let pixels = image.image.pixels.iter().filter(|pixel| pixel.is_valid());
             self.ground.add(pixels.map(|pixel| (pixel.intensity, pixel.height_m)));
         }
-    }
-
-    /// The intensities of a submap on the scale of the data so far.
-    fn normalized(&self, Labeled { input, .. }: &Labeled<'_>) -> IntensityMap {
-        let heights_m = ground::heights(input);
-        IntensityMap::of(IntensityUse::Normalized, input.points, &heights_m, self.ground.quantiles()).0
+        self.file.push(image)
     }
 
     fn end_source(&mut self, first: usize, weight: f64) {
@@ -124,13 +115,9 @@ impl TrainingData for SweepDataset {
         let first = self.file.len();
         let (settings, removed_classes, needs) =
             (self.settings.clone(), self.removed_classes.clone(), self.needs.clone());
-        let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes));
-        let push = |images: Vec<LabeledImage>| {
-            images.iter().try_for_each(|image| {
-                self.count_ground(image);
-                self.push(image)
-            })
-        };
+        let convert = |of: Labeled<'_>| Ok(images_of(&of, &settings, &removed_classes, IntensityScale::Own));
+        let push =
+            |images: Vec<LabeledImage>| images.iter().try_for_each(|image| self.push(image, IntensityScale::Own));
         simulate((data, seeds), &needs, convert, push, progress)?;
         self.end_source(first, 1.0);
         Ok(())
@@ -139,22 +126,15 @@ impl TrainingData for SweepDataset {
     fn add_recording(&mut self, source: &RecordingSource, folder: &Path) -> anyhow::Result<()> {
         let first = self.file.len();
         let mut recording = RecordedSweeps::open(source, folder, &self.needs)?;
+        let scale = IntensityScale::of(source, &self.ground);
         let (mut n_sweeps, mut n_labeled) = (0, 0);
         while let Some(submap) = recording.next()? {
-            let labeled = submap.labeled();
-            // Predicted classes are of other sensors: the model will see their intensities as `infer` brings them to its scale.
-            let intensities = source.predicted_above.map(|_| self.normalized(&labeled));
-            for mut image in images_of(&labeled, &self.settings, &self.removed_classes) {
+            for image in images_of(&submap.labeled(), &self.settings, &self.removed_classes, scale) {
                 if n_sweeps % source.every == 0 {
                     let is_labeled = image.truth.iter().any(|class| *class != UNKNOWN);
-                    if let Some(intensities) = &intensities {
-                        intensities.apply(&mut image.image);
-                    } else if is_labeled {
-                        self.count_ground(&image);
-                    }
                     // Data sets label key frames only.
                     if is_labeled {
-                        self.push(&image)?;
+                        self.push(&image, scale)?;
                     }
                     n_labeled += usize::from(is_labeled);
                 }
@@ -256,8 +236,9 @@ mod tests {
         write_recording(&folder.path().join("clouds.mcap"), &submaps, "imported", &[]);
         let data = dataset(folder.path(), &source(1.0, 1));
         let settings = recipe("").settings().expect("settings");
-        let images =
-            submaps.iter().flat_map(|submap| images_of(&labeled(submap), &settings, &RemovedClasses::default()));
+        let images = submaps
+            .iter()
+            .flat_map(|submap| images_of(&labeled(submap), &settings, &RemovedClasses::default(), IntensityScale::Own));
         let images: Vec<LabeledImage> = images.collect();
         assert_eq!((data.len(), data.n_sweeps(), images.len()), (6, 6, 6));
         for (index, image) in images.iter().enumerate() {

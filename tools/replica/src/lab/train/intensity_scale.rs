@@ -1,0 +1,60 @@
+//! The scale of the intensities of labeled points.
+
+use super::recipe::RecordingSource;
+use messages::SubmapPoint;
+use segmentation::spherical::{GroundHistogram, GroundIntensities, IntensityMap, IntensityUse};
+
+/// Whose intensities labeled points have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum IntensityScale {
+    /// Those of the training: they count for its scale.
+    Own,
+    /// Those of another sensor. The model sees them as `infer` brings them to the scale of the training, given by its intensities of the
+    /// ground.
+    Foreign(Option<GroundIntensities>),
+}
+
+impl IntensityScale {
+    /// Of a recording; `ground` has the intensities of the sources before it. Classes are predicted for drives of other sensors.
+    pub fn of(source: &RecordingSource, ground: &GroundHistogram) -> Self {
+        match source.predicted_above {
+            Some(_) => Self::Foreign(ground.quantiles()),
+            None => Self::Own,
+        }
+    }
+    /// What becomes of the intensities of a submap.
+    pub fn map(self, points: &[SubmapPoint], heights_m: &[f32]) -> IntensityMap {
+        match self {
+            Self::Own => IntensityMap::Unchanged,
+            Self::Foreign(trained) => IntensityMap::of(IntensityUse::Normalized, points, heights_m, trained).0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn predicted_classes_have_intensities_of_another_sensor() {
+        let source = |predicted_above| RecordingSource {
+            file: "run.mcap".into(),
+            drive: None,
+            predicted_above,
+            validation: false,
+            weight: 1.0,
+            every: 1,
+        };
+        let mut ground = GroundHistogram::default();
+        ground.add((0..5000).map(|i| (8 + (i % 9) as u8, 0.0)));
+        assert_eq!(IntensityScale::of(&source(None), &ground), IntensityScale::Own);
+        let scale = IntensityScale::of(&source(Some(0.9)), &ground);
+        assert_eq!(scale, IntensityScale::Foreign(ground.quantiles()));
+        // Five times as bright.
+        let point = |i: usize| SubmapPoint { intensity: 40 + 5 * (i % 9) as u8, ..SubmapPoint::default() };
+        let points: Vec<SubmapPoint> = (0..5000).map(point).collect();
+        let map = scale.map(&points, &[0.0; 5000]);
+        assert_eq!([40, 60, 80].map(|intensity| map.of_intensity(0, intensity)), [8, 12, 16]);
+        assert_eq!(IntensityScale::Own.map(&points, &[0.0; 5000]), IntensityMap::Unchanged);
+    }
+}
