@@ -53,8 +53,9 @@ mod tests {
         // Five times as bright.
         let point = |i: usize| SubmapPoint { intensity: 40 + 5 * (i % 9) as u8, ..SubmapPoint::default() };
         let points: Vec<SubmapPoint> = (0..5000).map(point).collect();
-        let map = scale.map(&points, &[0.0; 5000]);
+        let heights_m = vec![0.0; points.len()];
+        let map = scale.map(&points, &heights_m);
         assert_eq!([40, 60, 80].map(|intensity| map.of_intensity(0, intensity)), [8, 12, 16]);
-        assert_eq!(IntensityScale::Own.map(&points, &[0.0; 5000]), IntensityMap::Unchanged);
+        assert_eq!(IntensityScale::Own.map(&points, &heights_m), IntensityMap::Unchanged);
     }
 }
