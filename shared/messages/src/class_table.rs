@@ -3,6 +3,22 @@
 /// Raised when an id changes its meaning.
 pub const CLASS_TABLE_VERSION: u64 = 1;
 
+/// A name that is not in the class table.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown class {name:?}; known are {}", ClassId::ALL.iter().map(|class| class.name()).collect::<Vec<_>>().join(", "))]
+pub struct UnknownClass {
+    /// The name.
+    pub name: String,
+}
+
+impl std::str::FromStr for ClassId {
+    type Err = UnknownClass;
+
+    fn from_str(name: &str) -> Result<Self, UnknownClass> {
+        Self::from_name(name).ok_or_else(|| UnknownClass { name: name.to_owned() })
+    }
+}
+
 macro_rules! classes {
     ($($(#[$doc:meta])* $variant:ident = $id:literal, $name:literal;)*) => {
         /// A class by its id.

@@ -21,7 +21,7 @@ mod tick;
 mod trajectory;
 
 pub use byte_table::{ByteField, ByteTable};
-pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, class_name};
+pub use class_table::{CLASS_TABLE_VERSION, ClassId, GROUND_CLASSES, UnknownClass, class_name};
 pub use columns::{
     ClassHeader, ClassRow, ClassTopic, ColorHeader, ColorRow, ColorTopic, InstanceHeader, InstanceTopic, MAX_BANDS,
     NO_SPECTRUM, SpectraHeader, SpectraTopic, SpectraView, UNSEEN,

@@ -1,15 +1,15 @@
 //! Rules that the settings of all models on networks share.
 
 use crate::SegmentationError;
-use messages::ClassId;
+use messages::{ClassId, UnknownClass};
 
 /// The classes of these names.
 ///
 /// # Errors
 /// [`SegmentationError::Settings`] if a name is not in the class table.
 pub fn classes_of_names(names: &[String]) -> Result<Vec<ClassId>, SegmentationError> {
-    let classes: Option<Vec<ClassId>> = names.iter().map(|name| ClassId::from_name(name)).collect();
-    classes.ok_or_else(|| SegmentationError::Settings(format!("classes {names:?}: not all are in the class table")))
+    let classes: Result<Vec<ClassId>, _> = names.iter().map(|name| name.parse()).collect();
+    classes.map_err(|unknown: UnknownClass| SegmentationError::Settings(format!("classes: {unknown}")))
 }
 
 /// The rule of the divisor of logits, with its text.

@@ -198,7 +198,7 @@ fn unsuitable_settings_are_refused_with_the_rule() {
         let error = load(&path, &Options::default()).err().expect("is refused").to_string();
         assert!(error.contains("points.safetensors") && error.contains(rule), "{error}");
     };
-    check(&|of| of.classes[1] = "trees".to_owned(), "not all are in the class table");
+    check(&|of| of.classes[1] = "trees".to_owned(), "unknown class \"trees\"; known are unlabeled, building");
     check(&|of| of.classes.truncate(2), "network.outputs = 3, must be the 2 classes");
     check(&|of| of.features.truncate(1), "network.inputs = 8, must be the 3 values of the features");
     check(&|of| of.cell_m = 0.001, "cell_m = 0.001, must be 0.02 to 5");

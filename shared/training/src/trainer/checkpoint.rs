@@ -53,7 +53,8 @@ impl<N: Network> Trainer<N> {
         Ok(encode_model(ARCHITECTURE, VERSION, &state, borrowed)?)
     }
 
-    /// Continues from a checkpoint of the same settings and network.
+    /// Continues from a checkpoint of the same network and of the same settings. Only `epochs` and `patience` may differ: a finished
+    /// training goes on with the learning rate that a training of `epochs` has at this place.
     ///
     /// # Errors
     /// If the file is not a complete checkpoint, or one of other settings or of another network.
@@ -65,7 +66,10 @@ impl<N: Network> Trainer<N> {
             return Err(wrong("this file is a model, not a checkpoint"));
         }
         let state: State<N::Spec> = file.settings()?;
-        if state.settings != self.settings || &state.network != self.network.spec() {
+        let (epochs, patience) = (self.settings.epochs, self.settings.patience);
+        if (TrainSettings { epochs, patience, ..state.settings }) != self.settings
+            || &state.network != self.network.spec()
+        {
             return Err(wrong("checkpoint of another recipe; train into another folder, or remove the file"));
         }
         let mut means = BTreeMap::new();

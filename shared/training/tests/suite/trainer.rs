@@ -99,6 +99,23 @@ fn resumed_training_gives_same_bytes() {
 }
 
 #[test]
+fn finished_training_continues_with_more_epochs() {
+    let mut short = trainer(TrainSettings { epochs: 2, ..settings() });
+    train(&mut short, 2);
+    assert!(short.is_done());
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("checkpoint.safetensors");
+    std::fs::write(&path, short.checkpoint().expect("encodes")).expect("writes");
+    let mut longer = trainer(TrainSettings { epochs: 4, ..settings() });
+    longer.resume(&path).expect("resumes");
+    assert!(!longer.is_done());
+    assert_eq!(longer.curves().csv(), short.curves().csv());
+    train(&mut longer, 2);
+    assert!(longer.is_done());
+    assert_eq!(longer.curves().epochs.len(), 4);
+}
+
+#[test]
 fn number_of_threads_does_not_change_weights() {
     let learned = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");

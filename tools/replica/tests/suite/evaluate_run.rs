@@ -281,7 +281,7 @@ fn wrong_arguments_and_folders_are_reported() {
     refused(&[text(&run), "--truth", text(&run)], 1, "no drive.toml; --truth must be a drive folder");
     refused(&[text(&folder.path().join("none")), "--truth", text(&drive)], 1, "not the output folder of a run");
     refused(&[text(&drive), "--truth", text(&drive)], 1, "no clouds (*.ply)");
-    refused(&[text(&run), "--truth", text(&drive), "--instances", "cars"], 1, "unknown class \"cars\"");
+    refused(&[text(&run), "--truth", text(&drive), "--instances", "cars"], 2, "unknown class \"cars\"");
     // The subcommands are still there.
     refused(&["trajectory", text(&drive)], 2, "<ESTIMATE>");
 

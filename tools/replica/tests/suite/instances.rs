@@ -108,7 +108,7 @@ fn true_labels_score_100_and_errors_are_reported() {
     assert!(printed(&output).contains("1 points have no ground truth"), "{}", printed(&output));
 
     let output = evaluate(&run, &["--classes", "vehicles,cars"]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     assert!(printed(&output).contains("unknown class \"cars\""), "{}", printed(&output));
     let empty = folder.path().join("empty");
     std::fs::create_dir(&empty).expect("made");

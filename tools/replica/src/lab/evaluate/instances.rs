@@ -24,7 +24,7 @@ pub struct Args {
     prediction: PathBuf,
     /// Classes to score
     #[arg(long, value_delimiter = ',', default_value = "vehicles,pedestrian")]
-    classes: Vec<String>,
+    classes: Vec<ClassId>,
     /// True instances with fewer points, over all clouds, are ignored
     #[arg(long, value_name = "N", default_value_t = 100)]
     min_points: u64,
@@ -32,11 +32,9 @@ pub struct Args {
 
 /// Prints the table.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let class = |name: &String| ClassId::from_name(name).with_context(|| format!("--classes: unknown class {name:?}"));
-    let classes: Vec<ClassId> = args.classes.iter().map(class).collect::<anyhow::Result<_>>()?;
     let (mut overlaps, n_unknown) = overlaps(&args.truth, &args.prediction)?;
     let void = ClassId::Unlabeled as u8;
-    let scores = classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
+    let scores = args.classes.iter().map(|&class| overlaps.score(class as u8, void, args.min_points));
     say!("{}", table(&scores.collect::<Vec<_>>()).trim_end())?;
     if n_unknown == 0 {
         return Ok(ExitCode::SUCCESS);

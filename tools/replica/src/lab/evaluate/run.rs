@@ -37,7 +37,7 @@ pub struct Args {
     truth: PathBuf,
     /// Classes whose instances are scored
     #[arg(long, value_delimiter = ',', default_value = "vehicles,pedestrian")]
-    instances: Vec<String>,
+    instances: Vec<ClassId>,
     /// True instances with fewer points, over all clouds, are ignored
     #[arg(long, value_name = "N", default_value_t = 100)]
     min_points: u64,
@@ -55,13 +55,10 @@ pub struct Args {
 
 /// Prints the scores and writes the files.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let class =
-        |name: &String| ClassId::from_name(name).with_context(|| format!("--instances: unknown class {name:?}"));
-    let things: Vec<ClassId> = args.instances.iter().map(class).collect::<anyhow::Result<_>>()?;
     ensure!(args.run.is_dir(), "{}: not the output folder of a run", args.run.display());
     if args.truth.extension().is_some_and(|extension| extension == "mcap") {
         let truth = TrueLabels::Recording(Box::new(RecordedTruth::open(&args.truth)?));
-        return finish(args, Some(scored(args, truth)?), None, &things);
+        return finish(args, Some(scored(args, truth)?), None);
     }
     ensure!(
         args.truth.join(MANIFEST_FILE).is_file(),
@@ -74,17 +71,12 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let points = if truth.labels.is_some() { Some(scored(args, TrueLabels::of_drive(drive.clone())?)?) } else { None };
     let poses = errors::PoseScores::of(&drive, &args.run)?;
-    finish(args, points, poses, &things)
+    finish(args, points, poses)
 }
 
 /// Prints the report and writes its files.
-fn finish(
-    args: &Args,
-    points: Option<PointScores>,
-    poses: Option<errors::PoseScores>,
-    things: &[ClassId],
-) -> anyhow::Result<ExitCode> {
-    let report = RunReport::new(&args.run, &args.truth, points, poses, things, args.min_points, args.ground);
+fn finish(args: &Args, points: Option<PointScores>, poses: Option<errors::PoseScores>) -> anyhow::Result<ExitCode> {
+    let report = RunReport::new(&args.run, &args.truth, points, poses, &args.instances, args.min_points, args.ground);
     // A reader that closes the pipe early has seen enough.
     let _ = std::io::stdout().write_all(report.markdown().as_bytes());
     if let Some(out) = &args.out {

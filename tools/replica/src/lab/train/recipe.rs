@@ -345,7 +345,7 @@ mod tests {
             assert!(error.contains("recipe.toml") && error.contains(rule), "{error}");
         };
         check("patience", "patients", "unknown field `patients`");
-        check("\"vegetation\"", "\"trees\"", "not all are in the class table");
+        check("\"vegetation\"", "\"trees\"", "classes: unknown class \"trees\"; known are");
         check("kind = \"unet\"", "kind = \"resnet\"", "must be \"unet\" or \"spherical_dz\"");
         check("fold = 4", "fold = 4\nfeatures = ['colour']", "unknown feature \"colour\"; known are valid, range");
         check("fold = 4", "fold = 4\nfeatures = ['band_399']", "band_399: simulated towns have reflectances at 400 to");

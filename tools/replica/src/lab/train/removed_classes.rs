@@ -15,10 +15,7 @@ impl RemovedClasses {
                 !of_model.contains(name),
                 "{name} is in classes of [model]: a model cannot learn a class whose points are left out"
             );
-            ClassId::from_name(name).with_context(|| {
-                let known: Vec<&str> = ClassId::ALL.iter().map(|class| class.name()).collect();
-                format!("unknown class {name:?}; known are {}", known.join(", "))
-            })
+            Ok(name.parse()?)
         };
         let classes = names.iter().map(class).collect::<anyhow::Result<_>>();
         classes.map(Self).context("[data] removed_classes")
