@@ -8,8 +8,9 @@
 //!    zones other than the largest must not be higher than ground that rises from the largest zone like a steep street (as in the
 //!    slope-based filter of Vosselman 2000).
 //! 4. *Terrain*: the elevation of the ground zones with filled gaps (digital terrain model).
-//! 5. A point is ground if its distance to the terrain is within the tolerance. The upper tolerance admits a curb within a cell.
-//!    In cells with an object, i.e. with points above the tolerance and below the height of a car, low points belong to the foot of
+//! 5. *Roughness*: where the lowest points scatter around a plane, low vegetation hides the ground.
+//! 6. A point is ground if its distance to the terrain is within the tolerance, and the terrain is smooth. The upper tolerance admits
+//!    a curb within a cell. In cells with an object, i.e. with points above the tolerance and below the height of a car, low points belong to the foot of
 //!    the object, and the tolerance admits noise only. The score falls linearly from 1 on the terrain to 1/2 at the tolerance. It is
 //!    not a probability.
 //!
@@ -17,6 +18,7 @@
 
 mod elevation;
 mod parameters;
+mod roughness;
 mod terrain;
 
 pub use parameters::{Parameters, Settings};
@@ -25,12 +27,13 @@ use crate::model_file::ModelFile;
 use crate::{ModelCard, ModelInput, Report, SegmentationError, Segmenter};
 use elevation::Elevation;
 use messages::{ClassId, ClassRow, SubmapPoint};
+use roughness::rough_cells;
 
 /// Name of the architecture in model files.
 pub const ARCHITECTURE: &str = "ground_quasi_flat";
 
 /// Version that this program writes and runs.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// The ground model.
 pub struct GroundQuasiFlat {
@@ -64,7 +67,7 @@ pub fn heights_and_ground(input: &ModelInput<'_>) -> (Vec<f32>, Vec<ClassRow>) {
     let heights = elevation.and_then(|elevation| {
         let terrain = terrain::terrain(&elevation, &parameters)?;
         let heights_m = heights_above(&terrain, &elevation, input.points);
-        mark_ground(&heights_m, &elevation, &parameters, terrain.len(), &mut classes);
+        mark_ground(&heights_m, &elevation, &terrain, &parameters, &mut classes);
         Some(heights_m)
     });
     (heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()]), classes)
@@ -86,16 +89,17 @@ fn heights_above(terrain: &[f32], elevation: &Elevation, points: &[SubmapPoint])
 fn mark_ground(
     heights_m: &[f32],
     elevation: &Elevation,
+    terrain: &[f32],
     parameters: &Parameters,
-    n_cells: usize,
     classes: &mut [ClassRow],
 ) {
     let Parameters { settings, tolerance_m: [below_m, above_m, foot_m], .. } = parameters;
     let object_heights = *above_m..settings.standing_m as f32;
-    let mut has_object = vec![false; n_cells];
+    let mut has_object = vec![false; terrain.len()];
     for (height_m, &cell) in heights_m.iter().zip(&elevation.cells) {
         has_object[cell as usize] |= object_heights.contains(height_m);
     }
+    let is_rough = rough_ground(elevation, terrain, parameters);
     for ((row, &height_m), &cell) in classes.iter_mut().zip(heights_m).zip(&elevation.cells) {
         let tolerance_m = match (height_m < 0.0, has_object[cell as usize]) {
             (true, _) => below_m,
@@ -103,11 +107,23 @@ fn mark_ground(
             (false, false) => above_m,
         };
         let off = height_m.abs() / tolerance_m;
-        if off <= 1.0 {
+        if off <= 1.0 && !is_rough[cell as usize] {
             let score = (255.0 - 127.5 * off).round() as u8;
             *row = ClassRow { class_id: ClassId::Ground as u8, score };
         }
     }
+}
+
+/// Whether the ground of each cell is rougher than ground can be. One element more, for points outside of the grid.
+fn rough_ground(elevation: &Elevation, terrain: &[f32], parameters: &Parameters) -> Vec<bool> {
+    let Parameters { settings, tolerance_m: [below_m, above_m, _], .. } = parameters;
+    let mut ground_m = elevation.lowest_m.clone();
+    for (lowest_m, terrain_m) in ground_m.iter_mut().zip(terrain) {
+        if !(-below_m..=*above_m).contains(&(*lowest_m - terrain_m)) {
+            *lowest_m = f32::NAN;
+        }
+    }
+    rough_cells(&ground_m, settings.rough_m as f32).into_iter().chain([false]).collect()
 }
 
 impl Segmenter for GroundQuasiFlat {
@@ -124,7 +140,7 @@ impl Segmenter for GroundQuasiFlat {
         let report = Report { n_unseen: elevation.n_outside, coarsened, ..Report::default() };
         let Some(terrain) = terrain::terrain(&elevation, &self.parameters) else { return Ok(report) };
         let heights_m = heights_above(&terrain, &elevation, input.points);
-        mark_ground(&heights_m, &elevation, &self.parameters, terrain.len(), classes);
+        mark_ground(&heights_m, &elevation, &terrain, &self.parameters, classes);
         Ok(report)
     }
 }
