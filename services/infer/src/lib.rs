@@ -9,7 +9,7 @@
 mod cameras;
 
 use messages::{CLASS_TABLE_VERSION, ClassHeader, ClassTopic, ColorTopic, SpectraTopic, SubmapTopic};
-use segmentation::spherical::{AskedColumns, IntensityUse};
+use segmentation::spherical::{AskedColumns, IntensityUse, Refinement};
 use segmentation::{ComputeDevice, ModelInput, Options, Report, Segmenter, UnknownBelow};
 use stage::{
     Context, Flow, Inputs, JoinedSubmap, Outputs, Port, Problem, Received, SavedColumn, Stage, StateBytes, StepError,
@@ -37,6 +37,8 @@ stage::settings! {
         /// of these points. 0 keeps every class. `replica evaluate classes` prints how many points a threshold keeps, and how many of
         /// those are correct.
         pub unknown_below: f64 = 0.0 => stage::within(0.0, 1.0);
+        /// Ground where the terrain is rough becomes vegetation: low vegetation is as low as the ground, but rougher.
+        pub rough_ground: bool = true => stage::any();
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
         /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.
         pub max_unseen_share: f64 = 0.2 => stage::within(0.0, 1.0);
@@ -144,7 +146,7 @@ fn options(settings: &Settings) -> Options {
         batch: settings.batch as usize,
         device: ComputeDevice::from_word(&settings.device).unwrap_or_default(),
         intensity: IntensityUse::from_word(&settings.intensity).unwrap_or_default(),
-        ..Options::default()
+        refinement: Refinement { rough_ground: settings.rough_ground, ..Refinement::NONE },
     }
 }
 

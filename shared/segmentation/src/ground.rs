@@ -48,29 +48,50 @@ impl GroundQuasiFlat {
     }
 }
 
-/// Height of every point above the terrain of the default parameters, m. NaN without terrain.
-pub fn heights(input: &ModelInput<'_>) -> Vec<f32> {
-    let parameters = Parameters::default();
-    let elevation = Elevation::of(input, &parameters.settings);
-    let heights = elevation.and_then(|elevation| {
-        let terrain = terrain::terrain(&elevation, &parameters)?;
-        Some(heights_above(&terrain, &elevation, input.points))
-    });
-    heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()])
+/// The ground below the points of a submap, by the default parameters.
+pub struct Ground {
+    parameters: Parameters,
+    n_points: usize,
+    /// `None` if none was found.
+    found: Option<(Elevation, Vec<f32>)>,
 }
 
-/// As [`heights`], and the class of every point by the ground model with its default parameters: ground with a score, or unlabeled.
-pub fn heights_and_ground(input: &ModelInput<'_>) -> (Vec<f32>, Vec<ClassRow>) {
-    let parameters = Parameters::default();
-    let mut classes = vec![UNLABELED; input.points.len()];
-    let elevation = Elevation::of(input, &parameters.settings);
-    let heights = elevation.and_then(|elevation| {
-        let terrain = terrain::terrain(&elevation, &parameters)?;
-        let heights_m = heights_above(&terrain, &elevation, input.points);
-        mark_ground(&heights_m, &elevation, &terrain, &parameters, &mut classes);
-        Some(heights_m)
-    });
-    (heights.unwrap_or_else(|| vec![f32::NAN; input.points.len()]), classes)
+impl Ground {
+    /// Finds the ground.
+    pub fn of(input: &ModelInput<'_>) -> Self {
+        let parameters = Parameters::default();
+        let found = Elevation::of(input, &parameters.settings).and_then(|elevation| {
+            let terrain = terrain::terrain(&elevation, &parameters)?;
+            Some((elevation, terrain))
+        });
+        Self { parameters, n_points: input.points.len(), found }
+    }
+    /// Height of every point above the terrain, m. NaN without terrain. `points` are those of the submap.
+    pub fn heights(&self, points: &[SubmapPoint]) -> Vec<f32> {
+        let heights = self.found.as_ref().map(|(elevation, terrain)| heights_above(terrain, elevation, points));
+        heights.unwrap_or_else(|| vec![f32::NAN; points.len()])
+    }
+    /// Whether each point lies where the terrain is rougher than ground: if it is low, on low vegetation.
+    pub fn is_rough(&self) -> Vec<bool> {
+        let is_rough = self.found.as_ref().map(|(elevation, terrain)| {
+            let is_rough = rough_ground(elevation, terrain, &self.parameters);
+            elevation.cells.iter().map(|cell| is_rough[*cell as usize]).collect()
+        });
+        is_rough.unwrap_or_else(|| vec![false; self.n_points])
+    }
+    /// The class of every point by the ground model: ground with a score, or unlabeled. `heights_m` are those of [`Self::heights`].
+    pub fn classes(&self, heights_m: &[f32]) -> Vec<ClassRow> {
+        let mut classes = vec![UNLABELED; self.n_points];
+        if let Some((elevation, terrain)) = &self.found {
+            mark_ground(heights_m, elevation, terrain, &self.parameters, &mut classes);
+        }
+        classes
+    }
+}
+
+/// Height of every point above the terrain of the default parameters, m. NaN without terrain.
+pub fn heights(input: &ModelInput<'_>) -> Vec<f32> {
+    Ground::of(input).heights(input.points)
 }
 
 /// The class of a point that is not ground.

@@ -150,7 +150,14 @@ impl<N: Network> Trainer<N> {
     /// # Errors
     /// If candle fails.
     pub fn best_trainer(&self) -> Result<Self, TrainingError> {
-        let network = self.network.with_weights(&self.best)?;
+        self.with_weights(&self.best)
+    }
+    /// A trainer with other weights, for evaluation.
+    ///
+    /// # Errors
+    /// If candle fails.
+    pub fn with_weights(&self, weights: &Weights) -> Result<Self, TrainingError> {
+        let network = self.network.with_weights(weights)?;
         let n_classes = self.criterion.n_classes;
         let tree = self.criterion.tree.clone().unwrap_or_else(|| Hierarchy::new(vec![0; n_classes]));
         Self::of_network(self.settings.clone(), network, n_classes, tree)

@@ -29,6 +29,15 @@ impl Weights {
         }
         Ok(Self { tensors })
     }
+    /// The weights `share` of the way from these to `other` ones of the same network.
+    #[must_use]
+    pub fn mixed_with(&self, other: &Self, share: f32) -> Self {
+        let mixed = |((name, (shape, values)), (_, others)): ((&String, &(Vec<usize>, Vec<f32>)), &(_, Vec<f32>))| {
+            let values = values.iter().zip(others).map(|(a, b)| a + share * (b - a)).collect();
+            (name.clone(), (shape.clone(), values))
+        };
+        Self { tensors: self.tensors.iter().zip(other.tensors.values()).map(mixed).collect() }
+    }
     pub(crate) fn to_tensors(&self) -> Result<BTreeMap<&str, Tensor>, SegmentationError> {
         let tensor =
             |(shape, values): &(Vec<usize>, Vec<f32>)| Tensor::from_slice(values, shape.as_slice(), &Device::Cpu);

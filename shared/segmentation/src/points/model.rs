@@ -4,7 +4,7 @@ use super::cells::{CellCloud, NO_CELL, cell_of_each};
 use super::parameters::Parameters;
 use super::settings::{PointSettings, VERSION};
 use super::spheres::SpherePrediction;
-use crate::ground;
+use crate::ground::Ground;
 use crate::model_file::ModelFile;
 use crate::network::Weights;
 use crate::segmenter::class_row;
@@ -107,7 +107,8 @@ impl Segmenter for PointModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let heights_m = ground::heights(input);
+        let ground = Ground::of(input);
+        let heights_m = ground.heights(input.points);
         let trained = self.settings.ground_intensities;
         let (intensities, foreign_intensity) =
             IntensityMap::of(self.options.intensity, input.points, &heights_m, trained);
@@ -121,7 +122,7 @@ impl Segmenter for PointModel {
             *row = class_row(decision.map(|(class, probability)| (self.classes[class], probability)));
             n_unseen += usize::from(decision.is_none());
         }
-        self.options.refinement.of_points(input.points, &heights_m, classes);
+        self.options.refinement.of_points(input.points, (&ground, &heights_m), &self.classes, classes);
         Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
     }
 }

@@ -9,7 +9,7 @@ use super::votes::Votes;
 use super::{IntensityMap, Neighbors, Options, PolarImage};
 use crate::engine::Border;
 use crate::engine::tensors::read_image;
-use crate::ground;
+use crate::ground::Ground;
 use crate::model_file::ModelFile;
 use crate::network::{Inference, PooledImage, Weights};
 use crate::segmenter::class_row;
@@ -172,13 +172,9 @@ impl Segmenter for SphericalModel {
 
     fn segment(&self, input: &ModelInput<'_>, classes: &mut [ClassRow]) -> Result<Report, SegmentationError> {
         input.check(classes)?;
-        let (heights_m, ground) = match self.settings.ground {
-            GroundUse::Kept => (ground::heights(input), None),
-            GroundUse::Removed => {
-                let (heights_m, ground) = ground::heights_and_ground(input);
-                (heights_m, Some(ground))
-            }
-        };
+        let found = Ground::of(input);
+        let heights_m = found.heights(input.points);
+        let ground = (self.settings.ground == GroundUse::Removed).then(|| found.classes(&heights_m));
         let removed: Option<Vec<bool>> = ground.as_ref().map(|rows| rows.iter().map(|row| is_given(*row)).collect());
         let trained = self.settings.ground_intensities;
         let (intensities, foreign_intensity) =
@@ -200,7 +196,7 @@ impl Segmenter for SphericalModel {
             n_unseen += usize::from(given.is_none() && decision.is_none());
             *row = given.unwrap_or_else(|| class_row(decision.map(|(class, share)| (self.classes[class], share))));
         }
-        self.options.refinement.of_points(input.points, &heights_m, classes);
+        self.options.refinement.of_points(input.points, (&found, &heights_m), &self.classes, classes);
         Ok(Report { n_unseen, n_unknown: 0, coarsened: 1, foreign_intensity })
     }
 }

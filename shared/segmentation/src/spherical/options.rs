@@ -14,7 +14,7 @@ pub struct Options {
     pub device: ComputeDevice,
     /// What is taken from the intensities.
     pub intensity: IntensityUse,
-    /// Corrections of the classes, none by default.
+    /// Corrections of the classes.
     pub refinement: Refinement,
 }
 

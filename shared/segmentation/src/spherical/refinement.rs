@@ -2,14 +2,15 @@
 
 use super::softmax::Vote;
 use super::{PolarImage, PolarPixel};
+use crate::ground::Ground;
 use geometry::BevGrid;
 use messages::ClassId::{self, Building, Pole, Vegetation};
-use messages::{ClassRow, SubmapPoint};
+use messages::{ClassRow, GROUND_CLASSES, SubmapPoint};
 use morphology::{Connectivity, Labels, connected_components, geodesic_elongations, reconstruct_by_dilation};
 use ndarray::Array2;
 
 /// The corrections that are applied.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refinement {
     /// Thin objects that stand out in the depth image become poles; poles that are not thin lose their class.
     pub poles: bool,
@@ -17,6 +18,20 @@ pub struct Refinement {
     pub small_regions: bool,
     /// In the top view, regions higher than 2.5 m with a geodesic elongation above 20 become buildings.
     pub buildings: bool,
+    /// Ground where the terrain is rough becomes vegetation, if the model has this class. Not by the thesis.
+    pub rough_ground: bool,
+}
+
+impl Refinement {
+    /// No correction.
+    pub const NONE: Self = Self { poles: false, small_regions: false, buildings: false, rough_ground: false };
+}
+
+impl Default for Refinement {
+    /// Rough ground only: the corrections of the thesis do not improve the shipped model.
+    fn default() -> Self {
+        Self { rough_ground: true, ..Self::NONE }
+    }
 }
 
 /// Regions of fewer pixels are small.
@@ -46,9 +61,25 @@ impl Refinement {
     }
 
     /// Corrects the classes of the points of a submap from their heights above the ground.
-    pub(crate) fn of_points(self, points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]) {
+    ///
+    /// `of_model` are the classes that the model distinguishes.
+    pub(crate) fn of_points(
+        self,
+        points: &[SubmapPoint],
+        (ground, heights_m): (&Ground, &[f32]),
+        of_model: &[ClassId],
+        classes: &mut [ClassRow],
+    ) {
         if self.buildings {
             buildings(points, heights_m, classes);
+        }
+        if self.rough_ground && of_model.contains(&Vegetation) {
+            let is_ground = |row: &ClassRow| GROUND_CLASSES.iter().any(|class| *class as u8 == row.class_id);
+            for (row, is_rough) in classes.iter_mut().zip(ground.is_rough()) {
+                if is_rough && is_ground(row) {
+                    row.class_id = Vegetation as u8;
+                }
+            }
         }
     }
 }
@@ -163,6 +194,10 @@ fn buildings(points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ModelInput;
+    use messages::ClassId::Terrain;
+    use messages::SubmapHeader;
+    use random::Random;
 
     const CLASSES: [ClassId; 3] = [Building, Vegetation, Pole];
 
@@ -185,7 +220,7 @@ mod tests {
         }
         // A square that the network classified as pole.
         (4..12).for_each(|row| votes[row * 64 + 20..row * 64 + 28].iter_mut().for_each(|vote| vote[2] = 250));
-        Refinement { poles: true, ..Refinement::default() }.of_image(&image, &CLASSES, &mut votes);
+        Refinement { poles: true, ..Refinement::NONE }.of_image(&image, &CLASSES, &mut votes);
         let at = |row: usize, column: usize| best(&votes[row * 64 + column]);
         assert_eq!([at(16, 10), at(16, 40), at(8, 24), at(16, 12)], [2, 0, 0, 0]);
     }
@@ -199,13 +234,13 @@ mod tests {
         paint(1..12);
         paint(14..25);
         paint(27..31);
-        Refinement { small_regions: true, ..Refinement::default() }.of_image(&image, &CLASSES, &mut votes);
+        Refinement { small_regions: true, ..Refinement::NONE }.of_image(&image, &CLASSES, &mut votes);
         let at = |row: usize| best(&votes[row * 64 + 8]);
         assert_eq!([at(6), at(20), at(29), at(13)], [1, 1, 1, 1], "99, 99 and 36 pixels");
 
         let (image, mut votes) = wall(1);
         (1..13).for_each(|row| votes[row * 64 + 5..row * 64 + 14].iter_mut().for_each(|vote| vote[0] = 250));
-        Refinement { small_regions: true, ..Refinement::default() }.of_image(&image, &CLASSES, &mut votes);
+        Refinement { small_regions: true, ..Refinement::NONE }.of_image(&image, &CLASSES, &mut votes);
         assert_eq!(best(&votes[6 * 64 + 8]), 0, "108 pixels stay");
     }
 
@@ -218,10 +253,44 @@ mod tests {
         points.extend([point(10.0, 0.0, 1.0), point(10.0, 0.0, 0.1)]);
         let heights_m: Vec<f32> = points.iter().map(|point| point.z).collect();
         let mut rows = vec![ClassRow { class_id: Vegetation as u8, score: 200 }; points.len()];
-        Refinement { buildings: true, ..Refinement::default() }.of_points(&points, &heights_m, &mut rows);
+        let ground = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
+        let refinement = Refinement { buildings: true, ..Refinement::NONE };
+        refinement.of_points(&points, (&ground, &heights_m), &[Building], &mut rows);
         let classes: Vec<u8> = rows.iter().map(|row| row.class_id).collect();
         assert!(classes[..400].iter().all(|class| *class == Building as u8));
         assert!(classes[400..1300].iter().all(|class| *class == Vegetation as u8));
         assert_eq!(classes[1300..], [Building as u8, Vegetation as u8]);
+    }
+
+    #[test]
+    fn ground_on_rough_terrain_becomes_vegetation() {
+        let mut random = Random::new(3);
+        let mut point = |i: usize| {
+            let (x, y) = (random.range(0.0, 20.0), random.range(-5.0, 5.0));
+            let roughness_m = if y > 0.0 { 0.12 } else { 0.01 };
+            let class_id = if i.is_multiple_of(2) { Terrain } else { Building } as u8;
+            let z = roughness_m * random.gauss();
+            (SubmapPoint { x, y, z, ..SubmapPoint::default() }, ClassRow { class_id, score: 200 })
+        };
+        let (points, before): (Vec<SubmapPoint>, Vec<ClassRow>) = (0..40_000).map(&mut point).unzip();
+        let ground = Ground::of(&ModelInput::new(&SubmapHeader::default(), &points));
+        let heights_m = ground.heights(&points);
+        let refined = |of_model: &[ClassId]| {
+            let mut rows = before.clone();
+            Refinement::default().of_points(&points, (&ground, &heights_m), of_model, &mut rows);
+            rows
+        };
+        let rows = refined(&[Terrain, Building, Vegetation]);
+        let mut n_changed = 0;
+        for ((point, before), row) in points.iter().zip(&before).zip(&rows) {
+            let is_changed = row != before;
+            assert!(!is_changed || row.class_id == Vegetation as u8 && before.class_id == Terrain as u8);
+            // The vote of the cells around decides near the border.
+            assert!(!is_changed || point.y > -1.0, "{point:?}");
+            n_changed += usize::from(is_changed && point.y > 1.0);
+        }
+        let n_rough = points.iter().zip(&before).filter(|(point, row)| point.y > 1.0 && row.class_id == Terrain as u8);
+        assert!(n_changed as f64 > 0.9 * n_rough.count() as f64, "{n_changed}");
+        assert!(refined(&[Terrain, Building]) == before, "a model without vegetation");
     }
 }

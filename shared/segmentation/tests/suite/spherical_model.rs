@@ -396,7 +396,8 @@ fn removed_ground_has_the_class_of_the_ground_model() {
     let model = load(&file_of(&settings, &weights(&settings))).expect("loads");
     assert_eq!(model.settings().ground, GroundUse::Removed);
     let cloud = ModelInput::new(&header, &points);
-    let (_, given) = ground::heights_and_ground(&cloud);
+    let ground = ground::Ground::of(&cloud);
+    let given = ground.classes(&ground.heights(&points));
     let mut classes = vec![ClassRow::default(); points.len()];
     model.segment(&cloud, &mut classes).expect("segments");
     let n_ground = given.iter().filter(|row| row.class_id == ClassId::Ground as u8).count();

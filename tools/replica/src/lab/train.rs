@@ -56,6 +56,8 @@ struct SharedRecipe<'a> {
     train: &'a TrainSettings,
     /// Name prefixes of variables that are not trained.
     frozen: &'a [String],
+    /// Share of the weights before training in the model file.
+    start_share: f32,
     /// Names of the classes.
     classes: &'a [String],
 }
@@ -113,6 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
 fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     let mut trainer = trainer(recipe, &args.recipe)?;
+    let start = trainer.best().clone();
     let uncalibrated = Calibration { temperature: 1.0, ground_intensities: None };
     let checkpoint = args.out.join(CHECKPOINT);
     if checkpoint.exists() {
@@ -136,7 +139,7 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
             bar.set_message(format!("epoch {number}"));
             bar.reset();
             trainer.epoch(data, validation, &mut |done, all| set(&bar, done, all))?;
-            write_state(recipe, &trainer, uncalibrated, &args.out)?;
+            write_state(recipe, &trainer, (trainer.best(), uncalibrated), &args.out)?;
             let last = trainer.curves().epochs[number];
             bar.suspend(|| {
                 writeln!(
@@ -152,9 +155,10 @@ fn train<R: TrainingRecipe>(recipe: &R, args: &Args) -> anyhow::Result<ExitCode>
     }
     bar.finish_and_clear();
     if let Some(validation) = &validation {
-        let temperature = trainer.best_trainer()?.temperature(validation)?;
+        let weights = trainer.best().mixed_with(&start, recipe.shared().start_share);
+        let temperature = trainer.with_weights(&weights)?.temperature(validation)?;
         let ground_intensities = data.as_ref().and_then(TrainingData::ground_intensities);
-        write_state(recipe, &trainer, Calibration { temperature, ground_intensities }, &args.out)?;
+        write_state(recipe, &trainer, (&weights, Calibration { temperature, ground_intensities }), &args.out)?;
     }
     if let Some((epoch, mean_iou)) = trainer.curves().best() {
         writeln!(
@@ -223,11 +227,11 @@ fn model_path(out: &Path) -> PathBuf {
 fn write_state<R: TrainingRecipe>(
     recipe: &R,
     trainer: &Trainer<R::Network>,
-    calibration: Calibration,
+    (weights, calibration): (&Weights, Calibration),
     out: &Path,
 ) -> anyhow::Result<()> {
     let write = |path: &Path, bytes: &[u8]| write_atomic(path, bytes).with_context(|| path.display().to_string());
-    write(&model_path(out), &recipe.model(trainer.best(), calibration)?)?;
+    write(&model_path(out), &recipe.model(weights, calibration)?)?;
     write(&out.join("curves.csv"), trainer.curves().csv().as_bytes())?;
     write(&out.join("curves.svg"), trainer.curves().svg().as_bytes())?;
     write(&out.join(CHECKPOINT), &trainer.checkpoint()?)

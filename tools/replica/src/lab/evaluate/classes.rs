@@ -75,7 +75,7 @@ pub struct Args {
     #[arg(long, requires = "seeds", default_value_t = 1.0)]
     gain: f32,
     /// Correct the classes by morphology
-    #[arg(long, requires = "model", value_enum, value_delimiter = ',')]
+    #[arg(long, requires = "model", value_enum, value_delimiter = ',', default_value = "rough-ground")]
     refine: Vec<Refine>,
     /// Replace the last layer of the network: the K nearest examples in feature space vote on the class (1 to 1000)
     #[arg(long, requires_all = ["model", "examples"], value_name = "K", value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -123,6 +123,10 @@ enum Refine {
     SmallRegions,
     /// Objects above 2.5 m that are long in the top view become buildings.
     Buildings,
+    /// Ground where the terrain is rough becomes vegetation, as with `[infer] rough_ground`.
+    RoughGround,
+    /// No correction.
+    None,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -15,7 +15,13 @@ impl TrainingRecipe for Recipe {
 
     fn shared(&self) -> SharedRecipe<'_> {
         let model = &self.model;
-        SharedRecipe { data: &self.data, train: &self.train, frozen: &model.frozen, classes: &model.classes }
+        SharedRecipe {
+            data: &self.data,
+            train: &self.train,
+            frozen: &model.frozen,
+            classes: &model.classes,
+            start_share: model.start_share,
+        }
     }
     fn network(&self, folder: &Path) -> anyhow::Result<ImageNetwork> {
         let settings = self.settings()?;

@@ -5,7 +5,7 @@ use super::removed_classes::RemovedClasses;
 use super::sources::Labeled;
 use geometry::NO_POINT;
 use messages::{ClassId, ClassRow};
-use segmentation::ground;
+use segmentation::ground::Ground;
 use segmentation::spherical::{GroundUse, ImageSource, PolarImage, RangeSweep, Settings};
 use training::UNKNOWN;
 
@@ -22,14 +22,12 @@ pub fn images_of(
     removed_classes: &RemovedClasses,
     scale: IntensityScale,
 ) -> Vec<LabeledImage> {
-    let (heights_m, removed) = match settings.ground {
-        GroundUse::Kept => (ground::heights(cloud), None),
-        GroundUse::Removed => {
-            let (heights_m, rows) = ground::heights_and_ground(cloud);
-            let is_ground = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8;
-            (heights_m, Some(rows.iter().map(is_ground).collect::<Vec<bool>>()))
-        }
-    };
+    let ground = Ground::of(cloud);
+    let heights_m = ground.heights(cloud.points);
+    let removed = (settings.ground == GroundUse::Removed).then(|| {
+        let is_ground = |row: &ClassRow| row.class_id != ClassId::Unlabeled as u8;
+        ground.classes(&heights_m).iter().map(is_ground).collect::<Vec<bool>>()
+    });
     let removed = removed_classes.with_points(removed, classes);
     let output = output_of_class(settings);
     let intensities = scale.map(cloud.points, &heights_m);

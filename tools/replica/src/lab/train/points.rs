@@ -14,7 +14,13 @@ impl TrainingRecipe for PointRecipe {
 
     fn shared(&self) -> SharedRecipe<'_> {
         let model = &self.model;
-        SharedRecipe { data: &self.data, train: &self.train, frozen: &model.frozen, classes: &model.classes }
+        SharedRecipe {
+            data: &self.data,
+            train: &self.train,
+            frozen: &model.frozen,
+            classes: &model.classes,
+            start_share: 0.0,
+        }
     }
     fn network(&self, folder: &Path) -> anyhow::Result<PointNetwork> {
         let settings = self.settings()?;

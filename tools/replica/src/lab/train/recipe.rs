@@ -56,6 +56,10 @@ pub struct Model {
     /// A model to start from, relative to the folder of the recipe. Layers of the same name and shape start with its weights, the
     /// others with random weights; of the last layer, the outputs of classes of the same name.
     pub start: Option<PathBuf>,
+    /// Share of the weights of `start` in the model file, 0 to 1: a mean of the weights before and after training is often better than
+    /// both, above all on other data (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models").
+    #[serde(default)]
+    pub start_share: f32,
     /// Name prefixes of variables that are not trained.
     #[serde(default)]
     pub frozen: Vec<String>,
@@ -229,6 +233,9 @@ impl Recipe {
             let [first, last] = [BANDS_NM.start(), BANDS_NM.end()];
             anyhow::bail!("[model] features: {feature}: simulated towns have reflectances at {first} to {last} nm");
         }
+        anyhow::ensure!((0.0..=1.0).contains(&self.model.start_share), "[model] start_share must be 0 to 1");
+        let has_start = self.model.start.is_some() || self.model.start_share == 0.0;
+        anyhow::ensure!(has_start, "[model] start_share needs start");
         check_data_and_training(&self.data, &self.train, &self.model.classes)
     }
     /// Settings of the model file.
@@ -362,7 +369,9 @@ mod tests {
         );
         check("towns = [", "removed_classes = ['road']\ntowns = [", "removed_classes: road is in classes of [model]");
         check("fold = 4", "fold = 3", "must be a multiple of fold");
-        check("last = 2008", "last = 3400", "seeds and validation_seeds overlap");
+        check("start_share = 0.5", "start_share = 1.5", "start_share must be 0 to 1");
+        check("start = \"../out/street_before.safetensors\"", "", "start_share needs start");
+        check("last = 2008", "last = 3500", "seeds and validation_seeds overlap");
         check("kind = \"unet\"", "kind = \"spherical_dz\"", "head requires kind = \"unet\"");
         check("validation_seeds = { first = 2001, last = 2008 }", "", "has nothing to compare epochs on");
         check("\"suburban\"", "\"atlantis\"", "unknown kind of town \"atlantis\", must be one of urban");

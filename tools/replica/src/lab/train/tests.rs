@@ -220,6 +220,23 @@ fn training_from_a_model_with_other_classes_starts_with_the_outputs_of_the_same_
 }
 
 #[test]
+fn model_is_a_mean_of_the_weights_before_and_after_training() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let weights = |name: &str, model: &str| {
+        let path = train(folder.path(), name, &recipe_text(CLASSES, model, TOWNS));
+        SphericalModel::load(&path).expect("loads").1
+    };
+    let start = weights("start", "");
+    let after = weights("after", "start = 'start/model.safetensors'");
+    assert!(after != start, "training changes weights");
+    let mean = weights("mean", "start = 'start/model.safetensors'\nstart_share = 0.25");
+    assert!(mean == after.mixed_with(&start, 0.25));
+    let values = |weights: &Weights| weights.tensors["classes.bias"].1[0];
+    assert!((values(&mean) - 0.75 * values(&after) - 0.25 * values(&start)).abs() < 1e-6);
+    assert!(weights("same", "start = 'start/model.safetensors'\nstart_share = 1.0") == after.mixed_with(&start, 1.0));
+}
+
+#[test]
 fn dropout_of_colors_changes_training_examples_and_no_others() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let recipe = recipe(CLASSES, "features = ['has_color']", TOWNS);

@@ -36,6 +36,7 @@ fn load(path: &Path, args: &Args, intensity: &str) -> anyhow::Result<Box<dyn Seg
         poles: refine(Refine::Poles),
         small_regions: refine(Refine::SmallRegions),
         buildings: refine(Refine::Buildings),
+        rough_ground: refine(Refine::RoughGround),
     };
     let intensity = IntensityUse::from_word(intensity).unwrap_or_default();
     let options = Options { every: args.every, intensity, refinement, ..Options::default() };
