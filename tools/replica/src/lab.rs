@@ -2,7 +2,7 @@
 
 mod bench;
 mod evaluate;
-mod instances;
+pub mod instances;
 mod recorded_classes;
 mod train;
 mod true_points;
