@@ -11,7 +11,7 @@ use serde::Serialize;
 use spectral::FrameCounts;
 
 /// Spectra that are read.
-const MAX_SPECTRA: u64 = 100_000;
+const MAX_SPECTRA: u64 = 50_000;
 
 /// All bands of the run.
 pub struct Bands {

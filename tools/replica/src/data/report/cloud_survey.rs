@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Points of the pictures: more than their pixels. Bounds time and memory of the report.
-const MAX_POINTS: u64 = 1_000_000;
+/// Points of the pictures: about as many as their pixels. Bounds time and memory of the report.
+const MAX_POINTS: u64 = 700_000;
 /// Points from which bounds, path and ranges of values are taken.
 const MAX_PROBES: u64 = 100_000;
 /// Largest width and height of a top view, px.

@@ -42,7 +42,7 @@ impl ComparedRun {
             deviations: deviations
                 .map(|found| [found.position_m.largest, found.height_m.largest, found.heading_deg.largest]),
             points: Points::of(run, None),
-            instances: run.counter("instance", "instances"),
+            instances: run.n_instances(),
             total: run.summary.total.clone(),
         }
     }

@@ -89,6 +89,12 @@ impl FinishedRun {
         self.georeference.as_ref().is_some_and(|found| found.origin.is_some())
     }
 
+    /// Instances of all submaps; one that continues from submap to submap counts once.
+    pub fn n_instances(&self) -> u64 {
+        let counter = |name: &str| self.counter("instance", name);
+        counter("instances").saturating_sub(counter("instances_of_earlier_submaps"))
+    }
+
     /// A counter of a stage; 0 if there is none.
     pub fn counter(&self, stage: &str, name: &str) -> u64 {
         let stage = self.summary.stages.iter().find(|found| found.name == stage);

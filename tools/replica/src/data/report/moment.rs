@@ -5,7 +5,7 @@ use delivery::CloudEntry;
 use formats::ply::{PlyError, PlyRows, Vertices};
 use geometry::{Point3, Stamp};
 
-/// Points are out of the order of time by less than this, s: those of several LiDARs come sweep by sweep.
+/// Points of several LiDARs come sweep by sweep: they are out of the order of time by less than this, s.
 const DISORDER_S: f64 = 0.2;
 /// Points of a moment: several LiDARs give less than three million a second.
 const MAX_ROWS: usize = 1 << 21;
@@ -45,9 +45,11 @@ pub fn points_around(run: &FinishedRun, stamp: Stamp, half_s: f64) -> Result<Vec
     let mut points = Vec::new();
     for cloud in clouds {
         let rows = PlyRows::open(&run.folder.join(&cloud.file))?;
+        let has_lidars = rows.header().properties.iter().any(|property| property.name == "lidar");
+        let disorder_s = if has_lidars { DISORDER_S } else { 0.0 };
         let middle_s = stamp.0 as f64 * 1e-9;
-        let begin = partition(&rows, middle_s - half_s - DISORDER_S)?;
-        let end = partition(&rows, middle_s + half_s + DISORDER_S)?.min(begin + MAX_ROWS);
+        let begin = partition(&rows, middle_s - half_s - disorder_s)?;
+        let end = partition(&rows, middle_s + half_s + disorder_s)?.min(begin + MAX_ROWS);
         let vertices = rows.select([begin..end])?;
         add(&vertices, [middle_s - half_s, middle_s + half_s], &mut points)?;
     }

@@ -68,7 +68,8 @@ fn map(page: &mut Page, facts: &Facts, material: &Material) {
         page.paragraph("There is no trajectory.");
         return;
     };
-    page.drawing(&place.map(), "Path of the vehicle; fixes, and lines from them to the antenna on the path.");
+    let of_fixes = if place.fixes.is_some() { ", and lines from the fixes to the antenna on the path" } else { "" };
+    page.drawing(&place.map(), &format!("Path of the vehicle{of_fixes}."));
     let mut lines = vec![format!("{:.1} m in {:.1} s", place.length_m, place.seconds)];
     if let Some(georeference) = &facts.georeference {
         lines.push(format!("frame: {}", georeference.frame));
@@ -111,7 +112,7 @@ fn views(page: &mut Page, run: &FinishedRun, facts: &Facts, material: &Material)
     let titles = ["By color", "By class", "By instance"];
     for ((title, view), index) in titles.iter().zip(&survey.views).zip(0..) {
         let Some(view) = view else {
-            page.remark(&format!("{title}: the clouds have no such column."));
+            page.remark(&format!("{title}: no point has one."));
             continue;
         };
         let Some(picture) = png(String::new(), view) else { continue };

@@ -151,7 +151,7 @@ fn text_of_input(run: &FinishedRun) -> String {
     let topics: Vec<String> = sources
         .flat_map(|stage| &stage.outputs)
         .filter(|(_, traffic)| traffic.messages > 0)
-        .map(|(topic, traffic)| format!("{} {topic}", grouped(traffic.messages)))
+        .map(|(topic, traffic)| format!("{topic} {}", grouped(traffic.messages)))
         .collect();
     if topics.is_empty() { "nothing was read".to_owned() } else { format!("messages: {}", topics.join(", ")) }
 }
@@ -191,7 +191,7 @@ fn text_of_classes(run: &FinishedRun) -> String {
         return "the points were not classified".to_owned();
     }
     let has_instances = clouds().any(|cloud| cloud.n_instances.is_some());
-    let n_instances = run.counter("instance", "instances");
+    let n_instances = run.n_instances();
     let instances = if has_instances { format!(", {n_instances} instances") } else { String::new() };
     format!("{} points have a class{instances}", grouped(n_classified))
 }
