@@ -134,3 +134,24 @@ impl ComparedRun {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run::summary::Summary;
+
+    #[test]
+    fn each_run_has_a_row_and_its_name_is_escaped() {
+        let run = |name: &str, outcome: &str| {
+            let mut run = FinishedRun::of_summary(Summary { outcome: outcome.to_owned(), ..Summary::default() });
+            run.folder = name.into();
+            run.summary.total.points = 1_230_000;
+            ComparedRun::of(&run)
+        };
+        let comparison = Comparison { version: 1, runs: vec![run("out/<a>", "done"), run("out/b", "failed")] };
+        let page = comparison.page();
+        assert!(page.contains("<tr class=\"green\"><td>out/&lt;a&gt;</td>") && !page.contains("<a>"), "{page}");
+        assert!(page.contains("<tr class=\"red\"><td>out/b</td><td class=\"n\">1</td>"), "{page}");
+        assert_eq!(page.matches(">1.23</td>").count(), 2, "{page}");
+    }
+}

@@ -203,10 +203,6 @@ impl Settings {
     pub fn of(run: &FinishedRun) -> Self {
         let begun = run.begun.as_ref();
         let command = begun.map(|begun| {
-            let quoted = |text: &str| {
-                let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
-                if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
-            };
             let sets = begun.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
             format!("replica-launch {}{}", quoted(&begun.launch_file.display().to_string()), sets.collect::<String>())
         });
@@ -216,5 +212,26 @@ impl Settings {
             swaps: run.summary.swaps.iter().map(|swap| swap.changes.clone()).collect(),
             digests: files.map(|(path, file)| (path.clone(), file.digest.clone())).collect(),
         }
+    }
+}
+
+/// A text as one word of a shell.
+fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn word_of_a_shell_is_quoted_where_necessary() {
+        assert_eq!(quoted("run.drive=drives/a_b"), "run.drive=drives/a_b");
+        assert_eq!(quoted("a.b=[\"it's\"]"), "'a.b=[\"it'\\''s\"]'");
     }
 }

@@ -106,3 +106,12 @@ impl FinishedRun {
 fn json<T: DeserializeOwned>(path: &Path) -> Option<T> {
     serde_json::from_slice(&std::fs::read(path).ok()?).ok()
 }
+
+#[cfg(test)]
+impl FinishedRun {
+    /// A run that has left nothing but its summary.
+    pub fn of_summary(summary: Summary) -> Self {
+        let trajectory = Trajectory::default();
+        Self { folder: "out".into(), summary, index: None, georeference: None, trajectory, begun: None }
+    }
+}

@@ -195,3 +195,56 @@ fn text_of_classes(run: &FinishedRun) -> String {
     let instances = if has_instances { format!(", {n_instances} instances") } else { String::new() };
     format!("{} points have a class{instances}", grouped(n_classified))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run::health::Doubt;
+    use run::summary::{StageSummary, Summary};
+
+    fn verdict(outcome: &str, doubts: &[(&str, &str)]) -> Verdict {
+        let stage = |(stage, name): &(&str, &str)| StageSummary {
+            name: (*stage).to_owned(),
+            doubts: vec![Doubt { name: (*name).to_owned(), size: 1.0, text: format!("text of {name}") }],
+            ..StageSummary::default()
+        };
+        let stages = doubts.iter().map(stage).collect();
+        let mut summary = Summary { outcome: outcome.to_owned(), stages, ..Summary::default() };
+        summary.total.points = 7;
+        Verdict::of(&FinishedRun::of_summary(summary))
+    }
+
+    fn level(verdict: &Verdict, subject: &str) -> Level {
+        verdict.findings.iter().find(|finding| finding.subject == subject).expect("is there").level
+    }
+
+    #[test]
+    fn verdict_is_the_worst_of_its_five_subjects() {
+        let done = verdict("done", &[]);
+        assert_eq!((done.level, done.exit_code, done.findings.len()), (Level::Green, 0, 5));
+        assert_eq!((verdict("drained", &[]).level, verdict("drained", &[]).exit_code), (Level::Amber, 3));
+        assert_eq!((verdict("failed", &[]).level, verdict("failed", &[]).exit_code), (Level::Red, 1));
+        let empty = verdict("done", &[("export", "no_points"), ("infer", "points_unseen")]);
+        assert_eq!((empty.level, empty.exit_code, empty.n_doubts), (Level::Red, 3, 2));
+    }
+
+    #[test]
+    fn doubt_is_shown_at_its_subject_alone() {
+        for (stage, doubt, subject) in [
+            ("acquire", "cut_captures", "Input"),
+            ("slam_aggregate", "path_lost", "Path and place"),
+            ("export", "heading_undetermined", "Path and place"),
+            ("colorize", "images_unused", "Color and spectra"),
+            ("instance", "a", "Classes and instances"),
+            ("export", "lost_columns", "Run"),
+            ("stage_of_others", "b", "Run"),
+        ] {
+            let verdict = verdict("done", &[(stage, doubt)]);
+            assert_eq!((verdict.level, level(&verdict, subject)), (Level::Amber, Level::Amber), "{doubt}");
+            let with_text =
+                verdict.findings.iter().filter(|finding| finding.text.contains(&format!("text of {doubt}")));
+            assert_eq!(with_text.map(|finding| finding.subject).collect::<Vec<_>>(), [subject]);
+            assert_eq!(verdict.findings.iter().filter(|finding| finding.level > Level::Green).count(), 1, "{doubt}");
+        }
+    }
+}
