@@ -18,7 +18,7 @@ fn facts(file: &Path) -> Value {
 
 #[test]
 fn run_ends_with_a_report_that_names_its_doubts() {
-    let launch = pipeline(&drive(), "report = true", "").with("--set").with("export.max_position_deviation_m=0.001");
+    let launch = pipeline(&drive(), "report = true", "").with("--set").with("colorize.min_colored_share=1.0");
     let output = launch.run();
     let said = output_text(&output);
     assert_eq!(output.status.code(), Some(3), "{said}");
@@ -27,10 +27,10 @@ fn run_ends_with_a_report_that_names_its_doubts() {
     assert_eq!((&facts["verdict"]["level"], &facts["verdict"]["exit_code"]), (&"amber".into(), &3.into()));
     assert_eq!(facts["points"]["n"], summary["total"]["points"]);
     let doubt = &facts["doubts"][0];
-    assert_eq!((&doubt["stage"], &doubt["name"]), (&"export".into(), &"position_uncertain".into()));
+    assert_eq!((&doubt["stage"], &doubt["name"]), (&"colorize".into(), &"few_points_colored".into()));
     let sensors = facts["input"]["sensors"].as_array().expect("a list");
     assert!(sensors.iter().any(|sensor| sensor["name"] == "imu"), "{sensors:?}");
-    assert!(facts["path"]["fixes"]["n"].as_u64() >= Some(2), "{}", facts["path"]);
+    assert!(facts["path"]["length_m"].as_f64() > Some(5.0), "{}", facts["path"]);
 
     let page = String::from_utf8(launch.read(FILES[0])).expect("text");
     let text = doubt["text"].as_str().expect("text");
@@ -40,6 +40,13 @@ fn run_ends_with_a_report_that_names_its_doubts() {
     let external = ["<script", "src=\"http", "href=\"http", "@import"];
     assert!(external.iter().all(|word| !page.contains(word)), "the page needs no other file");
     assert!(page.len() < 5_000_000, "{} bytes", page.len());
+
+    // The report depends on nothing but the files of the run and its drive.
+    let before = FILES.map(|name| launch.read(name));
+    let folder = launch.output().canonicalize().expect("is there");
+    let again = Command::new(binary("replica")).arg("report").arg(&folder).output().expect("starts");
+    assert!(again.status.success(), "{}", output_text(&again));
+    assert!(FILES.map(|name| launch.read(name)) == before, "the second report differs");
 }
 
 #[test]
@@ -105,7 +112,7 @@ fn browser_shows_every_section_of_the_page() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     let shown = browser("--dump-dom");
-    for section in ["What went in", "Path", "From above", "Calibration", "Reflectances", "Classes", "Instances"] {
+    for section in ["What went in", "Path", "From above", "Calibration", "Reflectances", "Classes", "To repeat it"] {
         assert!(shown.contains(&format!("<h2>{section}</h2>")), "{section}");
     }
     // Elements behind an unclosed one would be inside it.

@@ -1,14 +1,16 @@
 //! `replica report` after the run. The run and its exit code do not depend on it.
 
 use run::process::sibling;
+use run::summary::REPORT_FILES;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Writes the report of the run in `output`. A failure is a warning.
 pub fn write(output: &Path) {
-    if let Err(reason) = try_write(output) {
-        tracing::warn!("no report: {reason}; `replica report {}` writes it later", output.display());
+    match try_write(output) {
+        Ok(()) => tracing::info!("report: {}", output.join(REPORT_FILES[0]).display()),
+        Err(reason) => tracing::warn!("no report: {reason}; `replica report {}` writes it later", output.display()),
     }
 }
 

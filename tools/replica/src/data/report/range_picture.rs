@@ -5,8 +5,8 @@ use crate::cloud_picture::{ramp, share};
 use image::{Rgb, RgbImage};
 use std::collections::BTreeMap;
 
-/// Columns of the image, px.
-const WIDTH: usize = 960;
+/// Columns of the image, px: half a degree each. Sensors that turn fast have few more.
+const WIDTH: usize = 720;
 /// Height of the image, px, about.
 const HEIGHT: usize = 192;
 /// Ranges of the first and the last color, m.
@@ -70,9 +70,9 @@ mod tests {
         let points = [point(0, 10.0, 90.0, 80.0), point(1, -10.0, 180.0, 80.0), point(1, -10.0, 180.0, 2.0), other];
         let image = range_picture(&points).expect("has points");
         assert_eq!(image.dimensions(), (WIDTH as u32, HEIGHT as u32), "two rings of one sweep");
-        assert_eq!(image.get_pixel(240, 10), &Rgb([68, 1, 84]), "far, above");
-        assert_eq!(image.get_pixel(480, 150), &Rgb([253, 231, 37]), "near, below");
-        assert_eq!(image.get_pixel(480, 10), &Rgb([0; 3]));
+        assert_eq!(image.get_pixel(180, 10), &Rgb([68, 1, 84]), "far, above");
+        assert_eq!(image.get_pixel(360, 150), &Rgb([253, 231, 37]), "near, below");
+        assert_eq!(image.get_pixel(360, 10), &Rgb([0; 3]));
         assert!(range_picture(&[]).is_none());
     }
 }

@@ -47,7 +47,7 @@ pub fn add_sensors(page: &mut Page, streams: &[Stream], origin: Stamp) {
     page.table(&table);
     let gaps: String = streams.iter().map(|stream| gap_lines(stream, origin)).collect();
     page.list(gaps.lines());
-    page.drawing(&timeline(streams, origin), "Time of the sensors, gaps in orange");
+    page.drawing(&timeline(streams, origin), "Time of the sensors, gaps in orange.");
 }
 
 /// One chart for all sensors of a similar rate.
