@@ -57,7 +57,7 @@ impl Bands {
                 let channel = channel_of(&mut sources, name, *nm);
                 for value in values.f32s(column)? {
                     if value.is_finite() {
-                        channel.add(value)
+                        channel.add(value);
                     }
                 }
             }

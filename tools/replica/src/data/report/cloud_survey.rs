@@ -111,7 +111,9 @@ impl CloudSurvey {
         let (width, height) = (size.width as u32, size.height as u32);
         let views = std::array::from_fn(|k| RgbImage::from_raw(width, height, pixels[k].take().filter(|_| has[k])?));
         let mut objects: Vec<ObjectSummary> = objects.iter().filter_map(|(id, object)| object.summary(*id)).collect();
-        objects.iter_mut().for_each(|object| object.n_points *= step as u64);
+        for object in &mut objects {
+            object.n_points *= step as u64;
+        }
         objects.sort_by_key(|object| (std::cmp::Reverse(object.n_points), object.id));
         let area_m2 = grid.map(|grid| covered.iter().filter(|cell| **cell).count() as f64 * grid.cell_m.powi(2));
         Ok(Some(Self { step, n_read, by_camera, area_m2, objects, views, scale: camera.px_per_m() }))

@@ -4,6 +4,7 @@ use super::finished_run::FinishedRun;
 use delivery::CloudEntry;
 use formats::ply::{PlyError, PlyRows, Vertices};
 use geometry::{Point3, Stamp};
+use std::iter::once;
 
 /// Points of several LiDARs come sweep by sweep: they are out of the order of time by less than this, s.
 const DISORDER_S: f64 = 0.2;
@@ -50,7 +51,7 @@ pub fn points_around(run: &FinishedRun, stamp: Stamp, half_s: f64) -> Result<Vec
         let middle_s = stamp.0 as f64 * 1e-9;
         let begin = partition(&rows, middle_s - half_s - disorder_s)?;
         let end = partition(&rows, middle_s + half_s + disorder_s)?.min(begin + MAX_ROWS);
-        let vertices = rows.select([begin..end])?;
+        let vertices = rows.select(once(begin..end))?;
         add(&vertices, [middle_s - half_s, middle_s + half_s], &mut points)?;
     }
     Ok(points)
@@ -61,7 +62,7 @@ fn partition(rows: &PlyRows, time_s: f64) -> Result<usize, PlyError> {
     let (mut low, mut high) = (0, rows.len());
     while low < high {
         let middle = low.midpoint(high);
-        let is_before = rows.select([middle..middle + 1])?.f64s("timestamp")?.first().is_some_and(|t| *t < time_s);
+        let is_before = rows.select(once(middle..middle + 1))?.f64s("timestamp")?.first().is_some_and(|t| *t < time_s);
         if is_before { low = middle + 1 } else { high = middle }
     }
     Ok(low)

@@ -15,7 +15,9 @@ pub const RANGE_M: [f64; 2] = [2.0, 80.0];
 /// The sweep with most points: a row for each ring, the highest on top, a column for each azimuth. `None` without points.
 pub fn range_picture(points: &[MomentPoint]) -> Option<RgbImage> {
     let mut sweeps: BTreeMap<i64, usize> = BTreeMap::new();
-    points.iter().for_each(|point| *sweeps.entry(point.sweep).or_default() += 1);
+    for point in points {
+        *sweeps.entry(point.sweep).or_default() += 1;
+    }
     let (sweep, _) = sweeps.into_iter().max_by_key(|(sweep, n)| (*n, -sweep))?;
     let of_sweep = || points.iter().filter(|point| point.sweep == sweep);
     // Numbers of rings are not in the order of elevation on every sensor.

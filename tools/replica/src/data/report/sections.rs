@@ -173,7 +173,9 @@ fn reflectances(page: &mut Page, facts: &Facts, material: &Material) {
     for diagnosis in &facts.diagnosis {
         page.list([format!("{}: {}", diagnosis.camera, diagnosis.findings.join("; "))]);
     }
-    charts.iter().for_each(|chart| page.drawing(chart, ""));
+    for chart in charts {
+        page.drawing(chart, "");
+    }
     page.remark("Of the points that a mosaic camera saw. `replica spectrum DRIVE` shows those of its images.");
 }
 

@@ -27,6 +27,7 @@ pub struct Finding {
     pub text: String,
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
 fn word<S: Serializer>(level: &Level, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(level.word())
 }
@@ -134,16 +135,15 @@ fn text_of_run(run: &FinishedRun) -> String {
         "failed" => format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str)),
         other => other.to_owned(),
     };
-    let mut text =
-        format!("{how}: {:.1} s of drive in {:.1} s, {} points", total.drive_s, total.wall_s, grouped(total.points));
-    if total.restarts > 0 {
-        text += &format!(", {} restarts", total.restarts);
-    }
-    let n_dropped: u64 = total.dropped.values().sum();
-    if n_dropped > 0 {
-        text += &format!(", {n_dropped} messages dropped");
-    }
-    text
+    let counted = |n: u64, what: &str| if n > 0 { format!(", {n} {what}") } else { String::new() };
+    format!(
+        "{how}: {:.1} s of drive in {:.1} s, {} points{}{}",
+        total.drive_s,
+        total.wall_s,
+        grouped(total.points),
+        counted(u64::from(total.restarts), "restarts"),
+        counted(total.dropped.values().sum(), "messages dropped")
+    )
 }
 
 fn text_of_input(run: &FinishedRun) -> String {

@@ -43,7 +43,9 @@ pub fn of(report: &DriveReport) -> String {
 /// Table, gaps and timeline of the sensors.
 pub fn add_sensors(page: &mut Page, streams: &[Stream], origin: Stamp) {
     let mut table = Table::new(&HEADINGS, 2);
-    streams.iter().for_each(|stream| table.row(row(stream)));
+    for stream in streams {
+        table.row(row(stream));
+    }
     page.table(&table);
     let gaps: String = streams.iter().map(|stream| gap_lines(stream, origin)).collect();
     page.list(gaps.lines());
