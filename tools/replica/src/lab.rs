@@ -1,7 +1,7 @@
 //! Lab: commands that train models, evaluate results and measure cost.
 
 mod bench;
-mod evaluate;
+pub mod evaluate;
 pub mod instances;
 mod recorded_classes;
 mod train;

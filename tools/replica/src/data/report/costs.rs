@@ -1,16 +1,11 @@
-//! What the stages did with their time, and their progress and memory over the run.
+//! What the stages did with their time.
 
-use super::finished_run::FinishedRun;
-use chart::{Axis, BarRow, COLORS, Chart, Series};
+use chart::{BarRow, COLORS};
 use run::summary::{StageSummary, Summary};
-use std::collections::BTreeMap;
-use std::path::Path;
 
 /// Working, waiting for output, waiting for input, all else.
 const PIECES: [(&str, &str); 4] =
     [(COLORS[0], "working"), (COLORS[1], "waiting for output"), (COLORS[6], "waiting for input"), ("#b9bec8", "other")];
-/// Points of a line of a chart.
-const MAX_VERTICES: usize = 400;
 
 /// Colors and names of the pieces of the bars.
 pub fn legend() -> impl Iterator<Item = (String, String)> {
@@ -41,53 +36,6 @@ pub fn bars(summary: &Summary) -> String {
     };
     let rows: Vec<BarRow> = summary.stages.iter().map(row).collect();
     chart::bars(&rows, [0.0, wall_s], ["0 s", &format!("{wall_s:.1} s")])
-}
-
-/// Drive time and memory over the time of the run. `None` for a run of few seconds, or live.
-pub fn over_time(run: &FinishedRun) -> Option<String> {
-    let lines = Lines::read(&run.folder.join("run/costs.csv"))?;
-    let chart = |label: &str, of: fn(&Sample) -> f64| {
-        let series = |(index, (stage, samples)): (usize, (&String, &Vec<Sample>))| {
-            let step = samples.len().div_ceil(MAX_VERTICES).max(1);
-            let points = samples.iter().step_by(step).map(|sample| [sample.wall_s, of(sample)]);
-            Series::line(stage.as_str(), COLORS[index % COLORS.len()], points.collect())
-        };
-        let series: Vec<Series> = lines.0.iter().enumerate().map(series).collect();
-        let points = || series.iter().flat_map(Series::points);
-        let x = Axis::new("s of the run", [0.0, points().map(|[x, _]| *x).fold(1.0, f64::max)]);
-        let y = Axis::from_zero(label, points().map(|[_, y]| *y));
-        Chart { size: [820.0, 170.0], ..Chart::new("", x, y, series) }
-    };
-    let charts = [
-        chart("drive time, s", |sample| sample.drive_s),
-        chart("resident memory, MB (shared memory counts in each stage)", |sample| sample.bytes * 1e-6),
-    ];
-    Some(chart::sheet(&charts, 1))
-}
-
-struct Sample {
-    wall_s: f64,
-    drive_s: f64,
-    bytes: f64,
-}
-
-/// The lines of `run/costs.csv` by stage.
-struct Lines(BTreeMap<String, Vec<Sample>>);
-
-impl Lines {
-    /// `None` if no stage has four lines.
-    fn read(path: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(path).ok()?;
-        let mut lines: BTreeMap<String, Vec<Sample>> = BTreeMap::new();
-        for line in text.lines().skip(1) {
-            let cells: Vec<&str> = line.split(',').collect();
-            let [wall, stage, drive, _, _, bytes] = cells.as_slice() else { continue };
-            if let (Ok(wall_s), Ok(drive_s), Ok(bytes)) = (wall.parse(), drive.parse(), bytes.parse()) {
-                lines.entry((*stage).to_owned()).or_default().push(Sample { wall_s, drive_s, bytes });
-            }
-        }
-        lines.values().any(|samples| samples.len() >= 4).then_some(Self(lines))
-    }
 }
 
 #[cfg(test)]

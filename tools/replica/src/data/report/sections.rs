@@ -8,6 +8,7 @@ use super::{costs, overlays, range_picture, uncertain};
 use crate::class_color::class_color;
 use crate::data::inspect::drive::page::add_sensors;
 use crate::data::inspect::drive::pictures::png;
+use crate::lab::evaluate::trajectory::cost_chart::CostHistory;
 use chart::{BarRow, bars};
 use messages::{ClassId, class_name};
 use page::{Level, Page, Table, grouped};
@@ -283,8 +284,9 @@ fn timings(page: &mut Page, run: &FinishedRun, facts: &Facts) {
         table.row([stage.name.clone(), cpu, working, longest, memory, stage.faults.to_string()]);
     }
     page.table(&table);
-    if let Some(chart) = costs::over_time(run) {
-        page.drawing(&chart, "Drive time and memory of the stages over the run.");
+    // Live runs keep no history.
+    if let Ok(Some(history)) = CostHistory::of_run(&run.folder) {
+        page.drawing(&history.svg(), "");
     }
     if !facts.faults.is_empty() {
         page.notice(Level::Amber, "Faults", &facts.faults);

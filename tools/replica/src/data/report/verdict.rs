@@ -130,6 +130,7 @@ fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
 fn text_of_run(run: &FinishedRun) -> String {
     let total = &run.summary.total;
     let how = match run.summary.outcome.as_str() {
+        "done" if run.is_live() => "ended on request or with the sensors".to_owned(),
         "done" => "the whole drive was processed".to_owned(),
         "drained" => "ended early on request".to_owned(),
         "failed" => format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str)),
