@@ -46,7 +46,7 @@ struct Thinned {
 }
 
 impl Thinned {
-    /// About `n` of all points, file by file: `take` never waits for the next file to be read. Returns the step.
+    /// About `n` of all points, file by file in their order; as many files as there are threads are read at once. Returns the step.
     fn each(&self, n: u64, mut take: impl FnMut(&Vertices) -> anyhow::Result<()>) -> anyhow::Result<usize> {
         let step = self.n_points.div_ceil(n).max(1) as usize;
         for files in self.files.chunks(rayon::current_num_threads().max(1)) {

@@ -11,6 +11,7 @@ use crate::data::inspect::drive::stream::Stream;
 use crate::data::inspect::georeference::Georeference;
 use crate::lab::instances::ObjectSummary;
 use run::health::Doubt;
+use run::launch_file::LaunchFile;
 use run::summary::Total;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -204,7 +205,8 @@ impl Settings {
         let begun = run.begun.as_ref();
         let command = begun.map(|begun| {
             let sets = begun.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
-            format!("replica-launch {}{}", quoted(&begun.launch_file.display().to_string()), sets.collect::<String>())
+            let launch_file = quoted(&begun.launch_file.display().to_string());
+            format!("replica-launch {launch_file}{}{}", sets.collect::<String>(), selection(run, &begun.overrides))
         });
         let files = begun.iter().flat_map(|begun| begun.files.values().flatten());
         Self {
@@ -213,6 +215,19 @@ impl Settings {
             digests: files.map(|(path, file)| (path.clone(), file.digest.clone())).collect(),
         }
     }
+}
+
+/// Options that select the stages of the run among the tables of its launch file.
+fn selection(run: &FinishedRun, overrides: &[String]) -> String {
+    let is_stage = |table: &str| run.summary.stages.iter().any(|stage| stage.name == table);
+    if is_stage("replay") {
+        return " --source replay".to_owned();
+    }
+    let Ok(file) = LaunchFile::load(&run.folder.join("run/launch.toml"), overrides) else { return String::new() };
+    let tables = file.tables().into_iter().map(|(table, _)| table);
+    let left_out = tables.filter(|table| !["run", "simulate", "replay"].contains(&table.as_str()) && !is_stage(table));
+    let options: Vec<String> = left_out.map(|table| format!(" --without {}", quoted(&table))).collect();
+    options.concat()
 }
 
 /// A text as one word of a shell.

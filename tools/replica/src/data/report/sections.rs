@@ -3,6 +3,7 @@
 use super::facts::Facts;
 use super::finished_run::FinishedRun;
 use super::material::Material;
+use super::uncertain::CameraShare;
 use super::view_drawing;
 use super::{costs, overlays, range_picture, uncertain};
 use crate::class_color::class_color;
@@ -236,7 +237,7 @@ fn uncertainty(page: &mut Page, run: &FinishedRun, facts: &Facts) {
         page.drawing(&chart, &format!("Standard deviations of the submaps {against}, over the drive."));
     }
     if !facts.colored_by.is_empty() {
-        let row = |share: &super::uncertain::CameraShare| BarRow {
+        let row = |share: &CameraShare| BarRow {
             name: share.camera.clone(),
             pieces: vec![([0.0, share.share], chart::COLORS[0].to_owned())],
             text: format!("{:.1} %", 100.0 * share.share),
