@@ -8,10 +8,11 @@ use std::path::Path;
 use std::process::Command;
 
 /// The libraries in their order: each may use only those before it.
-const SHARED: [&str; 29] = [
+const SHARED: [&str; 30] = [
     "wide_loops",
     "allocator",
     "chart",
+    "page",
     "random",
     "geometry",
     "messages",

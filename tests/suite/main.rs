@@ -21,6 +21,7 @@ mod pipeline;
 mod power_loss;
 mod recorder;
 mod recordings;
+mod report;
 mod resources;
 mod stage_alone;
 mod supervision;

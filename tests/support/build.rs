@@ -6,8 +6,10 @@
 //! | `mount_namespaces` | mount file systems in a namespace of its own (`unshare`) |
 //! | `user_file_systems` | mount file systems of its own there (`/dev/fuse`) |
 //! | `other_users` | start processes of another user |
+//! | `chromium` | open pages in Chromium (Debian: `apt-get install chromium`) |
 //!
-//! With `REPLICA_NAMESPACES=required` all but `user_file_systems` are set, and a test that is not allowed to do so fails.
+//! With `REPLICA_NAMESPACES=required` all but `user_file_systems` and `chromium` are set, and a test that is not allowed to do so
+//! fails.
 
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
@@ -21,10 +23,11 @@ fn main() {
         ("mount_namespaces", may_mount()),
         ("user_file_systems", may_mount() && may_serve_files()),
         ("other_users", may_become_another_user()),
+        ("chromium", has_chromium()),
     ];
     for (name, is_allowed) in allowed {
         println!("cargo::rustc-check-cfg=cfg({name})");
-        if is_allowed || (is_required && name != "user_file_systems") {
+        if is_allowed || (is_required && !["user_file_systems", "chromium"].contains(&name)) {
             println!("cargo::rustc-cfg={name}");
         }
     }
@@ -37,6 +40,11 @@ fn may_mount() -> bool {
         let tried = Command::new("unshare").args([kind, "sh", "-c", &mount]).stderr(Stdio::null()).status();
         tried.is_ok_and(|status| status.success())
     })
+}
+
+fn has_chromium() -> bool {
+    let tried = Command::new("chromium").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    tried.is_ok_and(|status| status.success())
 }
 
 /// The kernel's part is found out when a test mounts one.

@@ -169,19 +169,24 @@ pub fn reported_seconds(report: &str, words: &str) -> f64 {
 /// Of `[run]`: no machine is so busy that it does not run a process for this long.
 pub const PATIENT: &str = "hang_s = 120.0";
 
-/// Keys of `[run]`, [`PATIENT`] unless they say otherwise.
+/// Keys of `[run]`; unless they say otherwise, [`PATIENT`] and without a report, which few tests read.
 pub(crate) fn patient(run: &str) -> String {
-    if run.contains("hang_s") { run.to_owned() } else { format!("{PATIENT}\n{run}") }
+    let defaults = [("hang_s", PATIENT), ("report", "report = false")];
+    let added = defaults.iter().filter(|(key, _)| !run.contains(key)).map(|(_, text)| format!("{text}\n"));
+    added.collect::<String>() + run
 }
 
-/// All files of a result folder by name, except those that a run keeps about itself (they contain times).
+/// Files that a run writes about itself beside its results. They contain times.
+const ABOUT_THE_RUN: [&str; 3] = ["summary.json", "report.html", "report.json"];
+
+/// All files of a result folder by name, except those that a run keeps about itself.
 pub fn result_files(output: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for folder in [output.to_owned(), output.join("clouds")] {
         // Only export makes clouds.
         for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
-            if entry.path().is_file() && name != "summary.json" {
+            if entry.path().is_file() && !ABOUT_THE_RUN.contains(&name.as_str()) {
                 files.insert(name, std::fs::read(entry.path()).expect("readable"));
             }
         }

@@ -34,6 +34,8 @@ run::settings! {
         pub hang_s: f64 = 5.0 => within(1.0, 3600.0);
         /// A stage that spends this long in one step stalls, s. A stage's own table may set another limit.
         pub stall_s: f64 = 60.0 => within(1.0, 86400.0);
+        /// Whether `replica report` writes report.html and report.json at the end of the run.
+        pub report: bool = true => any();
     }
 }
 

@@ -28,7 +28,7 @@ use crate::swap_record::SwapRecord;
 use formats::atomic_file::write_atomic;
 use ipc::{Domain, IpcError};
 use run::assignment::{Assignment, Restart};
-use run::summary::Summary;
+use run::summary::{REPORT_FILES, Summary};
 use run::wiring::Wiring;
 use serde::{Deserialize, Serialize};
 use states::States;
@@ -221,14 +221,15 @@ impl RunFolder {
         }
     }
 
-    /// Only a finished run has a summary. It is gone for good before the clouds change: after a power loss it would say of clouds
-    /// half replaced that the run is done.
+    /// Only a finished run has a summary and a report. They are gone for good before the clouds change: after a power loss they would
+    /// say of clouds half replaced that the run is done.
     fn remove_summary(&self) -> Result<(), RunFolderError> {
-        let summary = Summary::file(&self.output);
-        if !summary.exists() {
+        let report = REPORT_FILES.map(|name| self.output.join(name));
+        let of_finished_run = || report.iter().cloned().chain([Summary::file(&self.output)]);
+        if !of_finished_run().any(|file| file.exists()) {
             return Ok(());
         }
-        remove_file(&summary)?;
+        of_finished_run().try_for_each(|file| remove_file(&file))?;
         File::open(&self.output)
             .and_then(|output| output.sync_all())
             .map_err(|source| cannot_write(&self.output, source))

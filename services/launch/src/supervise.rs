@@ -5,6 +5,7 @@
 //! | `attempt` | one attempt: start, observe, decide, end all processes |
 //! | `check_resume` | whether `--resume` would continue the run in the output |
 //! | `services` | the IPC services that the stages open |
+//! | `report` | `replica report` after the run |
 //! | `processes` | the processes of an attempt |
 //! | `stage_restarts` | live: which stages are down, and how often each was restarted |
 //! | `operator` | signals and requests |
@@ -20,6 +21,7 @@ mod error;
 mod observers;
 mod operator;
 mod processes;
+mod report;
 mod services;
 mod stage_restarts;
 
@@ -39,7 +41,7 @@ pub use check_resume::check_resume;
 use error::SuperviseError;
 use observers::Observers;
 use operator::Operator;
-use run::Mode;
+use run::{Mode, exit};
 use stage_restarts::StageRestarts;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -291,7 +293,14 @@ impl Supervisor {
         let is_recorded = self.observers.finish_recording(outcome);
         self.operator.control.end(outcome);
         account::report(&summary, output);
-        Ok(account::exit_code(&summary, self.run.is_live(), is_recorded))
+        // "stopped": at once, as requested.
+        if self.run.plan.run.report && outcome != "stopped" {
+            report::write(output);
+        }
+        Ok(match summary.exit_code(self.run.is_live()) {
+            exit::DONE if !is_recorded => exit::INCOMPLETE,
+            code => code,
+        })
     }
 }
 

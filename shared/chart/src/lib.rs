@@ -5,9 +5,11 @@
 #![cfg_attr(not(test), deny(clippy::disallowed_methods))]
 
 mod axis;
+mod bars;
 mod draw;
 
 pub use axis::Axis;
+pub use bars::{BarRow, bars};
 pub use draw::escaped;
 
 use std::fmt::Write;
@@ -136,7 +138,7 @@ pub fn sheet(charts: &[Chart], columns: usize) -> String {
     let height: f64 = rows.iter().map(|row| height_of(row)).sum();
     // Viewers that do not scale need a size beside the view box.
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
+        "<svg class=\"chart\" xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
     );
     let mut top = 0.0;

@@ -5,6 +5,8 @@ mod overlay;
 mod page;
 mod yaw_rates;
 
+pub use overlay::{DEPTH_M, draw_points};
+
 use crate::check::Report;
 use crate::error::RigError;
 use crate::survey::Survey;

@@ -2,10 +2,14 @@
 
 use crate::control::Swapped;
 use crate::health::{Doubt, Health, Latency, Traffic};
+use crate::program::exit;
 use formats::atomic_file::write_atomic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// The files of the report that `replica report` writes into the output of a run: the page and its facts.
+pub const REPORT_FILES: [&str; 2] = ["report.html", "report.json"];
 
 /// The whole file.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -193,6 +197,17 @@ impl Summary {
         let path = Self::file(output);
         let read = || -> std::io::Result<Self> { Ok(serde_json::from_slice(&std::fs::read(&path)?)?) };
         read().map_err(|cause| SummaryError { path: path.clone(), cause })
+    }
+    /// The exit code of `replica-launch`, not regarding a recording. A live run is incomplete if a stage failed or missed a message;
+    /// any run is doubtful if a stage doubts its results.
+    pub fn exit_code(&self, is_live: bool) -> u8 {
+        let is_lossy = is_live && (!self.faults.is_empty() || !self.total.dropped.is_empty());
+        match self.outcome.as_str() {
+            "drained" => exit::INCOMPLETE,
+            "done" if is_lossy || self.doubts().next().is_some() => exit::INCOMPLETE,
+            "done" => exit::DONE,
+            _ => exit::FAILED,
+        }
     }
     /// All doubts, each with the name of its stage.
     pub fn doubts(&self) -> impl Iterator<Item = (&str, &Doubt)> {

@@ -9,15 +9,15 @@ mod palette;
 mod settings;
 
 pub use bev_picture::{BevRequest, render_bev};
+pub use camera::Camera;
+pub use canvas::Canvas;
 pub use cloud_summary::CloudSummary;
+pub use loaded_cloud::LoadedCloud;
+pub use palette::{Palette, ramp, share};
 pub use settings::{Background, ColorBy, PictureSettings, PictureSize, Viewpoint};
 
 use crate::cloud_files::cloud_files;
 use anyhow::Context;
-use camera::Camera;
-use canvas::Canvas;
-use loaded_cloud::LoadedCloud;
-use palette::Palette;
 use std::path::{Path, PathBuf};
 
 /// Statistics of all points of these files.
@@ -47,10 +47,10 @@ pub fn render(
     for file in files {
         let cloud = LoadedCloud::load(file)?;
         for point_idx in 0..cloud.len() {
-            canvas.splat(&camera, cloud.position(point_idx), palette.color(&cloud, point_idx));
+            canvas.splat(&camera, cloud.position(point_idx), [palette.color(&cloud, point_idx)]);
         }
     }
-    let pixels = canvas.finish(settings.background);
+    let [pixels] = canvas.finish(settings.background);
     let (width, height) = (size.width as u32, size.height as u32);
     image::save_buffer_with_format(picture, &pixels, width, height, image::ColorType::Rgb8, image::ImageFormat::Png)
         .with_context(|| format!("{}: cannot write the picture", picture.display()))?;

@@ -6,6 +6,7 @@ mod cube;
 mod grab;
 mod import;
 mod inspect;
+mod report;
 mod rig;
 mod send;
 mod sensor_calibration;
@@ -21,6 +22,7 @@ pub enum Command {
     Rig(rig::Args),
     Convert(convert::Args),
     Inspect(inspect::Args),
+    Report(report::Args),
     Compare(compare::Args),
     Cube(cube::Args),
     Spectrum(spectrum::Args),
@@ -38,6 +40,7 @@ impl Command {
             Command::Rig(args) => rig::run(args),
             Command::Convert(args) => convert::run(args),
             Command::Inspect(args) => inspect::run(args),
+            Command::Report(args) => report::run(args),
             Command::Compare(args) => compare::run(args),
             Command::Cube(args) => cube::run(args),
             Command::Spectrum(args) => spectrum::run(args),

@@ -1,8 +1,8 @@
 //! Lab: commands that train models, evaluate results and measure cost.
 
 mod bench;
-mod evaluate;
-mod instances;
+pub mod evaluate;
+pub mod instances;
 mod recorded_classes;
 mod train;
 mod true_points;

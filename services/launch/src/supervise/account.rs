@@ -6,7 +6,6 @@ use crate::plan::Plan;
 use crate::stage_process::StageProcess;
 use ipc::Domain;
 use run::control::Swapped;
-use run::exit;
 use run::health::{Doubt, Health};
 use run::process::usage;
 use run::summary::{StageSummary, Summary, Total, rate};
@@ -140,17 +139,5 @@ pub fn report(summary: &Summary, output: &Path) {
     }
     for (topic, n) in &total.dropped {
         tracing::warn!(topic, messages = n, "dropped: {n} messages of {topic}");
-    }
-}
-
-/// The exit code of the supervisor. A live run is incomplete if a stage failed or missed a message; any run is doubtful if a
-/// stage doubts its results.
-pub fn exit_code(summary: &Summary, is_live: bool, is_recorded: bool) -> u8 {
-    let is_lossy = is_live && (!summary.faults.is_empty() || !summary.total.dropped.is_empty());
-    match summary.outcome.as_str() {
-        "drained" => exit::INCOMPLETE,
-        "done" if is_lossy || !is_recorded || summary.doubts().next().is_some() => exit::INCOMPLETE,
-        "done" => exit::DONE,
-        _ => exit::FAILED,
     }
 }

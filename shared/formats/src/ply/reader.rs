@@ -1,6 +1,6 @@
 //! Reading whole clouds.
 
-use super::{HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
+use super::{Header, HeaderFault, Kind, PayloadFault, PlyError, Property, PropertyFault, packed};
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{DefaultElement, ElementDef, Encoding, PropertyType};
 use std::ops::Range;
@@ -56,6 +56,21 @@ impl Vertices {
             vertices.rows = 0..vertices.bytes.len();
         }
         Ok(vertices)
+    }
+
+    /// Packed rows of a file with this header.
+    pub(super) fn of_rows(path: &Path, header: &Header, bytes: Vec<u8>) -> Self {
+        let row_size = header.row_size();
+        Self {
+            path: path.to_owned(),
+            comments: header.comments.clone(),
+            infos: header.infos.clone(),
+            properties: header.properties.clone(),
+            n_points: bytes.len() / row_size.max(1),
+            row_size,
+            rows: 0..bytes.len(),
+            bytes,
+        }
     }
 
     /// Number of points.

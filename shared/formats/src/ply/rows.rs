@@ -1,10 +1,11 @@
 //! Reading clouds block by block.
 
 use super::reader::{MAX_HEADER, header_len, is_plain, parse_header, plain_rows, scalar_properties};
-use super::{Header, HeaderFault, PlyError};
+use super::{Header, HeaderFault, PlyError, Vertices};
 use ply_rs::ply::Encoding;
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -65,5 +66,55 @@ impl PlyRows {
     pub fn read_into(&self, first: usize, block: &mut [u8]) -> Result<(), PlyError> {
         let at = self.rows_at + first as u64 * self.header.row_size() as u64;
         self.file.read_exact_at(block, at).map_err(PlyError::io(&self.path, "read"))
+    }
+    /// The rows of these ranges, one after the other.
+    pub fn select(&self, ranges: impl IntoIterator<Item = Range<usize>>) -> Result<Vertices, PlyError> {
+        let row_size = self.header.row_size();
+        let mut bytes = Vec::new();
+        for range in ranges {
+            let range = range.start.min(self.n_points)..range.end.min(self.n_points);
+            let filled = bytes.len();
+            bytes.resize(filled + range.len() * row_size, 0);
+            self.read_into(range.start, &mut bytes[filled..])?;
+        }
+        Ok(Vertices::of_rows(&self.path, &self.header, bytes))
+    }
+
+    /// About every `step`-th row: of `step` groups of [`GROUP`] neighbors, which one read returns, the first one.
+    pub fn thinned(&self, step: usize) -> Result<Vertices, PlyError> {
+        let starts = (0..self.n_points).step_by(GROUP.saturating_mul(step.max(1)));
+        self.select(starts.map(|start| start..start + GROUP))
+    }
+}
+
+/// Rows that are read together by [`PlyRows::thinned`]: about a page of memory.
+const GROUP: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ply::{Kind, PlyWriter, Row};
+
+    #[test]
+    fn thinned_cloud_has_evenly_spaced_groups_of_rows() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.ply");
+        let header = Header::new([("x", Kind::Float), ("n", Kind::Int)]);
+        let n_points = 10 * GROUP + 7;
+        let mut writer = PlyWriter::create(&path, &header, n_points).expect("creates");
+        let encode = |i: usize, row: &mut Row<'_>| {
+            row.f32(0.5).i32(i as i32);
+        };
+        writer.write_each(n_points, encode).expect("writes");
+        writer.finish().expect("finishes");
+        let rows = PlyRows::open(&path).expect("opens");
+        let numbers = |step: usize| rows.thinned(step).expect("reads").i64s("n").expect("has n");
+        assert_eq!(numbers(1), (0..n_points as i64).collect::<Vec<_>>());
+        let group = GROUP as i64;
+        let expected: Vec<i64> =
+            [0, 5, 10].iter().flat_map(|k| (k * group..(k + 1) * group).take_while(|n| *n < n_points as i64)).collect();
+        assert_eq!(numbers(5), expected);
+        let end = rows.select([3..5, 640..9999]).expect("reads").i64s("n").expect("has n");
+        assert_eq!(end, [3, 4, 640, 641, 642, 643, 644, 645, 646]);
     }
 }

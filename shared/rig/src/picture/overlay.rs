@@ -7,8 +7,8 @@ use geometry::{Point3, Pose};
 use image::RgbImage;
 use registration::DeskewTable;
 
-/// Depths of the nearest and the farthest color, m.
-const DEPTH_M: [f64; 2] = [3.0, 40.0];
+/// Depths of the nearest color, red, and of the farthest one, blue, m.
+pub const DEPTH_M: [f64; 2] = [3.0, 40.0];
 /// Side of a point, px.
 const SIDE: i64 = 2;
 
@@ -55,15 +55,19 @@ fn overlay(drive: &Drive, survey: &Survey, frame: &Frame, sweep: &KeptSweep) -> 
     let mut image = RgbImage::from_raw(pixels.width, pixels.height, pixels.bytes)?;
     let odom_from_body = survey.trajectory.at(frame.stamp)?;
     let camera = &drive.rig().cameras[frame.camera];
-    let mut shown: Vec<(f64, [f64; 2])> = in_frame(sweep, &(odom_from_body * camera.body_from_camera))
-        .filter_map(|p| Some((p.coords.norm(), camera.model.pixel_from_camera(&p)?.into())))
-        .collect();
-    // The near ones last, on top.
-    shown.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (depth_m, at) in shown {
-        dot(&mut image, at, SIDE, color(depth_m));
-    }
+    let odom_from_camera = odom_from_body * camera.body_from_camera;
+    let shown = in_frame(sweep, &odom_from_camera)
+        .filter_map(|p| Some((p.coords.norm(), camera.model.pixel_from_camera(&p)?.into())));
+    draw_points(&mut image, shown.collect());
     Some(image)
+}
+
+/// Draws points (distance from the camera, m; column and row, px) into an image, colored by [`DEPTH_M`], the near ones on top.
+pub fn draw_points(image: &mut RgbImage, mut points: Vec<(f64, [f64; 2])>) {
+    points.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (depth_m, at) in points {
+        dot(image, at, SIDE, color(depth_m));
+    }
 }
 
 /// The deskewed points of a sweep in a frame whose pose in the frame of the odometry is given.

@@ -47,13 +47,9 @@ pub struct Projected {
 
 impl Camera {
     /// Orthographic top view, north up: the surroundings of the path, or all points if there is no path.
-    pub fn top_view([min, max]: [[f64; 3]; 2], path: &[[f64; 3]], size: PictureSize) -> Self {
-        let around = |k: usize| {
-            let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - BESIDE_PATH_M;
-            let high = path.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max) + BESIDE_PATH_M;
-            if path.is_empty() { (min[k], max[k]) } else { (low.max(min[k]), high.min(max[k])) }
-        };
-        let ((x0, x1), (y0, y1)) = (around(0), around(1));
+    pub fn top_view(bounds: [[f64; 3]; 2], path: &[[f64; 3]], size: PictureSize) -> Self {
+        let [[x0, x1], [y0, y1]] = Self::surroundings(bounds, path);
+        let max = bounds[1];
         let fit = |side: usize, low: f64, high: f64| side as f64 / (high - low).max(1.0);
         Self {
             eye: Vector3::new(f64::midpoint(x0, x1), f64::midpoint(y0, y1), max[2] + 1.0 + NEAR_M),
@@ -64,6 +60,15 @@ impl Camera {
             is_perspective: false,
             center: center(size),
         }
+    }
+
+    /// What the top view shows: smallest and largest x, and y, m.
+    pub fn surroundings([min, max]: [[f64; 3]; 2], path: &[[f64; 3]]) -> [[f64; 2]; 2] {
+        [0, 1].map(|k| {
+            let low = path.iter().map(|p| p[k]).fold(f64::INFINITY, f64::min) - BESIDE_PATH_M;
+            let high = path.iter().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max) + BESIDE_PATH_M;
+            if path.is_empty() { [min[k], max[k]] } else { [low.max(min[k]), high.min(max[k])] }
+        })
     }
 
     /// Perspective view from behind and above the position `share` (0 to 1) along the path. Without a path, the view is along
@@ -89,6 +94,11 @@ impl Camera {
             is_perspective: true,
             center: center(size),
         }
+    }
+
+    /// px per m: of the top view everywhere, of a perspective at a distance of 1 m.
+    pub fn px_per_m(&self) -> f64 {
+        self.scale
     }
 
     /// `None` for points behind or very near the camera, and for positions that are not finite.

@@ -2,6 +2,7 @@
 
 use super::camera::Camera;
 use super::settings::{Background, PictureSize};
+use rayon::prelude::*;
 
 /// The picture is rendered at twice the size in both directions and averaged, for smooth edges.
 const SUPERSAMPLING: usize = 2;
@@ -15,25 +16,26 @@ const MAX_WIDTH_PX: f64 = 8.0;
 const SHADE_STRENGTH: f32 = 18.0;
 const SHADE_RADIUS: isize = 3;
 
-/// The picture before averaging.
-pub struct Canvas {
+/// `N` pictures of the same points in different colors, before averaging.
+pub struct Canvas<const N: usize> {
     size: PictureSize,
     width: usize,
     height: usize,
     depths_m: Vec<f32>,
-    colors: Vec<[u8; 3]>,
+    /// sRGB of each pixel in each picture.
+    colors: Vec<[[u8; 3]; N]>,
 }
 
-impl Canvas {
+impl<const N: usize> Canvas<N> {
     /// An empty canvas.
     pub fn new(size: PictureSize) -> Self {
         let (width, height) = (size.width * SUPERSAMPLING, size.height * SUPERSAMPLING);
         let n = width * height;
-        Self { size, width, height, depths_m: vec![f32::INFINITY; n], colors: vec![[0; 3]; n] }
+        Self { size, width, height, depths_m: vec![f32::INFINITY; n], colors: vec![[[0; 3]; N]; n] }
     }
 
     /// Draws a point, except where a nearer point was drawn.
-    pub fn splat(&mut self, camera: &Camera, position: [f64; 3], color: [u8; 3]) {
+    pub fn splat(&mut self, camera: &Camera, position: [f64; 3], colors: [[u8; 3]; N]) {
         let Some(at) = camera.project(position) else { return };
         let (u, v) = (at.u * SUPERSAMPLING as f64, at.v * SUPERSAMPLING as f64);
         let radius = (POINT_M * at.px_per_m * SUPERSAMPLING as f64).clamp(MIN_WIDTH_PX, MAX_WIDTH_PX) / 2.0;
@@ -49,38 +51,40 @@ impl Canvas {
                 let pixel = row * self.width + column;
                 if depth_m < self.depths_m[pixel] {
                     self.depths_m[pixel] = depth_m;
-                    self.colors[pixel] = color;
+                    self.colors[pixel] = colors;
                 }
             }
         }
     }
 
-    /// Shades, adds the background and averages to the final size. Returns rows of sRGB from the top left.
-    pub fn finish(&self, background: Background) -> Vec<u8> {
-        let log_depths: Vec<f32> = self.depths_m.iter().map(|depth| depth.log2()).collect();
-        let mut pixels = Vec::with_capacity(self.size.width * self.size.height * 3);
-        for row in 0..self.size.height {
-            let behind = background.color(row as f32 / self.size.height as f32);
-            for column in 0..self.size.width {
-                pixels.extend(self.pixel(&log_depths, column, row, behind));
-            }
-        }
-        pixels
+    /// Shades, adds the background and averages to the final size. Returns rows of sRGB from the top left, picture by picture.
+    pub fn finish(&self, background: Background) -> [Vec<u8>; N] {
+        let log_depths: Vec<f32> = self.depths_m.par_iter().map(|depth| depth.log2()).collect();
+        let rows: Vec<Vec<[[u8; 3]; N]>> = (0..self.size.height)
+            .into_par_iter()
+            .map(|row| {
+                let behind = background.color(row as f32 / self.size.height as f32);
+                (0..self.size.width).map(|column| self.pixel(&log_depths, column, row, behind)).collect()
+            })
+            .collect();
+        std::array::from_fn(|k| rows.iter().flatten().flat_map(|colors| colors[k]).collect())
     }
 
-    fn pixel(&self, log_depths: &[f32], column: usize, row: usize, behind: [f32; 3]) -> [u8; 3] {
-        let mut sum = [0.0; 3];
+    fn pixel(&self, log_depths: &[f32], column: usize, row: usize, behind: [f32; 3]) -> [[u8; 3]; N] {
+        let mut sums = [[0.0; 3]; N];
         for v in row * SUPERSAMPLING..(row + 1) * SUPERSAMPLING {
             for u in column * SUPERSAMPLING..(column + 1) * SUPERSAMPLING {
                 let pixel = v * self.width + u;
                 let is_empty = log_depths[pixel] == f32::INFINITY;
                 let shade = if is_empty { 1.0 } else { self.shade(log_depths, u, v) };
-                for k in 0..3 {
-                    sum[k] += if is_empty { behind[k] } else { f32::from(self.colors[pixel][k]) * shade };
+                for (sum, color) in sums.iter_mut().zip(&self.colors[pixel]) {
+                    for k in 0..3 {
+                        sum[k] += if is_empty { behind[k] } else { f32::from(color[k]) * shade };
+                    }
                 }
             }
         }
-        sum.map(|value| (value / (SUPERSAMPLING * SUPERSAMPLING) as f32).round() as u8)
+        sums.map(|sum| sum.map(|value| (value / (SUPERSAMPLING * SUPERSAMPLING) as f32).round() as u8))
     }
 
     /// Eye-dome lighting (Boucheny 2009): 1 on a free surface, less the further a pixel lies behind its neighbors.
@@ -127,9 +131,10 @@ mod tests {
             let mut canvas = Canvas::new(SIZE);
             for position in order {
                 let color = if position == near { [255, 0, 0] } else { [0, 255, 0] };
-                canvas.splat(&camera(), position, color);
+                canvas.splat(&camera(), position, [color]);
             }
-            let drawn: Vec<[u8; 3]> = canvas.colors.iter().copied().filter(|color| *color != [0; 3]).collect();
+            let drawn: Vec<[u8; 3]> =
+                canvas.colors.iter().map(|[color]| *color).filter(|color| *color != [0; 3]).collect();
             assert!(!drawn.is_empty() && drawn.iter().all(|color| *color == [255, 0, 0]));
         }
     }
@@ -137,8 +142,8 @@ mod tests {
     #[test]
     fn single_point_colors_one_pixel() {
         let mut canvas = Canvas::new(SIZE);
-        canvas.splat(&camera(), [10.5, 20.5, 0.0], [200, 100, 50]);
-        let pixels = canvas.finish(Background::White);
+        canvas.splat(&camera(), [10.5, 20.5, 0.0], [[200, 100, 50]]);
+        let [pixels] = canvas.finish(Background::White);
         assert_eq!(pixels.len(), 64 * 32 * 3);
         let colored: Vec<usize> = (0..64 * 32).filter(|i| pixels[i * 3..i * 3 + 3] != [255; 3]).collect();
         // North is up: y = 20.5 of 32 is row 11.
@@ -148,9 +153,9 @@ mod tests {
 
     #[test]
     fn points_outside_or_not_finite_are_not_drawn() {
-        let mut canvas = Canvas::new(SIZE);
+        let mut canvas = Canvas::<1>::new(SIZE);
         for position in [[-500.0, 0.0, 0.0], [1e300, 1e300, 0.0], [f64::NAN; 3], [0.0, 0.0, 1e9]] {
-            canvas.splat(&camera(), position, [255; 3]);
+            canvas.splat(&camera(), position, [[255; 3]]);
         }
         assert!(canvas.depths_m.iter().all(|depth| *depth == f32::INFINITY));
     }
@@ -160,9 +165,9 @@ mod tests {
         let mut canvas = Canvas::new(SIZE);
         for i in 0..128 * 64 {
             let (x, y) = (f64::from(i % 128) / 2.0 + 0.25, f64::from(i / 128) / 2.0 + 0.25);
-            canvas.splat(&camera(), [x, y, if x < 32.0 { 9.0 } else { 0.0 }], [200; 3]);
+            canvas.splat(&camera(), [x, y, if x < 32.0 { 9.0 } else { 0.0 }], [[200; 3]]);
         }
-        let pixels = canvas.finish(Background::White);
+        let [pixels] = canvas.finish(Background::White);
         let level = |column: usize| pixels[(16 * 64 + column) * 3];
         assert_eq!((level(10), level(50)), (200, 200));
         assert!(level(32) < 140, "{}", level(32));

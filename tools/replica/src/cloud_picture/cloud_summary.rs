@@ -3,6 +3,7 @@
 use super::loaded_cloud::LoadedCloud;
 use super::settings::ColorBy;
 use messages::class_name;
+use page::grouped;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
@@ -147,7 +148,7 @@ impl CloudSummary {
 }
 
 /// Length of a polyline, m.
-fn length_m(path: &[[f64; 3]]) -> f64 {
+pub fn length_m(path: &[[f64; 3]]) -> f64 {
     let step = |pair: &[[f64; 3]]| (0..3).map(|k| (pair[1][k] - pair[0][k]).powi(2)).sum::<f64>().sqrt();
     path.windows(2).map(step).sum()
 }
@@ -160,27 +161,9 @@ pub fn percentiles(values: &[f64]) -> [f64; 2] {
     [at(0.01).unwrap_or(0.0), at(0.99).or(sorted.last().copied()).unwrap_or(1.0)]
 }
 
-/// 1234567 as "1 234 567".
-fn grouped(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.char_indices() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn number_of_seven_digits_is_grouped() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1 000", "1 234 567"]);
-    }
 
     #[test]
     fn percentiles_ignore_outliers_and_nan() {

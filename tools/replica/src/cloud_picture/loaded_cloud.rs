@@ -23,7 +23,8 @@ impl LoadedCloud {
         Self::from_vertices(&Vertices::load(path)?)
     }
 
-    fn from_vertices(v: &Vertices) -> anyhow::Result<Self> {
+    /// The columns of a cloud.
+    pub fn from_vertices(v: &Vertices) -> anyhow::Result<Self> {
         let named = |names: [&'static str; 3]| names.into_iter().find(|name| v.has(name));
         let color = ["red", "green", "blue"].iter().all(|name| v.has(name)).then(|| color(v)).transpose()?;
         let lidar = ["x_lidar_position", "y_lidar_position", "z_lidar_position"];

@@ -1,7 +1,7 @@
 //! `replica inspect`: what a drive, a cloud or a recording contains; the measured offset between points and images of a run.
 
-mod drive;
-mod georeference;
+pub mod drive;
+pub mod georeference;
 mod offset;
 mod recording;
 
@@ -12,6 +12,7 @@ use crate::cloud_picture::{
 use crate::exit_code;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
+use drive::Reading;
 use run::summary::Summary;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -81,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         return Ok(if complete { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) });
     }
     if drive::is_drive(&args.path) {
-        return drive::run(&args.path, args.full, args.page.as_deref());
+        return drive::run(&args.path, if args.full { Reading::All } else { Reading::Samples }, args.page.as_deref());
     }
     if args.full || args.page.is_some() {
         let path = args.path.display();

@@ -1,14 +1,14 @@
 //! `replica spectrum`: statistics and diagnosis of reflectances (thesis section 4.3.1).
 
-mod channel;
-mod diagnosis;
-mod figures;
+pub mod channel;
+pub mod diagnosis;
+pub mod figures;
 mod input;
 mod moments;
 mod reference;
 mod report;
 mod simulated_exposures;
-mod source;
+pub mod source;
 mod stretch;
 
 use super::sensor_calibration;

@@ -6,7 +6,7 @@ mod map;
 mod projections;
 mod recorded_truth;
 mod run;
-mod trajectory;
+pub mod trajectory;
 
 use crate::usage_error::UsageError;
 use std::process::ExitCode;

@@ -6,7 +6,7 @@ mod object_summary;
 use crate::cloud_files::cloud_files;
 use formats::ply::Vertices;
 use geometry::OrientedRectangle;
-use object_summary::ObjectSummary;
+pub use object_summary::ObjectSummary;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -31,7 +31,7 @@ pub struct Args {
 
 /// The points of one object.
 #[derive(Default)]
-struct Object {
+pub struct Object {
     /// Number of points by class.
     classes: BTreeMap<u8, u64>,
     n_points: u64,
@@ -56,7 +56,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<()> {
+/// Adds the points of a cloud, which has the fields semantic and instance, to the objects by id.
+pub fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<()> {
     let (x, y, z) = (cloud.f64s("x")?, cloud.f64s("y")?, cloud.f64s("z")?);
     let (classes, instances) = (cloud.u8s("semantic")?, cloud.i64s("instance")?);
     let mut seen = BTreeSet::new();
@@ -77,7 +78,8 @@ fn add(objects: &mut BTreeMap<i64, Object>, cloud: &Vertices) -> anyhow::Result<
 }
 
 impl Object {
-    fn summary(&self, id: i64) -> Option<ObjectSummary> {
+    /// `None` without points.
+    pub fn summary(&self, id: i64) -> Option<ObjectSummary> {
         let centers: Vec<[f64; 2]> =
             self.cells.iter().map(|&(i, j)| [i, j].map(|v| (v as f64 + 0.5) * CELL_M)).collect();
         let most_frequent = self.classes.iter().max_by_key(|(class, n)| (**n, std::cmp::Reverse(**class)));

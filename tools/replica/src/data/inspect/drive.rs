@@ -6,16 +6,17 @@ mod inertial;
 mod lidar;
 mod other_lidars;
 mod packets;
-mod page;
-mod pictures;
+pub mod page;
+pub mod pictures;
 mod processing;
 mod receiver;
-mod stream;
-mod text;
+pub mod stream;
+pub mod text;
 
 use crate::exit_code;
 use anyhow::Context;
 use formats::drive::{Drive, MANIFEST_FILE};
+use formats::nmea::Fix;
 use geometry::Stamp;
 use pictures::Picture;
 use std::io::Write;
@@ -23,26 +24,39 @@ use std::path::Path;
 use std::process::ExitCode;
 use stream::Stream;
 
+/// What is read of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// Stamps of all files, the begin of captures, a few sweeps; no image.
+    Stamps,
+    /// Also a few images.
+    Samples,
+    /// All sweeps and images.
+    All,
+}
+
 /// What was found in a drive.
 pub struct DriveReport {
     /// Name in the manifest.
-    name: String,
+    pub name: String,
     folder: String,
     /// One per sensor.
-    streams: Vec<Stream>,
+    pub streams: Vec<Stream>,
     /// Lines by heading.
-    sections: Vec<Section>,
+    pub sections: Vec<Section>,
     /// Why not to rely on the data.
-    doubts: Vec<String>,
+    pub doubts: Vec<String>,
     pictures: Vec<Picture>,
     /// Path by GNSS: east and north of the first fix, m.
     path_m: Vec<[f64; 2]>,
+    /// Fixes of the receiver.
+    pub fixes: Vec<Fix>,
 }
 
 /// Facts about one subject.
-struct Section {
-    heading: String,
-    lines: Vec<String>,
+pub struct Section {
+    pub heading: String,
+    pub lines: Vec<String>,
 }
 
 impl DriveReport {
@@ -54,6 +68,11 @@ impl DriveReport {
 
     fn doubt(&mut self, text: impl Into<String>) {
         self.doubts.push(text.into());
+    }
+
+    /// Begin of the LiDAR, from which times are counted.
+    pub fn origin(&self) -> Stamp {
+        self.lidar_span().map_or(Stamp(0), |[first, _]| first)
     }
 
     /// Begin and end of the LiDAR.
@@ -80,9 +99,9 @@ pub fn is_drive(path: &Path) -> bool {
         && files().any(|file| has_extension(&file, &["pcap", "pcapng", "pcd", "bin"]))
 }
 
-/// Prints the report and writes the page. `is_full`: all sweeps and images are read.
-pub fn run(path: &Path, is_full: bool, page: Option<&Path>) -> anyhow::Result<ExitCode> {
-    let report = report(path, is_full)?;
+/// Prints the report and writes the page.
+pub fn run(path: &Path, reading: Reading, page: Option<&Path>) -> anyhow::Result<ExitCode> {
+    let report = DriveReport::of(&Drive::open(path)?, path, reading)?;
     // A reader that closes the pipe early has seen enough.
     let _ = std::io::stdout().write_all(text::of(&report).as_bytes());
     if let Some(page) = page {
@@ -92,27 +111,30 @@ pub fn run(path: &Path, is_full: bool, page: Option<&Path>) -> anyhow::Result<Ex
     Ok(if report.doubts.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(exit_code::INCOMPLETE) })
 }
 
-fn report(path: &Path, is_full: bool) -> anyhow::Result<DriveReport> {
-    let drive = Drive::open(path)?;
-    let mut report = DriveReport {
-        name: drive.manifest().name.clone(),
-        folder: path.display().to_string(),
-        streams: Vec::new(),
-        sections: Vec::new(),
-        doubts: acquisition::recorded::drive_problems(path),
-        pictures: Vec::new(),
-        path_m: Vec::new(),
-    };
-    if drive.is_inferred() {
-        let lines = vec![format!("no {MANIFEST_FILE}: sweeps of one LiDAR, whose frame is the body frame")];
-        report.section("Drive", lines);
+impl DriveReport {
+    /// Reads a drive.
+    pub fn of(drive: &Drive, path: &Path, reading: Reading) -> anyhow::Result<Self> {
+        let mut report = Self {
+            name: drive.manifest().name.clone(),
+            folder: path.display().to_string(),
+            streams: Vec::new(),
+            sections: Vec::new(),
+            doubts: acquisition::recorded::drive_problems(path),
+            pictures: Vec::new(),
+            path_m: Vec::new(),
+            fixes: Vec::new(),
+        };
+        if drive.is_inferred() {
+            let lines = vec![format!("no {MANIFEST_FILE}: sweeps of one LiDAR, whose frame is the body frame")];
+            report.section("Drive", lines);
+        }
+        let lidar = lidar::add(drive, reading == Reading::All, &mut report)?;
+        other_lidars::add(drive, &mut report);
+        receiver::add(drive, &lidar, &mut report)?;
+        inertial::add(drive, &mut report)?;
+        cameras::add(drive, reading, &mut report);
+        clocks::add(&lidar, &mut report);
+        processing::add(drive, path, &lidar, &mut report);
+        Ok(report)
     }
-    let lidar = lidar::add(&drive, is_full, &mut report)?;
-    other_lidars::add(&drive, &mut report);
-    receiver::add(&drive, &lidar, &mut report)?;
-    inertial::add(&drive, &mut report)?;
-    cameras::add(&drive, is_full, &mut report);
-    clocks::add(&lidar, &mut report);
-    processing::add(&drive, path, &lidar, &mut report);
-    Ok(report)
 }

@@ -65,7 +65,7 @@ impl Figures<'_> {
     }
 
     /// Figures 4.3, 4.6, 4.11 and 4.13.
-    fn histogram(&self) -> Chart {
+    pub fn histogram(&self) -> Chart {
         let channels = (0..).zip(self.sources).zip(self.stretched);
         let lines = channels.flat_map(|((group, source), channels)| {
             channels.iter().map(move |channel| histogram_line(group, &source.name, channel))
@@ -86,7 +86,7 @@ impl Figures<'_> {
     }
 
     /// Figure 4.4.
-    fn distribution(&self) -> Chart {
+    pub fn distribution(&self) -> Chart {
         let wavelengths = self.wavelengths();
         let mut lines = Vec::new();
         for ((group, source), channels) in (0..).zip(self.sources).zip(self.stretched) {

@@ -1,6 +1,6 @@
 //! `replica evaluate trajectory`: absolute and relative errors as defined by evo, errors over segments as defined by KITTI.
 
-mod cost_chart;
+pub mod cost_chart;
 mod error_charts;
 mod pose_input;
 mod report;

@@ -1,8 +1,8 @@
 //! Color and mosaic cameras: stamps of all files, and a few decoded images.
 
-use super::DriveReport;
 use super::pictures;
 use super::stream::Stream;
+use super::{DriveReport, Reading};
 use acquisition::recorded::{CameraFileError, image_into, mosaic_into};
 use formats::drive::{Drive, Frame};
 use formats::manifest::{CameraEntry, MosaicEntry};
@@ -17,7 +17,7 @@ const MOSAIC_BRIGHTNESS: RangeInclusive<f64> = 0.005..=0.97;
 const MAX_REPORTED: usize = 5;
 
 /// Adds streams, facts, doubts and the first picture of each camera.
-pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) {
+pub fn add(drive: &Drive, reading: Reading, report: &mut DriveReport) {
     if let Some(path) = drive.strange_files().first() {
         let n = drive.strange_files().len();
         report.doubt(format!("{n} files in camera folders have no stamp as name, the first: {}", path.display()));
@@ -29,14 +29,14 @@ pub fn add(drive: &Drive, is_full: bool, report: &mut DriveReport) {
         let (width, height) = entry.model.size();
         let camera = Camera { name, kind: format!("{width} x {height}"), folder: &entry.folder, sound: BRIGHTNESS };
         let load = |frame: &Frame| color(frame, entry);
-        lines.extend(camera.add(&of_camera(drive.camera_frames(), index), is_full, load, report));
+        lines.extend(camera.add(&of_camera(drive.camera_frames(), index), reading, load, report));
     }
     for (index, entry) in manifest.mosaics.iter().enumerate() {
         let name = format!("mosaic {index} ({})", entry.name);
         let kind = format!("{0} x {0} bands", entry.pattern);
         let camera = Camera { name, kind, folder: &entry.folder, sound: MOSAIC_BRIGHTNESS };
         let load = |frame: &Frame| mosaic(frame, entry);
-        lines.extend(camera.add(&of_camera(drive.mosaic_frames(), index), is_full, load, report));
+        lines.extend(camera.add(&of_camera(drive.mosaic_frames(), index), reading, load, report));
         for reference in ["dark", "white"] {
             let folder = drive.folder().join(&entry.folder).join(reference);
             if folder.read_dir().is_ok_and(|mut files| files.next().is_some()) {
@@ -73,7 +73,7 @@ impl Camera<'_> {
     fn add(
         &self,
         frames: &[&Frame],
-        is_full: bool,
+        reading: Reading,
         load: impl Fn(&Frame) -> Result<Decoded, CameraFileError>,
         report: &mut DriveReport,
     ) -> Option<String> {
@@ -85,7 +85,11 @@ impl Camera<'_> {
             report.doubt(format!("{}: no image in folder {}", self.name, self.folder));
             return None;
         };
-        let mut chosen: Vec<usize> = if is_full { (0..n).collect() } else { vec![0, n / 2, n - 1] };
+        let mut chosen: Vec<usize> = match reading {
+            Reading::Stamps => return None,
+            Reading::Samples => vec![0, n / 2, n - 1],
+            Reading::All => (0..n).collect(),
+        };
         chosen.dedup();
         let (mut brightness, mut n_bad) = (Vec::new(), 0);
         for index in &chosen {
@@ -109,7 +113,7 @@ impl Camera<'_> {
                 }
             }
         }
-        let shown: Vec<String> = if is_full {
+        let shown: Vec<String> = if reading == Reading::All {
             let mean = brightness.iter().sum::<f64>() / brightness.len().max(1) as f64;
             vec![format!("{:.0} % (mean)", 100.0 * mean)]
         } else {

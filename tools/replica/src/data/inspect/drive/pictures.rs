@@ -1,11 +1,11 @@
 //! Small pictures for the page: images of cameras, and the first sweep from above.
 
-use super::stream::{Stream, seconds_between};
+use super::stream::{Gap, Stream, seconds_between};
+use chart::{BarRow, COLORS};
 use formats::lidar::SweepPoint;
 use geometry::{Point3, Pose, Stamp};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageFormat, Rgb, RgbImage};
-use std::fmt::Write;
 use std::io::Cursor;
 
 /// Width of a picture of a camera, px.
@@ -29,24 +29,40 @@ pub struct Picture {
 impl Picture {
     /// The picture as the address of an `img` element.
     pub fn data_uri(&self) -> String {
-        format!("data:{};base64,{}", self.kind, base64(&self.bytes))
+        page::data_uri(self.kind, &self.bytes)
     }
 }
 
 /// A smaller copy of an image, as JPEG. `None` for an image without pixels.
 pub fn small(title: &str, rgb: &RgbImage) -> Option<Picture> {
+    jpeg(format!("{title}, first image"), &thumbnail(rgb)?)
+}
+
+/// A copy of an image, at most [`WIDTH`] wide. `None` for an image without pixels.
+pub fn thumbnail(rgb: &RgbImage) -> Option<RgbImage> {
     let (width, height) = rgb.dimensions();
     if width == 0 || height == 0 {
         return None;
     }
     let scale = f64::from(WIDTH.min(width)) / f64::from(width);
     let height = ((f64::from(height) * scale).round() as u32).max(1);
-    let thumbnail = image::imageops::thumbnail(rgb, WIDTH.min(width), height);
+    Some(image::imageops::thumbnail(rgb, WIDTH.min(width), height))
+}
+
+/// An image as JPEG.
+pub fn jpeg(title: String, rgb: &RgbImage) -> Option<Picture> {
     let mut bytes = Vec::new();
-    let (width, height) = thumbnail.dimensions();
+    let (width, height) = rgb.dimensions();
     let encoder = JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY);
-    encoder.write_image(thumbnail.as_raw(), width, height, ExtendedColorType::Rgb8).ok()?;
-    Some(Picture { title: format!("{title}, first image"), kind: "image/jpeg", bytes })
+    encoder.write_image(rgb.as_raw(), width, height, ExtendedColorType::Rgb8).ok()?;
+    Some(Picture { title, kind: "image/jpeg", bytes })
+}
+
+/// An image as PNG.
+pub fn png(title: String, rgb: &RgbImage) -> Option<Picture> {
+    let mut bytes = Vec::new();
+    rgb.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).ok()?;
+    Some(Picture { title, kind: "image/png", bytes })
 }
 
 /// A sweep from above in the body frame, x upwards, colored by height, with a circle each 10 m.
@@ -83,10 +99,7 @@ pub fn top_view(points: &[SweepPoint], body_from_lidar: &Pose) -> Option<Picture
             view.put_pixel(u, v, height_color((point.z - lowest_m) / HEIGHT_M));
         }
     }
-    let mut bytes = Vec::new();
-    view.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).ok()?;
-    let title = format!("LiDAR, one sweep of {} returns from above; circles each 10 m, forward is up", points.len());
-    Some(Picture { title, kind: "image/png", bytes })
+    png(format!("LiDAR, one sweep of {} returns from above; circles each 10 m, forward is up", points.len()), &view)
 }
 
 /// Blue, green, yellow, red.
@@ -99,77 +112,32 @@ fn height_color(share: f32) -> Rgb<u8> {
     Rgb([mix(0), mix(1), mix(2)])
 }
 
-/// The time of each sensor as a bar under the others, in seconds after the begin of the LiDAR; gaps are open.
+/// The time of each sensor as a bar under the others, in seconds after the begin of the LiDAR; gaps are orange.
 pub fn timeline(streams: &[Stream], origin: Stamp) -> String {
-    const ROW: f64 = 26.0;
-    const LEFT: f64 = 270.0;
-    const LENGTH: f64 = 580.0;
     let spans: Vec<(&Stream, [f64; 2])> = streams
         .iter()
         .filter_map(|stream| Some((stream, stream.span()?.map(|stamp| seconds_between(stamp, origin)))))
         .collect();
     let begin = spans.iter().map(|(_, span)| span[0]).fold(0.0, f64::min);
     let end = spans.iter().map(|(_, span)| span[1]).fold(0.0, f64::max);
-    let seconds = (end - begin).max(1e-3);
-    let x = |at: f64| LEFT + LENGTH * (at - begin) / seconds;
-    let height = ROW * (spans.len() as f64 + 1.0);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"900\" height=\"{height}\" viewBox=\"0 0 900 {height}\" \
-         font-family=\"sans-serif\" font-size=\"13\">\n"
-    );
-    for (row, (stream, [first, last])) in spans.iter().enumerate() {
-        let y = ROW * row as f64;
-        let name = chart::escaped(&stream.name);
-        // Writing to a string cannot fail.
-        let _ = writeln!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{name}</text>", LEFT - 10.0, y + 17.0);
-        let width = (x(*last) - x(*first)).max(1.0);
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"14\" fill=\"#0072b2\"/>",
-            x(*first),
-            y + 6.0
-        );
-        for gap in stream.gaps().listed {
-            let at = seconds_between(gap.begin, origin);
-            let width = (x(at + gap.seconds) - x(at)).max(1.0);
-            let _ = writeln!(
-                svg,
-                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{width:.1}\" height=\"14\" fill=\"#d55e00\"/>",
-                x(at),
-                y + 6.0
-            );
-        }
-    }
-    let y = height - 8.0;
-    let _ = writeln!(svg, "<text x=\"{LEFT}\" y=\"{y:.1}\">{begin:.1} s</text>");
-    let _ = writeln!(svg, "<text x=\"{}\" y=\"{y:.1}\" text-anchor=\"end\">{end:.1} s</text>", LEFT + LENGTH);
-    svg + "</svg>\n"
-}
-
-/// RFC 4648. Written here: a dozen lines.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let word = three.iter().fold(0_u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - three.len()));
-        for k in 0..4 {
-            let letter = ALPHABET[(word >> (18 - 6 * k) & 63) as usize] as char;
-            text.push(if k <= three.len() { letter } else { '=' });
-        }
-    }
-    text
+    let rows: Vec<BarRow> = spans
+        .iter()
+        .map(|(stream, span)| {
+            let gap = |gap: &Gap| {
+                let from = seconds_between(gap.begin, origin);
+                ([from, from + gap.seconds], COLORS[1].to_owned())
+            };
+            let mut pieces = vec![(*span, COLORS[0].to_owned())];
+            pieces.extend(stream.gaps().listed.iter().map(gap));
+            BarRow { name: stream.name.clone(), pieces, text: String::new() }
+        })
+        .collect();
+    chart::bars(&rows, [begin, end.max(begin + 1e-3)], [&format!("{begin:.1} s"), &format!("{end:.1} s")])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_matches_the_examples_of_the_standard() {
-        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 
     #[test]
     fn top_view_shows_points_at_their_place() {

@@ -40,6 +40,7 @@ pub fn add(drive: &Drive, lidar: &LidarSurvey, report: &mut DriveReport) -> anyh
     report.streams.push(stream);
     let mut lines = quality(&fixes, &log, report);
     lines.extend(path(&fixes, report));
+    report.fixes = fixes;
     report.section("GNSS", lines);
     Ok(())
 }

@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// The whole report.
 pub fn of(report: &DriveReport) -> String {
     let mut text = format!("{} ({})\n\n", report.folder, report.name);
-    let origin = report.lidar_span().map_or(Stamp(0), |[first, _]| first);
+    let origin = report.origin();
     let rows: Vec<[String; 9]> = report.streams.iter().map(row).collect();
     let width = |column: usize| {
         rows.iter().chain([&HEADINGS.map(str::to_owned)]).map(|row| row[column].chars().count()).max().unwrap_or(0)

@@ -1,0 +1,211 @@
+//! Pages of reports as HTML: one column, light and dark as the reader's system asks, fit for print, without scripts.
+//!
+//! Every text is escaped here. Pictures are embedded ([`data_uri`]) or name files beside the page.
+
+#![cfg_attr(not(test), deny(clippy::disallowed_methods))]
+
+mod base64;
+mod table;
+
+pub use table::Table;
+
+use base64::base64;
+use chart::escaped;
+use std::fmt::{Display, Write};
+
+const STYLE: &str = include_str!("style.css");
+
+/// How good a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// Nothing to do.
+    Green,
+    /// To be looked at.
+    Amber,
+    /// Not to be relied on.
+    Red,
+}
+
+impl Level {
+    /// The word that the page and its style sheet use.
+    pub fn word(self) -> &'static str {
+        match self {
+            Level::Green => "green",
+            Level::Amber => "amber",
+            Level::Red => "red",
+        }
+    }
+}
+
+/// A page under construction.
+pub struct Page(String);
+
+// Writing to a string cannot fail.
+impl Page {
+    /// A page with its heading.
+    pub fn new(title: &str) -> Self {
+        let title = escaped(title);
+        Self(format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <title>{title}</title>\n<style>\n{STYLE}</style></head>\n<body>\n<h1>{title}</h1>\n"
+        ))
+    }
+
+    /// Heading of a section.
+    pub fn section(&mut self, heading: &str) {
+        let _ = writeln!(self.0, "<h2>{}</h2>", escaped(heading));
+    }
+
+    /// Heading of a part of a section.
+    pub fn subsection(&mut self, heading: &str) {
+        let _ = writeln!(self.0, "<h3>{}</h3>", escaped(heading));
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: &str) {
+        let _ = writeln!(self.0, "<p>{}</p>", escaped(text));
+    }
+
+    /// A line in small gray letters.
+    pub fn remark(&mut self, text: &str) {
+        let _ = writeln!(self.0, "<p class=\"remark\">{}</p>", escaped(text));
+    }
+
+    /// A list. Nothing without lines.
+    pub fn list(&mut self, lines: impl IntoIterator<Item = impl AsRef<str>>) {
+        let items: Vec<String> =
+            lines.into_iter().map(|line| format!("<li>{}</li>\n", escaped(line.as_ref()))).collect();
+        if !items.is_empty() {
+            let _ = writeln!(self.0, "<ul>\n{}</ul>", items.concat());
+        }
+    }
+
+    /// A box in the color of the level: a title and its lines.
+    pub fn notice(&mut self, level: Level, title: &str, lines: impl IntoIterator<Item = impl AsRef<str>>) {
+        let _ = writeln!(self.0, "<div class=\"notice {}\"><b>{}</b>", level.word(), escaped(title));
+        self.list(lines);
+        self.0.push_str("</div>\n");
+    }
+
+    /// A table.
+    pub fn table(&mut self, table: &Table) {
+        self.0.push_str(&table.html());
+    }
+
+    /// Names with small areas of a color, `#rrggbb`.
+    pub fn legend(&mut self, entries: impl IntoIterator<Item = (String, String)>) {
+        let entry = |(color, name): (String, String)| {
+            let (color, name) = (escaped(&color), escaped(&name));
+            format!("<span><i style=\"background:{color}\"></i>{name}</span>\n")
+        };
+        let entries: Vec<String> = entries.into_iter().map(entry).collect();
+        let _ = writeln!(self.0, "<div class=\"legend\">\n{}</div>", entries.concat());
+    }
+
+    /// A chart or drawing (an `svg` element, which is not escaped) and what it shows.
+    pub fn drawing(&mut self, svg: &str, caption: &str) {
+        self.figure(svg, caption);
+    }
+
+    /// A picture: a data URI or the name of a file beside the page, and what it shows.
+    pub fn picture(&mut self, source: &str, caption: &str) {
+        let (source, alt) = (escaped(source), escaped(caption));
+        self.figure(&format!("<img src=\"{source}\" alt=\"{alt}\">"), caption);
+    }
+
+    /// Pictures side by side where there is room.
+    pub fn pictures(&mut self, pictures: impl IntoIterator<Item = (String, String)>) {
+        self.0.push_str("<div class=\"pictures\">\n");
+        for (source, caption) in pictures {
+            self.picture(&source, &caption);
+        }
+        self.0.push_str("</div>\n");
+    }
+
+    /// A text in a box that opens on request, as it is.
+    pub fn details(&mut self, title: &str, text: &str) {
+        let (title, text) = (escaped(title), escaped(text));
+        let _ = writeln!(self.0, "<details><summary>{title}</summary><pre>{text}</pre></details>");
+    }
+
+    /// A command to copy.
+    pub fn command(&mut self, text: &str) {
+        let _ = writeln!(self.0, "<pre>{}</pre>", escaped(text));
+    }
+
+    /// The text of the file.
+    pub fn finish(self) -> String {
+        self.0 + "</body></html>\n"
+    }
+
+    fn figure(&mut self, html: &str, caption: &str) {
+        let _ = write!(self.0, "<figure>{html}");
+        if !caption.is_empty() {
+            let _ = write!(self.0, "<figcaption>{}</figcaption>", escaped(caption));
+        }
+        self.0.push_str("</figure>\n");
+    }
+}
+
+/// The address of a picture that is part of the page. `media_type`: such as `image/png`.
+pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
+    format!("data:{media_type};base64,{}", base64(bytes))
+}
+
+/// 1234567 as "1 234 567".
+pub fn grouped(n: impl Display) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.char_indices() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOSTILE: &str = "<script>\"&'</script>";
+
+    #[test]
+    fn every_text_is_escaped() {
+        let mut page = Page::new(HOSTILE);
+        page.section(HOSTILE);
+        page.subsection(HOSTILE);
+        page.paragraph(HOSTILE);
+        page.remark(HOSTILE);
+        page.list([HOSTILE]);
+        page.notice(Level::Red, HOSTILE, [HOSTILE]);
+        page.legend([(HOSTILE.to_owned(), HOSTILE.to_owned())]);
+        page.drawing("<svg></svg>", HOSTILE);
+        page.picture(HOSTILE, HOSTILE);
+        page.details(HOSTILE, HOSTILE);
+        page.command(HOSTILE);
+        let mut table = Table::new(&[HOSTILE], 1);
+        table.row([HOSTILE]);
+        page.table(&table);
+        let html = page.finish();
+        assert!(!html.contains("<script"), "{html}");
+        // Title and heading, each text once, caption and alternative text of a picture.
+        assert_eq!(html.matches("&lt;script&gt;").count(), 20, "{html}");
+    }
+
+    #[test]
+    fn page_loads_nothing() {
+        let mut page = Page::new("a");
+        page.picture(&data_uri("image/png", b"abc"), "b");
+        let html = page.finish();
+        assert!(html.contains("src=\"data:image/png;base64,YWJj\""), "{html}");
+        assert!(!html.contains("http") && !html.contains("url("), "{html}");
+    }
+
+    #[test]
+    fn number_of_seven_digits_is_grouped() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1 000", "1 234 567"]);
+    }
+}

@@ -1,0 +1,252 @@
+//! The facts of a report, for programs: `report.json`.
+
+use super::bands::{Band, Diagnosis};
+use super::costs::pieces_s;
+use super::finished_run::FinishedRun;
+use super::place::Place;
+use super::uncertain::{CameraShare, Loss};
+use super::verdict::Verdict;
+use crate::data::inspect::drive::DriveReport;
+use crate::data::inspect::drive::stream::Stream;
+use crate::data::inspect::georeference::Georeference;
+use crate::lab::instances::ObjectSummary;
+use run::health::Doubt;
+use run::launch_file::LaunchFile;
+use run::summary::Total;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// `report.json`.
+#[derive(Serialize)]
+pub struct Facts {
+    /// Of this format.
+    pub version: u32,
+    /// Of the program that wrote the report.
+    pub replica_version: &'static str,
+    pub run: PathBuf,
+    pub outcome: String,
+    pub verdict: Verdict,
+    /// `None` if the drive folder is no longer there.
+    pub input: Option<Input>,
+    pub path: Option<Place>,
+    pub georeference: Option<Georeference>,
+    pub points: Points,
+    pub bands: Vec<Band>,
+    pub diagnosis: Vec<Diagnosis>,
+    pub objects: Vec<ObjectFacts>,
+    pub n_objects: usize,
+    pub colored_by: Vec<CameraShare>,
+    pub losses: Vec<Loss>,
+    pub doubts: Vec<StageDoubt>,
+    pub notes: BTreeMap<String, Vec<String>>,
+    pub faults: Vec<String>,
+    pub total: Total,
+    pub stages: Vec<StageCosts>,
+    pub settings: Settings,
+}
+
+/// What went in.
+#[derive(Serialize)]
+pub struct Input {
+    pub drive: PathBuf,
+    pub name: String,
+    pub sensors: Vec<Sensor>,
+    /// Remarks about the recording; they are no doubts of the run.
+    pub remarks: Vec<String>,
+}
+
+/// One sensor.
+#[derive(Serialize)]
+pub struct Sensor {
+    pub name: String,
+    pub kind: String,
+    pub messages: usize,
+    /// Whether only the begin of the sensor's data was read.
+    pub is_partial: bool,
+    pub rate_hz: Option<f64>,
+    pub jitter_s: Option<f64>,
+    pub gaps: usize,
+    pub longest_gap_s: Option<f64>,
+}
+
+impl Sensor {
+    pub fn of(stream: &Stream) -> Self {
+        let gaps = stream.gaps();
+        Self {
+            name: stream.name.clone(),
+            kind: stream.kind.clone(),
+            messages: stream.len(),
+            is_partial: stream.is_partial(),
+            rate_hz: stream.rate_hz(),
+            jitter_s: stream.jitter_s(),
+            gaps: gaps.n,
+            longest_gap_s: gaps.longest.map(|gap| gap.seconds),
+        }
+    }
+}
+
+impl Input {
+    pub fn of(drive: PathBuf, report: &DriveReport) -> Self {
+        let sensors = report.streams.iter().map(Sensor::of).collect();
+        Self { drive, name: report.name.clone(), sensors, remarks: report.doubts.clone() }
+    }
+}
+
+/// The clouds together.
+#[derive(Serialize)]
+pub struct Points {
+    pub n: u64,
+    pub n_colored: Option<u64>,
+    pub n_spectra: u64,
+    /// By class.
+    pub classes: BTreeMap<String, u64>,
+    /// Ground with points, in cells of 1 m, m^2.
+    pub area_m2: Option<f64>,
+}
+
+impl Points {
+    pub fn of(run: &FinishedRun, area_m2: Option<f64>) -> Self {
+        let clouds = || run.index.iter().flat_map(|index| &index.clouds);
+        let mut classes = BTreeMap::new();
+        for (name, n) in clouds().filter_map(|cloud| cloud.classes.as_ref()).flatten() {
+            *classes.entry(name.clone()).or_default() += n;
+        }
+        let colored: Vec<u64> = clouds().filter_map(|cloud| cloud.n_colored).collect();
+        Self {
+            n: clouds().map(|cloud| cloud.n_points).sum(),
+            n_colored: (!colored.is_empty()).then(|| colored.iter().sum()),
+            n_spectra: clouds().filter_map(|cloud| cloud.spectra.as_ref()).map(|spectra| spectra.n_spectra).sum(),
+            classes,
+            area_m2,
+        }
+    }
+}
+
+/// One object.
+#[derive(Serialize)]
+pub struct ObjectFacts {
+    pub id: i64,
+    pub class: &'static str,
+    /// Estimate from the points that were read.
+    pub points: u64,
+    /// Center of the footprint, m, and height of the lowest point, m.
+    pub position_m: [f64; 3],
+    /// Length, width, height, m.
+    pub size_m: [f64; 3],
+}
+
+impl ObjectFacts {
+    pub fn of(object: &ObjectSummary) -> Self {
+        let (low, high) = object.z;
+        let footprint = &object.footprint;
+        Self {
+            id: object.id,
+            class: object.class,
+            points: object.n_points,
+            position_m: [footprint.center[0], footprint.center[1], low],
+            size_m: [footprint.length_m, footprint.width_m, high - low],
+        }
+    }
+}
+
+/// A doubt and its stage.
+#[derive(Serialize)]
+pub struct StageDoubt {
+    pub stage: String,
+    #[serde(flatten)]
+    pub doubt: Doubt,
+}
+
+/// Time and memory of a stage.
+#[derive(Serialize)]
+pub struct StageCosts {
+    pub name: String,
+    pub cpu_s: f64,
+    pub working_s: f64,
+    pub waiting_for_output_s: f64,
+    pub waiting_for_input_s: f64,
+    pub longest_step_ms: f64,
+    pub peak_private_bytes: u64,
+    pub faults: u32,
+}
+
+impl StageCosts {
+    pub fn of(run: &FinishedRun) -> Vec<Self> {
+        let stages = run.summary.stages.iter().map(|stage| {
+            let [working_s, waiting_for_output_s, waiting_for_input_s] = pieces_s(stage);
+            Self {
+                name: stage.name.clone(),
+                cpu_s: stage.cpu_s,
+                working_s,
+                waiting_for_output_s,
+                waiting_for_input_s,
+                longest_step_ms: stage.step.max_ms,
+                peak_private_bytes: stage.peak_private_bytes,
+                faults: stage.faults,
+            }
+        });
+        stages.collect()
+    }
+}
+
+/// What is needed to repeat the run.
+#[derive(Serialize)]
+pub struct Settings {
+    pub command: Option<String>,
+    /// Changes by swaps, in their order.
+    pub swaps: Vec<Vec<String>>,
+    /// Digests of programs, models and other files, by file.
+    pub digests: BTreeMap<PathBuf, String>,
+}
+
+impl Settings {
+    pub fn of(run: &FinishedRun) -> Self {
+        let begun = run.begun.as_ref();
+        let command = begun.map(|begun| {
+            let sets = begun.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
+            let launch_file = quoted(&begun.launch_file.display().to_string());
+            format!("replica-launch {launch_file}{}{}", sets.collect::<String>(), selection(run, &begun.overrides))
+        });
+        let files = begun.iter().flat_map(|begun| begun.files.values().flatten());
+        Self {
+            command,
+            swaps: run.summary.swaps.iter().map(|swap| swap.changes.clone()).collect(),
+            digests: files.map(|(path, file)| (path.clone(), file.digest.clone())).collect(),
+        }
+    }
+}
+
+/// Options that select the stages of the run among the tables of its launch file.
+fn selection(run: &FinishedRun, overrides: &[String]) -> String {
+    let is_stage = |table: &str| run.summary.stages.iter().any(|stage| stage.name == table);
+    if is_stage("replay") {
+        return " --source replay".to_owned();
+    }
+    let Ok(file) = LaunchFile::load(&run.folder.join("run/launch.toml"), overrides) else { return String::new() };
+    let tables = file.tables().into_iter().map(|(table, _)| table);
+    let left_out = tables.filter(|table| !["run", "simulate", "replay"].contains(&table.as_str()) && !is_stage(table));
+    let options: Vec<String> = left_out.map(|table| format!(" --without {}", quoted(&table))).collect();
+    options.concat()
+}
+
+/// A text as one word of a shell.
+fn quoted(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./=:,+@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn word_of_a_shell_is_quoted_where_necessary() {
+        assert_eq!(quoted("run.drive=drives/a_b"), "run.drive=drives/a_b");
+        assert_eq!(quoted("a.b=[\"it's\"]"), "'a.b=[\"it'\\''s\"]'");
+    }
+}

@@ -1,0 +1,117 @@
+//! What a run has left in its output folder.
+
+use crate::data::inspect::georeference::Georeference;
+use anyhow::Context;
+use delivery::{INDEX, Index};
+use formats::trajectory::trajectory_from_tum;
+use geometry::Trajectory;
+use run::summary::Summary;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A run that has ended. All but the summary may be absent.
+pub struct FinishedRun {
+    /// Output folder.
+    pub folder: PathBuf,
+    pub summary: Summary,
+    /// The clouds.
+    pub index: Option<Index>,
+    /// Frame of the results. `None` also with the frame `odom`.
+    pub georeference: Option<Georeference>,
+    /// Empty without a file.
+    pub trajectory: Trajectory,
+    /// With what the run began.
+    pub begun: Option<Begun>,
+}
+
+/// The fields of `run/settings.json` that are shown.
+#[derive(Debug, Deserialize)]
+pub struct Begun {
+    pub launch_file: PathBuf,
+    pub overrides: Vec<String>,
+    pub context: RunContext,
+    /// Digests of programs and other files by stage.
+    #[serde(default)]
+    pub files: BTreeMap<String, BTreeMap<PathBuf, FileDigest>>,
+}
+
+/// Input and mode of the run.
+#[derive(Debug, Deserialize)]
+pub struct RunContext {
+    pub drive: PathBuf,
+    /// `offline` or `live`.
+    pub mode: String,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct FileDigest {
+    pub digest: String,
+}
+
+impl FinishedRun {
+    /// Reads the small files of the run.
+    pub fn load(folder: &Path) -> anyhow::Result<Self> {
+        let summary =
+            Summary::load(folder).context("hint: `replica report` needs the output folder of a run that has ended")?;
+        let text = std::fs::read_to_string(folder.join("trajectory.txt")).unwrap_or_default();
+        Ok(Self {
+            folder: folder.to_owned(),
+            summary,
+            index: json(&folder.join(INDEX)),
+            georeference: Georeference::load(folder),
+            trajectory: trajectory_from_tum(&text).unwrap_or_default(),
+            begun: json(&folder.join("run/settings.json")),
+        })
+    }
+
+    /// Whether it was a live run.
+    pub fn is_live(&self) -> bool {
+        self.begun.as_ref().is_some_and(|begun| begun.context.mode == "live")
+    }
+
+    /// The drive folder that was processed, or that a live run has recorded.
+    pub fn drive(&self) -> Option<PathBuf> {
+        if self.is_live() {
+            return Some(self.folder.join("recording")).filter(|folder| folder.is_dir());
+        }
+        self.begun.as_ref().map(|begun| begun.context.drive.clone())
+    }
+
+    /// Whether clouds and trajectory have the same frame.
+    pub fn has_local_clouds(&self) -> bool {
+        self.georeference.as_ref().is_none_or(|found| found.frame == found.trajectory_frame)
+    }
+
+    /// Whether the clouds are placed on the earth, so that y is north.
+    pub fn has_north(&self) -> bool {
+        self.georeference.as_ref().is_some_and(|found| found.origin.is_some())
+    }
+
+    /// Instances of all submaps; one that continues from submap to submap counts once.
+    pub fn n_instances(&self) -> u64 {
+        let counter = |name: &str| self.counter("instance", name);
+        counter("instances").saturating_sub(counter("instances_of_earlier_submaps"))
+    }
+
+    /// A counter of a stage; 0 if there is none.
+    pub fn counter(&self, stage: &str, name: &str) -> u64 {
+        let stage = self.summary.stages.iter().find(|found| found.name == stage);
+        stage.and_then(|stage| stage.counters.get(name)).copied().unwrap_or_default()
+    }
+}
+
+/// `None` if the file is absent or that of another version.
+fn json<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+}
+
+#[cfg(test)]
+impl FinishedRun {
+    /// A run that has left nothing but its summary.
+    pub fn of_summary(summary: Summary) -> Self {
+        let trajectory = Trajectory::default();
+        Self { folder: "out".into(), summary, index: None, georeference: None, trajectory, begun: None }
+    }
+}

@@ -1,0 +1,65 @@
+//! What is read for a report beside the small files of the run: the drive, the clouds, pictures.
+
+use super::bands::Bands;
+use super::cloud_survey::CloudSurvey;
+use super::finished_run::FinishedRun;
+use super::moment::{MomentPoint, middle_of_path, points_around};
+use super::overlays::overlays;
+use super::range_picture::range_picture;
+use crate::data::inspect::drive::pictures::{Picture, png};
+use crate::data::inspect::drive::{DriveReport, Reading};
+use formats::drive::Drive;
+
+/// Points around the moment of the range image, s: two revolutions at the usual 10 Hz, of which one is whole.
+const SWEEP_HALF_S: f64 = 0.1;
+
+/// All that is read. What a run does not have is absent.
+pub struct Material {
+    pub drive: Option<Drive>,
+    pub drive_report: Option<DriveReport>,
+    pub survey: Option<CloudSurvey>,
+    pub overlays: Vec<Picture>,
+    /// Why there are no overlays.
+    pub without_overlays: &'static str,
+    pub range_picture: Option<Picture>,
+    pub bands: Option<Bands>,
+    pub band_charts: Option<[String; 2]>,
+}
+
+impl Material {
+    /// Reads drive and clouds side by side.
+    pub fn of(run: &FinishedRun) -> anyhow::Result<Self> {
+        let folder = run.drive();
+        // A drive that has been moved away is no error: the results are there.
+        let drive = folder.as_ref().and_then(|folder| Drive::open(folder).ok());
+        let of_drive = || {
+            let report = drive
+                .as_ref()
+                .zip(folder.as_ref())
+                .and_then(|(drive, folder)| DriveReport::of(drive, folder, Reading::Stamps).ok());
+            (report, Bands::of(run, drive.as_ref()))
+        };
+        let of_clouds = || (CloudSurvey::of(run), pictures(run, drive.as_ref()));
+        let ((drive_report, bands), (survey, (overlays, without_overlays, range_picture))) =
+            rayon::join(of_drive, of_clouds);
+        let (bands, survey) = (bands?, survey?);
+        let band_charts = bands.as_ref().map(Bands::charts);
+        Ok(Self { drive, drive_report, survey, overlays, without_overlays, range_picture, bands, band_charts })
+    }
+}
+
+/// Overlays, why there are none, and the range image.
+fn pictures(run: &FinishedRun, drive: Option<&Drive>) -> (Vec<Picture>, &'static str, Option<Picture>) {
+    let Some(stamp) = middle_of_path(run) else {
+        return (Vec::new(), "There is no trajectory, so no points can be drawn over images.", None);
+    };
+    let points: Vec<MomentPoint> = points_around(run, stamp, SWEEP_HALF_S).unwrap_or_default();
+    let range_picture = range_picture(&points).and_then(|image| png(String::new(), &image));
+    let reason = match drive {
+        None => "The drive folder cannot be read any more, so there are no images.",
+        Some(drive) if drive.manifest().cameras.is_empty() => "The drive has no color cameras.",
+        Some(_) if !run.has_local_clouds() => "Points are drawn over images only if the clouds are in the local frame.",
+        Some(drive) => return (overlays(run, drive, stamp), "No image shows points of the clouds.", range_picture),
+    };
+    (Vec::new(), reason, range_picture)
+}

@@ -1,0 +1,141 @@
+//! The path, and how far the fixes of the receiver lie from it.
+
+use super::finished_run::FinishedRun;
+use chart::{COLORS, Chart, Series};
+use formats::drive::Drive;
+use formats::nmea::Fix;
+use geometry::{Geodetic, LocalFrame, Point3, Vector3};
+use serde::Serialize;
+
+/// Vertices of the path in the map.
+const MAX_VERTICES: usize = 2000;
+/// Fixes in the map.
+const MAX_FIXES: usize = 2000;
+
+/// Path and fixes.
+#[derive(Debug, Serialize)]
+pub struct Place {
+    /// Of the trajectory, m.
+    pub length_m: f64,
+    /// From the first pose to the last, s.
+    pub seconds: f64,
+    /// Fixes within the time of the trajectory against the antenna on the path. `None` without fixes or origin.
+    pub fixes: Option<FixDeviations>,
+    #[serde(skip)]
+    offsets: Vec<(Point3<f64>, Point3<f64>)>,
+    #[serde(skip)]
+    path: Vec<[f64; 2]>,
+    #[serde(skip)]
+    has_north: bool,
+}
+
+/// East, north, up of the path minus those of the fixes, m.
+#[derive(Debug, Serialize)]
+pub struct FixDeviations {
+    pub n: usize,
+    pub rms_east_m: f64,
+    pub rms_north_m: f64,
+    /// `None` if no fix has a height.
+    pub rms_up_m: Option<f64>,
+    pub median_horizontal_m: f64,
+    pub largest_horizontal_m: f64,
+}
+
+impl Place {
+    /// `None` without a trajectory.
+    pub fn of(run: &FinishedRun, drive: Option<&Drive>, fixes: &[Fix]) -> Option<Self> {
+        let poses = run.trajectory.poses();
+        let (first, last) = (poses.first()?, poses.last()?);
+        let step = poses.len().div_ceil(MAX_VERTICES);
+        let vertices = poses.iter().step_by(step).chain([last]);
+        let path = vertices.map(|(_, pose)| [pose.translation.x, pose.translation.y]).collect();
+        let origin = run.georeference.as_ref().and_then(|found| found.origin);
+        let offsets = origin.map(|origin| offsets(run, origin, drive, fixes)).unwrap_or_default();
+        Some(Self {
+            length_m: run.trajectory.length_m(),
+            seconds: last.0.seconds_since(first.0),
+            fixes: FixDeviations::of(&offsets),
+            offsets: offsets.into_iter().map(|(on_path, fix, _)| (on_path, fix)).collect(),
+            path,
+            has_north: origin.is_some(),
+        })
+    }
+
+    /// East is right and north is up.
+    pub fn map(&self) -> String {
+        let step = self.offsets.len().div_ceil(MAX_FIXES).max(1);
+        let shown = || self.offsets.iter().step_by(step);
+        let flat = |p: &Point3<f64>| [p.x, p.y];
+        // The fixes first: their color shows beside the path.
+        let mut series: Vec<Series> =
+            shown().map(|(on_path, fix)| Series::thin_line("", COLORS[4], vec![flat(on_path), flat(fix)])).collect();
+        if !self.offsets.is_empty() {
+            series.push(Series::dots("fixes", COLORS[1], shown().map(|(_, fix)| flat(fix)).collect()));
+        }
+        series.push(Series::line("path", COLORS[0], self.path.clone()));
+        let axes = if self.has_north { ["east, m", "north, m"] } else { ["x, m", "y, m"] };
+        Chart::map("", axes, series).svg()
+    }
+}
+
+/// The antenna on the path, the fix, and whether the fix has a height.
+fn offsets(
+    run: &FinishedRun,
+    origin: Geodetic,
+    drive: Option<&Drive>,
+    fixes: &[Fix],
+) -> Vec<(Point3<f64>, Point3<f64>, bool)> {
+    let frame = LocalFrame::new(origin);
+    let gnss = drive.and_then(|drive| drive.manifest().gnss.as_ref());
+    let antenna = gnss.map_or(Point3::origin(), |gnss| Point3::from(gnss.antenna_in_body));
+    let offset = |fix: &Fix| {
+        let on_path = run.trajectory.at(fix.stamp)? * antenna;
+        let [latitude_deg, longitude_deg] = fix.position_deg;
+        let altitude_m = fix.altitude_m.unwrap_or(origin.altitude_m + on_path.z);
+        let place = frame.world_from_geodetic(&Geodetic::new(latitude_deg, longitude_deg, altitude_m)?);
+        Some((on_path, place, fix.altitude_m.is_some()))
+    };
+    fixes.iter().filter_map(offset).collect()
+}
+
+impl FixDeviations {
+    fn of(offsets: &[(Point3<f64>, Point3<f64>, bool)]) -> Option<Self> {
+        let differences: Vec<(Vector3<f64>, bool)> =
+            offsets.iter().map(|(on_path, fix, has_height)| (on_path - fix, *has_height)).collect();
+        let rms = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        let axis = |k: usize| rms(&differences.iter().map(|(d, _)| d[k]).collect::<Vec<_>>());
+        let heights: Vec<f64> = differences.iter().filter(|(_, has_height)| *has_height).map(|(d, _)| d.z).collect();
+        let mut horizontal: Vec<f64> = differences.iter().map(|(d, _)| d.xy().norm()).collect();
+        horizontal.sort_by(f64::total_cmp);
+        Some(Self {
+            n: differences.len(),
+            rms_east_m: axis(0),
+            rms_north_m: axis(1),
+            rms_up_m: (!heights.is_empty()).then(|| rms(&heights)),
+            median_horizontal_m: *horizontal.get(horizontal.len() / 2)?,
+            largest_horizontal_m: *horizontal.last()?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviations_of_fixes_are_by_axis_and_heights_only_where_known() {
+        let at = |x: f64, y: f64, z: f64| Point3::new(x, y, z);
+        let offsets = [
+            (at(3.0, 0.0, 2.0), at(0.0, 0.0, 0.0), true),
+            (at(0.0, 4.0, 9.0), at(0.0, 0.0, 0.0), false),
+            (at(1.0, 0.0, 0.0), at(1.0, 0.0, 0.0), true),
+        ];
+        let found = FixDeviations::of(&offsets).expect("has fixes");
+        assert_eq!((found.n, found.median_horizontal_m, found.largest_horizontal_m), (3, 3.0, 4.0));
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(found.rms_east_m, 3.0_f64.sqrt());
+        near(found.rms_north_m, (16.0_f64 / 3.0).sqrt());
+        near(found.rms_up_m.expect("two have a height"), 2.0_f64.sqrt());
+        assert!(FixDeviations::of(&[]).is_none());
+    }
+}

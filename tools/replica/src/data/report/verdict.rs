@@ -1,0 +1,251 @@
+//! Whether the result can be relied on, in five lines.
+
+use super::finished_run::FinishedRun;
+use page::{Level, grouped};
+use run::exit;
+use serde::{Serialize, Serializer};
+
+/// The levels of all subjects.
+#[derive(Debug, Serialize)]
+pub struct Verdict {
+    /// The worst of all.
+    #[serde(serialize_with = "word")]
+    pub level: Level,
+    /// Exit code of `replica-launch`, not regarding a recording.
+    pub exit_code: u8,
+    pub n_doubts: usize,
+    pub findings: Vec<Finding>,
+}
+
+/// One subject.
+#[derive(Debug, Serialize)]
+pub struct Finding {
+    #[serde(serialize_with = "word")]
+    pub level: Level,
+    pub subject: &'static str,
+    /// The doubts, or what there is.
+    pub text: String,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+fn word<S: Serializer>(level: &Level, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(level.word())
+}
+
+/// Doubts with which there is no result.
+const EMPTY: [&str; 3] = ["no_sweep", "no_submaps", "no_points"];
+/// Doubts of `export` about the place of the result.
+const OF_PLACE: [&str; 3] = ["heading_undetermined", "position_uncertain", "height_uncertain"];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Subject {
+    Run,
+    Input,
+    Place,
+    Color,
+    Classes,
+}
+
+impl Subject {
+    /// Of a doubt.
+    fn of(stage: &str, doubt: &str) -> Self {
+        match stage {
+            "acquire" | "replay" => Self::Input,
+            "slam_aggregate" => Self::Place,
+            "export" if OF_PLACE.contains(&doubt) => Self::Place,
+            "calibrate" | "colorize" => Self::Color,
+            "infer" | "instance" => Self::Classes,
+            _ => Self::Run,
+        }
+    }
+
+    fn title(self) -> &'static str {
+        match self {
+            Self::Run => "Run",
+            Self::Input => "Input",
+            Self::Place => "Path and place",
+            Self::Color => "Color and spectra",
+            Self::Classes => "Classes and instances",
+        }
+    }
+}
+
+impl Verdict {
+    /// Of a run.
+    pub fn of(run: &FinishedRun) -> Self {
+        let exit_code = run.summary.exit_code(run.is_live());
+        let findings: Vec<Finding> = [Subject::Run, Subject::Input, Subject::Place, Subject::Color, Subject::Classes]
+            .map(|subject| finding(run, subject, exit_code))
+            .into();
+        let level = findings.iter().map(|finding| finding.level).max().unwrap_or(Level::Green);
+        Self { level, exit_code, n_doubts: run.summary.doubts().count(), findings }
+    }
+
+    /// In one line.
+    pub fn title(&self) -> &'static str {
+        match (self.level, self.exit_code) {
+            (Level::Green, _) => "No doubts",
+            (Level::Amber, _) => "Complete, with doubts: look at the lines in orange",
+            (Level::Red, exit::FAILED) => "The run has failed",
+            (Level::Red, _) => "There is no result",
+        }
+    }
+}
+
+fn finding(run: &FinishedRun, subject: Subject, exit_code: u8) -> Finding {
+    let doubts: Vec<_> =
+        run.summary.doubts().filter(|(stage, doubt)| Subject::of(stage, &doubt.name) == subject).collect();
+    let mut texts: Vec<String> = doubts.iter().map(|(_, doubt)| doubt.text.clone()).collect();
+    let mut level = match () {
+        () if doubts.iter().any(|(_, doubt)| EMPTY.contains(&doubt.name.as_str())) => Level::Red,
+        () if doubts.is_empty() => Level::Green,
+        () => Level::Amber,
+    };
+    match subject {
+        Subject::Run => {
+            level = level.max(level_of_run(run, exit_code));
+            texts.insert(0, text_of_run(run));
+        }
+        _ if !texts.is_empty() => {}
+        Subject::Input => texts.push(text_of_input(run)),
+        Subject::Place => texts.push(text_of_place(run)),
+        Subject::Color => texts.push(text_of_color(run)),
+        Subject::Classes => texts.push(text_of_classes(run)),
+    }
+    Finding { level, subject: subject.title(), text: texts.join("; ") }
+}
+
+fn level_of_run(run: &FinishedRun, exit_code: u8) -> Level {
+    let total = &run.summary.total;
+    match exit_code {
+        exit::FAILED => Level::Red,
+        _ if total.points == 0 => Level::Red,
+        // Doubts of stages have lines of their own.
+        exit::INCOMPLETE if run.summary.outcome == "drained" || !total.dropped.is_empty() => Level::Amber,
+        exit::INCOMPLETE if run.is_live() && !run.summary.faults.is_empty() => Level::Amber,
+        _ => Level::Green,
+    }
+}
+
+fn text_of_run(run: &FinishedRun) -> String {
+    let total = &run.summary.total;
+    let how = match run.summary.outcome.as_str() {
+        "done" if run.is_live() => "ended on request or with the sensors".to_owned(),
+        "done" => "the whole drive was processed".to_owned(),
+        "drained" => "ended early on request".to_owned(),
+        "failed" => format!("failed: {}", run.summary.faults.last().map_or("no fault is noted", String::as_str)),
+        other => other.to_owned(),
+    };
+    let counted = |n: u64, what: &str| if n > 0 { format!(", {n} {what}") } else { String::new() };
+    format!(
+        "{how}: {:.1} s of drive in {:.1} s, {} points{}{}",
+        total.drive_s,
+        total.wall_s,
+        grouped(total.points),
+        counted(u64::from(total.restarts), "restarts"),
+        counted(total.dropped.values().sum(), "messages dropped")
+    )
+}
+
+fn text_of_input(run: &FinishedRun) -> String {
+    let sources = run.summary.stages.iter().filter(|stage| stage.inputs.is_empty());
+    let topics: Vec<String> = sources
+        .flat_map(|stage| &stage.outputs)
+        .filter(|(_, traffic)| traffic.messages > 0)
+        .map(|(topic, traffic)| format!("{topic} {}", grouped(traffic.messages)))
+        .collect();
+    if topics.is_empty() { "nothing was read".to_owned() } else { format!("messages: {}", topics.join(", ")) }
+}
+
+fn text_of_place(run: &FinishedRun) -> String {
+    let length_m = run.trajectory.length_m();
+    let deviations = run.georeference.as_ref().and_then(|found| found.standard_deviations.as_ref());
+    match deviations {
+        Some(deviations) if run.has_north() => format!(
+            "path of {length_m:.0} m; standard deviations up to {:.2} m horizontally, {:.2} m in height, {:.2} degrees in heading",
+            deviations.position_m.largest, deviations.height_m.largest, deviations.heading_deg.largest
+        ),
+        _ if run.trajectory.poses().is_empty() => "no path".to_owned(),
+        _ => format!(
+            "path of {length_m:.0} m in a local frame: no fixes place it on the earth, and its heading is that of the start"
+        ),
+    }
+}
+
+fn text_of_color(run: &FinishedRun) -> String {
+    let clouds = run.index.iter().flat_map(|index| &index.clouds);
+    let n_points: u64 = clouds.clone().map(|cloud| cloud.n_points).sum();
+    let n_colored: u64 = clouds.clone().filter_map(|cloud| cloud.n_colored).sum();
+    let n_spectra: u64 = clouds.filter_map(|cloud| cloud.spectra.as_ref()).map(|spectra| spectra.n_spectra).sum();
+    if n_colored + n_spectra == 0 {
+        return "no point has a color or a spectrum: there are no camera images".to_owned();
+    }
+    let percent = 100.0 * n_colored as f64 / n_points.max(1) as f64;
+    format!("{percent:.1} % of the points have a color, {} have a spectrum", grouped(n_spectra))
+}
+
+fn text_of_classes(run: &FinishedRun) -> String {
+    let clouds = || run.index.iter().flat_map(|index| &index.clouds);
+    let n_classified: u64 =
+        clouds().filter_map(|cloud| cloud.classes.as_ref()).flat_map(|classes| classes.values()).sum();
+    if n_classified == 0 {
+        return "the points were not classified".to_owned();
+    }
+    let has_instances = clouds().any(|cloud| cloud.n_instances.is_some());
+    let n_instances = run.n_instances();
+    let instances = if has_instances { format!(", {n_instances} instances") } else { String::new() };
+    format!("{} points have a class{instances}", grouped(n_classified))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use run::health::Doubt;
+    use run::summary::{StageSummary, Summary};
+
+    fn verdict(outcome: &str, doubts: &[(&str, &str)]) -> Verdict {
+        let stage = |(stage, name): &(&str, &str)| StageSummary {
+            name: (*stage).to_owned(),
+            doubts: vec![Doubt { name: (*name).to_owned(), size: 1.0, text: format!("text of {name}") }],
+            ..StageSummary::default()
+        };
+        let stages = doubts.iter().map(stage).collect();
+        let mut summary = Summary { outcome: outcome.to_owned(), stages, ..Summary::default() };
+        summary.total.points = 7;
+        Verdict::of(&FinishedRun::of_summary(summary))
+    }
+
+    fn level(verdict: &Verdict, subject: &str) -> Level {
+        verdict.findings.iter().find(|finding| finding.subject == subject).expect("is there").level
+    }
+
+    #[test]
+    fn verdict_is_the_worst_of_its_five_subjects() {
+        let done = verdict("done", &[]);
+        assert_eq!((done.level, done.exit_code, done.findings.len()), (Level::Green, 0, 5));
+        assert_eq!((verdict("drained", &[]).level, verdict("drained", &[]).exit_code), (Level::Amber, 3));
+        assert_eq!((verdict("failed", &[]).level, verdict("failed", &[]).exit_code), (Level::Red, 1));
+        let empty = verdict("done", &[("export", "no_points"), ("infer", "points_unseen")]);
+        assert_eq!((empty.level, empty.exit_code, empty.n_doubts), (Level::Red, 3, 2));
+    }
+
+    #[test]
+    fn doubt_is_shown_at_its_subject_alone() {
+        for (stage, doubt, subject) in [
+            ("acquire", "cut_captures", "Input"),
+            ("slam_aggregate", "path_lost", "Path and place"),
+            ("export", "heading_undetermined", "Path and place"),
+            ("colorize", "images_unused", "Color and spectra"),
+            ("instance", "a", "Classes and instances"),
+            ("export", "lost_columns", "Run"),
+            ("stage_of_others", "b", "Run"),
+        ] {
+            let verdict = verdict("done", &[(stage, doubt)]);
+            assert_eq!((verdict.level, level(&verdict, subject)), (Level::Amber, Level::Amber), "{doubt}");
+            let with_text =
+                verdict.findings.iter().filter(|finding| finding.text.contains(&format!("text of {doubt}")));
+            assert_eq!(with_text.map(|finding| finding.subject).collect::<Vec<_>>(), [subject]);
+            assert_eq!(verdict.findings.iter().filter(|finding| finding.level > Level::Green).count(), 1, "{doubt}");
+        }
+    }
+}
