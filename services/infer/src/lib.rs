@@ -37,7 +37,7 @@ stage::settings! {
         /// of these points. 0 keeps every class. `replica evaluate classes` prints how many points a threshold keeps, and how many of
         /// those are correct.
         pub unknown_below: f64 = 0.0 => stage::within(0.0, 1.0);
-        /// Ground where the terrain is rough becomes vegetation: low vegetation is as low as the ground, but rougher.
+        /// Terrain and unpaved ground become vegetation where the ground is rough: low vegetation is as low, but rougher.
         pub rough_ground: bool = true => stage::any();
         /// Share of points that the model cannot classify, above which the classes are doubtful. Some returns are beyond the range
         /// of the model; a fifth of all points is a LiDAR or a mounting that the model does not suit.

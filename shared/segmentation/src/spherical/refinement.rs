@@ -4,8 +4,8 @@ use super::softmax::Vote;
 use super::{PolarImage, PolarPixel};
 use crate::ground::Ground;
 use geometry::BevGrid;
-use messages::ClassId::{self, Building, Pole, Vegetation};
-use messages::{ClassRow, GROUND_CLASSES, SubmapPoint};
+use messages::ClassId::{self, Building, Pole, Terrain, Vegetation};
+use messages::{ClassRow, SubmapPoint};
 use morphology::{Connectivity, Labels, connected_components, geodesic_elongations, reconstruct_by_dilation};
 use ndarray::Array2;
 
@@ -18,7 +18,7 @@ pub struct Refinement {
     pub small_regions: bool,
     /// In the top view, regions higher than 2.5 m with a geodesic elongation above 20 become buildings.
     pub buildings: bool,
-    /// Ground where the terrain is rough becomes vegetation, if the model has this class. Not by the thesis.
+    /// Terrain and unpaved ground become vegetation where the ground is rough, if the model has this class. Not by the thesis.
     pub rough_ground: bool,
 }
 
@@ -42,6 +42,8 @@ const NEARER_M: f32 = 1.0;
 const GROUND_M: f32 = 0.3;
 /// Depth of pixels without a point, m: behind all objects.
 const NOTHING_M: f32 = 200.0;
+/// Classes with which low vegetation is confused. Rings with errors make pavements rough, too.
+const SOIL: [ClassId; 2] = [Terrain, ClassId::Ground];
 const BUILDING_M: f32 = 2.5;
 const BUILDING_ELONGATION: f64 = 20.0;
 /// Side of the cells of the top view, m, and their largest number.
@@ -74,9 +76,9 @@ impl Refinement {
             buildings(points, heights_m, classes);
         }
         if self.rough_ground && of_model.contains(&Vegetation) {
-            let is_ground = |row: &ClassRow| GROUND_CLASSES.iter().any(|class| *class as u8 == row.class_id);
+            let is_soil = |row: &ClassRow| SOIL.iter().any(|class| *class as u8 == row.class_id);
             for (row, is_rough) in classes.iter_mut().zip(ground.is_rough()) {
-                if is_rough && is_ground(row) {
+                if is_rough && is_soil(row) {
                     row.class_id = Vegetation as u8;
                 }
             }
@@ -195,7 +197,6 @@ fn buildings(points: &[SubmapPoint], heights_m: &[f32], classes: &mut [ClassRow]
 mod tests {
     use super::*;
     use crate::ModelInput;
-    use messages::ClassId::Terrain;
     use messages::SubmapHeader;
     use random::Random;
 

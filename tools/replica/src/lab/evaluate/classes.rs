@@ -123,7 +123,7 @@ enum Refine {
     SmallRegions,
     /// Objects above 2.5 m that are long in the top view become buildings.
     Buildings,
-    /// Ground where the terrain is rough becomes vegetation, as with `[infer] rough_ground`.
+    /// Terrain becomes vegetation where the ground is rough, as with `[infer] rough_ground`.
     RoughGround,
     /// No correction.
     None,
