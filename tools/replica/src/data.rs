@@ -3,6 +3,7 @@
 mod compare;
 mod convert;
 mod cube;
+mod deliver;
 mod grab;
 mod import;
 mod inspect;
@@ -22,6 +23,7 @@ pub enum Command {
     Convert(convert::Args),
     Inspect(inspect::Args),
     Compare(compare::Args),
+    Deliver(deliver::Args),
     Cube(cube::Args),
     Spectrum(spectrum::Args),
     Send(send::Args),
@@ -39,6 +41,7 @@ impl Command {
             Command::Convert(args) => convert::run(args),
             Command::Inspect(args) => inspect::run(args),
             Command::Compare(args) => compare::run(args),
+            Command::Deliver(args) => deliver::run(args),
             Command::Cube(args) => cube::run(args),
             Command::Spectrum(args) => spectrum::run(args),
             Command::Send(args) => send::run(args),

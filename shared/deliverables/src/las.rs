@@ -1,0 +1,19 @@
+//! LAS and LAZ 1.4 files (ASPRS, LAS Specification 1.4 R15), point format 7.
+//!
+//! Compression is that of the crate laz. The crate las keeps points as structures of all formats, and needs chrono and uuid; records here
+//! are encoded once and copied from then on.
+
+mod extra_bytes;
+mod file;
+mod header;
+mod record;
+mod vlr;
+
+pub(crate) use extra_bytes::{ExtraBytes, ExtraField};
+pub(crate) use file::{Extent, LasFile};
+pub(crate) use header::{HeaderFacts, LasHeader};
+pub(crate) use record::{RecordLayout, SCALE_M, position_of};
+pub(crate) use vlr::{Vlr, evlr_bytes};
+
+/// Bytes of a record of point format 7 before the extra bytes.
+pub(crate) const FORMAT_7_BYTES: usize = 36;

@@ -1,0 +1,123 @@
+//! `replica deliver`: a finished run in the formats that surveyors and other programs read.
+
+mod facts;
+mod frame;
+
+use crate::argument::InvalidValue;
+use crate::terminal::say;
+use crate::usage_error::UsageError;
+use anyhow::{Context, ensure};
+use deliverables::{CloudOptions, LeftOut, PointFile, RunFolder, Tiling, write_tiles};
+use facts::Facts;
+use frame::{ChosenFrame, CrsChoice};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use run::summary::Summary;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Largest side of a tile, m.
+const MAX_TILE_M: u32 = 100_000;
+/// Length of a text in the header of LAS files.
+const MAX_SYSTEM: usize = 32;
+
+/// Write a finished run for surveyors: LAZ tiles.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
+pub struct Args {
+    /// Output folder of a finished run
+    run: PathBuf,
+    /// Folder for the files; created if absent, must be empty
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Coordinates: auto (UTM of the place), local (east, north, up at the origin of the run), or EPSG:N
+    #[arg(long, default_value = "auto")]
+    crs: CrsChoice,
+    /// Heights above the geoid of this grid (.gtx), not above the ellipsoid
+    #[arg(long, value_name = "GTX")]
+    geoid: Option<PathBuf>,
+    /// Write local coordinates if heading, height or position of the run is not determined
+    #[arg(long)]
+    allow_unreferenced: bool,
+    /// Side of the tiles, m; 0 = one file
+    #[arg(long, value_name = "M", default_value_t = 50, value_parser = tile_m)]
+    tile_m: u32,
+    /// Write LAS without compression
+    #[arg(long)]
+    las: bool,
+    /// Add the reflectances of the mosaic cameras to each point
+    #[arg(long)]
+    bands: bool,
+    /// What recorded the points, for the headers
+    #[arg(long, value_name = "TEXT", default_value = "mobile LiDAR", value_parser = system)]
+    system: String,
+}
+
+fn tile_m(text: &str) -> Result<u32, InvalidValue> {
+    let side: Option<u32> = text.parse().ok();
+    side.filter(|side| *side <= MAX_TILE_M).ok_or(InvalidValue("a whole number, 0 to 100000"))
+}
+
+fn system(text: &str) -> Result<String, InvalidValue> {
+    let fits = text.is_ascii() && text.len() <= MAX_SYSTEM;
+    fits.then(|| text.to_owned()).ok_or(InvalidValue("up to 32 ASCII characters"))
+}
+
+/// Writes all files.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let summary = Summary::load(&args.run).context("the run is not finished")?;
+    let run = RunFolder::open(&args.run)?;
+    let frame = frame::choose(args, &run, &summary)?;
+    create_empty(&args.out)?;
+    let ChosenFrame { target, unreferenced } = &frame;
+    if let Some(reasons) = unreferenced {
+        eprintln!("warning: coordinates are local, without coordinate reference system: {reasons}");
+    }
+    let options = CloudOptions {
+        has_bands: args.bands,
+        system: args.system.clone(),
+        software: concat!("REPLICA ", env!("CARGO_PKG_VERSION")).to_owned(),
+        note: unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
+    };
+    let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
+    let bar = progress_bar(2 * run.index.n_points);
+    let (files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
+    bar.finish_and_clear();
+    say_points(&files, left_out)?;
+    let facts = Facts::new(&run, target, unreferenced.as_deref(), &files, left_out);
+    facts.write(&args.out)?;
+    say!("{}: {}", args.out.display(), target.description())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn say_points(files: &[PointFile], LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
+    let n_points: u64 = files.iter().map(|file| file.n_points).sum();
+    say!("{n_points} points in {} files", files.len())?;
+    for (n, reason) in [(without_place, "of clouds without place"), (not_finite, "without finite coordinates")] {
+        if n > 0 {
+            say!("left out: {n} points {reason}")?;
+        }
+    }
+    Ok(())
+}
+
+/// Files of an earlier delivery with other tiles would remain and be taken for those of this one.
+fn create_empty(out: &Path) -> anyhow::Result<()> {
+    let place = || out.display().to_string();
+    std::fs::create_dir_all(out).with_context(place)?;
+    let is_empty = std::fs::read_dir(out).with_context(place)?.next().is_none();
+    ensure!(is_empty, UsageError(format!("--out {}: the folder must be empty", place())));
+    Ok(())
+}
+
+fn progress_bar(n_points: u64) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::with_draw_target(Some(n_points), ProgressDrawTarget::stderr());
+    // The template is a constant: without it the bar is plain, not wrong.
+    match ProgressStyle::with_template("deliver [{wide_bar}] {percent} % {eta} left") {
+        Ok(style) => bar.with_style(style.progress_chars("=> ")),
+        Err(_) => bar,
+    }
+}
