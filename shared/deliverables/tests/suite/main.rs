@@ -1,0 +1,4 @@
+//! Deliveries of small runs, read back.
+
+mod support;
+mod tiles;
