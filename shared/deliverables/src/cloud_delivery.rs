@@ -99,11 +99,6 @@ impl<'a> CloudDelivery<'a> {
         self.left_out.not_finite = not_finite;
         Ok(spool)
     }
-
-    /// Number of points of the clouds that are read.
-    pub(crate) fn n_points(&self) -> u64 {
-        self.clouds.iter().map(|cloud| cloud.len() as u64).sum()
-    }
 }
 
 /// Corner of the coordinates: near the first cloud with points, so that stored coordinates are small.

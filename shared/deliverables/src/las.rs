@@ -10,9 +10,9 @@ mod record;
 mod vlr;
 
 pub(crate) use extra_bytes::{ExtraBytes, ExtraField};
-pub(crate) use file::{Extent, LasFile};
-pub(crate) use header::{HeaderFacts, LasHeader};
-pub(crate) use record::{RecordLayout, SCALE_M, position_of};
+pub(crate) use file::{Extent, LasFile, compressed_chunk, io_error, laz_vlr};
+pub(crate) use header::{HEADER_BYTES, HeaderFacts, LasHeader};
+pub(crate) use record::{RecordLayout, SCALE_M, gps_time_of, position_of};
 pub(crate) use vlr::{Vlr, evlr_bytes};
 
 /// Bytes of a record of point format 7 before the extra bytes.

@@ -6,7 +6,7 @@
 //! | coordinate reference systems, heights, local frame | `crs`, [`TargetFrame`] |
 //! | classes of the ASPRS | `asprs` |
 //! | bytes of LAS and LAZ | `las` |
-//! | points by tile, in bounded memory | `cloud_delivery`, `spool`, `tiles` |
+//! | points by tile or node, in bounded memory | `cloud_delivery`, `spool`, `tiles`, `copc` |
 //!
 //! The same run and options give the same bytes, for any number of threads. Memory does not grow with the length of the drive: records
 //! wait in a temporary file in the folder of the delivery.
@@ -14,6 +14,7 @@
 mod asprs;
 mod cloud;
 mod cloud_delivery;
+mod copc;
 pub mod crs;
 mod error;
 mod las;
@@ -25,6 +26,7 @@ mod tiles;
 
 pub use asprs::asprs_class;
 pub use cloud_delivery::{CloudOptions, LeftOut};
+pub use copc::write_copc;
 pub use error::DeliverError;
 pub use run_folder::{Georeference, RunFolder};
 pub use target_frame::TargetFrame;

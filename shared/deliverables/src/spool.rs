@@ -58,7 +58,7 @@ impl<K: Ord + Copy + Send + Sync> Spool<K> {
         self.pieces.iter().map(|(key, pieces)| (*key, n_points(pieces))).collect()
     }
 
-    /// Passes the records of a key to `take`, in pieces of up to `most_points`.
+    /// Passes the records of a key to `take`, in pieces of `most_points`, the last one of less.
     pub(crate) fn each_piece(
         &self,
         key: &K,
@@ -77,7 +77,7 @@ impl<K: Ord + Copy + Send + Sync> Spool<K> {
                     .map_err(DeliverError::file(&self.folder, "read a temporary file in"))?;
                 at += (n * self.record_bytes) as u64;
                 left -= n;
-                if bytes.len() == most_points * self.record_bytes {
+                if bytes.len() / self.record_bytes == most_points {
                     take(&bytes)?;
                     bytes.clear();
                 }

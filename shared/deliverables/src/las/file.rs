@@ -8,7 +8,7 @@ use crate::error::DeliverError;
 use formats::atomic_file::AtomicFile;
 use laz::{LasZipError, LazItemRecordBuilder, LazVlr, LazVlrBuilder, ParLasZipCompressor};
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Number and bounds of points.
@@ -26,6 +26,20 @@ impl Default for Extent {
 }
 
 impl Extent {
+    /// Adds the points of another extent.
+    pub(crate) fn join(&mut self, other: &Self) {
+        if other.n_points == 0 {
+            return;
+        }
+        if self.n_points == 0 {
+            self.bounds = other.bounds;
+        }
+        self.n_points += other.n_points;
+        for axis in 0..3 {
+            self.bounds[0][axis] = self.bounds[0][axis].min(other.bounds[0][axis]);
+            self.bounds[1][axis] = self.bounds[1][axis].max(other.bounds[1][axis]);
+        }
+    }
     /// Adds records.
     pub(crate) fn add(&mut self, records: &[u8], record_bytes: usize) {
         for record in records.chunks_exact(record_bytes) {
@@ -42,6 +56,18 @@ impl Extent {
     }
 }
 
+/// Records compressed as one chunk.
+pub(crate) fn compressed_chunk(records: &[u8], vlr: &LazVlr) -> Result<Vec<u8>, LasZipError> {
+    let mut whole = Cursor::new(Vec::new());
+    laz::compress_buffer(&mut whole, records, vlr.clone())?;
+    // The place of the table of the chunks, the chunk, the table.
+    let mut bytes = whole.into_inner();
+    let table_at = bytes.first_chunk().map_or(0, |place| u64::from_le_bytes(*place)) as usize;
+    bytes.truncate(table_at);
+    bytes.drain(..8);
+    Ok(bytes)
+}
+
 /// A file that gets its name when it is complete.
 pub(crate) struct LasFile<'a> {
     file: AtomicFile,
@@ -56,11 +82,10 @@ enum Body {
     Compressed(Box<ParLasZipCompressor<BufWriter<File>>>),
 }
 
-/// How the records of point format 7 are compressed. Without a number of points, chunks have their own sizes.
+/// How the records of point format 7 are compressed: in chunks of 50 000, or in chunks of their own sizes.
 pub(crate) fn laz_vlr(record_bytes: usize, has_fixed_chunks: bool) -> LazVlr {
     let n_extra = (record_bytes - FORMAT_7_BYTES) as u16;
     let items = LazItemRecordBuilder::default_for_point_format_id(7, n_extra).expect("format 7 is known");
-    // 50 000 points, as LASzip has them, are the default.
     let builder = LazVlrBuilder::new(items);
     if has_fixed_chunks { builder.build() } else { builder.with_variable_chunk_size().build() }
 }

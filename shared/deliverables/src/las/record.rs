@@ -43,6 +43,12 @@ pub(crate) fn position_of(record: &[u8]) -> [i32; 3] {
     std::array::from_fn(|axis| i32::from_le_bytes(record[4 * axis..4 * axis + 4].try_into().expect("4 bytes")))
 }
 
+/// GPS time of a record, s.
+#[inline]
+pub(crate) fn gps_time_of(record: &[u8]) -> f64 {
+    f64::from_le_bytes(record[22..30].try_into().expect("8 bytes"))
+}
+
 impl RecordLayout {
     pub(crate) fn new(present: Present, bands: &[String], offset_m: [f64; 3]) -> Self {
         let extra = ExtraBytes::new(present, bands);

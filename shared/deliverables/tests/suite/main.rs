@@ -1,4 +1,5 @@
 //! Deliveries of small runs, read back.
 
+mod copc;
 mod support;
 mod tiles;

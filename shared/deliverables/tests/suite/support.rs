@@ -100,12 +100,7 @@ pub fn time_s(seq: usize, i: usize) -> f64 {
 
 /// Options without bands.
 pub fn options() -> CloudOptions {
-    CloudOptions {
-        has_bands: false,
-        system: "system".to_owned(),
-        software: "software".to_owned(),
-        note: String::new(),
-    }
+    CloudOptions { has_bands: false, system: "system".to_owned(), software: "software".to_owned(), note: String::new() }
 }
 
 /// UTM of the place.

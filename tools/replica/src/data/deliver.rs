@@ -7,7 +7,7 @@ use crate::argument::InvalidValue;
 use crate::terminal::say;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
-use deliverables::{CloudOptions, LeftOut, PointFile, RunFolder, Tiling, write_tiles};
+use deliverables::{CloudOptions, LeftOut, RunFolder, Tiling, write_copc, write_tiles};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -18,10 +18,12 @@ use std::process::ExitCode;
 
 /// Largest side of a tile, m.
 const MAX_TILE_M: u32 = 100_000;
+/// Name of the octree.
+const COPC_FILE: &str = "points.copc.laz";
 /// Length of a text in the header of LAS files.
 const MAX_SYSTEM: usize = 32;
 
-/// Write a finished run for surveyors: LAZ tiles.
+/// Write a finished run for surveyors: LAZ tiles, COPC.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
 pub struct Args {
@@ -45,6 +47,9 @@ pub struct Args {
     /// Write LAS without compression
     #[arg(long)]
     las: bool,
+    /// Write also points.copc.laz: all points as an octree, which viewers load piece by piece
+    #[arg(long)]
+    copc: bool,
     /// Add the reflectances of the mosaic cameras to each point
     #[arg(long)]
     bands: bool,
@@ -80,19 +85,23 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         note: unreferenced.as_ref().map(|reasons| format!("not georeferenced: {reasons}")).unwrap_or_default(),
     };
     let tiling = Tiling { side_m: args.tile_m, is_compressed: !args.las };
-    let bar = progress_bar(2 * run.index.n_points);
-    let (files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
+    // Tiles read and write each point, COPC also places it.
+    let bar = progress_bar(run.index.n_points * if args.copc { 5 } else { 2 });
+    let (mut files, left_out) = write_tiles(&run, target, (&options, tiling), &args.out, |n| bar.inc(n))?;
+    let n_points = files.iter().map(|file| file.n_points).sum();
+    say_points(n_points, files.len(), left_out)?;
+    if args.copc {
+        files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
+    }
     bar.finish_and_clear();
-    say_points(&files, left_out)?;
-    let facts = Facts::new(&run, target, unreferenced.as_deref(), &files, left_out);
+    let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
     facts.write(&args.out)?;
     say!("{}: {}", args.out.display(), target.description())?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn say_points(files: &[PointFile], LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
-    let n_points: u64 = files.iter().map(|file| file.n_points).sum();
-    say!("{n_points} points in {} files", files.len())?;
+fn say_points(n_points: u64, n_files: usize, LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
+    say!("{n_points} points in {n_files} files")?;
     for (n, reason) in [(without_place, "of clouds without place"), (not_finite, "without finite coordinates")] {
         if n > 0 {
             say!("left out: {n} points {reason}")?;

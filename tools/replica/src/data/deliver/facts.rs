@@ -43,7 +43,7 @@ impl<'a> Facts<'a> {
         run: &RunFolder,
         target: &TargetFrame<'_>,
         unreferenced: Option<&'a str>,
-        files: &'a [PointFile],
+        (n_points, files): (u64, &'a [PointFile]),
         LeftOut { without_place, not_finite }: LeftOut,
     ) -> Self {
         let crs = target.crs();
@@ -55,7 +55,7 @@ impl<'a> Facts<'a> {
             heights: crs.as_ref().map(|(_, vertical)| vertical.name()),
             unreferenced,
             begin_s: run.begin_nanos().map(|nanos| Stamp(nanos).to_string()),
-            n_points: files.iter().map(|file| file.n_points).sum(),
+            n_points,
             left_out: Left { without_place, not_finite },
             files,
         }
