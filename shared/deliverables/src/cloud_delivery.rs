@@ -44,7 +44,7 @@ pub(crate) struct CloudDelivery<'a> {
     frame: &'a TargetFrame<'a>,
     clouds: Vec<Cloud<'a>>,
     bands: Vec<String>,
-    layout: RecordLayout,
+    pub(crate) layout: RecordLayout,
     pub(crate) facts: HeaderFacts,
     pub(crate) vlrs: Vec<Vlr>,
     pub(crate) left_out: LeftOut,

@@ -27,6 +27,11 @@ impl VerticalDatum {
         found.map(|(_, name, epsg, datum, datum_epsg)| (*name, *epsg, *datum, *datum_epsg))
     }
 
+    /// Number of the height in the EPSG registry, if it has one.
+    pub fn epsg(&self) -> Option<u32> {
+        self.registered().map(|(_, epsg, ..)| epsg)
+    }
+
     /// Name of the height.
     pub fn name(&self) -> String {
         match (self, self.registered()) {

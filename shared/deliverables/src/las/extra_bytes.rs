@@ -53,6 +53,12 @@ impl ExtraBytes {
         self.fields.iter().map(|field| field.n_bytes()).sum()
     }
 
+    /// Bytes before a field. `None` if records lack it.
+    pub(crate) fn offset(&self, field: ExtraField) -> Option<usize> {
+        let k = self.fields.iter().position(|other| *other == field)?;
+        Some(self.fields[..k].iter().map(|field| field.n_bytes()).sum())
+    }
+
     /// The record that describes the fields.
     pub(crate) fn vlr(&self) -> Vlr {
         let data = self.fields.iter().flat_map(|field| field.description(&self.bands)).collect();

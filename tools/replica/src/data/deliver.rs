@@ -4,10 +4,16 @@ mod facts;
 mod frame;
 
 use crate::argument::InvalidValue;
+use crate::class_color::class_color;
 use crate::terminal::say;
 use crate::usage_error::UsageError;
 use anyhow::{Context, ensure};
-use deliverables::{CloudOptions, LeftOut, RunFolder, Tiling, write_copc, write_tiles};
+use deliverables::check_points::{Accuracy, write_check_points};
+use deliverables::objects::write_objects;
+use deliverables::{
+    CloudOptions, LeftOut, RasterOptions, RunFolder, TargetFrame, Tiling, write_cloudcompare, write_copc,
+    write_rasters, write_semantic_kitti, write_tiles, write_trajectory,
+};
 use facts::Facts;
 use frame::{ChosenFrame, CrsChoice};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -23,7 +29,7 @@ const COPC_FILE: &str = "points.copc.laz";
 /// Length of a text in the header of LAS files.
 const MAX_SYSTEM: usize = 32;
 
-/// Write a finished run for surveyors: LAZ tiles, COPC.
+/// Write a finished run for surveyors: LAZ, COPC, path, objects.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Exit codes: 0 done, 1 failed, or the run is not georeferenced; 2 wrong usage")]
 pub struct Args {
@@ -50,7 +56,22 @@ pub struct Args {
     /// Write also points.copc.laz: all points as an octree, which viewers load piece by piece
     #[arg(long)]
     copc: bool,
-    /// Add the reflectances of the mosaic cameras to each point
+    /// Write also cloudcompare/*.ply: clouds whose fields CloudCompare keeps
+    #[arg(long)]
+    cloudcompare: bool,
+    /// Write also sequences/00: sweeps and labels in the layout of SemanticKITTI
+    #[arg(long)]
+    semantic_kitti: bool,
+    /// Write also terrain.tif, height.tif, color.tif and class.tif: views from above
+    #[arg(long)]
+    rasters: bool,
+    /// Side of the cells of the rasters, m
+    #[arg(long, value_name = "M", default_value = "0.2", value_parser = cell_mm, requires = "rasters")]
+    cell_m: u32,
+    /// Compare the cloud with these points (CSV: name,x,y,z in the coordinates of the delivery)
+    #[arg(long, value_name = "CSV")]
+    check_points: Option<PathBuf>,
+    /// Add the reflectances of the mosaic cameras to each point of LAZ, COPC and PLY
     #[arg(long)]
     bands: bool,
     /// What recorded the points, for the headers
@@ -61,6 +82,13 @@ pub struct Args {
 fn tile_m(text: &str) -> Result<u32, InvalidValue> {
     let side: Option<u32> = text.parse().ok();
     side.filter(|side| *side <= MAX_TILE_M).ok_or(InvalidValue("a whole number, 0 to 100000"))
+}
+
+/// Cells in mm, so that they lie on whole stored coordinates.
+fn cell_mm(text: &str) -> Result<u32, InvalidValue> {
+    let mm =
+        text.parse().ok().map(|metres: f64| (metres * 1000.0).round()).filter(|mm| (10.0..=100_000.0).contains(mm));
+    mm.map(|mm| mm as u32).ok_or(InvalidValue("0.01 to 100, in whole mm"))
 }
 
 fn system(text: &str) -> Result<String, InvalidValue> {
@@ -94,10 +122,56 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         files.push(write_copc(&run, target, &options, (&args.out, COPC_FILE), |n| bar.inc(n))?.0);
     }
     bar.finish_and_clear();
+    write_others(args, &run, target, &options)?;
     let facts = Facts::new(&run, target, unreferenced.as_deref(), (n_points, &files), left_out);
     facts.write(&args.out)?;
     say!("{}: {}", args.out.display(), target.description())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Everything but LAS and COPC.
+fn write_others(args: &Args, run: &RunFolder, target: &TargetFrame<'_>, options: &CloudOptions) -> anyhow::Result<()> {
+    say!("path: {}", write_trajectory(run, target, &args.out)?.join(", "))?;
+    match write_objects(run, target, &args.out)? {
+        Some(n_objects) => say!("objects: {n_objects} in objects.csv, objects.geojson")?,
+        None => say!("objects: none, the clouds have no instances")?,
+    }
+    if args.rasters {
+        let class_colors = std::array::from_fn(|id| class_color(id as u8));
+        let rasters = RasterOptions { cell_mm: args.cell_m, class_colors };
+        say!("rasters: {}", write_rasters(run, target, options, rasters, &args.out)?.join(", "))?;
+    }
+    if let Some(file) = &args.check_points {
+        say_accuracy(&write_check_points(run, target, file, &args.out)?)?;
+    }
+    if args.cloudcompare {
+        let folder = folder(&args.out, "cloudcompare")?;
+        let files = write_cloudcompare(run, target, args.bands, &folder)?;
+        say!("{}: {} clouds", folder.display(), files.len())?;
+    }
+    if args.semantic_kitti {
+        let folder = folder(&args.out, "sequences/00")?;
+        say!("{}: {} sweeps", folder.display(), write_semantic_kitti(run, &folder)?)?;
+    }
+    Ok(())
+}
+
+fn say_accuracy(accuracy: &Accuracy) -> std::io::Result<()> {
+    for (name, axis) in ["x", "y", "z"].iter().zip(accuracy.axes).filter(|(_, axis)| axis.n > 0) {
+        say!("check points, {name}: {} points, RMSE {:.3} m, mean {:.3} m", axis.n, axis.rmse_m, axis.mean_m)?;
+    }
+    for (name, value) in [("CE90", accuracy.ce90_m), ("LE90", accuracy.le90_m)] {
+        if let Some(value) = value {
+            say!("check points: {name} {value:.3} m")?;
+        }
+    }
+    Ok(())
+}
+
+fn folder(out: &Path, name: &str) -> anyhow::Result<PathBuf> {
+    let folder = out.join(name);
+    std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    Ok(folder)
 }
 
 fn say_points(n_points: u64, n_files: usize, LeftOut { without_place, not_finite }: LeftOut) -> std::io::Result<()> {
